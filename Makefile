@@ -1,0 +1,47 @@
+# Two commands do everything on a fresh machine with Python, git and make: `make demo` and `make test`.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+.PHONY: help install demo test lint bench lock clean
+
+help:
+	@echo "make demo     set up, start the service on the embedded default, audit a demo plant, show the table"
+	@echo "make test     set up, run all tests"
+	@echo "make install  set up .venv with the command line in it"
+	@echo "make bench    benchmarks, side by side with their peers"
+	@echo "make lint     style and import rules"
+	@echo "make lock     pin the dependencies anew"
+
+$(STAMP): requirements.lock pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "loopaudit needs Python 3.11 or newer, this is " + sys.version.split()[0])'
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	touch $(STAMP)
+
+install: $(STAMP)
+
+demo: install
+	$(BIN)/loopaudit demo
+
+test: install
+	$(BIN)/ruff check .
+	$(BIN)/pytest -n 2 --dist loadfile
+
+lint: install
+	$(BIN)/ruff check .
+	$(BIN)/lint-imports
+
+bench: install
+	$(BIN)/pytest tests/benchmarks -m benchmark -s -n 0
+
+# Hashes, markers for every supported Python, and no address of any registry.
+lock:
+	test -x .lock-venv/bin/uv || ($(PYTHON) -m venv .lock-venv && .lock-venv/bin/pip install --quiet uv)
+	.lock-venv/bin/uv pip compile --quiet --universal --python-version 3.11 --all-extras --generate-hashes \
+		--no-emit-index-url --no-emit-find-links --no-header --output-file requirements.lock pyproject.toml
+
+clean:
+	rm -rf $(VENV) .lock-venv .loopaudit .pytest_cache .ruff_cache .mypy_cache

@@ -1,0 +1,1 @@
+"""loopaudit: audits every control loop of a plant and says which verdicts can be trusted."""

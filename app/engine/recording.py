@@ -1,0 +1,83 @@
+"""What a loop's record is: PV, OP, SP, mode, sampling times, and which samples were filled in."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.errors import DataError
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One loop's record as it was sampled: possibly irregular, with gaps (NaN) and flat stretches.
+
+    name: the recording's name (a file name without its suffix, or the loop's tag).
+    time_s: (N,) seconds from the first sample, increasing.
+    pv, op: (N,) process output and controller output in engineering units; NaN where missing.
+    sp: (N,) set point in the unit of PV, or None where it was not recorded.
+    automatic: (N,) True where the loop was in automatic (or cascade), or None where the mode was not recorded.
+    op_range, pv_range: (low, high) of the instrument's span in its unit, or None where it is not known.
+    integrating: whether the process integrates (a level), or None where it is not known.
+    others: further measured signals, (N,) each, by name.
+    Raises DataError("signal_length") where the signals' lengths differ and DataError("time_order") where time does not increase.
+    """
+
+    name: str
+    time_s: FloatArray
+    pv: FloatArray
+    op: FloatArray
+    sp: FloatArray | None = None
+    automatic: BoolArray | None = None
+    op_range: tuple[float, float] | None = None
+    pv_range: tuple[float, float] | None = None
+    integrating: bool | None = None
+    others: Mapping[str, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
+
+    def __post_init__(self) -> None:
+        n = len(self.time_s)
+        signals = {"pv": self.pv, "op": self.op, "sp": self.sp, "automatic": self.automatic, **self.others}
+        for name, signal in signals.items():
+            if signal is not None and len(signal) != n:
+                raise DataError("signal_length", f"{name} has {len(signal)} samples, time has {n}; they must be the same")
+        if n > 1 and not np.all(np.diff(self.time_s) > 0):
+            raise DataError("time_order", "sampling times must increase; sort the samples and drop repeated times first")
+
+    @property
+    def samples(self) -> int:
+        return len(self.time_s)
+
+    def fingerprint(self) -> str:
+        """SHA-256 over times and signals: the same samples give the same fingerprint, on any machine."""
+        digest = hashlib.sha256()
+        for signal in (self.time_s, self.pv, self.op, self.sp, self.automatic):
+            digest.update(b"-" if signal is None else np.ascontiguousarray(signal, dtype="<f8").tobytes())
+        return digest.hexdigest()
+
+
+@dataclass(frozen=True, eq=False)
+class UniformRecord:
+    """A stretch of a recording on a uniform time base, without gaps: what identification works on.
+
+    sampling_interval_s: Ts in seconds.
+    pv, op: (N,) finite, in engineering units. sp: (N,) finite, or None.
+    filled: (N,) True where the sample was interpolated by us.
+    start_s: time of the first sample in seconds from the start of the recording.
+    """
+
+    sampling_interval_s: float
+    pv: FloatArray
+    op: FloatArray
+    sp: FloatArray | None
+    filled: BoolArray
+    start_s: float = 0.0
+
+    @property
+    def samples(self) -> int:
+        return len(self.pv)
