@@ -1,0 +1,161 @@
+"""Whether a loop oscillates, with which period, and how regularly: the autocorrelation method."""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy import fft
+
+from app.engine.recording import FloatArray, UniformRecord
+
+REGULAR_ABOVE = 1.0
+_TREND_SHARES = (0.0, 0.25, 0.08, 0.025)
+_MIN_PERIOD_SAMPLES = 3.0
+_HYSTERESIS = 0.05
+_CROSSINGS = 11
+_LONGEST_SEARCHED = 16384
+
+
+@dataclass(frozen=True)
+class Oscillation:
+    """The strongest oscillation of a record.
+
+    period_s: its period in seconds; None where no signal's autocorrelation swings back.
+    regularity: Thornhill's r = (1/3) mean / standard deviation of the intervals between zero crossings of the
+        autocorrelation; above 1 the oscillation is regular. 0 where fewer than three intervals exist.
+    strength: height of the autocorrelation's first peak after its first trough, 0..1.
+    samples_per_cycle: period over sampling interval.
+    cycles: periods in the record.
+    signal: which signal showed it ("pv", "op" or "error", that is PV - SP).
+    trend_share: length of the moving average that was taken off first, as a share of the record (0: a straight line).
+    """
+
+    period_s: float | None
+    regularity: float
+    strength: float
+    samples_per_cycle: float | None
+    cycles: float
+    signal: str
+    trend_share: float
+
+    @property
+    def regular(self) -> bool:
+        return self.period_s is not None and self.regularity > REGULAR_ABOVE
+
+
+@dataclass(frozen=True)
+class _Swing:
+    """Period in samples, regularity and strength of one autocorrelation function."""
+
+    period: float
+    regularity: float
+    strength: float
+
+    @property
+    def score(self) -> float:
+        # Regularity beyond about 3 says nothing more, while a weak but even ripple must not beat a strong swing.
+        return self.strength * min(self.regularity, 3.0) / (min(self.regularity, 3.0) + 1.0)
+
+
+_NO_OSCILLATION = Oscillation(None, 0.0, 0.0, None, 0.0, "pv", 0.0)
+
+
+def autocorrelation(x: FloatArray) -> FloatArray:
+    """Autocorrelation (N//2,) of x (N,) about its mean, divided by N - lag, so that it does not fade with the lag.
+
+    Returns zeros where x does not vary.
+    """
+    x = x - x.mean()
+    n = len(x)
+    spectrum = fft.rfft(x, fft.next_fast_len(2 * n, real=True))
+    raw = fft.irfft(np.abs(spectrum) ** 2)[: n // 2]
+    if raw[0] <= 0.0:
+        return np.zeros(n // 2)
+    return raw / raw[0] * (n / (n - np.arange(n // 2)))
+
+
+def detect(record: UniformRecord) -> Oscillation:
+    """The strongest regular oscillation in PV, OP and PV - SP, raw and with slow trends taken off.
+
+    Zero crossings of the autocorrelation function give period and regularity (Thornhill, Huang, Zhang 2003,
+    J. Process Control 13, 91-100, doi 10.1016/S0959-1524(02)00007-0). Crossings count only where the function leaves a
+    band of +-0.05, so that noise around zero is not counted. Misleads where two oscillations of similar strength
+    overlap, and sees nothing of periods longer than half the record. Records above 16,384 samples are thinned first:
+    periods below about six of the remaining samples are then not seen.
+    """
+    stride = max(1, -(-record.samples // _LONGEST_SEARCHED))
+    candidates = []
+    for (name, x), share in product(_signals(record, stride), _TREND_SHARES):
+        swing = _swing(autocorrelation(_without_trend(x, share)))
+        if swing is not None:
+            candidates.append((swing.score, -share, name, swing))
+    if not candidates:
+        return _NO_OSCILLATION
+    _, minus_share, name, swing = max(candidates, key=lambda c: c[:2])
+    per_cycle = swing.period * stride
+    return Oscillation(
+        period_s=per_cycle * record.sampling_interval_s,
+        regularity=swing.regularity,
+        strength=swing.strength,
+        samples_per_cycle=per_cycle,
+        cycles=record.samples / per_cycle,
+        signal=name,
+        trend_share=-minus_share,
+    )
+
+
+def _signals(record: UniformRecord, stride: int) -> list[tuple[str, FloatArray]]:
+    signals = [("pv", record.pv), ("op", record.op)]
+    if record.sp is not None and np.ptp(record.sp) > 0.0:
+        signals.append(("error", record.pv - record.sp))
+    return [(name, _thinned(x, stride)) for name, x in signals if _varies(x)]
+
+
+def _varies(x: FloatArray) -> bool:
+    return len(x) >= 16 and float(np.ptp(x)) > 1e-9 * float(np.max(np.abs(x)))
+
+
+def _thinned(x: FloatArray, stride: int) -> FloatArray:
+    return x if stride == 1 else x[: len(x) // stride * stride].reshape(-1, stride).mean(axis=1)
+
+
+def _without_trend(x: FloatArray, share: float) -> FloatArray:
+    """x less a straight line, or less its moving average over `share` of its length (shorter at the ends)."""
+    n = len(x)
+    if share == 0.0:
+        t = np.arange(n) - (n - 1) / 2
+        x = x - x.mean()
+        return x - t * (t @ x) / (t @ t)
+    half = max(2, int(share * n / 2))
+    total = np.concatenate(([0.0], np.cumsum(x - x.mean())))
+    i = np.arange(n)
+    low, high = np.maximum(i - half, 0), np.minimum(i + half + 1, n)
+    return x - x.mean() - (total[high] - total[low]) / (high - low)
+
+
+def _swing(acf: FloatArray) -> _Swing | None:
+    """Period, regularity and strength from the zero crossings of an autocorrelation function, or None."""
+    crossings = _crossings(acf)
+    if len(crossings) < 3:
+        return None
+    intervals = np.diff(crossings)
+    period = 2.0 * float(np.mean(intervals))
+    if period < _MIN_PERIOD_SAMPLES:
+        return None
+    # The first swing: it starts at the second crossing (from below to above) and ends at the third.
+    strength = float(np.max(acf[int(crossings[1]) : int(crossings[2]) + 2]))
+    if len(intervals) < 3:
+        return _Swing(period, 0.3, strength)
+    spread = float(np.std(intervals, ddof=1))
+    return _Swing(period, min(float(np.mean(intervals)) / (3.0 * spread + 1e-12), 100.0), strength)
+
+
+def _crossings(acf: FloatArray) -> FloatArray:
+    """Lags (interpolated) of the first zero crossings between excursions beyond +-0.05."""
+    out = np.flatnonzero(np.abs(acf) > _HYSTERESIS)
+    if len(out) < 2:
+        return np.empty(0)
+    sides = np.sign(acf[out])
+    flips = np.flatnonzero(sides[1:] != sides[:-1])[:_CROSSINGS]
+    before, after = out[flips], out[flips + 1]
+    return before + (after - before) * acf[before] / (acf[before] - acf[after])
