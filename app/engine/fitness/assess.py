@@ -1,0 +1,169 @@
+"""Can this recording be audited at all, and on which of its samples?"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.engine.evidence import Finding
+from app.engine.fitness import checks
+from app.engine.fitness.config import FitnessConfig
+from app.engine.fitness.resample import is_regular, to_uniform, typical_interval
+from app.engine.fitness.signals import longest_run, run_lengths, usable_values
+from app.engine.oscillation import Oscillation
+from app.engine.recording import BoolArray, FloatArray, Recording, UniformRecord
+
+LATER_CHECKS = (
+    "not_in_automatic", "gaps", "op_flat", "pv_flat", "op_at_limits", "irregular_sampling", "filled",
+    "pv_quantised", "op_quantised", "pv_interpolated", "op_interpolated",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Fitness:
+    """Whether and on which stretch a recording can be audited, check by check.
+
+    findings: one a check, in the order in which they were made.
+    record: the stretch that is audited, on a uniform time base; None where nothing can be audited.
+    missing_share: samples of the recording without PV or OP, 0 to 1.
+    automatic_share: samples in automatic, 0 to 1; None where the mode was not recorded.
+    filled_share: samples of `record` that were interpolated into holes, 0 to 1; None without a record.
+    gaps: holes that split the recording.
+    """
+
+    findings: tuple[Finding, ...]
+    record: UniformRecord | None
+    missing_share: float
+    automatic_share: float | None
+    filled_share: float | None
+    gaps: int
+
+    @property
+    def auditable(self) -> bool:
+        return self.record is not None and not self.refusals
+
+    @property
+    def refusals(self) -> tuple[Finding, ...]:
+        """The findings for which the recording is not audited."""
+        return checks.refusals(self.findings)
+
+
+@dataclass(frozen=True, eq=False)
+class _Samples:
+    """The samples that are still in: (N,) each, PV and OP finite."""
+
+    time_s: FloatArray
+    pv: FloatArray
+    op: FloatArray
+    sp: FloatArray | None
+    automatic: BoolArray | None
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def part(self, which: slice | BoolArray) -> "_Samples":
+        sp = None if self.sp is None else self.sp[which]
+        automatic = None if self.automatic is None else self.automatic[which]
+        return _Samples(self.time_s[which], self.pv[which], self.op[which], sp, automatic)
+
+
+def assess(recording: Recording, config: FitnessConfig | None = None) -> Fitness:
+    """The fitness checks in their order; each narrows the recording to what can be audited, and says so.
+
+    Missing values are taken out, then the longest stretch in automatic and without a hole is kept, then what is left of
+    it beside dead PV or OP, and that stretch is put on a uniform time base. A recording is refused where a step leaves
+    fewer than `config.min_samples`, where OP stands at a limit or where too much had to be filled. No answer depends on
+    the unit, scale, offset or sign of PV or OP, nor on where time starts.
+    """
+    config = config or FitnessConfig()
+    samples, both = _measured(recording)
+    automatic_share = None if samples.automatic is None or not len(samples) else float(np.mean(samples.automatic))
+    missing_share = 1.0 - float(np.mean(both)) if len(both) else 0.0
+    fitness = Fitness((), None, missing_share, automatic_share, None, 0)
+    length = checks.check_length(recording.samples, config)
+    if length.outcome == "fail":
+        return _stopped(fitness, (length,), ("missing_values", *LATER_CHECKS))
+    found = (length, checks.check_missing(both, config))
+    if len(samples) < config.min_samples:
+        return _stopped(fitness, found, LATER_CHECKS)
+    return _assess_stretches(recording, samples, replace(fitness, findings=found), config)
+
+
+def with_cycles(fitness: Fitness, oscillation: Oscillation, config: FitnessConfig | None = None) -> Fitness:
+    """The same fitness with the checks that need the oscillation's period: samples a cycle, cycles in the stretch."""
+    config = config or FitnessConfig()
+    if fitness.record is None:
+        return fitness
+    added = (
+        checks.check_samples_per_cycle(oscillation, config),
+        checks.check_cycles(oscillation, fitness.record, config),
+    )
+    return replace(fitness, findings=fitness.findings + added)
+
+
+def _measured(recording: Recording) -> tuple[_Samples, BoolArray]:
+    both = usable_values(recording.pv) & usable_values(recording.op) & usable_values(recording.time_s)
+    sp = None
+    if recording.sp is not None:
+        sp = np.where(usable_values(recording.sp), recording.sp, np.nan)
+    automatic = None if recording.automatic is None else np.asarray(recording.automatic, dtype=bool)
+    return _Samples(recording.time_s, recording.pv, recording.op, sp, automatic).part(both), both
+
+
+def _assess_stretches(recording: Recording, samples: _Samples, fitness: Fitness, config: FitnessConfig) -> Fitness:
+    in_automatic = _longest_automatic(samples)
+    found = (*fitness.findings, checks.check_automatic(samples.automatic, len(in_automatic), config))
+    if len(in_automatic) < config.min_samples:
+        return _stopped(fitness, found, LATER_CHECKS[1:])
+    whole, gaps = _longest_without_gap(in_automatic, config)
+    found = (*found, checks.check_gaps(gaps, len(whole), len(in_automatic), config))
+    fitness = replace(fitness, gaps=gaps)
+    if len(whole) < config.min_samples:
+        return _stopped(fitness, found, LATER_CHECKS[2:])
+    alive = whole.part(longest_run(_alive(whole, config)))
+    found += (
+        checks.check_flat("op", whole.op, "not controlling, or a frozen signal", len(alive), config),
+        checks.check_flat("pv", whole.pv, "a stuck valve or a dead transmitter", len(alive), config),
+    )
+    if len(alive) < config.min_samples:
+        return _stopped(fitness, found, LATER_CHECKS[4:])
+    return _assess_record(recording, alive, replace(fitness, findings=found), config)
+
+
+def _assess_record(recording: Recording, samples: _Samples, fitness: Fitness, config: FitnessConfig) -> Fitness:
+    origin_s = float(recording.time_s[0]) if np.isfinite(recording.time_s[0]) else float(samples.time_s[0])
+    record = to_uniform(samples.time_s, samples.pv, samples.op, samples.sp, origin_s, config)
+    found = (
+        *fitness.findings,
+        checks.check_op_limits(samples.op, recording.op_range, config),
+        checks.check_sampling(is_regular(samples.time_s, config), record),
+        checks.check_filled(record, config),
+        checks.check_levels("pv", samples.pv, config),
+        checks.check_levels("op", samples.op, config),
+        checks.check_on_line("pv", samples.pv, config),
+        checks.check_on_line("op", samples.op, config),
+    )
+    return replace(fitness, findings=found, record=record, filled_share=float(np.mean(record.filled)))
+
+
+def _longest_automatic(samples: _Samples) -> _Samples:
+    return samples if samples.automatic is None else samples.part(longest_run(samples.automatic))
+
+
+def _longest_without_gap(samples: _Samples, config: FitnessConfig) -> tuple[_Samples, int]:
+    intervals = np.diff(samples.time_s)
+    holes = np.flatnonzero(intervals > config.max_gap_intervals * typical_interval(samples.time_s))
+    edges = np.concatenate(([0], holes + 1, [len(samples)]))
+    longest = int(np.argmax(np.diff(edges)))
+    return samples.part(slice(int(edges[longest]), int(edges[longest + 1]))), len(holes)
+
+
+def _alive(samples: _Samples, config: FitnessConfig) -> BoolArray:
+    limit = config.flat_share * len(samples)
+    return (run_lengths(samples.pv) < limit) & (run_lengths(samples.op) < limit)
+
+
+def _stopped(fitness: Fitness, found: tuple[Finding, ...], left: tuple[str, ...]) -> Fitness:
+    failed = ", ".join(finding.code for finding in checks.refusals(found))
+    because = f"the recording had already failed: {failed}"
+    skipped = tuple(checks.not_evaluated(code, because) for code in left)
+    return replace(fitness, findings=found + skipped)

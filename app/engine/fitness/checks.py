@@ -1,0 +1,150 @@
+"""The checks, each one a row of evidence: statistic, threshold, outcome and the reason in words."""
+
+from typing import TypeGuard
+
+import numpy as np
+
+from app.engine.evidence import Finding, Outcome
+from app.engine.fitness.config import FitnessConfig
+from app.engine.fitness.signals import on_line_share, quantisation_step, resolution, run_lengths
+from app.engine.oscillation import Oscillation
+from app.engine.recording import BoolArray, FloatArray, UniformRecord
+
+# A recording that fails one of these is not audited; the other findings only say how good it is.
+BLOCKING = frozenset(
+    {"too_short", "missing_values", "not_in_automatic", "gaps", "filled", "op_flat", "pv_flat", "op_at_limits",
+     "samples_per_cycle"}
+)  # fmt: skip
+
+
+def not_evaluated(code: str, because: str) -> Finding:
+    """A check that could not be made, with the reason: it is neither good nor missing."""
+    return Finding(code, "not_evaluated", f"not evaluated, because {because}")
+
+
+def check_length(samples: int, config: FitnessConfig) -> Finding:
+    enough = samples >= config.min_samples
+    text = f"{samples} samples, at least {config.min_samples} are needed"
+    return _finding("too_short", enough, text, samples, config.min_samples, "samples")
+
+
+def check_missing(both: BoolArray, config: FitnessConfig) -> Finding:
+    """both: (N,) True where PV and OP have a value."""
+    usable, share = int(np.sum(both)), 1.0 - float(np.mean(both))
+    text = f"PV and OP both have a value in {usable} of {len(both)} samples, at least {config.min_samples} are needed"
+    return _finding("missing_values", usable >= config.min_samples, text, share, None, "share")
+
+
+def check_automatic(automatic: BoolArray | None, kept: int, config: FitnessConfig) -> Finding:
+    """kept: samples in the longest stretch in automatic."""
+    if automatic is None:
+        return not_evaluated("not_in_automatic", "the mode was not recorded")
+    share = float(np.mean(automatic)) if len(automatic) else 0.0
+    text = (
+        f"in automatic for {100 * share:.1f} % of the samples, {kept} of them in a row; "
+        f"at least {config.min_samples} in a row are needed"
+    )
+    return _finding("not_in_automatic", kept >= config.min_samples, text, share, None, "share")
+
+
+def check_gaps(gaps: int, kept: int, samples: int, config: FitnessConfig) -> Finding:
+    """gaps: holes that split the record; kept: samples in its longest stretch without one."""
+    if gaps == 0:
+        text = f"no hole is longer than {config.max_gap_intervals:g} sampling intervals"
+    else:
+        text = (
+            f"{gaps} holes longer than {config.max_gap_intervals:g} sampling intervals split the record; the longest "
+            f"stretch without one has {kept} of {samples} samples, at least {config.min_samples} are needed"
+        )
+    return _finding("gaps", kept >= config.min_samples, text, gaps, None, "holes")
+
+
+def check_flat(name: str, signal: FloatArray, meaning: str, kept: int, config: FitnessConfig) -> Finding:
+    """name: pv or op. kept: samples in the longest stretch where neither signal is dead."""
+    share = float(run_lengths(signal).max() / len(signal))
+    dead = share >= config.flat_share
+    text = f"{name.upper()} holds one value for {100 * share:.1f} % of the stretch"
+    if dead:
+        text += f": {meaning}; {kept} samples in a row remain, at least {config.min_samples} are needed"
+    return _finding(f"{name}_flat", not dead or kept >= config.min_samples, text, share, config.flat_share, "share")
+
+
+def check_op_limits(op: FloatArray, op_range: tuple[float, float] | None, config: FitnessConfig) -> Finding:
+    """OP at one limit of its span, or, where the span is not known, at its own least or greatest value."""
+    share = limit_share(op, op_range, config)
+    where = "the end of its span" if _known(op_range) else "its own extreme value (the span is not known)"
+    text = f"OP stands at {where} for {100 * share:.1f} % of the stretch"
+    return _finding("op_at_limits", share < config.op_limit_share, text, share, config.op_limit_share, "share")
+
+
+def limit_share(op: FloatArray, op_range: tuple[float, float] | None, config: FitnessConfig) -> float:
+    """The share of `op` (N,) at the limit where it stands longer, 0 to 1; op_range in the unit of OP, or None."""
+    low, high = (min(op_range), max(op_range)) if _known(op_range) else (float(op.min()), float(op.max()))
+    band = config.op_limit_band * (high - low) if _known(op_range) else resolution(op)
+    return max(float(np.mean(op <= low + band)), float(np.mean(op >= high - band)))
+
+
+def check_sampling(regular: bool, record: UniformRecord) -> Finding:
+    """Irregular sampling does not refuse a record; how much had to be filled may."""
+    if regular:
+        text = f"samples every {record.sampling_interval_s:g} s, taken as they are"
+    else:
+        text = f"irregular sampling, interpolated linearly to one sample every {record.sampling_interval_s:g} s"
+    return _finding("irregular_sampling", regular, text, float(regular), None, "")
+
+
+def check_filled(record: UniformRecord, config: FitnessConfig) -> Finding:
+    share = float(np.mean(record.filled))
+    text = f"{100 * share:.1f} % of the samples were filled by interpolation"
+    return _finding("filled", share <= config.max_filled_share, text, share, config.max_filled_share, "share")
+
+
+def check_levels(name: str, signal: FloatArray, config: FitnessConfig) -> Finding:
+    step = quantisation_step(signal)
+    if step is None:
+        return not_evaluated(f"{name}_quantised", f"{name.upper()} does not move")
+    levels = float(np.ptp(signal)) / step
+    text = f"the range of {name.upper()} is {levels:.4g} times its least step"
+    return _finding(f"{name}_quantised", levels >= config.min_levels, text, levels, config.min_levels, "steps")
+
+
+def check_on_line(name: str, signal: FloatArray, config: FitnessConfig) -> Finding:
+    share = on_line_share(signal)
+    text = f"{100 * share:.1f} % of the {name.upper()} samples lie on the straight line between their neighbours"
+    if share > config.max_on_line_share:
+        text += ": compressed or interpolated by the historian"
+    code = f"{name}_interpolated"
+    return _finding(code, share <= config.max_on_line_share, text, share, config.max_on_line_share, "share")
+
+
+def check_samples_per_cycle(oscillation: Oscillation, config: FitnessConfig) -> Finding:
+    per_cycle = oscillation.samples_per_cycle
+    if per_cycle is None or not oscillation.regular:
+        # The period of noise is a few samples whatever the sampling interval.
+        return not_evaluated("samples_per_cycle", "no regular oscillation was found")
+    enough = per_cycle >= config.min_samples_per_cycle
+    text = f"{per_cycle:.3g} samples a cycle, at least {config.min_samples_per_cycle:g} are needed"
+    return _finding("samples_per_cycle", enough, text, per_cycle, config.min_samples_per_cycle, "samples")
+
+
+def check_cycles(oscillation: Oscillation, record: UniformRecord, config: FitnessConfig) -> Finding:
+    per_cycle = oscillation.samples_per_cycle
+    if per_cycle is None:
+        return not_evaluated("few_cycles", "no oscillation was found")
+    cycles = record.samples / per_cycle
+    text = f"the stretch holds {cycles:.3g} cycles, {config.min_cycles:g} or more can be trusted"
+    return _finding("few_cycles", cycles >= config.min_cycles, text, cycles, config.min_cycles, "cycles")
+
+
+def refusals(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+    """The findings for which a recording is not audited."""
+    return tuple(finding for finding in findings if finding.outcome == "fail" and finding.code in BLOCKING)
+
+
+def _known(span: tuple[float, float] | None) -> TypeGuard[tuple[float, float]]:
+    return span is not None and bool(np.all(np.isfinite(span))) and span[0] != span[1]
+
+
+def _finding(code: str, passed: bool, text: str, statistic: float, threshold: float | None, unit: str) -> Finding:
+    outcome: Outcome = "pass" if passed else "fail"
+    return Finding(code, outcome, text, float(statistic), None if threshold is None else float(threshold), unit)

@@ -1,0 +1,31 @@
+"""When a recording is fit to be audited: the thresholds of the checks, none of them in an engineering unit."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class FitnessConfig:
+    """Thresholds of the fitness checks. Shares are of samples, 0 to 1.
+
+    min_samples: fewest usable samples in one stretch; the smallest ladder rungs have some ten parameters to find.
+    max_gap_intervals: a hole longer than this many sampling intervals splits the record, a shorter one is filled.
+    jitter_tolerance: a stretch whose intervals all lie within this share of their median is taken as regular.
+    max_filled_share: more filled samples than this, and the record says more about the filling than about the valve.
+    flat_share: a signal that does not change for this share of the stretch is dead there.
+    op_limit_share: OP at one limit for this share of the stretch is not controlling.
+    op_limit_band: how near to the end of a known span counts as at the limit, as a share of the span.
+    min_samples_per_cycle: fewest samples in one period of a regular oscillation.
+    min_cycles, min_levels, max_on_line_share: beyond these the record is still audited, and its findings say so.
+    """
+
+    min_samples: int = 100
+    max_gap_intervals: float = 10.0
+    jitter_tolerance: float = 0.25
+    max_filled_share: float = 0.3
+    flat_share: float = 0.5
+    op_limit_share: float = 0.5
+    op_limit_band: float = 0.005
+    min_samples_per_cycle: float = 4.0
+    min_cycles: float = 3.0
+    min_levels: float = 10.0
+    max_on_line_share: float = 0.3

@@ -1,0 +1,59 @@
+"""From the samples of a stretch to a uniform time base."""
+
+import numpy as np
+
+from app.engine.fitness.config import FitnessConfig
+from app.engine.recording import BoolArray, FloatArray, UniformRecord
+
+
+def typical_interval(time_s: FloatArray) -> float:
+    """The median sampling interval of `time_s` (N,), N > 1, in seconds."""
+    return float(np.median(np.diff(time_s)))
+
+
+def is_regular(time_s: FloatArray, config: FitnessConfig) -> bool:
+    """Whether no interval of `time_s` (N,) in s strays from the median by more than `config.jitter_tolerance`.
+
+    Stamps of a scan that is a little late are better taken as regular: interpolation would smooth the signals.
+    """
+    interval = typical_interval(time_s)
+    return bool(np.all(np.abs(np.diff(time_s) - interval) <= config.jitter_tolerance * interval))
+
+
+def to_uniform(
+    time_s: FloatArray, pv: FloatArray, op: FloatArray, sp: FloatArray | None, origin_s: float, config: FitnessConfig
+) -> UniformRecord:
+    """The stretch on a uniform time base: as it is where its sampling is regular, else interpolated linearly.
+
+    time_s, pv, op, sp: (N,), N > 1; pv and op finite; sp may miss values. origin_s: the recording's first time in s.
+    The interval is the mean of a regular stretch (which jitter does not bias) and the median of an irregular one
+    (which holes do not bias). A sample is `filled` where the nearest measured one is more than half an interval away.
+    """
+    sp = _complete(time_s, sp)
+    start_s = float(time_s[0] - origin_s)
+    if is_regular(time_s, config):
+        interval = float((time_s[-1] - time_s[0]) / (len(time_s) - 1))
+        return UniformRecord(interval, pv.copy(), op.copy(), sp, np.zeros(len(time_s), dtype=bool), start_s)
+    interval = typical_interval(time_s)
+    count = int(np.floor((time_s[-1] - time_s[0]) / interval * (1.0 + 1e-12))) + 1
+    grid = time_s[0] + interval * np.arange(count)
+    filled = _far_from_measured(grid, time_s, 0.5 * interval)
+    on_grid_sp = None if sp is None else np.interp(grid, time_s, sp)
+    return UniformRecord(
+        interval, np.interp(grid, time_s, pv), np.interp(grid, time_s, op), on_grid_sp, filled, start_s
+    )
+
+
+def _complete(time_s: FloatArray, sp: FloatArray | None) -> FloatArray | None:
+    if sp is None:
+        return None
+    known = np.isfinite(sp)
+    if not known.any():
+        return None
+    return sp.copy() if known.all() else np.interp(time_s, time_s[known], sp[known])
+
+
+def _far_from_measured(grid: FloatArray, time_s: FloatArray, limit_s: float) -> BoolArray:
+    after = np.clip(np.searchsorted(time_s, grid), 1, len(time_s) - 1)
+    nearest = np.minimum(np.abs(time_s[after] - grid), np.abs(grid - time_s[after - 1]))
+    return nearest > limit_s * (1.0 + 1e-9)

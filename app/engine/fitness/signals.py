@@ -1,0 +1,72 @@
+"""What can be said of one signal without knowing its unit: constant runs, quantisation, straight lines."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.engine.recording import BoolArray, FloatArray
+
+IntArray = NDArray[np.int64]
+
+# Beyond this a number is a bad-value marker of some system or an overflow on its way: its square is not finite.
+LARGEST_PLAUSIBLE = 1e100
+# Two values that differ by less than this share of the signal's span are the same value after a change of unit.
+SAME_SHARE_OF_SPAN = 1e-9
+
+
+def usable_values(signal: FloatArray) -> BoolArray:
+    """(N,) True where the value is a number that can be squared; NaN, infinities and 1e300 are missing values."""
+    with np.errstate(invalid="ignore"):
+        return np.abs(signal) <= LARGEST_PLAUSIBLE
+
+
+def resolution(signal: FloatArray) -> float:
+    """The difference below which two values of `signal` (N,), finite, are one value; in the signal's unit.
+
+    It covers the rounding of a change of unit or offset, which a comparison for equality would not survive.
+    """
+    if len(signal) == 0:
+        return 0.0
+    largest = float(np.max(np.abs(signal)))
+    return max(SAME_SHARE_OF_SPAN * float(np.ptp(signal)), 8.0 * float(np.finfo(np.float64).eps) * largest)
+
+
+def longest_run(mask: BoolArray) -> slice:
+    """The longest run of True in `mask` (N,), the first of several; an empty slice where there is none."""
+    edges = np.diff(np.concatenate(([0], mask.astype(np.int8), [0])))
+    starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    if len(starts) == 0:
+        return slice(0, 0)
+    k = int(np.argmax(ends - starts))
+    return slice(int(starts[k]), int(ends[k]))
+
+
+def run_lengths(signal: FloatArray) -> IntArray:
+    """(N,) for each sample the length of the constant run that it stands in, in samples."""
+    if len(signal) == 0:
+        return np.zeros(0, dtype=np.int64)
+    moved = np.abs(np.diff(signal)) > resolution(signal)
+    run = np.concatenate(([0], np.cumsum(moved)))
+    return np.bincount(run)[run]
+
+
+def quantisation_step(signal: FloatArray) -> float | None:
+    """The least difference between two distinct values of `signal` (N,), in its unit; None where it is constant.
+
+    For a quantised signal it is the quantum; for a continuous one it tends to zero as the record grows.
+    """
+    differences = np.diff(np.sort(signal))
+    differences = differences[differences > resolution(signal)]
+    return float(differences.min()) if len(differences) else None
+
+
+def on_line_share(signal: FloatArray) -> float:
+    """The share of inner samples exactly on the straight line between their neighbours, while the signal moves.
+
+    Measured signals hardly do that; a historian that interpolates between the points it kept does it all the time.
+    """
+    if len(signal) < 3:
+        return 0.0
+    tolerance = 4.0 * resolution(signal)
+    moving = np.abs(signal[2:] - signal[:-2]) > tolerance
+    straight = np.abs(signal[2:] - 2.0 * signal[1:-1] + signal[:-2]) <= tolerance
+    return float(np.mean(moving & straight))

@@ -1,0 +1,298 @@
+"""Whether a record can be audited: literal records, one a finding, and what must not change the answer."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app.engine.fitness import Fitness, FitnessConfig, assess, with_cycles
+from app.engine.fitness.signals import longest_run, on_line_share, quantisation_step, run_lengths
+from app.engine.oscillation import detect
+from app.engine.recording import Recording
+
+N = 400
+
+
+def cycling(n: int = N, **changed) -> Recording:
+    """A loop that cycles every 40 samples, PV a quarter period behind OP, with some noise; `changed` replaces parts."""
+    t = np.arange(n, dtype=float)
+    noise = np.random.default_rng(1).normal(size=(2, n))
+    parts = {
+        "name": "loop",
+        "time_s": t,
+        "pv": 20.0 + 2.0 * np.sin(2 * np.pi * t / 40) + 0.05 * noise[0],
+        "op": 50.0 + 5.0 * np.cos(2 * np.pi * t / 40) + 0.05 * noise[1],
+        "sp": np.full(n, 20.0),
+    }
+    return Recording(**(parts | changed))
+
+
+def outcomes(fitness: Fitness) -> dict[str, str]:
+    return {finding.code: finding.outcome for finding in fitness.findings}
+
+
+def refused(fitness: Fitness) -> list[str]:
+    return [finding.code for finding in fitness.refusals]
+
+
+def test_good_record_passes_every_check_and_is_kept_as_it_is():
+    recording = cycling(automatic=np.ones(N, dtype=bool))
+    fitness = assess(recording)
+    assert fitness.auditable
+    assert set(outcomes(fitness).values()) == {"pass"}
+    np.testing.assert_array_equal(fitness.record.pv, recording.pv)
+    assert (fitness.record.sampling_interval_s, fitness.filled_share, fitness.record.start_s) == (1.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("n", [0, 1, 3, 99])
+def test_too_short(n):
+    fitness = assess(cycling(n))
+    assert refused(fitness) == ["too_short"]
+    assert fitness.record is None
+    assert outcomes(fitness)["pv_flat"] == "not_evaluated"
+
+
+def test_missing_values_everywhere():
+    fitness = assess(cycling(pv=np.full(N, np.nan)))
+    assert refused(fitness) == ["missing_values"]
+    assert fitness.missing_share == 1.0
+
+
+@pytest.mark.parametrize("marker", [np.nan, np.inf, -np.inf, 1e300, 3.4e123])
+def test_bad_value_markers_are_missing_and_filled(marker):
+    good = cycling()
+    pv = good.pv.copy()
+    pv[100:104] = marker
+    fitness = assess(cycling(pv=pv))
+    assert fitness.auditable
+    assert np.flatnonzero(fitness.record.filled).tolist() == [100, 101, 102, 103]
+    np.testing.assert_allclose(fitness.record.pv[100:104], np.interp([1, 2, 3, 4], [0, 5], good.pv[[99, 104]]))
+
+
+def test_flat_pv_is_a_stuck_valve_or_a_dead_transmitter():
+    fitness = assess(cycling(pv=np.full(N, 4.2)))
+    assert refused(fitness) == ["pv_flat"]
+    (finding,) = fitness.refusals
+    assert (finding.statistic, finding.threshold) == (1.0, 0.5)
+    assert "dead transmitter" in finding.text
+
+
+def test_flat_op_is_not_controlling():
+    assert refused(assess(cycling(op=np.full(N, 4.2)))) == ["op_flat"]
+
+
+def test_what_stands_before_a_transmitter_died_is_audited():
+    pv = cycling().pv.copy()
+    pv[150:] = pv[150]
+    fitness = assess(cycling(pv=pv))
+    assert fitness.auditable
+    assert fitness.record.samples == 150
+    assert "150 samples in a row remain" in next(f.text for f in fitness.findings if f.code == "pv_flat")
+
+
+def test_a_stuck_half_period_does_not_refuse():
+    """PV that stands still while OP travels is what a sticky valve does."""
+    pv = np.repeat([1.0, 2.0, 1.5, 1.0], 100) + np.r_[np.zeros(350), np.linspace(0, 0.1, 50)]
+    assert assess(cycling(pv=pv)).auditable
+
+
+def test_not_in_automatic():
+    manual = np.zeros(N, dtype=bool)
+    manual[::2] = True
+    fitness = assess(cycling(automatic=manual))
+    assert refused(fitness) == ["not_in_automatic"]
+    assert fitness.automatic_share == 0.5
+
+
+def test_longest_stretch_in_automatic_is_audited():
+    automatic = np.ones(N, dtype=bool)
+    automatic[120:130] = False
+    fitness = assess(cycling(automatic=automatic))
+    assert (fitness.record.samples, fitness.record.start_s) == (270, 130.0)
+
+
+def test_mode_that_was_not_recorded_is_not_evaluated():
+    fitness = assess(cycling())
+    assert outcomes(fitness)["not_in_automatic"] == "not_evaluated"
+    assert fitness.automatic_share is None
+
+
+@pytest.mark.parametrize("op_range", [(0.0, 100.0), (100.0, 0.0), None])
+def test_op_at_its_limit(op_range):
+    op = np.where(np.arange(N) % 40 < 25, 0.0, 10.0 + np.arange(N) % 7)
+    assert refused(assess(cycling(op=op, op_range=op_range))) == ["op_at_limits"]
+
+
+def test_op_that_saturates_now_and_then_is_audited():
+    op = np.maximum(cycling().op, 48.0)
+    assert assess(cycling(op=op)).auditable
+
+
+def test_op_range_without_meaning_is_ignored():
+    assert assess(cycling(op_range=(0.0, 0.0))).auditable
+    assert assess(cycling(op_range=(np.nan, 100.0))).auditable
+
+
+def test_hole_splits_the_record_and_the_longer_part_is_used():
+    t = np.arange(N, dtype=float)
+    t[250:] += 3600.0
+    fitness = assess(cycling(time_s=t))
+    assert (fitness.gaps, fitness.record.samples, fitness.filled_share) == (1, 250, 0.0)
+
+
+def test_holes_that_leave_no_stretch():
+    t = np.arange(N, dtype=float) + 1000.0 * (np.arange(N) // 50)
+    assert refused(assess(cycling(time_s=t))) == ["gaps"]
+
+
+def test_short_holes_are_filled_and_counted():
+    keep = np.ones(N, dtype=bool)
+    keep[10:14] = keep[200:202] = False
+    full = cycling()
+    fitness = assess(Recording("loop", full.time_s[keep], full.pv[keep], full.op[keep]))
+    assert fitness.record.samples == N
+    assert fitness.filled_share == pytest.approx(6 / N)
+    assert outcomes(fitness)["irregular_sampling"] == "fail"
+    assert fitness.auditable
+
+
+def test_a_record_that_is_mostly_filling_is_refused():
+    t = np.cumsum(np.where(np.arange(N) % 4 == 0, 6.0, 1.0))
+    fitness = assess(cycling(time_s=t))
+    assert refused(fitness) == ["filled"]
+
+
+def test_late_scans_are_taken_as_they_are():
+    t = np.arange(N, dtype=float) + np.random.default_rng(2).uniform(-0.05, 0.05, N)
+    recording = cycling(time_s=t)
+    fitness = assess(recording)
+    np.testing.assert_array_equal(fitness.record.pv, recording.pv)
+    assert fitness.record.sampling_interval_s == pytest.approx(1.0, abs=1e-3)
+
+
+def test_set_point_with_holes_is_completed_and_one_without_values_is_none():
+    sp = np.full(N, 20.0)
+    sp[5:50] = np.nan
+    assert np.all(assess(cycling(sp=sp)).record.sp == 20.0)
+    assert assess(cycling(sp=np.full(N, np.nan))).record.sp is None
+
+
+def test_coarse_and_interpolated_signals_are_said_but_audited():
+    t = np.arange(N)
+    pv = np.round(2 * np.sin(2 * np.pi * t / 40))
+    op = np.interp(t, t[::8], cycling().op[::8])
+    fitness = assess(cycling(pv=pv, op=op))
+    assert fitness.auditable
+    failed = [code for code, outcome in outcomes(fitness).items() if outcome == "fail"]
+    assert failed == ["pv_quantised", "op_interpolated"]
+
+
+def test_too_few_samples_a_cycle():
+    t = np.arange(N)
+    recording = cycling(pv=np.sin(2 * np.pi * t / 3.4), op=np.cos(2 * np.pi * t / 3.4))
+    fitness = assess(recording)
+    checked = with_cycles(fitness, detect(fitness.record))
+    assert refused(checked) == ["samples_per_cycle"]
+
+
+def test_noise_without_a_period_is_not_refused_for_its_period():
+    noise = np.random.default_rng(3).normal(size=(2, N))
+    fitness = assess(cycling(pv=noise[0], op=noise[1]))
+    assert with_cycles(fitness, detect(fitness.record)).auditable
+
+
+def test_cycles_are_counted():
+    fitness = assess(cycling())
+    checked = with_cycles(fitness, detect(fitness.record))
+    cycles = next(f for f in checked.findings if f.code == "few_cycles")
+    assert cycles.outcome == "pass"
+    assert cycles.statistic == pytest.approx(10, rel=0.02)
+
+
+def test_thresholds_come_from_the_configuration():
+    assert assess(cycling(90), FitnessConfig(min_samples=80)).auditable
+
+
+def test_inputs_are_not_changed():
+    recording = cycling(pv=np.where(np.arange(N) == 7, np.nan, cycling().pv))
+    before = recording.fingerprint()
+    assess(recording)
+    assert recording.fingerprint() == before
+
+
+def test_every_code_is_reported_once_whatever_stopped_the_checks():
+    every = set(outcomes(assess(cycling())))
+    short = Recording("x", np.arange(3.0), np.arange(3.0), np.arange(3.0))
+    gaps = cycling(time_s=np.arange(N) + 1000.0 * (np.arange(N) // 50))
+    manual = cycling(automatic=np.zeros(N, dtype=bool))
+    for recording in (short, gaps, manual, cycling(pv=np.full(N, np.nan)), cycling(pv=np.zeros(N))):
+        fitness = assess(recording)
+        codes = [finding.code for finding in fitness.findings]
+        assert len(codes) == len(set(codes))
+        assert set(codes) == every
+
+
+units = st.tuples(
+    st.floats(1e-6, 1e6) | st.floats(-1e6, -1e-6), st.floats(-1e3, 1e3), st.floats(1e-3, 1e3), st.floats(-1e9, 1e9)
+)
+
+
+@settings(max_examples=40, deadline=None)
+@given(pv_unit=units, op_unit=units, flaw=st.sampled_from(["none", "flat", "limit", "hole", "nan", "coarse"]))
+def test_units_signs_offsets_and_the_origin_of_time_change_no_finding(pv_unit, op_unit, flaw):
+    base = cycling()
+    t, pv, op = base.time_s.copy(), base.pv.copy(), base.op.copy()
+    if flaw == "flat":
+        pv[100:] = pv[100]
+    elif flaw == "limit":
+        op = np.maximum(op, 51.0)
+    elif flaw == "hole":
+        t[300:] += 500
+    elif flaw == "nan":
+        op[::9] = np.nan
+    elif flaw == "coarse":
+        pv = np.round(pv * 8) / 8
+
+    def scaled(x, unit):
+        # An offset in units of the scaled signal, as a change of unit would bring it.
+        return x * unit[0] + unit[1] * abs(unit[0])
+
+    plain = assess(Recording("a", t, pv, op, op_range=(0.0, 100.0)))
+    low, high = scaled(np.array([0.0, 100.0]), op_unit)
+    other = assess(Recording("a", t + 1e5, scaled(pv, pv_unit), scaled(op, op_unit), op_range=(low, high)))
+    assert outcomes(plain) == outcomes(other)
+    statistics = [[f.statistic for f in x.findings if not f.code.endswith("quantised")] for x in (plain, other)]
+    assert statistics[0] == statistics[1]
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.floats(allow_nan=True, allow_infinity=True, width=64), min_size=0, max_size=30),
+    st.integers(0, 12),
+)
+def test_whatever_is_recorded_is_answered(values, repeats):
+    signal = np.array(values * (repeats + 1), dtype=float)
+    fitness = assess(Recording("x", np.arange(len(signal)), signal, signal[::-1].copy()))
+    if fitness.record is not None:
+        assert np.all(np.isfinite(fitness.record.pv))
+        assert np.all(np.isfinite(fitness.record.op))
+
+
+def test_longest_run():
+    assert longest_run(np.array([True, False, True, True, False])) == slice(2, 4)
+    assert longest_run(np.zeros(3, dtype=bool)) == slice(0, 0)
+    assert longest_run(np.zeros(0, dtype=bool)) == slice(0, 0)
+
+
+def test_run_lengths():
+    assert run_lengths(np.array([1.0, 1.0, 2.0, 3.0, 3.0, 3.0])).tolist() == [2, 2, 1, 3, 3, 3]
+
+
+def test_quantisation_step():
+    assert quantisation_step(np.array([0.5, 1.0, 2.5, 1.0])) == 0.5
+    assert quantisation_step(np.ones(4)) is None
+
+
+def test_on_line_share():
+    assert on_line_share(np.array([0.0, 1.0, 2.0, 3.0, 3.0, 3.0])) == 0.5
+    assert on_line_share(np.array([0.0, 1.0])) == 0.0

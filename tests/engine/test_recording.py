@@ -1,0 +1,50 @@
+"""What a recording refuses, and that its fingerprint tells records apart."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from app.engine.recording import Recording
+from app.errors import DataError
+
+
+def a_recording(**changed) -> Recording:
+    signal = np.array([1.0, 2.0, 3.0])
+    return Recording(**({"name": "a", "time_s": np.arange(3.0), "pv": signal, "op": signal} | changed))
+
+
+@pytest.mark.parametrize("name", ["pv", "op", "sp", "automatic"])
+def test_signals_must_be_as_long_as_time(name):
+    with pytest.raises(DataError) as error:
+        a_recording(**{name: np.ones(2)})
+    assert error.value.code == "signal_length"
+    assert name in error.value.message
+
+
+def test_other_signals_must_be_as_long_as_time():
+    with pytest.raises(DataError, match="flow2 has 2 samples"):
+        a_recording(others={"flow2": np.ones(2)})
+
+
+@pytest.mark.parametrize("time_s", [[0.0, 1.0, 1.0], [0.0, 2.0, 1.0], [0.0, np.nan, 2.0]])
+def test_time_must_increase(time_s):
+    with pytest.raises(DataError) as error:
+        a_recording(time_s=np.array(time_s))
+    assert error.value.code == "time_order"
+
+
+def test_fingerprint_knows_the_samples_and_not_the_name():
+    assert a_recording().fingerprint() == a_recording(name="b").fingerprint()
+    different = (
+        a_recording(pv=np.array([1.0, 2.0, 3.5])),
+        a_recording(time_s=np.arange(3.0) + 1),
+        a_recording(sp=np.ones(3)),
+        a_recording(automatic=np.ones(3, dtype=bool), sp=None),
+    )
+    assert len({r.fingerprint() for r in (*different, a_recording())}) == 5
+
+
+def test_errors_keep_their_code_between_processes():
+    error = pickle.loads(pickle.dumps(DataError("signal_length", "too short")))  # noqa: S301
+    assert (type(error), error.code, str(error)) == (DataError, "signal_length", "too short")
