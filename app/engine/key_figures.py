@@ -1,0 +1,157 @@
+"""Key figures that engineers expect of a loop monitor, over good samples only: each with its definition and source."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from app.engine.recording import BoolArray, FloatArray, Recording
+from app.errors import DataError
+
+LIMIT_BAND_SHARE = 0.005
+"""How near to the end of a known OP span counts as saturated, as a share of the span."""
+
+REVERSAL_SHARE = 0.02
+"""A reversal counts once OP has come back by this share of its range (5th to 95th percentile): noise is no travel."""
+
+HARRIS_TERMS = 20
+"""Autoregressive terms of the minimum-variance benchmark; Desborough and Harris 1992 use 5 to 30."""
+
+
+@dataclass(frozen=True)
+class KeyFigures:
+    """Plain figures of a loop over the good samples of a record; None where a figure cannot be had, never 0 instead.
+
+    good_share_pct: samples with PV and OP, of all samples.
+    service_factor_pct: good samples in automatic, of all good samples; None where the mode was not recorded.
+    op_saturation_pct: automatic samples with OP within 0.5 % of an end of its span; None without a known span.
+    error_mean, error_std, error_abs_mean, error_abs_p95: SP - PV in the unit of PV; None without a set point.
+    variability_pct: 2 std(PV) / abs(mean(PV)) in per cent; None where PV's mean is small against its spread.
+    pv_std, op_std: standard deviations in the signals' units.
+    op_travel_per_h: sum of abs(OP changes) an hour, in the unit of OP, changes below the reversal band left out.
+    op_reversals_per_h: changes of OP's direction an hour that exceed the reversal band.
+    harris_index: minimum over present variance of the control error, 0 (poor) to 1 (no better control possible).
+    harris_horizon_samples: the dead time, in samples, that the index assumes.
+    """
+
+    good_share_pct: float
+    service_factor_pct: float | None
+    op_saturation_pct: float | None
+    error_mean: float | None
+    error_std: float | None
+    error_abs_mean: float | None
+    error_abs_p95: float | None
+    variability_pct: float | None
+    pv_std: float | None
+    op_std: float | None
+    op_travel_per_h: float | None
+    op_reversals_per_h: float | None
+    harris_index: float | None
+    harris_horizon_samples: int
+
+
+def compute(recording: Recording, harris_horizon_samples: int = 5) -> KeyFigures:
+    """The key figures of one recording.
+
+    recording: PV, OP and SP in engineering units, NaN where missing.
+    harris_horizon_samples: assumed dead time in samples, at least 1.
+    Raises DataError("harris_horizon") below 1.
+
+    Only samples with finite PV and OP count; control error, saturation and Harris index use those in automatic where
+    the mode is known. The Harris index depends on the assumed dead time and punishes loops that follow a moving set
+    point or that are meant to let a level swing: compare a loop with itself.
+    Sources: Jelali 2013, Control Performance Management in Industrial Automation, doi 10.1007/978-1-4471-4546-2
+    (figures); Harris 1989, Can. J. Chem. Eng. 67, 856, doi 10.1002/cjce.5450670519, and Desborough and Harris 1992,
+    doi 10.1002/cjce.5450700620 (index).
+    """
+    if harris_horizon_samples < 1:
+        got = f"the Harris index needs a horizon of 1 sample or more, got {harris_horizon_samples}"
+        raise DataError("harris_horizon", got)
+    good = np.isfinite(recording.pv) & np.isfinite(recording.op)
+    used = good if recording.automatic is None else good & recording.automatic
+    error = None if recording.sp is None else (recording.sp - recording.pv)[used & np.isfinite(recording.sp)]
+    controlled = recording.pv[used] if error is None or len(error) == 0 else error
+    travel = _travel(recording, good)
+    pv, op = recording.pv[good], recording.op[good]
+    return KeyFigures(
+        good_share_pct=100.0 * float(good.mean()) if recording.samples else 0.0,
+        service_factor_pct=_share_pct(used, good) if recording.automatic is not None else None,
+        op_saturation_pct=_saturation_pct(recording.op[used], recording.op_range),
+        error_mean=_statistic(error, np.mean),
+        error_std=_statistic(error, np.std),
+        error_abs_mean=_statistic(None if error is None else np.abs(error), np.mean),
+        error_abs_p95=_statistic(None if error is None else np.abs(error), lambda e: np.percentile(e, 95.0)),
+        variability_pct=_variability_pct(pv),
+        pv_std=_statistic(pv, np.std),
+        op_std=_statistic(op, np.std),
+        op_travel_per_h=None if travel is None else travel[0],
+        op_reversals_per_h=None if travel is None else travel[1],
+        harris_index=_harris_index(controlled, harris_horizon_samples),
+        harris_horizon_samples=harris_horizon_samples,
+    )
+
+
+def _share_pct(part: BoolArray, whole: BoolArray) -> float | None:
+    return 100.0 * float(part.sum() / whole.sum()) if whole.any() else None
+
+
+def _statistic(values: FloatArray | None, function: Callable[[FloatArray], float]) -> float | None:
+    return None if values is None or len(values) == 0 else float(function(values))
+
+
+def _saturation_pct(op: FloatArray, op_range: tuple[float, float] | None) -> float | None:
+    if op_range is None or len(op) == 0:
+        return None
+    low, high = op_range
+    band = LIMIT_BAND_SHARE * (high - low)
+    return 100.0 * float(np.mean((op <= low + band) | (op >= high - band)))
+
+
+def _variability_pct(pv: FloatArray) -> float | None:
+    if len(pv) == 0:
+        return None
+    mean, std = float(np.mean(pv)), float(np.std(pv))
+    # About a mean near zero (deviation variables, temperatures around 0) the ratio says nothing.
+    return 200.0 * std / abs(mean) if abs(mean) > std else None
+
+
+def _travel(recording: Recording, good: BoolArray) -> tuple[float, float] | None:
+    """(travel, reversals) an hour, or None for fewer than two good samples."""
+    if good.sum() < 2:
+        return None
+    time_s, op = recording.time_s[good], recording.op[good]
+    low, high = np.percentile(op, [5.0, 95.0])
+    travel, reversals = _turning(np.ascontiguousarray(op), REVERSAL_SHARE * float(high - low))
+    hours = float(time_s[-1] - time_s[0]) / 3600.0
+    return travel / hours, reversals / hours
+
+
+@njit(cache=True, nogil=True)
+def _turning(op: FloatArray, band: float) -> tuple[float, int]:
+    """Travel between turning points and their number; a turn counts once OP has come back by more than `band`."""
+    travel, reversals, direction = 0.0, 0, 0
+    anchor = low = high = op[0]
+    for value in op:
+        low, high = min(low, value), max(high, value)
+        if direction <= 0 and value > low + band:
+            travel, reversals = travel + anchor - low, reversals + (direction < 0)
+            anchor, direction, high = low, 1, value
+        elif direction >= 0 and value < high - band:
+            travel, reversals = travel + high - anchor, reversals + (direction > 0)
+            anchor, direction, low = high, -1, value
+    return travel + (high - anchor if direction > 0 else anchor - low if direction < 0 else 0.0), reversals
+
+
+def _harris_index(error: FloatArray, horizon: int) -> float | None:
+    """Residual variance of an autoregression that looks `horizon` samples back, over the mean square."""
+    rows = len(error) - horizon - HARRIS_TERMS + 1
+    if rows < 5 * HARRIS_TERMS or np.ptp(error) == 0.0:
+        return None
+    error = error - np.mean(error)
+    past = np.lib.stride_tricks.sliding_window_view(error, HARRIS_TERMS)[:rows]
+    future = error[horizon + HARRIS_TERMS - 1 :]
+    coefficients, *_ = np.linalg.lstsq(past, future, rcond=None)
+    residual = future - past @ coefficients
+    degrees = max(rows - HARRIS_TERMS, 1)
+    return float(min(1.0, (residual @ residual / degrees) / np.mean(future**2)))

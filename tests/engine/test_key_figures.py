@@ -1,0 +1,70 @@
+"""Key figures on signals whose answer is known in the head."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.engine.key_figures import compute
+from app.engine.recording import Recording
+from app.errors import DataError
+
+
+def recording(op, pv=None, sp=None, automatic=None, op_range=None, interval_s=1.0):
+    op = np.asarray(op, dtype=float)
+    pv = np.asarray(op if pv is None else pv, dtype=float)
+    return Recording("loop", np.arange(len(op)) * interval_s, pv, op, sp, automatic, op_range)
+
+
+def test_triangle_travels_its_height_each_way():
+    op = np.concatenate([np.arange(0, 10), np.arange(10, 0, -1)] * 5 + [[0.0]])
+    figures = compute(recording(op, interval_s=36.0))
+    assert figures.op_travel_per_h == pytest.approx(100.0)
+    assert figures.op_reversals_per_h == pytest.approx(9.0)
+
+
+def test_ripple_below_the_band_is_no_travel():
+    op = np.linspace(0.0, 100.0, 1001) + 0.5 * np.tile([0.0, 1.0], 501)[:1001]
+    figures = compute(recording(op))
+    assert figures.op_reversals_per_h == 0.0
+    assert figures.op_travel_per_h == pytest.approx(100.4 * 3.6, rel=0.02)
+
+
+def test_error_service_factor_and_saturation_use_good_samples_in_automatic():
+    pv = np.array([1.0, 2.0, np.nan, 4.0, 9.0])
+    automatic = np.array([True, True, True, True, False])
+    figures = compute(recording([0, 100, 50, 50, 100], pv, np.full(5, 3.0), automatic, (0.0, 100.0)))
+    assert figures.good_share_pct == pytest.approx(80.0)
+    assert figures.service_factor_pct == pytest.approx(75.0)
+    assert figures.op_saturation_pct == pytest.approx(200.0 / 3.0)
+    assert (figures.error_mean, figures.error_abs_mean) == pytest.approx((2.0 / 3.0, 4.0 / 3.0))
+
+
+def test_harris_index_is_one_for_white_noise_and_small_for_an_oscillation():
+    rng = np.random.default_rng(1)
+    noise, t = rng.normal(size=4000), np.arange(4000)
+    swinging = np.sin(2 * np.pi * t / 60.0) + 0.1 * noise
+    assert compute(recording(t, noise, np.zeros(4000))).harris_index == pytest.approx(1.0, abs=0.05)
+    assert compute(recording(t, swinging, np.zeros(4000))).harris_index < 0.1
+
+
+def test_what_cannot_be_had_is_none():
+    figures = compute(recording([1.0, 1.0, 1.0]))
+    assert figures.service_factor_pct is None
+    assert figures.op_saturation_pct is None
+    assert figures.error_mean is None
+    assert figures.harris_index is None
+    assert compute(recording([np.nan, np.nan])).op_travel_per_h is None
+
+
+def test_horizon_below_one_sample_is_refused():
+    with pytest.raises(DataError, match="horizon"):
+        compute(recording([1.0, 2.0]), harris_horizon_samples=0)
+
+
+@given(st.floats(0.01, 1e4), st.floats(-1e3, 1e3), st.integers(0, 1000))
+def test_travel_scales_with_op_and_ignores_its_zero(scale, offset, seed):
+    op = np.cumsum(np.random.default_rng(seed).normal(size=300))
+    one, other = compute(recording(op)), compute(recording(scale * op + offset))
+    assert other.op_travel_per_h == pytest.approx(scale * one.op_travel_per_h, rel=1e-6)
+    assert other.op_reversals_per_h == one.op_reversals_per_h
