@@ -1,0 +1,170 @@
+"""The whole way of one recording: fitness, oscillation, reference, verdict."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.engine import ENGINE_VERSION, verdict_reference
+from app.engine.audit_config import AuditConfig
+from app.engine.evidence import Finding, Reason
+from app.engine.fitness import Fitness, assess, with_cycles
+from app.engine.judgement import Judgement
+from app.engine.oscillation import Oscillation, detect
+from app.engine.recording import Recording, UniformRecord
+from app.engine.reliability import Reference, climb
+from app.errors import DataError
+
+__all__ = ["Audit", "AuditConfig", "Window", "audit", "newest"]
+
+SPOILED_BY = {
+    "pv_flat": "stuck_valve_or_dead_transmitter",
+    "op_flat": "controller_not_acting",
+    "not_in_automatic": "not_in_automatic",
+    "op_at_limits": "op_at_limits",
+    "samples_per_cycle": "sampled_too_slowly",
+}
+
+
+@dataclass(frozen=True)
+class Window:
+    """The stretch that was identified, in seconds from the start of the recording (first and last sample)."""
+
+    start_s: float
+    end_s: float
+    samples: int
+
+
+@dataclass(frozen=True, eq=False)
+class Audit:
+    """What one audit found, and what is needed to make it again.
+
+    samples: samples of the recording. sampling_interval_s: of the audited stretch, else the recording's median; None
+    below two samples. op_span: max(OP) - min(OP) in the window, unit of OP.
+    oscillation, window, reference, op_span: None where the recording is not auditable.
+    input_fingerprint: SHA-256 of the recording's samples; config_fingerprint: of the configuration.
+    """
+
+    recording: str
+    samples: int
+    sampling_interval_s: float | None
+    fitness: Fitness
+    oscillation: Oscillation | None
+    window: Window | None
+    op_span: float | None
+    reference: Reference | None
+    judgement: Judgement
+    input_fingerprint: str
+    config_fingerprint: str
+    engine_version: str
+
+    @property
+    def stiction_band_pct_of_op_range(self) -> float | None:
+        """The stiction band d of the last rung in per cent of the range that OP covers in the window."""
+        if self.reference is None or not self.op_span:
+            return None
+        return 100.0 * float(self.reference.last.one.d_best) / self.op_span
+
+
+def audit(recording: Recording, config: AuditConfig | None = None) -> Audit:
+    """Audits one recording: the same recording, configuration and engine version give the same answer.
+
+    recording: one loop's record, of any unit and sampling. A recording that cannot be audited is an answer, verdict
+    "not_auditable" with the reasons, never an exception. Changing sign, scale or offset of PV or OP does not change the
+    verdict.
+    """
+    config = config or AuditConfig()
+    fitness = assess(recording, config.fitness)
+    if fitness.record is None or not fitness.auditable:
+        return _result(recording, config, fitness, _refusal(fitness.refusals))
+    oscillation = detect(fitness.record)
+    fitness = with_cycles(fitness, oscillation, config.fitness)
+    if not fitness.auditable:
+        return _result(recording, config, fitness, _refusal(fitness.refusals), oscillation=oscillation)
+    return _identified(recording, config, fitness, oscillation)
+
+
+def newest(record: UniformRecord, max_samples: int) -> UniformRecord:
+    """The newest `max_samples` of a record, or all of it where it has no more."""
+    first = record.samples - max_samples
+    if first <= 0:
+        return record
+    return UniformRecord(
+        record.sampling_interval_s,
+        record.pv[first:],
+        record.op[first:],
+        None if record.sp is None else record.sp[first:],
+        record.filled[first:],
+        record.start_s + first * record.sampling_interval_s,
+    )
+
+
+def _identified(recording: Recording, config: AuditConfig, fitness: Fitness, oscillation: Oscillation) -> Audit:
+    record = newest(fitness.record, config.max_samples)
+    try:
+        reference = climb(record, config.ladder, config.hammerstein)
+    except DataError as error:
+        refusal = _unidentifiable(error)
+        return _result(recording, config, fitness, refusal, oscillation=oscillation, record=record)
+    judgement = judge(record, fitness, oscillation, reference, config)
+    return _result(
+        recording, config, fitness, judgement, oscillation=oscillation, record=record, reference=reference
+    )
+
+
+def judge(
+    record: UniformRecord, fitness: Fitness, oscillation: Oscillation, reference: Reference, config: AuditConfig
+) -> Judgement:
+    """The one place where evidence becomes a verdict: today by the published rule, from `reference` alone.
+
+    A verdict that weighs more evidence has everything it needs in the arguments.
+    """
+    judgement = verdict_reference.judge(reference, config.verdict)
+    doubts = tuple(Reason(f.code, f.text) for f in fitness.findings if f.outcome == "fail")
+    return replace(judgement, reasons=judgement.reasons + doubts)
+
+
+def _refusal(refusals: tuple[Finding, ...]) -> Judgement:
+    reasons = tuple(Reason(finding.code, finding.text) for finding in refusals)
+    causes = [SPOILED_BY[finding.code] for finding in refusals if finding.code in SPOILED_BY]
+    return Judgement("not_auditable", None, "not_reliable", reasons, causes[0] if causes else None)
+
+
+def _unidentifiable(error: DataError) -> Judgement:
+    return Judgement("not_auditable", None, "not_reliable", (Reason(error.code, error.message),), None)
+
+
+def _result(
+    recording: Recording,
+    config: AuditConfig,
+    fitness: Fitness,
+    judgement: Judgement,
+    *,
+    oscillation: Oscillation | None = None,
+    record: UniformRecord | None = None,
+    reference: Reference | None = None,
+) -> Audit:
+    return Audit(
+        recording=recording.name,
+        samples=recording.samples,
+        sampling_interval_s=_interval(recording, fitness),
+        fitness=fitness,
+        oscillation=oscillation,
+        window=None if record is None else _window(record),
+        op_span=None if record is None else float(np.ptp(record.op)),
+        reference=reference,
+        judgement=judgement,
+        input_fingerprint=recording.fingerprint(),
+        config_fingerprint=config.fingerprint(),
+        engine_version=ENGINE_VERSION,
+    )
+
+
+def _window(record: UniformRecord) -> Window:
+    length_s = (record.samples - 1) * record.sampling_interval_s
+    return Window(record.start_s, record.start_s + length_s, record.samples)
+
+
+def _interval(recording: Recording, fitness: Fitness) -> float | None:
+    if fitness.record is not None:
+        return fitness.record.sampling_interval_s
+    return float(np.median(np.diff(recording.time_s))) if recording.samples > 1 else None

@@ -1,0 +1,59 @@
+"""Everything that an audit depends on beside the recording and the engine's version."""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from typing import Any
+
+from app.engine.fitness import FitnessConfig
+from app.engine.hammerstein import HammersteinConfig
+from app.engine.reliability import LadderConfig
+from app.engine.verdict_reference import ReferenceVerdictConfig
+from app.errors import DataError
+
+
+@dataclass(frozen=True)
+class AuditConfig:
+    """The configuration of an audit, each part as its room defines it.
+
+    max_samples: identification uses the newest samples of the stretch up to this number: the time of an audit grows
+    with them, and the newest say most about the valve as it is.
+    """
+
+    fitness: FitnessConfig = field(default_factory=FitnessConfig)
+    ladder: LadderConfig = field(default_factory=LadderConfig)
+    hammerstein: HammersteinConfig = field(default_factory=HammersteinConfig)
+    verdict: ReferenceVerdictConfig = field(default_factory=ReferenceVerdictConfig)
+    max_samples: int = 5000
+
+    def canonical_json(self) -> str:
+        """The configuration as JSON, the same text for the same configuration on any machine."""
+        return json.dumps(asdict(self), sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+    def fingerprint(self) -> str:
+        """SHA-256 over `canonical_json`, in hexadecimal digits."""
+        return hashlib.sha256(self.canonical_json().encode()).hexdigest()
+
+    @classmethod
+    def from_json(cls, text: str) -> "AuditConfig":
+        """The configuration that `canonical_json` wrote; what the text leaves out keeps its default.
+
+        Raises DataError("unknown_setting") where the text names a setting that this version does not have.
+        """
+        return _merged(cls(), json.loads(text), "")
+
+
+def _merged(default: Any, values: dict[str, Any], path: str) -> Any:
+    known = {f.name for f in fields(default)}
+    changed = {}
+    for name, value in values.items():
+        if name not in known:
+            raise DataError("unknown_setting", f"no setting {path}{name}; known are {', '.join(sorted(known))}")
+        before = getattr(default, name)
+        changed[name] = _merged(before, value, f"{path}{name}.") if is_dataclass(before) else _frozen(value)
+    return replace(default, **changed)
+
+
+def _frozen(value: Any) -> Any:
+    """JSON knows no tuples; a configuration holds nothing else."""
+    return tuple(_frozen(item) for item in value) if isinstance(value, list) else value

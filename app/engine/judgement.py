@@ -1,0 +1,24 @@
+"""The answer of an audit, whichever rule gave it: verdict, probability, reliability, reasons."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from app.engine.evidence import Reason
+
+Verdict = Literal["stiction", "no_stiction", "inconclusive", "not_auditable"]
+Reliability = Literal["reliable", "not_reliable"]
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What is said about a valve, and why.
+
+    stiction_probability: 0 to 1; None only with "not_auditable".
+    likely_cause: a stable code of what probably drives the loop or spoils the record, or None where nothing is known.
+    """
+
+    verdict: Verdict
+    stiction_probability: float | None
+    reliability: Reliability
+    reasons: tuple[Reason, ...]
+    likely_cause: str | None

@@ -1,0 +1,107 @@
+"""The verdict of the published rule: least RMSE over the valve parameter, reliability by table 2.
+
+It stands until a better verdict exists, and its reasons say so. Source: B. Srinivasan, T. Spinner, R. Rengaswamy,
+Ind. Eng. Chem. Res. 2015, 54, 7476-7488, doi 10.1021/acs.iecr.5b00939.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.engine.evidence import Reason
+from app.engine.hammerstein import OneParameterResult
+from app.engine.judgement import Judgement
+from app.engine.reliability import Reference
+
+READINGS = {
+    "high_stiction": "PV has harmonics that OP does not produce (Yper {yper:.3g} %), and the identification finds "
+    "stiction: by table 2 the verdict is reliable",
+    "low_no_stiction": "PV has hardly any harmonics that OP does not produce (Yper {yper:.3g} %), and the "
+    "identification finds no stiction: by table 2 the verdict is reliable",
+    "high_no_stiction": "PV has harmonics that OP does not produce (Yper {yper:.3g} %), yet the identification finds "
+    "no stiction: by table 2 the verdict is not reliable, the search space may be too small",
+    "low_stiction": "PV has hardly any harmonics that OP does not produce (Yper {yper:.3g} %), yet the identification "
+    "finds stiction: by table 2 the verdict is not reliable, the search space may be too small",
+}
+
+
+@dataclass(frozen=True)
+class ReferenceVerdictConfig:
+    """How the evidence of the published rule becomes a number between 0 and 1. Nothing here is calibrated.
+
+    gain_scale: relative reduction of the RMSE by the valve model that moves the log-odds by one.
+    yper_weight: log-odds for a factor e in Yper. yper_pivot_pct: Yper, with both signals at unit standard deviation,
+    that speaks neither for nor against.
+    least_lean: how far from 0.5 the probability stays on the side of the verdict.
+    """
+
+    gain_scale: float = 0.02
+    yper_weight: float = 0.5
+    yper_pivot_pct: float = 10.0
+    least_lean: float = 0.01
+
+
+def judge(reference: Reference, config: ReferenceVerdictConfig | None = None) -> Judgement:
+    """Verdict and reliability by the published rule and table 2, from the last rung of the ladder.
+
+    The rule has no probability. The one given here orders recordings by their evidence: it grows with the relative RMSE
+    gain of the valve model (negative where the best d is zero) and with Yper, stays on the side of the verdict, and is
+    not calibrated: 0.9 does not mean nine in ten. Misleads where the paper's remarks 4.1 to 4.3 say: disturbances and
+    other nonlinearities raise Yper too, and the noise model of a noisy record wins the one-step prediction.
+    """
+    config = config or ReferenceVerdictConfig()
+    stiction = reference.last.stiction
+    return Judgement(
+        verdict="stiction" if stiction else "no_stiction",
+        stiction_probability=_probability(reference, stiction, config),
+        reliability="reliable" if reference.reliable else "not_reliable",
+        reasons=_reasons(reference),
+        likely_cause="stiction" if stiction else None,
+    )
+
+
+def rmse_gain(one: OneParameterResult) -> float:
+    """Relative reduction of the RMSE by the best d > 0 against d = 0; negative where no d > 0 is better."""
+    moving = one.rmse[one.d > 0]
+    still = one.rmse[one.d == 0]
+    if len(moving) == 0 or len(still) == 0 or not still[0] > 0 or not np.isfinite(still[0]):
+        return 0.0
+    best = float(np.min(moving, initial=np.inf, where=np.isfinite(moving)))
+    return 1.0 - best / float(still[0]) if math.isfinite(best) else 0.0
+
+
+def _probability(reference: Reference, stiction: bool, config: ReferenceVerdictConfig) -> float:
+    # 0.01 % keeps the logarithm finite; so little is nothing.
+    yper = math.log(max(reference.yper.yper_pct, 0.01) / config.yper_pivot_pct)
+    log_odds = rmse_gain(reference.last.one) / config.gain_scale + config.yper_weight * yper
+    probability = 0.5 * (1.0 + math.tanh(0.5 * log_odds))
+    if stiction:
+        return max(probability, 0.5 + config.least_lean)
+    return min(probability, 0.5 - config.least_lean)
+
+
+def _reasons(reference: Reference) -> tuple[Reason, ...]:
+    last = reference.last
+    reading = READINGS[reference.reading].format(yper=reference.yper.yper_pct)
+    reasons = [Reason(f"yper_{reference.reading}", reading), _curve_reason(last.one)]
+    if last.two is not None and bool(last.two.stiction) != bool(last.one.stiction):
+        said = "finds stiction" if last.two.stiction else "finds none"
+        reasons.append(Reason("two_parameter_disagrees", f"the two-parameter valve model {said}"))
+    if reference.widenings:
+        said = "agreement was found" if reference.reliable else "the last one did not agree either"
+        reasons.append(
+            Reason("search_space_widened", f"the search space was widened {reference.widenings} times; {said}")
+        )
+    reasons.append(
+        Reason("reference_only", "verdict and probability come from the published rule alone and are not calibrated")
+    )
+    return tuple(reasons)
+
+
+def _curve_reason(one: OneParameterResult) -> Reason:
+    gain = 100.0 * rmse_gain(one)
+    if one.stiction:
+        text = f"a valve that sticks within d = {one.d_best:.4g} of OP predicts PV {gain:.3g} % better than a free one"
+        return Reason("rmse_least_with_stiction", text)
+    return Reason("rmse_least_without_stiction", f"no stiction band predicts PV better (the best by {gain:.3g} %)")

@@ -1,0 +1,292 @@
+"""The one place where an Audit becomes JSON: the audit line, its flat twin for tables, the arrays for storage."""
+
+from collections.abc import Iterable
+from datetime import UTC, datetime
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from app.engine.audit import Audit
+from app.engine.hammerstein import OneParameterResult, TwoParameterResult
+from app.engine.reliability import Rung
+from app.engine.yper import YperResult
+
+VerdictName = Literal["stiction", "no_stiction", "inconclusive", "not_auditable"]
+ReliabilityName = Literal["reliable", "not_reliable"]
+ReadingName = Literal["high_stiction", "high_no_stiction", "low_stiction", "low_no_stiction"]
+
+STORED_DIGITS = 5
+STORED_FREQUENCIES = 256
+
+
+class ReasonLine(BaseModel):
+    """Why a verdict or its reliability is what it is."""
+
+    code: str = Field(description="Stable code of the reason.")
+    text: str = Field(description="The reason as a sentence for an engineer.")
+
+
+class HammersteinLine(BaseModel):
+    """The Hammerstein identification of the last rung of the ladder; null where nothing was identified."""
+
+    d: float | None = Field(None, description="Stiction band of the one-parameter model, in units of OP; 0: none.")
+    S: float | None = Field(None, description="Deadband plus stickband of the two-parameter model, in units of OP.")
+    J: float | None = Field(None, description="Slip jump of the two-parameter valve model, in units of OP.")
+    na: int | None = Field(None, description="Order of A in A(q) y = B(q) v + C(q) e.")
+    nb: int | None = Field(None, description="Order of B.")
+    nc: int | None = Field(None, description="Order of C.")
+    rmse: float | None = Field(None, description="Root mean square of the one-step prediction error, in units of PV.")
+    rmse_without_stiction: float | None = Field(None, description="The same with a valve that follows OP (d = 0).")
+    search_space: tuple[int, int, int] | None = Field(None, description="Greatest na, nb and nc that were searched.")
+    widenings: int | None = Field(None, description="How many times the search space was widened.")
+
+
+class AuditFields(BaseModel):
+    """What the audit line and a row of the reliability table have in common."""
+
+    model_config = ConfigDict(frozen=True)
+
+    recording: str = Field(description="Name of the recording: its file name without suffix, or the loop's tag.")
+    loop: str = Field(description="Tag of the control loop.")
+    samples: int = Field(description="Samples of the recording.")
+    sampling_interval_s: float | None = Field(description="Sampling interval in seconds; null below two samples.")
+    verdict: VerdictName = Field(description="What is said about the valve.")
+    stiction_probability: float | None = Field(
+        description="Probability that the valve sticks, 0 to 1; null only with not_auditable.", ge=0, le=1
+    )
+    reliability: ReliabilityName = Field(description="Whether the verdict can be relied on.")
+    yper_pct: float | None = Field(
+        description="Yper in per cent, with PV and OP at unit standard deviation: free of their units."
+    )
+    yper_raw_pct: float | None = Field(description="Yper in per cent as published, which depends on the units.")
+    table2_reading: ReadingName | None = Field(description="Yper (high or low) and identification, read by table 2.")
+    stiction_band_pct_of_op_range: float | None = Field(
+        description="Stiction band d in per cent of the range that OP covers in the audited window."
+    )
+    likely_cause: str | None = Field(
+        description="Code of what probably drives the loop or spoils the record; null where nothing is known."
+    )
+    engine_version: str = Field(description="Version of the engine that made the audit.")
+    elapsed_s: float = Field(description="Time that the audit took, in seconds.")
+    oscillation_period_s: float | None = Field(description="Period of the loop's oscillation in seconds; null: none.")
+    oscillation_regularity: float | None = Field(description="Regularity of the oscillation; above 1 it is regular.")
+    filled_share: float | None = Field(description="Share of the audited samples that were interpolated, 0 to 1.")
+    input_fingerprint: str = Field(description="SHA-256 of the recording's samples.")
+    config_fingerprint: str = Field(description="SHA-256 of the configuration of the audit.")
+
+
+class AuditLine(AuditFields):
+    """One audited recording: a line of `audit --format jsonl`."""
+
+    reasons: list[ReasonLine] = Field(description="Why, the weightiest first.")
+    hammerstein: HammersteinLine = Field(description="The published identification.")
+    window_start_s: float | None = Field(description="Start of the audited window, seconds from the first sample.")
+    window_end_s: float | None = Field(description="End of the audited window, seconds from the first sample.")
+
+
+class ReliabilityRow(AuditFields):
+    """One loop in the per-loop reliability table: the audit line, flat, with where and when."""
+
+    unit: str | None = Field(description="Plant unit that the loop belongs to.")
+    window_start: str | None = Field(description="First audited sample, ISO 8601, UTC.")
+    window_end: str | None = Field(description="Last audited sample, ISO 8601, UTC.")
+    audited_at: str | None = Field(description="When the audit was made, ISO 8601, UTC.")
+    audit_id: str | None = Field(description="The audit run that this row comes from.")
+    reasons: str = Field(description="Codes of the reasons, separated by semicolons.")
+    reasons_text: str = Field(description="The reasons as sentences.")
+    hammerstein_d: float | None = Field(description="Stiction band d in units of OP; 0: none.")
+    hammerstein_S: float | None = Field(description="Deadband plus stickband S in units of OP.")
+    hammerstein_J: float | None = Field(description="Slip jump J in units of OP.")
+    hammerstein_na: int | None = Field(description="Order of A.")
+    hammerstein_nb: int | None = Field(description="Order of B.")
+    hammerstein_nc: int | None = Field(description="Order of C.")
+    hammerstein_rmse: float | None = Field(description="RMSE of the one-step prediction, in units of PV.")
+    hammerstein_rmse_without_stiction: float | None = Field(description="The same with d = 0, in units of PV.")
+    hammerstein_search_space: str | None = Field(description="Greatest na, nb and nc that were searched: 5x5x10.")
+    hammerstein_widenings: int | None = Field(description="How many times the search space was widened.")
+
+
+# The order of the contract first, then what was added to it.
+LINE_ORDER = (
+    "recording", "loop", "samples", "sampling_interval_s", "verdict", "stiction_probability", "reliability", "reasons",
+    "yper_pct", "yper_raw_pct", "table2_reading", "hammerstein", "stiction_band_pct_of_op_range", "likely_cause",
+    "engine_version", "elapsed_s", "oscillation_period_s", "oscillation_regularity", "window_start_s", "window_end_s",
+    "filled_share", "input_fingerprint", "config_fingerprint",
+)  # fmt: skip
+
+
+def audit_line(audit: Audit, elapsed_s: float, loop: str | None = None) -> dict[str, Any]:
+    """The line of `audit --format jsonl`, JSON-safe, None where unknown. `loop`: the recording's name by default."""
+    reference, judgement, window = audit.reference, audit.judgement, audit.window
+    oscillation = audit.oscillation
+    line = AuditLine(
+        recording=audit.recording,
+        loop=loop or audit.recording,
+        samples=audit.samples,
+        sampling_interval_s=_number(audit.sampling_interval_s),
+        verdict=judgement.verdict,
+        stiction_probability=_number(judgement.stiction_probability),
+        reliability=judgement.reliability,
+        reasons=[ReasonLine(code=reason.code, text=reason.text) for reason in judgement.reasons],
+        yper_pct=None if reference is None else _number(reference.yper.yper_pct),
+        yper_raw_pct=None if reference is None else _number(reference.yper_raw.yper_pct),
+        table2_reading=None if reference is None else reference.reading,
+        hammerstein=_hammerstein(audit),
+        stiction_band_pct_of_op_range=_number(audit.stiction_band_pct_of_op_range),
+        likely_cause=judgement.likely_cause,
+        engine_version=audit.engine_version,
+        elapsed_s=round(elapsed_s, 6),
+        oscillation_period_s=None if oscillation is None else _number(oscillation.period_s),
+        oscillation_regularity=None if oscillation is None else _number(oscillation.regularity),
+        window_start_s=None if window is None else window.start_s,
+        window_end_s=None if window is None else window.end_s,
+        filled_share=audit.fitness.filled_share,
+        input_fingerprint=audit.input_fingerprint,
+        config_fingerprint=audit.config_fingerprint,
+    ).model_dump(mode="json")
+    return {name: line[name] for name in LINE_ORDER}
+
+
+def reliability_row(
+    line: dict[str, Any],
+    *,
+    unit: str | None = None,
+    window_start: datetime | None = None,
+    window_end: datetime | None = None,
+    audited_at: datetime | None = None,
+    audit_id: str | None = None,
+) -> dict[str, Any]:
+    """The flat twin of an audit line, every value a number, a string or None. The times must know their zone."""
+    flat = {name: line[name] for name in AuditFields.model_fields}
+    hammerstein = {f"hammerstein_{name}": value for name, value in line["hammerstein"].items()}
+    space = line["hammerstein"]["search_space"]
+    hammerstein["hammerstein_search_space"] = None if space is None else "x".join(map(str, space))
+    reasons = line["reasons"]
+    return ReliabilityRow(
+        **flat,
+        **hammerstein,
+        unit=unit,
+        window_start=iso_utc(window_start),
+        window_end=iso_utc(window_end),
+        audited_at=iso_utc(audited_at),
+        audit_id=audit_id,
+        reasons=";".join(reason["code"] for reason in reasons),
+        reasons_text=". ".join(reason["text"] for reason in reasons),
+    ).model_dump(mode="json")
+
+
+def iso_utc(moment: datetime | None) -> str | None:
+    """2026-01-31T03:00:00Z, with milliseconds only where there are any."""
+    if moment is None:
+        return None
+    if moment.tzinfo is None:
+        raise ValueError("a time without a zone cannot be told in UTC")
+    utc = moment.astimezone(UTC).replace(tzinfo=None)
+    return utc.isoformat(timespec="milliseconds" if utc.microsecond else "seconds") + "Z"
+
+
+def detail(audit: Audit) -> dict[str, Any]:
+    """What the line leaves out, for storage and charts: findings, rungs with their curves and surfaces, spectra.
+
+    Numbers have five significant digits, spectra at most 256 lines (the highest of each group is kept).
+    """
+    reference = audit.reference
+    return {
+        "findings": [_finding(finding) for finding in audit.fitness.findings],
+        "window": None if audit.window is None else vars(audit.window),
+        "oscillation": None if audit.oscillation is None else _scalars(vars(audit.oscillation)),
+        "rungs": [] if reference is None else [_rung(rung) for rung in reference.rungs],
+        "spectra": None if reference is None else _spectra(reference.yper),
+    }
+
+
+def _hammerstein(audit: Audit) -> HammersteinLine:
+    if audit.reference is None:
+        return HammersteinLine()
+    rung = audit.reference.last
+    one, two = rung.one, rung.two
+    return HammersteinLine(
+        d=_number(one.d_best),
+        S=None if two is None else _number(two.S_best),
+        J=None if two is None else _number(two.J_best),
+        na=int(one.na[one.best]),
+        nb=int(one.nb[one.best]),
+        nc=int(one.nc[one.best]),
+        rmse=_number(one.rmse[one.best]),
+        rmse_without_stiction=_number(one.rmse_without_stiction),
+        search_space=_space(rung),
+        widenings=audit.reference.widenings,
+    )
+
+
+def _space(rung: Rung) -> tuple[int, int, int]:
+    return (rung.space.na_max, rung.space.nb_max, rung.space.nc_max)
+
+
+def _finding(finding: Any) -> dict[str, Any]:
+    return _scalars(vars(finding))
+
+
+def _rung(rung: Rung) -> dict[str, Any]:
+    return {
+        "search_space": list(_space(rung)),
+        "stiction": bool(rung.stiction),
+        "reading": rung.reading,
+        "agrees": bool(rung.agrees),
+        "one_parameter": _curve(rung.one),
+        "two_parameter": None if rung.two is None else _surface(rung.two),
+    }
+
+
+def _curve(one: OneParameterResult) -> dict[str, Any]:
+    return {
+        "d": _numbers(one.d),
+        "rmse": _numbers(one.rmse),
+        "aic": _numbers(one.aic),
+        "orders": np.stack([one.na, one.nb, one.nc], axis=1).tolist(),
+        "best": int(one.best),
+        "stiction": bool(one.stiction),
+    }
+
+
+def _surface(two: TwoParameterResult) -> dict[str, Any]:
+    return {
+        "S": _numbers(two.S),
+        "J": _numbers(two.J),
+        "rmse": _numbers(two.rmse),
+        "best": int(two.best),
+        "stiction": bool(two.stiction),
+    }
+
+
+def _spectra(yper: YperResult) -> dict[str, Any]:
+    groups = _groups(len(yper.frequency_hz))
+    amplitudes = (yper.pv_amplitude, yper.op_amplitude, yper.threshold_amplitude)
+    pv, op, threshold = (_numbers(np.maximum.reduceat(amplitude, groups)) for amplitude in amplitudes)
+    return {
+        "frequency_hz": _numbers(yper.frequency_hz[groups]),
+        "pv_amplitude": pv,
+        "op_amplitude": op,
+        "threshold_amplitude": threshold,
+        "significant": np.logical_or.reduceat(yper.significant, groups).tolist(),
+    }
+
+
+def _groups(count: int) -> np.ndarray:
+    """Where each group of neighbouring frequencies starts: at most STORED_FREQUENCIES groups."""
+    return np.unique(np.linspace(0, count, min(count, STORED_FREQUENCIES), endpoint=False).astype(int))
+
+
+def _scalars(values: dict[str, Any]) -> dict[str, Any]:
+    return {name: _number(value) if isinstance(value, float) else value for name, value in values.items()}
+
+
+def _number(value: float | None) -> float | None:
+    """A number that JSON can hold, or None."""
+    return None if value is None or not np.isfinite(value) else float(value)
+
+
+def _numbers(values: Iterable[float]) -> list[float | None]:
+    """Five significant digits are more than any chart shows, and a third of the bytes."""
+    return [None if not np.isfinite(value) else float(f"{value:.{STORED_DIGITS - 1}e}") for value in values]

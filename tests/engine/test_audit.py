@@ -1,0 +1,232 @@
+"""The whole way of a recording: the same answer every time, whatever the units, and an answer for whatever is sent."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from app.engine import ENGINE_VERSION
+from app.engine import audit as audit_module
+from app.engine.audit import Audit, AuditConfig, audit, newest
+from app.engine.fitness import FitnessConfig
+from app.engine.recording import Recording, UniformRecord
+from app.errors import DataError
+
+N = 500
+
+
+def sticky_loop(n: int = N) -> Recording:
+    """An integrating level under a valve that sticks: OP a triangle, PV driven by the square wave of the stem."""
+    t = np.arange(n, dtype=float)
+    stem = np.sign(np.sin(2 * np.pi * t / 50))
+    rng = np.random.default_rng(5)
+    pv = 40.0 + np.cumsum(stem) * 0.1 + 0.02 * rng.normal(size=n)
+    op = 55.0 + 2.0 / np.pi * np.arcsin(np.sin(2 * np.pi * (t - 12.5) / 50)) + 0.005 * rng.normal(size=n)
+    return Recording("level", t, pv, op, sp=np.full(n, 41.0))
+
+
+def quick() -> AuditConfig:
+    return AuditConfig()
+
+
+@pytest.fixture(scope="module")
+def answer() -> Audit:
+    return audit(sticky_loop(), quick())
+
+
+def said(result: Audit) -> tuple:
+    """What must not depend on units."""
+    judgement = result.judgement
+    codes = tuple(reason.code for reason in judgement.reasons)
+    return (judgement.verdict, judgement.reliability, codes, judgement.likely_cause, result.window)
+
+
+def test_an_audit_has_an_answer_and_what_makes_it_again(answer):
+    assert answer.judgement.verdict in ("stiction", "no_stiction")
+    assert 0.0 < answer.judgement.stiction_probability < 1.0
+    assert (answer.recording, answer.samples, answer.sampling_interval_s) == ("level", N, 1.0)
+    assert (answer.window.start_s, answer.window.end_s, answer.window.samples) == (0.0, N - 1.0, N)
+    assert answer.input_fingerprint == sticky_loop().fingerprint()
+    assert answer.config_fingerprint == quick().fingerprint()
+    assert answer.engine_version == ENGINE_VERSION
+
+
+def test_probability_stands_on_the_side_of_the_verdict(answer):
+    assert (answer.judgement.stiction_probability > 0.5) == (answer.judgement.verdict == "stiction")
+
+
+def test_reasons_name_table_2_and_the_published_rule(answer):
+    codes = [reason.code for reason in answer.judgement.reasons]
+    assert codes[0] == f"yper_{answer.reference.reading}"
+    assert "reference_only" in codes
+
+
+def test_the_same_recording_gives_the_same_answer(answer):
+    again = audit(sticky_loop(), quick())
+    assert said(again) == said(answer)
+    assert again.judgement == answer.judgement
+    np.testing.assert_array_equal(again.reference.last.one.rmse, answer.reference.last.one.rmse)
+
+
+@pytest.mark.parametrize(
+    ("pv_scale", "pv_offset", "op_scale", "op_offset"),
+    [
+        (1.0, 0.0, -1.0, 0.0),
+        (-1.0, 0.0, 1.0, 0.0),
+        (1.8, 32.0, 0.16, 4.0),
+        (1e-5, 0.0, 1e5, 1e5),
+        (-3e6, 1e6, -0.01, 7.0),
+    ],
+)
+def test_sign_scale_and_offset_change_no_verdict(answer, pv_scale, pv_offset, op_scale, op_offset):
+    loop = sticky_loop()
+    other = Recording("level", loop.time_s, loop.pv * pv_scale + pv_offset, loop.op * op_scale + op_offset)
+    result = audit(other, quick())
+    assert said(result) == said(answer)
+    assert result.judgement.stiction_probability == pytest.approx(answer.judgement.stiction_probability, abs=1e-6)
+    assert result.stiction_band_pct_of_op_range == pytest.approx(answer.stiction_band_pct_of_op_range, rel=1e-6)
+    assert result.reference.last.one.d_best == pytest.approx(answer.reference.last.one.d_best * abs(op_scale), rel=1e-6)
+
+
+def test_the_start_of_time_changes_nothing(answer):
+    loop = sticky_loop()
+    later = audit(Recording("level", loop.time_s + 86400.0, loop.pv, loop.op, sp=loop.sp), quick())
+    assert later.judgement == answer.judgement
+    assert later.window == answer.window
+
+
+def test_inputs_are_not_changed():
+    loop = sticky_loop()
+    for signal in (loop.time_s, loop.pv, loop.op, loop.sp):
+        signal.flags.writeable = False
+    audit(loop, quick())
+    assert loop.fingerprint() == sticky_loop().fingerprint()
+
+
+def test_an_audit_travels_between_processes(answer):
+    copy = pickle.loads(pickle.dumps(answer))  # noqa: S301
+    assert copy.judgement == answer.judgement
+
+
+HOSTILE = {
+    "empty": (np.zeros(0), np.zeros(0)),
+    "one sample": (np.ones(1), np.ones(1)),
+    "three samples": (np.arange(3.0), np.arange(3.0)),
+    "all missing": (np.full(N, np.nan), np.full(N, np.nan)),
+    "all infinite": (np.full(N, np.inf), np.arange(N, dtype=float)),
+    "all huge": (np.linspace(1e300, 1e308, N), np.sin(np.arange(N))),
+    "constant": (np.full(N, 3.3), np.full(N, 50.0)),
+    "dead transmitter": (np.full(N, 3.3), np.sin(np.arange(N) / 9)),
+    "manual": (np.sin(np.arange(N) / 9), np.full(N, 50.0)),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_what_cannot_be_audited_is_answered_with_the_reason(name):
+    pv, op = HOSTILE[name]
+    result = audit(Recording(name, np.arange(len(pv), dtype=float), pv, op))
+    assert result.judgement.verdict == "not_auditable"
+    assert result.judgement.stiction_probability is None
+    assert result.judgement.reliability == "not_reliable"
+    assert result.judgement.reasons
+    assert result.reference is None
+
+
+@pytest.mark.parametrize(
+    ("pv", "op", "code", "cause"),
+    [
+        (np.full(N, 3.3), np.sin(np.arange(N) / 9), "pv_flat", "stuck_valve_or_dead_transmitter"),
+        (np.sin(np.arange(N) / 9), np.full(N, 50.0), "op_flat", "controller_not_acting"),
+    ],
+)
+def test_what_spoiled_the_record_is_the_likely_cause(pv, op, code, cause):
+    judgement = audit(Recording("x", np.arange(N, dtype=float), pv, op)).judgement
+    assert ([reason.code for reason in judgement.reasons], judgement.likely_cause) == ([code], cause)
+
+
+ODD = {
+    "spike": lambda pv, op: (np.where(np.arange(N) == 77, 1e9, pv), op),
+    "two levels": (lambda pv, op: (np.where(pv > pv.mean(), 1.0, 0.0), op)),
+    "PV is OP": lambda pv, op: (op, op),
+    "PV on a line with OP": lambda pv, op: (7.0 - 3.0 * op, op),
+    "white noise": lambda pv, op: (np.random.default_rng(1).normal(size=N), np.random.default_rng(2).normal(size=N)),
+    "ramp": lambda pv, op: (np.linspace(0.0, 1.0, N), np.linspace(0.0, 1.0, N) ** 2),
+    "pure sine": lambda pv, op: (np.sin(np.arange(N) / 8), np.cos(np.arange(N) / 8)),
+    "tiny": lambda pv, op: (pv * 1e-80, op * 1e-80),
+    "large": lambda pv, op: (pv * 1e80, op * 1e80),
+    "far from zero": lambda pv, op: (pv * 1e-6 + 1e6, op),
+    "every third missing": lambda pv, op: (np.where(np.arange(N) % 3 == 1, np.nan, pv), op),
+    "on and off": lambda pv, op: (pv, np.where(op > op.mean(), 100.0, 0.0)),
+}
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_odd_records_are_answered(name):
+    loop = sticky_loop()
+    pv, op = ODD[name](loop.pv, loop.op)
+    judgement = audit(Recording(name, loop.time_s, pv, op), quick()).judgement
+    assert judgement.reasons
+    assert (judgement.stiction_probability is None) == (judgement.verdict == "not_auditable")
+
+
+def test_sampling_at_random_times_is_answered():
+    loop = sticky_loop()
+    t = np.cumsum(np.random.default_rng(4).exponential(size=N))
+    result = audit(Recording("x", t, loop.pv, loop.op), quick())
+    assert result.judgement.reasons
+
+
+def test_an_engine_that_cannot_use_the_record_is_an_answer(monkeypatch):
+    def refuse(*_):
+        raise DataError("too_few_samples", "12 samples, 200 are needed")
+
+    monkeypatch.setattr(audit_module, "climb", refuse)
+    judgement = audit(sticky_loop(), quick()).judgement
+    assert (judgement.verdict, [r.code for r in judgement.reasons]) == ("not_auditable", ["too_few_samples"])
+
+
+def test_a_fault_of_ours_is_not_hidden(monkeypatch):
+    def fail(*_):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(audit_module, "climb", fail)
+    with pytest.raises(ZeroDivisionError):
+        audit(sticky_loop(), quick())
+
+
+def test_doubts_about_the_record_are_among_the_reasons():
+    loop = sticky_loop()
+    coarse = Recording("level", loop.time_s, np.round(loop.pv), loop.op)
+    assert "pv_quantised" in [reason.code for reason in audit(coarse, quick()).judgement.reasons]
+
+
+def test_long_records_are_identified_on_their_newest_samples():
+    loop = sticky_loop(900)
+    result = audit(loop, AuditConfig(max_samples=400))
+    assert (result.samples, result.fitness.record.samples) == (900, 900)
+    assert (result.window.start_s, result.window.end_s, result.window.samples) == (500.0, 899.0, 400)
+
+
+def test_newest():
+    record = UniformRecord(2.0, np.arange(5.0), np.arange(5.0), None, np.zeros(5, dtype=bool), start_s=10.0)
+    assert newest(record, 5) is record
+    cut = newest(record, 2)
+    assert (cut.pv.tolist(), cut.start_s, cut.sp) == ([3.0, 4.0], 16.0, None)
+
+
+def test_configurations_are_told_apart():
+    base = AuditConfig()
+    other = AuditConfig(fitness=FitnessConfig(min_samples=101))
+    assert base.fingerprint() == AuditConfig().fingerprint()
+    assert base.fingerprint() != other.fingerprint()
+
+
+def test_a_configuration_can_be_read_back():
+    config = AuditConfig(max_samples=700, fitness=FitnessConfig(flat_share=0.4))
+    assert AuditConfig.from_json(config.canonical_json()) == config
+    assert AuditConfig.from_json('{"max_samples": 700}') == AuditConfig(max_samples=700)
+
+
+def test_an_unknown_setting_is_refused():
+    with pytest.raises(DataError, match=r"no setting fitness\.colour"):
+        AuditConfig.from_json('{"fitness": {"colour": 1}}')

@@ -1,0 +1,135 @@
+"""The audit line in the form that scripts and dashboards rely on."""
+
+import json
+from datetime import UTC, datetime, timedelta, timezone
+
+import numpy as np
+import pytest
+
+from app.engine.audit import audit
+from app.engine.recording import Recording
+from app.services.audit_line import AuditLine, ReliabilityRow, audit_line, detail, iso_utc, reliability_row
+
+CONTRACT = [
+    "recording", "loop", "samples", "sampling_interval_s", "verdict", "stiction_probability", "reliability", "reasons",
+    "yper_pct", "yper_raw_pct", "table2_reading", "hammerstein", "stiction_band_pct_of_op_range", "likely_cause",
+    "engine_version", "elapsed_s",
+]  # fmt: skip
+HAMMERSTEIN = ["d", "S", "J", "na", "nb", "nc", "rmse", "rmse_without_stiction", "search_space", "widenings"]
+
+
+def recording(n: int = 400, pv_scale: float = 1.0) -> Recording:
+    t = np.arange(n, dtype=float)
+    noise = np.random.default_rng(1).normal(size=(2, n))
+    pv = 20.0 + np.sin(2 * np.pi * t / 40) + 0.05 * noise[0]
+    op = 50.0 + 5.0 * np.cos(2 * np.pi * t / 40) + 0.05 * noise[1]
+    return Recording("FC101", t, pv * pv_scale, op)
+
+
+@pytest.fixture(scope="module")
+def audited():
+    return audit(recording())
+
+
+@pytest.fixture(scope="module")
+def refused():
+    return audit(recording(pv_scale=0.0))
+
+
+def test_line_has_the_fields_of_the_contract_in_their_order(audited):
+    line = audit_line(audited, 0.05)
+    assert list(line)[: len(CONTRACT)] == CONTRACT
+    assert list(line["hammerstein"]) == HAMMERSTEIN
+    assert (line["recording"], line["loop"]) == ("FC101", "FC101")
+    assert (line["samples"], line["sampling_interval_s"]) == (400, 1.0)
+    assert line["elapsed_s"] == 0.05
+
+
+def test_line_of_an_audited_recording_leaves_no_key_figure_out(audited):
+    line = audit_line(audited, 0.05, loop="FC-101")
+    assert line["loop"] == "FC-101"
+    assert line["table2_reading"] == audited.reference.reading
+    one = audited.reference.last.one
+    hammerstein = line["hammerstein"]
+    assert hammerstein["d"] == one.d_best
+    assert hammerstein["na"] == one.na[one.best]
+    assert hammerstein["nc"] == one.nc[one.best]
+    assert len(hammerstein["search_space"]) == 3
+    assert hammerstein["S"] is not None
+    assert line["stiction_band_pct_of_op_range"] == pytest.approx(100 * one.d_best / np.ptp(recording().op))
+
+
+def test_line_of_a_refused_recording_is_null_where_nothing_is_known(refused):
+    line = audit_line(refused, 0.001)
+    assert (line["verdict"], line["reliability"]) == ("not_auditable", "not_reliable")
+    assert line["stiction_probability"] is None
+    assert set(line["hammerstein"].values()) == {None}
+    assert [reason["code"] for reason in line["reasons"]] == ["pv_flat"]
+    assert line["likely_cause"] == "stuck_valve_or_dead_transmitter"
+
+
+@pytest.mark.parametrize("which", ["audited", "refused"])
+def test_everything_is_json_without_nan(which, request):
+    answer = request.getfixturevalue(which)
+    for part in (audit_line(answer, 0.1), reliability_row(audit_line(answer, 0.1)), detail(answer)):
+        assert json.loads(json.dumps(part, allow_nan=False)) == part
+
+
+def test_infinite_figures_become_null():
+    empty = audit(Recording("x", np.zeros(0), np.zeros(0), np.zeros(0)))
+    line = audit_line(empty, 0.0)
+    assert (line["samples"], line["sampling_interval_s"]) == (0, None)
+    assert json.dumps(line, allow_nan=False)
+
+
+@pytest.mark.parametrize("which", ["audited", "refused"])
+def test_row_is_flat(which, request):
+    line = audit_line(request.getfixturevalue(which), 0.1)
+    row = reliability_row(line, unit="U200", audited_at=datetime(2026, 1, 31, 3, tzinfo=UTC), audit_id="17")
+    assert all(value is None or isinstance(value, (str, int, float)) for value in row.values())
+    assert {f"hammerstein_{name}" for name in HAMMERSTEIN} <= set(row)
+    assert set(CONTRACT) - {"hammerstein"} <= set(row)
+    assert row["hammerstein_d"] == line["hammerstein"]["d"]
+    assert (row["unit"], row["audited_at"], row["audit_id"]) == ("U200", "2026-01-31T03:00:00Z", "17")
+    assert row["reasons"].split(";") == [reason["code"] for reason in line["reasons"]]
+
+
+def test_search_space_in_a_row_is_one_word(audited):
+    line = audit_line(audited, 0.1)
+    assert reliability_row(line)["hammerstein_search_space"] == "x".join(map(str, line["hammerstein"]["search_space"]))
+
+
+def test_every_field_says_what_it_is():
+    for model in (AuditLine, ReliabilityRow):
+        for name, schema in model.model_json_schema()["properties"].items():
+            assert schema.get("description"), f"{model.__name__}.{name}"
+
+
+def test_line_fits_its_own_model(audited):
+    line = audit_line(audited, 0.1)
+    assert AuditLine.model_validate(line).model_dump(mode="json") == line
+    assert set(line) == set(AuditLine.model_fields)
+
+
+def test_times_are_told_in_utc():
+    vienna = timezone(timedelta(hours=1))
+    assert iso_utc(datetime(2026, 1, 31, 4, 0, 0, 250000, tzinfo=vienna)) == "2026-01-31T03:00:00.250Z"
+    assert iso_utc(None) is None
+    with pytest.raises(ValueError, match="without a zone"):
+        iso_utc(datetime(2026, 1, 31))
+
+
+def test_detail_keeps_curves_surface_spectra_and_findings(audited):
+    stored = detail(audited)
+    rung = stored["rungs"][-1]
+    one, two = audited.reference.last.one, audited.reference.last.two
+    np.testing.assert_allclose(rung["one_parameter"]["rmse"], one.rmse, rtol=1e-4)
+    np.testing.assert_allclose(rung["two_parameter"]["rmse"], two.rmse, rtol=1e-4)
+    assert len(rung["search_space"]) == 3
+    assert len(stored["spectra"]["frequency_hz"]) == 200
+    assert {finding["code"] for finding in stored["findings"]} >= {"pv_flat", "op_flat", "gaps", "few_cycles"}
+
+
+def test_spectra_are_thinned_to_what_a_chart_shows():
+    spectra = detail(audit(recording(3000)))["spectra"]
+    assert {len(values) for values in spectra.values()} == {256}
