@@ -1,0 +1,75 @@
+"""What drives a simulated loop from outside: set-point programmes, loads, drifts, waves and coloured noise."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy import signal
+
+from app.engine.recording import FloatArray
+
+WaveForm = Literal["sine", "square", "triangle"]
+
+
+@dataclass(frozen=True)
+class Wave:
+    """A periodic part: its amplitude (half of peak to peak, in the unit of the signal), period and phase."""
+
+    amplitude: float
+    period_s: float
+    form: WaveForm = "sine"
+    phase_rad: float = 0.0
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A signal over time: value + steps + waves + drift + coloured noise.
+
+    value: the constant part, in the signal's unit.
+    steps: (time in s, change) pairs; each change stays from its time on.
+    waves: periodic parts, added up.
+    drift_per_s: slope in unit per s from time zero on.
+    noise_sd: standard deviation of the stationary noise; 0 for none.
+    noise_tau_s: its correlation time in s (first-order coloured); 0 for white.
+    """
+
+    value: float = 0.0
+    steps: tuple[tuple[float, float], ...] = ()
+    waves: tuple[Wave, ...] = ()
+    drift_per_s: float = 0.0
+    noise_sd: float = 0.0
+    noise_tau_s: float = 0.0
+
+    def sample(self, time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """(N,) values at time_s: (N,) in s, uniformly spaced; rng is used for the noise only."""
+        # A sum of step sizes rather than a tolerance-free comparison would miss a step that falls on a sample.
+        half = 0.5 * (time_s[1] - time_s[0]) if len(time_s) > 1 else 0.0
+        out = np.full(len(time_s), self.value)
+        for at_s, change in self.steps:
+            out[time_s > at_s - half] += change
+        for wave in self.waves:
+            out += wave.amplitude * _form(wave, time_s)
+        if self.drift_per_s:
+            out += self.drift_per_s * time_s
+        if self.noise_sd:
+            out += _coloured(self, time_s, rng)
+        return out
+
+
+def _form(wave: Wave, time_s: FloatArray) -> FloatArray:
+    angle = 2.0 * np.pi * time_s / wave.period_s + wave.phase_rad
+    if wave.form == "sine":
+        return np.sin(angle)
+    if wave.form == "square":
+        # Half-open halves: a sample that falls on an edge belongs to what follows, whatever the rounding.
+        return np.where(np.mod(angle + 1e-9, 2.0 * np.pi) < np.pi, 1.0, -1.0)
+    return signal.sawtooth(angle + 0.5 * np.pi, width=0.5)
+
+
+def _coloured(spec: Signal, time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
+    white = rng.standard_normal(len(time_s))
+    if not spec.noise_tau_s or len(time_s) < 2:
+        return spec.noise_sd * white
+    pole = np.exp(-(time_s[1] - time_s[0]) / spec.noise_tau_s)
+    white[1:] *= np.sqrt(1.0 - pole**2)  # the first sample is drawn from the stationary distribution
+    return spec.noise_sd * signal.lfilter([1.0], [1.0, -pole], white)
