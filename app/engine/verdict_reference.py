@@ -25,6 +25,9 @@ READINGS = {
     "finds stiction: by table 2 the verdict is not reliable, the search space may be too small",
 }
 
+# An uncalibrated rule never claims to be surer than some 2,000 to 1.
+LARGEST_LOG_ODDS = 7.6
+
 
 @dataclass(frozen=True)
 class ReferenceVerdictConfig:
@@ -33,22 +36,22 @@ class ReferenceVerdictConfig:
     gain_scale: relative reduction of the RMSE by the valve model that moves the log-odds by one.
     yper_weight: log-odds for a factor e in Yper. yper_pivot_pct: Yper, with both signals at unit standard deviation,
     that speaks neither for nor against.
-    least_lean: how far from 0.5 the probability stays on the side of the verdict.
     """
 
     gain_scale: float = 0.02
     yper_weight: float = 0.5
     yper_pivot_pct: float = 10.0
-    least_lean: float = 0.01
 
 
 def judge(reference: Reference, config: ReferenceVerdictConfig | None = None) -> Judgement:
     """Verdict and reliability by the published rule and table 2, from the last rung of the ladder.
 
     The rule has no probability. The one given here orders recordings by their evidence: it grows with the relative RMSE
-    gain of the valve model (negative where the best d is zero) and with Yper, stays on the side of the verdict, and is
-    not calibrated: 0.9 does not mean nine in ten. Misleads where the paper's remarks 4.1 to 4.3 say: disturbances and
-    other nonlinearities raise Yper too, and the noise model of a noisy record wins the one-step prediction.
+    gain of the valve model (negative where the best d is zero) and with Yper, is above 0.5 with the verdict "stiction"
+    and below with "no_stiction", and is not calibrated: 0.9 does not mean nine in ten.
+
+    Misleads where the paper's remarks 4.1 to 4.3 say: disturbances and other nonlinearities raise Yper too, and the
+    noise model of a noisy record wins the one-step prediction.
     """
     config = config or ReferenceVerdictConfig()
     stiction = reference.last.stiction
@@ -75,10 +78,8 @@ def _probability(reference: Reference, stiction: bool, config: ReferenceVerdictC
     # 0.01 % keeps the logarithm finite; so little is nothing.
     yper = math.log(max(reference.yper.yper_pct, 0.01) / config.yper_pivot_pct)
     log_odds = rmse_gain(reference.last.one) / config.gain_scale + config.yper_weight * yper
-    probability = 0.5 * (1.0 + math.tanh(0.5 * log_odds))
-    if stiction:
-        return max(probability, 0.5 + config.least_lean)
-    return min(probability, 0.5 - config.least_lean)
+    lean = 1.0 / (1.0 + math.exp(-min(max(log_odds, -LARGEST_LOG_ODDS), LARGEST_LOG_ODDS)))
+    return 0.5 * (lean + 1.0) if stiction else 0.5 * lean
 
 
 def _reasons(reference: Reference) -> tuple[Reason, ...]:

@@ -30,16 +30,16 @@ class ReasonLine(BaseModel):
 class HammersteinLine(BaseModel):
     """The Hammerstein identification of the last rung of the ladder; null where nothing was identified."""
 
-    d: float | None = Field(None, description="Stiction band of the one-parameter model, in units of OP; 0: none.")
-    S: float | None = Field(None, description="Deadband plus stickband of the two-parameter model, in units of OP.")
-    J: float | None = Field(None, description="Slip jump of the two-parameter valve model, in units of OP.")
-    na: int | None = Field(None, description="Order of A in A(q) y = B(q) v + C(q) e.")
-    nb: int | None = Field(None, description="Order of B.")
-    nc: int | None = Field(None, description="Order of C.")
-    rmse: float | None = Field(None, description="Root mean square of the one-step prediction error, in units of PV.")
-    rmse_without_stiction: float | None = Field(None, description="The same with a valve that follows OP (d = 0).")
-    search_space: tuple[int, int, int] | None = Field(None, description="Greatest na, nb and nc that were searched.")
-    widenings: int | None = Field(None, description="How many times the search space was widened.")
+    d: float | None = Field(description="Stiction band of the one-parameter model, in units of OP; 0: none.")
+    S: float | None = Field(description="Deadband plus stickband of the two-parameter model, in units of OP.")
+    J: float | None = Field(description="Slip jump of the two-parameter valve model, in units of OP.")
+    na: int | None = Field(description="Order of A in A(q) y = B(q) v + C(q) e.")
+    nb: int | None = Field(description="Order of B.")
+    nc: int | None = Field(description="Order of C.")
+    rmse: float | None = Field(description="Root mean square of the one-step prediction error, in units of PV.")
+    rmse_without_stiction: float | None = Field(description="The same with a valve that follows OP (d = 0).")
+    search_space: tuple[int, int, int] | None = Field(description="Greatest na, nb and nc that were searched.")
+    widenings: int | None = Field(description="How many times the search space was widened.")
 
 
 class AuditFields(BaseModel):
@@ -203,7 +203,7 @@ def detail(audit: Audit) -> dict[str, Any]:
 
 def _hammerstein(audit: Audit) -> HammersteinLine:
     if audit.reference is None:
-        return HammersteinLine()
+        return HammersteinLine.model_validate(dict.fromkeys(HammersteinLine.model_fields))
     rung = audit.reference.last
     one, two = rung.one, rung.two
     return HammersteinLine(
