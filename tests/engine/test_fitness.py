@@ -170,6 +170,24 @@ def test_late_scans_are_taken_as_they_are():
     assert fitness.record.sampling_interval_s == pytest.approx(1.0, abs=1e-3)
 
 
+def test_signals_stamped_at_different_times_are_brought_together():
+    good, rows = cycling(), np.arange(N)
+    pv = np.where(rows % 2 == 0, good.pv, np.nan)
+    op = np.where(rows % 4 == 1, good.op, np.nan)
+    fitness = assess(cycling(pv=pv, op=op))
+    assert fitness.auditable
+    assert (fitness.record.samples, fitness.record.sampling_interval_s) == (N // 4, 4.0)
+    np.testing.assert_array_equal(fitness.record.op, good.op[1::4])
+    np.testing.assert_allclose(fitness.record.pv, (good.pv[0:-2:4] + good.pv[2::4]) / 2)
+    assert "PV is interpolated" in fitness.findings[1].text
+
+
+def test_signals_that_never_overlap_in_time_are_not_brought_together():
+    good, rows = cycling(), np.arange(N)
+    fitness = assess(cycling(pv=np.where(rows < 200, good.pv, np.nan), op=np.where(rows >= 200, good.op, np.nan)))
+    assert refused(fitness) == ["missing_values"]
+
+
 def test_set_point_with_holes_is_completed_and_one_without_values_is_none():
     sp = np.full(N, 20.0)
     sp[5:50] = np.nan

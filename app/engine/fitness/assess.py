@@ -6,6 +6,7 @@ import numpy as np
 
 from app.engine.evidence import Finding
 from app.engine.fitness import checks
+from app.engine.fitness.align import Aligned, align
 from app.engine.fitness.config import FitnessConfig
 from app.engine.fitness.resample import is_regular, to_uniform, typical_interval
 from app.engine.fitness.signals import longest_run, run_lengths, usable_values
@@ -75,14 +76,15 @@ def assess(recording: Recording, config: FitnessConfig | None = None) -> Fitness
     the unit, scale, offset or sign of PV or OP, nor on where time starts.
     """
     config = config or FitnessConfig()
-    samples, both = _measured(recording)
+    aligned = align(recording, config)
+    samples, both = _samples(recording, aligned), aligned.both
     automatic_share = None if samples.automatic is None or not len(samples) else float(np.mean(samples.automatic))
     missing_share = 1.0 - float(np.mean(both)) if len(both) else 0.0
     fitness = Fitness((), None, missing_share, automatic_share, None, 0)
     length = checks.check_length(recording.samples, config)
     if length.outcome == "fail":
         return _stopped(fitness, (length,), ("missing_values", *LATER_CHECKS))
-    found = (length, checks.check_missing(both, config))
+    found = (length, checks.check_missing(both, aligned.interpolated, config))
     if len(samples) < config.min_samples:
         return _stopped(fitness, found, LATER_CHECKS)
     return _assess_stretches(recording, samples, replace(fitness, findings=found), config)
@@ -100,13 +102,12 @@ def with_cycles(fitness: Fitness, oscillation: Oscillation, config: FitnessConfi
     return replace(fitness, findings=fitness.findings + added)
 
 
-def _measured(recording: Recording) -> tuple[_Samples, BoolArray]:
-    both = usable_values(recording.pv) & usable_values(recording.op) & usable_values(recording.time_s)
+def _samples(recording: Recording, aligned: Aligned) -> _Samples:
     sp = None
     if recording.sp is not None:
         sp = np.where(usable_values(recording.sp), recording.sp, np.nan)
     automatic = None if recording.automatic is None else np.asarray(recording.automatic, dtype=bool)
-    return _Samples(recording.time_s, recording.pv, recording.op, sp, automatic).part(both), both
+    return _Samples(recording.time_s, aligned.pv, aligned.op, sp, automatic).part(aligned.both)
 
 
 def _assess_stretches(recording: Recording, samples: _Samples, fitness: Fitness, config: FitnessConfig) -> Fitness:

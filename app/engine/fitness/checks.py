@@ -28,10 +28,12 @@ def check_length(samples: int, config: FitnessConfig) -> Finding:
     return _finding("too_short", enough, text, samples, config.min_samples, "samples")
 
 
-def check_missing(both: BoolArray, config: FitnessConfig) -> Finding:
-    """both: (N,) True where PV and OP have a value."""
+def check_missing(both: BoolArray, interpolated: str | None, config: FitnessConfig) -> Finding:
+    """both: (N,) True where PV and OP have a value. interpolated: the signal that was brought to the other's times."""
     usable, share = int(np.sum(both)), 1.0 - float(np.mean(both))
     text = f"PV and OP both have a value in {usable} of {len(both)} samples, at least {config.min_samples} are needed"
+    if interpolated is not None:
+        text += f"; they were stamped at different times, {interpolated} is interpolated"
     return _finding("missing_values", usable >= config.min_samples, text, share, None, "share")
 
 
