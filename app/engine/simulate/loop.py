@@ -137,7 +137,9 @@ def _multiple(sampling_interval_s: float, step_s: float) -> int:
 
 
 def _driven(spec: LoopSpec, time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
-    rows = [signal.sample(time_s, rng) for signal in (spec.sp, spec.load, spec.upset, spec.noise)]
+    # A stream for each signal: the noise of one stays what it is when another one's, or the length, is changed.
+    signals = (spec.sp, spec.load, spec.upset, spec.noise)
+    rows = [signal.sample(time_s, stream) for signal, stream in zip(signals, rng.spawn(4), strict=True)]
     rows[0] += spec.pv_start
     return np.array(rows)
 

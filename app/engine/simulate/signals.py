@@ -42,15 +42,15 @@ class Signal:
 
     def sample(self, time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
         """(N,) values at time_s: (N,) in s, uniformly spaced; rng is used for the noise only."""
-        # A sum of step sizes rather than a tolerance-free comparison would miss a step that falls on a sample.
-        half = 0.5 * (time_s[1] - time_s[0]) if len(time_s) > 1 else 0.0
+        # A step that falls on a sample must be seen by that sample, whatever the rounding of its time.
+        slack = 1e-6 * (time_s[1] - time_s[0]) if len(time_s) > 1 else 0.0
         out = np.full(len(time_s), self.value)
         for at_s, change in self.steps:
-            out[time_s > at_s - half] += change
+            out[time_s >= at_s - slack] += change
         for wave in self.waves:
             out += wave.amplitude * _form(wave, time_s)
         if self.drift_per_s:
-            out += self.drift_per_s * time_s
+            out += self.drift_per_s * np.maximum(time_s, 0.0)
         if self.noise_sd:
             out += _coloured(self, time_s, rng)
         return out
