@@ -1,0 +1,98 @@
+"""Gram matrices of lagged signals, from one row and one column of correlations and exact corrections at the edges."""
+
+from numba import njit
+
+from app.engine.recording import FloatArray
+
+# A dot product runs in vector registers only if its sum may be taken in another order; nothing else is relaxed.
+_REORDERED_SUMS = {"reassoc", "contract"}
+
+
+@njit(cache=True, nogil=True, fastmath=_REORDERED_SUMS)
+def lagged_dot(x: FloatArray, y: FloatArray, i: int, j: int, first: int) -> float:
+    """The sum of x(t - i) y(t - j) over t = first..N-1."""
+    # Slices, because an index with an offset is checked for its sign at every sample and keeps out of vector registers.
+    late_x, late_y = x[first - i : len(x) - i], y[first - j : len(y) - j]
+    total = 0.0
+    for t in range(len(late_y)):
+        total += late_x[t] * late_y[t]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def add_lagged(out: FloatArray, weight: float, x: FloatArray, lag: int, first: int) -> None:
+    """out(t) += weight x(t - lag) for t = first..N-1."""
+    late_out, late_x = out[first:], x[first - lag : len(x) - lag]
+    for t in range(len(late_out)):
+        late_out[t] += weight * late_x[t]
+
+
+@njit(cache=True, nogil=True)
+def fill_lagged_gram(
+    gram: FloatArray, row: int, column: int, x: FloatArray, y: FloatArray, lags: tuple, first: int
+) -> None:
+    """Writes sum x(t - i) y(t - j), t = first..N-1, for lags i of x and j of y at gram[row + i - i0, column + j - j0].
+
+    lags: (i0, rows, j0, columns), all lags at most `first`. Only the first row and column are summed: both lags one
+    further is the same sum over samples one earlier, so two products correct it at the edges.
+    """
+    i0, rows, j0, columns = lags
+    end = len(y)
+    if rows == 0 or columns == 0:
+        return
+    for j in range(columns):
+        gram[row, column + j] = lagged_dot(x, y, i0, j0 + j, first)
+    for i in range(1, rows):
+        gram[row + i, column] = lagged_dot(x, y, i0 + i, j0, first)
+        for j in range(1, columns):
+            p, q = i0 + i, j0 + j
+            gram[row + i, column + j] = (
+                gram[row + i - 1, column + j - 1] + x[first - p] * y[first - q] - x[end - p] * y[end - q]
+            )
+
+
+@njit(cache=True, nogil=True)
+def eliminate(gram: FloatArray, k: int, size: int, floor: float) -> None:
+    """Takes column k out of the columns after it (one step of a Cholesky factorisation, upper triangle, in place).
+
+    gram[j, j] for j > k then is the residual sum of squares of column j given columns 0..k. A column whose own residual
+    is not above `floor` adds nothing that those before it do not say: its pivot is set to 0 and it is left out.
+    """
+    pivot = gram[k, k]
+    if not pivot > floor:
+        gram[k, k] = 0.0
+        return
+    for i in range(k + 1, size):
+        factor = gram[k, i] / pivot
+        for j in range(i, size):
+            gram[i, j] -= factor * gram[k, j]
+
+
+@njit(cache=True, nogil=True)
+def back_substitute(gram: FloatArray, size: int, coefficients: FloatArray) -> None:
+    """The coefficients of columns 0..size-2 for the last column, after `eliminate`; 0 for those left out."""
+    target = size - 1
+    for k in range(target - 1, -1, -1):
+        coefficients[k] = 0.0
+        if gram[k, k] > 0.0:
+            rest = gram[k, target]
+            for j in range(k + 1, target):
+                rest -= gram[k, j] * coefficients[j]
+            coefficients[k] = rest / gram[k, k]
+
+
+@njit(cache=True, nogil=True)
+def solve_least_squares(
+    gram: FloatArray, size: int, tolerance: float, diagonal: FloatArray, coefficients: FloatArray
+) -> float:
+    """Coefficients of the last column on those before it, in place; returns the residual sum of squares (at least 0).
+
+    gram: (size, size) upper triangle, destroyed. tolerance: a column whose residual is below this share of its own sum
+    of squares is left out. diagonal: (size,) room to work.
+    """
+    for k in range(size):
+        diagonal[k] = gram[k, k]
+    for k in range(size - 1):
+        eliminate(gram, k, size, tolerance * diagonal[k])
+    back_substitute(gram, size, coefficients)
+    return max(gram[size - 1, size - 1], 0.0)

@@ -1,0 +1,189 @@
+"""Hannan and Rissanen's order search, compiled: one Gram matrix a valve position, all orders from nested factors."""
+
+import numpy as np
+from numba import njit
+
+from app.engine.armax.gram import add_lagged, eliminate, fill_lagged_gram, lagged_dot, solve_least_squares
+from app.engine.armax.predict import contract_to_stable, prediction_errors, sum_of_squares
+from app.engine.recording import FloatArray
+
+COLLINEAR = 1e-11
+"""A regressor that those before it explain but for this share of its sum of squares is left out."""
+
+SMALLEST_RESIDUAL = 1e-13
+"""Residual sums of squares below this share of y's are rounding: they are not told apart."""
+
+
+@njit(cache=True, nogil=True)
+def long_autoregression(
+    y: FloatArray, v: FloatArray, yy: FloatArray, yv: FloatArray, vv: FloatArray, room: FloatArray, errors: FloatArray
+) -> None:
+    """Innovations of y from the last p samples of y and v, into `errors` (N,), 0 before sample p.
+
+    yy, yv, vv: Gram matrices of the lags 0..p of y and 1..p of v. room: (2p + 3, 2p + 1) to work in. The regressors are
+    interleaved by lag, so that where two say the same the longer lag is left out.
+    """
+    p = vv.shape[0]
+    size = 2 * p + 1
+    for i in range(p):
+        for j in range(i, p):
+            room[2 * i, 2 * j] = yy[i + 1, j + 1]
+            room[2 * i, 2 * j + 1] = yv[i + 1, j]
+            room[2 * i + 1, 2 * j] = yv[j + 1, i]
+            room[2 * i + 1, 2 * j + 1] = vv[i, j]
+        room[2 * i, 2 * p] = yy[0, i + 1]
+        room[2 * i + 1, 2 * p] = yv[0, i]
+    room[2 * p, 2 * p] = yy[0, 0]
+    coefficients = room[size + 1]
+    solve_least_squares(room, size, COLLINEAR, room[size], coefficients)
+    errors[:p] = 0.0
+    errors[p:] = y[p:]
+    for k in range(p):
+        add_lagged(errors, -coefficients[2 * k], y, k + 1, p)
+        add_lagged(errors, -coefficients[2 * k + 1], v, k + 1, p)
+
+
+@njit(cache=True, nogil=True)
+def regression_gram(
+    y: FloatArray,
+    v: FloatArray,
+    errors: FloatArray,
+    yy: FloatArray,
+    yv: FloatArray,
+    vv: FloatArray,
+    orders: tuple,
+    first: int,
+    gram: FloatArray,
+) -> None:
+    """The upper triangle over [y lags 1..na, v lags 1..nb, innovation lags 1..nc, y] into gram (size, size)."""
+    na, nb, nc = orders
+    target = na + nb + nc
+    gram[:na, :na] = yy[1 : na + 1, 1 : na + 1]
+    gram[:na, na : na + nb] = yv[1 : na + 1, :nb]
+    gram[na : na + nb, na : na + nb] = vv[:nb, :nb]
+    fill_lagged_gram(gram, 0, na + nb, y, errors, (1, na, 1, nc), first)
+    fill_lagged_gram(gram, na, na + nb, v, errors, (1, nb, 1, nc), first)
+    fill_lagged_gram(gram, na + nb, na + nb, errors, errors, (1, nc, 1, nc), first)
+    for i in range(na):
+        gram[i, target] = yy[0, i + 1]
+    for j in range(nb):
+        gram[na + j, target] = yv[0, j]
+    for k in range(nc):
+        gram[na + nb + k, target] = lagged_dot(y, errors, 0, k + 1, first)
+    gram[target, target] = yy[0, 0]
+
+
+@njit(cache=True, nogil=True)
+def criterion_value(residual: float, samples: int, parameters: int, logarithmic: bool) -> float:
+    """AIC of a model: eq 7 of the paper, or Ljung's logarithmic form."""
+    variance = residual / samples
+    return (np.log(variance) if logarithmic else variance) + 2.0 * parameters / samples
+
+
+@njit(cache=True, nogil=True)
+def sweep_orders(
+    gram: FloatArray, orders: tuple, samples: int, logarithmic: bool, room: FloatArray, values: FloatArray
+) -> None:
+    """The criterion of every order into values (na, nb, nc + 1); `gram` is left as it is.
+
+    The y lags are taken out one by one; after each, the v lags from a copy of what is left; after each of those, the
+    innovation lags from a copy of what is left then. Every order is one further step of a factorisation, not a new one.
+    room: (3, size, size).
+    """
+    na, nb, nc = orders
+    size = na + nb + nc + 1
+    smallest = SMALLEST_RESIDUAL * gram[size - 1, size - 1]
+    room[0] = gram
+    for i in range(na):
+        eliminate(room[0], i, size, COLLINEAR * gram[i, i])
+        room[1, na:, na:] = room[0, na:, na:]
+        for j in range(na, na + nb):
+            eliminate(room[1], j, size, COLLINEAR * gram[j, j])
+            room[2, na + nb :, na + nb :] = room[1, na + nb :, na + nb :]
+            for k in range(nc + 1):
+                if k > 0:
+                    e = na + nb + k - 1
+                    eliminate(room[2], e, size, COLLINEAR * gram[e, e])
+                residual = max(room[2, size - 1, size - 1], smallest)
+                values[i, j - na, k] = criterion_value(residual, samples, i + j - na + 2 + k, logarithmic)
+
+
+@njit(cache=True, nogil=True)
+def least(values: FloatArray, nc_min: int) -> tuple:
+    """The order (na, nb, nc) of the least value; of equal ones the first, which is the smaller."""
+    best = (0, 0, nc_min)
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            for k in range(nc_min, values.shape[2]):
+                if values[i, j, k] < values[best]:
+                    best = (i, j, k)
+    return best[0] + 1, best[1] + 1, best[2]
+
+
+@njit(cache=True, nogil=True)
+def solve_order(
+    gram: FloatArray, orders: tuple, chosen: tuple, room: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray
+) -> None:
+    """The coefficients of one order from the Gram matrix of all, into the first places of a, b, c; C made stable."""
+    na, nb, nc = orders
+    size = chosen[0] + chosen[1] + chosen[2] + 1
+    places = np.empty(size, dtype=np.int64)
+    for k in range(chosen[0]):
+        places[k] = k
+    for k in range(chosen[1]):
+        places[chosen[0] + k] = na + k
+    for k in range(chosen[2]):
+        places[chosen[0] + chosen[1] + k] = na + nb + k
+    places[size - 1] = na + nb + nc
+    for i in range(size):
+        for j in range(i, size):
+            room[0, i, j] = gram[places[i], places[j]]
+    coefficients = room[2, 0]
+    solve_least_squares(room[0], size, COLLINEAR, room[1, 0], coefficients)
+    a[: chosen[0]] = -coefficients[: chosen[0]]
+    b[: chosen[1]] = coefficients[chosen[0] : chosen[0] + chosen[1]]
+    c[: chosen[2]] = coefficients[chosen[0] + chosen[1] : size - 1]
+    contract_to_stable(c[: chosen[2]])
+
+
+@njit(cache=True, nogil=True)
+def search_grid(
+    y: FloatArray,
+    v: FloatArray,
+    orders: tuple,
+    nc_min: int,
+    fixed: tuple,
+    p: int,
+    logarithmic: bool,
+    chosen: np.ndarray,
+    figures: FloatArray,
+    a: FloatArray,
+    b: FloatArray,
+    c: FloatArray,
+) -> None:
+    """The whole search: chosen (M, 3) orders, figures (M, 2) with AIC and RMSE, and coefficients, all in place.
+
+    y: (N,) and the rows of v (M, N) are deviations from their mean. fixed: an order to take instead of the least AIC,
+    or (0, 0, 0). Every order of every valve position is judged over the same samples, p + nc..N-1.
+    """
+    na, nb, nc = orders
+    size = na + nb + nc + 1
+    first = p + nc
+    samples = len(y) - first
+    yy, yv, vv = np.empty((p + 1, p + 1)), np.empty((p + 1, p)), np.empty((p, p))
+    gram, room = np.zeros((size, size)), np.zeros((3, size, size))
+    long_room, errors = np.empty((2 * p + 3, 2 * p + 1)), np.empty(len(y))
+    values = np.empty((na, nb, nc + 1))
+    fill_lagged_gram(yy, 0, 0, y, y, (0, p + 1, 0, p + 1), first)
+    for m in range(v.shape[0]):
+        fill_lagged_gram(yv, 0, 0, y, v[m], (0, p + 1, 1, p), first)
+        fill_lagged_gram(vv, 0, 0, v[m], v[m], (1, p, 1, p), first)
+        long_autoregression(y, v[m], yy, yv, vv, long_room, errors)
+        regression_gram(y, v[m], errors, yy, yv, vv, orders, first, gram)
+        sweep_orders(gram, orders, samples, logarithmic, room, values)
+        best = fixed if fixed[0] > 0 else least(values, nc_min)
+        solve_order(gram, orders, best, room, a[m], b[m], c[m])
+        prediction_errors(y, v[m], a[m, : best[0]], b[m, : best[1]], c[m, : best[2]], errors)
+        chosen[m] = best
+        figures[m, 0] = values[best[0] - 1, best[1] - 1, best[2]]
+        figures[m, 1] = np.sqrt(sum_of_squares(errors, first) / samples)
