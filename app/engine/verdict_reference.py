@@ -65,13 +65,16 @@ def judge(reference: Reference, config: ReferenceVerdictConfig | None = None) ->
 
 
 def rmse_gain(one: OneParameterResult) -> float:
-    """Relative reduction of the RMSE by the best d > 0 against d = 0; negative where no d > 0 is better."""
-    moving = one.rmse[one.d > 0]
-    still = one.rmse[one.d == 0]
-    if len(moving) == 0 or len(still) == 0 or not still[0] > 0 or not np.isfinite(still[0]):
+    """Relative reduction of the RMSE by the best d > 0 against d = 0; negative where no d > 0 is better.
+
+    Refined RMSEs are compared with refined ones, as the rule does, and those of the search only where none are refined.
+    """
+    refined = np.isfinite(one.rmse_refined)
+    curve = one.rmse_refined if np.any(refined & (one.d > 0)) else one.rmse
+    still, moving = curve[one.d == 0], curve[(one.d > 0) & np.isfinite(curve)]
+    if len(moving) == 0 or len(still) == 0 or not 0.0 < still[0] < np.inf:
         return 0.0
-    best = float(np.min(moving, initial=np.inf, where=np.isfinite(moving)))
-    return 1.0 - best / float(still[0]) if math.isfinite(best) else 0.0
+    return 1.0 - float(np.min(moving)) / float(still[0])
 
 
 def _probability(reference: Reference, stiction: bool, config: ReferenceVerdictConfig) -> float:

@@ -213,7 +213,7 @@ def _hammerstein(audit: Audit) -> HammersteinLine:
         na=int(one.na[one.best]),
         nb=int(one.nb[one.best]),
         nc=int(one.nc[one.best]),
-        rmse=_number(one.rmse[one.best]),
+        rmse=_number(one.rmse_best),
         rmse_without_stiction=_number(one.rmse_without_stiction),
         search_space=_space(rung),
         widenings=audit.reference.widenings,
@@ -243,6 +243,7 @@ def _curve(one: OneParameterResult) -> dict[str, Any]:
     return {
         "d": _numbers(one.d),
         "rmse": _numbers(one.rmse),
+        "rmse_refined": _numbers(one.rmse_refined),
         "aic": _numbers(one.aic),
         "orders": np.stack([one.na, one.nb, one.nc], axis=1).tolist(),
         "best": int(one.best),
@@ -255,6 +256,7 @@ def _surface(two: TwoParameterResult) -> dict[str, Any]:
         "S": _numbers(two.S),
         "J": _numbers(two.J),
         "rmse": _numbers(two.rmse),
+        "rmse_refined": _numbers(two.rmse_refined),
         "best": int(two.best),
         "stiction": bool(two.stiction),
     }

@@ -14,7 +14,10 @@ def curve(*rmse: float) -> SimpleNamespace:
     """An RMSE curve over d = 0, 0.1, 0.2, ..."""
     d = 0.1 * np.arange(len(rmse))
     best = int(np.argmin(rmse))
-    return SimpleNamespace(d=d, rmse=np.array(rmse), best=best, d_best=d[best], stiction=best > 0)
+    none = np.full(len(rmse), np.nan)
+    return SimpleNamespace(
+        d=d, rmse=np.array(rmse), rmse_refined=none, best=best, d_best=d[best], stiction=best > 0
+    )
 
 
 def reference(one: SimpleNamespace, yper_pct: float = 12.0, two=None, widenings: int = 0) -> SimpleNamespace:
@@ -71,6 +74,12 @@ def test_every_reading_has_its_sentence():
 )
 def test_rmse_gain(rmse, gain):
     assert rmse_gain(curve(*rmse)) == pytest.approx(gain)
+
+
+def test_gain_compares_refined_with_refined():
+    one = curve(1.0, 0.9, 0.95)
+    one.rmse_refined = np.array([0.8, 0.84, np.nan])
+    assert rmse_gain(one) == pytest.approx(-0.05)
 
 
 rmses = st.lists(st.floats(1e-6, 1e6), min_size=2, max_size=6)
