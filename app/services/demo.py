@@ -44,6 +44,11 @@ class DemoLoop:
     right_verdict: str
     spec: LoopSpec
 
+    @property
+    def condition(self) -> str:
+        """The truth without its figures."""
+        return self.truth.split(",")[0]
+
 
 @dataclass(frozen=True)
 class DemoExport:

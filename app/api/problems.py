@@ -1,0 +1,124 @@
+"""Every error as problem details (RFC 9457) with a stable `code`, whether a service or the framework raised it."""
+
+import logging
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from pydantic import BaseModel, Field
+from starlette.exceptions import HTTPException
+from starlette.responses import JSONResponse, Response
+
+from app.errors import DataError, LoopauditError, NotFoundError
+
+MEDIA_TYPE = "application/problem+json"
+LONGEST_ECHO = 200
+
+# Codes of services whose status differs from the one of their class.
+STATUS_BY_CODE = {
+    "upload_too_large": HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
+    "media_type": HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
+    "content_encoding": HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
+    "wrong_state": HTTPStatus.CONFLICT,
+    "disk_full": HTTPStatus.INSUFFICIENT_STORAGE,
+}
+
+CODE_BY_STATUS = {
+    400: "bad_request",
+    404: "no_such_route",
+    405: "method_not_allowed",
+    413: "body_too_large",
+    415: "media_type",
+    422: "invalid_request",
+    500: "internal_error",
+    503: "unavailable",
+}
+
+log = logging.getLogger("loopaudit.api")
+
+
+class Problem(BaseModel):
+    """What went wrong (RFC 9457)."""
+
+    type: str = Field(description="URI of the kind of problem: urn:loopaudit:problem:<code>.")
+    title: str = Field(description="The HTTP status in words.")
+    status: int = Field(description="The HTTP status.")
+    code: str = Field(description="Stable code that scripts may rely on.")
+    detail: str = Field(description="What was got and what is needed, for people.")
+    instance: str = Field(description="Path of the request.")
+    errors: list[dict[str, Any]] | None = Field(None, description="For invalid_request: where, and what is wrong.")
+
+
+def install(app: FastAPI) -> None:
+    """Makes the app answer every error as a problem."""
+    app.add_exception_handler(LoopauditError, _user_error)
+    app.add_exception_handler(HTTPException, _http_error)
+    app.add_exception_handler(RequestValidationError, _invalid_request)
+    app.add_exception_handler(Exception, _fault)
+
+
+def respond(
+    request: Request,
+    status: int,
+    code: str,
+    detail: str,
+    *,
+    headers: dict[str, str] | None = None,
+    errors: list[dict[str, Any]] | None = None,
+) -> JSONResponse:
+    body = Problem(
+        type=f"urn:loopaudit:problem:{code}",
+        title=HTTPStatus(status).phrase,
+        status=status,
+        code=code,
+        detail=detail,
+        instance=request.url.path[:LONGEST_ECHO],
+        errors=errors,
+    ).model_dump(exclude_none=True)
+    return JSONResponse(body, status_code=status, headers=headers, media_type=MEDIA_TYPE)
+
+
+def status_of(error: LoopauditError) -> int:
+    if error.code in STATUS_BY_CODE:
+        return STATUS_BY_CODE[error.code]
+    if isinstance(error, NotFoundError):
+        return HTTPStatus.NOT_FOUND
+    return HTTPStatus.UNPROCESSABLE_ENTITY if isinstance(error, DataError) else HTTPStatus.BAD_REQUEST
+
+
+def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """For OpenAPI: these statuses answer with a problem."""
+    return {
+        status: {"description": HTTPStatus(status).phrase, "content": {MEDIA_TYPE: {"schema": _SCHEMA_REF}}}
+        for status in statuses
+    }
+
+
+_SCHEMA_REF = {"$ref": "#/components/schemas/Problem"}
+
+
+async def _user_error(request: Request, error: Exception) -> Response:
+    assert isinstance(error, LoopauditError)  # noqa: S101 - what the registration promises, for the type checker
+    return respond(request, status_of(error), error.code, error.message)
+
+
+async def _http_error(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)  # noqa: S101 - as above
+    code = CODE_BY_STATUS.get(error.status_code, f"http_{error.status_code}")
+    detail = str(error.detail)
+    if error.status_code == HTTPStatus.NOT_FOUND:
+        detail = f"no route {request.method} {request.url.path[:LONGEST_ECHO]}"
+    return respond(request, error.status_code, code, detail, headers=dict(error.headers or {}))
+
+
+async def _invalid_request(request: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)  # noqa: S101 - as above
+    errors = [{"where": ".".join(map(str, item["loc"])), "what": item["msg"]} for item in error.errors()]
+    detail = "; ".join(f"{item['where']}: {item['what']}" for item in errors[:3])
+    return respond(request, 422, "invalid_request", detail, errors=errors)
+
+
+async def _fault(request: Request, error: Exception) -> Response:
+    log.error("fault while answering %s %s", request.method, request.url.path[:LONGEST_ECHO], exc_info=error)
+    return respond(request, 500, "internal_error", "a fault of the service; its log says which")

@@ -1,0 +1,199 @@
+"""`loopaudit audit`: files and folders of recordings, without a service, through the engine that the service uses."""
+
+import os
+import sys
+from collections.abc import Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import IO, Annotated, Any
+
+import typer
+
+from app.cli.messages import ExitCode, progress, say
+from app.errors import DataError, LoopauditError
+
+THREAD_LIMITS = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "NUMBA_NUM_THREADS",
+    "POLARS_MAX_THREADS",
+)
+SUFFIXES = (".csv", ".txt", ".parquet")
+PROCESSES_PAY_FROM_FILES = 8
+KNOWN_TO_A_SERVICE = ("unit", "window_start", "window_end", "audited_at", "audit_id")
+
+
+class Format(StrEnum):
+    table = "table"
+    jsonl = "jsonl"
+    csv = "csv"
+
+
+@dataclass(frozen=True)
+class AuditedFile:
+    """What became of one file: the audit lines of its recordings, or why there are none."""
+
+    path: Path
+    lines: tuple[dict[str, Any], ...] = ()
+    notes: tuple[str, ...] = ()
+    skipped: bool = False
+    failed: bool = False
+
+
+def audit(
+    paths: Annotated[list[Path], typer.Argument(help="Files, or folders with *.csv, *.txt, *.parquet in them.")],
+    format_: Annotated[
+        Format, typer.Option("--format", help="A table to read; jsonl or csv for machines.")
+    ] = Format.table,
+    out: Annotated[Path | None, typer.Option("--out", help="Write the results here instead of stdout.")] = None,
+    jobs: Annotated[int, typer.Option("--jobs", min=0, help="Processes, one thread each; 0: one a core.")] = 0,
+) -> None:
+    """Audit files or folders of recordings without a service: one line a recording.
+
+    A recording has columns time, SP, PV, OP and perhaps MODE (any case, the usual synonyms), or any layout that a
+    plant's historian exports. A file without PV and OP is reported and skipped.
+
+    [bold]Examples[/bold]
+
+      loopaudit audit FIC101.csv
+
+      loopaudit audit recordings/ --format jsonl > verdicts.jsonl
+
+      loopaudit audit recordings/ --format csv --out verdicts.csv --jobs 4
+    """
+    files = recording_files(paths)
+    audited = []
+    with destination(out) as stream, progress("auditing", len(files)) as advance:
+        for result in audit_files(files, jobs):
+            advance(label=result.path.name)
+            for note in result.notes:
+                say(f"{result.path}: {note}")
+            if format_ is Format.jsonl:
+                write_jsonl(stream, result.lines)
+            audited.append(result)
+        if format_ is not Format.jsonl:
+            write_all(stream, format_, [line for result in audited for line in result.lines])
+    raise typer.Exit(exit_code(audited))
+
+
+def recording_files(paths: list[Path]) -> list[Path]:
+    """The files to read, folders in the order of their names; raises where a path is not there or nothing is left."""
+    files = []
+    for path in paths:
+        if path.is_dir():
+            files += sorted(file for file in path.iterdir() if is_recording_name(file.name) and file.is_file())
+        elif path.exists():
+            files.append(path)
+        else:
+            raise DataError("no_such_file", f"{path} is not there")
+    if not files:
+        raise DataError("nothing_to_read", f"no {', '.join('*' + s for s in SUFFIXES)} in {', '.join(map(str, paths))}")
+    return files
+
+
+def is_recording_name(name: str) -> bool:
+    return name.lower().removesuffix(".gz").endswith(SUFFIXES) and not name.startswith(".")
+
+
+def audit_files(files: list[Path], jobs: int) -> Iterator[AuditedFile]:
+    """Results in the order of the files, whichever process is done first."""
+    with executor(len(files), jobs) as pool:
+        futures = [pool.submit(audit_file, file) for file in files]
+        for file, future in zip(files, futures, strict=True):
+            yield outcome(file, future)
+
+
+def executor(files: int, jobs: int) -> Executor:
+    """Processes with one thread each where there is enough to share; the process that asks otherwise."""
+    wanted = min(jobs or os.cpu_count() or 1, files)
+    if wanted <= 1 or (jobs == 0 and files < PROCESSES_PAY_FROM_FILES):
+        return ThreadPoolExecutor(1)
+    from multiprocessing import get_context
+
+    for name in THREAD_LIMITS:
+        os.environ.setdefault(name, "1")
+    return ProcessPoolExecutor(wanted, mp_context=get_context("spawn"))
+
+
+def outcome(file: Path, future: "Future[AuditedFile]") -> AuditedFile:
+    """A user's error fails its file alone, and so does a fault of ours: the others are still worth having."""
+    error = future.exception()
+    if error is None:
+        return future.result()
+    if isinstance(error, LoopauditError):
+        return AuditedFile(file, notes=(f"{error.message} [{error.code}]",), failed=True)
+    if isinstance(error, OSError | UnicodeError):
+        return AuditedFile(file, notes=(f"cannot be read: {error}",), failed=True)
+    return AuditedFile(file, notes=(f"fault of loopaudit: {type(error).__name__}: {error}",), failed=True)
+
+
+def audit_file(path: Path) -> AuditedFile:
+    """Reads and audits one file; runs in a worker process."""
+    from app.ingest import read_recordings
+
+    content = read_recordings(path)
+    notes = tuple(rejects_in_words(content.rejects))
+    if not content.recordings:
+        why = "; ".join(content.skipped) or "no loop with PV and OP in it"
+        return AuditedFile(path, notes=(f"skipped: {why}", *notes), skipped=True)
+    lines = tuple(timed_line(recording) for recording in content.recordings)
+    skipped = tuple(f"skipped: {why}" for why in content.skipped)
+    return AuditedFile(path, lines, skipped + notes)
+
+
+def timed_line(recording: Any) -> dict[str, Any]:
+    from time import perf_counter
+
+    from app.engine.audit import audit as audit_recording
+    from app.services.audit_line import audit_line
+
+    started = perf_counter()
+    result = audit_recording(recording)
+    return audit_line(result, perf_counter() - started)
+
+
+def rejects_in_words(rejects: Any, shown: int = 3) -> Iterator[str]:
+    """The first refused rows one by one, the rest as a number."""
+    for reject in rejects[:shown]:
+        yield f"line {reject.line}: {reject.text} [{reject.code}]"
+    if len(rejects) > shown:
+        yield f"and {len(rejects) - shown} more rows or values that could not be read"
+
+
+def exit_code(audited: list[AuditedFile]) -> ExitCode:
+    if not any(result.lines for result in audited):
+        return ExitCode.NOTHING_USABLE
+    return ExitCode.SOME_FAILED if any(result.failed for result in audited) else ExitCode.DONE
+
+
+def destination(out: Path | None) -> Any:
+    """The file to write to, or stdout, which stays open."""
+    from contextlib import nullcontext
+
+    return nullcontext(sys.stdout) if out is None else out.open("w", encoding="utf-8", newline="")
+
+
+def write_jsonl(stream: IO[str], lines: tuple[dict[str, Any], ...]) -> None:
+    import json
+
+    for line in lines:
+        stream.write(json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n")
+    stream.flush()
+
+
+def write_all(stream: IO[str], format_: Format, lines: list[dict[str, Any]]) -> None:
+    if not lines:
+        return
+    if format_ is Format.csv:
+        from app.services.audit_line import reliability_row
+        from app.services.spreadsheet import csv_lines
+
+        rows = [reliability_row(line) for line in lines]
+        stream.writelines(csv_lines(rows, [name for name in rows[0] if name not in KNOWN_TO_A_SERVICE]))
+        return
+    from app.cli.tables import print_verdicts
+
+    print_verdicts(lines, stream)

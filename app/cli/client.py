@@ -1,0 +1,113 @@
+"""What the command line says to a running service over HTTP."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import httpx
+
+from app.errors import DataError, RequestError
+
+CHUNK_BYTES = 256 * 1024
+POLL_S = 0.5
+PATIENCE_S = 60.0
+MEDIA_TYPES = {".csv": "text/csv", ".parquet": "application/vnd.apache.parquet", ".gz": "application/gzip"}
+
+Sent = Callable[[int], None]
+
+
+class ServiceClient:
+    """A connection to a service; every refusal becomes a RequestError with the service's code."""
+
+    def __init__(self, url: str, key: str | None = None) -> None:
+        headers = {"Authorization": f"Bearer {key}"} if key else {}
+        self._http = httpx.Client(base_url=url.rstrip("/"), headers=headers, timeout=httpx.Timeout(30.0, write=300.0))
+        self.url = url
+
+    def __enter__(self) -> "ServiceClient":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._http.close()
+
+    def upload(self, path: Path, sent: Sent) -> dict[str, Any]:
+        """Streams the file; the answer is the upload as the service keeps it."""
+        media_type = MEDIA_TYPES.get(path.suffix.lower(), "text/plain")
+        deadline = time.monotonic() + PATIENCE_S
+        while True:
+            answer = self._send(
+                "POST",
+                "/v1/uploads",
+                params={"filename": path.name},
+                headers={"Content-Type": media_type},
+                content=_chunks(path, sent),
+            )
+            if answer.status_code not in (429, 503) or time.monotonic() > deadline:
+                return _checked(answer)
+            time.sleep(min(float(answer.headers.get("Retry-After", 1)), PATIENCE_S))
+
+    def get(self, path: str, **params: Any) -> dict[str, Any]:
+        return _checked(self._send("GET", path, params=params))
+
+    def post(self, path: str, body: dict[str, Any]) -> dict[str, Any]:
+        return _checked(self._send("POST", path, json=body))
+
+    def patch(self, path: str, body: dict[str, Any]) -> dict[str, Any]:
+        return _checked(self._send("PATCH", path, json=body))
+
+    def until(
+        self,
+        path: str,
+        ended: Callable[[dict[str, Any]], bool],
+        seen: Callable[[dict[str, Any]], None],
+        timeout_s: float,
+    ) -> dict[str, Any]:
+        """Asks again and again until it has ended; RequestError("timeout") after timeout_s seconds."""
+        deadline = time.monotonic() + timeout_s
+        while True:
+            state = self.get(path)
+            seen(state)
+            if ended(state):
+                return state
+            if time.monotonic() > deadline:
+                raise RequestError("timeout", f"{path} has not ended after {timeout_s:.0f} s; is a worker running?")
+            time.sleep(POLL_S)
+
+    def ready(self, timeout_s: float) -> bool:
+        """Whether the service becomes ready within timeout_s seconds."""
+        deadline = time.monotonic() + timeout_s
+        while time.monotonic() < deadline:
+            try:
+                if self._http.get("/readyz").status_code == httpx.codes.OK:
+                    return True
+            except httpx.TransportError:
+                pass
+            time.sleep(0.1)
+        return False
+
+    def _send(self, method: str, path: str, **request: Any) -> httpx.Response:
+        try:
+            return self._http.request(method, path, **request)
+        except httpx.TransportError as error:
+            raise RequestError("no_service", f"no answer from {self.url}: {error or type(error).__name__}") from error
+        except httpx.InvalidURL as error:
+            raise DataError("url", f"{self.url} is not an address: {error}") from error
+
+
+def _chunks(path: Path, sent: Sent) -> Iterator[bytes]:
+    with path.open("rb") as file:
+        while chunk := file.read(CHUNK_BYTES):
+            yield chunk
+            sent(len(chunk))
+
+
+def _checked(answer: httpx.Response) -> dict[str, Any]:
+    if answer.is_success:
+        return answer.json()
+    is_problem = "json" in answer.headers.get("content-type", "")
+    problem = answer.json() if is_problem else {}
+    raise RequestError(problem.get("code", f"http_{answer.status_code}"), problem.get("detail", answer.reason_phrase))

@@ -1,0 +1,150 @@
+"""`loopaudit demo`: a plant whose truth is known, through the whole service, and its table beside the truth."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+from urllib.parse import quote
+
+import typer
+
+from app.cli.messages import ExitCode, progress, say
+from app.errors import RequestError
+
+if TYPE_CHECKING:
+    from app.cli.client import ServiceClient
+    from app.services.demo import DemoExport, DemoLoop
+
+START_WITHIN_S = 60.0
+READ_WITHIN_S = 120.0
+AUDIT_WITHIN_S = 300.0
+STOP_WITHIN_S = 30.0
+OPEN_STATES = ("planned", "running")
+
+
+def demo(
+    serve: Annotated[
+        bool | None,
+        typer.Option("--serve/--no-serve", help="Keep the pages up afterwards. By default on a terminal only."),
+    ] = None,
+    port: Annotated[int, typer.Option("--port", min=0, help="Port of the service; 0: any free one.")] = 0,
+) -> None:
+    """Audit a demo plant of 60 simulated loops on the embedded default and print its table beside the truth.
+
+    Writes the plant's exports, starts the service, uploads them over HTTP, audits the plant, and shows where to look.
+    Nothing is left behind.
+
+    [bold]Examples[/bold]
+
+      loopaudit demo
+
+      loopaudit demo --no-serve > table.txt
+    """
+    from app.cli.demo_table import print_demo
+    from app.services.demo import plant, write_exports
+
+    keep = sys.stdout.isatty() if serve is None else serve
+    loops = plant()
+    with tempfile.TemporaryDirectory(prefix="loopaudit-demo-") as folder:
+        say(f"loopaudit: simulating {len(loops)} loops and writing their historian exports")
+        exports = write_exports(Path(folder) / "exports", loops)
+        with running_service(Path(folder) / "data", port or free_port()) as client:
+            rows = audited(client, exports, loops)
+            print_demo(loops, rows, sys.stdout)
+            say(f"loopaudit: the plant's pages are at {client.url}/ and its table at {client.url}/v1/reliability")
+            if keep:
+                say("loopaudit: Ctrl-C stops the service and removes the demo")
+                wait_for_interrupt()
+    raise typer.Exit(ExitCode.DONE)
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@contextmanager
+def running_service(data_dir: Path, port: int) -> Iterator["ServiceClient"]:
+    """`loopaudit serve` on the embedded default as a child process, ready to be asked; stopped afterwards."""
+    from app.cli.client import ServiceClient
+
+    command = [sys.executable, "-m", "app", "serve", "--port", str(port), "--until-parent-ends"]
+    data_dir.mkdir(parents=True)
+    log = data_dir / "service.log"
+    with log.open("wb") as log_file:
+        process = subprocess.Popen(  # noqa: S603 - our own command
+            command, env=embedded_environment(data_dir), stdin=subprocess.PIPE, stdout=log_file, stderr=log_file
+        )
+        try:
+            with ServiceClient(f"http://127.0.0.1:{port}") as client:
+                if not client.ready(START_WITHIN_S):
+                    tail = log.read_text(encoding="utf-8", errors="replace")[-2000:]
+                    raise RequestError(
+                        "not_ready", f"the service did not come up within {START_WITHIN_S:.0f} s:\n{tail}"
+                    )
+                yield client
+        finally:
+            stop(process)
+
+
+def embedded_environment(data_dir: Path) -> dict[str, str]:
+    """This environment without anything that would point the demo at a real installation."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("LOOPAUDIT_")}
+    return environment | {"LOOPAUDIT_DATA_DIR": str(data_dir)}
+
+
+def stop(process: "subprocess.Popen[bytes]") -> None:
+    process.send_signal(signal.SIGTERM)
+    try:
+        process.wait(STOP_WITHIN_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    if process.stdin is not None:
+        process.stdin.close()
+
+
+def audited(
+    client: "ServiceClient", exports: tuple["DemoExport", ...], loops: tuple["DemoLoop", ...]
+) -> list[dict[str, Any]]:
+    """Uploads the exports, tells the units, audits the plant: the rows of the reliability table."""
+    from app.cli.upload import send
+
+    for export in exports:
+        state = send(client, export.path, READ_WITHIN_S)
+        say(f"loopaudit: uploaded {export.path.name}: {len(state['loops'])} loops")
+    for loop in loops:
+        client.patch(f"/v1/loops/{quote(loop.tag, safe='')}", {"unit": loop.unit, "type": loop.type})
+    run = client.post("/v1/audits", {})
+    with progress("auditing", len(loops)) as advance:
+        client.until(
+            f"/v1/audits/{run['id']}", lambda s: s["state"] not in OPEN_STATES, Advanced(advance), AUDIT_WITHIN_S
+        )
+    return client.get("/v1/reliability", limit=20000)["rows"]
+
+
+class Advanced:
+    """Turns the state of a run into steps of a progress bar."""
+
+    def __init__(self, advance: Any) -> None:
+        self._advance = advance
+        self._done = 0
+
+    def __call__(self, state: dict[str, Any]) -> None:
+        done = state["done"] + state["failed"]
+        self._advance(done - self._done)
+        self._done = done
+
+
+def wait_for_interrupt() -> None:
+    try:
+        signal.pause()
+    except KeyboardInterrupt:
+        say("")

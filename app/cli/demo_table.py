@@ -1,0 +1,83 @@
+"""The demo plant's reliability table beside what is true about each loop."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import IO, TYPE_CHECKING, Any
+
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+from app.cli.tables import VERDICT_STYLE, console_for, number
+from app.services.wording import VERDICT_WORDS, worst_first
+
+if TYPE_CHECKING:
+    from app.services.demo import DemoLoop
+
+HIT, MISS, ABSTAINED = "right", "WRONG", "no verdict"
+STYLE = {HIT: "green", MISS: "bold red", ABSTAINED: "yellow"}
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A row of the reliability table and the loop that it speaks of."""
+
+    loop: "DemoLoop"
+    row: Mapping[str, Any]
+
+    @property
+    def outcome(self) -> str:
+        if self.row["verdict"] == self.loop.right_verdict:
+            return HIT
+        return ABSTAINED if self.row["verdict"] in ("inconclusive", "not_auditable") else MISS
+
+
+def print_demo(loops: Sequence["DemoLoop"], rows: Sequence[Mapping[str, Any]], stream: IO[str]) -> None:
+    """The table, worst first, and how often each condition was judged rightly."""
+    by_tag = {loop.tag: loop for loop in loops}
+    judged = [Judged(by_tag[row["loop"]], row) for row in worst_first(rows) if row["loop"] in by_tag]
+    console = console_for(stream)
+    console.print(_table(judged))
+    console.print(_summary(judged))
+    console.print(Text(_sentence(judged, len(loops))))
+
+
+def _table(judged: Sequence[Judged]) -> Table:
+    table = Table(title="Reliability table of the demo plant, beside the truth", box=box.SIMPLE_HEAD, pad_edge=False)
+    for header in ("loop", "unit", "verdict", "P(stiction)", "verdict is", "band % of OP", "Yper %", "truth", ""):
+        table.add_column(header, justify="right" if header in ("P(stiction)", "band % of OP", "Yper %") else "left")
+    for item in judged:
+        row = item.row
+        table.add_row(
+            Text(row["loop"]),
+            Text(row["unit"] or ""),
+            Text(VERDICT_WORDS[row["verdict"]], style=VERDICT_STYLE[row["verdict"]]),
+            number(row["stiction_probability"], 2),
+            row["reliability"].replace("_", " "),
+            number(row["stiction_band_pct_of_op_range"], 1),
+            number(row["yper_pct"], 1),
+            Text(item.loop.truth),
+            Text(item.outcome, style=STYLE[item.outcome]),
+        )
+    return table
+
+
+def _summary(judged: Sequence[Judged]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for header in ("truth", "loops", HIT, MISS, ABSTAINED):
+        table.add_column(header, justify="left" if header == "truth" else "right")
+    conditions = dict.fromkeys(item.loop.condition for item in judged)
+    for condition in sorted(conditions):
+        outcomes = [item.outcome for item in judged if item.loop.condition == condition]
+        counts = (str(outcomes.count(outcome)) for outcome in (HIT, MISS, ABSTAINED))
+        table.add_row(condition, str(len(outcomes)), *counts)
+    return table
+
+
+def _sentence(judged: Sequence[Judged], loops: int) -> str:
+    right = sum(item.outcome == HIT for item in judged)
+    relied = [item for item in judged if item.row["reliability"] == "reliable"]
+    relied_right = sum(item.outcome == HIT for item in relied)
+    return (
+        f"{right} of {loops} loops judged rightly; of {len(relied)} verdicts called reliable, {relied_right} are right."
+    )

@@ -1,0 +1,69 @@
+"""The `loopaudit` command. Each command's module imports what it needs when it runs, so that --help is quick."""
+
+import sys
+
+import typer
+
+from app.cli import audit, demo, inspect, migrate, nightly, serve, simulate, upload, worker
+from app.cli.messages import ExitCode, say
+from app.errors import LoopauditError
+
+EPILOG = (
+    "Results go to stdout, messages to stderr. "
+    "Exit codes: 0 done, 1 some inputs failed, 2 wrong usage or nothing usable."
+)
+
+cli = typer.Typer(
+    name="loopaudit",
+    help="Audits every control loop of a plant and says which verdicts on valve stiction can be trusted.",
+    epilog=EPILOG,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+START, WORK, RUN = "Start here", "Without a service", "With a service"
+
+cli.command("demo", rich_help_panel=START)(demo.demo)
+cli.command("audit", rich_help_panel=WORK)(audit.audit)
+cli.command("inspect", rich_help_panel=WORK)(inspect.inspect)
+cli.command("simulate", rich_help_panel=WORK)(simulate.simulate)
+cli.command("serve", rich_help_panel=RUN)(serve.serve)
+cli.command("worker", rich_help_panel=RUN)(worker.worker)
+cli.command("beat", rich_help_panel=RUN)(worker.beat)
+cli.command("upload", rich_help_panel=RUN)(upload.upload)
+cli.command("nightly", rich_help_panel=RUN)(nightly.nightly)
+cli.command("migrate", rich_help_panel=RUN)(migrate.migrate)
+
+
+def show_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        sys.stdout.write(f"loopaudit {version('loopaudit')}\n")
+        raise typer.Exit
+
+
+@cli.callback()
+def options(
+    version: bool = typer.Option(
+        False, "--version", callback=show_version, is_eager=True, help="Say the version and stop."
+    ),
+) -> None:
+    """Audits every control loop of a plant and says which verdicts on valve stiction can be trusted."""
+
+
+def main() -> None:
+    """The console script: a user's error becomes one line on stderr and exit code 2, a fault of ours a traceback."""
+    try:
+        cli()
+    except LoopauditError as error:
+        say(f"loopaudit: {error.message} [{error.code}]")
+        sys.exit(ExitCode.NOTHING_USABLE)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(ExitCode.DONE)
+    except KeyboardInterrupt:
+        sys.exit(130)

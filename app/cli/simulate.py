@@ -1,0 +1,132 @@
+"""`loopaudit simulate`: a recording of a loop whose valve is known, to try detectors on."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import nullcontext
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from app.cli.messages import ExitCode, say
+
+if TYPE_CHECKING:
+    from app.engine.simulate import Plant, Signal, SimulatedLoop, Valve
+
+PROCESS, CONTROLLER, VALVE, UPSETS = "Process", "Controller", "Valve", "What happens to the loop"
+
+
+class ValveModel(StrEnum):
+    linear = "linear"
+    one_parameter = "one-parameter"
+    he = "he"
+    choudhury = "choudhury"
+    kano = "kano"
+    classic = "classic"
+    packed = "packed"
+    stuck = "stuck"
+
+
+def simulate(
+    out: Annotated[Path | None, typer.Option("--out", help="Write the recording here instead of stdout.")] = None,
+    samples: int = typer.Option(1440, "--samples", min=2, help="Samples of the recording."),
+    interval_s: float = typer.Option(1.0, "--interval", min=0.001, help="Sampling interval in seconds."),
+    gain: float = typer.Option(
+        1.0, "--gain", help="Process gain, units of PV per unit of OP.", rich_help_panel=PROCESS
+    ),
+    time_constant_s: float = typer.Option(20.0, "--time-constant", min=0.0, help="Seconds.", rich_help_panel=PROCESS),
+    dead_time_s: float = typer.Option(2.0, "--dead-time", min=0.0, help="Seconds.", rich_help_panel=PROCESS),
+    integrating: bool = typer.Option(
+        False, "--integrating", help="A level: PV moves by gain a second.", rich_help_panel=PROCESS
+    ),
+    kc: float = typer.Option(
+        1.0, "--kc", help="Controller gain, units of OP per unit of PV.", rich_help_panel=CONTROLLER
+    ),
+    ti_s: float = typer.Option(20.0, "--ti", help="Integral time in seconds.", rich_help_panel=CONTROLLER),
+    td_s: float = typer.Option(0.0, "--td", min=0.0, help="Derivative time in seconds.", rich_help_panel=CONTROLLER),
+    valve: Annotated[
+        ValveModel, typer.Option("--valve", help="classic, packed: physical valves.", rich_help_panel=VALVE)
+    ] = ValveModel.linear,
+    d: float = typer.Option(0.0, "-d", min=0.0, help="Band of the one-parameter model, OP.", rich_help_panel=VALVE),
+    S: float = typer.Option(0.0, "-S", min=0.0, help="Deadband plus stickband, OP.", rich_help_panel=VALVE),
+    J: float = typer.Option(0.0, "-J", min=0.0, help="Slip jump, OP.", rich_help_panel=VALVE),
+    noise: float = typer.Option(
+        0.0, "--noise", min=0.0, help="Standard deviation of PV's noise.", rich_help_panel=UPSETS
+    ),
+    load: float = typer.Option(1.0, "--load", help="Step of load at the start, in OP.", rich_help_panel=UPSETS),
+    wave: float = typer.Option(
+        0.0, "--wave", min=0.0, help="Amplitude of an oscillating load, in OP.", rich_help_panel=UPSETS
+    ),
+    wave_period_s: float = typer.Option(
+        120.0, "--wave-period", min=0.001, help="Its period, seconds.", rich_help_panel=UPSETS
+    ),
+    step: float = typer.Option(0.0, "--sp-step", help="Set-point step in the middle, in PV.", rich_help_panel=UPSETS),
+    seed: int = typer.Option(0, "--seed", min=0, help="The same seed gives the same noise."),
+    with_valve: bool = typer.Option(False, "--with-valve", help="Add the column V: where the valve really is."),
+) -> None:
+    """Simulate a loop in closed loop and write its recording: time,SP,PV,OP as CSV.
+
+    [bold]Examples[/bold]
+
+      loopaudit simulate --valve he -S 5 -J 2 --noise 0.05 --out sticky.csv
+
+      loopaudit simulate --wave 3 --wave-period 90 --out shaken.csv
+
+      loopaudit simulate --integrating --gain 0.002 --ti 600 --valve packed > level.csv
+    """
+    from app.engine.simulate import LoopSpec, Pid, Signal, simulate_loop
+
+    spec = LoopSpec(
+        plant=_plant(gain, time_constant_s, dead_time_s, integrating),
+        controller=Pid(kc, ti_s, td_s),
+        valve=_valve(valve, d, S, J),
+        sp=Signal(steps=((0.5 * samples * interval_s, step),) if step else ()),
+        load=_load(load, wave, wave_period_s),
+        noise=Signal(noise_sd=noise),
+        pv_start=50.0,
+        op_start=50.0,
+        op_limits=(0.0, 100.0),
+    )
+    loop = simulate_loop(spec, samples * interval_s, interval_s, seed)
+    with nullcontext(sys.stdout) if out is None else out.open("w", encoding="utf-8", newline="") as stream:
+        stream.writelines(_lines(loop, with_valve))
+    say(f"{samples} samples of a loop with a {valve.value} valve" + (f" in {out}" if out else ""))
+    raise typer.Exit(ExitCode.DONE)
+
+
+def _plant(gain: float, time_constant_s: float, dead_time_s: float, integrating: bool) -> "Plant":
+    from app.engine.simulate import first_order, integrator
+
+    if integrating:
+        return integrator(gain, dead_time_s, time_constant_s)
+    return first_order(gain, time_constant_s, dead_time_s)
+
+
+def _valve(model: ValveModel, d: float, S: float, J: float) -> "Valve":
+    from app.engine import simulate as sim
+    from app.engine.valve import CLASSIC, PACKED
+
+    simple: dict[ValveModel, Any] = {
+        ValveModel.linear: sim.LinearValve(),
+        ValveModel.stuck: sim.StuckValve(),
+        ValveModel.one_parameter: sim.OneParameterValve(d),
+        ValveModel.classic: sim.PhysicalActuator(CLASSIC),
+        ValveModel.packed: sim.PhysicalActuator(PACKED),
+    }
+    if model in simple:
+        return simple[model]
+    return sim.TwoParameterValve(S, J, model.value)  # type: ignore[arg-type]
+
+
+def _load(step: float, amplitude: float, period_s: float) -> "Signal":
+    from app.engine.simulate import Signal, Wave
+
+    return Signal(value=step, waves=(Wave(amplitude, period_s),) if amplitude else ())
+
+
+def _lines(loop: "SimulatedLoop", with_valve: bool) -> Iterator[str]:
+    yield "time,SP,PV,OP" + (",V" if with_valve else "") + "\n"
+    columns = [loop.time_s, loop.sp, loop.pv, loop.op] + ([loop.v] if with_valve else [])
+    for row in zip(*columns, strict=True):
+        yield ",".join(f"{value:.8g}" for value in row) + "\n"

@@ -1,0 +1,60 @@
+"""Tables for people: the worst first, in words that an operator understands."""
+
+from collections.abc import Iterable, Mapping
+from typing import IO, Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from app.services.wording import VERDICT_RANK, VERDICT_WORDS, worst_first
+
+VERDICT_STYLE = {"stiction": "bold red", "inconclusive": "yellow", "not_auditable": "dim", "no_stiction": "green"}
+PIPE_WIDTH = 180
+
+
+def console_for(stream: IO[str]) -> Console:
+    """As wide as the terminal; wide enough for whole sentences where the output is a pipe or a file."""
+    return Console(file=stream, width=None if stream.isatty() else PIPE_WIDTH, highlight=False)
+
+
+def print_verdicts(lines: Iterable[Mapping[str, Any]], stream: IO[str]) -> None:
+    """One line a recording, then how many of each verdict."""
+    ordered = worst_first(lines)
+    console = console_for(stream)
+    table = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False)
+    table.add_column("recording", overflow="fold", min_width=8)
+    table.add_column("verdict")
+    table.add_column("P(stiction)", justify="right")
+    table.add_column("verdict is")
+    table.add_column("band % of OP", justify="right")
+    table.add_column("Yper %", justify="right")
+    table.add_column("why", overflow="ellipsis", no_wrap=True, ratio=1)
+    for line in ordered:
+        table.add_row(*verdict_cells(line))
+    console.print(table)
+    console.print(totals(ordered))
+
+
+def verdict_cells(line: Mapping[str, Any]) -> list[Text]:
+    verdict = line["verdict"]
+    return [
+        Text(line["recording"]),
+        Text(VERDICT_WORDS[verdict], style=VERDICT_STYLE[verdict]),
+        Text(number(line["stiction_probability"], 2)),
+        Text(line["reliability"].replace("_", " ")),
+        Text(number(line["stiction_band_pct_of_op_range"], 1)),
+        Text(number(line["yper_pct"], 1)),
+        Text(line["reasons"][0]["text"] if line["reasons"] else ""),
+    ]
+
+
+def number(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
+def totals(lines: list[Mapping[str, Any]]) -> Text:
+    counts = {verdict: sum(line["verdict"] == verdict for line in lines) for verdict in VERDICT_RANK}
+    parts = [f"{count} {VERDICT_WORDS[verdict]}" for verdict, count in counts.items() if count]
+    return Text(f"{len(lines)} recordings: " + ", ".join(parts))

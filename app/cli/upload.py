@@ -1,0 +1,71 @@
+"""`loopaudit upload`: sends export files to a running service."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from app.cli.audit import recording_files
+from app.cli.messages import ExitCode, progress, say
+from app.errors import RequestError
+
+if TYPE_CHECKING:
+    from app.cli.client import ServiceClient
+
+ENDED = ("done", "failed")
+DEFAULT_URL = "http://127.0.0.1:8000"
+
+
+def upload(
+    paths: Annotated[list[Path], typer.Argument(help="Files, or folders with *.csv, *.txt, *.parquet in them.")],
+    url: Annotated[str, typer.Option("--url", envvar="LOOPAUDIT_URL", help="Address of the service.")] = DEFAULT_URL,
+    key: Annotated[
+        str | None, typer.Option("--key", envvar="LOOPAUDIT_KEY", help="API key, if it asks for one.")
+    ] = None,
+    wait: Annotated[
+        bool, typer.Option("--wait", help="Wait until the files are read, and say what was in them.")
+    ] = False,
+    timeout_s: Annotated[float, typer.Option("--timeout", min=1, help="Seconds to wait for a file.")] = 600.0,
+) -> None:
+    """Send export files to a running service. The same file again changes nothing.
+
+    [bold]Examples[/bold]
+
+      loopaudit upload export.csv --wait
+
+      loopaudit upload exports/ --url http://plant-server:8000 --key la_upload_...
+    """
+    from app.cli.client import ServiceClient
+
+    files = recording_files(paths)
+    failures = 0
+    with ServiceClient(url, key) as client:
+        for file in files:
+            try:
+                report(file, send(client, file, timeout_s if wait else None))
+            except RequestError as error:
+                if error.code == "no_service":
+                    raise
+                failures += 1
+                say(f"{file}: {error.message} [{error.code}]")
+    if failures == len(files):
+        raise typer.Exit(ExitCode.NOTHING_USABLE)
+    raise typer.Exit(ExitCode.SOME_FAILED if failures else ExitCode.DONE)
+
+
+def send(client: "ServiceClient", file: Path, wait_s: float | None) -> dict[str, Any]:
+    """Uploads one file and, if asked, waits until it is read; raises RequestError where it could not be used."""
+    with progress(file.name, file.stat().st_size, bytes_=True) as advance:
+        state = client.upload(file, advance)
+    if wait_s is not None:
+        state = client.until(f"/v1/uploads/{state['id']}", lambda s: s["state"] in ENDED, lambda s: None, wait_s)
+    if state["state"] == "failed":
+        raise RequestError("upload_failed", state.get("reason") or "the file could not be used")
+    return state
+
+
+def report(file: Path, state: dict[str, Any]) -> None:
+    """The result on stdout; rows that were refused on stderr, with their lines."""
+    typer.echo(f"{file}\t{state['id']}\t{state['state']}\tloops {len(state.get('loops') or ())}")
+    for reject in (state.get("rejects") or ())[:3]:
+        say(f"{file}: line {reject['line']}: {reject['text']} [{reject['code']}]")

@@ -1,0 +1,60 @@
+"""The rooms of the house: who may import whom."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = sorted(path for room in ("app", "workers", "migrations") for path in (ROOT / room).rglob("*.py"))
+LONGEST_MODULE = 500
+
+
+def test_import_linter_accepts_the_way_of_the_data():
+    linter = Path(sys.executable).with_name("lint-imports")
+    done = subprocess.run([linter, "--no-cache"], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def imported(path: Path) -> set[str]:
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names.add(node.module)
+    return names
+
+
+@pytest.mark.parametrize("room", ["api", "web", "cli"])
+def test_what_people_touch_knows_neither_sql_nor_celery(room):
+    strangers = {
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in (ROOT / "app" / room).rglob("*.py")
+        for name in imported(path)
+        if name.split(".")[0] in {"sqlalchemy", "celery", "kombu", "alembic"} or name.startswith("app.storage")
+    }
+    assert not strangers
+
+
+def test_engine_is_pure():
+    allowed = {"numpy", "scipy", "numba", "app"}
+    strangers = {
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in (ROOT / "app" / "engine").rglob("*.py")
+        for name in imported(path)
+        if name.split(".")[0] not in allowed | set(sys.stdlib_module_names)
+    }
+    assert not strangers
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_a_module_has_one_job_and_under_500_lines(path):
+    assert len(path.read_text(encoding="utf-8").splitlines()) < LONGEST_MODULE
+
+
+def test_no_module_is_called_after_what_it_is_not():
+    empty_names = {"utils", "util", "helpers", "helper", "manager", "misc", "common"}
+    assert not [path for path in SOURCES if path.stem in empty_names]

@@ -1,0 +1,68 @@
+"""The command line as scripts meet it: help, exit codes, what goes to stdout and what to stderr."""
+
+import subprocess
+import sys
+import time
+
+import pytest
+from typer.testing import CliRunner
+
+from app.cli.main import cli
+
+COMMANDS = ("demo", "serve", "worker", "beat", "upload", "nightly", "audit", "inspect", "simulate", "migrate")
+
+
+def run(*arguments: str, **options) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "app", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, **options)
+
+
+def test_help_is_there_within_half_a_second():
+    run("--help")  # the first start may still compile byte code
+    durations = []
+    for _ in range(3):
+        started = time.perf_counter()
+        assert run("--help").returncode == 0
+        durations.append(time.perf_counter() - started)
+    assert min(durations) < 0.5
+
+
+def test_help_lists_every_command_and_the_exit_codes():
+    text = " ".join(run("--help").stdout.split())
+    assert all(f" {command} " in text for command in COMMANDS)
+    assert "0 done, 1 some inputs" in text
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_teaches(command):
+    result = CliRunner().invoke(cli, [command, "--help"])
+    assert result.exit_code == 0
+    assert "Usage" in result.output
+    assert command in ("beat", "migrate") or "Examples" in result.output
+
+
+@pytest.mark.parametrize(
+    "arguments", [["nonsense"], ["audit"], ["audit", "x.csv", "--format", "xml"], ["serve", "--port", "x"]]
+)
+def test_wrong_usage_is_2_and_says_so_on_stderr(arguments):
+    done = run(*arguments)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr
+
+
+def test_a_users_error_is_one_line_with_its_code_and_no_traceback():
+    done = run("audit", "/no/such/file.csv")
+    assert done.returncode == 2
+    assert done.stderr == "loopaudit: /no/such/file.csv is not there [no_such_file]\n"
+    assert done.stdout == ""
+
+
+def test_an_empty_folder_is_nothing_usable(tmp_path):
+    done = run("audit", str(tmp_path))
+    assert done.returncode == 2
+    assert "[nothing_to_read]" in done.stderr
+
+
+def test_version():
+    assert run("--version").stdout.startswith("loopaudit ")
