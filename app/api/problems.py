@@ -10,6 +10,7 @@ from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse, Response
 
+from app.api.headers import HEADERS
 from app.errors import DataError, LoopauditError, NotFoundError
 
 MEDIA_TYPE = "application/problem+json"
@@ -121,4 +122,5 @@ async def _invalid_request(request: Request, error: Exception) -> Response:
 
 async def _fault(request: Request, error: Exception) -> Response:
     log.error("fault while answering %s %s", request.method, request.url.path[:LONGEST_ECHO], exc_info=error)
-    return respond(request, 500, "internal_error", "a fault of the service; its log says which")
+    # The framework answers faults outside of all middleware, so the headers that it would set are set here.
+    return respond(request, 500, "internal_error", "a fault of the service; its log says which", headers=HEADERS)

@@ -1,0 +1,131 @@
+"""Every error is a problem with a stable code, and tags arrive as they were meant."""
+
+from collections.abc import Iterator
+from urllib.parse import quote
+
+import httpx
+import pytest
+from fastapi import FastAPI
+from pydantic import BaseModel
+
+from app.api import problems
+from app.api.headers import SecurityHeaders
+from app.api.paths import KeepTagsEncoded, LoopTag
+from app.errors import DataError, NotFoundError, RequestError
+
+
+class Body(BaseModel):
+    number: int
+
+
+@pytest.fixture(scope="module")
+def client(serve) -> Iterator[httpx.Client]:
+    app = FastAPI()
+    problems.install(app)
+    app.add_middleware(SecurityHeaders)
+    app.add_middleware(KeepTagsEncoded)
+
+    @app.get("/raise/{kind}")
+    def fail(kind: str) -> None:
+        raise {
+            "data": DataError("flat_pv", "PV is flat"),
+            "request": RequestError("unknown_sort", "no such column"),
+            "state": RequestError("wrong_state", "it has ended"),
+            "missing": NotFoundError("no_such_audit", "no audit 7"),
+            "size": RequestError("upload_too_large", "too large"),
+            "fault": RuntimeError("secret detail"),
+        }[kind]
+
+    @app.post("/body")
+    def body(body: Body) -> int:
+        return body.number
+
+    @app.get("/v1/loops/{tag:path}/health")
+    def health(tag: LoopTag) -> dict[str, str]:
+        return {"health": tag}
+
+    @app.get("/v1/loops/{tag:path}")
+    def loop(tag: LoopTag) -> dict[str, str]:
+        return {"loop": tag}
+
+    with serve(app) as connection:
+        yield connection
+
+
+@pytest.mark.parametrize(
+    ("kind", "status", "code"),
+    [
+        ("data", 422, "flat_pv"),
+        ("request", 400, "unknown_sort"),
+        ("state", 409, "wrong_state"),
+        ("missing", 404, "no_such_audit"),
+        ("size", 413, "upload_too_large"),
+        ("fault", 500, "internal_error"),
+    ],
+)
+def test_what_a_service_raises(client, kind, status, code):
+    answer = client.get(f"/raise/{kind}")
+    assert answer.status_code == status
+    assert answer.headers["content-type"] == "application/problem+json"
+    problem = answer.json()
+    assert problem["code"] == code
+    assert problem["status"] == status
+    assert problem["type"] == f"urn:loopaudit:problem:{code}"
+    assert problem["instance"] == f"/raise/{kind}"
+    assert "secret" not in answer.text
+
+
+def test_no_such_route_and_wrong_method(client):
+    assert client.get("/nowhere").json()["code"] == "no_such_route"
+    answer = client.delete("/body")
+    assert answer.json()["code"] == "method_not_allowed"
+    assert answer.headers["allow"] == "POST"
+    assert answer.headers["content-type"] == "application/problem+json"
+
+
+def test_an_invalid_body_says_where(client):
+    problem = client.post("/body", json={"number": "many"}).json()
+    assert problem["code"] == "invalid_request"
+    assert problem["errors"][0]["where"] == "body.number"
+    assert client.post("/body", content=b"{", headers={"content-type": "application/json"}).json()["status"] == 422
+
+
+TAGS = [
+    "FIC101",
+    "AREA 1/FIC 101",
+    "a/health",
+    "100%",
+    "%2F",
+    "..%2f..",
+    "=cmd|' /C calc'!A0",
+    "<script>alert(1)</script>",
+    "'; DROP TABLE loops; --",
+    "工場/流量?x=1#y",
+    "tab\there",
+    "+plus & amp",
+    "a//b/",
+]
+
+
+@pytest.mark.parametrize("tag", TAGS)
+def test_a_tag_arrives_as_it_is(client, tag):
+    assert client.get(f"/v1/loops/{quote(tag, safe='')}/health").json() == {"health": tag}
+    assert client.get(f"/v1/loops/{quote(tag, safe='')}").json() == {"loop": tag}
+
+
+def test_slashes_that_are_not_encoded_work_too(client):
+    assert client.get("/v1/loops/AREA/FIC101/health").json() == {"health": "AREA/FIC101"}
+
+
+@pytest.mark.parametrize("path", ["%FF%FE", "a%00b", "x" * 501])
+def test_what_no_tag_can_be_is_not_found(client, path):
+    answer = client.get(f"/v1/loops/{path}")
+    assert answer.status_code == 404
+    assert answer.json()["code"] == "no_such_loop"
+
+
+def test_security_headers_are_on_every_answer(client):
+    for path in ("/v1/loops/x", "/nowhere", "/raise/fault"):
+        headers = client.get(path).headers
+        assert "default-src 'none'" in headers["content-security-policy"], path
+        assert headers["x-content-type-options"] == "nosniff"
