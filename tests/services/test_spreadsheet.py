@@ -1,0 +1,28 @@
+"""CSV that a spreadsheet opens without running anything."""
+
+import csv
+import io
+
+import pytest
+
+from app.services.spreadsheet import csv_lines, safe_cell
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+1", "-FIC101", "@SUM(A1)", "\t=1", "\r=1"])
+def test_a_text_that_begins_like_a_formula_gets_an_apostrophe(text):
+    assert safe_cell(text) == "'" + text
+
+
+@pytest.mark.parametrize("value", [-1.5, 0, 7, "FIC-101", "a=b"])
+def test_numbers_and_plain_texts_stay(value):
+    assert safe_cell(value) == value
+
+
+def test_lines_read_back_whole_with_separators_quotes_and_line_breaks():
+    rows = [{"loop": 'a,"b"\nc', "d": -0.5, "unit": None}, {"loop": "=x", "d": 1}]
+    text = "".join(csv_lines(rows, ["loop", "d", "unit"]))
+    assert list(csv.reader(io.StringIO(text, newline=""))) == [
+        ["loop", "d", "unit"],
+        ['a,"b"\nc', "-0.5", ""],
+        ["'=x", "1", ""],
+    ]
