@@ -74,11 +74,9 @@ def audit(recording: Recording, config: AuditConfig | None = None) -> Audit:
     """
     config = config or AuditConfig()
     fitness = assess(recording, config.fitness)
-    if fitness.record is None or not fitness.auditable:
-        return _result(recording, config, fitness, _refusal(fitness.refusals))
-    oscillation = detect(fitness.record)
+    oscillation = detect(fitness.record) if fitness.record is not None and fitness.auditable else None
     fitness = with_cycles(fitness, oscillation, config.fitness)
-    if not fitness.auditable:
+    if oscillation is None or not fitness.auditable:
         return _result(recording, config, fitness, _refusal(fitness.refusals), oscillation=oscillation)
     return _identified(recording, config, fitness, oscillation)
 
@@ -99,7 +97,7 @@ def newest(record: UniformRecord, max_samples: int) -> UniformRecord:
 
 
 def _identified(recording: Recording, config: AuditConfig, fitness: Fitness, oscillation: Oscillation) -> Audit:
-    record = newest(fitness.record, config.max_samples)
+    record = newest(fitness.audited, config.max_samples)
     try:
         reference = climb(record, config.ladder, config.hammerstein)
     except DataError as error:

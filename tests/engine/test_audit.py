@@ -10,6 +10,7 @@ from app.engine import audit as audit_module
 from app.engine.audit import Audit, AuditConfig, audit, newest
 from app.engine.fitness import FitnessConfig
 from app.engine.recording import Recording, UniformRecord
+from app.engine.reliability import LadderConfig
 from app.errors import DataError
 
 N = 500
@@ -212,6 +213,11 @@ def test_newest():
     assert newest(record, 5) is record
     cut = newest(record, 2)
     assert (cut.pv.tolist(), cut.start_s, cut.sp) == ([3.0, 4.0], 16.0, None)
+
+
+def test_an_audit_calls_yper_high_above_the_calibrated_threshold():
+    assert AuditConfig().ladder.yper_threshold_pct == 10.0
+    assert LadderConfig().yper_threshold_pct == 0.5
 
 
 def test_configurations_are_told_apart():

@@ -12,6 +12,7 @@ from app.engine.fitness.resample import is_regular, to_uniform, typical_interval
 from app.engine.fitness.signals import longest_run, run_lengths, usable_values
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, Recording, UniformRecord
+from app.errors import DataError
 
 LATER_CHECKS = (
     "not_in_automatic", "gaps", "op_flat", "pv_flat", "op_at_limits", "irregular_sampling", "filled",
@@ -41,6 +42,13 @@ class Fitness:
     @property
     def auditable(self) -> bool:
         return self.record is not None and not self.refusals
+
+    @property
+    def audited(self) -> UniformRecord:
+        """`record`, where there is one; raises DataError("not_auditable") where there is none."""
+        if self.record is None:
+            raise DataError("not_auditable", "; ".join(finding.text for finding in self.refusals))
+        return self.record
 
     @property
     def refusals(self) -> tuple[Finding, ...]:
@@ -90,11 +98,14 @@ def assess(recording: Recording, config: FitnessConfig | None = None) -> Fitness
     return _assess_stretches(recording, samples, replace(fitness, findings=found), config)
 
 
-def with_cycles(fitness: Fitness, oscillation: Oscillation, config: FitnessConfig | None = None) -> Fitness:
-    """The same fitness with the checks that need the oscillation's period: samples a cycle, cycles in the stretch."""
+def with_cycles(fitness: Fitness, oscillation: Oscillation | None, config: FitnessConfig | None = None) -> Fitness:
+    """The same fitness with the checks that need the oscillation's period: samples a cycle, cycles in the stretch.
+
+    oscillation: of `fitness.record`, or None where the recording is not auditable anyway.
+    """
     config = config or FitnessConfig()
-    if fitness.record is None:
-        return fitness
+    if fitness.record is None or oscillation is None:
+        return _stopped(fitness, fitness.findings, ("samples_per_cycle", "few_cycles"))
     added = (
         checks.check_samples_per_cycle(oscillation, config),
         checks.check_cycles(oscillation, fitness.record, config),
