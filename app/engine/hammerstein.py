@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from app.engine.armax import ArmaxModel, Criterion, OrderSearch, SearchSpace, refine, search_orders
+from app.engine.armax import ArmaxModel, Criterion, OrderSearch, SearchSpace, polish, refine, search_orders
 from app.engine.armax.model import IntArray
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.valve import one_parameter, two_parameter_choudhury, two_parameter_he, two_parameter_kano
@@ -25,9 +25,10 @@ class HammersteinConfig:
     10 % of its range, among them. points_S, S_max_share: S likewise without 0; J is S times each of jump_shares (above
     1: overshoot), and S = J = 0 is always the first point. valve_model: which two-parameter algorithm.
     criterion, scaling: AIC as eq 7 (with PV at unit standard deviation, or raw) or in Ljung's log form, on which
-    scaling has no bearing. refined: how many of the lowest grid points, besides no stiction at all, are refined by
-    prediction-error minimisation before the answer is taken from them; 0 takes it from the search's curve as it is,
-    and as many as there are points refines the whole curve. steps, tolerance: where that minimisation ends.
+    scaling has no bearing. curve_steps: steps of prediction-error minimisation that every grid point takes after the
+    search, so that the curve compares like with like. refined: how many of the lowest grid points, besides no stiction
+    at all, are then minimised to the end before the answer is taken from them; 0 takes it from the curve, and as many
+    as there are points refines the whole curve. steps, tolerance: where that minimisation ends.
     """
 
     points_d: int = 30
@@ -38,6 +39,7 @@ class HammersteinConfig:
     valve_model: ValveModel = "he"
     criterion: Criterion = "log"
     scaling: Scaling = "std"
+    curve_steps: int = 3
     refined: int = 3
     steps: int = 30
     tolerance: float = 1e-6
@@ -47,10 +49,10 @@ class HammersteinConfig:
 class GridResult:
     """What was found at each of M grid points, and the answer. RMSE in the unit of PV, one-step prediction error.
 
-    rmse: (M,) of the search, the same procedure at every point. rmse_refined: (M,) after prediction-error minimisation,
+    rmse: (M,) of the curve, the same procedure at every point. rmse_refined: (M,) after prediction-error minimisation,
     NaN where it was not done. aic, na, nb, nc: (M,) least criterion and its order. best: the grid point with the least
     RMSE (refined, where the configuration refines). model, model_without_stiction: the model at `best` and with no
-    stiction, in engineering units; refined, or as the search left them where nothing is refined. stiction: whether
+    stiction, in engineering units; refined, or as on the curve where nothing is refined. stiction: whether
     `best` is a point with a band. first_sample: errors are judged from this sample on.
     """
 
@@ -166,7 +168,7 @@ def _scale(record: UniformRecord, config: HammersteinConfig) -> _Scaled:
 
 
 def _identify(scaled: _Scaled, v: FloatArray, space: SearchSpace, config: HammersteinConfig) -> GridResult:
-    search = search_orders(scaled.pv, v, space, config.criterion)
+    search = polish(scaled.pv, v, search_orders(scaled.pv, v, space, config.criterion), config.curve_steps)
     models = {m: _model_at(m, scaled, v, search, config) for m in _candidates(search, config)}
     rmse_refined = np.full(len(v), np.nan)
     if config.refined > 0:

@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from app.engine.armax.gram import add_lagged, eliminate, fill_lagged_gram, lagged_dot, solve_least_squares
-from app.engine.armax.predict import contract_to_stable, prediction_errors, sum_of_squares
+from app.engine.armax.predict import prediction_errors, reflect_to_stable, sum_of_squares
 from app.engine.recording import FloatArray
 
 COLLINEAR = 1e-11
@@ -143,7 +143,7 @@ def solve_order(
     a[: chosen[0]] = -coefficients[: chosen[0]]
     b[: chosen[1]] = coefficients[chosen[0] : chosen[0] + chosen[1]]
     c[: chosen[2]] = coefficients[chosen[0] + chosen[1] : size - 1]
-    contract_to_stable(c[: chosen[2]])
+    reflect_to_stable(c[: chosen[2]])
 
 
 @njit(cache=True, nogil=True)

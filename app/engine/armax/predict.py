@@ -31,17 +31,32 @@ def is_stable(c: FloatArray, radius: float) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def contract_to_stable(c: FloatArray) -> None:
-    """Draws all roots of C towards 0 by the same factor, in place, until they lie within SLOWEST_ROOT."""
-    factor = 1.0
-    while not is_stable(c, SLOWEST_ROOT):
-        factor *= 0.98
-        shrink = 0.98
-        for k in range(len(c)):
-            c[k] *= shrink
-            shrink *= 0.98
-        if factor < 0.01:
-            c[:] = 0.0
+def reflect_to_stable(c: FloatArray) -> None:
+    """Reflects the roots of C outside the unit circle into it, in place, and draws those near it to SLOWEST_ROOT.
+
+    C(q) e has the same spectrum after a reflection; the other roots stay where they are.
+    """
+    n = len(c)
+    if is_stable(c, SLOWEST_ROOT):
+        return
+    polynomial = np.ones(n + 1, dtype=np.complex128)
+    for k in range(n):
+        polynomial[k + 1] = c[k]
+    expanded = np.zeros(n + 1, dtype=np.complex128)
+    expanded[0] = 1.0
+    for root in np.roots(polynomial):
+        radius = abs(root)
+        if radius > 1.0:
+            root = 1.0 / np.conj(root)
+            radius = 1.0 / radius
+        if radius > 0.999 * SLOWEST_ROOT:
+            root *= 0.999 * SLOWEST_ROOT / radius
+        for k in range(n, 0, -1):
+            expanded[k] -= root * expanded[k - 1]
+    for k in range(n):
+        c[k] = expanded[k + 1].real
+    if not is_stable(c, SLOWEST_ROOT):
+        c[:] = 0.0
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
