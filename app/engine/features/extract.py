@@ -1,0 +1,61 @@
+"""All features of a record, averaged over its windows."""
+
+from dataclasses import astuple, dataclass, fields
+
+import numpy as np
+
+from app.engine.features.limits import Limits, limits
+from app.engine.features.quadrature import Quadrature, quadrature
+from app.engine.features.shape import Shape, shape
+from app.engine.features.travel import Travel, travel
+from app.engine.features.window import PER_CYCLE, ShapeWindow, shape_windows
+from app.engine.freerun import FreeRun, free_run
+from app.engine.oscillation import Oscillation
+from app.engine.recording import FloatArray, UniformRecord
+
+_GROUPS = (Quadrature, Travel, Shape, Limits, FreeRun)
+_MOST_REGULAR = 6.0
+_LEAST_REGULAR = 0.2
+
+NAMES: tuple[str, ...] = (
+    *(field.name for group in _GROUPS for field in fields(group)),
+    "oscillation_strength",
+    "oscillation_regularity",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Features:
+    """values: (F,) in the order of NAMES, averaged over the windows; spread: (F,) their standard deviation."""
+
+    values: FloatArray
+    spread: FloatArray
+    windows: int
+
+    def named(self, name: str) -> float:
+        return float(self.values[NAMES.index(name)])
+
+
+def extract(record: UniformRecord, oscillation: Oscillation, most_windows: int = 3) -> Features | None:
+    """The features of a record, or None where PV or OP does not vary.
+
+    No feature changes with the unit, offset or sign of PV or OP, with the time unit, or with the set point.
+    """
+    rows = [_row(window, oscillation) for window in shape_windows(record, oscillation, most_windows)]
+    if not rows:
+        return None
+    table = np.array(rows)
+    return Features(table.mean(axis=0), table.std(axis=0), len(rows))
+
+
+def _row(window: ShapeWindow, oscillation: Oscillation) -> FloatArray:
+    groups = (
+        quadrature(window),
+        travel(window),
+        shape(window),
+        limits(window),
+        free_run(window.even_pv, window.even_op, PER_CYCLE),
+    )
+    regularity = float(np.log(np.clip(oscillation.regularity, _LEAST_REGULAR, _MOST_REGULAR)))
+    row = [*(value for group in groups for value in astuple(group)), oscillation.strength, regularity]
+    return np.nan_to_num(np.array(row, dtype=np.float64))

@@ -1,0 +1,73 @@
+"""What saturation, quantisation and holding leave in a window."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.engine.features.signals import moving_average, without_line
+from app.engine.features.window import PER_CYCLE, ShapeWindow
+from app.engine.recording import FloatArray
+
+_SAME_STEP = 0.02
+_FEWEST_STEPS = 10
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Marks of limits and of the instrument.
+
+    op_at_limit: share of the window that OP stands at one of its extremes.
+    pv_moves_at_limit: share of the PV movement that happens meanwhile.
+    pv_quantum: least step of PV in standard deviations, where nearly all its steps are multiples of it; else 0.
+    pv_least_step: log10 of the 5 % quantile of the non-zero steps of PV in standard deviations.
+    pv_held, op_held: share of samples equal to the one before.
+    """
+
+    op_at_limit: float
+    pv_moves_at_limit: float
+    pv_quantum: float
+    pv_least_step: float
+    pv_held: float
+    op_held: float
+
+
+def limits(window: ShapeWindow) -> Limits:
+    """The features of `Limits` for one window."""
+    low, high = _at_extremes(window.even_op)
+    moves = _movement(window.even_pv)
+    steps = np.abs(np.diff(window.raw_pv))
+    steps = steps[steps > 0.0] / (float(np.std(without_line(window.raw_pv))) or 1.0)
+    return Limits(
+        op_at_limit=float(max(low.mean(), high.mean())),
+        pv_moves_at_limit=max(_moved_within(moves, low), _moved_within(moves, high)),
+        pv_quantum=_quantum(steps),
+        pv_least_step=float(np.log10(np.quantile(steps, 0.05) + 1e-3)) if len(steps) else 0.0,
+        pv_held=float(np.mean(np.diff(window.raw_pv) == 0.0)),
+        op_held=float(np.mean(np.diff(window.raw_op) == 0.0)),
+    )
+
+
+def _at_extremes(op: FloatArray) -> tuple[FloatArray, FloatArray]:
+    band = 5e-3 * float(np.ptp(op))
+    return op <= op.min() + band, op >= op.max() - band
+
+
+def _movement(pv: FloatArray) -> FloatArray:
+    smooth = moving_average(pv, 2)
+    step = PER_CYCLE // 10
+    return np.abs(smooth[step:] - smooth[:-step])
+
+
+def _moved_within(moves: FloatArray, there: FloatArray) -> float:
+    step = len(there) - len(moves)
+    total = float(moves.sum())
+    return float(moves[there[step:] & there[:-step]].sum()) / total if total > 0.0 else 0.0
+
+
+def _quantum(steps: FloatArray) -> float:
+    steps = steps[steps > 1e-6]
+    if len(steps) < _FEWEST_STEPS:
+        return 0.0
+    multiple = steps / steps.min()
+    whole = np.abs(multiple - np.round(multiple)) < _SAME_STEP
+    return float(steps.min()) if float(whole.mean()) > 0.95 else 0.0

@@ -1,0 +1,83 @@
+"""How OP and PV lie to each other: in line (the controller passes PV on) or in quadrature (a stuck valve)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft
+
+from app.engine.features.signals import correlation
+from app.engine.features.window import PER_CYCLE, ShapeWindow
+from app.engine.recording import FloatArray
+
+_SEGMENT = 3 * PER_CYCLE
+# In segments of three cycles the fundamental is line 3; its neighbours belong to it where the period wanders.
+_FUNDAMENTAL = slice(2, 6)
+
+
+@dataclass(frozen=True)
+class Quadrature:
+    """Odd and even parts of the cross-correlation of OP and PV (Horch 1999), and kin.
+
+    ccf_odd, ccf_even: largest odd and even part within half a cycle, 0..1. ccf_zero: at lag zero.
+    op_dpv, pv_dop, dpv_dop: correlations of OP with the slope of PV, of PV with the slope of OP, of the slopes.
+    loop_area: area that PV encloses over OP in a cycle; 1 for an ellipse in quadrature at unit deviations.
+    pv_direction, dpv_direction: correlation of PV, and of its slope, with the direction of OP.
+    op_pv_direction: correlation of OP with the direction of PV.
+    coherence_odd, coherence_even: imaginary and real part of the coherency at the fundamental.
+    Source: Horch 1999, doi 10.1016/S0967-0661(99)00100-8.
+    """
+
+    ccf_odd: float
+    ccf_even: float
+    ccf_zero: float
+    op_dpv: float
+    pv_dop: float
+    dpv_dop: float
+    loop_area: float
+    pv_direction: float
+    dpv_direction: float
+    op_pv_direction: float
+    coherence_odd: float
+    coherence_even: float
+
+
+def quadrature(window: ShapeWindow) -> Quadrature:
+    """The features of `Quadrature` for one window. Every sign is dropped: the sign of PV and OP is free."""
+    pv, op = window.pv_smooth, window.op_smooth
+    dpv, dop = np.gradient(pv), np.gradient(op)
+    forward, backward, zero = _cross_correlation(window.pv, window.op)
+    odd, even = np.abs(forward - backward) / 2, np.abs(forward + backward) / 2
+    coherency = _coherency(window.pv, window.op)
+    return Quadrature(
+        ccf_odd=float(odd.max()),
+        ccf_even=float(max(even.max(), abs(zero))),
+        ccf_zero=abs(zero),
+        op_dpv=abs(correlation(op, dpv)),
+        pv_dop=abs(correlation(pv, dop)),
+        dpv_dop=abs(correlation(dpv, dop)),
+        loop_area=abs(float(op @ dpv)) / len(pv) * PER_CYCLE / (2 * np.pi),
+        pv_direction=abs(correlation(window.pv, np.sign(dop))),
+        dpv_direction=abs(correlation(dpv, np.sign(dop))),
+        op_pv_direction=abs(correlation(window.op, np.sign(dpv))),
+        coherence_odd=abs(coherency.imag),
+        coherence_even=abs(coherency.real),
+    )
+
+
+def _cross_correlation(pv: FloatArray, op: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Cross-correlation at lags 1..half a cycle, at the same negative lags, and at zero."""
+    n = len(pv)
+    size = fft.next_fast_len(2 * n, real=True)
+    full = fft.irfft(fft.rfft(op, size) * np.conj(fft.rfft(pv, size)), size) / n
+    lags = np.arange(1, PER_CYCLE // 2 + 1)
+    return full[lags], full[-lags], float(full[0])
+
+
+def _coherency(pv: FloatArray, op: FloatArray) -> complex:
+    size = min(_SEGMENT, len(pv))
+    starts = range(0, len(pv) - size + 1, max(size // 2, 1))
+    taper = np.hanning(size)
+    y = fft.rfft(np.array([pv[s : s + size] * taper for s in starts]), _SEGMENT)[:, _FUNDAMENTAL]
+    u = fft.rfft(np.array([op[s : s + size] * taper for s in starts]), _SEGMENT)[:, _FUNDAMENTAL]
+    power = np.sqrt(np.sum(np.abs(y) ** 2) * np.sum(np.abs(u) ** 2))
+    return complex(np.sum(y * np.conj(u)) / power) if power > 0.0 else 0j

@@ -1,0 +1,154 @@
+"""The wave forms of OP and PV: triangle, sine, rectangle or noise."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy import fft
+
+from app.engine.features.signals import log_kurtosis, skewness
+from app.engine.features.window import PER_CYCLE, ShapeWindow
+from app.engine.recording import FloatArray
+
+_HARMONIC_EDGES = (0.0, 0.5, 1.5, 2.5, 3.5, np.inf)
+_FEWEST_HALF_CYCLE = 8
+_BISPECTRUM_LINES = 12
+_FEWEST_SEGMENTS = 4
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Wave forms; pv_* and op_* in turn.
+
+    *_kurtosis, *_slope_kurtosis: logarithm of the kurtosis of the signal and of its smoothed slope.
+    *_triangle: triangle against sine over half cycles, above 0.5 a triangle (He et al. 2007, doi 10.1021/ie061219a).
+    *_skewness, *_slope_skewness: absolute; a linear loop under Gaussian disturbance has none.
+    *_slow, *_fundamental, *_second, *_third, *_fast: shares of power below, in and above the fundamental.
+    *_roughness: log10 of the variance that smoothing takes off.
+    *_bicoherence: mean squared bicoherence of the lowest lines above that of noise (Choudhury et al. 2004,
+    doi 10.1016/j.automatica.2004.01.024).
+    """
+
+    pv_kurtosis: float
+    op_kurtosis: float
+    pv_slope_kurtosis: float
+    op_slope_kurtosis: float
+    pv_triangle: float
+    op_triangle: float
+    pv_skewness: float
+    op_skewness: float
+    pv_slope_skewness: float
+    op_slope_skewness: float
+    pv_slow: float
+    pv_fundamental: float
+    pv_second: float
+    pv_third: float
+    pv_fast: float
+    op_slow: float
+    op_fundamental: float
+    op_second: float
+    op_third: float
+    op_fast: float
+    pv_roughness: float
+    op_roughness: float
+    pv_bicoherence: float
+    op_bicoherence: float
+
+
+def shape(window: ShapeWindow) -> Shape:
+    """The features of `Shape` for one window."""
+    pv, op = window.pv_smooth, window.op_smooth
+    dpv, dop = np.diff(pv), np.diff(op)
+    pv_power, op_power = harmonic_shares(window.pv), harmonic_shares(window.op)
+    return Shape(
+        pv_kurtosis=log_kurtosis(window.pv),
+        op_kurtosis=log_kurtosis(window.op),
+        pv_slope_kurtosis=log_kurtosis(dpv),
+        op_slope_kurtosis=log_kurtosis(dop),
+        pv_triangle=triangle_index(pv),
+        op_triangle=triangle_index(op),
+        pv_skewness=skewness(pv),
+        op_skewness=skewness(op),
+        pv_slope_skewness=skewness(dpv),
+        op_slope_skewness=skewness(dop),
+        pv_slow=float(pv_power[0]),
+        pv_fundamental=float(pv_power[1]),
+        pv_second=float(pv_power[2]),
+        pv_third=float(pv_power[3]),
+        pv_fast=float(pv_power[4]),
+        op_slow=float(op_power[0]),
+        op_fundamental=float(op_power[1]),
+        op_second=float(op_power[2]),
+        op_third=float(op_power[3]),
+        op_fast=float(op_power[4]),
+        pv_roughness=float(np.log10(np.var(window.pv - pv) + 1e-4)),
+        op_roughness=float(np.log10(np.var(window.op - op) + 1e-4)),
+        pv_bicoherence=bicoherence(window.pv),
+        op_bicoherence=bicoherence(window.op),
+    )
+
+
+def harmonic_shares(x: FloatArray) -> FloatArray:
+    """(5,) shares of the power of x (n,): below the fundamental, fundamental, second, third, above."""
+    power = np.abs(fft.rfft(x * np.hanning(len(x)))) ** 2
+    line = np.arange(len(power)) * PER_CYCLE / len(x)
+    band = np.digitize(line, _HARMONIC_EDGES[1:-1])
+    return np.bincount(band, weights=power, minlength=5) / (power.sum() + 1e-12)
+
+
+def bicoherence(x: FloatArray) -> float:
+    """Mean squared bicoherence of x (n,), weighted by amplitude, less what that many segments of noise would show.
+
+    Segments of two cycles, half overlapping. 0 where fewer than four fit.
+    """
+    size = 2 * PER_CYCLE
+    starts = range(0, len(x) - size + 1, size // 2)
+    if len(starts) < _FEWEST_SEGMENTS:
+        return 0.0
+    pieces = np.array([x[s : s + size] for s in starts])
+    lines = fft.rfft((pieces - pieces.mean(axis=1, keepdims=True)) * np.hanning(size), axis=1)
+    i = np.arange(1, _BISPECTRUM_LINES)
+    pairs = lines[:, i][:, :, None] * lines[:, i][:, None, :]
+    sums = np.conj(lines[:, i[:, None] + i[None, :]])
+    pair_power, sum_power = np.sum(np.abs(pairs) ** 2, axis=0), np.sum(np.abs(sums) ** 2, axis=0)
+    squared = np.abs(np.sum(pairs * sums, axis=0)) ** 2 / (pair_power * sum_power + 1e-12)
+    weight = np.mean(np.abs(sums), axis=0) * np.mean(np.abs(pairs), axis=0)
+    return float(np.sum(squared * weight) / (np.sum(weight) + 1e-12)) - 1.0 / len(starts)
+
+
+@njit(cache=True, nogil=True)
+def triangle_index(x: FloatArray) -> float:
+    """Triangle against sine over the half cycles of x (n,) between zero crossings: E_sine / (E_sine + E_triangle).
+
+    The peak of the triangle is free between 0.2 and 0.8 of the half cycle. 0.5 where no half cycle is long enough.
+    """
+    total = weight = 0.0
+    start = -1
+    for i in range(1, len(x)):
+        if (x[i] >= 0.0) == (x[i - 1] >= 0.0):
+            continue
+        if start >= 0 and i - start >= _FEWEST_HALF_CYCLE:
+            half = np.abs(x[start:i])
+            energy = np.sum(half * half)
+            total += energy * _half_cycle(half)
+            weight += energy
+        start = i
+    return total / weight if weight > 0.0 else 0.5
+
+
+@njit(cache=True, nogil=True)
+def _half_cycle(half: FloatArray) -> float:
+    n = len(half)
+    t = (np.arange(n) + 0.5) / n
+    sine = _misfit(half, np.sin(np.pi * t))
+    triangle = np.inf
+    for k in range(2, 9):
+        peak = 0.1 * k
+        triangle = min(triangle, _misfit(half, np.minimum(t / peak, (1.0 - t) / (1.0 - peak))))
+    return sine / (sine + triangle + 1e-12)
+
+
+@njit(cache=True, nogil=True)
+def _misfit(half: FloatArray, form: FloatArray) -> float:
+    gain = np.sum(half * form) / np.sum(form * form)
+    return np.sum((half - gain * form) ** 2)

@@ -1,0 +1,148 @@
+"""Whether PV stands still while OP travels: what a stuck valve looks like from outside."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from app.engine.features.signals import burstiness, correlation
+from app.engine.features.window import PER_CYCLE, ShapeWindow
+from app.engine.recording import FloatArray
+
+_REVERSAL = 0.7
+_STILL_BAND = 0.3
+_FEWEST_LEG_SAMPLES = 4
+
+
+@dataclass(frozen=True)
+class Travel:
+    """Travel of OP and PV against each other.
+
+    flat_eighth, flat_quarter: share of the OP travel made in eighths (quarters) of a cycle in which PV moves less than
+    0.3 of the range that it covers in its liveliest ones.
+    pv_moves_alone: share of the PV range covered in eighths of a cycle in which OP hardly travels.
+    together_eighth, together_quarter: correlation of OP travel and PV range over these pieces.
+    leg_still: of an OP leg between two reversals, the largest share travelled while PV keeps within a narrow band;
+    the median of the legs.
+    leg_sharpness: share of its range that PV covers in the quickest quarter of a leg; median.
+    leg_spread: how much leg_still differs between legs.
+    leg_contrast: difference of mean PV between rising and falling legs.
+    pv_bursts, op_bursts: share of all movement that the liveliest fifth of the time holds.
+    """
+
+    flat_eighth: float
+    flat_quarter: float
+    pv_moves_alone: float
+    together_eighth: float
+    together_quarter: float
+    leg_still: float
+    leg_sharpness: float
+    leg_spread: float
+    leg_contrast: float
+    pv_bursts: float
+    op_bursts: float
+
+
+def travel(window: ShapeWindow) -> Travel:
+    """The features of `Travel` for one window."""
+    pv, op = window.pv_smooth, window.op_smooth
+    op_eighth, pv_eighth = _pieces(pv, op, PER_CYCLE // 8)
+    op_quarter, pv_quarter = _pieces(pv, op, PER_CYCLE // 4)
+    legs = _legs(pv, op, _REVERSAL * float(np.std(op)), _STILL_BAND * float(np.std(pv)))
+    some = len(legs) >= 2
+    return Travel(
+        flat_eighth=_flat_share(op_eighth, pv_eighth),
+        flat_quarter=_flat_share(op_quarter, pv_quarter),
+        pv_moves_alone=_share(pv_eighth, op_eighth < 0.15),
+        together_eighth=correlation(op_eighth, pv_eighth),
+        together_quarter=correlation(op_quarter, pv_quarter),
+        leg_still=float(np.median(legs[:, 0])) if some else 0.0,
+        leg_sharpness=float(np.median(legs[:, 1])) if some else 0.0,
+        leg_spread=float(np.std(legs[:, 0])) if some else 0.0,
+        leg_contrast=_contrast(legs, float(np.std(pv))),
+        pv_bursts=burstiness(np.gradient(pv)),
+        op_bursts=burstiness(np.gradient(op)),
+    )
+
+
+def _pieces(pv: FloatArray, op: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
+    """Net OP travel and PV range, (n // size,) each, of the pieces of `size` samples."""
+    count = len(pv) // size
+    pieces = op[: count * size].reshape(count, size)
+    return np.abs(pieces[:, -1] - pieces[:, 0]), np.ptp(pv[: count * size].reshape(count, size), axis=1)
+
+
+def _flat_share(op_travel: FloatArray, pv_range: FloatArray) -> float:
+    return _share(op_travel, pv_range < 0.3 * np.quantile(pv_range, 0.9))
+
+
+def _share(amount: FloatArray, where: FloatArray) -> float:
+    total = float(amount.sum())
+    return float(amount[where].sum()) / total if total > 0.0 else 0.0
+
+
+def _contrast(legs: FloatArray, spread: float) -> float:
+    rising, falling = legs[legs[:, 3] > 0, 2], legs[legs[:, 3] < 0, 2]
+    if len(rising) == 0 or len(falling) == 0 or spread <= 0.0:
+        return 0.0
+    return abs(float(rising.mean() - falling.mean())) / spread
+
+
+@njit(cache=True, nogil=True)
+def _legs(pv: FloatArray, op: FloatArray, reversal: float, band: float) -> FloatArray:
+    """(L, 4) for each OP leg between reversals: share travelled with PV still, sharpness, mean PV, direction."""
+    turns = _turns(op, reversal)
+    rows = np.empty((len(turns), 4))
+    count = 0
+    for k in range(len(turns) - 1):
+        a, b = turns[k], turns[k + 1]
+        whole = abs(op[b] - op[a])
+        if b - a < _FEWEST_LEG_SAMPLES or whole <= 0.0:
+            continue
+        leg = pv[a : b + 1]
+        rows[count, 0] = _still_travel(leg, op[a : b + 1], band) / whole
+        rows[count, 1] = _quickest_quarter(leg)
+        rows[count, 2] = leg.mean()
+        rows[count, 3] = 1.0 if op[b] > op[a] else -1.0
+        count += 1
+    return rows[:count]
+
+
+@njit(cache=True, nogil=True)
+def _turns(x: FloatArray, reversal: float) -> FloatArray:
+    """Indices of the start and of the extremes of x from which it comes back by more than `reversal`."""
+    turns = np.empty(len(x) + 1, dtype=np.int64)
+    turns[0] = 0
+    count, direction, extreme = 1, 1.0, 0
+    for i in range(1, len(x)):
+        if direction * (x[i] - x[extreme]) > 0.0:
+            extreme = i
+        elif direction * (x[extreme] - x[i]) > reversal:
+            turns[count] = extreme
+            count += 1
+            direction, extreme = -direction, i
+    return turns[:count]
+
+
+@njit(cache=True, nogil=True)
+def _still_travel(pv: FloatArray, op: FloatArray, band: float) -> float:
+    """Largest OP travel over consecutive samples whose PV stays within `band`."""
+    best, first = 0.0, 0
+    for i in range(len(pv)):
+        while pv[first : i + 1].max() - pv[first : i + 1].min() > band:
+            first += 1
+        best = max(best, abs(op[i] - op[0]) - abs(op[first] - op[0]))
+    return best
+
+
+@njit(cache=True, nogil=True)
+def _quickest_quarter(pv: FloatArray) -> float:
+    n = len(pv)
+    step = max(1, n // 4)
+    whole = pv.max() - pv.min()
+    if whole <= 0.0 or n <= step:
+        return 1.0
+    most = 0.0
+    for i in range(n - step):
+        most = max(most, abs(pv[i + step] - pv[i]))
+    return most / whole

@@ -1,0 +1,89 @@
+"""The windows on which shapes are looked at: some fifteen periods, brought to forty samples a period."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.engine.features.signals import moving_average, resample, without_drift, without_line
+from app.engine.oscillation import Oscillation
+from app.engine.recording import FloatArray, UniformRecord
+
+PER_CYCLE = 40
+CYCLES = 15
+_DRIFT_HALF = 60
+_SMOOTHING_HALF = 2
+_FEWEST_SAMPLES = 64
+_SLOW_CYCLES = 8.0
+# Below these shares of their variance, PV and OP live on a slower scale than the oscillation that was found.
+_OP_SHARE, _PV_SHARE = 0.12, 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeWindow:
+    """One window of a loop, ready for the shape features: free of unit, offset and slow drift.
+
+    pv, op: (n,) at PER_CYCLE samples a cycle, without drift, at unit standard deviation.
+    pv_smooth, op_smooth: (n,) the same, smoothed over about an eighth of a cycle.
+    raw_pv, raw_op: (m,) as recorded. even_pv, even_op: (n,) at PER_CYCLE samples a cycle, with their drift.
+    """
+
+    pv: FloatArray
+    op: FloatArray
+    pv_smooth: FloatArray
+    op_smooth: FloatArray
+    raw_pv: FloatArray
+    raw_op: FloatArray
+    even_pv: FloatArray
+    even_op: FloatArray
+
+
+def shape_windows(record: UniformRecord, oscillation: Oscillation, most: int = 4) -> list[ShapeWindow]:
+    """Up to `most` windows spread over the record, none where PV or OP does not vary.
+
+    Where hardly any of the variance of OP and PV is in the oscillation (a ripple on a slow ramp), the scale is an
+    eighth of the record instead of the period.
+    """
+    per_cycle = cycle_samples(record, oscillation)
+    length = int(min(record.samples, max(CYCLES * per_cycle, _FEWEST_SAMPLES)))
+    count = int(np.clip(record.samples // length, 2 if record.samples > 1.3 * length else 1, most))
+    starts = np.linspace(0, record.samples - length, count).astype(int) if count > 1 else [0]
+    windows = (_window(record.pv[s : s + length], record.op[s : s + length], per_cycle) for s in starts)
+    return [window for window in windows if window is not None]
+
+
+def cycle_samples(record: UniformRecord, oscillation: Oscillation) -> float:
+    """Samples in one cycle of the scale on which the loop is looked at."""
+    per_cycle = oscillation.samples_per_cycle or record.samples / 4
+    if record.samples < 2 * CYCLES * per_cycle:
+        return per_cycle
+    half = int(1.5 * per_cycle)
+    if _fast_share(record.op, half) < _OP_SHARE and _fast_share(record.pv, half) < _PV_SHARE:
+        return record.samples / _SLOW_CYCLES
+    return per_cycle
+
+
+def _fast_share(x: FloatArray, half: int) -> float:
+    x = without_line(x)
+    total = float(np.var(x))
+    return float(np.var(x - moving_average(x, half))) / total if total > 0.0 else 1.0
+
+
+def _window(raw_pv: FloatArray, raw_op: FloatArray, per_cycle: float) -> ShapeWindow | None:
+    even_pv, even_op = resample(raw_pv, per_cycle, PER_CYCLE), resample(raw_op, per_cycle, PER_CYCLE)
+    pv, op = _unit(even_pv), _unit(even_op)
+    if pv is None or op is None:
+        return None
+    return ShapeWindow(pv, op, _smooth(pv), _smooth(op), raw_pv, raw_op, even_pv, even_op)
+
+
+def _unit(x: FloatArray) -> FloatArray | None:
+    deviation = without_drift(x, _DRIFT_HALF)
+    spread = float(np.std(deviation))
+    # What remains of a constant is rounding, not a signal.
+    if spread <= 1e-9 * float(np.max(np.abs(x))):
+        return None
+    return deviation / spread
+
+
+def _smooth(x: FloatArray) -> FloatArray:
+    return moving_average(moving_average(x, _SMOOTHING_HALF), _SMOOTHING_HALF)

@@ -1,0 +1,200 @@
+"""Free-run identification: a low-order process behind a valve, judged by simulating PV from OP alone.
+
+One-step prediction of a noisy record is won by its noise model. Here PV is simulated from OP through He's valve (S, J),
+a first-order lag or an integrator, and a dead time; the gain is the only thing regressed. PV and the simulated PV lose
+the same slow drift first, so that load changes slower than some three cycles do not count.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from app.engine.features.signals import without_drift
+from app.engine.recording import FloatArray
+from app.engine.valve import he_step
+
+INTEGRATOR = -1.0
+_LAGS = (0.0, 0.04, 0.1, 0.25, 0.6, INTEGRATOR)
+_DEAD_TIMES = (0.0, 0.03, 0.07, 0.13, 0.22)
+_BANDS = (0.06, 0.12, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+_SLIPS = (0.0, 0.4, 1.0)
+# A misfit below this share of the variance of PV is as good as none: noise decides there.
+_MISFIT_FLOOR = 0.02
+_WORST_MISFIT = 2.0
+
+
+@dataclass(frozen=True)
+class FreeRun:
+    """How well PV follows from OP with a sticky valve and with a linear one.
+
+    fit_linear, fit_sticky: share of the variance of PV that the best model without and with stiction explains.
+    gain: log of the ratio of their misfits; above 0 stiction explains more.
+    causal_linear, causal_sticky, causal_gain: the same with only process gains that close the loop to negative feedback
+    with the controller seen in the record.
+    held_linear, held_sticky, held_gain: the same on halves that the fit has not seen (gain: difference of misfits).
+    S_share, J_share: the best S as a share of a cycle's OP range, and J as a share of S.
+    integral_share: how much of the controller's action is integral, 0..1.
+    """
+
+    fit_linear: float
+    fit_sticky: float
+    gain: float
+    causal_linear: float
+    causal_sticky: float
+    causal_gain: float
+    held_linear: float
+    held_sticky: float
+    held_gain: float
+    S_share: float
+    J_share: float
+    integral_share: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """Sums over the two halves of a window. yy: (2,). xy, xx: (M, lags, dead times, 2), row 0 the linear valve."""
+
+    yy: FloatArray
+    xy: FloatArray
+    xx: FloatArray
+
+
+def free_run(pv: FloatArray, op: FloatArray, per_cycle: int) -> FreeRun:
+    """Free-run identification of one window over a coarse grid of valves, lags and dead times.
+
+    pv, op: (n,) with their drift, any unit, `per_cycle` samples a cycle. The S grid is relative to the median range of
+    OP in a cycle, lags and dead times to the cycle. OP is taken as the cause: a loop shaken from outside lets the
+    inverse of its controller pass for the process, which is why the causal fits ask for the sign of the feedback.
+    """
+    op = (op - op.mean()) / (cycle_range(op, per_cycle) or 1.0)
+    S = np.array([0.0] + [s for s in _BANDS for _ in _SLIPS])
+    J = np.array([0.0] + [s * j for s in _BANDS for j in _SLIPS])
+    drift = int(1.5 * per_cycle)
+    y = without_drift(pv, drift)
+    action, integral_share = controller_action(y, without_drift(op, drift))
+    lags = np.array([lag if lag == INTEGRATOR else lag * per_cycle for lag in _LAGS])
+    dead_times = np.round(np.array(_DEAD_TIMES) * per_cycle).astype(np.int64)
+    sums = _Sums(*_bank(y, op, S, J, lags, dead_times, drift))
+    any_sign, causal = _misfit(sums, 0.0), _misfit(sums, -action)
+    held = _held_out(sums, -action)
+    best = int(np.argmin(any_sign[1:].reshape(len(S) - 1, -1).min(axis=1))) + 1
+    return FreeRun(
+        fit_linear=1.0 - float(any_sign[0].min()),
+        fit_sticky=1.0 - float(any_sign[1:].min()),
+        gain=_log_gain(any_sign),
+        causal_linear=1.0 - float(causal[0].min()),
+        causal_sticky=1.0 - float(causal[1:].min()),
+        causal_gain=_log_gain(causal),
+        held_linear=1.0 - held[0],
+        held_sticky=1.0 - held[1],
+        held_gain=held[0] - held[1],
+        S_share=float(S[best]),
+        J_share=float(J[best] / S[best]),
+        integral_share=integral_share,
+    )
+
+
+def cycle_range(op: FloatArray, per_cycle: int) -> float:
+    """Median range of op (n,) over its cycles; over all where there is not one whole cycle."""
+    cycles = len(op) // per_cycle
+    if cycles == 0:
+        return float(np.ptp(op))
+    ranges = np.ptp(op[: cycles * per_cycle].reshape(cycles, per_cycle), axis=1)
+    return float(np.median(ranges)) or float(np.ptp(op))
+
+
+def controller_action(pv: FloatArray, op: FloatArray) -> tuple[float, float]:
+    """Sign of the controller (OP over PV) and the integral share of its action, from OP fitted to PV and its integral.
+
+    pv, op: (n,) without drift. A set point that moves blurs both.
+    """
+    integral = np.cumsum(pv - pv.mean())
+    t = np.linspace(-1.0, 1.0, len(pv))
+    columns = np.column_stack((pv, integral, np.ones_like(t), t, t * t))
+    scale = np.maximum(columns.std(axis=0), 1e-12)
+    scale[2] = 1.0
+    normal = (columns / scale).T @ (columns / scale) + 1e-9 * len(pv) * np.eye(5)
+    proportional, integrating = np.linalg.solve(normal, (columns / scale).T @ op)[:2]
+    strongest = proportional if abs(proportional) > abs(integrating) else integrating
+    return float(np.sign(strongest)), abs(integrating) / (abs(proportional) + abs(integrating) + 1e-12)
+
+
+def _log_gain(misfit: FloatArray) -> float:
+    return float(np.log((misfit[0].min() + _MISFIT_FLOOR) / (misfit[1:].min() + _MISFIT_FLOOR)))
+
+
+def _misfit(sums: _Sums, sign: float) -> FloatArray:
+    """(M, lags, dead times) share of the variance of PV left over; process gains of the other sign count as zero."""
+    xy, xx, yy = sums.xy.sum(axis=-1), sums.xx.sum(axis=-1), float(sums.yy.sum())
+    return 1.0 - _usable(xy, sign) ** 2 / (xx + 1e-12) / (yy + 1e-300)
+
+
+def _usable(xy: FloatArray, sign: float) -> FloatArray:
+    return xy if sign == 0.0 else np.where(xy * sign > 0.0, xy, 0.0)
+
+
+def _held_out(sums: _Sums, sign: float) -> tuple[float, float]:
+    """Mean misfit on the half that was not fitted: linear valve, sticky valve."""
+    linear, sticky = 0.0, 0.0
+    for fitted, other in ((0, 1), (1, 0)):
+        xy, xx, yy = sums.xy[..., fitted], sums.xx[..., fitted], float(sums.yy[fitted])
+        gain = _usable(xy, sign) / (xx + 1e-12)
+        inside = (yy - gain * xy) / (yy + 1e-300)
+        outside = (sums.yy[other] - 2 * gain * sums.xy[..., other] + gain**2 * sums.xx[..., other]) / (
+            sums.yy[other] + 1e-300
+        )
+        outside = np.minimum(outside, _WORST_MISFIT)
+        linear += float(outside[0].flat[np.argmin(inside[0])]) / 2
+        sticky += float(outside[1:].flat[np.argmin(inside[1:])]) / 2
+    return linear, sticky
+
+
+@njit(cache=True, nogil=True)
+def valve_position(op: FloatArray, S: float, J: float) -> FloatArray:
+    """v (n,) of He's valve, in the unit of OP, starting at rest at op[0]."""
+    state = np.array([op[0], op[0], 0.0])
+    v = np.empty(len(op))
+    for t in range(len(op)):
+        v[t] = he_step(op[t], state, S, J)
+    return v
+
+
+@njit(cache=True, nogil=True)
+def through_process(v: FloatArray, lag: float) -> FloatArray:
+    """v (n,) through a first-order lag in samples at unit gain, or summed up where lag is INTEGRATOR."""
+    x = np.empty(len(v))
+    if lag < 0.0:
+        mean, total = v.mean(), 0.0
+        for t in range(len(v)):
+            total += v[t] - mean
+            x[t] = total
+        return x
+    keep = np.exp(-1.0 / lag) if lag > 0.0 else 0.0
+    level = v[0]
+    for t in range(len(v)):
+        level = keep * level + (1.0 - keep) * v[t]
+        x[t] = level
+    return x
+
+
+@njit(cache=True, nogil=True)
+def _bank(y, op, S, J, lags, dead_times, drift):  # type: ignore[no-untyped-def]
+    """Sums of products of PV with every simulated PV, and of their squares, over both halves of the window."""
+    n, half = len(y), len(y) // 2
+    xy = np.zeros((len(S), len(lags), len(dead_times), 2))
+    xx = np.zeros((len(S), len(lags), len(dead_times), 2))
+    yy = np.zeros(2)
+    yy[0], yy[1] = np.sum(y[:half] ** 2), np.sum(y[half:] ** 2)
+    for m in range(len(S)):
+        v = valve_position(op, S[m], J[m])
+        for i in range(len(lags)):
+            x = without_drift(through_process(v, lags[i]), drift)
+            for k in range(len(dead_times)):
+                theta = dead_times[k]
+                for part in range(2):
+                    first, last = (theta, half) if part == 0 else (half, n)
+                    for t in range(first, last):
+                        xy[m, i, k, part] += x[t - theta] * y[t]
+                        xx[m, i, k, part] += x[t - theta] ** 2
+    return yy, xy, xx
