@@ -8,8 +8,11 @@ from app.engine.armax import SearchSpace
 from app.engine.hammerstein import HammersteinConfig, OneParameterResult, TwoParameterResult
 from app.engine.recording import UniformRecord
 from app.engine.yper import YperResult
+from app.errors import DataError
 
 Reading = Literal["high_stiction", "high_no_stiction", "low_stiction", "low_no_stiction"]
+
+Ending = Literal["agreement", "ladder_end", "record_too_short"]
 
 RELIABLE: frozenset[Reading] = frozenset({"high_stiction", "low_no_stiction"})
 """The rows of table 2 where Yper and the Hammerstein verdict agree."""
@@ -54,13 +57,16 @@ class Reference:
     """The published method's answer to a record, with the climb that led to it.
 
     yper: scale-free, both signals at unit standard deviation; it decides. yper_raw: in engineering units, to compare.
-    rungs: every search space that was tried, in order; the last one has the final say.
+    high: whether Yper is above the threshold of the configuration.
+    rungs: every search space that was identified, in order; the last one has the final say.
+    ending: why the climb ended: table 2 agreed, there was no wider rung, or the record is too short for the next one.
     """
 
     yper: YperResult
     yper_raw: YperResult
     high: bool
     rungs: tuple[Rung, ...]
+    ending: Ending
 
     @property
     def last(self) -> Rung:
@@ -103,9 +109,11 @@ def climb(
     """Yper first, then search spaces from the rung it chooses until table 2 agrees or the ladder ends (section 4.1).
 
     The verdict of a rung is the published rule on the one-parameter model: stiction where the d of least RMSE is not
-    zero. The two-parameter model is kept beside it and never decides; being some ten times as costly, it is identified
-    on the last rung reached only.
-    Raises DataError as app.engine.yper.compute and app.engine.hammerstein do (flat signals, too few samples).
+    zero. The two-parameter model is kept beside it and never decides; being the costlier one, it is identified
+    on the last rung reached only. A record that is too short for the first rung starts on the widest one below that
+    it can bear; one that is too short for the next rung ends the climb.
+    Raises DataError as app.engine.yper.compute and app.engine.hammerstein do: flat signals, missing values, and
+    DataError("record_too_short") where no rung can be identified.
 
     Misleads: at the paper's threshold of 0.5 % nearly every real record is high, so agreement repeats the verdict.
     Source: Srinivasan, Spinner, Rengaswamy 2015, doi 10.1021/acs.iecr.5b00939.
@@ -116,15 +124,39 @@ def climb(
     raw = yper.compute(record.pv, record.op, record.sampling_interval_s, "raw")
     high = scale_free.yper_pct > config.yper_threshold_pct
     first = config.rungs.index(config.high if high else config.nominal)
-    rungs: list[Rung] = []
-    for orders in config.rungs[first:]:
-        rungs.append(_try(record, SearchSpace(*orders), high, hammerstein_config))
-        if rungs[-1].agrees:
-            break
+    rungs, ending = _climb_from(record, config, first, high, hammerstein_config)
     if config.two_parameter:
         two = hammerstein.identify_two_parameter(record, rungs[-1].space, hammerstein_config)
         rungs[-1] = replace(rungs[-1], two=two)
-    return Reference(yper=scale_free, yper_raw=raw, high=high, rungs=tuple(rungs))
+    return Reference(yper=scale_free, yper_raw=raw, high=high, rungs=tuple(rungs), ending=ending)
+
+
+def _climb_from(
+    record: UniformRecord, config: LadderConfig, first: int, high: bool, hammerstein_config: HammersteinConfig
+) -> tuple[list[Rung], Ending]:
+    rungs = [_first_bearable(record, config, first, high, hammerstein_config)]
+    for orders in config.rungs[first + 1 :]:
+        if rungs[-1].agrees:
+            break
+        try:
+            rungs.append(_try(record, SearchSpace(*orders), high, hammerstein_config))
+        except DataError as refused:
+            if refused.code != "record_too_short":
+                raise
+            return rungs, "record_too_short"
+    return rungs, "agreement" if rungs[-1].agrees else "ladder_end"
+
+
+def _first_bearable(
+    record: UniformRecord, config: LadderConfig, first: int, high: bool, hammerstein_config: HammersteinConfig
+) -> Rung:
+    for orders in config.rungs[first:0:-1]:
+        try:
+            return _try(record, SearchSpace(*orders), high, hammerstein_config)
+        except DataError as refused:
+            if refused.code != "record_too_short":
+                raise
+    return _try(record, SearchSpace(*config.rungs[0]), high, hammerstein_config)
 
 
 def _try(record: UniformRecord, space: SearchSpace, high: bool, config: HammersteinConfig) -> Rung:

@@ -22,11 +22,13 @@ def record(high: bool) -> UniformRecord:
 @pytest.fixture
 def answers(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """Stands in for the identification: says stiction in the spaces of `stiction_in`, notes what was asked."""
-    said = SimpleNamespace(stiction_in=set(), asked=[], asked_two=[])
+    said = SimpleNamespace(stiction_in=set(), too_short_for=set(), asked=[], asked_two=[])
 
     def one(_: UniformRecord, space: SearchSpace, __: object) -> SimpleNamespace:
         orders = (space.na_max, space.nb_max, space.nc_max)
         said.asked.append(orders)
+        if orders in said.too_short_for:
+            raise DataError("record_too_short", "needs more")
         return SimpleNamespace(stiction=orders in said.stiction_in)
 
     def two(_: UniformRecord, space: SearchSpace, __: object) -> str:
@@ -71,7 +73,7 @@ def test_disagreement_climbs_rung_by_rung_until_agreement(answers: SimpleNamespa
     assert answers.asked == [(5, 5, 5), (5, 5, 10), (5, 5, 25)]
     assert [rung.reading for rung in reference.rungs] == ["low_stiction", "low_stiction", "low_no_stiction"]
     assert [rung.agrees for rung in reference.rungs] == [False, False, True]
-    assert reference.widenings == 2
+    assert (reference.widenings, reference.ending) == (2, "agreement")
     assert reference.search_space == SearchSpace(5, 5, 25)
 
 
@@ -79,6 +81,27 @@ def test_last_rung_ends_the_climb_unreliable(answers: SimpleNamespace) -> None:
     reference = climb(record(high=True))
     assert answers.asked == [(5, 5, 10), (5, 5, 25), (10, 10, 25)]
     assert (reference.reading, reference.reliable, reference.stiction) == ("high_no_stiction", False, False)
+    assert reference.ending == "ladder_end"
+
+
+def test_record_too_short_for_the_next_rung_ends_the_climb(answers: SimpleNamespace) -> None:
+    answers.too_short_for = {(5, 5, 25)}
+    reference = climb(record(high=True))
+    assert (len(reference.rungs), reference.ending, reference.reliable) == (1, "record_too_short", False)
+
+
+def test_record_too_short_for_the_first_rung_starts_lower(answers: SimpleNamespace) -> None:
+    answers.too_short_for = {(5, 5, 5), (5, 5, 10), (5, 5, 25), (10, 10, 25)}
+    answers.stiction_in = {(2, 2, 2)}
+    reference = climb(record(high=True))
+    assert answers.asked == [(5, 5, 10), (5, 5, 5), (2, 2, 2)]
+    assert (reference.search_space, reference.ending) == (SearchSpace(2, 2, 2), "agreement")
+
+
+def test_record_too_short_for_every_rung_is_refused(answers: SimpleNamespace) -> None:
+    answers.too_short_for = set(LadderConfig().rungs)
+    with pytest.raises(DataError, match="needs more"):
+        climb(record(high=True))
 
 
 def test_two_parameter_model_is_identified_on_the_last_rung_only(answers: SimpleNamespace) -> None:
