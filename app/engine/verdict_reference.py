@@ -94,9 +94,8 @@ def _reasons(reference: Reference) -> tuple[Reason, ...]:
         reasons.append(Reason("two_parameter_disagrees", f"the two-parameter valve model {said}"))
     if reference.widenings:
         said = "agreement was found" if reference.reliable else "the last one did not agree either"
-        reasons.append(
-            Reason("search_space_widened", f"the search space was widened {reference.widenings} times; {said}")
-        )
+        times = "once" if reference.widenings == 1 else f"{reference.widenings} times"
+        reasons.append(Reason("search_space_widened", f"the search space was widened {times}; {said}"))
     reasons.append(
         Reason("reference_only", "verdict and probability come from the published rule alone and are not calibrated")
     )
@@ -106,6 +105,7 @@ def _reasons(reference: Reference) -> tuple[Reason, ...]:
 def _curve_reason(one: OneParameterResult) -> Reason:
     gain = 100.0 * rmse_gain(one)
     if one.stiction:
-        text = f"a valve that sticks within d = {one.d_best:.4g} of OP predicts PV {gain:.3g} % better than a free one"
+        text = f"a valve that sticks within d = {one.d_best:.4g} of OP predicts PV {gain:.3g} % better than a free valve"
         return Reason("rmse_least_with_stiction", text)
-    return Reason("rmse_least_without_stiction", f"no stiction band predicts PV better (the best by {gain:.3g} %)")
+    text = f"no stiction band predicts PV better: the best one {-gain:.3g} % worse than a free valve"
+    return Reason("rmse_least_without_stiction", text)
