@@ -1,0 +1,28 @@
+"""What every service works with: the settings, the data base and the queue of one process."""
+
+from dataclasses import dataclass
+
+from app.queue import Queue
+from app.settings import Settings
+from app.storage import Database
+
+
+@dataclass(frozen=True)
+class Backend:
+    """Opened once a process, after any fork; safe to use from several threads."""
+
+    settings: Settings
+    database: Database
+    queue: Queue
+
+    @classmethod
+    def open(cls, settings: Settings, *, worker: bool = False) -> "Backend":
+        """`worker`: statements may take longer than those of an API."""
+        settings.prepare_folders()
+        limit_s = settings.worker_statement_timeout_s if worker else settings.statement_timeout_s
+        database = Database(settings.resolved_database_url, statement_timeout_s=limit_s, pool_size=settings.pool_size)
+        return cls(settings, database, Queue(settings))
+
+    def close(self) -> None:
+        self.database.close()
+        self.queue.close()

@@ -1,0 +1,145 @@
+"""What services answer with. Times are ISO 8601 in UTC, ids are strings."""
+
+from dataclasses import dataclass, field
+from typing import Any, Generic, Literal, TypeVar
+
+UploadState = Literal["received", "reading", "done", "failed"]
+AuditState = Literal["planned", "running", "done", "partial", "cancelled"]
+Row = TypeVar("Row")
+
+
+@dataclass(frozen=True)
+class Page(Generic[Row]):
+    """Some rows, and where the next ones start (None: these are the last)."""
+
+    rows: list[Row]
+    next_cursor: str | None
+
+
+@dataclass(frozen=True)
+class RejectView:
+    """A row or value that could not be used; `line` counts from 1, None where no single line is at fault."""
+
+    line: int | None
+    code: str
+    text: str
+    tag: str
+
+
+@dataclass(frozen=True)
+class UploadView:
+    """An export as it came, and what became of it. `rejects` lists the first; `reject_counts` is exact by code."""
+
+    id: str
+    state: UploadState
+    filename: str
+    size_bytes: int
+    fingerprint: str
+    received_at: str
+    ended_at: str | None
+    reason: str | None
+    layout: str | None
+    loops: list[str]
+    rows_kept: int
+    rows_refused: int
+    samples_added: int
+    reject_counts: dict[str, int]
+    rejects: list[RejectView]
+    notes: list[str]
+
+
+@dataclass(frozen=True)
+class Receipt:
+    """The bytes are stored and synced. `created` is False where the same content had been sent before."""
+
+    upload: UploadView
+    created: bool
+
+
+@dataclass(frozen=True)
+class LoopView:
+    """A control loop. Spans are in the unit of their signal; `samples_to` is the newest sample's time."""
+
+    tag: str
+    unit: str | None
+    type: str | None
+    description: str | None
+    importance: float
+    pv_unit: str | None
+    pv_low: float | None
+    pv_high: float | None
+    op_low: float | None
+    op_high: float | None
+    integrating: bool | None
+    samples_to: str | None
+
+
+@dataclass(frozen=True)
+class FailureView:
+    loop: str
+    code: str
+    text: str
+
+
+@dataclass(frozen=True)
+class AuditView:
+    """A run and its progress: total = open + done + failed (claimed loops count as open)."""
+
+    id: str
+    state: AuditState
+    trigger: str
+    created_at: str
+    ended_at: str | None
+    total: int
+    open: int
+    done: int
+    failed: int
+    failures: list[FailureView]
+
+    @property
+    def ended(self) -> bool:
+        return self.state in ("done", "partial", "cancelled")
+
+
+@dataclass(frozen=True)
+class TrendView:
+    """A loop's series for a screen: of each stretch its least and greatest value. NaN became None."""
+
+    tag: str
+    samples: int
+    time: list[str]
+    pv: list[float | None]
+    op: list[float | None]
+    sp: list[float | None] | None
+
+
+@dataclass(frozen=True)
+class PlantSummary:
+    """The plant in a few numbers. `open_loops` wait in runs that have not ended; ages are in seconds."""
+
+    loops: int
+    audited: int
+    verdicts: dict[str, int]
+    reliability: dict[str, int]
+    likely_causes: dict[str, int]
+    units: list[dict[str, Any]]
+    newest_audit: AuditView | None
+
+
+@dataclass(frozen=True)
+class Readiness:
+    """`state` is degraded where all but the broker works; `checks` holds a word or a number for each thing looked at."""
+
+    state: Literal["ready", "degraded", "not_ready"]
+    checks: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class SweepReport:
+    """What one sweep found: items and uploads taken back from dead workers, runs ended, messages sent again."""
+
+    reopened: int
+    failed: int
+    ended: int
+    announced: int
+    nightly: str | None

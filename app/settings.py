@@ -1,0 +1,97 @@
+"""Every setting of the service: an environment variable LOOPAUDIT_<NAME> each, with what it means. The README lists them all."""
+
+import os
+from datetime import time
+from functools import lru_cache
+from pathlib import Path
+from zoneinfo import ZoneInfo
+
+from pydantic import Field, field_validator, model_validator
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "POLARS_MAX_THREADS")
+
+
+class Settings(BaseSettings):
+    """Read once at start; `Settings()` takes the environment, arguments override it."""
+
+    model_config = SettingsConfigDict(env_prefix="LOOPAUDIT_", frozen=True, extra="ignore")
+
+    data_dir: Path = Field(Path(".loopaudit"), description="Folder of uploads, of the default data base and of the default broker.")
+    database_url: str = Field("", description="SQLAlchemy address of the data base; empty: SQLite in the data folder.")
+    broker_url: str = Field("", description="Address of Celery's broker: redis://... ; empty: a folder in the data folder.")
+    plant: str = Field("plant", description="Name of the plant; there is one nightly audit a plant and date.", max_length=100)
+    nightly_at: time = Field(time(2, 0), description="When the nightly audit starts, HH:MM.")
+    time_zone: str = Field("UTC", description="IANA zone of NIGHTLY_AT, and of time stamps in exports that name no zone.")
+    allow_open: bool = Field(False, description="Listen on other addresses than loopback without keys.")
+
+    window_h: float = Field(168.0, gt=0, description="An audit takes at most the newest hours of a loop's samples.")
+    window_samples: int = Field(30_000, ge=100, description="An audit takes at most the newest samples of a loop.")
+    chunk_loops: int = Field(32, ge=1, le=1000, description="Loops that a worker claims at a time.")
+    chunk_budget_s: float = Field(10.0, gt=0, description="A task goes on claiming for this time, in seconds.")
+    fan_out: int = Field(32, ge=1, description="Messages that wake workers for a run, at most, at a time.")
+    loop_limit_s: float = Field(20.0, gt=0, description="Time limit of one loop's audit, in seconds.")
+    lease_s: float = Field(45.0, gt=0, description="A claim that is not renewed is given to another worker after this time.")
+    max_attempts: int = Field(3, ge=1, description="How often a loop or an upload is tried that takes its worker down.")
+    sweep_s: float = Field(15.0, gt=0, description="How often lost messages and dead workers are looked for, in seconds.")
+    stalled_s: float = Field(20.0, gt=0, description="Open work that nobody claims for this time is announced again.")
+
+    max_upload_bytes: int = Field(4 << 30, ge=1, description="Greatest upload, in bytes as they come.")
+    max_rejects: int = Field(1000, ge=0, description="Refused rows that are listed for an upload; all are counted.")
+    buffered_samples: int = Field(6_000_000, ge=1000, description="Values that reading an upload keeps in memory.")
+    statement_timeout_s: float = Field(15.0, gt=0, description="Limit of a statement of the API on PostgreSQL.")
+    worker_statement_timeout_s: float = Field(600.0, gt=0, description="Limit of a statement of a worker on PostgreSQL.")
+    pool_size: int = Field(5, ge=1, description="Connections that a process keeps to PostgreSQL.")
+    worker_memory_mb: int = Field(400, ge=100, description="A worker process above this size is replaced between tasks.")
+    worker_tasks: int = Field(500, ge=1, description="A worker process is replaced after this many tasks.")
+
+    @field_validator("time_zone")
+    @classmethod
+    def _known_zone(cls, name: str) -> str:
+        ZoneInfo(name)
+        return name
+
+    @field_validator("data_dir")
+    @classmethod
+    def _absolute(cls, path: Path) -> Path:
+        return path.expanduser().absolute()
+
+    @model_validator(mode="after")
+    def _lease_outlasts_a_loop(self) -> "Settings":
+        if self.lease_s < 2 * self.loop_limit_s:
+            raise ValueError(f"LEASE_S must be at least twice LOOP_LIMIT_S, got {self.lease_s} and {self.loop_limit_s}")
+        return self
+
+    @property
+    def resolved_database_url(self) -> str:
+        return self.database_url or f"sqlite:///{self.data_dir / 'loopaudit.db'}"
+
+    @property
+    def resolved_broker_url(self) -> str:
+        return self.broker_url or f"folder://{self.data_dir / 'broker'}"
+
+    @property
+    def embedded(self) -> bool:
+        """Whether `serve` runs worker and schedule itself: no server was named for the broker."""
+        return not self.broker_url
+
+    @property
+    def uploads_dir(self) -> Path:
+        return self.data_dir / "uploads"
+
+    def prepare_folders(self) -> None:
+        """The data folder with its parts, readable by the owner alone."""
+        for folder in (self.data_dir, self.uploads_dir):
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+
+
+@lru_cache(maxsize=1)
+def settings() -> Settings:
+    """The settings of this process, from its environment."""
+    return Settings()
+
+
+def use_one_thread() -> None:
+    """One thread a worker process, because the processes are what scales; to be called before numpy is imported."""
+    for name in ONE_THREAD:
+        os.environ.setdefault(name, "1")
