@@ -105,7 +105,7 @@ def _reasons(reference: Reference) -> tuple[Reason, ...]:
 def _curve_reason(one: OneParameterResult) -> Reason:
     gain = 100.0 * rmse_gain(one)
     if one.stiction:
-        text = f"a valve that sticks within d = {one.d_best:.4g} of OP predicts PV {gain:.3g} % better than a free valve"
+        text = f"a valve with a stiction band of {one.d_best:.4g} predicts PV {gain:.3g} % better than a free valve"
         return Reason("rmse_least_with_stiction", text)
     text = f"no stiction band predicts PV better: the best one {-gain:.3g} % worse than a free valve"
     return Reason("rmse_least_without_stiction", text)
