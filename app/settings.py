@@ -17,12 +17,20 @@ class Settings(BaseSettings):
 
     model_config = SettingsConfigDict(env_prefix="LOOPAUDIT_", frozen=True, extra="ignore")
 
-    data_dir: Path = Field(Path(".loopaudit"), description="Folder of uploads, of the default data base and of the default broker.")
+    data_dir: Path = Field(
+        Path(".loopaudit"), description="Folder of uploads, of the default data base and of the default broker."
+    )
     database_url: str = Field("", description="SQLAlchemy address of the data base; empty: SQLite in the data folder.")
-    broker_url: str = Field("", description="Address of Celery's broker: redis://... ; empty: a folder in the data folder.")
-    plant: str = Field("plant", description="Name of the plant; there is one nightly audit a plant and date.", max_length=100)
+    broker_url: str = Field(
+        "", description="Address of Celery's broker: redis://... ; empty: a folder in the data folder."
+    )
+    plant: str = Field(
+        "plant", description="Name of the plant; there is one nightly audit a plant and date.", max_length=100
+    )
     nightly_at: time = Field(time(2, 0), description="When the nightly audit starts, HH:MM.")
-    time_zone: str = Field("UTC", description="IANA zone of NIGHTLY_AT, and of time stamps in exports that name no zone.")
+    time_zone: str = Field(
+        "UTC", description="IANA zone of NIGHTLY_AT, and of time stamps in exports that name no zone."
+    )
     allow_open: bool = Field(False, description="Listen on other addresses than loopback without keys.")
 
     window_h: float = Field(168.0, gt=0, description="An audit takes at most the newest hours of a loop's samples.")
@@ -31,18 +39,26 @@ class Settings(BaseSettings):
     chunk_budget_s: float = Field(10.0, gt=0, description="A task goes on claiming for this time, in seconds.")
     fan_out: int = Field(32, ge=1, description="Messages that wake workers for a run, at most, at a time.")
     loop_limit_s: float = Field(20.0, gt=0, description="Time limit of one loop's audit, in seconds.")
-    lease_s: float = Field(45.0, gt=0, description="A claim that is not renewed is given to another worker after this time.")
+    lease_s: float = Field(
+        45.0, gt=0, description="A claim that is not renewed is given to another worker after this time."
+    )
     max_attempts: int = Field(3, ge=1, description="How often a loop or an upload is tried that takes its worker down.")
-    sweep_s: float = Field(15.0, gt=0, description="How often lost messages and dead workers are looked for, in seconds.")
+    sweep_s: float = Field(
+        15.0, gt=0, description="How often lost messages and dead workers are looked for, in seconds."
+    )
     stalled_s: float = Field(20.0, gt=0, description="Open work that nobody claims for this time is announced again.")
 
     max_upload_bytes: int = Field(4 << 30, ge=1, description="Greatest upload, in bytes as they come.")
     max_rejects: int = Field(1000, ge=0, description="Refused rows that are listed for an upload; all are counted.")
     buffered_samples: int = Field(6_000_000, ge=1000, description="Values that reading an upload keeps in memory.")
     statement_timeout_s: float = Field(15.0, gt=0, description="Limit of a statement of the API on PostgreSQL.")
-    worker_statement_timeout_s: float = Field(600.0, gt=0, description="Limit of a statement of a worker on PostgreSQL.")
+    worker_statement_timeout_s: float = Field(
+        600.0, gt=0, description="Limit of a statement of a worker on PostgreSQL."
+    )
     pool_size: int = Field(5, ge=1, description="Connections that a process keeps to PostgreSQL.")
-    worker_memory_mb: int = Field(400, ge=100, description="A worker process above this size is replaced between tasks.")
+    worker_memory_mb: int = Field(
+        400, ge=100, description="A worker process above this size is replaced between tasks."
+    )
     worker_tasks: int = Field(500, ge=1, description="A worker process is replaced after this many tasks.")
 
     @field_validator("time_zone")
@@ -86,7 +102,7 @@ class Settings(BaseSettings):
 
 
 @lru_cache(maxsize=1)
-def settings() -> Settings:
+def load_settings() -> Settings:
     """The settings of this process, from its environment."""
     return Settings()
 

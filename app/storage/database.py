@@ -1,0 +1,94 @@
+"""Opens the data base: one engine to write with, one to read with."""
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from sqlalchemy import Connection, Engine, create_engine, event, make_url
+from sqlalchemy.engine import URL
+
+BUSY_TIMEOUT_MS = 30_000
+WAL_SAFE_FROM = (3, 51, 3)
+
+
+class Database:
+    """Short transactions: `with database.write() as connection`, `with database.read() as connection`.
+
+    Open it after any fork; it is safe to use from several threads.
+    """
+
+    def __init__(self, url: str, *, statement_timeout_s: float = 15.0, pool_size: int = 5) -> None:
+        self.url: URL = make_url(url)
+        self.is_sqlite = self.url.get_backend_name() == "sqlite"
+        if self.is_sqlite:
+            self._writer, self._reader = _sqlite(self.url, writes=True), _sqlite(self.url, writes=False)
+        else:
+            self._writer = _postgresql(self.url, statement_timeout_s, pool_size, writes=True)
+            self._reader = _postgresql(self.url, statement_timeout_s, pool_size, writes=False)
+
+    @contextmanager
+    def write(self) -> Iterator[Connection]:
+        """One transaction, committed at the end, rolled back by an exception. On SQLite it holds the write lock."""
+        with self._writer.begin() as connection:
+            yield connection
+
+    @contextmanager
+    def read(self) -> Iterator[Connection]:
+        """One reading transaction; writing in it fails."""
+        with self._reader.connect() as connection:
+            yield connection
+
+    @property
+    def writer(self) -> Engine:
+        """For migrations."""
+        return self._writer
+
+    def close(self) -> None:
+        self._writer.dispose()
+        self._reader.dispose()
+
+
+def journal_mode() -> str:
+    """WAL only where SQLite can be trusted with it: versions before 3.51.3 may corrupt it when two processes write."""
+    return "WAL" if sqlite3.sqlite_version_info >= WAL_SAFE_FROM else "TRUNCATE"
+
+
+def _sqlite(url: URL, *, writes: bool) -> Engine:
+    engine = create_engine(url, connect_args={"timeout": BUSY_TIMEOUT_MS / 1000, "check_same_thread": False})
+
+    @event.listens_for(engine, "connect")
+    def prepare(connection: Any, _: Any) -> None:
+        # The driver must not begin transactions by itself: see `begin`.
+        connection.isolation_level = None
+        connection.execute(f"PRAGMA busy_timeout = {BUSY_TIMEOUT_MS}")
+        connection.execute(f"PRAGMA journal_mode = {journal_mode()}")
+        connection.execute("PRAGMA foreign_keys = ON")
+        connection.execute("PRAGMA synchronous = FULL")
+        connection.execute("PRAGMA mmap_size = 0")
+        if not writes:
+            connection.execute("PRAGMA query_only = ON")
+
+    @event.listens_for(engine, "begin")
+    def begin(connection: Connection) -> None:
+        # A deferred transaction that reads, then writes, loses updates or fails at once; IMMEDIATE waits its turn.
+        connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+
+    return engine
+
+
+def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes: bool) -> Engine:
+    options = (
+        f"-c statement_timeout={int(statement_timeout_s * 1000)} -c timezone=UTC"
+        " -c idle_in_transaction_session_timeout=60000"
+    )
+    if not writes:
+        options += " -c default_transaction_read_only=on"
+    return create_engine(
+        url,
+        pool_size=pool_size,
+        max_overflow=pool_size,
+        pool_timeout=10,
+        pool_pre_ping=True,
+        connect_args={"options": options, "connect_timeout": 5, "application_name": "loopaudit"},
+    )

@@ -1,0 +1,58 @@
+"""The schema's versions: brings a data base to the newest one, and says which one it has."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.resources import files
+from pathlib import Path
+
+from alembic import command
+from alembic.config import Config
+from alembic.runtime.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from sqlalchemy import Connection
+
+from app.storage.database import Database
+
+
+def migrate(database: Database, revision: str = "head") -> None:
+    """Brings the data base to `revision`; nothing happens where it is there already."""
+    with _configured(database) as config:
+        command.upgrade(config, revision)
+
+
+def downgrade(database: Database, revision: str) -> None:
+    with _configured(database) as config:
+        command.downgrade(config, revision)
+
+
+def current_revision(database: Database) -> str | None:
+    with database.read() as connection:
+        return MigrationContext.configure(connection).get_current_revision()
+
+
+def newest_revision() -> str | None:
+    return ScriptDirectory.from_config(_config()).get_current_head()
+
+
+@contextmanager
+def _configured(database: Database) -> Iterator[Config]:
+    with database.writer.connect() as connection, connection.begin():
+        _prepare(connection)
+        config = _config()
+        config.attributes["connection"] = connection
+        yield config
+
+
+def _prepare(connection: Connection) -> None:
+    """One migration at a time, and none that waits for a lock while everybody else waits behind it."""
+    if connection.dialect.name == "postgresql":
+        connection.exec_driver_sql("SET LOCAL statement_timeout = 0")
+        connection.exec_driver_sql("SET LOCAL lock_timeout = '60s'")
+        connection.exec_driver_sql("SELECT pg_advisory_xact_lock(705161)")
+        connection.exec_driver_sql("SET LOCAL lock_timeout = '5s'")
+
+
+def _config() -> Config:
+    config = Config()
+    config.set_main_option("script_location", str(Path(str(files("migrations")))).replace("%", "%%"))
+    return config

@@ -1,0 +1,207 @@
+"""The tables, for PostgreSQL and SQLite alike. Changed here, a migration goes with it (a test compares the two)."""
+
+from sqlalchemy import (
+    BigInteger,
+    Boolean,
+    CheckConstraint,
+    Column,
+    Float,
+    ForeignKey,
+    Index,
+    Integer,
+    LargeBinary,
+    MetaData,
+    Table,
+    Text,
+    UniqueConstraint,
+    text,
+)
+
+from app.storage.types import UtcDateTime
+
+metadata = MetaData(
+    naming_convention={
+        "ix": "ix_%(table_name)s_%(column_0_N_name)s",
+        "uq": "uq_%(table_name)s_%(column_0_N_name)s",
+        "ck": "ck_%(table_name)s_%(constraint_name)s",
+        "fk": "fk_%(table_name)s_%(column_0_N_name)s",
+        "pk": "pk_%(table_name)s",
+    }
+)
+
+# SQLite numbers rows by itself only in a column of type INTEGER.
+Id = BigInteger().with_variant(Integer(), "sqlite")
+
+
+def _partial(name: str, *columns: str, where: str) -> Index:
+    """An index over few of the rows: those that are still to do."""
+    return Index(name, *columns, postgresql_where=text(where), sqlite_where=text(where))
+
+
+uploads = Table(
+    "uploads",
+    metadata,
+    Column("id", Id, primary_key=True),
+    Column("content_key", Text, nullable=False, unique=True),  # of the bytes and how they are to be read
+    Column("fingerprint", Text, nullable=False),  # SHA-256 of the bytes as they came
+    Column("filename", Text, nullable=False),
+    Column("content_type", Text),
+    Column("size_bytes", BigInteger, nullable=False),
+    Column("reading_json", Text, nullable=False, server_default="{}"),
+    Column("received_at", UtcDateTime, nullable=False),
+    Column("received_by", Text),
+    Column("state", Text, nullable=False, server_default="received"),
+    Column("ended_at", UtcDateTime),
+    Column("error_code", Text),
+    Column("error_text", Text),
+    Column("attempts", Integer, nullable=False, server_default="0"),
+    Column("owner", Text),
+    Column("lease_until_s", Float),
+    Column("announced_s", Float),
+    Column("summary_json", Text),
+    CheckConstraint("state IN ('received', 'reading', 'done', 'failed')", name="state"),
+    _partial("ix_uploads_unread", "id", where="state IN ('received', 'reading')"),
+)
+
+rejects = Table(
+    "rejects",
+    metadata,
+    Column("upload_id", Id, ForeignKey("uploads.id", ondelete="CASCADE"), primary_key=True),
+    Column("number", Integer, primary_key=True),
+    Column("line", BigInteger),
+    Column("code", Text, nullable=False),
+    Column("text", Text, nullable=False),
+    Column("tag", Text, nullable=False, server_default=""),
+)
+
+loops = Table(
+    "loops",
+    metadata,
+    Column("id", Id, primary_key=True),
+    Column("tag", Text, nullable=False, unique=True),
+    Column("unit", Text),
+    Column("type", Text),
+    Column("description", Text),
+    Column("importance", Float, nullable=False, server_default="1"),
+    Column("pv_unit", Text),
+    Column("pv_low", Float),
+    Column("pv_high", Float),
+    Column("op_low", Float),
+    Column("op_high", Float),
+    Column("integrating", Boolean),
+    Column("created_at", UtcDateTime, nullable=False),
+    Column("newest_ns", BigInteger),  # time of the newest sample
+    Column("newest_audit_id", Id),  # the run of the newest verdict
+)
+
+upload_loops = Table(
+    "upload_loops",
+    metadata,
+    Column("upload_id", Id, ForeignKey("uploads.id", ondelete="CASCADE"), primary_key=True),
+    Column("loop_id", Id, ForeignKey("loops.id", ondelete="CASCADE"), primary_key=True),
+)
+
+series = Table(
+    "series",
+    metadata,
+    Column("id", Id, primary_key=True),
+    Column("loop_id", Id, ForeignKey("loops.id", ondelete="CASCADE"), nullable=False),
+    Column("start_ns", BigInteger, nullable=False),
+    Column("end_ns", BigInteger, nullable=False),
+    Column("samples", Integer, nullable=False),
+    Column("fingerprint", Text, nullable=False),  # of the stretch as it was sent
+    Column("upload_id", Id, ForeignKey("uploads.id", ondelete="SET NULL")),
+    Column("packed", LargeBinary, nullable=False),
+    UniqueConstraint("loop_id", "fingerprint"),
+    Index("ix_series_loop_end", "loop_id", "end_ns"),
+)
+
+audits = Table(
+    "audits",
+    metadata,
+    Column("id", Id, primary_key=True),
+    Column("trigger", Text, nullable=False),
+    Column("plant", Text, nullable=False),
+    Column("nightly_for", Text),  # the date of a nightly run: one a plant and date
+    Column("state", Text, nullable=False, server_default="planned"),
+    Column("filter_json", Text, nullable=False, server_default="{}"),
+    Column("config_json", Text, nullable=False),
+    Column("config_fingerprint", Text, nullable=False),
+    Column("window_h", Float, nullable=False),
+    Column("window_samples", Integer, nullable=False),
+    Column("created_at", UtcDateTime, nullable=False),
+    Column("ended_at", UtcDateTime),
+    Column("total", Integer, nullable=False),
+    Column("announced_s", Float),
+    CheckConstraint("state IN ('planned', 'running', 'done', 'partial', 'cancelled')", name="state"),
+    UniqueConstraint("plant", "nightly_for"),
+    _partial("ix_audits_unfinished", "id", where="state IN ('planned', 'running')"),
+)
+
+audit_items = Table(
+    "audit_items",
+    metadata,
+    Column("audit_id", Id, ForeignKey("audits.id", ondelete="CASCADE"), primary_key=True),
+    Column("loop_id", Id, ForeignKey("loops.id", ondelete="CASCADE"), primary_key=True),
+    Column("state", Text, nullable=False, server_default="open"),
+    Column("attempts", Integer, nullable=False, server_default="0"),
+    Column("owner", Text),
+    Column("lease_until_s", Float),
+    Column("code", Text),
+    Column("text", Text),
+    CheckConstraint("state IN ('open', 'claimed', 'done', 'failed')", name="state"),
+    _partial("ix_audit_items_open", "audit_id", "attempts", "loop_id", where="state = 'open'"),
+    _partial("ix_audit_items_claimed", "lease_until_s", where="state = 'claimed'"),
+    _partial("ix_audit_items_failed", "audit_id", "loop_id", where="state = 'failed'"),
+)
+
+verdicts = Table(
+    "verdicts",
+    metadata,
+    Column("loop_id", Id, ForeignKey("loops.id", ondelete="CASCADE"), primary_key=True),
+    Column("audit_id", Id, ForeignKey("audits.id", ondelete="CASCADE"), primary_key=True),
+    Column("audited_at", UtcDateTime, nullable=False),
+    Column("window_start", UtcDateTime),
+    Column("window_end", UtcDateTime),
+    Column("input_start_ns", BigInteger),  # what was given to the engine: enough to make the verdict again
+    Column("input_end_ns", BigInteger),
+    Column("samples", Integer, nullable=False),
+    Column("sampling_interval_s", Float),
+    Column("verdict", Text, nullable=False),
+    Column("stiction_probability", Float),
+    Column("reliability", Text, nullable=False),
+    Column("yper_pct", Float),
+    Column("yper_raw_pct", Float),
+    Column("table2_reading", Text),
+    Column("stiction_band_pct_of_op_range", Float),
+    Column("likely_cause", Text),
+    Column("engine_version", Text, nullable=False),
+    Column("elapsed_s", Float, nullable=False),
+    Column("oscillation_period_s", Float),
+    Column("oscillation_regularity", Float),
+    Column("filled_share", Float),
+    Column("input_fingerprint", Text, nullable=False),
+    Column("config_fingerprint", Text, nullable=False),
+    Column("reasons", Text, nullable=False),
+    Column("reasons_text", Text, nullable=False),
+    Column("hammerstein_d", Float),
+    Column("hammerstein_S", Float),
+    Column("hammerstein_J", Float),
+    Column("hammerstein_na", Integer),
+    Column("hammerstein_nb", Integer),
+    Column("hammerstein_nc", Integer),
+    Column("hammerstein_rmse", Float),
+    Column("hammerstein_rmse_without_stiction", Float),
+    Column("hammerstein_search_space", Text),
+    Column("hammerstein_widenings", Integer),
+    Column("extra_json", Text, nullable=False, server_default="{}"),  # fields of a row without a column of their own
+    Index("ix_verdicts_audit", "audit_id"),
+)
+
+verdict_details = Table(
+    "verdict_details",
+    metadata,
+    Column("loop_id", Id, ForeignKey("loops.id", ondelete="CASCADE"), primary_key=True),
+    Column("audit_id", Id, ForeignKey("audits.id", ondelete="CASCADE"), primary_key=True),
+    Column("packed", LargeBinary, nullable=False),
+)

@@ -1,0 +1,1 @@
+"""Versions of the data base's schema, applied by `loopaudit migrate`."""
