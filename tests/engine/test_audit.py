@@ -26,13 +26,9 @@ def sticky_loop(n: int = N) -> Recording:
     return Recording("level", t, pv, op, sp=np.full(n, 41.0))
 
 
-def quick() -> AuditConfig:
-    return AuditConfig()
-
-
 @pytest.fixture(scope="module")
 def answer() -> Audit:
-    return audit(sticky_loop(), quick())
+    return audit(sticky_loop())
 
 
 def said(result: Audit) -> tuple:
@@ -48,7 +44,7 @@ def test_an_audit_has_an_answer_and_what_makes_it_again(answer):
     assert (answer.recording, answer.samples, answer.sampling_interval_s) == ("level", N, 1.0)
     assert (answer.window.start_s, answer.window.end_s, answer.window.samples) == (0.0, N - 1.0, N)
     assert answer.input_fingerprint == sticky_loop().fingerprint()
-    assert answer.config_fingerprint == quick().fingerprint()
+    assert answer.config_fingerprint == AuditConfig().fingerprint()
     assert answer.engine_version == ENGINE_VERSION
 
 
@@ -63,7 +59,7 @@ def test_reasons_name_table_2_and_the_published_rule(answer):
 
 
 def test_the_same_recording_gives_the_same_answer(answer):
-    again = audit(sticky_loop(), quick())
+    again = audit(sticky_loop())
     assert said(again) == said(answer)
     assert again.judgement == answer.judgement
     np.testing.assert_array_equal(again.reference.last.one.rmse, answer.reference.last.one.rmse)
@@ -82,7 +78,7 @@ def test_the_same_recording_gives_the_same_answer(answer):
 def test_sign_scale_and_offset_change_no_verdict(answer, pv_scale, pv_offset, op_scale, op_offset):
     loop = sticky_loop()
     other = Recording("level", loop.time_s, loop.pv * pv_scale + pv_offset, loop.op * op_scale + op_offset)
-    result = audit(other, quick())
+    result = audit(other)
     assert said(result) == said(answer)
     assert result.judgement.stiction_probability == pytest.approx(answer.judgement.stiction_probability, abs=1e-6)
     assert result.stiction_band_pct_of_op_range == pytest.approx(answer.stiction_band_pct_of_op_range, rel=1e-6)
@@ -91,7 +87,7 @@ def test_sign_scale_and_offset_change_no_verdict(answer, pv_scale, pv_offset, op
 
 def test_the_start_of_time_changes_nothing(answer):
     loop = sticky_loop()
-    later = audit(Recording("level", loop.time_s + 86400.0, loop.pv, loop.op, sp=loop.sp), quick())
+    later = audit(Recording("level", loop.time_s + 86400.0, loop.pv, loop.op, sp=loop.sp))
     assert later.judgement == answer.judgement
     assert later.window == answer.window
 
@@ -100,7 +96,7 @@ def test_inputs_are_not_changed():
     loop = sticky_loop()
     for signal in (loop.time_s, loop.pv, loop.op, loop.sp):
         signal.flags.writeable = False
-    audit(loop, quick())
+    audit(loop)
     assert loop.fingerprint() == sticky_loop().fingerprint()
 
 
@@ -165,15 +161,21 @@ ODD = {
 def test_odd_records_are_answered(name):
     loop = sticky_loop()
     pv, op = ODD[name](loop.pv, loop.op)
-    judgement = audit(Recording(name, loop.time_s, pv, op), quick()).judgement
+    judgement = audit(Recording(name, loop.time_s, pv, op)).judgement
     assert judgement.reasons
     assert (judgement.stiction_probability is None) == (judgement.verdict == "not_auditable")
+
+
+@pytest.mark.parametrize("n", [100, 131, 180])
+def test_short_records_are_answered(n):
+    judgement = audit(sticky_loop(n)).judgement
+    assert judgement.verdict in ("stiction", "no_stiction")
 
 
 def test_sampling_at_random_times_is_answered():
     loop = sticky_loop()
     t = np.cumsum(np.random.default_rng(4).exponential(size=N))
-    result = audit(Recording("x", t, loop.pv, loop.op), quick())
+    result = audit(Recording("x", t, loop.pv, loop.op))
     assert result.judgement.reasons
 
 
@@ -182,7 +184,7 @@ def test_an_engine_that_cannot_use_the_record_is_an_answer(monkeypatch):
         raise DataError("too_few_samples", "12 samples, 200 are needed")
 
     monkeypatch.setattr(audit_module, "climb", refuse)
-    judgement = audit(sticky_loop(), quick()).judgement
+    judgement = audit(sticky_loop()).judgement
     assert (judgement.verdict, [r.code for r in judgement.reasons]) == ("not_auditable", ["too_few_samples"])
 
 
@@ -192,13 +194,13 @@ def test_a_fault_of_ours_is_not_hidden(monkeypatch):
 
     monkeypatch.setattr(audit_module, "climb", fail)
     with pytest.raises(ZeroDivisionError):
-        audit(sticky_loop(), quick())
+        audit(sticky_loop())
 
 
 def test_doubts_about_the_record_are_among_the_reasons():
     loop = sticky_loop()
     coarse = Recording("level", loop.time_s, np.round(loop.pv), loop.op)
-    assert "pv_quantised" in [reason.code for reason in audit(coarse, quick()).judgement.reasons]
+    assert "pv_quantised" in [reason.code for reason in audit(coarse).judgement.reasons]
 
 
 def test_long_records_are_identified_on_their_newest_samples():

@@ -20,13 +20,18 @@ def curve(*rmse: float) -> SimpleNamespace:
     )
 
 
-def reference(one: SimpleNamespace, yper_pct: float = 12.0, two=None, widenings: int = 0) -> SimpleNamespace:
+def reference(one: SimpleNamespace, yper_pct: float = 12.0, **changed) -> SimpleNamespace:
     reading = f"{'high' if yper_pct > 0.5 else 'low'}_{'stiction' if one.stiction else 'no_stiction'}"
-    last = SimpleNamespace(one=one, two=two, stiction=one.stiction)
-    return SimpleNamespace(
-        rungs=(last,), last=last, yper=SimpleNamespace(yper_pct=yper_pct), reading=reading, widenings=widenings,
-        reliable=reading in ("high_stiction", "low_no_stiction"),
-    )  # fmt: skip
+    last = SimpleNamespace(one=one, two=changed.pop("two", None), stiction=one.stiction)
+    parts = {
+        "last": last,
+        "yper": SimpleNamespace(yper_pct=yper_pct),
+        "reading": reading,
+        "reliable": reading in ("high_stiction", "low_no_stiction"),
+        "widenings": 0,
+        "ending": "agreement",
+    }
+    return SimpleNamespace(**(parts | changed))
 
 
 @pytest.mark.parametrize(
@@ -56,6 +61,11 @@ def test_reasons_tell_the_climb_and_a_second_opinion():
         "search_space_widened",
         "reference_only",
     ]
+
+
+def test_a_climb_that_a_short_record_ended_is_told():
+    short = reference(curve(1.0, 1.1), ending="record_too_short")
+    assert "record_too_short_to_widen" in [reason.code for reason in judge(short).reasons]
 
 
 def test_every_reading_has_its_sentence():
