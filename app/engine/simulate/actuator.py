@@ -1,7 +1,7 @@
 """The valve of a simulated loop: any of the engine's valve models behind one compiled step."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -61,9 +61,11 @@ Valve = LinearValve | OneParameterValve | TwoParameterValve | PhysicalActuator |
 _TWO_PARAMETER = {"he": HE, "choudhury": CHOUDHURY, "kano": KANO}
 
 
-@dataclass(frozen=True, eq=False)
-class CompiledValve:
-    """What `move` needs: the model's number, its state at rest and its parameters."""
+class CompiledValve(NamedTuple):
+    """What `move` needs: the model's number, its state (changed in place) and its parameters.
+
+    A named tuple because compiled code takes one as it is.
+    """
 
     kind: int
     state: FloatArray
@@ -103,7 +105,7 @@ def _bands(*bands: float) -> FloatArray:
 
 
 @njit(cache=True, fastmath=False, nogil=True)
-def move(kind: int, op: float, state: FloatArray, parameters: FloatArray) -> float:
+def move(kind: int, state: FloatArray, parameters: FloatArray, op: float) -> float:
     """The valve position after OP moved to `op`, in the unit of OP; `state` is updated in place."""
     if kind == ONE_PARAMETER:
         return one_parameter_step(op, state, parameters[0])

@@ -1,6 +1,7 @@
 """Controllers: PI and PID with anti-windup, any linear controller, and manual; all in one discrete form."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg, signal
@@ -47,9 +48,11 @@ class Manual:
 Controller = Pid | LinearController | Manual
 
 
-@dataclass(frozen=True, eq=False)
-class DiscreteController:
-    """u(k) = c x(k) + d_sp sp(k) + d_pv pv(k); x(k+1) = a x + b_sp sp + b_pv pv + tracking (limited u - u)."""
+class DiscreteController(NamedTuple):
+    """u(k) = c z(k) + d_sp sp(k) + d_pv pv(k); z(k+1) = a z + b_sp sp + b_pv pv + tracking (limited u - u).
+
+    A named tuple because compiled code takes one as it is.
+    """
 
     a: FloatArray
     b_sp: FloatArray

@@ -1,20 +1,61 @@
 """One pass around the loop per step, compiled: measure, control, move the valve, move the plant."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from app.engine.recording import FloatArray
-from app.engine.simulate.actuator import move
+from app.engine.simulate.actuator import CompiledValve, move
+from app.engine.simulate.controller import DiscreteController
+from app.engine.simulate.plant import DiscretePlant
+
+
+class Instrument(NamedTuple):
+    """Limits and resolution (0 for none) of the transmitter or of OP, and where it rests."""
+
+    low: float
+    high: float
+    resolution: float
+    rest: float
 
 
 @njit(cache=True, fastmath=False, nogil=True)
-def limited(value: float, low: float, high: float, resolution: float) -> float:
-    """value rounded to a multiple of resolution (0 for none) and kept between low and high."""
-    if resolution > 0.0:
-        value = math.floor(value / resolution + 0.5) * resolution
-    return min(max(value, low), high)
+def limited(value: float, instrument: Instrument) -> float:
+    """value rounded to a multiple of the resolution and kept within the limits."""
+    if instrument.resolution > 0.0:
+        value = math.floor(value / instrument.resolution + 0.5) * instrument.resolution
+    return min(max(value, instrument.low), instrument.high)
+
+
+@njit(cache=True, fastmath=False, nogil=True)
+def control(sp: float, pv: float, z: FloatArray, room: FloatArray, law: DiscreteController, out: Instrument) -> float:
+    """OP wanted for deviations sp, pv; z is updated in place, following OP where its limits hold it back."""
+    wanted = out.rest + law.d_sp * sp + law.d_pv * pv
+    for i in range(z.size):
+        wanted += law.c[i] * z[i]
+    excess = min(max(wanted, out.low), out.high) - wanted
+    for i in range(z.size):
+        total = law.b_sp[i] * sp + law.b_pv[i] * pv + law.tracking[i] * excess
+        for j in range(z.size):
+            total += law.a[i, j] * z[j]
+        room[i] = total
+    for i in range(z.size):
+        z[i] = room[i]
+    return wanted
+
+
+@njit(cache=True, fastmath=False, nogil=True)
+def advance(x: FloatArray, room: FloatArray, plant: DiscretePlant, now: float, before: float) -> None:
+    """Moves the plant's state x by one step, in place."""
+    for i in range(x.size):
+        total = plant.gamma_now[i] * now + plant.gamma_before[i] * before
+        for j in range(x.size):
+            total += plant.phi[i, j] * x[j]
+        room[i] = total
+    for i in range(x.size):
+        x[i] = room[i]
 
 
 @njit(cache=True, fastmath=False, nogil=True)
@@ -22,72 +63,37 @@ def run(
     driven: FloatArray,
     every: int,
     first: int,
-    plant_phi: FloatArray,
-    plant_gamma_now: FloatArray,
-    plant_gamma_before: FloatArray,
-    plant_c: FloatArray,
-    delay_steps: int,
-    control_a: FloatArray,
-    control_b_sp: FloatArray,
-    control_b_pv: FloatArray,
-    control_c: FloatArray,
-    control_d_sp: float,
-    control_d_pv: float,
-    control_tracking: FloatArray,
-    valve_kind: int,
-    valve_state: FloatArray,
-    valve_parameters: FloatArray,
-    pv_start: float,
-    op_start: float,
-    pv_limits: FloatArray,
-    op_limits: FloatArray,
+    plant: DiscretePlant,
+    law: DiscreteController,
+    valve: CompiledValve,
+    transmitter: Instrument,
+    output: Instrument,
     frozen_from: int,
 ) -> FloatArray:
     """(4, R) rows PV, OP, valve position, true output: every `every`-th step from `first` on.
 
-    driven: (4, N) rows set point, load (at the valve), upset (at the output), measurement noise.
-    pv_limits, op_limits: (3,) low, high, resolution. frozen_from: the step from which the transmitter holds its value.
+    driven: (4, N) rows set point, load (at the valve), upset (at the output), measurement noise. frozen_from: the step
+    from which the transmitter holds its value.
     """
     steps = driven.shape[1]
-    out = np.empty((4, (steps - first + every - 1) // every))
-    x = np.zeros(plant_c.size)
-    x_next = np.zeros(plant_c.size)
-    z = np.zeros(control_c.size)
-    z_next = np.zeros(control_c.size)
-    line = np.zeros(delay_steps + 2)
-    pv = pv_start
-    row = 0
+    recorded = np.empty((4, (steps - first + every - 1) // every))
+    x, x_room = np.zeros(plant.c.size), np.zeros(plant.c.size)
+    z, z_room = np.zeros(law.c.size), np.zeros(law.c.size)
+    line = np.zeros(plant.delay_steps + 2)
+    kind, state, parameters = valve
+    pv = transmitter.rest
     for k in range(steps):
-        true = pv_start + driven[2, k]
+        true = transmitter.rest + driven[2, k]
         for i in range(x.size):
-            true += plant_c[i] * x[i]
+            true += plant.c[i] * x[i]
         if k < frozen_from:
-            pv = limited(true + driven[3, k], pv_limits[0], pv_limits[1], pv_limits[2])
-
-        sp_deviation, pv_deviation = driven[0, k] - pv_start, pv - pv_start
-        wanted = op_start + control_d_sp * sp_deviation + control_d_pv * pv_deviation
-        for i in range(z.size):
-            wanted += control_c[i] * z[i]
-        op = limited(wanted, op_limits[0], op_limits[1], op_limits[2])
-        kept = min(max(wanted, op_limits[0]), op_limits[1])
-        for i in range(z.size):
-            z_next[i] = control_b_sp[i] * sp_deviation + control_b_pv[i] * pv_deviation
-            z_next[i] += control_tracking[i] * (kept - wanted)
-            for j in range(z.size):
-                z_next[i] += control_a[i, j] * z[j]
-        z, z_next = z_next, z
-
-        v = move(valve_kind, op, valve_state, valve_parameters)
-        line[k % line.size] = v - op_start + driven[1, k]
-        now = line[(k - delay_steps) % line.size]
-        before = line[(k - delay_steps - 1) % line.size]
-        for i in range(x.size):
-            x_next[i] = plant_gamma_now[i] * now + plant_gamma_before[i] * before
-            for j in range(x.size):
-                x_next[i] += plant_phi[i, j] * x[j]
-        x, x_next = x_next, x
-
+            pv = limited(true + driven[3, k], transmitter)
+        op = limited(control(driven[0, k] - transmitter.rest, pv - transmitter.rest, z, z_room, law, output), output)
+        v = move(kind, state, parameters, op)
+        line[k % line.size] = v - output.rest + driven[1, k]
+        now, before = line[(k - plant.delay_steps) % line.size], line[(k - plant.delay_steps - 1) % line.size]
+        advance(x, x_room, plant, now, before)
         if k >= first and (k - first) % every == 0:
-            out[0, row], out[1, row], out[2, row], out[3, row] = pv, op, v, true
-            row += 1
-    return out
+            row = (k - first) // every
+            recorded[0, row], recorded[1, row], recorded[2, row], recorded[3, row] = pv, op, v, true
+    return recorded

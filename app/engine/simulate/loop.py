@@ -145,33 +145,15 @@ def _driven(spec: LoopSpec, time_s: FloatArray, rng: np.random.Generator) -> Flo
 
 
 def _run(spec: LoopSpec, driven: FloatArray, step_s: float, every: int, first: int) -> FloatArray:
-    process = plant.discretise(spec.plant, step_s)
-    control = controller.discretise(spec.controller, step_s)
-    valve = actuator.compiled(spec.valve, spec.op_start, step_s)
     frozen_s = spec.transmitter_frozen_from_s
-    frozen_from = driven.shape[1] if frozen_s is None else first + math.ceil(frozen_s / step_s - 1e-9)
     return kernel.run(
         driven,
         every,
         first,
-        process.phi,
-        process.gamma_now,
-        process.gamma_before,
-        process.c,
-        process.delay_steps,
-        control.a,
-        control.b_sp,
-        control.b_pv,
-        control.c,
-        control.d_sp,
-        control.d_pv,
-        control.tracking,
-        valve.kind,
-        valve.state,
-        valve.parameters,
-        float(spec.pv_start),
-        float(spec.op_start),
-        np.array([*spec.pv_limits, spec.pv_resolution], dtype=np.float64),
-        np.array([*spec.op_limits, spec.op_resolution], dtype=np.float64),
-        frozen_from,
+        plant.discretise(spec.plant, step_s),
+        controller.discretise(spec.controller, step_s),
+        actuator.compiled(spec.valve, spec.op_start, step_s),
+        kernel.Instrument(*map(float, spec.pv_limits), float(spec.pv_resolution), float(spec.pv_start)),
+        kernel.Instrument(*map(float, spec.op_limits), float(spec.op_resolution), float(spec.op_start)),
+        driven.shape[1] if frozen_s is None else first + math.ceil(frozen_s / step_s - 1e-9),
     )

@@ -1,6 +1,7 @@
 """Linear plants: continuous transfer functions with dead time and integrators, and their exact discrete form."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg, signal
@@ -64,9 +65,11 @@ def from_zeros_poles(
     return Plant(tuple(np.atleast_1d(numerator).tolist()), tuple(denominator.tolist()), dead_time_s)
 
 
-@dataclass(frozen=True, eq=False)
-class DiscretePlant:
-    """x(k+1) = phi x(k) + gamma_now v(k-m) + gamma_before v(k-m-1), y(k) = c x(k); m = delay_steps."""
+class DiscretePlant(NamedTuple):
+    """x(k+1) = phi x(k) + gamma_now v(k-m) + gamma_before v(k-m-1), y(k) = c x(k); m = delay_steps.
+
+    A named tuple because compiled code takes one as it is.
+    """
 
     phi: FloatArray
     gamma_now: FloatArray
