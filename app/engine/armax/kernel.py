@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from app.engine.armax.gram import add_lagged, eliminate, fill_lagged_gram, lagged_dot, solve_least_squares
-from app.engine.armax.predict import prediction_errors, reflect_to_stable, sum_of_squares
+from app.engine.armax.predict import filter_by_c, prediction_errors, reflect_to_stable, sum_of_squares
 from app.engine.recording import FloatArray
 
 COLLINEAR = 1e-11
@@ -140,10 +140,67 @@ def solve_order(
             room[0, i, j] = gram[places[i], places[j]]
     coefficients = room[2, 0]
     solve_least_squares(room[0], size, COLLINEAR, room[1, 0], coefficients)
+    a[:], b[:], c[:] = 0.0, 0.0, 0.0
     a[: chosen[0]] = -coefficients[: chosen[0]]
     b[: chosen[1]] = coefficients[chosen[0] : chosen[0] + chosen[1]]
     c[: chosen[2]] = coefficients[chosen[0] + chosen[1] : size - 1]
     reflect_to_stable(c[: chosen[2]])
+
+
+@njit(cache=True, nogil=True)
+def filtered_gram(
+    y: FloatArray,
+    v: FloatArray,
+    errors: FloatArray,
+    c: FloatArray,
+    orders: tuple,
+    first: int,
+    filtered: FloatArray,
+    gram: FloatArray,
+) -> None:
+    """The Gram matrix of the lags 1.. of y, v and the errors, each through 1/C; upper triangle without the last column.
+
+    These lags are the derivatives of the prediction errors, but for the first samples. filtered: (3, N), filled.
+    """
+    na, nb, nc = orders
+    filter_by_c(y, c, filtered[0], 0)
+    filter_by_c(v, c, filtered[1], 0)
+    filter_by_c(errors, c, filtered[2], 0)
+    y, v, e = filtered[0], filtered[1], filtered[2]
+    fill_lagged_gram(gram, 0, 0, y, y, (1, na, 1, na), first)
+    fill_lagged_gram(gram, 0, na, y, v, (1, na, 1, nb), first)
+    fill_lagged_gram(gram, 0, na + nb, y, e, (1, na, 1, nc), first)
+    fill_lagged_gram(gram, na, na, v, v, (1, nb, 1, nb), first)
+    fill_lagged_gram(gram, na, na + nb, v, e, (1, nb, 1, nc), first)
+    fill_lagged_gram(gram, na + nb, na + nb, e, e, (1, nc, 1, nc), first)
+
+
+@njit(cache=True, nogil=True)
+def efficient_gram(
+    y: FloatArray,
+    v: FloatArray,
+    errors: FloatArray,
+    c: FloatArray,
+    orders: tuple,
+    first: int,
+    filtered: FloatArray,
+    gram: FloatArray,
+) -> None:
+    """The third regression: one Gauss-Newton step from a model of one order to every order, upper triangle.
+
+    With y', v' and e' the signals through the model's 1/C, y' + e - e' is regressed on the lags of y', v' and e'.
+    """
+    na, nb, nc = orders
+    target = na + nb + nc
+    filtered_gram(y, v, errors, c, orders, first, filtered, gram)
+    goal = filtered[0] + errors - filtered[2]
+    for i in range(na):
+        gram[i, target] = lagged_dot(filtered[0], goal, i + 1, 0, first)
+    for j in range(nb):
+        gram[na + j, target] = lagged_dot(filtered[1], goal, j + 1, 0, first)
+    for k in range(nc):
+        gram[na + nb + k, target] = lagged_dot(filtered[2], goal, k + 1, 0, first)
+    gram[target, target] = lagged_dot(goal, goal, 0, 0, first)
 
 
 @njit(cache=True, nogil=True)
@@ -153,6 +210,7 @@ def search_grid(
     orders: tuple,
     nc_min: int,
     fixed: tuple,
+    stages: int,
     p: int,
     logarithmic: bool,
     chosen: np.ndarray,
@@ -173,17 +231,21 @@ def search_grid(
     yy, yv, vv = np.empty((p + 1, p + 1)), np.empty((p + 1, p)), np.empty((p, p))
     gram, room = np.zeros((size, size)), np.zeros((3, size, size))
     long_room, errors = np.empty((2 * p + 3, 2 * p + 1)), np.empty(len(y))
-    values = np.empty((na, nb, nc + 1))
+    values, filtered = np.empty((na, nb, nc + 1)), np.zeros((3, len(y)))
+    best = (1, 1, nc_min)
     fill_lagged_gram(yy, 0, 0, y, y, (0, p + 1, 0, p + 1), first)
     for m in range(v.shape[0]):
         fill_lagged_gram(yv, 0, 0, y, v[m], (0, p + 1, 1, p), first)
         fill_lagged_gram(vv, 0, 0, v[m], v[m], (1, p, 1, p), first)
         long_autoregression(y, v[m], yy, yv, vv, long_room, errors)
         regression_gram(y, v[m], errors, yy, yv, vv, orders, first, gram)
-        sweep_orders(gram, orders, samples, logarithmic, room, values)
-        best = fixed if fixed[0] > 0 else least(values, nc_min)
-        solve_order(gram, orders, best, room, a[m], b[m], c[m])
-        prediction_errors(y, v[m], a[m, : best[0]], b[m, : best[1]], c[m, : best[2]], errors)
+        for stage in range(2, stages + 1):
+            if stage == 3:
+                efficient_gram(y, v[m], errors, c[m, : best[2]], orders, first, filtered, gram)
+            sweep_orders(gram, orders, samples, logarithmic, room, values)
+            best = fixed if fixed[0] > 0 else least(values, nc_min)
+            solve_order(gram, orders, best, room, a[m], b[m], c[m])
+            prediction_errors(y, v[m], a[m, : best[0]], b[m, : best[1]], c[m, : best[2]], errors)
         chosen[m] = best
         figures[m, 0] = values[best[0] - 1, best[1] - 1, best[2]]
         figures[m, 1] = np.sqrt(sum_of_squares(errors, first) / samples)

@@ -10,6 +10,7 @@ from app.engine.recording import FloatArray
 from app.errors import RequestError
 
 Criterion = Literal["paper", "log"]
+Stages = Literal[2, 3]
 IntArray = NDArray[np.int64]
 
 LARGEST_ORDER = 50

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from numba import njit
 
-from app.engine.armax.gram import fill_lagged_gram, lagged_dot, solve_least_squares
-from app.engine.armax.kernel import COLLINEAR, SMALLEST_RESIDUAL, criterion_value
+from app.engine.armax.gram import lagged_dot, solve_least_squares
+from app.engine.armax.kernel import COLLINEAR, SMALLEST_RESIDUAL, criterion_value, filtered_gram
 from app.engine.armax.model import ArmaxModel, Order, OrderSearch
 from app.engine.armax.predict import SLOWEST_ROOT, filter_by_c, is_stable, prediction_errors, sum_of_squares
 from app.engine.armax.search import centred, estimate_order
@@ -15,22 +15,6 @@ from app.engine.recording import FloatArray
 LARGEST_DAMPING = 1e8
 STEPS = 100
 TOLERANCE = 1e-9
-
-
-@njit(cache=True, nogil=True)
-def _curvature(filtered: FloatArray, orders: tuple, first: int, gram: FloatArray) -> None:
-    """The Gram matrix of the errors' derivatives, upper triangle.
-
-    filtered: (3, N) y, v and the errors, each through 1/C: the derivatives are their lags, but for the first samples.
-    """
-    na, nb, nc = orders
-    y, v, e = filtered[0], filtered[1], filtered[2]
-    fill_lagged_gram(gram, 0, 0, y, y, (1, na, 1, na), first)
-    fill_lagged_gram(gram, 0, na, y, v, (1, na, 1, nb), first)
-    fill_lagged_gram(gram, 0, na + nb, y, e, (1, na, 1, nc), first)
-    fill_lagged_gram(gram, na, na, v, v, (1, nb, 1, nb), first)
-    fill_lagged_gram(gram, na, na + nb, v, e, (1, nb, 1, nc), first)
-    fill_lagged_gram(gram, na + nb, na + nb, e, e, (1, nc, 1, nc), first)
 
 
 @njit(cache=True, nogil=True)
@@ -92,10 +76,7 @@ def minimise(
     best = sum_of_squares(errors, first)
     damping = 0.0
     for taken in range(steps):
-        filter_by_c(y, c, filtered[0], 0)
-        filter_by_c(v, c, filtered[1], 0)
-        filter_by_c(errors, c, filtered[2], 0)
-        _curvature(filtered, (na, nb, nc), first, gram)
+        filtered_gram(y, v, errors, c, (na, nb, nc), first, filtered, gram)
         _gradient(y, v, errors, c, (na, nb, nc), first, gram)
         while True:
             _damped_step(gram, damping, room, step)
