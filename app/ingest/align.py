@@ -1,0 +1,149 @@
+"""A loop's signals on one time base.
+
+Signals of one loop that were sampled together (wide files, scans of a historian) are joined on their times; where one of them has no
+value it is NaN. Signals that were sampled each at its own times (compressed data) cannot be audited row by row: PV's times are the
+base, and each other signal is brought to them: OP and further signals by straight lines between their samples (that is what a swinging
+door keeps), SP and MODE by their last known value (they step). Nothing is extrapolated beyond a signal's last sample except a step.
+`LoopSamples.resampled` names the signals that were treated so.
+"""
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+
+from app.ingest.model import FloatArray, LoopSamples, SignalBlock, TimeArray
+
+SHARED_TIMES = 0.5  # of the rarer signal's times found among PV's: sampled together
+_STEPS = frozenset(("SP", "MODE"))
+
+
+def align(blocks: Sequence[SignalBlock]) -> LoopSamples:
+    """Joins blocks of one loop; several blocks of one signal may be given, a later one wins where times repeat."""
+    by_key: dict[str, list[SignalBlock]] = {}
+    for block in blocks:
+        by_key.setdefault(block.tag if block.signal == "OTHER" else block.signal, []).append(block)
+    joined = {key: _joined(parts) for key, parts in by_key.items()}
+    base = _base(joined)
+    together = {key: block for key, block in joined.items() if _sampled_together(block, base)}
+    if all(_same(block.time_ns, base) for block in together.values()):
+        time_ns = base
+    else:
+        time_ns = np.unique(np.concatenate([block.time_ns for block in together.values()]))
+    apart = tuple(key for key in joined if key not in together)
+    values = {key: _placed(block, time_ns, key in apart) for key, block in joined.items()}
+    others = {key: values[key] for key, block in joined.items() if block.signal == "OTHER"}
+    return LoopSamples(
+        blocks[0].loop,
+        time_ns,
+        values.get("PV"),
+        values.get("OP"),
+        values.get("SP"),
+        values.get("MODE"),
+        MappingProxyType(others),
+        apart,
+    )
+
+
+def merge(earlier: LoopSamples, later: LoopSamples) -> LoopSamples:
+    """Two stretches of one loop as one: the union of their times; where both give a value the later stretch's stands."""
+    if not len(earlier.time_ns) or _same(earlier.time_ns, later.time_ns):
+        time_ns = later.time_ns
+    else:
+        time_ns = np.union1d(earlier.time_ns, later.time_ns)
+
+    def both(first: FloatArray | None, second: FloatArray | None) -> FloatArray | None:
+        if first is None and second is None:
+            return None
+        merged = np.full(len(time_ns), np.nan)
+        for times, values in ((earlier.time_ns, first), (later.time_ns, second)):
+            if values is not None:
+                given = np.isfinite(values)
+                merged[np.searchsorted(time_ns, times[given])] = values[given]
+        return merged
+
+    others: dict[str, FloatArray] = {}
+    for tag in dict.fromkeys((*earlier.others, *later.others)):
+        signal = both(earlier.others.get(tag), later.others.get(tag))
+        if signal is not None:
+            others[tag] = signal
+    return LoopSamples(
+        later.loop,
+        time_ns,
+        both(earlier.pv, later.pv),
+        both(earlier.op, later.op),
+        both(earlier.sp, later.sp),
+        both(earlier.automatic, later.automatic),
+        MappingProxyType(others),
+        tuple(dict.fromkeys((*earlier.resampled, *later.resampled))),
+    )
+
+
+def _joined(parts: list[SignalBlock]) -> SignalBlock:
+    if len(parts) == 1:
+        return parts[0]
+    time_ns = np.concatenate([part.time_ns for part in parts])
+    value = np.concatenate([part.value for part in parts])
+    if not np.all(time_ns[1:] > time_ns[:-1]):
+        time_ns, value = _sorted_once(time_ns, value)
+    return SignalBlock(parts[0].tag, parts[0].loop, parts[0].signal, time_ns, value)
+
+
+def _sorted_once(time_ns: TimeArray, value: FloatArray) -> tuple[TimeArray, FloatArray]:
+    """In order of time; of several values for one time the last that is one."""
+    given = np.isfinite(value)
+    order = np.lexsort((np.arange(len(value)), given, time_ns))
+    time_ns, value = time_ns[order], value[order]
+    last = np.concatenate((time_ns[1:] != time_ns[:-1], [True]))
+    return time_ns[last], value[last]
+
+
+def _base(joined: Mapping[str, SignalBlock]) -> TimeArray:
+    for key in ("PV", "OP"):
+        if key in joined:
+            return joined[key].time_ns
+    return max((block.time_ns for block in joined.values()), key=len)
+
+
+def _same(first: TimeArray, second: TimeArray) -> bool:
+    return first is second or (len(first) == len(second) and bool(np.array_equal(first, second)))
+
+
+def _sampled_together(block: SignalBlock, base: TimeArray) -> bool:
+    """Half of the rarer one's times are the other's; a set point written only when it changes is not sampled together."""
+    times = block.time_ns
+    if _same(times, base) or not len(times) or not len(base):
+        return True
+    if block.signal in _STEPS and len(times) < SHARED_TIMES * len(base):
+        return False
+    if times[0] > base[-1] or times[-1] < base[0]:
+        return True  # another stretch of a long file: nothing to bring over
+    shared = len(np.intersect1d(times, base, assume_unique=True))
+    return shared >= SHARED_TIMES * min(len(times), len(base))
+
+
+def _placed(block: SignalBlock, time_ns: TimeArray, resample: bool) -> FloatArray:
+    if _same(block.time_ns, time_ns):
+        return block.value
+    if resample:
+        return _held(block, time_ns) if block.signal in _STEPS else _between(block, time_ns)
+    placed = np.full(len(time_ns), np.nan)
+    placed[np.searchsorted(time_ns, block.time_ns)] = block.value
+    return placed
+
+
+def _held(block: SignalBlock, time_ns: TimeArray) -> FloatArray:
+    given = np.isfinite(block.value)
+    times, values = block.time_ns[given], block.value[given]
+    if not len(times):
+        return np.full(len(time_ns), np.nan)
+    at = np.searchsorted(times, time_ns, side="right") - 1
+    return np.where(at >= 0, values[np.maximum(at, 0)], np.nan)
+
+
+def _between(block: SignalBlock, time_ns: TimeArray) -> FloatArray:
+    given = np.isfinite(block.value)
+    times, values = block.time_ns[given], block.value[given]
+    if not len(times):
+        return np.full(len(time_ns), np.nan)
+    return np.interp((time_ns - times[0]).astype(np.float64), (times - times[0]).astype(np.float64), values, np.nan, np.nan)

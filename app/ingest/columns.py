@@ -1,0 +1,113 @@
+"""Knowing columns by their names and by what stands in them; shared by the layouts."""
+
+import re
+from collections import Counter
+
+from app.ingest.head import Head, is_number
+from app.ingest.model import IngestOptions
+from app.ingest.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
+from app.ingest.stamps import TimeForm, find_form
+
+TIME_NAMES = frozenset(
+    "time datetime date timestamp dateandtime tstamp ts zeit datum zeitstempel t localtime timeutc utc utctime sampletime "
+    "datatime times seconds timesec timeseconds".split()
+)
+TAG_NAMES = frozenset("tag tagname name point pointname tagpath path item itemid signal wwtagname tagid pointid variable".split())
+VALUE_NAMES = ("value", "val", "vvalue", "wert", "pointvalue", "floatvalue", "numvalue", "reading")
+QUALITY_NAMES = ("opcquality", "dataquality", "quality", "status", "qualitydetail", "dataintegrity", "good", "valuestatus")
+SKIPPED_NAMES = frozenset(("id", "index", "row", "rowid", "ndx", "unnamed0", ""))
+NO_ROWS = -1
+
+
+def plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*?[\])]", "", name.lower()))
+
+
+def usual_width(head: Head, first_row: int) -> int:
+    counts = Counter(len(row) for row in head.rows[first_row:] if any(row))
+    return counts.most_common(1)[0][0] if counts else 0
+
+
+def time_columns(names: tuple[str, ...]) -> tuple[int, ...]:
+    """The column named as a time; date and time apart are two."""
+    known = {plain(name): index for index, name in reversed(list(enumerate(names)))}
+    if "date" in known and "time" in known:
+        return known["date"], known["time"]
+    found = [index for index, name in enumerate(names) if plain(name) in TIME_NAMES or plain(name).startswith("timestamp")]
+    return (found[0],) if found else ()
+
+
+def form_of(head: Head, time: tuple[int, ...], first_row: int, options: IngestOptions, name: str = "") -> TimeForm | None:
+    """The form of one time column, or of date and time columns joined by a blank."""
+    if len(time) == 1:
+        return find_form(head.column(time[0], first_row), name, options)
+    rows = [row for row in head.rows[first_row:] if len(row) > max(time)]
+    return find_form([" ".join(row[index] for index in time) for row in rows if all(row[index] for index in time)], name, options)
+
+
+def first_row_of_times(head: Head, column: int, options: IngestOptions) -> int:
+    """The first row from which on the column holds times; NO_ROWS where it never does."""
+    for index, row in enumerate(head.rows[:40]):
+        if column < len(row) and row[column] and find_form([row[column]], "", options) is not None:
+            following = head.column(column, index)
+            return index if find_form(following, "", options) is not None else NO_ROWS
+    return NO_ROWS
+
+
+def wide_from(
+    head: Head, layout: str, names: tuple[str, ...], first_row: int, options: IngestOptions, time: tuple[int, ...] = ()
+) -> WidePlan | None:
+    """A wide plan from the row of names and the first row of data."""
+    time = time or time_columns(names) or (0,)
+    form = form_of(head, time, first_row, options, names[time[0]] if time[0] < len(names) else "")
+    if form is None:
+        return None
+    values = tuple(
+        ValueColumn(index, name)
+        for index, name in enumerate(names)
+        if index not in time and plain(name) not in SKIPPED_NAMES and plain(name) not in QUALITY_NAMES
+    )
+    if not values:
+        return None
+    width = max(usual_width(head, first_row), len(names))
+    return WidePlan(layout, first_row, width, (TimedColumns(time, form, _with_quality(names, values)),))
+
+
+def _with_quality(names: tuple[str, ...], values: tuple[ValueColumn, ...]) -> tuple[ValueColumn, ...]:
+    """`FIC101.PV_Quality`, `FIC101.PV Status` stand beside the column they judge."""
+    by_name = {name.casefold(): index for index, name in enumerate(names)}
+    judged: dict[int, int] = {}
+    for value in values:
+        for ending in ("quality", "status"):
+            for separator in ("_", ".", " ", "-"):
+                index = by_name.get(f"{value.tag}{separator}{ending}".casefold())
+                if index is not None:
+                    judged[value.index] = index
+    if not judged:
+        return values
+    used = set(judged.values())
+    return tuple(
+        ValueColumn(value.index, value.tag, quality=judged.get(value.index)) for value in values if value.index not in used
+    )
+
+
+def long_from(head: Head, layout: str, names: tuple[str, ...], first_row: int, options: IngestOptions) -> LongPlan | None:
+    """A long plan from the row of names; None where tag, time or value are not among them."""
+    known = [plain(name) for name in names]
+    tags = [index for index, name in enumerate(known) if name in TAG_NAMES]
+    values = [known.index(name) for name in VALUE_NAMES if name in known]
+    time = time_columns(names)
+    if not tags or not values or not time:
+        return None
+    form = form_of(head, time, first_row, options, names[time[0]])
+    if form is None:
+        return None
+    judged = [known.index(name) for name in QUALITY_NAMES if name in known]
+    quality = judged[0] if judged else None
+    zero = quality is not None and known[quality] == "quality" and ("qualitydetail" in known or "vvalue" in known)
+    width = max(usual_width(head, first_row), len(names))
+    return LongPlan(layout, first_row, width, time, form, tags[0], values[0], quality, zero)
+
+
+def mostly_numbers(fields: list[str], decimal_mark: str) -> bool:
+    return bool(fields) and sum(is_number(field, decimal_mark) for field in fields) >= 0.5 * len(fields)

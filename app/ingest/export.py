@@ -1,0 +1,172 @@
+"""An export file, opened: its blocks of signals or stretches of loops, what was refused, and what it holds."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Protocol
+
+import polars as pl
+
+from app.errors import DataError
+from app.ingest.assembling import Assembler
+from app.ingest.frames import Dialect, FrameReader, Rows
+from app.ingest.grouping import Grouping, TagMapping
+from app.ingest.head import look
+from app.ingest.layouts import recognise
+from app.ingest.long_table import LongTable
+from app.ingest.model import FileSummary, IngestOptions, LoopSamples, Rejects, SignalBlock
+from app.ingest.opening import TextFile
+from app.ingest.plans import LongPlan, Plan, WidePlan
+from app.ingest.preparing import prepared
+from app.ingest.rejecting import RejectLog
+from app.ingest.tables_in import open_frames
+from app.ingest.tally import Tally
+from app.ingest.wide_table import WideTable
+
+SUFFIXES = (".csv", ".tsv", ".txt", ".tab", ".dat", ".parquet", ".pq", ".xlsx", ".xlsm", ".mat", ".gz")
+
+
+class RowSource(Protocol):
+    """Anything that gives rows as frames of columns c0, c1, ..., and parts of them as text."""
+
+    def rows(self, first_row: int) -> Iterator[Rows]: ...
+
+
+class Export:
+    """One export file. Iterate it once, for blocks of signals, or take `loops()` once, for stretches of loops.
+
+    `summary()` and `rejects()` tell what was found so far, and all of it when the iteration has ended.
+    """
+
+    def __init__(self, path: Path, name: str, mapping: TagMapping | None, options: IngestOptions) -> None:
+        self._options = options
+        self._log = RejectLog(options.max_rejects)
+        self._tally = Tally()
+        self.stem = stem_of(name)
+        source = open_frames(path, self.stem, options) or _open_text(path, self.stem, options)
+        self._source = source
+        self._grouping = Grouping(self.stem, mapping)
+        self._plan: Plan = prepared(source.plan, self._grouping, source.head, options, self._log)
+        self._taken = False
+
+    def __iter__(self) -> Iterator[SignalBlock]:
+        if self._taken:
+            raise RuntimeError("an export is read once; open it again")
+        self._taken = True
+        table = self._table(self._plan)
+        try:
+            yield from table.blocks(self._source.reader(self._plan.width, table.types(), self._log))
+        except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+            raise DataError("not_an_export", f"the file's rows cannot be read: {str(error)[:200]}") from error
+        if not self._tally.rows_kept:
+            raise DataError("nothing_readable", f"none of {self._tally.rows_read} rows has a readable time and values")
+
+    def loops(self) -> Iterator[LoopSamples]:
+        """Stretches of loops, signals side by side; memory stays below `options.buffered_values` values and a chunk."""
+        yield from Assembler(self._options.buffered_values).stretches(self)
+
+    def _table(self, plan: Plan) -> WideTable | LongTable:
+        if isinstance(plan, WidePlan):
+            return WideTable(plan, self._grouping, self._options, self._log, self._tally)
+        return LongTable(plan, self._grouping, self._options, self._log, self._tally)
+
+    @property
+    def one_loop(self) -> bool:
+        """Whether the file holds one loop without tags, named by the file."""
+        return isinstance(self._plan, WidePlan) and self._plan.one_loop
+
+    def rejects(self) -> Rejects:
+        return self._log.result()
+
+    def summary(self) -> FileSummary:
+        head, tally = self._source.head, self._tally
+        return FileSummary(
+            layout=self._plan.layout,
+            encoding=self._source.encoding,
+            delimiter=head.delimiter,
+            decimal_mark=head.decimal_mark,
+            time_format=self._plan.form.shown,
+            time_zone=self._zone(),
+            compressed=self._source.compressed,
+            tags=self._grouping.tags,
+            loops=self._grouping.loops(),
+            rows_read=tally.rows_read,
+            rows_kept=tally.rows_kept,
+            values_kept=tally.values_kept,
+            first_time_ns=tally.first_time_ns,
+            last_time_ns=tally.last_time_ns,
+            notes=self._notes(),
+        )
+
+    def _zone(self) -> str:
+        form = self._plan.form
+        if form.kind == "relative":
+            return "none: relative times"
+        return "in the file" if form.zoned or form.kind in ("epoch", "epoch_pair") else self._options.time_zone
+
+    def _notes(self) -> tuple[str, ...]:
+        notes = [*self._source.notes, *self._plan.notes, *self._plan.form.notes]
+        if self._plan.form.kind == "relative":
+            notes.append("times are relative: second 0 was given the instant that the options name (1970-01-01 UTC unless said)")
+        if self._tally.backward:
+            notes.append("rows were not in order of time; they were sorted")
+        if self._grouping.second:
+            shown = ", ".join(self._grouping.second[:5])
+            notes.append(f"{len(self._grouping.second)} tags name a signal that their loop already has; kept as further signals: {shown}")
+        return tuple(notes)
+
+
+class TextSource:
+    """A text file whose layout is known."""
+
+    def __init__(self, file: TextFile, plan: Plan, head: "object", compressed: bool) -> None:
+        self._file = file
+        self.plan = plan
+        self.head = head
+        self.compressed = compressed
+
+    @property
+    def encoding(self) -> str:
+        return self._file.encoding
+
+    @property
+    def notes(self) -> list[str]:
+        return self._file.notes
+
+    def reader(self, width: int, types: dict[int, pl.DataType], log: RejectLog) -> FrameReader:
+        return FrameReader(self._file, Dialect(self.head.delimiter, self.head.decimal_mark, width), types, log)
+
+
+def _open_text(path: Path, stem: str, options: IngestOptions) -> TextSource:
+    file = TextFile(path, options)
+    head = look(file.head, stem)
+    plan = recognise(head, options)
+    if plan is None:
+        raise DataError(
+            "unknown_layout",
+            "no column of times with signals beside it was found; needed is a row of names with time, PV and OP "
+            "(or tags such as FIC101.PV), or rows of tag, time and value",
+        )
+    return TextSource(file, plan, head, file.compressed)
+
+
+def stem_of(name: str) -> str:
+    """A file's name without its folder and the suffixes of exports: a tag's own dots stay."""
+    stem = name.replace("\\", "/").rsplit("/", 1)[-1]
+    for _ in range(2):
+        suffix = next((suffix for suffix in SUFFIXES if stem.lower().endswith(suffix) and len(stem) > len(suffix)), "")
+        stem = stem[: len(stem) - len(suffix)] if suffix else stem
+    return stem
+
+
+def read_export(
+    path: Path, *, filename: str | None = None, mapping: TagMapping | None = None, options: IngestOptions | None = None
+) -> Export:
+    """Opens an export: finds out what it is, reads nothing further yet.
+
+    filename: the name that the user gave the file, where it is stored under another one.
+    Raises DataError where the file is no export or its layout is unknown (now), or where it turns out so later (while iterating).
+    """
+    try:
+        return Export(path, filename or path.name, mapping, options or IngestOptions())
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+        raise DataError("not_an_export", f"the file cannot be read: {str(error)[:200]}") from error

@@ -1,0 +1,135 @@
+"""Chunks of lines to frames of columns: polars' fast reader first; a chunk with odd rows is cleaned line by line and read again."""
+
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from app.errors import DataError
+from app.ingest.head import split_line
+from app.ingest.opening import Lines, TextFile
+from app.ingest.rejecting import RejectLog
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How fields stand in a line, and how many."""
+
+    delimiter: str
+    decimal_mark: str
+    width: int
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Rows of a file. Row i of `frame` is line `first + i`; a line that could not be split is a row of nulls. `data` is the text."""
+
+    frame: pl.DataFrame
+    first: int
+    data: bytes
+
+    def lines(self, rows: NDArray[np.int64]) -> list[int]:
+        return [int(row) + self.first for row in rows]
+
+
+def name_of(index: int) -> str:
+    return f"c{index}"
+
+
+class FrameReader:
+    """Reads the columns asked for, with their types, from a text file; counts ragged rows and open quotes."""
+
+    def __init__(self, file: TextFile, dialect: Dialect, types: dict[int, pl.DataType], log: RejectLog) -> None:
+        self._file = file
+        self._dialect = dialect
+        self._schema = {name_of(index): types.get(index, pl.String()) for index in range(dialect.width)}
+        self._columns = [name_of(index) for index in sorted(types)]
+        self._log = log
+
+    def rows(self, first_row: int) -> Iterator[Rows]:
+        """All rows from the given one (counted from 0) on."""
+        to_skip = first_row
+        for lines in self._file.chunks():
+            while to_skip and lines.data:
+                end = lines.data.find(b"\n") + 1
+                lines = Lines(lines.data[end:], lines.first + 1)
+                to_skip -= 1
+            if lines.data:
+                yield self._read(lines)
+
+    def texts(self, rows: Rows, columns: Sequence[int]) -> pl.DataFrame:
+        """Columns of the rows as the text they were written in."""
+        names = [name_of(index) for index in columns]
+        schema = {name: pl.String() for name in self._schema}
+        return self._parse(rows.data, schema, names)
+
+    def short_rows(self, rows: Rows, candidates: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Those of the candidates whose lines have too few fields."""
+        if not len(candidates):
+            return candidates
+        lines = rows.data.split(b"\n")
+        delimiter = self._dialect.delimiter.encode()
+        need = self._dialect.width - 1
+        return np.array([row for row in candidates if lines[row].count(delimiter) < need], dtype=np.int64)
+
+    def _read(self, lines: Lines) -> Rows:
+        height = lines.data.count(b"\n")
+        try:
+            frame = self._parse(lines.data, self._schema, self._columns)
+            if frame.height == height:
+                return Rows(frame, lines.first, lines.data)
+        except pl.exceptions.PolarsError:
+            pass  # the chunk has odd rows: they are found line by line
+        data = self._cleaned(lines)
+        try:
+            frame = self._parse(data, self._schema, self._columns)
+        except pl.exceptions.PolarsError as error:
+            raise DataError("not_an_export", f"lines from {lines.first} on cannot be split into columns: {error}") from error
+        if frame.height != height:
+            raise DataError("not_an_export", f"lines from {lines.first} on cannot be split into rows")
+        return Rows(frame, lines.first, data)
+
+    def _parse(self, data: bytes, schema: dict[str, pl.DataType], columns: list[str]) -> pl.DataFrame:
+        return pl.read_csv(
+            io.BytesIO(data),
+            has_header=False,
+            schema=schema,
+            columns=None if len(columns) == len(schema) else columns,
+            separator=self._dialect.delimiter,
+            decimal_comma=self._dialect.decimal_mark == "," and self._dialect.delimiter != ",",
+            quote_char='"' if b'"' in data else None,
+            ignore_errors=True,
+            missing_columns="insert",
+        )
+
+    def _cleaned(self, lines: Lines) -> bytes:
+        """The same number of lines; those that cannot be split stand empty and are counted."""
+        empty = self._dialect.delimiter * (self._dialect.width - 1)
+        cleaned = []
+        for number, line in enumerate(lines.data.decode("utf-8", "replace").split("\n")[:-1], start=lines.first):
+            line = line.replace("\r", "").replace("\0", "\N{REPLACEMENT CHARACTER}")
+            why = self._fault(line)
+            if why:
+                self._log.add(why, line, number)
+            cleaned.append(empty if why or not line.strip() else self._rejoined(line))
+        return ("\n".join(cleaned) + "\n").encode()
+
+    def _fault(self, line: str) -> str:
+        if line.count('"') % 2:
+            return "unbalanced_quote"
+        if line.count(self._dialect.delimiter) < self._dialect.width:
+            return ""
+        fields = split_line(line, self._dialect.delimiter)
+        return "ragged_row" if len(fields) > self._dialect.width and any(fields[self._dialect.width :]) else ""
+
+    def _rejoined(self, line: str) -> str:
+        """A line whose quotes stand inside its fields, or with empty fields at its end, in a form that splits."""
+        fields = split_line(line, self._dialect.delimiter)
+        if '"' not in line and len(fields) <= self._dialect.width:
+            return line
+        delimiter = self._dialect.delimiter
+        fields = fields[: self._dialect.width]
+        return delimiter.join(f'"{text.replace(chr(34), chr(39))}"' if delimiter in text or '"' in text else text for text in fields)

@@ -1,0 +1,213 @@
+"""Tags into loops: by the ending of their names, by the letters of ISA, or by a mapping that the plant gives."""
+
+import csv
+import io
+import json
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from app.errors import DataError
+from app.ingest.model import LoopTags, Signal
+
+_WORDS: Mapping[str, Signal] = MappingProxyType(
+    {
+        **dict.fromkeys(("PV", "MEAS", "MEASUREMENT", "PROCESSVALUE", "PROCESSVARIABLE", "PVVALUE"), "PV"),
+        **dict.fromkeys(("OP", "MV", "OUT", "CO", "CV", "OUTPUT", "CONTROLLEROUTPUT", "CONTROLOUTPUT", "MANIPULATEDVARIABLE"), "OP"),
+        **dict.fromkeys(("SP", "SV", "SETP", "SETPOINT", "SPT", "WSP", "SETPOINTVALUE"), "SP"),
+        **dict.fromkeys(("MODE", "MD", "MODEACTUAL", "CTRLMODE", "CONTROLLERMODE", "AUTOMAN"), "MODE"),
+    }
+)
+_ATTRIBUTES = frozenset({"CV", "VALUE", "ACTUAL", "ACT", "VAL", "F"})  # DeltaV writes FIC101/PV.CV and FIC101/MODE.ACTUAL
+_SEPARATORS = "._-/:|\\ "
+_ENDING = re.compile(r"^(?P<loop>.+)[._\-/:|\\ ]+(?P<word>[A-Za-z]+)$")
+_START = re.compile(r"^(?P<word>[A-Za-z]+)[._\-/:|\\ ]+(?P<loop>.+)$")
+_SPLIT_WORDS = re.compile(r"(?i)[._\- ](set[ _]point|process[ _]value|process[ _]variable|controller[ _]output|control[ _]output)$")
+_ISA = re.compile(r"^(?P<before>.*?)(?P<measured>[A-Z]{1,2})(?P<function>T|IT|V|CV)(?P<rest>[_\-.]?\d+[A-Z]?)$")
+_SERVER = re.compile(r"^\\\\[^\\]+\\")
+
+
+@dataclass(frozen=True)
+class MappedTag:
+    """What a plant says about one tag. `attributes`: unit, low, high, loop_type and whatever else its columns hold, as text."""
+
+    tag: str
+    loop: str
+    signal: Signal
+    attributes: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+
+    def number(self, name: str) -> float | None:
+        try:
+            return float(self.attributes[name].replace(",", "."))
+        except (KeyError, ValueError):
+            return None
+
+
+@dataclass(frozen=True)
+class TagMapping:
+    """Tags that a plant has mapped to loops; a tag that is not named here is grouped by its name."""
+
+    entries: Mapping[str, MappedTag]
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> "TagMapping":
+        """From CSV or JSON with the columns tag, loop, signal[, unit, low, high, loop_type, ...].
+
+        Raises DataError("bad_mapping") where a row has no tag, no loop or no known signal.
+        """
+        text = data.decode("utf-8-sig", "replace")
+        rows = _json_rows(text) if text.lstrip()[:1] in ("[", "{") else _csv_rows(text)
+        mapped = [_mapped(number, row) for number, row in enumerate(rows, start=1)]
+        return cls(MappingProxyType({entry.tag.casefold(): entry for entry in mapped}))
+
+    def find(self, tag: str) -> MappedTag | None:
+        return self.entries.get(tag.casefold())
+
+
+def _csv_rows(text: str) -> list[dict[str, Any]]:
+    first = text.split("\n", 1)[0]
+    delimiter = max(",;\t", key=first.count)
+    try:
+        return list(csv.DictReader(io.StringIO(text), delimiter=delimiter))
+    except csv.Error as error:
+        raise DataError("bad_mapping", f"the mapping is not CSV: {error}") from error
+
+
+def _json_rows(text: str) -> list[dict[str, Any]]:
+    try:
+        rows = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise DataError("bad_mapping", f"the mapping is not JSON: {error}") from error
+    rows = rows.get("tags", []) if isinstance(rows, dict) else rows
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise DataError("bad_mapping", "the mapping must be a list of objects with tag, loop and signal")
+    return rows
+
+
+def _mapped(number: int, row: Mapping[Any, Any]) -> MappedTag:
+    cells = {str(key).strip().lower(): str(value).strip() for key, value in row.items() if key is not None and value is not None}
+    tag, loop = cells.pop("tag", ""), cells.pop("loop", "")
+    word = cells.pop("signal", "")
+    signal: Signal | None = "OTHER" if word.upper() == "OTHER" else _WORDS.get(_plain(word))
+    if not tag or not loop or signal is None:
+        need = "tag, loop and a signal of PV, OP, SP, MODE or OTHER"
+        raise DataError("bad_mapping", f"row {number} of the mapping has tag {tag!r}, loop {loop!r}, signal {word!r}; it needs {need}")
+    return MappedTag(tag, loop, signal, MappingProxyType(cells))
+
+
+def _plain(word: str) -> str:
+    return re.sub(r"[^A-Za-z]", "", word).upper()
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a tag belongs."""
+
+    tag: str
+    loop: str
+    signal: Signal
+
+
+def place(tag: str, stem: str) -> Place:
+    """A tag's loop and signal by its name alone; a bare `PV` belongs to the loop that the file is named after."""
+    name = _SERVER.sub("", tag.strip())
+    signal = _WORDS.get(_plain(re.sub(r"[\[(].*$", "", name)))
+    if signal is not None:
+        return Place(tag, stem, signal)
+    spelled = _SPLIT_WORDS.search(name)
+    if spelled:
+        return Place(tag, name[: spelled.start()].rstrip(_SEPARATORS), _WORDS[_plain(spelled.group(1))])
+    return _by_ending(tag, name) or _by_letters(tag, name) or _by_start(tag, name) or Place(tag, tag, "OTHER")
+
+
+def _by_ending(tag: str, name: str) -> Place | None:
+    found = _ENDING.match(name)
+    if found and found["word"].upper() in _ATTRIBUTES:
+        inner = _ENDING.match(found["loop"])
+        if inner and inner["word"].upper() in _WORDS:
+            found = inner
+    if not found or found["word"].upper() not in _WORDS:
+        return None
+    return Place(tag, found["loop"].rstrip(_SEPARATORS), _WORDS[found["word"].upper()])
+
+
+def _by_letters(tag: str, name: str) -> Place | None:
+    """FT_211 is the transmitter and FV_211 the valve of loop F_211."""
+    found = _ISA.match(name)
+    if not found or found["before"][-1:].isalnum():
+        return None
+    loop = f"{found['before']}{found['measured']}{found['rest']}"
+    return Place(tag, loop, "PV" if found["function"].endswith("T") else "OP")
+
+
+def _by_start(tag: str, name: str) -> Place | None:
+    found = _START.match(name)
+    signal = _WORDS.get(found["word"].upper()) if found else None
+    return Place(tag, found["loop"], signal) if found and signal else None
+
+
+class Grouping:
+    """Places tags as they come: the first tag of a loop's signal has it, a second one is kept as a further signal."""
+
+    def __init__(self, stem: str, mapping: TagMapping | None = None) -> None:
+        self._stem = stem
+        self._mapping = mapping
+        self._spelling: dict[str, str] = {}
+        self._taken: dict[tuple[str, Signal], str] = {}
+        self._others: dict[str, list[str]] = {}
+        self._places: dict[str, Place] = {}
+        self.second: list[str] = []
+
+    def place(self, tag: str) -> Place:
+        known = self._places.get(tag)
+        if known is None:
+            known = self._places[tag] = self._settle(tag)
+        return known
+
+    def _settle(self, tag: str) -> Place:
+        mapped = self._mapping.find(tag) if self._mapping else None
+        found = Place(tag, mapped.loop, mapped.signal) if mapped else place(tag, self._stem)
+        loop = self._spelling.setdefault(found.loop.casefold(), found.loop)
+        owner = self._taken.setdefault((loop, found.signal), tag) if found.signal != "OTHER" else None
+        if owner == tag:
+            return Place(tag, loop, found.signal)
+        if owner is not None:
+            self.second.append(tag)
+        self._others.setdefault(loop, []).append(tag)
+        return Place(tag, loop, "OTHER")
+
+    def attach_bare(self, tags: Iterable[str]) -> None:
+        """In a file of one loop without tags, the other columns belong to that loop."""
+        for tag in tags:
+            mapped = self._mapping is not None and self._mapping.find(tag) is not None
+            if tag not in self._places and not mapped and place(tag, "").loop != "":
+                self._others.setdefault(self._stem, []).append(tag)
+                self._places[tag] = Place(tag, self._stem, "OTHER")
+
+    @property
+    def tags(self) -> int:
+        return len(self._places)
+
+    def loops(self) -> tuple[LoopTags, ...]:
+        names = dict.fromkeys([loop for loop, _ in self._taken] + list(self._others))
+        return tuple(
+            LoopTags(
+                loop,
+                self._taken.get((loop, "PV")),
+                self._taken.get((loop, "OP")),
+                self._taken.get((loop, "SP")),
+                self._taken.get((loop, "MODE")),
+                tuple(self._others.get(loop, ())),
+            )
+            for loop in names
+        )
+
+
+def group(tags: Iterable[str], mapping: TagMapping | None = None, stem: str = "") -> tuple[LoopTags, ...]:
+    """The loops of a list of tags."""
+    grouping = Grouping(stem, mapping)
+    for tag in tags:
+        grouping.place(tag)
+    return grouping.loops()

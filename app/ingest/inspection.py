@@ -1,0 +1,82 @@
+"""What a file holds, before anything is sent."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from app.ingest.export import read_export
+from app.ingest.grouping import TagMapping
+from app.ingest.model import NANOSECONDS, FileSummary, IngestOptions, LoopSamples, Rejects
+
+
+@dataclass(frozen=True)
+class LoopReport:
+    """One loop as the file has it. sampling_interval_s: the median step; even: all steps within 1 % of it."""
+
+    loop: str
+    samples: int
+    signals: tuple[str, ...]
+    first_time_ns: int
+    last_time_ns: int
+    sampling_interval_s: float | None
+    even: bool
+    missing_share: float
+    resampled: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class InspectReport:
+    """A file's summary, its loops and what would be refused."""
+
+    name: str
+    size_bytes: int
+    summary: FileSummary
+    loops: tuple[LoopReport, ...]
+    rejects: Rejects
+
+
+def inspect(
+    path: Path, *, filename: str | None = None, mapping: TagMapping | None = None, options: IngestOptions | None = None
+) -> InspectReport:
+    """Reads the whole file and keeps nothing of it but the report. Raises DataError where it is no export."""
+    export = read_export(path, filename=filename, mapping=mapping, options=options)
+    loops = {}
+    for stretch in export.loops():
+        found = _report(stretch)
+        known = loops.get(stretch.loop)
+        loops[stretch.loop] = found if known is None else _together(known, found)
+    return InspectReport(filename or path.name, path.stat().st_size, export.summary(), tuple(loops.values()), export.rejects())
+
+
+def _report(samples: LoopSamples) -> LoopReport:
+    named = {"PV": samples.pv, "OP": samples.op, "SP": samples.sp, "MODE": samples.automatic, **samples.others}
+    signals = {name: values for name, values in named.items() if values is not None}
+    steps = np.diff(samples.time_ns) / NANOSECONDS
+    interval = float(np.median(steps)) if len(steps) else None
+    missing = [float(np.mean(np.isnan(values))) for values in signals.values()]
+    return LoopReport(
+        samples.loop,
+        samples.samples,
+        tuple(signals),
+        int(samples.time_ns[0]),
+        int(samples.time_ns[-1]),
+        interval,
+        bool(interval is not None and np.all(np.abs(steps - interval) <= 0.01 * interval)),
+        max(missing, default=0.0),
+        samples.resampled,
+    )
+
+
+def _together(first: LoopReport, second: LoopReport) -> LoopReport:
+    return LoopReport(
+        first.loop,
+        first.samples + second.samples,
+        tuple(dict.fromkeys((*first.signals, *second.signals))),
+        min(first.first_time_ns, second.first_time_ns),
+        max(first.last_time_ns, second.last_time_ns),
+        first.sampling_interval_s if first.sampling_interval_s is not None else second.sampling_interval_s,
+        first.even and second.even,
+        max(first.missing_share, second.missing_share),
+        tuple(dict.fromkeys((*first.resampled, *second.resampled))),
+    )

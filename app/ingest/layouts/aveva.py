@@ -1,0 +1,14 @@
+"""AVEVA Historian, long: DateTime,TagName,Value,vValue,Quality,QualityDetail,OPCQuality,wwTagKey; OPCQuality 192 or Quality 0 is good."""
+
+from app.ingest.columns import long_from, plain
+from app.ingest.head import Head
+from app.ingest.model import IngestOptions
+from app.ingest.plans import LongPlan
+
+
+def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
+    names = head.row(0)
+    known = {plain(name) for name in names}
+    if "tagname" not in known or not known & {"vvalue", "wwtagkey", "qualitydetail"}:
+        return None
+    return long_from(head, "aveva", names, 1, options)

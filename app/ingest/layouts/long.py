@@ -1,0 +1,15 @@
+"""Long with a row of names: tag, time, value and, where there is one, a quality. Lines above it and * comments are passed over."""
+
+from app.ingest.columns import long_from
+from app.ingest.head import Head
+from app.ingest.model import IngestOptions
+from app.ingest.plans import LongPlan
+
+
+def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
+    for index, names in enumerate(head.rows[:30]):
+        if len(names) >= 3:
+            plan = long_from(head, "long", names, index + 1, options)
+            if plan is not None:
+                return plan
+    return None

@@ -1,0 +1,34 @@
+"""Long without a row of names: a column of times, one of tags, one of values and perhaps one of good and bad, in any order."""
+
+from app.ingest.columns import mostly_numbers, usual_width
+from app.ingest.head import Head, is_number
+from app.ingest.model import IngestOptions
+from app.ingest.plans import LongPlan
+from app.ingest.stamps import find_form
+
+_QUALITIES = frozenset(("good", "bad", "uncertain", "questionable"))
+
+
+def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
+    width = usual_width(head, 0)
+    if not 3 <= width <= 12:
+        return None
+    columns = [head.column(index, 0) for index in range(width)]
+    forms = [find_form(column, "", options) for column in columns]
+    times = [index for index, form in enumerate(forms) if form is not None and form.kind != "relative"]
+    if not times or find_form(list(head.row(0)[times[0] : times[0] + 1]), "", options) is None:
+        return None
+    rest = [index for index in range(width) if index != times[0]]
+    quality = next((index for index in rest if columns[index] and {text.lower() for text in columns[index]} <= _QUALITIES), None)
+    values = [index for index in rest if mostly_numbers(columns[index], head.decimal_mark)]
+    tags = [index for index in rest if index != quality and _are_tags(columns[index], head.decimal_mark)]
+    form = forms[times[0]]
+    if not values or not tags or form is None:
+        return None
+    return LongPlan("long_bare", 0, width, (times[0],), form, tags[0], values[0], quality)
+
+
+def _are_tags(fields: list[str], decimal_mark: str) -> bool:
+    if not fields or any(is_number(field, decimal_mark) for field in fields):
+        return False
+    return any(character.isdigit() or character in "._-/:" for field in fields for character in field)

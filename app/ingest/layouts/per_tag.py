@@ -1,0 +1,17 @@
+"""PI, a file a tag: time and value without a row of names; the tag is the file's name."""
+
+from app.ingest.columns import usual_width
+from app.ingest.head import Head
+from app.ingest.model import IngestOptions
+from app.ingest.plans import TimedColumns, ValueColumn, WidePlan
+from app.ingest.stamps import find_form
+
+
+def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
+    if usual_width(head, 0) != 2:
+        return None
+    first = find_form(list(head.row(0)[:1]), "", options)
+    form = find_form(head.column(0, 0), "", options)
+    if first is None or form is None or form.kind == "relative":
+        return None
+    return WidePlan("per_tag", 0, 2, (TimedColumns((0,), form, (ValueColumn(1, head.stem),)),))

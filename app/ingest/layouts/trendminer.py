@@ -1,0 +1,17 @@
+"""TrendMiner: four header rows (tag, description, unit, type), then ISO times with an offset."""
+
+from app.ingest.columns import first_row_of_times, wide_from
+from app.ingest.head import Head
+from app.ingest.model import IngestOptions
+from app.ingest.plans import WidePlan
+
+_HEADERS = 4
+
+
+def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
+    if len(head.rows) <= _HEADERS or first_row_of_times(head, 0, options) != _HEADERS:
+        return None
+    widths = {len(row) for row in head.rows[:_HEADERS]}
+    if len(widths) != 1 or widths == {1} or not all(head.row(0)[1:]):
+        return None
+    return wide_from(head, "trendminer", head.row(0), _HEADERS, options, time=(0,))

@@ -1,0 +1,18 @@
+"""Wide: a row of names, then a row an instant. Recordings `time,SP,PV,OP[,MODE]` and SQL dumps with date and time apart are of this form."""
+
+from app.ingest.columns import first_row_of_times, time_columns, wide_from
+from app.ingest.head import Head, is_number
+from app.ingest.model import IngestOptions
+from app.ingest.plans import WidePlan
+
+
+def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
+    for index, names in enumerate(head.rows[:30]):
+        named = [name for name in names if name]
+        if len(named) < 2 or any(is_number(name, head.decimal_mark) for name in named):
+            continue
+        time = time_columns(names) or (0,)
+        first_row = first_row_of_times(head, time[0], options)
+        if first_row > index:
+            return wide_from(head, "wide", names, first_row, options, time)
+    return None

@@ -1,0 +1,211 @@
+"""Reads a long table: a row a value of one tag. Rows are gathered as numbers and parted by tag in large batches."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from app.errors import DataError
+from app.ingest.frames import FrameReader, Rows, name_of
+from app.ingest.grouping import Grouping, Place
+from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
+from app.ingest.modes import automatic_flags, flags_of_numbers
+from app.ingest.order import in_order, last_of_repeats
+from app.ingest.plans import LongPlan
+from app.ingest.quality import Quality
+from app.ingest.rejecting import RejectLog
+from app.ingest.stamps import NO_TIME, TimeReader, to_numbers
+from app.ingest.tally import Tally
+from app.ingest.values import refuse_sentinels
+from app.ingest.wide_table import joined_times
+
+BATCH_ROWS = 6_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Gathered:
+    """Values of some rows: which tag (a code), when, what, in which line."""
+
+    codes: NDArray[np.uint32]
+    time_ns: TimeArray
+    values: FloatArray
+    lines: NDArray[np.int64]
+
+
+class LongTable:
+    """Turns rows into blocks of signals."""
+
+    def __init__(self, plan: LongPlan, grouping: Grouping, options: IngestOptions, log: RejectLog, tally: Tally) -> None:
+        self._plan, self._grouping, self._options, self._log, self._tally = plan, grouping, options, log, tally
+        self._time = TimeReader(plan.form, options)
+        self._quality = Quality(options.drop_uncertain, plan.zero_is_good)
+        self._tag_type = pl.Categorical(pl.Categories.random())
+        self._places: list[Place | None] = []
+        self._modes = np.zeros(0, dtype=bool)
+
+    def types(self) -> dict[int, pl.DataType]:
+        """The type in which each column is wanted from the text."""
+        types: dict[int, pl.DataType] = dict.fromkeys(self._plan.time, pl.String())
+        types[self._plan.tag] = self._tag_type
+        types[self._plan.value] = pl.Float64()
+        if self._plan.quality is not None:
+            types[self._plan.quality] = pl.String()
+        return types
+
+    def blocks(self, reader: FrameReader) -> Iterator[SignalBlock]:
+        batch: list[Gathered] = []
+        size = 0
+        for rows in reader.rows(self._plan.first_row):
+            self._tally.rows_read += rows.frame.height
+            gathered = self._gather(rows, reader)
+            batch.append(gathered)
+            size += len(gathered.codes)
+            if size >= BATCH_ROWS:
+                yield from self._parted(batch)
+                batch, size = [], 0
+        yield from self._parted(batch)
+
+    def _gather(self, rows: Rows, reader: FrameReader) -> Gathered:
+        frame = rows.frame
+        tags = frame[name_of(self._plan.tag)]
+        codes = tags.to_physical().fill_null(0).to_numpy()
+        self._know(tags, codes)
+        texts = joined_times(frame, self._plan.time)
+        time_ns = self._read_times(texts)
+        kept = self._kept(rows, texts, tags, time_ns, reader)
+        values = self._values(rows, codes, kept, reader)
+        self._refuse_quality(rows, kept, codes, values)
+        at = np.flatnonzero(kept)
+        self._tally.rows_kept += len(at)
+        return Gathered(codes[at], time_ns[at], values[at], at + rows.first)
+
+    def _know(self, tags: pl.Series, codes: NDArray[np.uint32]) -> None:
+        """Places tags that were not seen before."""
+        new = pl.DataFrame({"code": codes, "tag": tags.cast(pl.String)}).filter(pl.col("code") >= 0).unique("code", maintain_order=True)
+        for code, tag in new.iter_rows():
+            if tag is None or (code < len(self._places) and self._places[code] is not None):
+                continue
+            if code >= len(self._places):
+                self._places.extend([None] * (code + 1 - len(self._places)))
+            if self._grouping.tags >= self._options.max_signals:
+                raise DataError("too_many_tags", f"more than {self._options.max_signals} tags in one file; send it in parts")
+            if len(tag) <= self._options.max_name:
+                self._places[code] = self._grouping.place(tag)
+        self._modes = np.array([place is not None and place.signal == "MODE" for place in self._places], dtype=bool)
+
+    def _read_times(self, texts: pl.Series) -> TimeArray:
+        """Rows of one instant follow each other in most files: each run of one text is read once."""
+        if len(texts) < 1000 or texts.dtype != pl.String:
+            return self._time.read(texts)
+        runs = texts.rle_id()
+        distinct = int(runs[-1]) + 1
+        if distinct > len(texts) // 2:
+            return self._time.read(texts)
+        first = np.flatnonzero(np.diff(runs.to_numpy(), prepend=-1))
+        return self._time.read(texts[first])[runs.to_numpy()]
+
+    def _kept(self, rows: Rows, texts: pl.Series, tags: pl.Series, time_ns: TimeArray, reader: FrameReader) -> NDArray[np.bool_]:
+        timed, named = time_ns != NO_TIME, tags.is_not_null().to_numpy()
+        kept = timed & named
+        if np.all(kept):
+            return self._without_long_names(rows, tags, kept)
+        refused = []
+        for row in np.flatnonzero(~kept):
+            text, tag = texts[int(row)], tags[int(row)]
+            if (text or tag) and not (text or "").startswith(("*", "#")) and not (tag or "").startswith(("*", "#", "[")):
+                refused.append(int(row))
+        short = set(reader.short_rows(rows, np.array(refused, dtype=np.int64)).tolist())
+        for row in refused:
+            line, tag = row + rows.first, tags[row] or ""
+            if row in short:
+                self._log.add("ragged_row", f"fewer than {self._plan.width} fields", line, tag)
+            elif not timed[row]:
+                self._log.add("bad_time", f"{texts[row]!r} is no time that can be read", line, tag)
+            else:
+                self._log.add("no_tag", "a row without a tag", line)
+        return self._without_long_names(rows, tags, kept)
+
+    def _without_long_names(self, rows: Rows, tags: pl.Series, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        if all(place is not None for place in self._places):
+            return kept
+        codes = tags.to_physical().fill_null(0).to_numpy()
+        known = np.array([place is not None for place in self._places], dtype=bool)
+        at = np.flatnonzero(kept & ~known[codes])
+        if len(at):
+            text = f"a tag of more than {self._options.max_name} characters"
+            self._log.add_many("name_too_long", rows.lines(at), (text for _ in at))
+        return kept & known[codes]
+
+    def _values(self, rows: Rows, codes: NDArray[np.uint32], kept: NDArray[np.bool_], reader: FrameReader) -> FloatArray:
+        column = rows.frame[name_of(self._plan.value)]
+        values = column.to_numpy(writable=True)
+        modes = self._modes[codes] if len(self._modes) else np.zeros(len(codes), dtype=bool)
+        if column.null_count():
+            self._read_odd(rows, values, modes, kept, reader)
+        values[modes] = np.where(np.isnan(values[modes]), np.nan, flags_of_numbers(values[modes]))
+        at = np.flatnonzero(kept & ~np.isfinite(values) & column.is_not_null().to_numpy())
+        if len(at):
+            tags = rows.frame[name_of(self._plan.tag)]
+            for row in at:
+                self._log.add("not_finite", f"{values[row]}", int(row) + rows.first, tags[int(row)])
+        values[~np.isfinite(values)] = np.nan
+        return values
+
+    def _read_odd(
+        self, rows: Rows, values: FloatArray, modes: NDArray[np.bool_], kept: NDArray[np.bool_], reader: FrameReader
+    ) -> None:
+        """Words of modes are modes; other text in place of a number is refused with the text as the reason."""
+        texts = reader.texts(rows, [self._plan.value]).to_series(0)
+        odd = np.flatnonzero(rows.frame[name_of(self._plan.value)].is_null().to_numpy() & texts.is_not_null().to_numpy() & kept)
+        words = texts[odd]
+        found = np.where(modes[odd], automatic_flags(words), to_numbers(words))
+        values[odd] = found
+        bad = odd[~np.isfinite(found)]
+        tags = rows.frame[name_of(self._plan.tag)]
+        for row in bad:
+            text = texts[int(row)]
+            if text.strip(' "'):
+                code = "unknown_mode" if modes[row] else "not_a_number"
+                self._log.add(code, text, int(row) + rows.first, tags[int(row)])
+
+    def _refuse_quality(self, rows: Rows, kept: NDArray[np.bool_], codes: NDArray[np.uint32], values: FloatArray) -> None:
+        if self._plan.quality is None:
+            return
+        texts = rows.frame[name_of(self._plan.quality)]
+        bad = self._quality.bad(texts)
+        at = np.flatnonzero(bad & kept & np.isfinite(values))
+        tags = rows.frame[name_of(self._plan.tag)]
+        for row in at:
+            self._log.add("bad_quality", str(texts[int(row)]), int(row) + rows.first, tags[int(row)])
+        values[at] = np.nan
+
+    def _parted(self, batch: list[Gathered]) -> Iterator[SignalBlock]:
+        """Blocks by tag, the rows of a tag in the order in which they came."""
+        if not batch or not any(len(part.codes) for part in batch):
+            return
+        codes = np.concatenate([part.codes for part in batch])
+        time_ns = np.concatenate([part.time_ns for part in batch])
+        values = np.concatenate([part.values for part in batch])
+        lines = np.concatenate([part.lines for part in batch])
+        order = np.argsort(codes, kind="stable")
+        bounds = np.concatenate(([0], np.cumsum(np.bincount(codes, minlength=len(self._places)))))
+        time_ns, values, lines = time_ns[order], values[order], lines[order]
+        for code in np.flatnonzero(np.diff(bounds)):
+            part = slice(int(bounds[code]), int(bounds[code + 1]))
+            place = self._places[code]
+            if place is not None:
+                yield self._block(place, time_ns[part], values[part], lines[part])
+
+    def _block(self, place: Place, time_ns: TimeArray, values: FloatArray, lines: NDArray[np.int64]) -> SignalBlock:
+        order = in_order(time_ns)
+        if order is not None:
+            self._tally.backward = True
+            time_ns, values, lines = time_ns[order], values[order], lines[order]
+        values = refuse_sentinels(values, lines, place.tag, self._log)
+        time_ns, matrix = last_of_repeats(time_ns, values[:, None], lines, [place.tag], self._log)
+        self._tally.saw_times(time_ns)
+        values = matrix[:, 0]
+        self._tally.values_kept += int(np.isfinite(values).sum())
+        return SignalBlock(place.tag, place.loop, place.signal, time_ns, values)

@@ -1,0 +1,190 @@
+"""From a file to chunks of whole UTF-8 lines: gzip in bounded steps, the encoding found, line ends made one."""
+
+import codecs
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from app.errors import DataError
+from app.ingest.model import IngestOptions
+
+HEAD_BYTES = 1 << 18
+STEP_BYTES = 1 << 20
+RATIO_FREE_BYTES = 64 << 20  # below this a high ratio is a quiet plant, not a bomb
+_BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
+_CONTROL = bytes(set(range(32)) - set(b"\t\n\r\f\x1a"))
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Whole lines of UTF-8 text, each ended by a line feed; `first` is the number of the first of them, from 1."""
+
+    data: bytes
+    first: int
+
+
+class TextFile:
+    """A text file as lines of UTF-8; `encoding` is what was found, `notes` what was odd."""
+
+    def __init__(self, path: Path, options: IngestOptions) -> None:
+        self._path = path
+        self._options = options
+        self.notes: list[str] = []
+        first = self._first_bytes()
+        if not first.strip():
+            raise DataError("empty_file", "the file holds nothing; an export with a time column and signals is needed")
+        self.encoding = detect_encoding(first)
+        self._bare_returns = False
+        self.head = self._decode_head(first)
+        _refuse_binary(self.head)
+
+    @property
+    def compressed(self) -> bool:
+        with self._path.open("rb") as stream:
+            return stream.read(2) == b"\x1f\x8b"
+
+    def _first_bytes(self) -> bytes:
+        taken = bytearray()
+        for piece in self._bytes():
+            taken += piece
+            if len(taken) >= HEAD_BYTES:
+                break
+        return bytes(taken[:HEAD_BYTES])
+
+    def _decode_head(self, first: bytes) -> str:
+        text = codecs.getincrementaldecoder(self.encoding)("replace").decode(first)
+        self._bare_returns = "\r" in text and "\n" not in text
+        return text.replace("\r\n", "\n").replace("\r", "\n")
+
+    def chunks(self) -> Iterator[Lines]:
+        """The whole file; memory is bounded by the chunk size and the longest line allowed."""
+        number, carry = 1, b""
+        for piece in self._utf8():
+            end = piece.rfind(b"\n")
+            if end < 0:
+                carry += piece
+                self._check_line(carry)
+                continue
+            data = carry + piece[: end + 1]
+            carry = piece[end + 1 :]
+            yield Lines(data, number)
+            number += data.count(b"\n")
+        if carry:
+            yield Lines(carry + b"\n", number)
+
+    def _check_line(self, carry: bytes) -> None:
+        if len(carry) > self._options.max_line_bytes:
+            limit = self._options.max_line_bytes
+            raise DataError("line_too_long", f"a line is longer than {limit} bytes; an export has one row of samples a line")
+
+    def _utf8(self) -> Iterator[bytes]:
+        if self.encoding in ("utf-8", "utf-8-sig") and not self._bare_returns:
+            yield from self._utf8_as_it_is()
+            return
+        decoder = codecs.getincrementaldecoder(self.encoding)("replace")
+        for piece in self._large_pieces():
+            yield self._one_line_end(decoder.decode(piece)).encode("utf-8", "replace")
+        yield self._one_line_end(decoder.decode(b"", final=True)).encode("utf-8", "replace")
+
+    def _one_line_end(self, text: str) -> str:
+        return text.replace("\r", "\n") if self._bare_returns else text
+
+    def _utf8_as_it_is(self) -> Iterator[bytes]:
+        mark = len(codecs.BOM_UTF8) if self.encoding == "utf-8-sig" else 0
+        for piece in self._large_pieces():
+            yield piece[mark:]
+            mark = 0
+
+    def _large_pieces(self) -> Iterator[bytes]:
+        taken: list[bytes] = []
+        size = 0
+        for piece in self._bytes():
+            taken.append(piece)
+            size += len(piece)
+            if size >= self._options.chunk_bytes:
+                yield b"".join(taken)
+                taken, size = [], 0
+        if taken:
+            yield b"".join(taken)
+
+    def _bytes(self) -> Iterator[bytes]:
+        with self._path.open("rb") as stream:
+            packed = stream.read(2) == b"\x1f\x8b"
+            stream.seek(0)
+            raw = iter(lambda: stream.read(STEP_BYTES), b"")
+            yield from self._unpacked(raw) if packed else raw
+
+    def _unpacked(self, raw: Iterator[bytes]) -> Iterator[bytes]:
+        """Members of a gzip file one after the other; a damaged end keeps what came before it."""
+        packed = unpacked = 0
+        unzip, complete = zlib.decompressobj(31), False
+        for piece in raw:
+            packed += len(piece)
+            waiting = piece
+            while waiting:
+                try:
+                    out = unzip.decompress(waiting, STEP_BYTES)
+                except zlib.error:
+                    self._damaged(unpacked)
+                    return
+                unpacked += len(out)
+                self._check_size(packed, unpacked)
+                yield out
+                waiting, complete = unzip.unconsumed_tail, unzip.eof
+                if complete:  # another member may follow, or padding
+                    waiting = unzip.unused_data if unzip.unused_data.startswith(b"\x1f\x8b") else b""
+                    unzip = zlib.decompressobj(31)
+        if not complete:
+            self._damaged(unpacked)
+
+    def _damaged(self, unpacked: int) -> None:
+        if unpacked == 0:
+            raise DataError("not_an_export", "the gzip file is damaged from its start; export it again")
+        note = f"the gzip file is damaged after {unpacked} bytes; what came before is kept"
+        if note not in self.notes:
+            self.notes.append(note)
+
+    def _check_size(self, packed: int, unpacked: int) -> None:
+        if unpacked > self._options.max_bytes:
+            raise DataError("decompressed_too_large", f"unpacks to more than {self._options.max_bytes} bytes; send it in parts")
+        if unpacked > RATIO_FREE_BYTES and unpacked > packed * self._options.max_ratio:
+            raise DataError(
+                "decompressed_too_large", f"unpacks to more than {self._options.max_ratio:g} times its size; no export does"
+            )
+
+
+def detect_encoding(first: bytes) -> str:
+    """A byte order mark, then zeros in every other byte, then UTF-8, then GB 18030 where it gives Chinese, else Windows-1252."""
+    for mark, name in _BOMS:
+        if first.startswith(mark):
+            return name
+    even, odd = first[0:4096:2].count(0), first[1:4096:2].count(0)
+    half = max(1, min(len(first), 4096) // 2)
+    if odd > 0.4 * half and even < 0.1 * half:
+        return "utf-16-le"
+    if even > 0.4 * half and odd < 0.1 * half:
+        return "utf-16-be"
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(first)
+    except UnicodeDecodeError:
+        return "gb18030" if _reads_as_chinese(first) else "cp1252"
+    return "utf-8"
+
+
+def _reads_as_chinese(first: bytes) -> bool:
+    try:
+        text = codecs.getincrementaldecoder("gb18030")().decode(first)
+    except UnicodeDecodeError:
+        return False
+    strange = [character for character in text if ord(character) > 127]
+    common = sum("\u4e00" <= character <= "\u9fff" or "\u3000" <= character <= "\u303f" for character in strange)
+    return bool(strange) and common >= 0.8 * len(strange)
+
+
+def _refuse_binary(head: str) -> None:
+    sample = head.encode("utf-8", "replace")
+    controls = len(sample) - len(sample.translate(None, _CONTROL))
+    doubtful = head.count("\N{REPLACEMENT CHARACTER}")
+    if controls > 0.001 * len(sample) + 1 or doubtful > 0.1 * len(head):
+        raise DataError("not_an_export", "this is binary, not an export; CSV or TSV text, gzip of it, parquet or xlsx is needed")

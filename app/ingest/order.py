@@ -1,0 +1,32 @@
+"""Order of time: sorting what came backward, and one value for a time that came twice."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.ingest.model import FloatArray, TimeArray
+from app.ingest.rejecting import RejectLog
+
+
+def in_order(time_ns: TimeArray) -> NDArray[np.int64] | None:
+    """The rows in order of time, rows of one time as they came; None where they are in order already."""
+    if len(time_ns) < 2 or bool(np.all(time_ns[1:] >= time_ns[:-1])):
+        return None
+    return np.argsort(time_ns, kind="stable")
+
+
+def last_of_repeats(
+    time_ns: TimeArray, matrix: FloatArray, lines: NDArray[np.int64], tags: list[str], log: RejectLog
+) -> tuple[TimeArray, FloatArray]:
+    """One row a time: of the values given for it the last stands, and where an earlier one differed that one is counted."""
+    repeated = np.concatenate((time_ns[1:] == time_ns[:-1], [False])) if len(time_ns) else np.zeros(0, dtype=bool)
+    if not np.any(repeated):
+        return time_ns, matrix
+    merged = matrix.copy()
+    for row in np.flatnonzero(repeated):
+        earlier, later = merged[row], merged[row + 1]
+        differs = np.flatnonzero(np.isfinite(earlier) & np.isfinite(later) & (earlier != later))
+        for position in differs:
+            text = f"{earlier[position]:g} and then {later[position]:g} for the same time; the later stands"
+            log.add("duplicate_time", text, int(lines[row]), tags[position])
+        merged[row + 1] = np.where(np.isfinite(later), later, earlier)
+    return time_ns[~repeated], merged[~repeated]

@@ -1,0 +1,59 @@
+"""A plan made ready for a file: names capped, the one loop of a file without tags, stamps that are cut, doubtful forms said."""
+
+from collections import Counter
+from dataclasses import replace
+
+import polars as pl
+
+from app.ingest.grouping import Grouping, place
+from app.ingest.head import Head
+from app.ingest.model import IngestOptions, TimeArray
+from app.ingest.plans import Plan, TimedColumns, ValueColumn, WidePlan
+from app.ingest.rejecting import RejectLog
+from app.ingest.spreading import stamps_are_cut
+from app.ingest.stamps import NO_TIME, TimeForm, parse_text
+
+SPREAD_NOTE = "time stamps are cut and repeat: the rows were spread evenly inside each stamp, in their order"
+
+
+def prepared(plan: Plan, grouping: Grouping, head: Head, options: IngestOptions, log: RejectLog) -> Plan:
+    if not isinstance(plan, WidePlan):
+        return plan
+    groups = tuple(_named(group, head, options, log) for group in plan.groups)
+    plan = replace(plan, groups=groups)
+    tags = [value.tag for group in groups for value in group.values]
+    one_loop = any(place(tag, "").loop == "" for tag in tags)
+    if one_loop:
+        grouping.attach_bare(tags)
+    if _cut(plan, head):
+        plan = replace(plan, spread=True, notes=(*plan.notes, SPREAD_NOTE))
+    return replace(plan, one_loop=one_loop)
+
+
+def _named(group: TimedColumns, head: Head, options: IngestOptions, log: RejectLog) -> TimedColumns:
+    """Without columns whose names are too long; names that repeat are numbered."""
+    seen: Counter[str] = Counter()
+    values: list[ValueColumn] = []
+    for value in group.values:
+        if len(value.tag) > options.max_name:
+            log.add("name_too_long", f"column {value.index + 1} has a name of {len(value.tag)} characters", None, value.tag)
+            continue
+        seen[value.tag] += 1
+        again = seen[value.tag]
+        values.append(value if again == 1 else replace(value, tag=f"{value.tag} ({again})"))
+    return replace(group, values=tuple(values))
+
+
+def _cut(plan: WidePlan, head: Head) -> bool:
+    group = plan.groups[0]
+    if len(plan.groups) > 1 or group.form.kind != "text":
+        return False
+    rows = [row for row in head.rows[plan.first_row :] if len(row) > max(group.time)]
+    texts = [" ".join(row[index] for index in group.time) for row in rows]
+    times = _times(texts, group.form)
+    return stamps_are_cut(times[times != NO_TIME], group.form.resolution_ns)
+
+
+def _times(texts: list[str], form: TimeForm) -> TimeArray:
+    return parse_text(pl.Series(texts, dtype=pl.String), form.format, form.zoned)
+

@@ -1,0 +1,90 @@
+"""Files to recordings of the engine: what `loopaudit audit` reads."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from app.engine.recording import Recording
+from app.ingest.align import align, merge
+from app.ingest.export import read_export
+from app.ingest.grouping import TagMapping
+from app.ingest.model import NANOSECONDS, IngestOptions, LoopSamples, Reject, SignalBlock
+
+
+@dataclass(frozen=True, eq=False)
+class RecordingsRead:
+    """The recordings of a file, what was refused (the first of it; `reject_counts` has all by code), and the loops passed over."""
+
+    recordings: tuple[Recording, ...]
+    rejects: tuple[Reject, ...]
+    skipped: tuple[str, ...]
+    reject_counts: Mapping[str, int]
+    notes: tuple[str, ...]
+
+
+def read_recordings(
+    path: Path, *, filename: str | None = None, mapping: TagMapping | None = None, options: IngestOptions | None = None
+) -> RecordingsRead:
+    """Every loop of a file that has PV and OP, as a recording; a file of one loop names it by the file, one of several by file and loop.
+
+    Raises DataError where the file is no export at all.
+    """
+    export = read_export(path, filename=filename, mapping=mapping, options=options)
+    loops: dict[str, LoopSamples] = {}
+    for stretch in export.loops():
+        known = loops.get(stretch.loop)
+        loops[stretch.loop] = stretch if known is None else merge(known, stretch)
+    audited = {loop: samples for loop, samples in loops.items() if samples.pv is not None and samples.op is not None}
+    single = len(audited) == 1
+    recordings = tuple(
+        to_recording(samples, export.stem if single else f"{export.stem}:{loop}") for loop, samples in audited.items()
+    )
+    rejects = export.rejects()
+    return RecordingsRead(
+        recordings, rejects.listed, tuple(_skipped(loops, audited)), rejects.counts, export.summary().notes
+    )
+
+
+def _skipped(loops: Mapping[str, LoopSamples], audited: Mapping[str, LoopSamples]) -> list[str]:
+    skipped = []
+    for loop, samples in loops.items():
+        if loop in audited or (samples.pv is None and samples.op is None and samples.sp is None):
+            continue
+        missing = [name for name, signal in (("PV", samples.pv), ("OP", samples.op)) if signal is None]
+        skipped.append(f"{loop}: no {' and no '.join(missing)}")
+    return skipped
+
+
+def to_recording(samples: LoopSamples, name: str) -> Recording:
+    """A loop's samples as the engine takes them: seconds from the first sample, rows without any value left out."""
+    pv, op = _or_missing(samples.pv, samples), _or_missing(samples.op, samples)
+    given = np.isfinite(pv) | np.isfinite(op)
+    time_ns = samples.time_ns[given]
+    start = time_ns[0] if len(time_ns) else 0
+    automatic = samples.automatic
+    return Recording(
+        name,
+        (time_ns - start) / NANOSECONDS,
+        pv[given],
+        op[given],
+        sp=None if samples.sp is None else samples.sp[given],
+        automatic=None if automatic is None or np.all(np.isnan(automatic)) else _flags(automatic[given]),
+        others=MappingProxyType({tag: values[given] for tag, values in samples.others.items()}),
+    )
+
+
+def _or_missing(signal: np.ndarray | None, samples: LoopSamples) -> np.ndarray:
+    return np.full(samples.samples, np.nan) if signal is None else signal
+
+
+def _flags(automatic: np.ndarray) -> np.ndarray:
+    """Where the mode is not known the last known one goes on, and before the first the first."""
+    known = np.flatnonzero(np.isfinite(automatic))
+    at = np.searchsorted(known, np.arange(len(automatic)), side="right") - 1
+    return automatic[known[np.maximum(at, 0)]] != 0 if len(known) else np.ones(len(automatic), dtype=bool)
+
+
+__all__ = ["RecordingsRead", "SignalBlock", "align", "read_recordings", "to_recording"]

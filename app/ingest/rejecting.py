@@ -1,0 +1,40 @@
+"""Counting what cannot be used: exactly by code, listed up to a limit."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from types import MappingProxyType
+
+from app.ingest.model import Reject, Rejects
+
+TEXT_LIMIT = 200
+
+
+class RejectLog:
+    """Collects rejects while a file is read."""
+
+    def __init__(self, limit: int) -> None:
+        self._limit = limit
+        self._counts: Counter[str] = Counter()
+        self._listed: list[Reject] = []
+
+    def add(self, code: str, text: str, line: int | None = None, tag: str = "") -> None:
+        self.add_many(code, (line,), (text,), tag)
+
+    def add_many(self, code: str, lines: Sequence[int | None], texts: Iterable[str], tag: str = "") -> None:
+        """`texts` may be a generator: only as many are made as are listed."""
+        self._counts[code] += len(lines)
+        room = self._limit - len(self._listed)
+        if room <= 0:
+            return
+        for line, text in zip(lines[:room], texts, strict=False):
+            number = None if line is None else int(line)
+            self._listed.append(Reject(number, code, printable(text), printable(tag)))
+
+    def result(self) -> Rejects:
+        return Rejects(MappingProxyType(dict(self._counts)), tuple(self._listed))
+
+
+def printable(text: str) -> str:
+    """Without control characters (they could forge a line of a log) and cut to a length that a table can show."""
+    shown = "".join(character if character.isprintable() else "\N{REPLACEMENT CHARACTER}" for character in text[: TEXT_LIMIT + 1])
+    return shown if len(shown) <= TEXT_LIMIT else shown[: TEXT_LIMIT - 1] + "…"

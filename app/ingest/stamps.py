@@ -1,0 +1,284 @@
+"""Time stamps: which form a column has, and whole columns of it to nanoseconds since 1970 UTC."""
+
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from app.ingest.model import NANOSECONDS, FloatArray, IngestOptions, TimeArray
+
+FIRST_YEAR, LAST_YEAR = 1971, 2199
+SAMPLE = 400
+NO_TIME = np.iinfo(np.int64).min
+Kind = Literal["text", "relative", "epoch", "epoch_pair", "serial"]
+
+_ISO = ("%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%Y%m%d")
+_DAY_FIRST = ("%d/%m/%Y", "%d/%m/%y", "%d-%m-%Y", "%d-%m-%y")
+_MONTH_FIRST = ("%m/%d/%Y", "%m/%d/%y", "%m-%d-%Y", "%m-%d-%y")
+_OTHER = ("%d.%m.%Y", "%d.%m.%y", "%d-%b-%y", "%d-%b-%Y", "%d %b %Y", "%d/%b/%Y", "%d/%b/%y", "%b %d %Y", "%b %d, %Y")
+_YEAR_FIRST = ("%y/%m/%d", "%y-%m-%d")
+_TIMES = (" %H:%M:%S", " %H:%M:%S%.f", " %H:%M", " %I:%M:%S %p", " %I:%M %p", " %I:%M:%S%.f %p", " %H.%M.%S", "%H%M%S", " %H%M%S", "")
+_AMBIGUOUS = (*_DAY_FIRST, *_MONTH_FIRST, *_YEAR_FIRST)
+_PAIR = re.compile(r"\d{9,11}:\d{1,9}")
+_NUMBER = re.compile(r"[+-]?\d+([.,]\d+)?([eE][+-]?\d+)?")
+_ZONE = re.compile(r"(Z|[+-]\d{2}:?\d{2})$")
+_EPOCH_UNITS = ((1e17, 1.0), (1e14, 1e3), (1e11, 1e6), (1e8, 1e9))
+_UNIT = re.compile(r"[\[(_ ](ms|milliseconds?|min|minutes?|h|hours?|days?|us|µs)[\])]?$", re.IGNORECASE)
+_UNIT_SECONDS = {"m": 60.0, "h": 3600.0, "d": 86400.0, "u": 1e-6, "µ": 1e-6}
+
+
+@dataclass(frozen=True)
+class TimeForm:
+    """How a column of times is read.
+
+    kind: "text" (`format`), "relative" (seconds from a start), "epoch" (a number since 1970), "epoch_pair" (seconds:nanoseconds),
+        "serial" (days since 1899-12-30).
+    scale: nanoseconds a unit of a number. resolution_ns: the smallest step that the text can show.
+    rivals: other formats that fit the sample equally well.
+    """
+
+    kind: Kind
+    format: str = ""
+    scale: float = 1e9
+    zoned: bool = False
+    resolution_ns: int = 1
+    rivals: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def shown(self) -> str:
+        return {"text": self.format, "relative": "relative, s", "epoch": "epoch", "epoch_pair": "epoch:ns", "serial": "serial days"}[
+            self.kind
+        ]
+
+
+def find_form(sample: list[str], name: str, options: IngestOptions) -> TimeForm | None:
+    """The form of a column from some of its fields in order of the rows; None where they are no times."""
+    sample = [normal(text) for text in sample[:SAMPLE]]
+    sample = [text for text in sample if text]
+    if not sample:
+        return None
+    if _share(_PAIR, sample) > 0.8:
+        return TimeForm("epoch_pair")
+    if _share(_NUMBER, sample) > 0.8:
+        return _number_form(sample, name) or _text_form(sample, options)
+    return _text_form(sample, options)
+
+
+def normal(text: str) -> str:
+    return text.strip().strip('"').strip()
+
+
+def _share(pattern: re.Pattern[str], sample: list[str]) -> float:
+    return sum(bool(pattern.fullmatch(text)) for text in sample) / len(sample)
+
+
+def _number_form(sample: list[str], name: str) -> TimeForm | None:
+    values = np.array([float(text.replace(",", ".")) for text in sample if _NUMBER.fullmatch(text)])
+    middle = float(np.median(values))
+    if re.fullmatch(r"(19|20)\d{12}", sample[0]):
+        return None
+    for above, scale in _EPOCH_UNITS:
+        if middle > above:
+            return TimeForm("epoch", scale=scale) if middle < above * 100 else None
+    steps = np.diff(np.sort(values))
+    dated = re.search(r"date|stamp", name, re.IGNORECASE)
+    if dated and 20000 < middle < 80000 and np.any(values % 1) and len(steps) and float(np.median(steps)) < 0.5:
+        return TimeForm("serial", scale=86400e9)
+    unit = _UNIT.search(name.strip())
+    if unit is None:
+        return TimeForm("relative")
+    word = unit.group(1).lower()
+    seconds = 1e-3 if word.startswith(("ms", "mil")) else _UNIT_SECONDS[word[0]]
+    return TimeForm("relative", scale=seconds * 1e9, notes=(f"times are in {word} by the column's name",))
+
+
+def _text_form(sample: list[str], options: IngestOptions) -> TimeForm | None:
+    if not any(character.isdigit() for text in sample[:20] for character in text):
+        return None
+    zoned = sum(bool(_ZONE.search(text)) and len(text) > 12 for text in sample) > 0.8 * len(sample)
+    series = pl.Series(sample, dtype=pl.String)
+    fits: list[tuple[float, str, TimeArray]] = []
+    for candidate in _candidates(sample, zoned, options):
+        times = parse_text(series, candidate, zoned)
+        share = float(np.mean(times != NO_TIME))
+        if share >= 0.8:
+            fits.append((share, candidate, times))
+    if not fits:
+        return None
+    best = max(share for share, _, _ in fits)
+    return _choose([fit for fit in fits if fit[0] >= best - 1e-9], zoned, len(sample))
+
+
+def _candidates(sample: list[str], zoned: bool, options: IngestOptions) -> list[str]:
+    dates = [*_ISO, *_OTHER]
+    if options.day_first is not False:
+        dates = [*dates, *_DAY_FIRST]
+    if options.day_first is not True:
+        at = len(dates) if not _american(sample) else len(_ISO) + len(_OTHER)
+        dates = [*dates[:at], *_MONTH_FIRST, *dates[at:]]
+    dates += _YEAR_FIRST if options.day_first is None else ()
+    probe = next((text for text in sample if any(c.isdigit() for c in text)), sample[0])
+    separator = "T" if re.search(r"\dT\d", probe) else " "
+    return [date + time.replace(" ", separator, 1) if time.startswith(" ") else date + time for date in dates for time in _TIMES]
+
+
+def _american(sample: list[str]) -> bool:
+    """Where nothing else tells: a clock of twelve hours or a month without its zero stands with the month first."""
+    return any(re.match(r"\d[/-]", text) or re.search(r"[AaPp][Mm]$", text) for text in sample)
+
+
+def _choose(fits: list[tuple[float, str, TimeArray]], zoned: bool, count: int) -> TimeForm:
+    """The first format that fits; between orders of day, month and year the one in whose reading time runs most evenly."""
+    formats = [text for _, text, _ in fits]
+    doubtful = [fit for fit in fits if fit[1].startswith(_AMBIGUOUS)]
+    if len(doubtful) < 2 or len(doubtful) < len({text[:8] for text in formats}):
+        return TimeForm("text", formats[0], zoned=zoned, resolution_ns=_resolution(formats[0]))
+    ranked = sorted(doubtful, key=lambda fit: _unevenness(fit[2]))
+    chosen = ranked[0]
+    rivals = tuple(fit[1] for fit in ranked[1:] if fit[1][:8] != chosen[1][:8])
+    even = [fit[1] for fit in ranked[1:] if _unevenness(fit[2]) == _unevenness(chosen[2])]
+    why = "the rows do not tell which; the usual one was taken" if even else "time runs forward most evenly so"
+    note = (f"the order of day and month was read as {chosen[1]} ({why}; also possible: {', '.join(rivals)})",) if rivals else ()
+    return TimeForm("text", chosen[1], zoned=zoned, resolution_ns=_resolution(chosen[1]), rivals=rivals, notes=note)
+
+
+def _unevenness(times: TimeArray) -> tuple[int, int]:
+    """Steps backward, then the span: the wrong order of day and month makes time jump."""
+    steps = np.diff(times[times != NO_TIME])
+    backward = min(int(np.sum(steps < 0)), int(np.sum(steps > 0)))
+    return backward, int(np.sum(np.abs(steps)) // NANOSECONDS)
+
+
+def _resolution(text: str) -> int:
+    if "%.f" in text:
+        return 1
+    if "%S" in text:
+        return NANOSECONDS
+    return 60 * NANOSECONDS if "%M" in text else 86400 * NANOSECONDS
+
+
+def parse_text(texts: pl.Series, form: str, zoned: bool) -> TimeArray:
+    """(n,) ns since 1970, as written or, with an offset, in UTC; NO_TIME where the text does not fit or the year is absurd."""
+    if zoned:
+        parsed = texts.str.to_datetime(form + "%#z", strict=False, time_unit="us").dt.replace_time_zone(None)
+    elif "%H" not in form and "%I" not in form:
+        parsed = texts.str.to_date(form, strict=False).cast(pl.Datetime("us"))
+    else:
+        parsed = texts.str.to_datetime(form, strict=False, time_unit="us")
+    year = parsed.dt.year()
+    known = year.is_between(FIRST_YEAR, LAST_YEAR).fill_null(False).to_numpy()
+    ticks = parsed.cast(pl.Int64).fill_null(0).to_numpy()
+    return np.where(known, np.where(known, ticks, 0) * 1000, NO_TIME)
+
+
+class TimeReader:
+    """Reads columns of one form, chunk by chunk; local time goes to UTC, the doubled hour of autumn by the order of rows."""
+
+    def __init__(self, form: TimeForm, options: IngestOptions) -> None:
+        self.form = form
+        self._options = options
+
+    def read(self, texts: pl.Series) -> TimeArray:
+        """(n,) ns since 1970 UTC, NO_TIME where a row has no readable time."""
+        if self.form.kind == "epoch_pair":
+            return _pairs(texts)
+        if self.form.kind != "text":
+            return self._numbers(texts)
+        times = self._texts(texts)
+        return times if self.form.zoned else to_utc(times, self._options.time_zone)
+
+    def _texts(self, texts: pl.Series) -> TimeArray:
+        times = parse_text(texts, self.form.format, self.form.zoned)
+        missing = np.flatnonzero((times == NO_TIME) & texts.is_not_null().to_numpy())
+        if len(missing):
+            times = times.copy()
+            times[missing] = self._odd(texts[missing])
+        return times
+
+    def _odd(self, texts: pl.Series) -> TimeArray:
+        """Rows in a slightly other form: blanks around them, with or without seconds or their fraction, an offset."""
+        texts = texts.str.strip_chars(' "')
+        times = np.full(len(texts), NO_TIME)
+        base = self.form.format.replace("%.f", "")
+        with_fraction = base.replace("%S", "%S%.f")
+        without_seconds = base.replace(":%S", "")
+        for form in (base, with_fraction, without_seconds, base.replace("%H:%M", "%H:%M:%S") if "%S" not in base else base):
+            for zoned in (self.form.zoned, not self.form.zoned):
+                if not zoned and self.form.zoned:
+                    continue
+                found = parse_text(texts, form, zoned)
+                if zoned and not self.form.zoned:
+                    found = from_utc(found, self._options.time_zone)
+                times = np.where(times == NO_TIME, found, times)
+        return times
+
+    def _numbers(self, texts: pl.Series) -> TimeArray:
+        numbers = to_numbers(texts)
+        origin = {"relative": self._options.start_ns, "epoch": 0, "serial": -25569 * 86400 * NANOSECONDS}[self.form.kind]
+        scaled = numbers * self.form.scale
+        good = np.isfinite(scaled) & (np.abs(scaled + origin) < 7.2e18)
+        whole = np.floor(np.where(good, numbers, 0.0))
+        part = np.where(good, numbers, 0.0) - whole
+        ticks = (whole * self.form.scale).astype(np.int64) + _rounded(part * self.form.scale)
+        return np.where(good, ticks + origin, NO_TIME)
+
+
+def _rounded(nanoseconds: FloatArray) -> TimeArray:
+    """To a tenth of a microsecond: what double precision leaves of a decimal fraction of seconds since 1970."""
+    return np.rint(nanoseconds / 100).astype(np.int64) * 100
+
+
+def to_numbers(texts: pl.Series) -> FloatArray:
+    if texts.dtype != pl.String:
+        return texts.cast(pl.Float64).to_numpy()
+    return texts.str.strip_chars(' "').str.replace(",", ".", literal=True).cast(pl.Float64, strict=False).to_numpy()
+
+
+def _pairs(texts: pl.Series) -> TimeArray:
+    parts = texts.str.strip_chars(' "').str.split_exact(":", 1).struct.unnest()
+    seconds = parts.to_series(0).cast(pl.Int64, strict=False)
+    nanoseconds = parts.to_series(1).cast(pl.Int64, strict=False)
+    good = (seconds.is_between(0, 7_000_000_000) & nanoseconds.is_between(0, NANOSECONDS - 1)).fill_null(False).to_numpy()
+    ticks = seconds.fill_null(0).to_numpy() * np.int64(good) * NANOSECONDS + nanoseconds.fill_null(0).to_numpy() * np.int64(good)
+    return np.where(good, ticks, NO_TIME)
+
+
+def to_utc(local: TimeArray, zone: str) -> TimeArray:
+    """Local wall-clock times to UTC. An hour that comes twice is read by the order of rows: where the clock was set back between two
+    rows, the rows after it are the second pass. Times that no clock showed are NO_TIME."""
+    if zone == "UTC" or not len(local):
+        return local
+    good = local != NO_TIME
+    naive = pl.Series(np.where(good, local, 0)).cast(pl.Datetime("ns"))
+    first, second = (
+        naive.dt.replace_time_zone(zone, ambiguous=which, non_existent="null").dt.convert_time_zone("UTC").cast(pl.Int64)
+        for which in ("earliest", "latest")
+    )
+    good = good & first.is_not_null().to_numpy()
+    early, late = first.fill_null(0).to_numpy(), second.fill_null(0).to_numpy()
+    twice = good & (early != late)
+    chosen = np.where(_second_pass(local, twice), late, early) if np.any(twice) else early
+    return np.where(good, chosen, NO_TIME)
+
+
+def _second_pass(local: TimeArray, twice: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    set_back = np.concatenate(([False], np.diff(local) < 0)) & twice & np.concatenate(([False], twice[:-1]))
+    entered = np.concatenate(([True], ~twice[:-1])) & twice
+    run = np.cumsum(entered)
+    passes = np.cumsum(set_back)
+    before = np.zeros(int(run[-1]) + 1, dtype=np.int64)
+    before[run[entered]] = passes[entered]
+    return twice & (passes > before[run])
+
+
+def from_utc(times: TimeArray, zone: str) -> TimeArray:
+    if zone == "UTC":
+        return times
+    good = times != NO_TIME
+    there = pl.Series(np.where(good, times, 0)).cast(pl.Datetime("ns")).dt.replace_time_zone("UTC").dt.convert_time_zone(zone)
+    return np.where(good, there.dt.replace_time_zone(None).cast(pl.Int64).to_numpy(), NO_TIME)
+

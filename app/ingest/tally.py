@@ -1,0 +1,25 @@
+"""What was counted while a file is read."""
+
+from dataclasses import dataclass
+
+from app.ingest.model import TimeArray
+
+
+@dataclass
+class Tally:
+    """Rows and values so far; `backward` says that rows were not in order of time."""
+
+    rows_read: int = 0
+    rows_kept: int = 0
+    values_kept: int = 0
+    backward: bool = False
+    first_time_ns: int | None = None
+    last_time_ns: int | None = None
+
+    def saw_times(self, time_ns: TimeArray) -> None:
+        """`time_ns` is in order."""
+        if not len(time_ns):
+            return
+        first, last = int(time_ns[0]), int(time_ns[-1])
+        self.first_time_ns = first if self.first_time_ns is None else min(first, self.first_time_ns)
+        self.last_time_ns = last if self.last_time_ns is None else max(last, self.last_time_ns)

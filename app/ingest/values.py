@@ -1,0 +1,62 @@
+"""Columns of values: text in numeric columns, numbers that are none, sentinels. What is refused becomes NaN and is counted."""
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from app.ingest.model import FloatArray
+from app.ingest.rejecting import RejectLog
+from app.ingest.stamps import to_numbers
+
+SENTINELS = (-9999.0, -99.125)
+
+
+def refuse_texts(texts: pl.Series, rows: NDArray[np.int64], lines: list[int], tag: str, log: RejectLog) -> FloatArray:
+    """The numbers among texts that the fast reader could not read; the others are refused with their text as the reason."""
+    numbers = to_numbers(texts)
+    words = texts.to_list()
+    bad = np.array([word is not None and word.strip(' "') != "" for word in words], dtype=bool) & ~np.isfinite(numbers)
+    if np.any(bad):
+        at = np.flatnonzero(bad)
+        log.add_many("not_a_number", [lines[i] for i in at], (words[i] for i in at), tag)
+    numbers[bad] = np.nan
+    return numbers
+
+
+def is_sentinel(values: FloatArray) -> NDArray[np.bool_] | None:
+    """Where a value of a kind that historians write for 'no data' stands clear of all the others; None where it nowhere does.
+
+    -9999 among values around -10000 is a value; a sentinel lies further from the others than they lie from each other.
+    """
+    found = np.zeros(len(values), dtype=bool)
+    for sentinel in SENTINELS:
+        at = values == sentinel
+        if np.any(at) and _stands_clear(values[~at], sentinel):
+            found |= at
+    return found if np.any(found) else None
+
+
+def _stands_clear(others: FloatArray, sentinel: float) -> bool:
+    others = others[np.isfinite(others) & ~np.isin(others, SENTINELS)]
+    if not len(others):
+        return True
+    low, high = float(others.min()), float(others.max())
+    span = high - low
+    return sentinel < low - span or sentinel > high + span
+
+
+def refuse_sentinels(values: FloatArray, lines: NDArray[np.int64], tag: str, log: RejectLog) -> FloatArray:
+    found = is_sentinel(values)
+    if found is None:
+        return values
+    log.add_many("sentinel", [int(line) for line in lines[found]], (f"{value:g} stands for no data" for value in values[found]), tag)
+    return np.where(found, np.nan, values)
+
+
+def refuse_infinite(values: FloatArray, given: NDArray[np.bool_], lines: NDArray[np.int64], tag: str, log: RejectLog) -> FloatArray:
+    """NaN and infinite numbers that were written as such (`given`: a field was there)."""
+    bad = given & ~np.isfinite(values)
+    if not np.any(bad):
+        return values
+    log.add_many("not_finite", [int(line) for line in lines[bad]], (f"{value}" for value in values[bad]), tag)
+    return np.where(bad, np.nan, values)

@@ -1,0 +1,227 @@
+"""Reads a wide table: a row an instant, a column a tag. Columns of a chunk share one array of times."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from app.ingest.frames import FrameReader, Rows, name_of
+from app.ingest.grouping import Grouping
+from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
+from app.ingest.modes import automatic_flags
+from app.ingest.order import in_order, last_of_repeats
+from app.ingest.plans import TimedColumns, ValueColumn, WidePlan
+from app.ingest.quality import Quality
+from app.ingest.rejecting import RejectLog
+from app.ingest.spreading import Spreader
+from app.ingest.stamps import NO_TIME, TimeReader
+from app.ingest.tally import Tally
+from app.ingest.values import SENTINELS, is_sentinel, refuse_texts
+
+
+@dataclass(eq=False)
+class Chunk:
+    """One group's samples of a chunk of rows: `matrix` (n, columns), the lines they stand in and what each row's time is."""
+
+    time_ns: TimeArray
+    lines: NDArray[np.int64]
+    matrix: FloatArray
+    columns: tuple[ValueColumn, ...] = field(default=())
+
+
+class WideTable:
+    """Turns rows into blocks of signals."""
+
+    def __init__(self, plan: WidePlan, grouping: Grouping, options: IngestOptions, log: RejectLog, tally: Tally) -> None:
+        self._plan, self._grouping, self._options, self._log, self._tally = plan, grouping, options, log, tally
+        self._times = [TimeReader(group.form, options) for group in plan.groups]
+        self._spreaders = [Spreader(group.form.resolution_ns) for group in plan.groups] if plan.spread else []
+        self._places = {value.index: grouping.place(value.tag) for group in plan.groups for value in group.values}
+
+    def types(self) -> dict[int, pl.DataType]:
+        """The type in which each column is wanted from the text."""
+        types: dict[int, pl.DataType] = {}
+        for group in self._plan.groups:
+            types.update(dict.fromkeys(group.time, pl.String()))
+            for value in group.values:
+                types[value.index] = pl.String() if self._is_mode(value) else pl.Float64()
+                if value.off_line is not None:
+                    types[value.off_line] = pl.Float64()
+                if value.quality is not None:
+                    types[value.quality] = pl.String()
+        return types
+
+    def blocks(self, reader: FrameReader) -> Iterator[SignalBlock]:
+        for rows in reader.rows(self._plan.first_row):
+            self._tally.rows_read += rows.frame.height
+            short = self._short_rows(rows, reader)
+            for number, group in enumerate(self._plan.groups):
+                chunk = self._chunk(rows, number, group, reader, short)
+                if chunk is not None:
+                    yield from self._signals(chunk, number)
+        for number, spreader in enumerate(self._spreaders):
+            rest = spreader.rest()
+            if rest is not None:
+                yield from self._signals(rest, number, last=True)
+
+    def _is_mode(self, value: ValueColumn) -> bool:
+        return self._places[value.index].signal == "MODE"
+
+    def _short_rows(self, rows: Rows, reader: FrameReader) -> NDArray[np.int64]:
+        """Rows cut short lost the place of their fields: none of them is kept."""
+        last = rows.frame.columns[-1]
+        candidates = np.flatnonzero(rows.frame[last].is_null().to_numpy() & self._has_text(rows, self._plan.groups[0].time))
+        short = reader.short_rows(rows, candidates)
+        if len(short):
+            self._log.add_many("ragged_row", rows.lines(short), (f"fewer than {self._plan.width} fields" for _ in short))
+        return short
+
+    def _has_text(self, rows: Rows, time: tuple[int, ...]) -> NDArray[np.bool_]:
+        return rows.frame[name_of(time[0])].is_not_null().to_numpy()
+
+    def _chunk(self, rows: Rows, number: int, group: TimedColumns, reader: FrameReader, short: NDArray[np.int64]) -> Chunk | None:
+        texts = joined_times(rows.frame, group.time)
+        time_ns = self._times[number].read(texts)
+        kept = time_ns != NO_TIME
+        if len(short):
+            kept[short] = False
+        if not np.all(kept):
+            self._refuse_times(rows, texts, kept, short)
+        if not np.any(kept):
+            return None
+        matrix = self._matrix(rows, group, reader, kept)
+        at = np.flatnonzero(kept)
+        if len(at) < len(time_ns):
+            time_ns, matrix = time_ns[at], matrix[at]
+        if number == 0:
+            self._tally.rows_kept += len(at)
+        chunk = Chunk(time_ns, at + rows.first, matrix, group.values)
+        return self._spreaders[number].take(chunk) if self._spreaders else chunk
+
+    def _refuse_times(self, rows: Rows, texts: pl.Series, kept: NDArray[np.bool_], short: NDArray[np.int64]) -> None:
+        bad = ~kept
+        bad[short] = False
+        at = [row for row in np.flatnonzero(bad) if texts[int(row)] and not texts[int(row)].startswith(("*", "#"))]
+        if at:
+            lines = rows.lines(np.array(at))
+            self._log.add_many("bad_time", lines, (f"{texts[int(row)]!r} is no time that can be read" for row in at))
+
+    def _matrix(self, rows: Rows, group: TimedColumns, reader: FrameReader, kept: NDArray[np.bool_]) -> FloatArray:
+        """(n, columns) values; refused ones NaN. Odd columns are looked at one by one, the others not at all."""
+        names = [name_of(value.index) for value in group.values]
+        frame = rows.frame.select(names)
+        modes = [position for position, value in enumerate(group.values) if self._is_mode(value)]
+        if modes:
+            flags = [pl.Series(names[i], automatic_flags(frame[names[i]]), dtype=pl.Float64) for i in modes]
+            frame_numbers = frame.with_columns(flags)
+        else:
+            frame_numbers = frame
+        matrix = frame_numbers.to_numpy(order="fortran", writable=True)
+        self._refuse_modes(rows, group, frame, matrix, modes, kept)
+        self._refuse_texts(rows, group, frame, matrix, reader, kept)
+        self._refuse_odd_numbers(rows, group, frame, matrix, kept)
+        self._refuse_quality(rows, group, matrix, kept)
+        return matrix
+
+    def _refuse_modes(
+        self,
+        rows: Rows,
+        group: TimedColumns,
+        frame: pl.DataFrame,
+        matrix: FloatArray,
+        modes: list[int],
+        kept: NDArray[np.bool_],
+    ) -> None:
+        for position in modes:
+            texts = frame[name_of(group.values[position].index)]
+            bad = np.isnan(matrix[:, position]) & kept & texts.is_not_null().to_numpy()
+            at = [row for row in np.flatnonzero(bad) if str(texts[int(row)]).strip()]
+            if at:
+                lines = rows.lines(np.array(at))
+                self._log.add_many("unknown_mode", lines, (str(texts[int(row)]) for row in at), group.values[position].tag)
+
+    def _refuse_texts(
+        self,
+        rows: Rows,
+        group: TimedColumns,
+        frame: pl.DataFrame,
+        matrix: FloatArray,
+        reader: FrameReader,
+        kept: NDArray[np.bool_],
+    ) -> None:
+        """Fields that are no numbers to the fast reader are read again as text, only in the columns that have any."""
+        nulls = frame.null_count().row(0)
+        odd = [i for i, count in enumerate(nulls) if count and not self._is_mode(group.values[i])]
+        if not odd:
+            return
+        texts = reader.texts(rows, [group.values[i].index for i in odd])
+        filled = texts.null_count().row(0)
+        for position, count in zip(odd, filled, strict=True):
+            value = group.values[position]
+            if count == frame.height:
+                continue
+            column = texts[name_of(value.index)]
+            at = np.flatnonzero(frame[name_of(value.index)].is_null().to_numpy() & column.is_not_null().to_numpy() & kept)
+            if len(at):
+                matrix[at, position] = refuse_texts(column[at], at, rows.lines(at), value.tag, self._log)
+
+    def _refuse_odd_numbers(
+        self, rows: Rows, group: TimedColumns, frame: pl.DataFrame, matrix: FloatArray, kept: NDArray[np.bool_]
+    ) -> None:
+        unfinished = np.flatnonzero(~np.isfinite(matrix).all(axis=0))
+        for position in unfinished:
+            value = group.values[position]
+            if self._is_mode(value):
+                continue
+            given = frame[name_of(value.index)].is_not_null().to_numpy() & kept
+            at = np.flatnonzero(given & ~np.isfinite(matrix[:, position]))
+            if len(at):
+                self._log.add_many("not_finite", rows.lines(at), (f"{matrix[row, position]}" for row in at), value.tag)
+                matrix[at, position] = np.nan
+        suspicious = np.zeros(matrix.shape[1], dtype=bool)
+        for sentinel in SENTINELS:
+            suspicious |= (matrix == sentinel).any(axis=0)
+        for position in np.flatnonzero(suspicious):
+            found = is_sentinel(matrix[:, position])
+            if found is not None:
+                at = np.flatnonzero(found)
+                texts = (f"{matrix[row, position]:g} stands for no data" for row in at)
+                self._log.add_many("sentinel", rows.lines(at), list(texts), group.values[position].tag)
+                matrix[at, position] = np.nan
+
+    def _refuse_quality(self, rows: Rows, group: TimedColumns, matrix: FloatArray, kept: NDArray[np.bool_]) -> None:
+        for position, value in enumerate(group.values):
+            bad, code, words = np.zeros(len(matrix), dtype=bool), "", "off-line flag set"
+            if value.off_line is not None:
+                bad = (rows.frame[name_of(value.off_line)].fill_null(0.0) != 0).to_numpy()
+                code = "off_line"
+            if value.quality is not None:
+                quality = Quality(self._options.drop_uncertain)
+                bad, code, words = quality.bad(rows.frame[name_of(value.quality)]), "bad_quality", "quality is not good"
+            at = np.flatnonzero(bad & kept & np.isfinite(matrix[:, position]))
+            if len(at):
+                self._log.add_many(code, rows.lines(at), (words for _ in at), value.tag)
+                matrix[at, position] = np.nan
+
+    def _signals(self, chunk: Chunk, number: int, last: bool = False) -> Iterator[SignalBlock]:
+        time_ns, matrix, lines = chunk.time_ns, chunk.matrix, chunk.lines
+        order = in_order(time_ns)
+        if order is not None:
+            self._tally.backward = True
+            time_ns, matrix, lines = time_ns[order], matrix[order], lines[order]
+        time_ns, matrix = last_of_repeats(time_ns, matrix, lines, [value.tag for value in chunk.columns], self._log)
+        self._tally.saw_times(time_ns)
+        finite = np.isfinite(matrix).sum(axis=0)
+        self._tally.values_kept += int(finite.sum())
+        for position, value in enumerate(chunk.columns):
+            if finite[position]:
+                place = self._places[value.index]
+                yield SignalBlock(place.tag, place.loop, place.signal, time_ns, matrix[:, position])
+
+
+def joined_times(frame: pl.DataFrame, time: tuple[int, ...]) -> pl.Series:
+    if len(time) == 1:
+        return frame[name_of(time[0])]
+    return frame.select(pl.concat_str([pl.col(name_of(index)).str.strip_chars() for index in time], separator=" ").alias("t"))["t"]
