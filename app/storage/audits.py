@@ -1,0 +1,162 @@
+"""Audit runs: planned, running, ended."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import Connection, and_, case, exists, func, insert, literal, or_, select, update
+
+from app.storage.series import insert_new
+from app.storage.tables import audit_items, audits, loops
+from app.storage.types import clock_s, now
+
+UNFINISHED = ("planned", "running")
+TO_DO = ("open", "claimed")
+
+
+@dataclass(frozen=True)
+class AuditRow:
+    id: int
+    trigger: str
+    state: str
+    nightly_for: str | None
+    config_json: str
+    config_fingerprint: str
+    window_h: float
+    window_samples: int
+    created_at: datetime
+    ended_at: datetime | None
+    total: int
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How many loops of a run are in which state; `claimed` ones are being worked on."""
+
+    open: int = 0
+    claimed: int = 0
+    done: int = 0
+    failed: int = 0
+
+
+@dataclass(frozen=True)
+class LoopFilter:
+    """Which loops to audit: all that are given must hold; nothing given is the whole plant."""
+
+    tags: tuple[str, ...] | None = None
+    unit: str | None = None
+    type: str | None = None
+
+
+COLUMNS = [audits.c[name] for name in AuditRow.__dataclass_fields__]
+
+
+def plan(connection: Connection, values: dict[str, Any], wanted: LoopFilter) -> int | None:
+    """A new run with an item for each of the loops that have samples; None where that night's run is there already."""
+    start = insert_new(connection, audits).values(**values, created_at=now(), total=0).returning(audits.c.id)
+    audit_id = connection.scalar(start)
+    if audit_id is None:
+        return None
+    chosen = select(literal(audit_id), loops.c.id).where(*_conditions(wanted)).order_by(loops.c.id)
+    total = connection.execute(insert(audit_items).from_select(["audit_id", "loop_id"], chosen)).rowcount
+    ended = {"state": "done", "ended_at": now()} if total == 0 else {}
+    connection.execute(update(audits).where(audits.c.id == audit_id).values(total=total, **ended))
+    return audit_id
+
+
+def by_id(connection: Connection, audit_id: int) -> AuditRow | None:
+    row = connection.execute(select(*COLUMNS).where(audits.c.id == audit_id)).one_or_none()
+    return None if row is None else AuditRow(*row)
+
+
+def by_night(connection: Connection, plant: str, nightly_for: str) -> AuditRow | None:
+    query = select(*COLUMNS).where(audits.c.plant == plant, audits.c.nightly_for == nightly_for)
+    row = connection.execute(query).one_or_none()
+    return None if row is None else AuditRow(*row)
+
+
+def page(connection: Connection, limit: int, before_id: int | None) -> list[AuditRow]:
+    """Runs, the newest first."""
+    query = select(*COLUMNS).order_by(audits.c.id.desc()).limit(limit)
+    if before_id is not None:
+        query = query.where(audits.c.id < before_id)
+    return [AuditRow(*row) for row in connection.execute(query)]
+
+
+def progress(connection: Connection, audit_ids: Sequence[int]) -> dict[int, Progress]:
+    query = select(audit_items.c.audit_id, audit_items.c.state, func.count()).where(
+        audit_items.c.audit_id.in_(audit_ids)
+    )
+    counts: dict[int, dict[str, int]] = {audit_id: {} for audit_id in audit_ids}
+    for audit_id, state, count in connection.execute(query.group_by(audit_items.c.audit_id, audit_items.c.state)):
+        counts[audit_id][state] = count
+    return {audit_id: Progress(**found) for audit_id, found in counts.items()}
+
+
+def set_running(connection: Connection, audit_id: int) -> None:
+    connection.execute(
+        update(audits).where(audits.c.id == audit_id, audits.c.state == "planned").values(state="running")
+    )
+
+
+def end_if_complete(connection: Connection, audit_id: int | None = None) -> int:
+    """Ends the run (or all runs) that have nothing left to do: done, or partial where a loop failed."""
+    mine = audit_items.c.audit_id == audits.c.id
+    left = exists().where(mine, audit_items.c.state.in_(TO_DO))
+    failed = exists().where(mine, audit_items.c.state == "failed")
+    ending = update(audits).where(audits.c.state.in_(UNFINISHED), ~left)
+    if audit_id is not None:
+        ending = ending.where(audits.c.id == audit_id)
+    ending = ending.values(state=case((failed, "partial"), else_="done"), ended_at=now())
+    return connection.execute(ending).rowcount
+
+
+def cancel(connection: Connection, audit_id: int) -> bool:
+    """Whether the run was still to be cancelled. Its loops that are not done become failed(cancelled)."""
+    stopped = connection.execute(
+        update(audits)
+        .where(audits.c.id == audit_id, audits.c.state.in_(UNFINISHED))
+        .values(state="cancelled", ended_at=now())
+    )
+    if stopped.rowcount == 0:
+        return False
+    connection.execute(
+        update(audit_items)
+        .where(audit_items.c.audit_id == audit_id, audit_items.c.state.in_(TO_DO))
+        .values(state="failed", code="cancelled", text="the run was cancelled", owner=None, lease_until_s=None)
+    )
+    return True
+
+
+def to_announce(connection: Connection, stalled_s: float) -> list[int]:
+    """Runs with open loops that nobody works on and nobody was told of lately; they count as told from now on."""
+    mine = audit_items.c.audit_id == audits.c.id
+    waiting = exists().where(mine, audit_items.c.state == "open")
+    worked_on = exists().where(mine, audit_items.c.state == "claimed")
+    quiet = or_(audits.c.announced_s.is_(None), audits.c.announced_s < clock_s() - stalled_s)
+    # Where some workers are at it, the run is only announced again after a good while: others may have died.
+    very_quiet = or_(audits.c.announced_s.is_(None), audits.c.announced_s < clock_s() - 3 * stalled_s)
+    stalled = or_(and_(~worked_on, quiet), very_quiet)
+    found = connection.scalars(
+        update(audits)
+        .where(audits.c.state.in_(UNFINISHED), waiting, stalled)
+        .values(announced_s=clock_s())
+        .returning(audits.c.id)
+    )
+    return sorted(found)
+
+
+def note_announced(connection: Connection, audit_id: int) -> None:
+    connection.execute(update(audits).where(audits.c.id == audit_id).values(announced_s=clock_s()))
+
+
+def _conditions(wanted: LoopFilter) -> list[Any]:
+    conditions: list[Any] = [loops.c.newest_ns.is_not(None)]
+    if wanted.tags is not None:
+        conditions.append(loops.c.tag.in_(wanted.tags))
+    if wanted.unit is not None:
+        conditions.append(loops.c.unit == wanted.unit)
+    if wanted.type is not None:
+        conditions.append(loops.c.type == wanted.type)
+    return conditions

@@ -1,0 +1,163 @@
+"""One loop in one run: claimed for a time, then done or failed; given to another where its worker is lost."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import Connection, Select, Update, bindparam, select, tuple_, update
+
+from app.storage.tables import audit_items, audits, loops
+from app.storage.types import clock_s
+
+ITEM = tuple_(audit_items.c.loop_id, audit_items.c.attempts)
+
+
+@dataclass(frozen=True)
+class Claim:
+    """The right to write the result of a loop, until the lease ends; `attempt` fences off whoever had it before."""
+
+    audit_id: int
+    loop_id: int
+    attempt: int
+    owner: str
+
+
+@dataclass(frozen=True)
+class Failure:
+    claim: Claim
+    code: str
+    text: str
+
+
+@dataclass(frozen=True)
+class FailureRow:
+    tag: str
+    code: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Reopened:
+    """What was taken back from lost workers: given out again, or given up."""
+
+    reopened: int
+    failed: int
+
+
+def claim(connection: Connection, audit_id: int, owner: str, count: int, lease_s: float) -> list[Claim]:
+    """Up to `count` loops of the run that are open, for `lease_s` seconds by the data base's clock.
+
+    A loop that was tried before is claimed alone: if it takes its worker down, it takes no other loop with it.
+    """
+    open_items = (
+        select(audit_items.c.loop_id)
+        .where(audit_items.c.audit_id == audit_id, audit_items.c.state == "open")
+        .with_for_update(skip_locked=True)
+    )
+    fresh = open_items.where(audit_items.c.attempts == 0).order_by(audit_items.c.loop_id).limit(count)
+    tried = open_items.where(audit_items.c.attempts > 0).order_by(audit_items.c.attempts).limit(1)
+    return _take(connection, audit_id, owner, fresh, lease_s) or _take(connection, audit_id, owner, tried, lease_s)
+
+
+def renew(connection: Connection, claims: Sequence[Claim], lease_s: float) -> int:
+    """How many of the claims still hold; their lease starts anew."""
+    if not claims:
+        return 0
+    return connection.execute(_held(claims).values(lease_until_s=clock_s() + lease_s)).rowcount
+
+
+def finish(connection: Connection, claims: Sequence[Claim]) -> set[int]:
+    """The loops whose claim still holds, now done: only their results may be written, in the same transaction."""
+    if not claims:
+        return set()
+    ended = _held(claims).values(state="done", owner=None, lease_until_s=None, code=None, text=None)
+    return set(connection.scalars(ended.returning(audit_items.c.loop_id)))
+
+
+def fail(connection: Connection, failures: Sequence[Failure]) -> None:
+    """Sets loops aside with the reason, where the claim still holds."""
+    if not failures:
+        return
+    one = (
+        update(audit_items)
+        .where(
+            audit_items.c.audit_id == bindparam("of_audit"),
+            audit_items.c.loop_id == bindparam("of_loop"),
+            audit_items.c.attempts == bindparam("attempt"),
+            audit_items.c.owner == bindparam("held_by"),
+            audit_items.c.state == "claimed",
+        )
+        .values(state="failed", owner=None, lease_until_s=None, code=bindparam("why"), text=bindparam("because"))
+    )
+    connection.execute(one, [_failed(failure) for failure in failures])
+
+
+def release(connection: Connection, claims: Sequence[Claim]) -> None:
+    """Gives claims back untried, as when a worker is told to stop."""
+    if claims:
+        connection.execute(
+            _held(claims).values(state="open", owner=None, lease_until_s=None, attempts=audit_items.c.attempts - 1)
+        )
+
+
+def reopen_expired(connection: Connection, max_attempts: int) -> Reopened:
+    """Takes loops back whose lease has ended; those that were tried too often are failed(worker_lost)."""
+    expired = update(audit_items).where(audit_items.c.state == "claimed", audit_items.c.lease_until_s < clock_s())
+    failed = connection.execute(
+        expired.where(audit_items.c.attempts >= max_attempts).values(
+            state="failed",
+            owner=None,
+            lease_until_s=None,
+            code="worker_lost",
+            text=f"the worker was lost {max_attempts} times while it audited this loop",
+        )
+    )
+    reopened = connection.execute(expired.values(state="open", owner=None, lease_until_s=None))
+    return Reopened(reopened.rowcount, failed.rowcount)
+
+
+def failures(connection: Connection, audit_id: int, limit: int) -> list[FailureRow]:
+    """The first of a run's failed loops, in the order in which the loops came in."""
+    query = (
+        select(loops.c.tag, audit_items.c.code, audit_items.c.text)
+        .join(loops, loops.c.id == audit_items.c.loop_id)
+        .where(audit_items.c.audit_id == audit_id, audit_items.c.state == "failed")
+        .order_by(audit_items.c.loop_id)
+        .limit(limit)
+    )
+    return [FailureRow(*row) for row in connection.execute(query)]
+
+
+def _take(connection: Connection, audit_id: int, owner: str, chosen: Select[Any], lease_s: float) -> list[Claim]:
+    running = select(audits.c.id).where(audits.c.id == audit_id, audits.c.state.in_(("planned", "running")))
+    # A common table expression is evaluated once; as a plain subquery PostgreSQL may run it for each row, past its limit.
+    picked = chosen.cte("picked")
+    taken = connection.execute(
+        update(audit_items)
+        .where(audit_items.c.audit_id.in_(running), audit_items.c.loop_id.in_(select(picked.c.loop_id)))
+        .where(audit_items.c.state == "open")
+        .values(state="claimed", owner=owner, lease_until_s=clock_s() + lease_s, attempts=audit_items.c.attempts + 1)
+        .returning(audit_items.c.loop_id, audit_items.c.attempts)
+    )
+    return sorted((Claim(audit_id, row.loop_id, row.attempts, owner) for row in taken), key=lambda c: c.loop_id)
+
+
+def _held(claims: Sequence[Claim]) -> Update:
+    """Items of one owner in one run whose attempt is still theirs."""
+    return update(audit_items).where(
+        audit_items.c.audit_id == claims[0].audit_id,
+        audit_items.c.owner == claims[0].owner,
+        audit_items.c.state == "claimed",
+        ITEM.in_([(claim.loop_id, claim.attempt) for claim in claims]),
+    )
+
+
+def _failed(failure: Failure) -> dict[str, Any]:
+    return {
+        "of_audit": failure.claim.audit_id,
+        "of_loop": failure.claim.loop_id,
+        "attempt": failure.claim.attempt,
+        "held_by": failure.claim.owner,
+        "why": failure.code,
+        "because": failure.text[:2000],
+    }

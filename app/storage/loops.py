@@ -1,0 +1,105 @@
+"""The plant's loops."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import Connection, Select, select, update
+
+from app.storage.series import insert_new
+from app.storage.tables import loops
+from app.storage.types import now
+
+SETTABLE = (
+    "unit",
+    "type",
+    "description",
+    "importance",
+    "pv_unit",
+    "pv_low",
+    "pv_high",
+    "op_low",
+    "op_high",
+    "integrating",
+)
+
+
+@dataclass(frozen=True)
+class LoopRow:
+    id: int
+    tag: str
+    unit: str | None
+    type: str | None
+    description: str | None
+    importance: float
+    pv_unit: str | None
+    pv_low: float | None
+    pv_high: float | None
+    op_low: float | None
+    op_high: float | None
+    integrating: bool | None
+    newest_ns: int | None
+    newest_audit_id: int | None
+
+    @property
+    def pv_range(self) -> tuple[float, float] | None:
+        return _range(self.pv_low, self.pv_high)
+
+    @property
+    def op_range(self) -> tuple[float, float] | None:
+        return _range(self.op_low, self.op_high)
+
+
+COLUMNS = [loops.c[name] for name in LoopRow.__dataclass_fields__]
+
+
+def ensure(connection: Connection, tags: Iterable[str]) -> dict[str, int]:
+    """The ids of the loops with these tags; loops that are not there yet are created."""
+    wanted = sorted(set(tags))
+    ids = ids_of(connection, wanted)
+    missing = [{"tag": tag, "created_at": now()} for tag in wanted if tag not in ids]
+    if missing:
+        connection.execute(insert_new(connection, loops), missing)
+        ids |= ids_of(connection, [row["tag"] for row in missing])
+    return ids
+
+
+def ids_of(connection: Connection, tags: Sequence[str]) -> dict[str, int]:
+    found = connection.execute(select(loops.c.tag, loops.c.id).where(loops.c.tag.in_(tags)))
+    return {row.tag: row.id for row in found}
+
+
+def by_tag(connection: Connection, tag: str) -> LoopRow | None:
+    return _one(connection, select(*COLUMNS).where(loops.c.tag == tag))
+
+
+def by_ids(connection: Connection, ids: Iterable[int]) -> dict[int, LoopRow]:
+    found = connection.execute(select(*COLUMNS).where(loops.c.id.in_(list(ids))))
+    return {row.id: LoopRow(*row) for row in found}
+
+
+def page(
+    connection: Connection, limit: int, after_tag: str | None, unit: str | None, search: str | None
+) -> list[LoopRow]:
+    """Loops in the order of their tags, after `after_tag`."""
+    query = select(*COLUMNS).order_by(loops.c.tag).limit(limit)
+    if after_tag is not None:
+        query = query.where(loops.c.tag > after_tag)
+    if unit is not None:
+        query = query.where(loops.c.unit == unit)
+    if search:
+        query = query.where(loops.c.tag.icontains(search, autoescape=True))
+    return [LoopRow(*row) for row in connection.execute(query)]
+
+
+def change(connection: Connection, loop_id: int, changes: dict[str, Any]) -> None:
+    connection.execute(update(loops).where(loops.c.id == loop_id).values(**changes))
+
+
+def _one(connection: Connection, query: Select[Any]) -> LoopRow | None:
+    row = connection.execute(query).one_or_none()
+    return None if row is None else LoopRow(*row)
+
+
+def _range(low: float | None, high: float | None) -> tuple[float, float] | None:
+    return None if low is None or high is None else (low, high)

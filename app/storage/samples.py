@@ -1,0 +1,105 @@
+"""Samples of one loop: packed into the bytes of a row and back, and laid over each other."""
+
+import hashlib
+import json
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import zstandard
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+TimeArray = NDArray[np.int64]
+
+FORMAT = 1
+LEVEL = 3
+HEADER = struct.Struct("<BII")  # format, samples, length of the names
+LONGEST_NAMES = 1 << 20
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """A stretch of one loop's samples on one time base.
+
+    time_ns: (n,) increasing, ns since 1970 UTC. signals: (n,) each, NaN where missing; by name: "pv", "op", "sp",
+    "automatic" (1, 0, NaN), further signals by their tag.
+    """
+
+    time_ns: TimeArray
+    signals: Mapping[str, FloatArray]
+
+    def __len__(self) -> int:
+        return len(self.time_ns)
+
+    def fingerprint(self) -> str:
+        digest = hashlib.blake2b(np.ascontiguousarray(self.time_ns, dtype="<i8").tobytes(), digest_size=20)
+        for name in sorted(self.signals):
+            digest.update(name.encode())
+            digest.update(np.ascontiguousarray(self.signals[name], dtype="<f8").tobytes())
+        return digest.hexdigest()
+
+    def part(self, where: slice | NDArray[np.bool_]) -> "Samples":
+        return Samples(self.time_ns[where], {name: values[where] for name, values in self.signals.items()})
+
+
+def pack(samples: Samples) -> bytes:
+    """Times as differences, then each signal, bytes of equal weight side by side: what zstd presses best."""
+    names = json.dumps(list(samples.signals)).encode()
+    columns = [np.diff(samples.time_ns, prepend=0), *samples.signals.values()]
+    body = b"".join(_shuffled(column) for column in columns)
+    return HEADER.pack(FORMAT, len(samples), len(names)) + names + zstandard.ZstdCompressor(LEVEL).compress(body)
+
+
+def unpack(packed: bytes) -> Samples:
+    """The samples that `pack` was given. Raises ValueError where the bytes are not of a format this version knows."""
+    version, n, length = HEADER.unpack_from(packed)
+    if version != FORMAT or length > LONGEST_NAMES:
+        raise ValueError(f"packed samples of format {version}, this version knows {FORMAT}")
+    start = HEADER.size + length
+    names = json.loads(packed[HEADER.size : start])
+    size = 8 * n
+    body = zstandard.ZstdDecompressor().decompress(packed[start:], max_output_size=size * (len(names) + 1))
+    columns = [_unshuffled(body[i * size : (i + 1) * size]) for i in range(len(names) + 1)]
+    time_ns = np.cumsum(columns[0].view("<i8"))
+    return Samples(time_ns, {name: columns[i + 1].view("<f8") for i, name in enumerate(names)})
+
+
+def merged(stretches: Sequence[Samples]) -> Samples:
+    """Stretches in the order in which they came, laid over each other: of two values at one time the later one holds.
+
+    A missing value never hides one that is there.
+    """
+    if len(stretches) == 1:
+        return stretches[0]
+    times = np.unique(np.concatenate([stretch.time_ns for stretch in stretches]))
+    names = list(dict.fromkeys(name for stretch in stretches for name in stretch.signals))
+    signals = {name: np.full(len(times), np.nan) for name in names}
+    for stretch in stretches:
+        places = np.searchsorted(times, stretch.time_ns)
+        for name, values in stretch.signals.items():
+            known = ~np.isnan(values)
+            signals[name][places[known]] = values[known]
+    return Samples(times, signals)
+
+
+def news(sent: Samples, stored: Samples) -> Samples:
+    """What of `sent` is not in `stored` yet: new times, new signals, other values."""
+    if not len(stored):
+        return sent
+    places = np.minimum(np.searchsorted(stored.time_ns, sent.time_ns), len(stored) - 1)
+    fresh = stored.time_ns[places] != sent.time_ns
+    for name, values in sent.signals.items():
+        before = stored.signals.get(name)
+        same = np.isnan(values) if before is None else np.isnan(values) | (values == before[places])
+        fresh |= ~same
+    return sent.part(fresh)
+
+
+def _shuffled(column: NDArray[np.generic]) -> bytes:
+    return np.ascontiguousarray(column).view(np.uint8).reshape(-1, 8).T.tobytes()
+
+
+def _unshuffled(part: bytes) -> NDArray[np.uint8]:
+    return np.ascontiguousarray(np.frombuffer(part, np.uint8).reshape(8, -1).T).reshape(-1)

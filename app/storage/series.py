@@ -1,0 +1,157 @@
+"""Stretches of samples: written so that sending again changes nothing, read for many loops at once."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import Connection, Insert, bindparam, func, insert, select, tuple_, update
+from sqlalchemy.dialects import postgresql, sqlite
+
+from app.storage.samples import Samples, merged, news, pack, unpack
+from app.storage.tables import loops, series
+
+NS_PER_H = 3_600_000_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    loop_id: int
+    samples: Samples
+
+
+@dataclass(frozen=True)
+class Added:
+    """What a write changed: stretches and samples that were new, and samples that replace other values."""
+
+    stretches: int
+    samples: int
+
+
+def add(connection: Connection, stretches: Sequence[Stretch], upload_id: int | None) -> Added:
+    """Stores what is new in the stretches. An identical stretch, and samples that are there already, change nothing;
+    where a value differs from the stored one at its time, the later one holds."""
+    prints = {(s.loop_id, s.samples.fingerprint()): s for s in stretches if len(s.samples)}
+    for known in _known(connection, list(prints)):
+        del prints[known]
+    rows = _rows(prints, _overlapped(connection, list(prints.values())), upload_id)
+    rows.sort(key=lambda row: (row["loop_id"], row["start_ns"]))
+    if rows:
+        connection.execute(insert_new(connection, series), rows)
+        _note_newest(connection, rows)
+    return Added(len(rows), sum(row["samples"] for row in rows))
+
+
+def windows(connection: Connection, loop_ids: Iterable[int], window_h: float, most_samples: int) -> dict[int, Samples]:
+    """The newest samples of each loop, at most `window_h` hours back from its newest one and `most_samples` of them.
+
+    One query for all loops; a loop without samples is left out.
+    """
+    since = loops.c.newest_ns - int(window_h * NS_PER_H)
+    query = (
+        select(series.c.loop_id, series.c.packed, since.label("since_ns"))
+        .join(loops, loops.c.id == series.c.loop_id)
+        .where(series.c.loop_id.in_(list(loop_ids)), series.c.end_ns >= since)
+        .order_by(series.c.loop_id, series.c.id)
+    )
+    found: dict[int, list[Samples]] = defaultdict(list)
+    since_ns: dict[int, int] = {}
+    for row in connection.execute(query):
+        found[row.loop_id].append(unpack(row.packed))
+        since_ns[row.loop_id] = row.since_ns
+    return {loop_id: _cut(merged(parts), since_ns[loop_id], most_samples) for loop_id, parts in found.items()}
+
+
+def between(connection: Connection, loop_id: int, start_ns: int, end_ns: int) -> Samples | None:
+    """A loop's samples from `start_ns` to `end_ns`, both included; None where there is no stretch at all."""
+    query = (
+        select(series.c.packed)
+        .where(series.c.loop_id == loop_id, series.c.end_ns >= start_ns, series.c.start_ns <= end_ns)
+        .order_by(series.c.id)
+    )
+    parts = [unpack(row.packed) for row in connection.execute(query)]
+    if not parts:
+        return None
+    samples = merged(parts)
+    return samples.part((samples.time_ns >= start_ns) & (samples.time_ns <= end_ns))
+
+
+def extent(connection: Connection, loop_id: int) -> tuple[int, int] | None:
+    """Times of a loop's first and newest sample."""
+    row = connection.execute(
+        select(func.min(series.c.start_ns), func.max(series.c.end_ns)).where(series.c.loop_id == loop_id)
+    ).one()
+    return None if row[0] is None else (row[0], row[1])
+
+
+def insert_new(connection: Connection, table: Any) -> Insert:
+    """An insert that leaves rows alone whose key is there already."""
+    dialect = postgresql if connection.dialect.name == "postgresql" else sqlite
+    return dialect.insert(table).on_conflict_do_nothing()
+
+
+def _known(connection: Connection, keys: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    key = tuple_(series.c.loop_id, series.c.fingerprint)
+    query = select(series.c.loop_id, series.c.fingerprint).where(key.in_(keys))
+    return [(row.loop_id, row.fingerprint) for row in connection.execute(query)]
+
+
+def _overlapped(connection: Connection, stretches: list[Stretch]) -> dict[int, Samples]:
+    """What is stored of the loops in the time that the stretches cover."""
+    if not stretches:
+        return {}
+    first = min(int(s.samples.time_ns[0]) for s in stretches)
+    last = max(int(s.samples.time_ns[-1]) for s in stretches)
+    query = (
+        select(series.c.loop_id, series.c.packed)
+        .where(series.c.loop_id.in_({s.loop_id for s in stretches}))
+        .where(series.c.end_ns >= first, series.c.start_ns <= last)
+        .order_by(series.c.id)
+    )
+    found: dict[int, list[Samples]] = defaultdict(list)
+    for row in connection.execute(query):
+        found[row.loop_id].append(unpack(row.packed))
+    return {loop_id: merged(parts) for loop_id, parts in found.items()}
+
+
+def _rows(
+    prints: dict[tuple[int, str], Stretch], stored: dict[int, Samples], upload_id: int | None
+) -> list[dict[str, Any]]:
+    rows = []
+    for (loop_id, fingerprint), stretch in prints.items():
+        before = stored.get(loop_id)
+        fresh = stretch.samples if before is None else news(stretch.samples, before)
+        if len(fresh):
+            rows.append(
+                {
+                    "loop_id": loop_id,
+                    "start_ns": int(fresh.time_ns[0]),
+                    "end_ns": int(fresh.time_ns[-1]),
+                    "samples": len(fresh),
+                    "fingerprint": fingerprint,
+                    "upload_id": upload_id,
+                    "packed": pack(fresh),
+                }
+            )
+    return rows
+
+
+def _note_newest(connection: Connection, rows: list[dict[str, Any]]) -> None:
+    newest: dict[int, int] = {}
+    for row in rows:
+        newest[row["loop_id"]] = max(newest.get(row["loop_id"], row["end_ns"]), row["end_ns"])
+    connection.execute(
+        update(loops)
+        .where(loops.c.id == bindparam("loop"))
+        .where((loops.c.newest_ns.is_(None)) | (loops.c.newest_ns < bindparam("newest"))),
+        # `newest_ns` is set by name below: a bind of the same name as a column is refused.
+        [{"loop": loop_id, "newest": end_ns, "newest_ns": end_ns} for loop_id, end_ns in sorted(newest.items())],
+    )
+
+
+def _cut(samples: Samples, since_ns: int, most_samples: int) -> Samples:
+    recent = samples.part(samples.time_ns >= since_ns) if samples.time_ns[0] < since_ns else samples
+    return recent.part(slice(-most_samples, None)) if len(recent) > most_samples else recent
+
+
+__all__ = ["Added", "Stretch", "add", "between", "extent", "insert", "insert_new", "windows"]

@@ -1,0 +1,163 @@
+"""Uploads, who reads them at the moment, and what became of them."""
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import Connection, delete, insert, or_, select, update
+
+from app.storage.series import insert_new
+from app.storage.tables import loops, rejects, upload_loops, uploads
+from app.storage.types import clock_s, now
+
+UNREAD = ("received", "reading")
+
+
+@dataclass(frozen=True)
+class UploadRow:
+    id: int
+    fingerprint: str
+    filename: str
+    content_type: str | None
+    size_bytes: int
+    reading_json: str
+    received_at: datetime
+    received_by: str | None
+    state: str
+    ended_at: datetime | None
+    error_code: str | None
+    error_text: str | None
+    attempts: int
+    summary_json: str | None
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        return json.loads(self.summary_json) if self.summary_json else {}
+
+
+@dataclass(frozen=True)
+class RejectRow:
+    line: int | None
+    code: str
+    text: str
+    tag: str
+
+
+@dataclass(frozen=True)
+class ReadingClaim:
+    """The right to read an upload, until the lease ends; `attempt` fences off whoever had it before."""
+
+    upload_id: int
+    attempt: int
+    owner: str
+
+
+COLUMNS = [uploads.c[name] for name in UploadRow.__dataclass_fields__]
+
+
+def receive(connection: Connection, values: dict[str, Any]) -> tuple[UploadRow, bool]:
+    """The upload of this content, and whether it is a new one."""
+    result = connection.execute(insert_new(connection, uploads), {**values, "received_at": now()})
+    query = select(*COLUMNS).where(uploads.c.content_key == values["content_key"])
+    return UploadRow(*connection.execute(query).one()), result.rowcount == 1
+
+
+def by_id(connection: Connection, upload_id: int) -> UploadRow | None:
+    row = connection.execute(select(*COLUMNS).where(uploads.c.id == upload_id)).one_or_none()
+    return None if row is None else UploadRow(*row)
+
+
+def page(connection: Connection, limit: int, before_id: int | None) -> list[UploadRow]:
+    """Uploads, the newest first."""
+    query = select(*COLUMNS).order_by(uploads.c.id.desc()).limit(limit)
+    if before_id is not None:
+        query = query.where(uploads.c.id < before_id)
+    return [UploadRow(*row) for row in connection.execute(query)]
+
+
+def rejects_of(connection: Connection, upload_id: int) -> list[RejectRow]:
+    query = select(rejects.c.line, rejects.c.code, rejects.c.text, rejects.c.tag)
+    found = connection.execute(query.where(rejects.c.upload_id == upload_id).order_by(rejects.c.number))
+    return [RejectRow(*row) for row in found]
+
+
+def loops_of(connection: Connection, upload_id: int) -> list[str]:
+    query = select(loops.c.tag).join(upload_loops, upload_loops.c.loop_id == loops.c.id)
+    return list(connection.scalars(query.where(upload_loops.c.upload_id == upload_id).order_by(loops.c.tag)))
+
+
+def claim(connection: Connection, upload_id: int, owner: str, lease_s: float, max_attempts: int) -> ReadingClaim | None:
+    """The right to read, or None where somebody else has it or the upload has ended."""
+    free = or_(uploads.c.state == "received", uploads.c.lease_until_s < clock_s())
+    attempt = connection.scalar(
+        update(uploads)
+        .where(uploads.c.id == upload_id, uploads.c.state.in_(UNREAD), free, uploads.c.attempts < max_attempts)
+        .values(state="reading", owner=owner, lease_until_s=clock_s() + lease_s, attempts=uploads.c.attempts + 1)
+        .returning(uploads.c.attempts)
+    )
+    return None if attempt is None else ReadingClaim(upload_id, attempt, owner)
+
+
+def renew(connection: Connection, claim: ReadingClaim, lease_s: float) -> bool:
+    """Whether the claim still holds; its lease then starts anew."""
+    result = connection.execute(_held(claim).values(lease_until_s=clock_s() + lease_s))
+    return result.rowcount == 1
+
+
+def end(connection: Connection, claim: ReadingClaim, state: str, values: dict[str, Any]) -> bool:
+    result = connection.execute(
+        _held(claim).values(state=state, ended_at=now(), owner=None, lease_until_s=None, **values)
+    )
+    return result.rowcount == 1
+
+
+def note_loops(connection: Connection, upload_id: int, loop_ids: Iterable[int]) -> None:
+    rows = [{"upload_id": upload_id, "loop_id": loop_id} for loop_id in sorted(loop_ids)]
+    if rows:
+        connection.execute(insert_new(connection, upload_loops), rows)
+
+
+def replace_rejects(connection: Connection, upload_id: int, listed: Sequence[RejectRow]) -> None:
+    connection.execute(delete(rejects).where(rejects.c.upload_id == upload_id))
+    rows = [{"upload_id": upload_id, "number": number, **vars(reject)} for number, reject in enumerate(listed)]
+    if rows:
+        connection.execute(insert(rejects), rows)
+
+
+def give_up(connection: Connection, max_attempts: int) -> int:
+    """Uploads whose readers died too often become failed."""
+    result = connection.execute(
+        update(uploads)
+        .where(uploads.c.state == "reading", uploads.c.lease_until_s < clock_s(), uploads.c.attempts >= max_attempts)
+        .values(
+            state="failed",
+            ended_at=now(),
+            error_code="reader_lost",
+            error_text=f"the worker that read this file was lost, {max_attempts} times",
+        )
+    )
+    return result.rowcount
+
+
+def to_announce(connection: Connection, stalled_s: float) -> list[int]:
+    """Uploads that nobody reads, and that nobody was told of lately; they count as told from now on."""
+    quiet = or_(uploads.c.announced_s.is_(None), uploads.c.announced_s < clock_s() - stalled_s)
+    free = or_(uploads.c.state == "received", uploads.c.lease_until_s < clock_s())
+    found = connection.scalars(
+        update(uploads)
+        .where(uploads.c.state.in_(UNREAD), free, quiet)
+        .values(announced_s=clock_s())
+        .returning(uploads.c.id)
+    )
+    return sorted(found)
+
+
+def _held(claim: ReadingClaim) -> Any:
+    return update(uploads).where(
+        uploads.c.id == claim.upload_id,
+        uploads.c.state == "reading",
+        uploads.c.owner == claim.owner,
+        uploads.c.attempts == claim.attempt,
+    )
