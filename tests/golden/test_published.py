@@ -4,7 +4,7 @@ B. Srinivasan, T. Spinner, R. Rengaswamy, Ind. Eng. Chem. Res. 2015, 54, 7476-74
 A case pins what we get. `python tests/golden/test_published.py` prints the rows of the page, computed anew.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,7 @@ WIDE = HammersteinConfig(points_d=51, d_max_share=1.0)
 # 0, 3.3, 6.7 and 10 % of OP's range, every point refined: the grid on which FC145 comes out as published.
 SHORT = HammersteinConfig(points_d=4, d_max_share=0.10, refined=99)
 
+LADDER_OF_FC145 = ((2, 2, 2), (5, 5, 5), (5, 5, 10))
 SIMULATED = {scenario.name: scenario for scenario in (system_one(), system_two(), system_two(True), *figure_ten())}
 
 
@@ -152,9 +153,7 @@ def test_page_holds_the_case(case: Case) -> None:
 @pytest.mark.shared
 def test_fc145_is_misread_at_first_and_right_in_the_wider_space(shared_dir: Path) -> None:
     record = recording(shared_dir, "CHEM1")
-    small, nominal, wide = (
-        identify_one_parameter(record, SearchSpace(*space), SHORT) for space in ((2, 2, 2), (5, 5, 5), (5, 5, 10))
-    )
+    small, nominal, wide = (identify_one_parameter(record, SearchSpace(*space), SHORT) for space in LADDER_OF_FC145)
     assert not small.stiction
     assert not nominal.stiction
     assert wide.stiction
@@ -162,6 +161,14 @@ def test_fc145_is_misread_at_first_and_right_in_the_wider_space(shared_dir: Path
     # Published: (4, 1, 4) and (4, 1, 9).
     assert (nominal.model.order.na, nominal.model.order.nb, nominal.model.order.nc) == (4, 1, 3)
     assert (wide.model.order.na, wide.model.order.nb, wide.model.order.nc) == (2, 5, 6)
+
+
+@pytest.mark.shared
+def test_fc145s_nominal_space_says_stiction_too_where_orders_are_chosen_more_exactly(shared_dir: Path) -> None:
+    third_regression = replace(SHORT, stages=3)
+    record = recording(shared_dir, "CHEM1")
+    bands = [identify_one_parameter(record, SearchSpace(*space), third_regression).d_best for space in LADDER_OF_FC145]
+    assert bands == pytest.approx([0.0, 0.1089, 0.1089], abs=5e-5)
 
 
 @pytest.mark.shared
