@@ -7,12 +7,15 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPool
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import IO, Annotated, Any
+from typing import IO, TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from app.cli.messages import ExitCode, progress, say
 from app.errors import DataError, LoopauditError
+
+if TYPE_CHECKING:
+    from app.ingest import RecordingsRead
 
 THREAD_LIMITS = (
     "OMP_NUM_THREADS",
@@ -23,6 +26,8 @@ THREAD_LIMITS = (
 )
 SUFFIXES = (".csv", ".txt", ".parquet")
 PROCESSES_PAY_FROM_FILES = 8
+NO_SIGNALS = "unknown_layout"
+SHOWN_REJECTS = 3
 KNOWN_TO_A_SERVICE = ("unit", "window_start", "window_end", "audited_at", "audit_id")
 
 
@@ -76,7 +81,7 @@ def audit(
             audited.append(result)
         if format_ is not Format.jsonl:
             write_all(stream, format_, [line for result in audited for line in result.lines])
-    raise typer.Exit(exit_code(audited))
+    raise typer.Exit(exit_code(audited, paths))
 
 
 def recording_files(paths: list[Path]) -> list[Path]:
@@ -124,7 +129,9 @@ def outcome(file: Path, future: "Future[AuditedFile]") -> AuditedFile:
     if error is None:
         return future.result()
     if isinstance(error, LoopauditError):
-        return AuditedFile(file, notes=(f"{error.message} [{error.code}]",), failed=True)
+        skipped = error.code == NO_SIGNALS
+        text = f"{'skipped: ' if skipped else ''}{error.message} [{error.code}]"
+        return AuditedFile(file, notes=(text,), skipped=skipped, failed=not skipped)
     if isinstance(error, OSError | UnicodeError):
         return AuditedFile(file, notes=(f"cannot be read: {error}",), failed=True)
     return AuditedFile(file, notes=(f"fault of loopaudit: {type(error).__name__}: {error}",), failed=True)
@@ -135,13 +142,10 @@ def audit_file(path: Path) -> AuditedFile:
     from app.ingest import read_recordings
 
     content = read_recordings(path)
-    notes = tuple(rejects_in_words(content.rejects))
+    notes = tuple(in_words(content))
     if not content.recordings:
-        why = "; ".join(content.skipped) or "no loop with PV and OP in it"
-        return AuditedFile(path, notes=(f"skipped: {why}", *notes), skipped=True)
-    lines = tuple(timed_line(recording) for recording in content.recordings)
-    skipped = tuple(f"skipped: {why}" for why in content.skipped)
-    return AuditedFile(path, lines, skipped + notes)
+        return AuditedFile(path, notes=(*notes, "skipped: no loop with PV and OP in it"), skipped=True)
+    return AuditedFile(path, tuple(timed_line(recording) for recording in content.recordings), notes)
 
 
 def timed_line(recording: Any) -> dict[str, Any]:
@@ -152,21 +156,27 @@ def timed_line(recording: Any) -> dict[str, Any]:
 
     started = perf_counter()
     result = audit_recording(recording)
-    return audit_line(result, perf_counter() - started)
+    loop = recording.name.partition(":")[2] or recording.name  # a file of several loops names each by file and loop
+    return audit_line(result, perf_counter() - started, loop)
 
 
-def rejects_in_words(rejects: Any, shown: int = 3) -> Iterator[str]:
-    """The first refused rows one by one, the rest as a number."""
-    for reject in rejects[:shown]:
-        yield f"line {reject.line}: {reject.text} [{reject.code}]"
-    if len(rejects) > shown:
-        yield f"and {len(rejects) - shown} more rows or values that could not be read"
+def in_words(content: "RecordingsRead") -> Iterator[str]:
+    """What is worth knowing about a file: loops that were passed over, the first refused rows, the rest as a number."""
+    yield from (f"skipped: {why}" for why in content.skipped)
+    for reject in content.rejects[:SHOWN_REJECTS]:
+        where = "" if reject.line is None else f"line {reject.line}: "
+        yield f"{where}{reject.text} [{reject.code}]"
+    more = sum(content.reject_counts.values()) - SHOWN_REJECTS
+    if more > 0:
+        yield f"and {more} more rows or values that could not be read"
 
 
-def exit_code(audited: list[AuditedFile]) -> ExitCode:
+def exit_code(audited: list[AuditedFile], named: list[Path]) -> ExitCode:
+    """A folder may hold other files too; a file that was named is expected to hold a recording."""
     if not any(result.lines for result in audited):
         return ExitCode.NOTHING_USABLE
-    return ExitCode.SOME_FAILED if any(result.failed for result in audited) else ExitCode.DONE
+    missed = any(result.failed or (result.skipped and result.path in named) for result in audited)
+    return ExitCode.SOME_FAILED if missed else ExitCode.DONE
 
 
 def destination(out: Path | None) -> Any:

@@ -1,2 +1,119 @@
-def inspect() -> None:
-    """Later."""
+"""`loopaudit inspect`: what a file holds, before anything is sent."""
+
+import sys
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from app.cli.messages import ExitCode
+from app.errors import DataError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from app.ingest import InspectReport, LoopReport
+
+SHOWN_LOOPS = 200
+
+
+def inspect(
+    file: Annotated[Path, typer.Argument(help="An export or a recording.")],
+    time_zone: Annotated[str, typer.Option("--time-zone", help="Zone of time stamps that name none (IANA).")] = "UTC",
+) -> None:
+    """Say what a file holds, before anything is sent: layout, loops, times, and what would be refused and why.
+
+    [bold]Examples[/bold]
+
+      loopaudit inspect export.csv
+
+      loopaudit inspect night.csv.gz --time-zone Europe/Berlin
+    """
+    from app.cli.tables import console_for
+    from app.ingest import IngestOptions
+    from app.ingest import inspect as look
+
+    if not file.is_file():
+        raise DataError("no_such_file", f"{file} is not there or not a file")
+    report = look(file, options=IngestOptions(time_zone=time_zone))
+    console = console_for(sys.stdout)
+    for line in facts(report):
+        console.print(line, markup=False)
+    console.print(loop_table(report))
+    for line in refused(report):
+        console.print(line, markup=False)
+    usable = any(auditable(loop) for loop in report.loops)
+    raise typer.Exit(ExitCode.DONE if usable else ExitCode.NOTHING_USABLE)
+
+
+def facts(report: "InspectReport") -> Iterator[str]:
+    summary = report.summary
+    packed = ", compressed" if summary.compressed else ""
+    yield f"{report.name}: {report.size_bytes:,} bytes{packed}"
+    signs = f"delimiter {summary.delimiter!r}, decimals {summary.decimal_mark!r}"
+    yield f"layout      {summary.layout}, {summary.encoding}, {signs}"
+    yield f"time        {summary.time_format}, zone {summary.time_zone}"
+    yield f"rows        {summary.rows_read:,} read, {summary.rows_kept:,} kept, {summary.values_kept:,} values"
+    yield f"tags        {summary.tags:,} in {len(report.loops):,} loops"
+    for note in summary.notes:
+        yield f"note        {note}"
+
+
+def loop_table(report: "InspectReport") -> "Table":
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for header in (
+        "loop",
+        "signals",
+        "samples",
+        "interval s",
+        "even",
+        "missing %",
+        "from (UTC)",
+        "to (UTC)",
+        "to audit?",
+    ):
+        table.add_column(header, justify="right" if header in ("samples", "interval s", "missing %") else "left")
+    for loop in report.loops[:SHOWN_LOOPS]:
+        table.add_row(*map(Text, cells(loop)))
+    if len(report.loops) > SHOWN_LOOPS:
+        table.caption = f"and {len(report.loops) - SHOWN_LOOPS} more loops"
+    return table
+
+
+def cells(loop: "LoopReport") -> list[str]:
+    return [
+        loop.loop,
+        " ".join(loop.signals),
+        f"{loop.samples:,}",
+        "-" if loop.sampling_interval_s is None else f"{loop.sampling_interval_s:g}",
+        "yes" if loop.even else "no",
+        f"{100 * loop.missing_share:.1f}",
+        utc(loop.first_time_ns),
+        utc(loop.last_time_ns),
+        "yes" if auditable(loop) else "no: PV and OP are needed",
+    ]
+
+
+def auditable(loop: "LoopReport") -> bool:
+    return {"PV", "OP"} <= set(loop.signals)
+
+
+def utc(time_ns: int) -> str:
+    return datetime.fromtimestamp(time_ns / 1e9, UTC).strftime("%Y-%m-%d %H:%M:%S")
+
+
+def refused(report: "InspectReport", shown: int = 10) -> Iterator[str]:
+    if not report.rejects.total:
+        yield "nothing would be refused"
+        return
+    counts = ", ".join(f"{count} {code}" for code, count in sorted(report.rejects.counts.items()))
+    yield f"{report.rejects.total} rows or values would be refused: {counts}"
+    for reject in report.rejects.listed[:shown]:
+        where = "" if reject.line is None else f"line {reject.line}: "
+        yield f"  {where}{reject.text} [{reject.code}]"

@@ -1,2 +1,19 @@
+"""`loopaudit migrate`: brings the data base to this version's tables."""
+
+import typer
+
+from app.cli.configuration import load_settings
+from app.cli.messages import ExitCode, say
+
+
 def migrate() -> None:
-    """Later."""
+    """Bring the data base to this version's tables. `serve` does it by itself on the embedded default.
+
+    [bold]Examples[/bold]
+
+      LOOPAUDIT_DATABASE_URL=postgresql+psycopg://user@host/plant loopaudit migrate
+    """
+    from app.services.maintenance import migrate as bring_up
+
+    say(f"loopaudit: the data base is at {bring_up(load_settings())}")
+    raise typer.Exit(ExitCode.DONE)

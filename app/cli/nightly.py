@@ -1,2 +1,82 @@
-def nightly() -> None:
-    """Later."""
+"""`loopaudit nightly`: the whole plant, once, now."""
+
+import json
+import os
+import socket
+import sys
+import time
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from app.cli.configuration import load_settings
+from app.cli.messages import ExitCode, progress, say
+from app.errors import RequestError
+
+if TYPE_CHECKING:
+    from app.services.backend import Backend
+    from app.services.results import AuditView
+
+LOOK_S = 0.5
+
+
+def nightly(
+    wait: Annotated[bool, typer.Option("--wait/--no-wait", help="Wait for the end, or only start the audit.")] = True,
+    timeout_s: Annotated[float, typer.Option("--timeout", min=1, help="Seconds to wait.")] = 6 * 3600.0,
+) -> None:
+    """Audit the whole plant once, now: for cron, where the schedule of `beat` is not wanted.
+
+    The run and how it ended are printed as JSON. Exit code 1: some loops failed. On the embedded default this command
+    does the work together with the worker of `serve`, or alone where none runs.
+
+    [bold]Examples[/bold]
+
+      loopaudit nightly
+
+      15 2 * * *  LOOPAUDIT_DATA_DIR=/srv/loopaudit loopaudit nightly
+    """
+    from dataclasses import asdict
+
+    from app.services.audits import get_audit
+    from app.services.backend import Backend
+    from app.services.nightly import nightly as start
+
+    backend = Backend.open(load_settings())
+    try:
+        run = get_audit(backend, start(backend).id)
+        if wait:
+            run = watched(backend, run, timeout_s)
+    finally:
+        backend.close()
+    sys.stdout.write(json.dumps(asdict(run)) + "\n")
+    raise typer.Exit(ExitCode.SOME_FAILED if run.failed else ExitCode.DONE)
+
+
+def watched(backend: "Backend", run: "AuditView", timeout_s: float) -> "AuditView":
+    """Shows the run's progress until it ends, and lends a hand where this process may be the only one to work."""
+    from app.services.audits import get_audit
+
+    deadline = time.monotonic() + timeout_s
+    with progress("auditing", run.total) as advance:
+        while not run.ended:
+            if time.monotonic() > deadline:
+                raise RequestError(
+                    "timeout", f"the run {run.id} has not ended after {timeout_s:.0f} s; is a worker running?"
+                )
+            before = run.done + run.failed
+            lend_a_hand(backend, run.id)
+            run = get_audit(backend, run.id)
+            advance(run.done + run.failed - before)
+    say(f"loopaudit: {run.total} loops, {run.done} with a verdict, {run.failed} failed")
+    return run
+
+
+def lend_a_hand(backend: "Backend", audit_id: str) -> None:
+    """One chunk of loops on the embedded default; elsewhere workers do it."""
+    if not backend.settings.embedded:
+        time.sleep(LOOK_S)
+        return
+    from app.services.chunks import audit_chunk
+
+    if not audit_chunk(backend, audit_id, f"nightly:{socket.gethostname()}:{os.getpid()}"):
+        time.sleep(LOOK_S)

@@ -1,0 +1,66 @@
+"""Audit runs: started, watched, looked up."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+from fastapi.concurrency import run_in_threadpool
+from starlette.responses import StreamingResponse
+
+from app.api.backend import Cursor, Limit, Services
+from app.api.models import AuditIn, AuditOut, AuditPage
+from app.api.problems import responses
+from app.services import audits as service
+
+LOOK_S = 0.5
+HEARTBEAT_EVERY = 20
+EVENT_STREAM = {200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}}}
+
+router = APIRouter(tags=["audits"])
+
+
+@router.post(
+    "/audits", status_code=202, response_model=AuditOut, responses=responses(400, 422), summary="Start an audit"
+)
+def start(response: Response, backend: Services, wanted: AuditIn) -> Any:
+    """Audits the plant, or the loops that the body names. 202: the run is stored; workers do it."""
+    run = service.start_audit(backend, service.LoopFilter(**wanted.model_dump()), trigger="request")
+    response.headers["Location"] = f"/v1/audits/{run.id}"
+    return run
+
+
+@router.get("/audits", response_model=AuditPage, responses=responses(400, 422), summary="The runs, newest first")
+def audits(backend: Services, limit: Limit = 100, cursor: Cursor = None) -> Any:
+    return service.list_audits(backend, limit, cursor)
+
+
+@router.get("/audits/{audit_id}/events", responses={**responses(404), **EVENT_STREAM}, summary="Progress as events")
+async def events(request: Request, backend: Services, audit_id: str) -> StreamingResponse:
+    """Server-sent events: `progress` with the run whenever it has moved, `end` when it has ended."""
+    await run_in_threadpool(service.get_audit, backend, audit_id)
+    headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
+    return StreamingResponse(watched(request, backend, audit_id), media_type="text/event-stream", headers=headers)
+
+
+@router.get("/audits/{audit_id}", response_model=AuditOut, responses=responses(404), summary="One run and its progress")
+def audit(backend: Services, audit_id: str) -> Any:
+    return service.get_audit(backend, audit_id)
+
+
+async def watched(request: Request, backend: Services, audit_id: str) -> AsyncIterator[str]:
+    """One event a change, a comment now and then so that a broken connection is noticed, and the end."""
+    last, quiet = "", 0
+    while not await request.is_disconnected():
+        run = await run_in_threadpool(service.get_audit, backend, audit_id)
+        told = AuditOut.model_validate(run).model_dump_json()
+        if run.ended:
+            yield f"event: end\ndata: {told}\n\n"
+            return
+        quiet = 0 if told != last else quiet + 1
+        if told != last:
+            yield f"event: progress\ndata: {told}\n\n"
+        elif quiet % HEARTBEAT_EVERY == 0:
+            yield ": still running\n\n"
+        last = told
+        await asyncio.sleep(LOOK_S)

@@ -1,0 +1,17 @@
+"""What every route is given: the services' backend, opened once a process."""
+
+from typing import Annotated
+
+from fastapi import Depends, Query, Request
+
+from app.services.backend import Backend
+
+
+def opened(request: Request) -> Backend:
+    return request.app.state.backend
+
+
+Services = Annotated[Backend, Depends(opened)]
+
+Limit = Annotated[int, Query(ge=1, le=1000, description="Rows a page.")]
+Cursor = Annotated[str | None, Query(max_length=2000, description="`next_cursor` of the page before.")]

@@ -1,0 +1,62 @@
+"""The plant's loops: what they are, what was last said about each, and their series."""
+
+from datetime import datetime
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
+
+from app.api.backend import Cursor, Limit, Services
+from app.api.models import HealthOut, LoopOut, LoopPage, LoopPatch, TrendOut, VerdictPage
+from app.api.paths import LoopTag
+from app.api.problems import responses
+from app.services import loops as service
+from app.services.trend import trend as thinned
+
+router = APIRouter(tags=["loops"])
+
+Search = Annotated[str | None, Query(max_length=200, description="Part of a tag.")]
+Unit = Annotated[str | None, Query(max_length=200, description="Plant unit.")]
+Points = Annotated[int, Query(ge=2, le=20000, description="About how many points are wanted.")]
+Instant = Annotated[datetime | None, Query(description="ISO 8601; without an offset it is UTC.")]
+
+# The routes with more behind the tag come first: a tag may hold slashes.
+
+
+@router.get("/loops", response_model=LoopPage, responses=responses(400, 422), summary="The plant's loops")
+def loops(
+    backend: Services, limit: Limit = 100, cursor: Cursor = None, unit: Unit = None, search: Search = None
+) -> Any:
+    return service.list_loops(backend, limit, cursor, unit=unit, search=search)
+
+
+@router.get(
+    "/loops/{tag:path}/health", response_model=HealthOut, responses=responses(404), summary="The newest verdict"
+)
+def health(backend: Services, tag: LoopTag) -> Any:
+    """The newest verdict of a loop and its key figures, flat, for dashboards."""
+    return service.loop_health(backend, tag)
+
+
+@router.get(
+    "/loops/{tag:path}/verdicts", response_model=VerdictPage, responses=responses(400, 404), summary="The history"
+)
+def verdicts(backend: Services, tag: LoopTag, limit: Limit = 100, cursor: Cursor = None) -> Any:
+    return service.verdict_history(backend, tag, limit, cursor)
+
+
+@router.get("/loops/{tag:path}/trend", response_model=TrendOut, responses=responses(404, 422), summary="PV, OP and SP")
+def trend(backend: Services, tag: LoopTag, points: Points = 2000, start: Instant = None, end: Instant = None) -> Any:
+    """The series of a loop, thinned to what a screen shows: of each stretch the least and the greatest value."""
+    return thinned(backend, tag, points=points, start=start, end=end)
+
+
+@router.get("/loops/{tag:path}", response_model=LoopOut, responses=responses(404), summary="One loop")
+def loop(backend: Services, tag: LoopTag) -> Any:
+    return service.get_loop(backend, tag)
+
+
+@router.patch(
+    "/loops/{tag:path}", response_model=LoopOut, responses=responses(404, 422), summary="Say more about a loop"
+)
+def patch(backend: Services, tag: LoopTag, changes: LoopPatch) -> Any:
+    return service.patch_loop(backend, tag, changes.model_dump(exclude_unset=True))

@@ -1,0 +1,162 @@
+"""What goes in and out over HTTP: each field with its meaning and its unit. OpenAPI is made from this."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from app.services.audit_line import ReliabilityRow, VerdictName
+
+MAX_NAME = 200
+
+UploadState = Literal["received", "reading", "done", "failed"]
+AuditState = Literal["planned", "running", "done", "partial", "cancelled"]
+
+
+class Read(BaseModel):
+    """An answer, made from what a service returns."""
+
+    model_config = ConfigDict(from_attributes=True)
+
+
+class RejectOut(Read):
+    line: int | None = Field(description="Line of the file as it came, from 1; null where no single line is at fault.")
+    code: str = Field(description="Stable code of what was wrong.")
+    text: str = Field(description="What was got, in words.")
+    tag: str = Field("", description="The historian tag, where one is at fault.")
+
+
+class UploadOut(Read):
+    """An export as it came, and what became of it."""
+
+    id: str = Field(description="Identifier of the upload; the same content always has the same.")
+    state: UploadState = Field(description="received -> reading -> done or failed.")
+    filename: str = Field(description="Name under which it was sent.")
+    size_bytes: int = Field(description="Size as it came, in bytes.")
+    fingerprint: str = Field(description="SHA-256 of the bytes as they came.")
+    received_at: str = Field(description="When it was received, ISO 8601, UTC.")
+    ended_at: str | None = Field(description="When reading ended, ISO 8601, UTC; null before.")
+    reason: str | None = Field(description="Why it failed; null otherwise.")
+    layout: str | None = Field(description="How the file was found to be laid out; null before it is read.")
+    loops: list[str] = Field(description="Tags of the loops that were found.")
+    rows_kept: int = Field(description="Rows of the file that gave samples.")
+    rows_refused: int = Field(description="Rows and values that could not be used.")
+    samples_added: int = Field(description="Samples that were not there before.")
+    reject_counts: dict[str, int] = Field(description="How many rows and values were refused, by code.")
+    rejects: list[RejectOut] = Field(description="The first of them, with line and reason.")
+    notes: list[str] = Field(description="What was found out about the file, in words.")
+
+
+class LoopOut(Read):
+    """A control loop of the plant."""
+
+    tag: str = Field(description="Tag of the loop.")
+    unit: str | None = Field(description="Plant unit or area that it belongs to.")
+    type: str | None = Field(description="flow, pressure, level, temperature, ...")
+    description: str | None = Field(description="What it controls, in words.")
+    importance: float = Field(description="Weight in rankings; 1 is usual.")
+    pv_unit: str | None = Field(description="Engineering unit of PV and SP.")
+    pv_low: float | None = Field(description="Low end of PV's span, in the unit of PV.")
+    pv_high: float | None = Field(description="High end of PV's span, in the unit of PV.")
+    op_low: float | None = Field(description="Low end of OP's span, in the unit of OP.")
+    op_high: float | None = Field(description="High end of OP's span, in the unit of OP.")
+    integrating: bool | None = Field(description="Whether the process integrates (a level); null: not known.")
+    samples_to: str | None = Field(description="Time of the newest sample, ISO 8601, UTC; null where there is none.")
+
+
+Name = Annotated[str, Field(max_length=MAX_NAME, pattern=r"^[^\x00]*$")]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class LoopPatch(BaseModel):
+    """What to change; a field that is left out stays as it is, null forgets it."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    unit: Name | None = Field(None, description="Plant unit or area.")
+    type: Name | None = Field(None, description="flow, pressure, level, temperature, ...")
+    description: Name | None = Field(None, description="What it controls, in words.")
+    importance: Annotated[float, Field(ge=0, le=1000)] = Field(1.0, description="Weight in rankings; 1 is usual.")
+    pv_unit: Name | None = Field(None, description="Engineering unit of PV and SP.")
+    pv_low: Finite | None = Field(None, description="Low end of PV's span, in the unit of PV.")
+    pv_high: Finite | None = Field(None, description="High end of PV's span, in the unit of PV.")
+    op_low: Finite | None = Field(None, description="Low end of OP's span, in the unit of OP.")
+    op_high: Finite | None = Field(None, description="High end of OP's span, in the unit of OP.")
+    integrating: bool | None = Field(None, description="Whether the process integrates.")
+
+
+class UploadPage(Read):
+    rows: list[UploadOut] = Field(description="Uploads, the newest first.")
+    next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
+
+
+class LoopPage(Read):
+    rows: list[LoopOut] = Field(description="Loops in the order of their tags.")
+    next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
+
+
+class VerdictPage(Read):
+    rows: list[ReliabilityRow] = Field(description="Verdicts of one loop, the newest first.")
+    next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
+
+
+class ReliabilityPage(Read):
+    rows: list[ReliabilityRow] = Field(description="One row a loop: its newest verdict.")
+    next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
+
+
+class TrendOut(Read):
+    """A loop's series, thinned to what a screen shows: of each stretch its least and greatest value are kept."""
+
+    tag: str = Field(description="Tag of the loop.")
+    samples: int = Field(description="Samples in the stretch before thinning.")
+    time: list[str] = Field(description="ISO 8601, UTC.")
+    pv: list[float | None] = Field(description="Process output, in the unit of PV.")
+    op: list[float | None] = Field(description="Controller output, in the unit of OP.")
+    sp: list[float | None] | None = Field(description="Set point, in the unit of PV; null where it is not recorded.")
+
+
+class AuditIn(BaseModel):
+    """Which loops to audit: all that are given must hold; nothing given: the whole plant."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    tags: list[Name] | None = Field(None, description="Only these loops.", max_length=20000)
+    unit: Name | None = Field(None, description="Only loops of this plant unit.")
+
+
+class FailureOut(Read):
+    loop: str = Field(description="Tag of the loop.")
+    code: str = Field(description="Stable code of the failure.")
+    text: str = Field(description="What happened, in words.")
+
+
+class AuditOut(Read):
+    """One plant-wide (or filtered) audit run."""
+
+    id: str = Field(description="Identifier of the run.")
+    state: AuditState = Field(description="planned -> running -> done, or partial where loops failed, or cancelled.")
+    trigger: str = Field(description="What started it: request, nightly, ...")
+    created_at: str = Field(description="ISO 8601, UTC.")
+    ended_at: str | None = Field(description="ISO 8601, UTC; null while it runs.")
+    total: int = Field(description="Loops in the run.")
+    open: int = Field(description="Loops still to do.")
+    done: int = Field(description="Loops with a verdict.")
+    failed: int = Field(description="Loops that failed.")
+    failures: list[FailureOut] = Field(description="The first of the failed loops, and why.")
+
+
+class AuditPage(Read):
+    rows: list[AuditOut] = Field(description="Runs, the newest first.")
+    next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
+
+
+class HealthOut(ReliabilityRow):
+    """The newest verdict of a loop and its key figures, flat, for dashboards."""
+
+
+class ReadyOut(BaseModel):
+    state: Literal["ready", "degraded", "not_ready"] = Field(description="degraded: works, but a broker is away.")
+    checks: dict[str, Any] = Field(description="What was looked at, and what was found.")
+
+
+VERDICTS: tuple[VerdictName, ...] = ("stiction", "no_stiction", "inconclusive", "not_auditable")

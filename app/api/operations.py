@@ -1,0 +1,50 @@
+"""For those who run the service: liveness, readiness, Prometheus."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from fastapi import APIRouter
+from starlette.responses import JSONResponse, PlainTextResponse
+
+from app.api.backend import Services
+from app.api.models import ReadyOut
+from app.services import maintenance as service
+from app.services.metrics import Metric
+from app.services.metrics import metrics as collected
+
+PROMETHEUS = "text/plain; version=0.0.4; charset=utf-8"
+
+router = APIRouter(tags=["operations"])
+
+
+@router.get("/healthz", summary="Whether the process lives")
+def healthz() -> dict[str, str]:
+    return {"state": "alive"}
+
+
+@router.get("/readyz", response_model=ReadyOut, responses={503: {"model": ReadyOut}}, summary="Whether it can work")
+def readyz(backend: Services) -> Any:
+    """200 when ready or degraded (the broker is away: uploads are kept, audits wait), 503 otherwise."""
+    found = service.readiness(backend)
+    body = ReadyOut(state=found.state, checks=found.checks).model_dump(mode="json")
+    return JSONResponse(body, status_code=503 if found.state == "not_ready" else 200)
+
+
+@router.get("/metrics", response_class=PlainTextResponse, summary="Figures for Prometheus")
+def metrics(backend: Services) -> PlainTextResponse:
+    """Collected from the data base at each scrape, so that all workers are counted."""
+    return PlainTextResponse("".join(exposition(collected(backend))), media_type=PROMETHEUS)
+
+
+def exposition(metrics: Iterable[Metric]) -> Iterator[str]:
+    """Prometheus' text format."""
+    for metric in metrics:
+        yield f"# HELP {metric.name} {escaped(metric.help, quotes=False)}\n# TYPE {metric.name} {metric.kind}\n"
+        for sample in metric.samples:
+            labels = ",".join(f'{name}="{escaped(value)}"' for name, value in sample.labels.items())
+            yield f"{metric.name}{'{' + labels + '}' if labels else ''} {sample.value:g}\n"
+
+
+def escaped(text: str, quotes: bool = True) -> str:
+    text = text.replace("\\", "\\\\").replace("\n", "\\n")
+    return text.replace('"', '\\"') if quotes else text

@@ -1,0 +1,68 @@
+"""The web application: API and pages on one backend."""
+
+import re
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from importlib.metadata import version
+from typing import Any
+
+from fastapi import APIRouter, FastAPI
+from fastapi.concurrency import run_in_threadpool
+
+from app.api import audits, loops, operations, problems, reliability, uploads
+from app.api.headers import SecurityHeaders
+from app.api.paths import KeepTagsEncoded
+from app.services.backend import Backend
+from app.settings import Settings
+from app.web import pages
+
+BODY_LIMIT_BYTES = 4 << 20
+MULTIPART_OVERHEAD_BYTES = 1 << 20
+DESCRIPTION = """Verdicts on valve stiction for every control loop of a plant, and which of them can be trusted.
+
+Errors are `application/problem+json` (RFC 9457) with a stable `code`. Times are ISO 8601 in UTC. Pages have
+`next_cursor`, which is null on the last one."""
+
+
+def create_app(settings: Settings) -> FastAPI:
+    """The application on these settings; the backend is opened when the server starts, after any fork."""
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        app.state.backend = await run_in_threadpool(Backend.open, settings)
+        yield
+        await run_in_threadpool(app.state.backend.close)
+
+    app = FastAPI(
+        title="loopaudit",
+        version=version("loopaudit"),
+        description=DESCRIPTION,
+        docs_url=None,  # Swagger and ReDoc come from elsewhere, which a closed network does not reach
+        redoc_url=None,
+        redirect_slashes=False,
+        max_body_size=BODY_LIMIT_BYTES,
+        lifespan=lifespan,
+        generate_unique_id_function=operation_id,
+    )
+    problems.install(app)
+    app.add_middleware(SecurityHeaders)
+    app.add_middleware(KeepTagsEncoded)
+    app.include_router(api(settings))
+    app.include_router(operations.router)
+    app.include_router(pages.router)
+    app.mount("/static", pages.static)
+    return app
+
+
+def api(settings: Settings) -> APIRouter:
+    router = APIRouter(prefix="/v1")
+    router.include_router(uploads.router, max_body_size=settings.max_upload_bytes + MULTIPART_OVERHEAD_BYTES)
+    for module in (loops, reliability, audits):
+        router.include_router(module.router)
+    return router
+
+
+def operation_id(route: Any) -> str:
+    """A name that a client generator can use: the method and the words of the path."""
+    words = re.findall(r"\w+", route.path.replace(":path", ""))
+    return "_".join([*sorted(method.lower() for method in route.methods), *words])

@@ -1,0 +1,41 @@
+"""Templates and what they may call. Everything that comes from a plant is escaped."""
+
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from starlette.responses import HTMLResponse
+
+from app.services.wording import RELIABILITY_WORDS, VERDICT_WORDS
+
+HERE = Path(__file__).parent
+STATIC = HERE / "static"
+
+
+def figure(value: float | None, digits: int) -> str:
+    """A number for people; a dash where there is none."""
+    return "–" if value is None else f"{value:.{digits}f}"
+
+
+def tag_in_url(tag: str) -> str:
+    return quote(tag, safe="")
+
+
+def short_time(iso: str) -> str:
+    """2026-01-31T03:00:00Z as 2026-01-31 03:00."""
+    return iso[:16].replace("T", " ")
+
+
+def environment() -> Environment:
+    templates = Environment(loader=FileSystemLoader(HERE / "templates"), autoescape=True, undefined=StrictUndefined)
+    templates.filters |= {"figure": figure, "tag_in_url": tag_in_url, "short_time": short_time}
+    templates.globals |= {"verdict_words": VERDICT_WORDS, "reliability_words": RELIABILITY_WORDS}
+    return templates
+
+
+TEMPLATES = environment()
+
+
+def page(name: str, **values: Any) -> HTMLResponse:
+    return HTMLResponse(TEMPLATES.get_template(name).render(**values))

@@ -1,0 +1,163 @@
+"""docker-compose.yml's own commands, run natively against the local PostgreSQL and Redis."""
+
+import csv
+import io
+import json
+import re
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import httpx
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+COMPOSE = yaml.safe_load((ROOT / "docker-compose.yml").read_text(encoding="utf-8"))
+SERVICES = COMPOSE["services"]
+
+pytestmark = [pytest.mark.postgres, pytest.mark.redis]
+
+
+def command(service: str, port: int | None = None) -> list[str]:
+    """A service's command without the program's name; the port is the test's own."""
+    program, *arguments = SERVICES[service]["command"]
+    assert program == "loopaudit"
+    return [
+        str(port) if before == "--port" else word
+        for before, word in zip([program, *arguments], arguments, strict=False)
+    ]
+
+
+def settings(service: str, postgres_url: str, redis_url: str) -> dict[str, str]:
+    """A service's environment with the addresses of this machine's servers; what is a container's path is left out."""
+    own = {name: str(value) for name, value in SERVICES[service]["environment"].items() if name != "LOOPAUDIT_DATA_DIR"}
+    assert own["LOOPAUDIT_DATABASE_URL"].startswith("postgresql+psycopg://")
+    assert own["LOOPAUDIT_BROKER_URL"].startswith("redis://")
+    return own | {"LOOPAUDIT_DATABASE_URL": postgres_url, "LOOPAUDIT_BROKER_URL": redis_url}
+
+
+@pytest.fixture(scope="module")
+def service(make_processes, ready_service, free_port, postgres_url, redis_url):
+    """migrate, api, beat and as many workers as compose asks for."""
+    processes = make_processes(LOOPAUDIT_SWEEP_S="2")
+    own = {name: settings(name, postgres_url, redis_url) for name in ("migrate", "api", "worker", "beat")}
+    processes.environment = {**processes.environment, **own["migrate"]}
+    migrated = processes.run(*command("migrate"))
+    assert migrated.returncode == 0, migrated.stderr
+    processes.start(command("api", free_port), **own["api"])
+    processes.start(command("beat"), **own["beat"])
+    for _ in range(SERVICES["worker"]["deploy"]["replicas"]):
+        processes.start(command("worker"), **own["worker"])
+    with ready_service(processes, free_port) as running:
+        yield running
+
+
+def test_every_service_has_a_health_check_but_the_one_that_ends():
+    assert set(SERVICES) == {"api", "worker", "beat", "migrate", "postgres", "redis"}
+    assert [name for name, service in SERVICES.items() if "healthcheck" not in service] == ["migrate"]
+    assert SERVICES["worker"]["deploy"]["replicas"] == 2
+
+
+def test_only_loopback_reaches_what_asks_for_no_keys():
+    published = [port for service in SERVICES.values() for port in service.get("ports", ())]
+    assert published
+    assert all(port.startswith("127.0.0.1:") for port in published)
+
+
+def test_the_image_copies_every_room_and_runs_as_nobody_special():
+    lines = (ROOT / "Dockerfile").read_text(encoding="utf-8").splitlines()
+    assert {"COPY app app", "COPY workers workers", "COPY migrations migrations"} <= set(lines)
+    assert "USER loopaudit" in lines
+    assert any("--require-hashes" in line for line in lines)
+    allowed = {line[1:] for line in (ROOT / ".dockerignore").read_text().splitlines() if line.startswith("!")}
+    copied = {word for line in lines if re.match(r"COPY (?!--from)", line) for word in line.split()[1:-1]}
+    assert copied == allowed
+
+
+@pytest.fixture(scope="module")
+def audited(service, tmp_path_factory):
+    """Three recordings of known valves, uploaded and audited."""
+    folder = tmp_path_factory.mktemp("recordings")
+    valves = {
+        "STICKY": ("--valve", "he", "-S", "6", "-J", "2"),
+        "FINE": ("--noise", "0.2"),
+        "SLOW": ("--integrating", "--gain", "0.01"),
+    }
+    for name, valve in valves.items():
+        done = service.processes.run("simulate", *valve, "--noise", "0.05", "--out", str(folder / f"{name}.csv"))
+        assert done.returncode == 0, done.stderr
+        assert service.upload(folder / f"{name}.csv")["state"] == "done", service.processes.logs()
+    return service.audit(), folder
+
+
+def test_two_workers_audit_what_was_uploaded_and_the_table_comes_back(service, audited):
+    run, _ = audited
+    assert run["state"] == "done", (run, service.processes.logs())
+    assert (run["total"], run["done"], run["failed"]) == (3, 3, 0)
+    table = service.client.get("/v1/reliability").json()
+    assert sorted(row["loop"] for row in table["rows"]) == ["FINE", "SLOW", "STICKY"]
+    assert table["next_cursor"] is None
+    text = service.client.get("/v1/reliability", params={"format": "csv"}).text
+    assert {row["loop"]: row["verdict"] for row in csv.DictReader(io.StringIO(text))} == {
+        row["loop"]: row["verdict"] for row in table["rows"]
+    }
+
+
+def test_the_health_checks_of_compose_succeed(service, audited):
+    port = service.client.base_url.port
+    for name in ("api", "worker", "beat"):
+        kind, program, *arguments = SERVICES[name]["healthcheck"]["test"]
+        assert kind == "CMD"
+        if program == "python":
+            code = arguments[1].replace(":8000", f":{port}")
+            assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
+        else:
+            done = service.processes.run(*arguments)
+            assert done.returncode == 0, done.stderr
+
+
+def test_nightly_runs_once_from_the_command_line(service, audited):
+    done = service.processes.run("nightly", timeout=180)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["total"] == 3
+
+
+def test_metrics_count_what_the_workers_did(service, audited):
+    text = service.client.get("/metrics").text
+    assert "loopaudit_loops 3" in text
+    assert 'loopaudit_uploads{state="done"} 3' in text
+
+
+def verdicts(lines: list[dict]) -> dict[str, tuple]:
+    names = ("verdict", "stiction_probability", "reliability", "yper_pct", "samples")
+    return {line["recording"]: tuple(line[name] for name in names) for line in lines}
+
+
+@pytest.mark.shared
+@pytest.mark.timeout(900)
+def test_real_recordings_get_the_verdicts_of_the_command_line(service, audited, shared_dir):
+    """The 78 recordings as files over HTTP, two workers: the same verdicts as `loopaudit audit` on the folder."""
+    folder = shared_dir / "recordings"
+    files = sorted(path for path in folder.glob("*.csv") if path.name != "labels.csv")
+    states = Counter(service.upload(path)["state"] for path in files)
+    assert states == {"done": len(files)}
+    run = service.audit(seconds=600)
+    assert run["state"] == "done", run
+    rows = service.client.get("/v1/reliability", params={"limit": 20000}).json()["rows"]
+    served = verdicts([row for row in rows if row["loop"] not in ("STICKY", "FINE", "SLOW")])
+    audit = service.processes.run("audit", str(folder), "--format", "jsonl", timeout=600)
+    assert audit.returncode == 0, audit.stderr
+    alone = verdicts([json.loads(line) for line in audit.stdout.splitlines()])
+    assert len(alone) == 78
+    assert served == alone
+
+
+def test_everything_stops_on_sigterm(service, audited):
+    """Last: the service of this module is gone afterwards."""
+    port = service.client.base_url.port
+    for process in service.processes.running:
+        assert service.processes.stop(process) == 0, service.processes.logs()
+    with pytest.raises(httpx.TransportError):
+        httpx.get(f"http://127.0.0.1:{port}/healthz", timeout=2)
