@@ -32,6 +32,7 @@ class FreeRun:
     gain: log of the ratio of their misfits; above 0 stiction explains more.
     causal_linear, causal_sticky, causal_gain: the same with only process gains that close the loop to negative feedback
     with the controller seen in the record.
+    misfit_drop, causal_drop: difference of the misfits without and with stiction.
     held_linear, held_sticky, held_gain: the same on halves that the fit has not seen (gain: difference of misfits).
     S_share, J_share: the best S as a share of a cycle's OP range, and J as a share of S.
     integral_share: how much of the controller's action is integral, 0..1.
@@ -43,6 +44,8 @@ class FreeRun:
     causal_linear: float
     causal_sticky: float
     causal_gain: float
+    misfit_drop: float
+    causal_drop: float
     held_linear: float
     held_sticky: float
     held_gain: float
@@ -86,6 +89,8 @@ def free_run(pv: FloatArray, op: FloatArray, per_cycle: int) -> FreeRun:
         causal_linear=1.0 - float(causal[0].min()),
         causal_sticky=1.0 - float(causal[1:].min()),
         causal_gain=_log_gain(causal),
+        misfit_drop=float(any_sign[0].min() - any_sign[1:].min()),
+        causal_drop=float(causal[0].min() - causal[1:].min()),
         held_linear=1.0 - held[0],
         held_sticky=1.0 - held[1],
         held_gain=held[0] - held[1],

@@ -26,11 +26,10 @@ NAMES: tuple[str, ...] = (
 
 @dataclass(frozen=True, eq=False)
 class Features:
-    """values: (F,) in the order of NAMES, averaged over the windows; spread: (F,) their standard deviation."""
+    """values: (F,) in the order of NAMES, averaged over the W windows; table: (W, F) window by window."""
 
     values: FloatArray
-    spread: FloatArray
-    windows: int
+    table: FloatArray
 
     def named(self, name: str) -> float:
         return float(self.values[NAMES.index(name)])
@@ -45,7 +44,7 @@ def extract(record: UniformRecord, oscillation: Oscillation, most_windows: int =
     if not rows:
         return None
     table = np.array(rows)
-    return Features(table.mean(axis=0), table.std(axis=0), len(rows))
+    return Features(table.mean(axis=0), table)
 
 
 def _row(window: ShapeWindow, oscillation: Oscillation) -> FloatArray:

@@ -24,6 +24,8 @@ class Quadrature:
     pv_direction, dpv_direction: correlation of PV, and of its slope, with the direction of OP.
     op_pv_direction: correlation of OP with the direction of PV.
     coherence_odd, coherence_even: imaginary and real part of the coherency at the fundamental.
+    odd_share, phase_sine: the odd part against the value at lag zero, and the sine of the phase at the fundamental:
+    the same without the strength of the coupling.
     Source: Horch 1999, doi 10.1016/S0967-0661(99)00100-8.
     """
 
@@ -39,6 +41,8 @@ class Quadrature:
     op_pv_direction: float
     coherence_odd: float
     coherence_even: float
+    odd_share: float
+    phase_sine: float
 
 
 def quadrature(window: ShapeWindow) -> Quadrature:
@@ -61,6 +65,8 @@ def quadrature(window: ShapeWindow) -> Quadrature:
         op_pv_direction=abs(correlation(window.op, np.sign(dpv))),
         coherence_odd=abs(coherency.imag),
         coherence_even=abs(coherency.real),
+        odd_share=float(odd.max()) / (float(odd.max()) + abs(zero) + 1e-9),
+        phase_sine=abs(coherency.imag) / (abs(coherency) + 1e-9),
     )
 
 

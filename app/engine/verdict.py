@@ -1,0 +1,180 @@
+"""The audited verdict: shapes fused to a calibrated probability, rivals heard, reliability stated with its reasons."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from app.engine.evidence import Reason
+from app.engine.features import NAMES, Features, extract
+from app.engine.fitness import Fitness
+from app.engine.judgement import Judgement, Reliability, Verdict
+from app.engine.oscillation import Oscillation
+from app.engine.recording import FloatArray, UniformRecord
+from app.engine.reliability import Reference
+from app.engine.rivals import Rival, compete
+from app.engine.shape_model import ShapeModel, fitted_model
+from app.engine.verdict_config import VerdictConfig
+from app.engine.verdict_wording import spoken
+
+_REASONS_GIVEN = 3
+# Findings that leave a verdict possible and take its reliability away.
+_DOUBTFUL_DATA = frozenset({"pv_quantised", "pv_interpolated", "op_interpolated", "filled"})
+
+
+@dataclass(frozen=True, eq=False)
+class Weighing:
+    """What one record's shapes say, before thresholds.
+
+    log_odds: calibrated log-odds of stiction with the rivals that stand out counted; window_spread: standard deviation
+    of the log-odds between windows. contributions: (F,) to the log-odds of the logistic, in the order of
+    `features.NAMES`. rivals: the strongest first.
+    """
+
+    log_odds: float
+    window_spread: float
+    contributions: FloatArray
+    features: Features
+    rivals: tuple[Rival, ...]
+
+    @property
+    def probability(self) -> float:
+        return 1.0 / (1.0 + float(np.exp(-np.clip(self.log_odds, -20.0, 20.0))))
+
+
+@lru_cache(maxsize=1)
+def _model() -> ShapeModel:
+    return fitted_model()
+
+
+def weigh(record: UniformRecord, oscillation: Oscillation, model: ShapeModel | None = None) -> Weighing | None:
+    """The evidence of a record's shapes, or None where PV or OP does not vary.
+
+    model: the fitted numbers; the ones that this version ships where None. Invariant to unit, offset and sign of PV and
+    OP and to the time unit.
+    """
+    features = extract(record, oscillation)
+    if features is None:
+        return None
+    return weigh_features(features, compete(record, oscillation, features), model or _model())
+
+
+def weigh_features(features: Features, rivals: tuple[Rival, ...], model: ShapeModel) -> Weighing:
+    """The same from features and rivals already at hand."""
+    against = sum(rival.counts for rival in rivals if rival.stands_out)
+    return Weighing(
+        log_odds=float(model.log_odds(features.values)) - against,
+        window_spread=float(np.std(model.log_odds(features.table))),
+        contributions=model.contributions(features.values),
+        features=features,
+        rivals=rivals,
+    )
+
+
+def judge(
+    record: UniformRecord,
+    oscillation: Oscillation,
+    fitness: Fitness,
+    reference: Reference | None = None,
+    config: VerdictConfig | None = None,
+) -> Judgement:
+    """Verdict, probability, reliability, reasons and likely cause of one record that is fit to be audited.
+
+    reference: the published rule's answer, named among the reasons where it disagrees; it does not move the verdict.
+    """
+    config = config or VerdictConfig()
+    weighing = weigh(record, oscillation)
+    if weighing is None:
+        text = "PV or OP does not vary in the audited stretch: nothing can be said"
+        return Judgement("inconclusive", 0.5, "not_reliable", (Reason("no_variation", text),), None)
+    return conclude(weighing, oscillation, fitness, reference, config)
+
+
+def conclude(
+    weighing: Weighing,
+    oscillation: Oscillation,
+    fitness: Fitness,
+    reference: Reference | None,
+    config: VerdictConfig,
+) -> Judgement:
+    """The judgement that follows from weighed evidence."""
+    probability = weighing.probability
+    verdict = _verdict(probability, config)
+    doubts = _doubts(weighing, verdict, oscillation, fitness, config)
+    reliability: Reliability = "not_reliable" if doubts else "reliable"
+    reasons = (*_shape_reasons(weighing, verdict), *_rival_reasons(weighing, verdict), *doubts)
+    if reference is not None:
+        reasons += _reference_reason(reference, verdict)
+    return Judgement(verdict, probability, reliability, reasons, _cause(weighing, verdict))
+
+
+def stuck(config: VerdictConfig | None = None) -> Judgement:
+    """The judgement on a loop in automatic whose PV does not move at all while OP travels."""
+    config = config or VerdictConfig()
+    text = "OP travels and PV does not answer at all: the valve is stuck, or the transmitter is dead; look at both"
+    reason = Reason("pv_does_not_answer", text)
+    return Judgement("stiction", config.stuck_probability, "not_reliable", (reason,), "stuck_valve_or_dead_transmitter")
+
+
+def _verdict(probability: float, config: VerdictConfig) -> Verdict:
+    if abs(probability - 0.5) < config.undecided_within:
+        return "inconclusive"
+    return "stiction" if probability > 0.5 else "no_stiction"
+
+
+def _doubts(
+    weighing: Weighing, verdict: Verdict, oscillation: Oscillation, fitness: Fitness, config: VerdictConfig
+) -> tuple[Reason, ...]:
+    """Why the verdict is not reliable; empty where it is."""
+    doubts = []
+    probability = weighing.probability
+    if config.reliable_no_stiction_to < probability < config.reliable_stiction_from:
+        text = f"the evidence is not clear enough: probability of stiction {probability:.2f}"
+        doubts.append(Reason("evidence_not_clear", text))
+    if verdict == "stiction" and oscillation.cycles < config.min_cycles:
+        text = f"the record holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be trusted"
+        doubts.append(Reason("few_cycles", text))
+    if weighing.window_spread > config.max_window_spread:
+        doubts.append(Reason("windows_disagree", "parts of the record say different things about the valve"))
+    if verdict == "stiction":
+        doubts.extend(Reason(rival.cause, rival.text) for rival in weighing.rivals if rival.stands_out and rival.counts)
+    failed = [f for f in fitness.findings if f.outcome == "fail" and f.code in _DOUBTFUL_DATA]
+    doubts.extend(Reason(finding.code, finding.text) for finding in failed)
+    if fitness.filled_share is not None and fitness.filled_share > config.max_filled_share:
+        text = f"{100 * fitness.filled_share:.0f} % of the samples were filled by interpolation"
+        doubts.append(Reason("filled_share", text))
+    return tuple(doubts)
+
+
+def _shape_reasons(weighing: Weighing, verdict: Verdict) -> tuple[Reason, ...]:
+    """The features that speak loudest for the verdict."""
+    side = -1.0 if verdict == "no_stiction" else 1.0
+    order = np.argsort(-side * weighing.contributions)
+    loudest = [k for k in order if side * weighing.contributions[k] > 0.0 and NAMES[k] in spoken(side > 0)]
+    words = spoken(side > 0)
+    return tuple(
+        Reason(f"shape_{NAMES[k]}", words[NAMES[k]].format(value=weighing.features.values[k]))
+        for k in loudest[:_REASONS_GIVEN]
+    )
+
+
+def _rival_reasons(weighing: Weighing, verdict: Verdict) -> tuple[Reason, ...]:
+    if verdict == "stiction":
+        return ()
+    return tuple(Reason(rival.cause, rival.text) for rival in weighing.rivals[:2] if rival.stands_out)
+
+
+def _reference_reason(reference: Reference, verdict: Verdict) -> tuple[Reason, ...]:
+    said = "stiction" if reference.last.stiction else "no_stiction"
+    if verdict == "inconclusive" or said == verdict:
+        return ()
+    text = f"the published rule, run beside it as the reference, says {said.replace('_', ' ')}"
+    return (Reason("reference_disagrees", text),)
+
+
+def _cause(weighing: Weighing, verdict: Verdict) -> str | None:
+    if verdict == "stiction":
+        return "stiction"
+    if weighing.rivals and weighing.rivals[0].stands_out:
+        return weighing.rivals[0].cause
+    return None

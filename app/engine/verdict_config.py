@@ -1,0 +1,24 @@
+"""How calibrated evidence becomes a verdict: thresholds, none of them fitted to single loops."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class VerdictConfig:
+    """undecided_within: a probability this near to 0.5 is inconclusive.
+
+    reliable_stiction_from, reliable_no_stiction_to: probabilities that a reliable verdict needs, chosen on
+    leave-one-valve-out scores for 97 % right.
+    min_cycles: fewest cycles of the oscillation in the record for a reliable verdict of stiction.
+    max_window_spread: largest standard deviation of the log-odds between windows for a reliable verdict.
+    max_filled_share: largest share of filled samples for a reliable verdict.
+    stuck_probability: what is said of a valve whose PV stands still while OP travels; a dead transmitter looks alike.
+    """
+
+    undecided_within: float = 0.03
+    reliable_stiction_from: float = 0.8
+    reliable_no_stiction_to: float = 0.25
+    min_cycles: float = 5.0
+    max_window_spread: float = 1.5
+    max_filled_share: float = 0.1
+    stuck_probability: float = 0.7

@@ -1,0 +1,1 @@
+"""Training and measuring the verdict: simulated loops, leave-one-valve-out, the report."""

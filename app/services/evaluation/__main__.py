@@ -1,0 +1,128 @@
+"""`python -m app.services.evaluation FOLDER`: leave-one-valve-out figures of a folder of labelled recordings.
+
+--write puts the model fitted on all of them into app/engine/verdict_parameters.py; --verdicts FILE writes the
+leave-one-valve-out verdicts as JSON lines for the scorer. Simulated loops and networks have fixed seeds: the same
+recordings give the same numbers.
+"""
+
+import argparse
+import json
+import os
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from app.engine import shape_model
+from app.engine.judgement import Judgement
+from app.engine.recording import FloatArray
+from app.engine.rivals import compete
+from app.engine.shape_model import ShapeModel
+from app.engine.verdict import conclude, stuck, weigh_features
+from app.engine.verdict_config import VerdictConfig
+from app.services.evaluation import parameters, report, scoring
+from app.services.evaluation.components import component_scores
+from app.services.evaluation.fitting import FitConfig, Samples, TextArray, fit, platt, valve_weights
+from app.services.evaluation.leave_one_out import Table, simulated_samples
+from app.services.evaluation.recordings import Labelled, labelled
+
+_PARAMETERS = Path(shape_model.__file__).with_name("verdict_parameters.py")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    options = _options().parse_args(arguments)
+    if not (options.folder / "labels.csv").is_file():
+        sys.stderr.write(f"no labels.csv in {options.folder}\n")
+        return 2
+    loops = labelled(options.folder)
+    usable = [loop for loop in loops if loop.features is not None]
+    table = _table(usable)
+    config = FitConfig()
+    simulated = simulated_samples(options.simulated, options.seed, table.values)
+    models = _models_without_each_valve(table, simulated, config)
+    raw = np.array([float(models[v].raw_log_odds(x)) for v, x in zip(table.valves, table.values, strict=True)])
+    calibration = platt(raw, table.sticky, valve_weights(table.valves, table.sticky))
+    judged = [_judged(loop, models, calibration) for loop in loops]
+    _print(loops, judged, models, options.reference)
+    if options.verdicts:
+        options.verdicts.write_text("".join(_line(loop, j) for loop, j in zip(loops, judged, strict=True)))
+    if options.write:
+        whole = Samples(table.values, table.sticky, valve_weights(table.valves, table.sticky))
+        version = parameters.write(replace(fit(whole, simulated, config), calibration=calibration), _PARAMETERS)
+        _say(f"wrote {_PARAMETERS.name}, version {version}")
+    return 0
+
+
+def _options() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m app.services.evaluation", description="measure the verdict")
+    default = os.environ.get("LOOPAUDIT_RECORDINGS", "../shared/recordings")
+    parser.add_argument("folder", type=Path, nargs="?", default=Path(default), help="recordings with labels.csv")
+    parser.add_argument("--simulated", type=int, default=8000, help="simulated loops to train on")
+    parser.add_argument("--seed", type=int, default=7)
+    parser.add_argument("--verdicts", type=Path, help="write the verdicts as JSON lines")
+    parser.add_argument("--write", action="store_true", help="write the fitted parameters into the engine")
+    parser.add_argument("--reference", action="store_true", help="run the published rule beside it (minutes)")
+    return parser
+
+
+def _table(loops: list[Labelled]) -> Table:
+    return Table(
+        np.array([loop.features.values for loop in loops if loop.features is not None]),
+        np.array([loop.valve for loop in loops]),
+        np.array([loop.sticky for loop in loops], dtype=np.int64),
+    )
+
+
+def _models_without_each_valve(table: Table, simulated: Samples, config: FitConfig) -> dict[str, ShapeModel]:
+    whole = Samples(table.values, table.sticky, valve_weights(table.valves, table.sticky))
+    valves: TextArray = np.unique(table.valves)
+    return {str(v): fit(whole.part(table.valves != v), simulated, config) for v in valves}
+
+
+def _judged(loop: Labelled, models: dict[str, ShapeModel], calibration: tuple[float, float]) -> Judgement:
+    """What the engine would say of the loop, with a model that has not seen its valve."""
+    config = VerdictConfig()
+    if loop.features is None or loop.oscillation is None or loop.fitness.record is None:
+        refused = {f.code for f in loop.fitness.findings if f.outcome == "fail"}
+        return stuck(config) if "pv_flat" in refused else Judgement("not_auditable", None, "not_reliable", (), None)
+    rivals = compete(loop.fitness.record, loop.oscillation, loop.features)
+    model = replace(models[loop.valve], calibration=calibration)
+    weighing = weigh_features(loop.features, rivals, model)
+    return conclude(weighing, loop.oscillation, loop.fitness, None, config)
+
+
+def _print(loops: list[Labelled], judged: list[Judgement], models: dict[str, ShapeModel], reference: bool) -> None:
+    valves: TextArray = np.array([loop.valve for loop in loops])
+    sticky = np.array([loop.sticky for loop in loops], dtype=np.int64)
+    stated = [0.5 if j.stiction_probability is None else j.stiction_probability for j in judged]
+    probability: FloatArray = np.array(stated)
+    label = scoring.valve_labels(valves, sticky)
+    auc, forced = scoring.bootstrap(label, scoring.by_valve(valves, probability)[1])
+    _say(f"{len(loops)} recordings of {len(label)} valves, leave one valve out\n")
+    _say(report.headline(scoring.figures(valves, sticky, judged), auc, forced))
+    _say("\nReliability diagram\n\n" + report.reliability_diagram(valves, sticky, probability))
+    _say("\nAccuracy against coverage\n\n" + report.accuracy_coverage(valves, sticky, probability))
+    scores = component_scores(loops, models, reference)
+    _say("\nEach component alone\n\n" + report.components(valves, sticky, [("verdict", probability), *scores]))
+    names = [loop.recording.name for loop in loops]
+    _say("\nOn the wrong side\n\n" + report.failures(names, [loop.cause for loop in loops], sticky, judged))
+
+
+def _line(loop: Labelled, judgement: Judgement) -> str:
+    fields = {
+        "recording": loop.recording.name,
+        "verdict": judgement.verdict,
+        "stiction_probability": judgement.stiction_probability,
+        "reliability": judgement.reliability,
+        "likely_cause": judgement.likely_cause,
+    }
+    return json.dumps(fields) + "\n"
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(text + "\n")
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,48 @@
+"""Scores of each component of the verdict alone, and of the published rule beside it."""
+
+import numpy as np
+
+from app.engine import verdict_reference
+from app.engine.audit import newest
+from app.engine.recording import FloatArray
+from app.engine.reliability import climb
+from app.engine.shape_model import ShapeModel
+from app.errors import DataError
+from app.services.evaluation.fitting import SIGNS
+from app.services.evaluation.recordings import Labelled
+
+_SHOWN = ("ccf_odd", "op_dpv", "loop_area", "leg_still", "flat_eighth", "gain", "causal_gain", "held_gain",
+          "op_kurtosis", "op_fundamental", "op_fast", "op_triangle", "pv_bicoherence", "pv_roughness", "integral_share",
+          "oscillation_strength", "oscillation_regularity")  # fmt: skip
+_NEWEST = 5000
+
+
+def component_scores(
+    loops: list[Labelled], models: dict[str, ShapeModel], reference: bool
+) -> list[tuple[str, FloatArray]]:
+    """(name, (n,) scores, NaN where the component does not apply); higher speaks for stiction."""
+    logistic = [None if x.features is None else models[x.valve].logistic_part(x.features.values) for x in loops]
+    network = [None if x.features is None else models[x.valve].network_part(x.features.values) for x in loops]
+    scores = [("shape logistic", _array(logistic)), ("shape networks", _array(network))]
+    for name in _SHOWN:
+        values = [None if x.features is None else SIGNS[name] * x.features.named(name) for x in loops]
+        scores.append((name, _array(values)))
+    if reference:
+        scores.extend(_published(loops))
+    return scores
+
+
+def _published(loops: list[Labelled]) -> list[tuple[str, FloatArray]]:
+    yper, rule = [], []
+    for loop in loops:
+        try:
+            found = None if loop.fitness.record is None else climb(newest(loop.fitness.record, _NEWEST))
+        except DataError:
+            found = None
+        yper.append(None if found is None else found.yper.yper_pct)
+        rule.append(None if found is None else verdict_reference.judge(found).stiction_probability)
+    return [("Yper, unit standard deviation", _array(yper)), ("published rule", _array(rule))]
+
+
+def _array(values: list[float | None]) -> FloatArray:
+    return np.array([np.nan if value is None else float(value) for value in values])
