@@ -1,4 +1,4 @@
-"""Every setting of the service: an environment variable LOOPAUDIT_<NAME> each, with what it means. The README lists them all."""
+"""Every setting of the service: an environment variable LOOPAUDIT_<NAME> each, with what it means."""
 
 import os
 from datetime import time
@@ -42,7 +42,8 @@ class Settings(BaseSettings):
     lease_s: float = Field(
         45.0, gt=0, description="A claim that is not renewed is given to another worker after this time."
     )
-    max_attempts: int = Field(3, ge=1, description="How often a loop or an upload is tried that takes its worker down.")
+    max_attempts: int = Field(3, ge=1, description="How often a loop is tried that takes its worker down.")
+    max_reading_attempts: int = Field(10, ge=1, description="How often an upload is tried that takes its worker down.")
     sweep_s: float = Field(
         15.0, gt=0, description="How often lost messages and dead workers are looked for, in seconds."
     )

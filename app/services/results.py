@@ -128,7 +128,7 @@ class PlantSummary:
 
 @dataclass(frozen=True)
 class Readiness:
-    """`state` is degraded where all but the broker works; `checks` holds a word or a number for each thing looked at."""
+    """`state` is degraded where all but the broker works; `checks` holds a word or a number for each thing."""
 
     state: Literal["ready", "degraded", "not_ready"]
     checks: dict[str, Any] = field(default_factory=dict)

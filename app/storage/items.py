@@ -130,7 +130,7 @@ def failures(connection: Connection, audit_id: int, limit: int) -> list[FailureR
 
 def _take(connection: Connection, audit_id: int, owner: str, chosen: Select[Any], lease_s: float) -> list[Claim]:
     running = select(audits.c.id).where(audits.c.id == audit_id, audits.c.state.in_(("planned", "running")))
-    # A common table expression is evaluated once; as a plain subquery PostgreSQL may run it for each row, past its limit.
+    # A common table expression runs once; PostgreSQL may run a plain subquery for each row, past its limit.
     picked = chosen.cte("picked")
     taken = connection.execute(
         update(audit_items)

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Connection, Select, select, update
+from sqlalchemy import Connection, Select, func, select, update
 
 from app.storage.series import insert_new
 from app.storage.tables import loops
@@ -103,3 +104,22 @@ def _one(connection: Connection, query: Select[Any]) -> LoopRow | None:
 
 def _range(low: float | None, high: float | None) -> tuple[float, float] | None:
     return None if low is None or high is None else (low, high)
+
+
+def fill_in(connection: Connection, told: dict[int, dict[str, Any]]) -> None:
+    """Sets what a mapping tells about loops, where nobody has set it yet."""
+    rows = by_ids(connection, told)
+    for loop_id, values in sorted(told.items()):
+        unset = {name: value for name, value in values.items() if getattr(rows[loop_id], name) is None}
+        if unset:
+            change(connection, loop_id, unset)
+
+
+def count(connection: Connection) -> int:
+    return connection.scalar(select(func.count()).select_from(loops)) or 0
+
+
+def any_before(connection: Connection, moment: datetime) -> bool:
+    """Whether a loop with samples was known before `moment`."""
+    query = select(loops.c.id).where(loops.c.created_at < moment, loops.c.newest_ns.is_not(None)).limit(1)
+    return connection.scalar(query) is not None

@@ -35,7 +35,7 @@ def add(connection: Connection, stretches: Sequence[Stretch], upload_id: int | N
     for known in _known(connection, list(prints)):
         del prints[known]
     rows = _rows(prints, _overlapped(connection, list(prints.values())), upload_id)
-    rows.sort(key=lambda row: (row["loop_id"], row["start_ns"]))
+    rows.sort(key=lambda row: row["loop_id"])  # one order for all writers: none waits for another in a circle
     if rows:
         connection.execute(insert_new(connection, series), rows)
         _note_newest(connection, rows)

@@ -13,6 +13,7 @@ from app.storage.tables import loops, rejects, upload_loops, uploads
 from app.storage.types import clock_s, now
 
 UNREAD = ("received", "reading")
+OUR_FAULTS = ("reader_lost", "fault")
 
 
 @dataclass(frozen=True)
@@ -161,3 +162,18 @@ def _held(claim: ReadingClaim) -> Any:
         uploads.c.owner == claim.owner,
         uploads.c.attempts == claim.attempt,
     )
+
+
+def try_again(connection: Connection, upload_id: int) -> bool:
+    """Whether an upload that failed by a fault of ours was sent again, and is to be read again."""
+    result = connection.execute(
+        update(uploads)
+        .where(uploads.c.id == upload_id, uploads.c.state == "failed", uploads.c.error_code.in_(OUR_FAULTS))
+        .values(state="received", attempts=0, ended_at=None, error_code=None, error_text=None)
+    )
+    return result.rowcount == 1
+
+
+def hand_back(connection: Connection, claim: ReadingClaim) -> None:
+    """The reading went wrong by a fault of ours: the lease ends now, so that the sweeper lets it be tried again."""
+    connection.execute(_held(claim).values(lease_until_s=clock_s()))

@@ -1,0 +1,80 @@
+"""The Celery application: one way of working on every broker."""
+
+from typing import Any
+
+from celery import Celery
+from kombu import Queue as KombuQueue
+from kombu.transport import TRANSPORT_ALIASES
+
+from app.queue.jobs import AUDIT_CHUNK, QUEUE_OF, QUEUES, READ_UPLOAD, SWEEP
+from app.settings import Settings
+
+FOLDER = "folder://"
+CHUNK_HARD_LIMIT_S = 600
+READING_HARD_LIMIT_S = 4 * 3600
+VISIBILITY_TIMEOUT_S = 900
+
+TRANSPORT_ALIASES["folder"] = "app.queue.folder:Transport"
+
+
+def celery_application(settings: Settings) -> Celery:
+    """An application for the broker of the settings; its tasks stand in the package `workers`."""
+    application = Celery("loopaudit", set_as_current=False, include=["workers.tasks"])
+    application.settings = settings
+    application.conf.update(
+        broker_url=FOLDER if _in_folder(settings) else settings.resolved_broker_url,
+        broker_transport_options=_transport_options(settings),
+        broker_connection_retry_on_startup=True,
+        broker_connection_max_retries=None,
+        broker_connection_timeout=5,
+        accept_content=["json"],
+        task_serializer="json",
+        task_ignore_result=True,
+        task_queues=[KombuQueue(name, routing_key=name) for name in QUEUES],
+        task_default_queue=QUEUE_OF[SWEEP],
+        task_routes={job: {"queue": queue} for job, queue in QUEUE_OF.items()},
+        task_annotations={
+            AUDIT_CHUNK: {"time_limit": CHUNK_HARD_LIMIT_S},
+            READ_UPLOAD: {"time_limit": READING_HARD_LIMIT_S},
+        },
+        # A task that was cut off is not lost with its message: the data base has its work, and the sweeper looks.
+        task_acks_late=True,
+        task_publish_retry=True,
+        task_publish_retry_policy={"max_retries": 2, "interval_start": 0.1, "interval_step": 0.2, "interval_max": 0.5},
+        worker_prefetch_multiplier=1,
+        worker_disable_prefetch=settings.resolved_broker_url.startswith("redis"),
+        worker_enable_remote_control=False,
+        worker_send_task_events=False,
+        worker_soft_shutdown_timeout=30.0,
+        worker_max_tasks_per_child=settings.worker_tasks,
+        worker_max_memory_per_child=settings.worker_memory_mb * 1024,
+        worker_hijack_root_logger=False,
+        worker_redirect_stdouts=False,
+        worker_pool_start_method="fork",  # the children share the compiled kernels of their parent
+        beat_scheduler="celery.beat:Scheduler",  # nothing to remember: the data base knows what is due
+        beat_max_loop_interval=5,
+        beat_schedule={"sweep": _every(settings.sweep_s)},
+    )
+    return application
+
+
+def _every(seconds: float) -> dict[str, Any]:
+    return {"task": SWEEP, "schedule": seconds, "options": {"expires": max(60.0, 4 * seconds)}}
+
+
+def _in_folder(settings: Settings) -> bool:
+    return settings.resolved_broker_url.startswith(FOLDER)
+
+
+def _transport_options(settings: Settings) -> dict[str, Any]:
+    if _in_folder(settings):
+        return {"folder": settings.resolved_broker_url.removeprefix(FOLDER), "polling_interval": 0.2}
+    if not settings.resolved_broker_url.startswith("redis"):
+        return {}
+    return {
+        "visibility_timeout": VISIBILITY_TIMEOUT_S,
+        "socket_timeout": 30,
+        "socket_connect_timeout": 5,
+        "socket_keepalive": True,
+        "health_check_interval": 25,
+    }

@@ -1,0 +1,117 @@
+"""Celery's messages as files in a folder: a broker that needs no server.
+
+kombu's own file transport loses its worker to a half-written or empty file, moves messages through the system's
+temporary folder and writes the table of queues in place. Here a message appears whole or not at all, a file that cannot
+be read is dropped, and everything stays in one folder that only its owner can enter.
+"""
+
+import fcntl
+import os
+import time
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from queue import Empty
+from typing import Any
+
+from kombu.transport import filesystem
+from kombu.utils.json import dumps, loads
+
+MOST_WAITING = 2000
+"""More doorbells than this ring for nobody: without a worker, the schedule must not fill the disk."""
+
+
+class Channel(filesystem.Channel):
+    """One folder with `waiting` (a file a message) and `queues` (which queue hears which exchange)."""
+
+    def _put(self, queue: str, payload: Any, **options: Any) -> None:
+        waiting = self._folder("waiting")
+        if self._size(queue) >= MOST_WAITING:
+            return
+        name = f"{time.time_ns():020d}_{uuid.uuid4().hex}.{queue}.msg"
+        _write_whole(waiting / name, dumps(payload))
+
+    def _get(self, queue: str) -> Any:
+        taken = self._folder("taken")
+        for path in self._waiting(queue):
+            mine = taken / f"{os.getpid()}_{path.name}"
+            try:
+                path.rename(mine)
+                text = mine.read_text(encoding="utf-8")
+                mine.unlink()
+            except FileNotFoundError:
+                continue  # another worker was quicker
+            payload = _parsed(text)
+            if payload is not None:
+                return payload
+        raise Empty
+
+    def _size(self, queue: str) -> int:
+        return len(self._waiting(queue))
+
+    def _purge(self, queue: str) -> int:
+        found = self._waiting(queue)
+        for path in found:
+            path.unlink(missing_ok=True)
+        return len(found)
+
+    def get_table(self, exchange: str) -> list[filesystem.exchange_queue_t]:
+        try:
+            found = loads(self._table(exchange).read_text(encoding="utf-8"))
+        except (FileNotFoundError, ValueError):
+            return []
+        return [filesystem.exchange_queue_t(*row) for row in found]
+
+    def _queue_bind(self, exchange: str, routing_key: str, pattern: str, queue: str) -> None:
+        row = filesystem.exchange_queue_t(routing_key or "", pattern or "", queue or "")
+        with self._one_at_a_time():
+            rows = self.get_table(exchange)
+            if row not in rows:
+                _write_whole(self._table(exchange), dumps([row, *rows]))
+
+    def _waiting(self, queue: str) -> list[Path]:
+        ending = f".{queue}.msg"
+        folder = self._folder("waiting")
+        return [folder / name for name in sorted(os.listdir(folder)) if name.endswith(ending)]
+
+    def _table(self, exchange: str) -> Path:
+        return self._folder("queues") / self._exchange_file(exchange).name
+
+    @contextmanager
+    def _one_at_a_time(self) -> Iterator[None]:
+        with (self._folder("queues") / "lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            yield
+
+    def _folder(self, part: str) -> Path:
+        folder = Path(self.transport_options["folder"]) / part
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        return folder
+
+
+class Transport(filesystem.Transport):
+    """`folder://`, with the transport option `folder`."""
+
+    Channel = Channel
+    driver_type = "folder"
+    driver_name = "folder"
+
+
+def _write_whole(path: Path, text: str) -> None:
+    """Under its name the file is whole or not there."""
+    draft = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
+    try:
+        draft.write_text(text, encoding="utf-8")
+        draft.rename(path)
+    finally:
+        with suppress(FileNotFoundError):
+            draft.unlink()
+
+
+def _parsed(text: str) -> Any:
+    try:
+        payload = loads(text)
+    except ValueError:
+        return None
+    return payload if isinstance(payload, dict) and "body" in payload and "properties" in payload else None

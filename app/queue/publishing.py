@@ -1,0 +1,58 @@
+"""Rings for a worker, after the commit; never fails its caller, because the sweeper rings again."""
+
+import logging
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from kombu.exceptions import OperationalError
+
+from app.queue.jobs import AUDIT_CHUNK, READ_UPLOAD, SWEEP
+from app.settings import Settings
+
+if TYPE_CHECKING:
+    from celery import Celery
+
+log = logging.getLogger("loopaudit.queue")
+
+
+class Queue:
+    """The door to the broker. The connection is made when it is first needed."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+
+    def read_upload(self, upload_id: int) -> bool:
+        return self._send(READ_UPLOAD, upload_id)
+
+    def audit_chunks(self, audit_id: int, messages: int) -> bool:
+        return all(self._send(AUDIT_CHUNK, audit_id) for _ in range(messages))
+
+    def sweep(self) -> bool:
+        return self._send(SWEEP)
+
+    def reachable(self) -> bool:
+        """Whether the broker answers within a few seconds."""
+        try:
+            with self._application.connection_for_write() as connection:
+                connection.ensure_connection(max_retries=1, interval_start=0, timeout=3)
+        except (OperationalError, OSError):
+            return False
+        return True
+
+    def close(self) -> None:
+        if "_application" in self.__dict__:
+            self._application.close()
+
+    def _send(self, job: str, *arguments: int) -> bool:
+        try:
+            self._application.send_task(job, args=arguments)
+        except (OperationalError, OSError) as error:
+            log.warning("broker away, %s%r waits for the sweeper: %s", job, arguments, error)
+            return False
+        return True
+
+    @cached_property
+    def _application(self) -> "Celery":
+        from app.queue.application import celery_application
+
+        return celery_application(self._settings)

@@ -1,0 +1,34 @@
+"""Runs a worker or the schedule in this process, until it is told to stop (SIGTERM, SIGINT)."""
+
+import os
+import uuid
+
+from app.queue.jobs import QUEUES
+from app.settings import Settings, use_one_thread
+
+# Not used, and each would talk to all other workers over the broker.
+QUIET = ("--without-gossip", "--without-mingle", "--without-heartbeat")
+
+
+def run_worker(settings: Settings, concurrency: int = 1, log_level: str = "WARNING") -> None:
+    """Reads uploads and audits loops, in `concurrency` processes of one thread each. Blocks; SIGTERM ends it softly."""
+    use_one_thread()
+    from app.queue.application import celery_application
+
+    settings.prepare_folders()
+    name = f"loopaudit-{os.getpid()}-{uuid.uuid4().hex[:6]}@%h"
+    pool = ("--pool", "prefork", "--concurrency", str(concurrency))
+    queues = ("--queues", ",".join(QUEUES))
+    application = celery_application(settings)
+    application.set_current()
+    application.worker_main(["worker", "--hostname", name, *pool, *queues, *QUIET, "--loglevel", log_level])
+
+
+def run_beat(settings: Settings, log_level: str = "WARNING") -> None:
+    """Asks for a sweep every few seconds, which also starts the nightly audit when it is due. Two do no harm."""
+    from app.queue.application import celery_application
+
+    settings.prepare_folders()
+    application = celery_application(settings)
+    application.set_current()
+    application.start(["beat", "--pidfile", "", "--loglevel", log_level])

@@ -1,0 +1,137 @@
+"""Audit runs: planned for the loops of a filter, worked off in chunks, ended when no loop is left."""
+
+import json
+import math
+import time
+from collections.abc import Iterator
+
+from app.engine.audit_config import AuditConfig
+from app.errors import NotFoundError, RequestError
+from app.services.audit_line import iso_utc
+from app.services.backend import Backend
+from app.services.cursors import decode, encode, identifier
+from app.services.results import AuditView, FailureView, Page
+from app.storage import audits, items, loops
+from app.storage.audits import AuditRow, LoopFilter, Progress
+
+LISTED_FAILURES = 100
+
+__all__ = ["LoopFilter", "cancel_audit", "events", "failures", "get_audit", "list_audits", "start_audit"]
+
+
+def start_audit(
+    backend: Backend,
+    wanted: LoopFilter | None = None,
+    *,
+    trigger: str = "request",
+    nightly_for: str | None = None,
+    config: AuditConfig | None = None,
+) -> AuditView:
+    """Plans a run over the loops with samples that fit the filter, and wakes the workers.
+
+    The run of a night (`nightly_for`, a date) is planned once; asked for again, it is that run. Raises RequestError
+    ("unknown_loops") where a named tag is not there.
+    """
+    wanted = wanted or LoopFilter()
+    _check_tags(backend, wanted)
+    settings, config = backend.settings, config or AuditConfig()
+    values = {
+        "trigger": trigger,
+        "plant": settings.plant,
+        "nightly_for": nightly_for,
+        "filter_json": json.dumps(vars(wanted)),
+        "config_json": config.canonical_json(),
+        "config_fingerprint": config.fingerprint(),
+        "window_h": settings.window_h,
+        "window_samples": settings.window_samples,
+    }
+    with backend.database.write() as connection:
+        audit_id = audits.plan(connection, values, wanted)
+        if audit_id is None:
+            known = audits.by_night(connection, settings.plant, nightly_for or "")
+    if audit_id is None:
+        return get_audit(backend, str(known.id if known else 0))
+    announce(backend, audit_id)
+    return get_audit(backend, str(audit_id))
+
+
+def announce(backend: Backend, audit_id: int) -> None:
+    """As many messages as there are chunks left, up to the fan-out; each goes on while there is something to do."""
+    with backend.database.write() as connection:
+        left = audits.progress(connection, [audit_id])[audit_id].open
+        audits.note_announced(connection, audit_id)
+    chunks = math.ceil(left / backend.settings.chunk_loops)
+    backend.queue.audit_chunks(audit_id, min(chunks, backend.settings.fan_out))
+
+
+def get_audit(backend: Backend, audit_id: str) -> AuditView:
+    number = identifier(audit_id, "audit")
+    with backend.database.read() as connection:
+        row = audits.by_id(connection, number)
+        if row is None:
+            raise NotFoundError("unknown_audit", f"there is no audit {audit_id!r}")
+        progress = audits.progress(connection, [number])[number]
+        failed = items.failures(connection, number, LISTED_FAILURES) if progress.failed else []
+    return _view(row, progress, [FailureView(f.tag, f.code, f.text) for f in failed])
+
+
+def list_audits(backend: Backend, limit: int = 50, cursor: str | None = None) -> Page[AuditView]:
+    """Runs, the newest first, without their failures."""
+    before = decode(cursor, (int,))
+    with backend.database.read() as connection:
+        rows = audits.page(connection, limit + 1, before[0] if before else None)
+        progress = audits.progress(connection, [row.id for row in rows[:limit]])
+    following = encode(rows[limit - 1].id) if len(rows) > limit else None
+    return Page([_view(row, progress[row.id], []) for row in rows[:limit]], following)
+
+
+def failures(backend: Backend, audit_id: str, limit: int = 20_000) -> list[FailureView]:
+    with backend.database.read() as connection:
+        found = items.failures(connection, identifier(audit_id, "audit"), limit)
+    return [FailureView(f.tag, f.code, f.text) for f in found]
+
+
+def cancel_audit(backend: Backend, audit_id: str) -> AuditView:
+    """Stops a run: its open loops become failed(cancelled). A run that has ended stays as it is."""
+    with backend.database.write() as connection:
+        audits.cancel(connection, identifier(audit_id, "audit"))
+    return get_audit(backend, audit_id)
+
+
+def events(backend: Backend, audit_id: str, every_s: float = 0.5, keep_alive_s: float = 15.0) -> Iterator[AuditView]:
+    """The run as it is, again at each change (and every `keep_alive_s`), until it has ended. Sleeps in between."""
+    told: AuditView | None = None
+    told_at = 0.0
+    while told is None or not told.ended:
+        now = get_audit(backend, audit_id)
+        if now != told or time.monotonic() - told_at > keep_alive_s:
+            yield now
+            told, told_at = now, time.monotonic()
+        if not now.ended:
+            time.sleep(every_s)
+
+
+def _check_tags(backend: Backend, wanted: LoopFilter) -> None:
+    if wanted.tags is None:
+        return
+    with backend.database.read() as connection:
+        known = loops.ids_of(connection, wanted.tags)
+    missing = [tag for tag in wanted.tags if tag not in known]
+    if missing:
+        shown = ", ".join(repr(tag) for tag in missing[:5])
+        raise RequestError("unknown_loops", f"{len(missing)} of {len(wanted.tags)} tags are not there: {shown}")
+
+
+def _view(row: AuditRow, progress: Progress, failed: list[FailureView]) -> AuditView:
+    return AuditView(
+        id=str(row.id),
+        state=row.state,  # type: ignore[arg-type]  # the table allows no other
+        trigger=row.trigger,
+        created_at=iso_utc(row.created_at) or "",
+        ended_at=iso_utc(row.ended_at),
+        total=row.total,
+        open=progress.open + progress.claimed,
+        done=progress.done,
+        failed=progress.failed,
+        failures=failed,
+    )

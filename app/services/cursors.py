@@ -1,0 +1,43 @@
+"""Where a page ends, as a text that clients hand back and need not understand."""
+
+import base64
+import binascii
+import json
+from datetime import datetime
+from typing import Any
+
+from app.errors import RequestError
+
+LONGEST = 2000
+
+
+def encode(*values: Any) -> str:
+    marked = [{"t": value.isoformat()} if isinstance(value, datetime) else value for value in values]
+    return base64.urlsafe_b64encode(json.dumps(marked).encode()).decode().rstrip("=")
+
+
+def decode(cursor: str | None, kinds: tuple[type | tuple[type, ...], ...]) -> list[Any] | None:
+    """The values that `encode` was given; None for no cursor. Raises RequestError("bad_cursor") for any other text."""
+    if cursor is None:
+        return None
+    try:
+        padded = cursor[:LONGEST] + "=" * (-len(cursor) % 4)
+        values = [_unmarked(value) for value in json.loads(base64.urlsafe_b64decode(padded.encode("ascii")))]
+    except (binascii.Error, ValueError, TypeError, RecursionError) as error:
+        raise _refused(cursor) from error
+    if len(values) != len(kinds) or not all(isinstance(v, k) for v, k in zip(values, kinds, strict=True)):
+        raise _refused(cursor)
+    return values
+
+
+def _unmarked(value: Any) -> Any:
+    return datetime.fromisoformat(value["t"]) if isinstance(value, dict) and set(value) == {"t"} else value
+
+
+def _refused(cursor: str) -> RequestError:
+    return RequestError("bad_cursor", f"got the cursor {cursor[:40]!r}; give back `next_cursor` of the page before")
+
+
+def identifier(text: str, what: str) -> int:
+    """The number behind an identifier; 0, which nothing has, for a text that is none."""
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 19 else 0
