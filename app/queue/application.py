@@ -22,7 +22,7 @@ def celery_application(settings: Settings) -> Celery:
     application = Celery("loopaudit", set_as_current=False, include=["workers.tasks"])
     application.settings = settings
     application.conf.update(
-        broker_url=FOLDER if _in_folder(settings) else settings.resolved_broker_url,
+        broker_url=f"{FOLDER}localhost" if _in_folder(settings) else settings.resolved_broker_url,
         broker_transport_options=_transport_options(settings),
         broker_connection_retry_on_startup=True,
         broker_connection_max_retries=None,

@@ -21,7 +21,7 @@ def run_worker(settings: Settings, concurrency: int = 1, log_level: str = "WARNI
     queues = ("--queues", ",".join(QUEUES))
     application = celery_application(settings)
     application.set_current()
-    application.worker_main(["worker", "--hostname", name, *pool, *queues, *QUIET, "--loglevel", log_level])
+    application.start(["--quiet", "worker", "--hostname", name, *pool, *queues, *QUIET, "--loglevel", log_level])
 
 
 def run_beat(settings: Settings, log_level: str = "WARNING") -> None:
@@ -31,4 +31,4 @@ def run_beat(settings: Settings, log_level: str = "WARNING") -> None:
     settings.prepare_folders()
     application = celery_application(settings)
     application.set_current()
-    application.start(["beat", "--pidfile", "", "--loglevel", log_level])
+    application.start(["--quiet", "beat", "--pidfile", "", "--loglevel", log_level])

@@ -1,6 +1,6 @@
 """What the product does, in its users' words: plain functions, without a web framework.
 
-Every function takes a `Backend` first (settings, data base, queue; see `app.services.backend`): `Backend.open(settings)`
+Every function takes a `Backend` first (settings, data base, queue; `app.services.backend`): `Backend.open(settings)`
 once a process, `backend.close()` at its end. What a user can mend is raised as an `app.errors.LoopauditError`,
 `NotFoundError` where something is not there. Results are frozen dataclasses of `app.services.results`: times are ISO
 8601 in UTC, ids are strings, pages have `rows` and `next_cursor`. Rows of the reliability table are dicts with the

@@ -59,7 +59,8 @@ def plan(connection: Connection, values: dict[str, Any], wanted: LoopFilter) -> 
     if audit_id is None:
         return None
     chosen = select(literal(audit_id), loops.c.id).where(*_conditions(wanted)).order_by(loops.c.id)
-    total = connection.execute(insert(audit_items).from_select(["audit_id", "loop_id"], chosen)).rowcount
+    connection.execute(insert(audit_items).from_select(["audit_id", "loop_id"], chosen))
+    total = connection.scalar(select(func.count()).where(audit_items.c.audit_id == audit_id)) or 0
     ended = {"state": "done", "ended_at": now()} if total == 0 else {}
     connection.execute(update(audits).where(audits.c.id == audit_id).values(total=total, **ended))
     return audit_id
