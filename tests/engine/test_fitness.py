@@ -158,8 +158,19 @@ def test_short_holes_are_filled_and_counted():
 
 def test_a_record_that_is_mostly_filling_is_refused():
     t = np.cumsum(np.where(np.arange(N) % 4 == 0, 6.0, 1.0))
-    fitness = assess(cycling(time_s=t))
+    fitness = assess(cycling(time_s=t), FitnessConfig(max_filled_share=0.05))
     assert refused(fitness) == ["filled"]
+
+
+def test_samples_at_random_times_are_put_on_a_grid_that_they_can_fill():
+    t = np.cumsum(np.random.default_rng(6).exponential(size=N))
+    recording = cycling(time_s=t, pv=np.sin(t / 20), op=np.cos(t / 20))
+    fitness = assess(recording)
+    assert fitness.auditable
+    assert fitness.filled_share < 0.3
+    assert fitness.record.sampling_interval_s == pytest.approx(2.0, rel=0.2)
+    times = t[0] + fitness.record.sampling_interval_s * np.arange(fitness.record.samples)
+    np.testing.assert_allclose(fitness.record.pv, np.sin(times / 20), atol=0.05)
 
 
 def test_late_scans_are_taken_as_they_are():

@@ -1,5 +1,7 @@
 """From the samples of a stretch to a uniform time base."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from app.engine.fitness.config import FitnessConfig
@@ -26,22 +28,55 @@ def to_uniform(
     """The stretch on a uniform time base: as it is where its sampling is regular, else interpolated linearly.
 
     time_s, pv, op, sp: (N,), N > 1; pv and op finite; sp may miss values. origin_s: the recording's first time in s.
-    The interval is the mean of a regular stretch (which jitter does not bias) and the median of an irregular one
-    (which holes do not bias). A sample is `filled` where the nearest measured one is more than half an interval away.
+    The interval is the mean of a regular stretch, which late scans do not bias. Of an irregular one it is the median,
+    or, where that would fill more than `config.max_filled_share`, the mean or twice the mean, if one of them would not:
+    a signal that was stored at random times holds no more than that. A sample is `filled` where the nearest measured
+    one is more than half an interval away.
     """
     sp = _complete(time_s, sp)
     start_s = float(time_s[0] - origin_s)
     if is_regular(time_s, config):
-        interval = float((time_s[-1] - time_s[0]) / (len(time_s) - 1))
+        interval = _mean_interval(time_s)
         return UniformRecord(interval, pv.copy(), op.copy(), sp, np.zeros(len(time_s), dtype=bool), start_s)
-    interval = typical_interval(time_s)
-    count = int(np.floor((time_s[-1] - time_s[0]) / interval * (1.0 + 1e-12))) + 1
-    grid = time_s[0] + interval * np.arange(count)
-    filled = _far_from_measured(grid, time_s, 0.5 * interval)
-    on_grid_sp = None if sp is None else np.interp(grid, time_s, sp)
+    grid = _grid(time_s, config)
     return UniformRecord(
-        interval, np.interp(grid, time_s, pv), np.interp(grid, time_s, op), on_grid_sp, filled, start_s
+        grid.interval_s,
+        np.interp(grid.time_s, time_s, pv),
+        np.interp(grid.time_s, time_s, op),
+        None if sp is None else np.interp(grid.time_s, time_s, sp),
+        grid.filled,
+        start_s,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Uniform times (K,) in s, and which of them are far from any measured sample."""
+
+    interval_s: float
+    time_s: FloatArray
+    filled: BoolArray
+
+
+def _grid(time_s: FloatArray, config: FitnessConfig) -> _Grid:
+    mean = _mean_interval(time_s)
+    grids = [_grid_of(time_s, interval) for interval in (typical_interval(time_s), mean, 2.0 * mean)]
+    good = [
+        grid
+        for grid in grids
+        if np.mean(grid.filled) <= config.max_filled_share and len(grid.time_s) >= config.min_samples
+    ]
+    return (good or grids)[0]
+
+
+def _grid_of(time_s: FloatArray, interval_s: float) -> _Grid:
+    count = int(np.floor((time_s[-1] - time_s[0]) / interval_s * (1.0 + 1e-12))) + 1
+    times = time_s[0] + interval_s * np.arange(count)
+    return _Grid(interval_s, times, _far_from_measured(times, time_s, 0.5 * interval_s))
+
+
+def _mean_interval(time_s: FloatArray) -> float:
+    return float((time_s[-1] - time_s[0]) / (len(time_s) - 1))
 
 
 def _complete(time_s: FloatArray, sp: FloatArray | None) -> FloatArray | None:
