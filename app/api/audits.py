@@ -25,7 +25,7 @@ router = APIRouter(tags=["audits"])
 )
 def start(response: Response, backend: Services, wanted: AuditIn) -> Any:
     """Audits the plant, or the loops that the body names. 202: the run is stored; workers do it."""
-    run = service.start_audit(backend, service.LoopFilter(**wanted.model_dump()), trigger="request")
+    run = service.start_audit(backend, loop_filter(wanted), trigger="request")
     response.headers["Location"] = f"/v1/audits/{run.id}"
     return run
 
@@ -46,6 +46,10 @@ async def events(request: Request, backend: Services, audit_id: str) -> Streamin
 @router.get("/audits/{audit_id}", response_model=AuditOut, responses=responses(404), summary="One run and its progress")
 def audit(backend: Services, audit_id: str) -> Any:
     return service.get_audit(backend, audit_id)
+
+
+def loop_filter(wanted: AuditIn) -> service.LoopFilter:
+    return service.LoopFilter(None if wanted.tags is None else tuple(wanted.tags), wanted.unit, wanted.type)
 
 
 async def watched(request: Request, backend: Services, audit_id: str) -> AsyncIterator[str]:

@@ -16,7 +16,7 @@ router = APIRouter(tags=["loops"])
 
 Search = Annotated[str | None, Query(max_length=200, description="Part of a tag.")]
 Unit = Annotated[str | None, Query(max_length=200, description="Plant unit.")]
-Points = Annotated[int, Query(ge=2, le=20000, description="About how many points are wanted.")]
+Points = Annotated[int, Query(ge=2, le=10000, description="About how many points are wanted.")]
 Instant = Annotated[datetime | None, Query(description="ISO 8601; without an offset it is UTC.")]
 
 # The routes with more behind the tag come first: a tag may hold slashes.

@@ -122,6 +122,7 @@ class AuditIn(BaseModel):
 
     tags: list[Name] | None = Field(None, description="Only these loops.", max_length=20000)
     unit: Name | None = Field(None, description="Only loops of this plant unit.")
+    type: Name | None = Field(None, description="Only loops of this type.")
 
 
 class FailureOut(Read):

@@ -8,7 +8,7 @@ from starlette.responses import JSONResponse, PlainTextResponse
 
 from app.api.backend import Services
 from app.api.models import ReadyOut
-from app.services import maintenance as service
+from app.services import operations as service
 from app.services.metrics import Metric
 from app.services.metrics import metrics as collected
 

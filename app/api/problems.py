@@ -21,6 +21,7 @@ STATUS_BY_CODE = {
     "upload_too_large": HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
     "media_type": HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
     "content_encoding": HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
+    "upload_timeout": HTTPStatus.REQUEST_TIMEOUT,
     "wrong_state": HTTPStatus.CONFLICT,
     "disk_full": HTTPStatus.INSUFFICIENT_STORAGE,
 }

@@ -4,13 +4,15 @@ from enum import StrEnum
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
+from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import JSONResponse, Response
 
-from app.api.backend import Cursor, Services
+from app.api.backend import Services
 from app.api.models import ReliabilityPage
 from app.api.problems import responses
 from app.services import reliability as service
-from app.services.audit_line import ReliabilityRow
+from app.services.audit_line import ReadingName, ReliabilityName, ReliabilityRow, VerdictName
+from app.services.cursors import identifier
 from app.services.spreadsheet import csv_lines
 
 LARGEST_PAGE = 20_000
@@ -25,9 +27,33 @@ class Format(StrEnum):
     csv = "csv"
 
 
-Limit = Annotated[int, Query(ge=1, le=LARGEST_PAGE, description="Rows a page.")]
-Sort = Annotated[str | None, Query(max_length=60, description="A column; `-` before it turns the order around.")]
-Filters = Annotated[service.RowFilter, Query()]
+class TableQuery(BaseModel):
+    """Which rows, in which order; all filters that are given must hold."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    limit: int = Field(1000, ge=1, le=LARGEST_PAGE, description="Rows a page.")
+    cursor: str | None = Field(None, max_length=2000, description="`next_cursor` of the page before.")
+    sort: str = Field("loop", max_length=60, description="A column; `-` before it turns the order around.")
+    format: Format = Field(Format.json, description="json or csv.")
+    verdict: list[VerdictName] = Field([], description="Only these verdicts; may be given several times.")
+    reliability: ReliabilityName | None = Field(None, description="Only verdicts of this reliability.")
+    table2_reading: ReadingName | None = Field(None, description="Only this reading of table 2.")
+    unit: str | None = Field(None, max_length=200, description="Only loops of this plant unit.")
+    type: str | None = Field(None, max_length=200, description="Only loops of this type.")
+    likely_cause: str | None = Field(None, max_length=100, description="Only this likely cause.")
+    min_probability: float | None = Field(None, ge=0, le=1, description="Least probability of stiction.")
+    audit_id: str | None = Field(None, max_length=40, description="The verdicts of this run instead of the newest.")
+    search: str | None = Field(None, max_length=200, description="Part of a tag.")
+
+    def filters(self) -> service.RowFilter:
+        names = ("reliability", "unit", "type", "likely_cause", "table2_reading", "min_probability", "search")
+        given = {name: getattr(self, name) for name in names}
+        run = None if self.audit_id is None else identifier(self.audit_id, "audit")
+        return service.RowFilter(verdict=tuple(self.verdict) or None, audit_id=run, **given)
+
+
+Filters = Annotated[TableQuery, Query()]
 
 
 @router.get(
@@ -38,18 +64,16 @@ Filters = Annotated[service.RowFilter, Query()]
 )
 def reliability(
     backend: Services,
-    filters: Filters,
-    limit: Limit = 1000,
-    cursor: Cursor = None,
-    sort: Sort = None,
-    format: Format = Format.json,
+    query: Filters,
 ) -> Any:
     """One row a loop, its newest verdict. `next_cursor` is always there and null on the last page.
 
     As CSV, texts that a spreadsheet would calculate begin with an apostrophe; the cursor is in X-Next-Cursor.
     """
-    page = service.reliability_page(backend, limit=limit, cursor=cursor, sort=sort, filters=filters)
-    if format is Format.csv:
+    page = service.reliability_page(
+        backend, limit=query.limit, cursor=query.cursor, sort=query.sort, filters=query.filters()
+    )
+    if query.format is Format.csv:
         headers = {
             "Content-Disposition": 'attachment; filename="reliability.csv"',
             "X-Next-Cursor": page.next_cursor or "",

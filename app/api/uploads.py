@@ -2,11 +2,12 @@
 
 import asyncio
 from collections.abc import AsyncIterator
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
-from starlette.datastructures import UploadFile
+from starlette.datastructures import FormData, UploadFile
 
 from app.api.backend import Cursor, Limit, Services
 from app.api.models import UploadOut, UploadPage
@@ -15,6 +16,8 @@ from app.errors import RequestError
 from app.services import uploads as service
 
 BLOCK_BYTES = 1 << 20
+LARGEST_MAPPING = 64 << 20
+DEADLINE_S = 3600
 NAMELESS = "upload.csv"
 MULTIPART = "multipart/form-data"
 BINARY = {"schema": {"type": "string", "format": "binary"}}
@@ -29,7 +32,10 @@ BODY: dict[str, Any] = {
                 "schema": {
                     "type": "object",
                     "required": ["file"],
-                    "properties": {"file": {"type": "string", "format": "binary"}},
+                    "properties": {
+                        "file": {"type": "string", "format": "binary"},
+                        "mapping": {"type": "string", "format": "binary", "description": "Tags to loops, CSV or JSON."},
+                    },
                 }
             },
         },
@@ -38,7 +44,18 @@ BODY: dict[str, Any] = {
 
 router = APIRouter(tags=["uploads"])
 
+
+@dataclass(frozen=True)
+class Description:
+    """What a client says about an upload."""
+
+    filename: str
+    content_type: str | None
+    reading: service.ReadingOptions
+
+
 Filename = Annotated[str | None, Query(max_length=255, description="Name of the file, for a raw body.")]
+TimeZone = Annotated[str | None, Query(max_length=60, description="Zone of time stamps that name none (IANA).")]
 
 
 @router.post(
@@ -49,18 +66,19 @@ Filename = Annotated[str | None, Query(max_length=255, description="Name of the 
     responses=responses(400, 408, 413, 415, 422, 507),
     summary="Send a historian export",
 )
-async def receive(request: Request, response: Response, backend: Services, filename: Filename = None) -> Any:
-    """Takes an export as raw body, or as multipart `file`; gzip by content or by Content-Encoding.
+async def receive(
+    request: Request, response: Response, backend: Services, filename: Filename = None, time_zone: TimeZone = None
+) -> Any:
+    """Takes an export as raw body, or as multipart `file` (with the plant's tag `mapping`, where there is one).
 
-    202 means that the bytes are stored. The same content again is the same upload.
+    gzip is told by the content. 202 means that the bytes are stored. The same content again is the same upload.
     """
     refuse_encodings(request)
     try:
-        async with asyncio.timeout(backend.settings.upload_timeout_s):
-            receipt = await store(request, backend, filename)
+        async with asyncio.timeout(DEADLINE_S):
+            receipt = await store(request, backend, filename, time_zone)
     except TimeoutError:
-        limit = backend.settings.upload_timeout_s
-        raise RequestError("upload_timeout", f"the upload did not arrive within {limit:.0f} s") from None
+        raise RequestError("upload_timeout", f"the upload did not arrive within {DEADLINE_S} s") from None
     response.headers["Location"] = f"/v1/uploads/{receipt.upload.id}"
     return receipt.upload
 
@@ -84,16 +102,25 @@ def refuse_encodings(request: Request) -> None:
         raise RequestError("content_encoding", f"Content-Encoding {encoding[:40]!r} is not understood; gzip or none is")
 
 
-async def store(request: Request, backend: Services, filename: str | None) -> service.Receipt:
+async def store(request: Request, backend: Services, filename: str | None, time_zone: str | None) -> service.Receipt:
     content_type = request.headers.get("content-type", "application/octet-stream")
     if not content_type.lower().startswith(MULTIPART):
-        return await received(backend, filename or NAMELESS, content_type, request.stream())
-    async with request.form(max_files=1, max_fields=10) as form:
+        described = Description(filename or NAMELESS, content_type, service.ReadingOptions(time_zone))
+        return await received(backend, described, request.stream())
+    async with request.form(max_files=2, max_fields=10) as form:
         part = form.get("file")
         if not isinstance(part, UploadFile):
             raise RequestError("no_file", "the multipart form has no part `file` with a file in it")
-        name = filename or part.filename or NAMELESS
-        return await received(backend, name, part.content_type or content_type, blocks(part))
+        reading = service.ReadingOptions(time_zone, await mapping_of(form))
+        described = Description(filename or part.filename or NAMELESS, part.content_type, reading)
+        return await received(backend, described, blocks(part))
+
+
+async def mapping_of(form: FormData) -> bytes | None:
+    part = form.get("mapping")
+    if isinstance(part, UploadFile):
+        return await part.read(LARGEST_MAPPING)
+    return part.encode() if part else None
 
 
 async def blocks(part: UploadFile) -> AsyncIterator[bytes]:
@@ -101,12 +128,9 @@ async def blocks(part: UploadFile) -> AsyncIterator[bytes]:
         yield block
 
 
-async def received(
-    backend: Services, filename: str, content_type: str, chunks: AsyncIterator[bytes]
-) -> service.Receipt:
+async def received(backend: Services, described: Description, chunks: AsyncIterator[bytes]) -> service.Receipt:
     """Writes what arrives in blocks, away from the event loop: other requests go on while a disk is slow."""
-    receiving = service.receive(backend, filename=filename, content_type=content_type)
-    with receiving:
+    with service.receive(backend, **vars(described)) as receiving:
         buffer = bytearray()
         async for chunk in chunks:
             buffer += chunk

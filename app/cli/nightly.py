@@ -37,13 +37,15 @@ def nightly(
     """
     from dataclasses import asdict
 
-    from app.services.audits import get_audit
+    from app.services.audits import start_audit
     from app.services.backend import Backend
     from app.services.nightly import nightly as start
 
     backend = Backend.open(load_settings())
     try:
-        run = get_audit(backend, start(backend).id)
+        run = start(backend)
+        if run.ended:  # this night's run is done; whoever asks again wants another one
+            run = start_audit(backend, trigger="nightly")
         if wait:
             run = watched(backend, run, timeout_s)
     finally:
@@ -78,5 +80,5 @@ def lend_a_hand(backend: "Backend", audit_id: str) -> None:
         return
     from app.services.chunks import audit_chunk
 
-    if not audit_chunk(backend, audit_id, f"nightly:{socket.gethostname()}:{os.getpid()}"):
+    if not audit_chunk(backend, int(audit_id), f"nightly:{socket.gethostname()}:{os.getpid()}"):
         time.sleep(LOOK_S)

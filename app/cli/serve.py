@@ -93,7 +93,7 @@ def run(settings: "Settings", listening: socket.socket) -> None:
 
     from app.cli.supervisor import Child, Supervisor
     from app.main import create_app
-    from app.services.maintenance import migrate
+    from app.services.operations import migrate
 
     if settings.embedded:
         migrate(settings)

@@ -12,6 +12,7 @@ from app.services.wording import VERDICT_RANK, VERDICT_WORDS, worst_first
 
 VERDICT_STYLE = {"stiction": "bold red", "inconclusive": "yellow", "not_auditable": "dim", "no_stiction": "green"}
 PIPE_WIDTH = 180
+WIDTH_FOR_REASONS = 130
 
 
 def console_for(stream: IO[str]) -> Console:
@@ -20,21 +21,26 @@ def console_for(stream: IO[str]) -> Console:
 
 
 def print_verdicts(lines: Iterable[Mapping[str, Any]], stream: IO[str]) -> None:
-    """One line a recording, then how many of each verdict."""
+    """One line a recording, then how many of each verdict. A narrow terminal goes without the reasons."""
     ordered = worst_first(lines)
     console = console_for(stream)
+    with_reasons = console.width >= WIDTH_FOR_REASONS
     table = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False)
-    table.add_column("recording", overflow="fold", min_width=8)
-    table.add_column("verdict")
-    table.add_column("P(stiction)", justify="right")
-    table.add_column("verdict is")
-    table.add_column("band % of OP", justify="right")
-    table.add_column("Yper %", justify="right")
-    table.add_column("why", overflow="ellipsis", no_wrap=True, ratio=1)
+    table.add_column("recording", overflow="fold", min_width=12)
+    table.add_column("verdict", no_wrap=True)
+    table.add_column("P(stiction)", justify="right", no_wrap=True)
+    table.add_column("verdict is", no_wrap=True)
+    table.add_column("band %", justify="right", no_wrap=True)
+    table.add_column("Yper %", justify="right", no_wrap=True)
+    if with_reasons:
+        table.add_column("why", overflow="fold", ratio=1)
     for line in ordered:
-        table.add_row(*verdict_cells(line))
+        table.add_row(*verdict_cells(line)[: len(table.columns)])
     console.print(table)
     console.print(totals(ordered))
+    console.print(
+        Text("band: stiction band in per cent of the range that OP covers; Yper: unexplained harmonics of PV")
+    )
 
 
 def verdict_cells(line: Mapping[str, Any]) -> list[Text]:

@@ -1,26 +1,22 @@
 """`loopaudit worker` and `loopaudit beat`: the processes behind the service."""
 
-import os
-import sys
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from app.cli.configuration import load_settings
+from app.cli.messages import ExitCode, say
+from app.errors import RequestError
 
-THREAD_LIMITS = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "NUMBA_NUM_THREADS",
-    "POLARS_MAX_THREADS",
-)
+if TYPE_CHECKING:
+    from app.settings import Settings
 
 UntilParentEnds = Annotated[bool, typer.Option("--until-parent-ends", hidden=True)]
 
 
 def worker(
     concurrency: Annotated[int, typer.Option("--concurrency", min=1, help="Processes, one thread each.")] = 1,
+    check: Annotated[bool, typer.Option("--check", help="Only say whether work goes on; for health checks.")] = False,
     until_parent_ends: UntilParentEnds = False,
 ) -> None:
     """Run a worker: it reads uploads and audits loops until it is told to stop (SIGTERM, Ctrl-C).
@@ -33,7 +29,15 @@ def worker(
 
       LOOPAUDIT_DATABASE_URL=postgresql+psycopg://... LOOPAUDIT_BROKER_URL=redis://... loopaudit worker --concurrency 2
     """
-    become("worker", "--concurrency", str(concurrency), until_parent_ends=until_parent_ends)
+    from app.queue.running import run_worker
+
+    settings = load_settings()
+    if check:
+        refuse_standstill(settings)
+    else:
+        follow_parent(until_parent_ends)
+        run_worker(settings, concurrency)
+    raise typer.Exit(ExitCode.DONE)
 
 
 def beat(until_parent_ends: UntilParentEnds = False) -> None:
@@ -41,14 +45,30 @@ def beat(until_parent_ends: UntilParentEnds = False) -> None:
 
     One is enough; two do no harm.
     """
-    become("beat", until_parent_ends=until_parent_ends)
+    from app.queue.running import run_beat
+
+    follow_parent(until_parent_ends)
+    run_beat(load_settings())
+    raise typer.Exit(ExitCode.DONE)
 
 
-def become(*arguments: str, until_parent_ends: bool) -> None:
-    """Replaces this process by the workers' own command: one thread each, the processes are what scales."""
-    load_settings()  # a wrong setting is told here, in one line
-    for name in THREAD_LIMITS:
-        os.environ.setdefault(name, "1")
-    flags = ("--until-parent-ends",) if until_parent_ends else ()
-    command = [sys.executable, "-m", "workers", *arguments, *flags]
-    os.execv(sys.executable, command)  # noqa: S606 - our own command
+def follow_parent(wanted: bool) -> None:
+    if wanted:
+        from app.cli.supervisor import stop_with_parent
+
+        stop_with_parent()
+
+
+def refuse_standstill(settings: "Settings") -> None:
+    """A worker that hears nothing looks alive to everyone but the data base: work waits and nobody has taken any."""
+    from app.services.backend import Backend
+    from app.services.metrics import standstill_s
+
+    backend = Backend.open(settings)
+    try:
+        waited_s = standstill_s(backend)
+    finally:
+        backend.close()
+    if waited_s > 10 * settings.stalled_s:
+        raise RequestError("standstill", f"loops have been waiting for {waited_s:.0f} s and no worker has taken any")
+    say("loopaudit: work goes on, or there is none")

@@ -1,0 +1,104 @@
+"""`loopaudit audit`: which files are taken, what comes out, in which order, with which exit code."""
+
+import csv
+import io
+import json
+import subprocess
+import sys
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from app.cli.audit import recording_files
+from app.cli.main import cli
+
+CONTRACT = {
+    "recording", "loop", "samples", "sampling_interval_s", "verdict", "stiction_probability", "reliability", "reasons",
+    "yper_pct", "yper_raw_pct", "table2_reading", "hammerstein", "stiction_band_pct_of_op_range", "likely_cause",
+    "engine_version", "elapsed_s",
+}  # fmt: skip
+HAMMERSTEIN = {"d", "S", "J", "na", "nb", "nc", "rmse", "rmse_without_stiction", "search_space", "widenings"}
+
+
+def audit(*arguments) -> Result:
+    """In this process; small folders need no others."""
+    return CliRunner().invoke(cli, ["audit", *map(str, arguments)])
+
+
+def lines(done) -> list[dict]:
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Four recordings, a file that is none, one in another suffix, and one that is left alone."""
+    folder = tmp_path_factory.mktemp("recordings")
+    for number, name in enumerate(("L0.csv", "L1.csv", "L2.txt", "L3.txt")):
+        valve = ["--valve", "he", "-S", "5", "-J", "1"] if number % 2 else []
+        command = ["simulate", "--samples", "300", "--noise", "0.1", "--seed", str(number), "--out", str(folder / name)]
+        assert CliRunner().invoke(cli, [*command, *valve]).exit_code == 0
+    (folder / "labels.csv").write_text("recording,label\nL0,stiction\n")
+    (folder / "notes.md").write_text("time,PV,OP\n1,2,3\n")
+    return folder
+
+
+def test_a_folder_gives_one_line_a_recording_and_says_what_it_passed_over(folder):
+    done = audit(folder, "--format", "jsonl", "--jobs", "1")
+    assert done.exit_code == 0, done.stderr
+    assert [line["recording"] for line in lines(done)] == ["L0", "L1", "L2", "L3"]
+    assert "labels.csv: skipped" in done.stderr
+    assert "notes.md" not in done.stderr
+
+
+def test_two_processes_say_the_same_in_the_same_order(folder):
+    command = [sys.executable, "-m", "app", "audit", str(folder), "--format", "jsonl", "--jobs", "2"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=240)
+    assert done.returncode == 0, done.stderr
+    here, there = lines(audit(folder, "--format", "jsonl", "--jobs", "1")), lines(done)
+    for line in here + there:
+        line.pop("elapsed_s")
+    assert here == there
+
+
+def test_the_lines_have_the_fields_of_the_contract(folder):
+    for line in lines(audit(folder / "L0.csv", folder / "L1.csv", "--format", "jsonl")):
+        assert set(line) >= CONTRACT
+        assert set(line["hammerstein"]) >= HAMMERSTEIN
+        assert line["verdict"] in {"stiction", "no_stiction", "inconclusive", "not_auditable"}
+        assert line["loop"] == line["recording"]
+        assert all(set(reason) == {"code", "text"} for reason in line["reasons"])
+
+
+def test_a_named_file_that_is_no_recording_makes_it_1_and_alone_2(folder):
+    assert audit(folder / "L0.csv", folder / "labels.csv").exit_code == 1
+    done = audit(folder / "labels.csv")
+    assert done.exit_code == 2
+    assert done.stdout == ""
+
+
+def test_a_table_and_a_file_of_csv(folder, tmp_path):
+    done = audit(folder / "L1.csv")
+    assert done.exit_code == 0
+    assert "L1" in done.stdout
+    assert "1 recordings:" in done.stdout
+    out = tmp_path / "verdicts.csv"
+    done = audit(folder / "L1.csv", "--format", "csv", "--out", out)
+    assert done.stdout == ""
+    rows = list(csv.DictReader(io.StringIO(out.read_text())))
+    assert rows[0]["loop"] == "L1"
+    assert set(rows[0]) >= {"verdict", "hammerstein_d", "reasons_text"}
+    assert "audit_id" not in rows[0]
+
+
+def test_a_wide_export_gives_a_line_a_loop(tmp_path):
+    rows = "\n".join(f"{k},{50 + k % 7},{40 + k % 5},{10 + k % 3},{20 + k % 2}" for k in range(300))
+    (tmp_path / "unit.csv").write_text(f"time,FIC1.PV,FIC1.OP,FIC2.PV,FIC2.OP\n{rows}\n")
+    found = lines(audit(tmp_path / "unit.csv", "--format", "jsonl"))
+    assert [(line["recording"], line["loop"]) for line in found] == [("unit:FIC1", "FIC1"), ("unit:FIC2", "FIC2")]
+
+
+def test_names_in_a_folder_that_are_taken(tmp_path):
+    for name in ("b.CSV", "a.csv", "c.parquet", "d.csv.gz", ".hidden.csv", "e.xlsx", "f.md"):
+        (tmp_path / name).write_bytes(b"x")
+    (tmp_path / "folder.csv").mkdir()
+    assert [path.name for path in recording_files([tmp_path])] == ["a.csv", "b.CSV", "c.parquet", "d.csv.gz"]
