@@ -1,7 +1,7 @@
 """Where compiled kernels are kept: one folder for each state of the engine's source.
 
-numba looks only at the file of the function that it compiled: a kernel that calls a changed function in another file, or a
-package whose files all bear the same date, would go on running old machine code.
+numba looks only at the file of the function that it compiled: a kernel that calls a changed function in another file, or
+a package whose files all bear the same date, would go on running old machine code.
 """
 
 import hashlib
@@ -12,7 +12,7 @@ ENGINE = Path(__file__).parent / "engine"
 
 
 def choose() -> None:
-    """Points numba to the folder for this source, unless one was named; leaves numba's own choice where home is closed."""
+    """Points numba to the folder for this source; a folder named before, or a closed home, leaves it as it is."""
     if "NUMBA_CACHE_DIR" in os.environ:
         return
     root = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
