@@ -2,24 +2,36 @@
 
 For services that store a plant's samples::
 
-    export = read_export(path, filename="night.csv.gz", mapping=mapping, options=IngestOptions(time_zone="Europe/Berlin"))
-    for stretch in export.loops():      # LoopSamples: loop, time_ns (int64, UTC), pv, op, sp, automatic (1/0/NaN), others, resampled
+    export = read_export(path, filename="night.csv.gz", mapping=mapping,
+    options=IngestOptions(time_zone="Europe/Berlin"))
+    for stretch in export.loops():      # LoopSamples: loop, time_ns (int64, UTC), pv, op, sp, automatic (1/0/NaN),
+    others, resampled
         store(stretch)                  # a signal that the stretch lacks is None, a missing value NaN
-    export.rejects()                    # Rejects: counts by code (exact), listed (the first of them, with line, code, text, tag)
-    export.summary()                    # FileSummary: layout, encoding, tags, loops (LoopTags), rows, values, first and last time, notes
+    export.rejects()                    # Rejects: counts by code (exact), listed (the first of them, with line, code,
+    text, tag)
+    export.summary()                    # FileSummary: layout, encoding, tags, loops (LoopTags), rows, values, first
+    and last time, notes
 
-* `read_export` raises DataError at once where the file is no export; iterating may raise one later (an unpacked size beyond the caps,
+* `read_export` raises DataError at once where the file is no export; iterating may raise one later (an unpacked size
+beyond the caps,
   nothing readable). Nothing else is raised by any bytes.
-* Memory is bounded: below `options.buffered_values` values a loop comes once; above, in several stretches, whose seams may lack a
-  signal that the next stretch brings. `merge(earlier, later)` puts stretches together: union of times, NaN never overwrites a value,
+* Memory is bounded: below `options.buffered_values` values a loop comes once; above, in several stretches, whose
+seams may lack a
+  signal that the next stretch brings. `merge(earlier, later)` puts stretches together: union of times, NaN never
+  overwrites a value,
   where both have one the later stands. Sending a file again therefore changes nothing.
-* `for block in export` gives the raw signals tag by tag instead (SignalBlock); `align(blocks)` makes LoopSamples of one loop's blocks.
-* A file of relative seconds is anchored at `options.start_ns` (1970-01-01 UTC), its loop is named by the file (`export.one_loop`).
-* `mapping.find(tag)` has what the plant's mapping says besides: `.attributes` (unit, low, high, loop_type, ...), `.number("low")`.
+* `for block in export` gives the raw signals tag by tag instead (SignalBlock); `align(blocks)` makes LoopSamples of
+one loop's blocks.
+* A file of relative seconds is anchored at `options.start_ns` (1970-01-01 UTC), its loop is named by the file
+(`export.one_loop`).
+* `mapping.find(tag)` has what the plant's mapping says besides: `.attributes` (unit, low, high, loop_type, ...),
+`.number("low")`.
 
-Reject codes: bad_time, not_a_number, not_finite, sentinel, bad_quality, off_line, unknown_mode, ragged_row, unbalanced_quote,
+Reject codes: bad_time, not_a_number, not_finite, sentinel, bad_quality, off_line, unknown_mode, ragged_row,
+unbalanced_quote,
 duplicate_time, name_too_long, no_tag.
-DataError codes: empty_file, not_an_export, unknown_layout, nothing_readable, decompressed_too_large, line_too_long, too_many_tags,
+DataError codes: empty_file, not_an_export, unknown_layout, nothing_readable, decompressed_too_large, line_too_long,
+too_many_tags,
 bad_mapping, excel_not_installed.
 
 `read_recordings(path)` gives recordings for the engine, `inspect(path)` a report on a file.

@@ -1,9 +1,13 @@
 """A loop's signals on one time base.
 
-Signals of one loop that were sampled together (wide files, scans of a historian) are joined on their times; where one of them has no
-value it is NaN. Signals that were sampled each at its own times (compressed data) cannot be audited row by row: PV's times are the
-base, and each other signal is brought to them: OP and further signals by straight lines between their samples (that is what a swinging
-door keeps), SP and MODE by their last known value (they step). Nothing is extrapolated beyond a signal's last sample except a step.
+Signals of one loop that were sampled together (wide files, scans of a historian) are joined on their times; where one
+of them has no
+value it is NaN. Signals that were sampled each at its own times (compressed data) cannot be audited row by row: PV's
+times are the
+base, and each other signal is brought to them: OP and further signals by straight lines between their samples (that
+is what a swinging
+door keeps), SP and MODE by their last known value (they step). Nothing is extrapolated beyond a signal's last sample
+except a step.
 `LoopSamples.resampled` names the signals that were treated so.
 """
 
@@ -46,7 +50,8 @@ def align(blocks: Sequence[SignalBlock]) -> LoopSamples:
 
 
 def merge(earlier: LoopSamples, later: LoopSamples) -> LoopSamples:
-    """Two stretches of one loop as one: the union of their times; where both give a value the later stretch's stands."""
+    """Two stretches of one loop as one: the union of their times; where both give a value the later stretch's
+    stands."""
     if not len(earlier.time_ns) or _same(earlier.time_ns, later.time_ns):
         time_ns = later.time_ns
     else:
@@ -110,7 +115,8 @@ def _same(first: TimeArray, second: TimeArray) -> bool:
 
 
 def _sampled_together(block: SignalBlock, base: TimeArray) -> bool:
-    """Half of the rarer one's times are the other's; a set point written only when it changes is not sampled together."""
+    """Half of the rarer one's times are the other's; a set point written only when it changes is not sampled
+    together."""
     times = block.time_ns
     if _same(times, base) or not len(times) or not len(base):
         return True
@@ -146,4 +152,6 @@ def _between(block: SignalBlock, time_ns: TimeArray) -> FloatArray:
     times, values = block.time_ns[given], block.value[given]
     if not len(times):
         return np.full(len(time_ns), np.nan)
-    return np.interp((time_ns - times[0]).astype(np.float64), (times - times[0]).astype(np.float64), values, np.nan, np.nan)
+    return np.interp(
+        (time_ns - times[0]).astype(np.float64), (times - times[0]).astype(np.float64), values, np.nan, np.nan
+    )

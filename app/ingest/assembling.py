@@ -11,7 +11,8 @@ from app.ingest.model import LoopSamples, SignalBlock, TimeArray
 class Assembler:
     """Holds blocks by loop until there are `limit` values, then gives every loop's stretch and starts anew.
 
-    A file below the limit gives each loop once. Above it a loop comes in several stretches, and at their seams a signal may be missing
+    A file below the limit gives each loop once. Above it a loop comes in several stretches, and at their seams a
+    signal may be missing
     that the next stretch brings: stretches are to be put together with `merge`.
     """
 
@@ -37,7 +38,8 @@ class Assembler:
 
 
 class _JoinedTimes:
-    """Joins the chunks of each signal; signals of a wide file share their arrays of times, which are joined once for all of them."""
+    """Joins the chunks of each signal; signals of a wide file share their arrays of times, which are joined once for
+    all of them."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[int, ...], tuple[list[TimeArray], TimeArray | None]] = {}
@@ -61,4 +63,6 @@ class _JoinedTimes:
         if together is None:
             return parts
         first = parts[0]
-        return [SignalBlock(first.tag, first.loop, first.signal, together, np.concatenate([part.value for part in parts]))]
+        return [
+            SignalBlock(first.tag, first.loop, first.signal, together, np.concatenate([part.value for part in parts]))
+        ]

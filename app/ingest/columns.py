@@ -2,6 +2,7 @@
 
 import re
 from collections import Counter
+from functools import lru_cache
 
 from app.ingest.head import Head, is_number
 from app.ingest.model import IngestOptions
@@ -9,16 +10,64 @@ from app.ingest.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.stamps import TimeForm, find_form
 
 TIME_NAMES = frozenset(
-    "time datetime date timestamp dateandtime tstamp ts zeit datum zeitstempel t localtime timeutc utc utctime sampletime "
-    "datatime times seconds timesec timeseconds".split()
+    [
+        "time",
+        "datetime",
+        "date",
+        "timestamp",
+        "dateandtime",
+        "tstamp",
+        "ts",
+        "zeit",
+        "datum",
+        "zeitstempel",
+        "t",
+        "localtime",
+        "timeutc",
+        "utc",
+        "utctime",
+        "sampletime",
+        "datatime",
+        "times",
+        "seconds",
+        "timesec",
+        "timeseconds",
+    ]
 )
-TAG_NAMES = frozenset("tag tagname name point pointname tagpath path item itemid signal wwtagname tagid pointid variable".split())
+TAG_NAMES = frozenset(
+    [
+        "tag",
+        "tagname",
+        "name",
+        "point",
+        "pointname",
+        "tagpath",
+        "path",
+        "item",
+        "itemid",
+        "signal",
+        "wwtagname",
+        "tagid",
+        "pointid",
+        "variable",
+    ]
+)
 VALUE_NAMES = ("value", "val", "vvalue", "wert", "pointvalue", "floatvalue", "numvalue", "reading")
-QUALITY_NAMES = ("opcquality", "dataquality", "quality", "status", "qualitydetail", "dataintegrity", "good", "valuestatus")
+QUALITY_NAMES = (
+    "opcquality",
+    "dataquality",
+    "quality",
+    "status",
+    "qualitydetail",
+    "dataintegrity",
+    "good",
+    "valuestatus",
+)
 SKIPPED_NAMES = frozenset(("id", "index", "row", "rowid", "ndx", "unnamed0", ""))
 NO_ROWS = -1
 
 
+@lru_cache(maxsize=1 << 17)
 def plain(name: str) -> str:
     return re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*?[\])]", "", name.lower()))
 
@@ -33,16 +82,22 @@ def time_columns(names: tuple[str, ...]) -> tuple[int, ...]:
     known = {plain(name): index for index, name in reversed(list(enumerate(names)))}
     if "date" in known and "time" in known:
         return known["date"], known["time"]
-    found = [index for index, name in enumerate(names) if plain(name) in TIME_NAMES or plain(name).startswith("timestamp")]
+    found = [
+        index for index, name in enumerate(names) if plain(name) in TIME_NAMES or plain(name).startswith("timestamp")
+    ]
     return (found[0],) if found else ()
 
 
-def form_of(head: Head, time: tuple[int, ...], first_row: int, options: IngestOptions, name: str = "") -> TimeForm | None:
+def form_of(
+    head: Head, time: tuple[int, ...], first_row: int, options: IngestOptions, name: str = ""
+) -> TimeForm | None:
     """The form of one time column, or of date and time columns joined by a blank."""
     if len(time) == 1:
         return find_form(head.column(time[0], first_row), name, options)
     rows = [row for row in head.rows[first_row:] if len(row) > max(time)]
-    return find_form([" ".join(row[index] for index in time) for row in rows if all(row[index] for index in time)], name, options)
+    return find_form(
+        [" ".join(row[index] for index in time) for row in rows if all(row[index] for index in time)], name, options
+    )
 
 
 def first_row_of_times(head: Head, column: int, options: IngestOptions) -> int:
@@ -87,11 +142,15 @@ def _with_quality(names: tuple[str, ...], values: tuple[ValueColumn, ...]) -> tu
         return values
     used = set(judged.values())
     return tuple(
-        ValueColumn(value.index, value.tag, quality=judged.get(value.index)) for value in values if value.index not in used
+        ValueColumn(value.index, value.tag, quality=judged.get(value.index))
+        for value in values
+        if value.index not in used
     )
 
 
-def long_from(head: Head, layout: str, names: tuple[str, ...], first_row: int, options: IngestOptions) -> LongPlan | None:
+def long_from(
+    head: Head, layout: str, names: tuple[str, ...], first_row: int, options: IngestOptions
+) -> LongPlan | None:
     """A long plan from the row of names; None where tag, time or value are not among them."""
     known = [plain(name) for name in names]
     tags = [index for index, name in enumerate(known) if name in TAG_NAMES]

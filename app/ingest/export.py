@@ -15,7 +15,7 @@ from app.ingest.layouts import recognise
 from app.ingest.long_table import LongTable
 from app.ingest.model import FileSummary, IngestOptions, LoopSamples, Rejects, SignalBlock
 from app.ingest.opening import TextFile
-from app.ingest.plans import LongPlan, Plan, WidePlan
+from app.ingest.plans import Plan, WidePlan
 from app.ingest.preparing import prepared
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables_in import open_frames
@@ -106,12 +106,20 @@ class Export:
     def _notes(self) -> tuple[str, ...]:
         notes = [*self._source.notes, *self._plan.notes, *self._plan.form.notes]
         if self._plan.form.kind == "relative":
-            notes.append("times are relative: second 0 was given the instant that the options name (1970-01-01 UTC unless said)")
+            notes.append(
+                "times are relative: second 0 was given the instant that the options name (1970-01-01 UTC unless said)"
+            )
         if self._tally.backward:
             notes.append("rows were not in order of time; they were sorted")
+        if self._tally.stuttering:
+            notes.append(
+                f"{self._tally.stuttering} stamps repeated the one before them; their rows were put into the step that is missing"
+            )
         if self._grouping.second:
             shown = ", ".join(self._grouping.second[:5])
-            notes.append(f"{len(self._grouping.second)} tags name a signal that their loop already has; kept as further signals: {shown}")
+            notes.append(
+                f"{len(self._grouping.second)} tags name a signal that their loop already has; kept as further signals: {shown}"
+            )
         return tuple(notes)
 
 
@@ -164,7 +172,8 @@ def read_export(
     """Opens an export: finds out what it is, reads nothing further yet.
 
     filename: the name that the user gave the file, where it is stored under another one.
-    Raises DataError where the file is no export or its layout is unknown (now), or where it turns out so later (while iterating).
+    Raises DataError where the file is no export or its layout is unknown (now), or where it turns out so later (while
+    iterating).
     """
     try:
         return Export(path, filename or path.name, mapping, options or IngestOptions())

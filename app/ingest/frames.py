@@ -1,4 +1,5 @@
-"""Chunks of lines to frames of columns: polars' fast reader first; a chunk with odd rows is cleaned line by line and read again."""
+"""Chunks of lines to frames of columns: polars' fast reader first; a chunk with odd rows is cleaned line by line and
+read again."""
 
 import io
 from collections.abc import Iterator, Sequence
@@ -25,7 +26,8 @@ class Dialect:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Rows of a file. Row i of `frame` is line `first + i`; a line that could not be split is a row of nulls. `data` is the text."""
+    """Rows of a file. Row i of `frame` is line `first + i`; a line that could not be split is a row of nulls. `data`
+    is the text."""
 
     frame: pl.DataFrame
     first: int
@@ -46,7 +48,7 @@ class FrameReader:
         self._file = file
         self._dialect = dialect
         self._schema = {name_of(index): types.get(index, pl.String()) for index in range(dialect.width)}
-        self._columns = [name_of(index) for index in sorted(types)]
+        self._columns = sorted(types)
         self._log = log
 
     def rows(self, first_row: int) -> Iterator[Rows]:
@@ -62,9 +64,8 @@ class FrameReader:
 
     def texts(self, rows: Rows, columns: Sequence[int]) -> pl.DataFrame:
         """Columns of the rows as the text they were written in."""
-        names = [name_of(index) for index in columns]
         schema = {name: pl.String() for name in self._schema}
-        return self._parse(rows.data, schema, names)
+        return self._parse(rows.data, schema, sorted(columns))
 
     def short_rows(self, rows: Rows, candidates: NDArray[np.int64]) -> NDArray[np.int64]:
         """Those of the candidates whose lines have too few fields."""
@@ -87,12 +88,14 @@ class FrameReader:
         try:
             frame = self._parse(data, self._schema, self._columns)
         except pl.exceptions.PolarsError as error:
-            raise DataError("not_an_export", f"lines from {lines.first} on cannot be split into columns: {error}") from error
+            raise DataError(
+                "not_an_export", f"lines from {lines.first} on cannot be split into columns: {error}"
+            ) from error
         if frame.height != height:
             raise DataError("not_an_export", f"lines from {lines.first} on cannot be split into rows")
         return Rows(frame, lines.first, data)
 
-    def _parse(self, data: bytes, schema: dict[str, pl.DataType], columns: list[str]) -> pl.DataFrame:
+    def _parse(self, data: bytes, schema: dict[str, pl.DataType], columns: list[int]) -> pl.DataFrame:
         return pl.read_csv(
             io.BytesIO(data),
             has_header=False,
@@ -132,4 +135,6 @@ class FrameReader:
             return line
         delimiter = self._dialect.delimiter
         fields = fields[: self._dialect.width]
-        return delimiter.join(f'"{text.replace(chr(34), chr(39))}"' if delimiter in text or '"' in text else text for text in fields)
+        return delimiter.join(
+            f'"{text.replace(chr(34), chr(39))}"' if delimiter in text or '"' in text else text for text in fields
+        )

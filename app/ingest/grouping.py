@@ -15,23 +15,30 @@ from app.ingest.model import LoopTags, Signal
 _WORDS: Mapping[str, Signal] = MappingProxyType(
     {
         **dict.fromkeys(("PV", "MEAS", "MEASUREMENT", "PROCESSVALUE", "PROCESSVARIABLE", "PVVALUE"), "PV"),
-        **dict.fromkeys(("OP", "MV", "OUT", "CO", "CV", "OUTPUT", "CONTROLLEROUTPUT", "CONTROLOUTPUT", "MANIPULATEDVARIABLE"), "OP"),
+        **dict.fromkeys(
+            ("OP", "MV", "OUT", "CO", "CV", "OUTPUT", "CONTROLLEROUTPUT", "CONTROLOUTPUT", "MANIPULATEDVARIABLE"), "OP"
+        ),
         **dict.fromkeys(("SP", "SV", "SETP", "SETPOINT", "SPT", "WSP", "SETPOINTVALUE"), "SP"),
         **dict.fromkeys(("MODE", "MD", "MODEACTUAL", "CTRLMODE", "CONTROLLERMODE", "AUTOMAN"), "MODE"),
     }
 )
-_ATTRIBUTES = frozenset({"CV", "VALUE", "ACTUAL", "ACT", "VAL", "F"})  # DeltaV writes FIC101/PV.CV and FIC101/MODE.ACTUAL
+_ATTRIBUTES = frozenset(
+    {"CV", "VALUE", "ACTUAL", "ACT", "VAL", "F"}
+)  # DeltaV writes FIC101/PV.CV and FIC101/MODE.ACTUAL
 _SEPARATORS = "._-/:|\\ "
 _ENDING = re.compile(r"^(?P<loop>.+)[._\-/:|\\ ]+(?P<word>[A-Za-z]+)$")
 _START = re.compile(r"^(?P<word>[A-Za-z]+)[._\-/:|\\ ]+(?P<loop>.+)$")
-_SPLIT_WORDS = re.compile(r"(?i)[._\- ](set[ _]point|process[ _]value|process[ _]variable|controller[ _]output|control[ _]output)$")
+_SPLIT_WORDS = re.compile(
+    r"(?i)[._\- ](set[ _]point|process[ _]value|process[ _]variable|controller[ _]output|control[ _]output)$"
+)
 _ISA = re.compile(r"^(?P<before>.*?)(?P<measured>[A-Z]{1,2})(?P<function>T|IT|V|CV)(?P<rest>[_\-.]?\d+[A-Z]?)$")
 _SERVER = re.compile(r"^\\\\[^\\]+\\")
 
 
 @dataclass(frozen=True)
 class MappedTag:
-    """What a plant says about one tag. `attributes`: unit, low, high, loop_type and whatever else its columns hold, as text."""
+    """What a plant says about one tag. `attributes`: unit, low, high, loop_type and whatever else its columns hold,
+    as text."""
 
     tag: str
     loop: str
@@ -87,13 +94,20 @@ def _json_rows(text: str) -> list[dict[str, Any]]:
 
 
 def _mapped(number: int, row: Mapping[Any, Any]) -> MappedTag:
-    cells = {str(key).strip().lower(): str(value).strip() for key, value in row.items() if key is not None and value is not None}
+    cells = {
+        str(key).strip().lower(): str(value).strip()
+        for key, value in row.items()
+        if key is not None and value is not None
+    }
     tag, loop = cells.pop("tag", ""), cells.pop("loop", "")
     word = cells.pop("signal", "")
     signal: Signal | None = "OTHER" if word.upper() == "OTHER" else _WORDS.get(_plain(word))
     if not tag or not loop or signal is None:
         need = "tag, loop and a signal of PV, OP, SP, MODE or OTHER"
-        raise DataError("bad_mapping", f"row {number} of the mapping has tag {tag!r}, loop {loop!r}, signal {word!r}; it needs {need}")
+        raise DataError(
+            "bad_mapping",
+            f"row {number} of the mapping has tag {tag!r}, loop {loop!r}, signal {word!r}; it needs {need}",
+        )
     return MappedTag(tag, loop, signal, MappingProxyType(cells))
 
 

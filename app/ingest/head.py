@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 DELIMITERS = ("\t", ";", "|", ",")
 HEAD_ROWS = 400
+HEAD_CHARACTERS = 1 << 20
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 
@@ -33,7 +34,8 @@ def look(text: str, stem: str) -> Head:
     """Splits the text's first lines; the last one is left out where the text was cut inside it."""
     lines = text.split("\n")
     lines = lines[:-1] if len(lines) > 1 else lines
-    lines = lines[:HEAD_ROWS]
+    usual = sorted(map(len, lines))[len(lines) // 2] + 1
+    lines = lines[: max(8, min(HEAD_ROWS, HEAD_CHARACTERS // usual))]
     delimiter = find_delimiter(lines)
     rows = tuple(split_line(line, delimiter) for line in lines)
     return Head(stem, tuple(lines), rows, delimiter, find_decimal_mark(rows, delimiter))

@@ -46,7 +46,9 @@ def inspect(
         found = _report(stretch)
         known = loops.get(stretch.loop)
         loops[stretch.loop] = found if known is None else _together(known, found)
-    return InspectReport(filename or path.name, path.stat().st_size, export.summary(), tuple(loops.values()), export.rejects())
+    return InspectReport(
+        filename or path.name, path.stat().st_size, export.summary(), tuple(loops.values()), export.rejects()
+    )
 
 
 def _report(samples: LoopSamples) -> LoopReport:

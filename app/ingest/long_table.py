@@ -18,7 +18,7 @@ from app.ingest.quality import Quality
 from app.ingest.rejecting import RejectLog
 from app.ingest.stamps import NO_TIME, TimeReader, to_numbers
 from app.ingest.tally import Tally
-from app.ingest.values import refuse_sentinels
+from app.ingest.values import SENTINELS, refuse_sentinels
 from app.ingest.wide_table import joined_times
 
 BATCH_ROWS = 6_000_000
@@ -37,13 +37,18 @@ class Gathered:
 class LongTable:
     """Turns rows into blocks of signals."""
 
-    def __init__(self, plan: LongPlan, grouping: Grouping, options: IngestOptions, log: RejectLog, tally: Tally) -> None:
+    def __init__(
+        self, plan: LongPlan, grouping: Grouping, options: IngestOptions, log: RejectLog, tally: Tally
+    ) -> None:
         self._plan, self._grouping, self._options, self._log, self._tally = plan, grouping, options, log, tally
         self._time = TimeReader(plan.form, options)
         self._quality = Quality(options.drop_uncertain, plan.zero_is_good)
         self._tag_type = pl.Categorical(pl.Categories.random())
+        self._quality_type = pl.Categorical(pl.Categories.random())
         self._places: list[Place | None] = []
         self._modes = np.zeros(0, dtype=bool)
+        self._known = np.zeros(0, dtype=bool)
+        self._usable = np.zeros(0, dtype=bool)
 
     def types(self) -> dict[int, pl.DataType]:
         """The type in which each column is wanted from the text."""
@@ -51,7 +56,7 @@ class LongTable:
         types[self._plan.tag] = self._tag_type
         types[self._plan.value] = pl.Float64()
         if self._plan.quality is not None:
-            types[self._plan.quality] = pl.String()
+            types[self._plan.quality] = self._quality_type
         return types
 
     def blocks(self, reader: FrameReader) -> Iterator[SignalBlock]:
@@ -83,17 +88,29 @@ class LongTable:
 
     def _know(self, tags: pl.Series, codes: NDArray[np.uint32]) -> None:
         """Places tags that were not seen before."""
-        new = pl.DataFrame({"code": codes, "tag": tags.cast(pl.String)}).filter(pl.col("code") >= 0).unique("code", maintain_order=True)
-        for code, tag in new.iter_rows():
-            if tag is None or (code < len(self._places) and self._places[code] is not None):
-                continue
-            if code >= len(self._places):
-                self._places.extend([None] * (code + 1 - len(self._places)))
-            if self._grouping.tags >= self._options.max_signals:
-                raise DataError("too_many_tags", f"more than {self._options.max_signals} tags in one file; send it in parts")
-            if len(tag) <= self._options.max_name:
-                self._places[code] = self._grouping.place(tag)
+        top = int(codes.max(initial=0)) + 1
+        if top > len(self._places):
+            self._places.extend([None] * (top - len(self._places)))
+            self._known = np.append(self._known, np.zeros(top - len(self._known), dtype=bool))
+        new = np.flatnonzero(~self._known[codes])
+        if not len(new):
+            return
+        _, first = np.unique(codes[new], return_index=True)
+        for row in new[np.sort(first)]:
+            tag, code = tags[int(row)], int(codes[row])
+            if tag is not None:
+                self._known[code] = True
+                self._place(code, tag)
+        self._usable = np.array([place is not None for place in self._places], dtype=bool)
         self._modes = np.array([place is not None and place.signal == "MODE" for place in self._places], dtype=bool)
+
+    def _place(self, code: int, tag: str) -> None:
+        if self._grouping.tags >= self._options.max_signals:
+            raise DataError(
+                "too_many_tags", f"more than {self._options.max_signals} tags in one file; send it in parts"
+            )
+        if len(tag) <= self._options.max_name:
+            self._places[code] = self._grouping.place(tag)
 
     def _read_times(self, texts: pl.Series) -> TimeArray:
         """Rows of one instant follow each other in most files: each run of one text is read once."""
@@ -106,7 +123,9 @@ class LongTable:
         first = np.flatnonzero(np.diff(runs.to_numpy(), prepend=-1))
         return self._time.read(texts[first])[runs.to_numpy()]
 
-    def _kept(self, rows: Rows, texts: pl.Series, tags: pl.Series, time_ns: TimeArray, reader: FrameReader) -> NDArray[np.bool_]:
+    def _kept(
+        self, rows: Rows, texts: pl.Series, tags: pl.Series, time_ns: TimeArray, reader: FrameReader
+    ) -> NDArray[np.bool_]:
         timed, named = time_ns != NO_TIME, tags.is_not_null().to_numpy()
         kept = timed & named
         if np.all(kept):
@@ -114,7 +133,11 @@ class LongTable:
         refused = []
         for row in np.flatnonzero(~kept):
             text, tag = texts[int(row)], tags[int(row)]
-            if (text or tag) and not (text or "").startswith(("*", "#")) and not (tag or "").startswith(("*", "#", "[")):
+            if (
+                (text or tag)
+                and not (text or "").startswith(("*", "#"))
+                and not (tag or "").startswith(("*", "#", "["))
+            ):
                 refused.append(int(row))
         short = set(reader.short_rows(rows, np.array(refused, dtype=np.int64)).tolist())
         for row in refused:
@@ -128,17 +151,17 @@ class LongTable:
         return self._without_long_names(rows, tags, kept)
 
     def _without_long_names(self, rows: Rows, tags: pl.Series, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        if all(place is not None for place in self._places):
-            return kept
         codes = tags.to_physical().fill_null(0).to_numpy()
-        known = np.array([place is not None for place in self._places], dtype=bool)
+        known = self._usable
         at = np.flatnonzero(kept & ~known[codes])
         if len(at):
             text = f"a tag of more than {self._options.max_name} characters"
             self._log.add_many("name_too_long", rows.lines(at), (text for _ in at))
         return kept & known[codes]
 
-    def _values(self, rows: Rows, codes: NDArray[np.uint32], kept: NDArray[np.bool_], reader: FrameReader) -> FloatArray:
+    def _values(
+        self, rows: Rows, codes: NDArray[np.uint32], kept: NDArray[np.bool_], reader: FrameReader
+    ) -> FloatArray:
         column = rows.frame[name_of(self._plan.value)]
         values = column.to_numpy(writable=True)
         modes = self._modes[codes] if len(self._modes) else np.zeros(len(codes), dtype=bool)
@@ -158,7 +181,9 @@ class LongTable:
     ) -> None:
         """Words of modes are modes; other text in place of a number is refused with the text as the reason."""
         texts = reader.texts(rows, [self._plan.value]).to_series(0)
-        odd = np.flatnonzero(rows.frame[name_of(self._plan.value)].is_null().to_numpy() & texts.is_not_null().to_numpy() & kept)
+        odd = np.flatnonzero(
+            rows.frame[name_of(self._plan.value)].is_null().to_numpy() & texts.is_not_null().to_numpy() & kept
+        )
         words = texts[odd]
         found = np.where(modes[odd], automatic_flags(words), to_numbers(words))
         values[odd] = found
@@ -170,7 +195,9 @@ class LongTable:
                 code = "unknown_mode" if modes[row] else "not_a_number"
                 self._log.add(code, text, int(row) + rows.first, tags[int(row)])
 
-    def _refuse_quality(self, rows: Rows, kept: NDArray[np.bool_], codes: NDArray[np.uint32], values: FloatArray) -> None:
+    def _refuse_quality(
+        self, rows: Rows, kept: NDArray[np.bool_], codes: NDArray[np.uint32], values: FloatArray
+    ) -> None:
         if self._plan.quality is None:
             return
         texts = rows.frame[name_of(self._plan.quality)]
@@ -192,11 +219,31 @@ class LongTable:
         order = np.argsort(codes, kind="stable")
         bounds = np.concatenate(([0], np.cumsum(np.bincount(codes, minlength=len(self._places)))))
         time_ns, values, lines = time_ns[order], values[order], lines[order]
+        odd = self._odd_tags(codes[order], time_ns, values)
+        self._tally.saw_times(np.array([time_ns.min(), time_ns.max()]))
         for code in np.flatnonzero(np.diff(bounds)):
             part = slice(int(bounds[code]), int(bounds[code + 1]))
             place = self._places[code]
-            if place is not None:
+            if place is None:
+                continue
+            if odd[code]:
                 yield self._block(place, time_ns[part], values[part], lines[part])
+            else:
+                yield self._signal(place, time_ns[part], values[part])
+
+    def _odd_tags(self, codes: NDArray[np.uint32], time_ns: TimeArray, values: FloatArray) -> NDArray[np.bool_]:
+        """By code: whether a tag has times that go back or repeat, or values that may stand for 'no data'. Most have
+        neither."""
+        odd = np.zeros(len(self._places), dtype=bool)
+        same = codes[1:] == codes[:-1]
+        odd[codes[1:][same & (time_ns[1:] <= time_ns[:-1])]] = True
+        for sentinel in SENTINELS:
+            odd[codes[values == sentinel]] = True
+        return odd
+
+    def _signal(self, place: Place, time_ns: TimeArray, values: FloatArray) -> SignalBlock:
+        self._tally.values_kept += int(np.count_nonzero(np.isfinite(values)))
+        return SignalBlock(place.tag, place.loop, place.signal, time_ns, values)
 
     def _block(self, place: Place, time_ns: TimeArray, values: FloatArray, lines: NDArray[np.int64]) -> SignalBlock:
         order = in_order(time_ns)
@@ -205,7 +252,4 @@ class LongTable:
             time_ns, values, lines = time_ns[order], values[order], lines[order]
         values = refuse_sentinels(values, lines, place.tag, self._log)
         time_ns, matrix = last_of_repeats(time_ns, values[:, None], lines, [place.tag], self._log)
-        self._tally.saw_times(time_ns)
-        values = matrix[:, 0]
-        self._tally.values_kept += int(np.isfinite(values).sum())
-        return SignalBlock(place.tag, place.loop, place.signal, time_ns, values)
+        return self._signal(place, time_ns, matrix[:, 0])

@@ -1,4 +1,5 @@
-"""What ingest hands on: signals, a loop's samples, what could not be read, and what a file holds. Frozen, without behaviour."""
+"""What ingest hands on: signals, a loop's samples, what could not be read, and what a file holds. Frozen, without
+behaviour."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -22,7 +23,8 @@ class IngestOptions:
     """How a file is read.
 
     time_zone: IANA name of the zone in which time stamps without an offset were written.
-    start_ns: the instant (ns since 1970, UTC) that second 0 of a file in relative seconds is given. The default is 1970-01-01, so
+    start_ns: the instant (ns since 1970, UTC) that second 0 of a file in relative seconds is given. The default is
+    1970-01-01, so
         that the same file always gives the same samples.
     day_first: True or False where the caller knows whether day or month stands first; None: found from the data.
     drop_uncertain: refuse values of uncertain quality (OPC 64) too.
@@ -46,7 +48,8 @@ class IngestOptions:
 class SignalBlock:
     """Samples of one tag, in order of time, without repeated times.
 
-    time_ns: (n,) nanoseconds since 1970-01-01 UTC. value: (n,) engineering units, NaN where the row gave none; for MODE 1 is
+    time_ns: (n,) nanoseconds since 1970-01-01 UTC. value: (n,) engineering units, NaN where the row gave none; for
+    MODE 1 is
     automatic or cascade, 0 manual, NaN unknown.
     """
 
@@ -59,7 +62,8 @@ class SignalBlock:
 
 @dataclass(frozen=True, eq=False)
 class LoopSamples:
-    """A stretch of one loop's samples on one time base; a signal that the stretch does not hold is None, a missing value NaN.
+    """A stretch of one loop's samples on one time base; a signal that the stretch does not hold is None, a missing
+    value NaN.
 
     automatic: (n,) 1 automatic or cascade, 0 manual, NaN unknown. others: further signals by tag.
     resampled: the signals that were sampled at other times than PV and were brought to PV's times (see `align`).
@@ -81,7 +85,8 @@ class LoopSamples:
 
 @dataclass(frozen=True)
 class Reject:
-    """A row or value that could not be used. `line` counts from 1 in the file as it came; None where no single line is at fault."""
+    """A row or value that could not be used. `line` counts from 1 in the file as it came; None where no single line
+    is at fault."""
 
     line: int | None
     code: str

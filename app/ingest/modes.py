@@ -6,12 +6,53 @@ import polars as pl
 from app.ingest.model import FloatArray
 from app.ingest.stamps import to_numbers
 
-AUTOMATIC = frozenset("auto aut a automatic automatik cas cascade casc rcas remcas rmt remote bcas pauto prd 1 true on".split())
-MANUAL = frozenset("man m manual hand rout iman lo oos o/s tracking trk track init 0 false off".split())
+AUTOMATIC = frozenset(
+    [
+        "auto",
+        "aut",
+        "a",
+        "automatic",
+        "automatik",
+        "cas",
+        "cascade",
+        "casc",
+        "rcas",
+        "remcas",
+        "rmt",
+        "remote",
+        "bcas",
+        "pauto",
+        "prd",
+        "1",
+        "true",
+        "on",
+    ]
+)
+MANUAL = frozenset(
+    [
+        "man",
+        "m",
+        "manual",
+        "hand",
+        "rout",
+        "iman",
+        "lo",
+        "oos",
+        "o/s",
+        "tracking",
+        "trk",
+        "track",
+        "init",
+        "0",
+        "false",
+        "off",
+    ]
+)
 
 
 def automatic_flags(texts: pl.Series) -> FloatArray:
-    """(n,) 1 for automatic or cascade, 0 for manual, NaN where nothing or nothing known stands there. A number is automatic unless 0."""
+    """(n,) 1 for automatic or cascade, 0 for manual, NaN where nothing or nothing known stands there. A number is
+    automatic unless 0."""
     if texts.dtype != pl.String:
         return flags_of_numbers(texts.cast(pl.Float64).to_numpy())
     numbers = to_numbers(texts)

@@ -10,7 +10,10 @@ from app.errors import DataError
 from app.ingest.model import IngestOptions
 
 HEAD_BYTES = 1 << 18
-STEP_BYTES = 1 << 20
+HEAD_LINES = 12  # a row of 50,000 columns is half a megabyte
+ROWS_A_CHUNK = 256  # a chunk of very wide rows costs by its columns
+HEAD_LIMIT = 1 << 24
+STEP_BYTES = 1 << 18
 RATIO_FREE_BYTES = 64 << 20  # below this a high ratio is a quiet plant, not a bomb
 _BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 _CONTROL = bytes(set(range(32)) - set(b"\t\n\r\f\x1a"))
@@ -36,6 +39,8 @@ class TextFile:
             raise DataError("empty_file", "the file holds nothing; an export with a time column and signals is needed")
         self.encoding = detect_encoding(first)
         self._bare_returns = False
+        longest = max(map(len, first.split(b"\n")))
+        self._chunk_bytes = max(options.chunk_bytes, min(4 * options.chunk_bytes, ROWS_A_CHUNK * longest))
         self.head = self._decode_head(first)
         _refuse_binary(self.head)
 
@@ -48,9 +53,9 @@ class TextFile:
         taken = bytearray()
         for piece in self._bytes():
             taken += piece
-            if len(taken) >= HEAD_BYTES:
+            if len(taken) >= HEAD_BYTES and (len(taken) >= HEAD_LIMIT or taken.count(b"\n") >= HEAD_LINES):
                 break
-        return bytes(taken[:HEAD_BYTES])
+        return bytes(taken)
 
     def _decode_head(self, first: bytes) -> str:
         text = codecs.getincrementaldecoder(self.encoding)("replace").decode(first)
@@ -76,7 +81,9 @@ class TextFile:
     def _check_line(self, carry: bytes) -> None:
         if len(carry) > self._options.max_line_bytes:
             limit = self._options.max_line_bytes
-            raise DataError("line_too_long", f"a line is longer than {limit} bytes; an export has one row of samples a line")
+            raise DataError(
+                "line_too_long", f"a line is longer than {limit} bytes; an export has one row of samples a line"
+            )
 
     def _utf8(self) -> Iterator[bytes]:
         if self.encoding in ("utf-8", "utf-8-sig") and not self._bare_returns:
@@ -102,7 +109,7 @@ class TextFile:
         for piece in self._bytes():
             taken.append(piece)
             size += len(piece)
-            if size >= self._options.chunk_bytes:
+            if size >= self._chunk_bytes:
                 yield b"".join(taken)
                 taken, size = [], 0
         if taken:
@@ -147,15 +154,19 @@ class TextFile:
 
     def _check_size(self, packed: int, unpacked: int) -> None:
         if unpacked > self._options.max_bytes:
-            raise DataError("decompressed_too_large", f"unpacks to more than {self._options.max_bytes} bytes; send it in parts")
+            raise DataError(
+                "decompressed_too_large", f"unpacks to more than {self._options.max_bytes} bytes; send it in parts"
+            )
         if unpacked > RATIO_FREE_BYTES and unpacked > packed * self._options.max_ratio:
             raise DataError(
-                "decompressed_too_large", f"unpacks to more than {self._options.max_ratio:g} times its size; no export does"
+                "decompressed_too_large",
+                f"unpacks to more than {self._options.max_ratio:g} times its size; no export does",
             )
 
 
 def detect_encoding(first: bytes) -> str:
-    """A byte order mark, then zeros in every other byte, then UTF-8, then GB 18030 where it gives Chinese, else Windows-1252."""
+    """A byte order mark, then zeros in every other byte, then UTF-8, then GB 18030 where it gives Chinese, else
+    Windows-1252."""
     for mark, name in _BOMS:
         if first.startswith(mark):
             return name
@@ -187,4 +198,6 @@ def _refuse_binary(head: str) -> None:
     controls = len(sample) - len(sample.translate(None, _CONTROL))
     doubtful = head.count("\N{REPLACEMENT CHARACTER}")
     if controls > 0.001 * len(sample) + 1 or doubtful > 0.1 * len(head):
-        raise DataError("not_an_export", "this is binary, not an export; CSV or TSV text, gzip of it, parquet or xlsx is needed")
+        raise DataError(
+            "not_an_export", "this is binary, not an export; CSV or TSV text, gzip of it, parquet or xlsx is needed"
+        )

@@ -14,10 +14,28 @@ def in_order(time_ns: TimeArray) -> NDArray[np.int64] | None:
     return np.argsort(time_ns, kind="stable")
 
 
+def without_stutter(time_ns: TimeArray) -> TimeArray:
+    """A stamp that comes twice where the next one is two steps away was rounded the wrong way: its second row belongs
+    to the step
+    that is missing. Times must be in order."""
+    if len(time_ns) < 4:
+        return time_ns
+    steps = np.diff(time_ns)
+    usual = int(np.median(steps))
+    slipped = (steps[:-1] == 0) & (np.abs(steps[1:] - 2 * usual) <= usual // 2)
+    if usual <= 0 or not np.any(slipped):
+        return time_ns
+    moved = time_ns.copy()
+    moved[-1] += usual if steps[-1] == 0 else 0  # after the others, the end of the record too
+    moved[np.flatnonzero(slipped) + 1] += usual
+    return moved
+
+
 def last_of_repeats(
     time_ns: TimeArray, matrix: FloatArray, lines: NDArray[np.int64], tags: list[str], log: RejectLog
 ) -> tuple[TimeArray, FloatArray]:
-    """One row a time: of the values given for it the last stands, and where an earlier one differed that one is counted."""
+    """One row a time: of the values given for it the last stands, and where an earlier one differed that one is
+    counted."""
     repeated = np.concatenate((time_ns[1:] == time_ns[:-1], [False])) if len(time_ns) else np.zeros(0, dtype=bool)
     if not np.any(repeated):
         return time_ns, matrix

@@ -1,4 +1,5 @@
-"""What a layout says about a file: where its columns are. The readers of tables do the rest, so a new layout is a new description."""
+"""What a layout says about a file: where its columns are. The readers of tables do the rest, so a new layout is a new
+description."""
 
 from dataclasses import dataclass, field, replace
 
@@ -26,7 +27,8 @@ class TimedColumns:
 
 @dataclass(frozen=True)
 class WidePlan:
-    """A row holds one instant (of each group of columns). `first_row` is the index of the first row of data, `width` its fields."""
+    """A row holds one instant (of each group of columns). `first_row` is the index of the first row of data, `width`
+    its fields."""
 
     layout: str
     first_row: int
@@ -43,7 +45,8 @@ class WidePlan:
 
 @dataclass(frozen=True)
 class LongPlan:
-    """A row holds one value of one tag. `zero_is_good`: the quality column counts from 0 = good instead of OPC's 192 = good."""
+    """A row holds one value of one tag. `zero_is_good`: the quality column counts from 0 = good instead of OPC's 192
+    = good."""
 
     layout: str
     first_row: int

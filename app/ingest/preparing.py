@@ -1,4 +1,5 @@
-"""A plan made ready for a file: names capped, the one loop of a file without tags, stamps that are cut, doubtful forms said."""
+"""A plan made ready for a file: names capped, the one loop of a file without tags, stamps that are cut, doubtful
+forms said."""
 
 from collections import Counter
 from dataclasses import replace
@@ -36,7 +37,9 @@ def _named(group: TimedColumns, head: Head, options: IngestOptions, log: RejectL
     values: list[ValueColumn] = []
     for value in group.values:
         if len(value.tag) > options.max_name:
-            log.add("name_too_long", f"column {value.index + 1} has a name of {len(value.tag)} characters", None, value.tag)
+            log.add(
+                "name_too_long", f"column {value.index + 1} has a name of {len(value.tag)} characters", None, value.tag
+            )
             continue
         seen[value.tag] += 1
         again = seen[value.tag]
@@ -56,4 +59,3 @@ def _cut(plan: WidePlan, head: Head) -> bool:
 
 def _times(texts: list[str], form: TimeForm) -> TimeArray:
     return parse_text(pl.Series(texts, dtype=pl.String), form.format, form.zoned)
-

@@ -16,7 +16,8 @@ from app.ingest.model import NANOSECONDS, IngestOptions, LoopSamples, Reject, Si
 
 @dataclass(frozen=True, eq=False)
 class RecordingsRead:
-    """The recordings of a file, what was refused (the first of it; `reject_counts` has all by code), and the loops passed over."""
+    """The recordings of a file, what was refused (the first of it; `reject_counts` has all by code), and the loops
+    passed over."""
 
     recordings: tuple[Recording, ...]
     rejects: tuple[Reject, ...]
@@ -28,7 +29,8 @@ class RecordingsRead:
 def read_recordings(
     path: Path, *, filename: str | None = None, mapping: TagMapping | None = None, options: IngestOptions | None = None
 ) -> RecordingsRead:
-    """Every loop of a file that has PV and OP, as a recording; a file of one loop names it by the file, one of several by file and loop.
+    """Every loop of a file that has PV and OP, as a recording; a file of one loop names it by the file, one of
+    several by file and loop.
 
     Raises DataError where the file is no export at all.
     """

@@ -36,5 +36,7 @@ class RejectLog:
 
 def printable(text: str) -> str:
     """Without control characters (they could forge a line of a log) and cut to a length that a table can show."""
-    shown = "".join(character if character.isprintable() else "\N{REPLACEMENT CHARACTER}" for character in text[: TEXT_LIMIT + 1])
+    shown = "".join(
+        character if character.isprintable() else "\N{REPLACEMENT CHARACTER}" for character in text[: TEXT_LIMIT + 1]
+    )
     return shown if len(shown) <= TEXT_LIMIT else shown[: TEXT_LIMIT - 1] + "…"

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -20,7 +21,18 @@ _DAY_FIRST = ("%d/%m/%Y", "%d/%m/%y", "%d-%m-%Y", "%d-%m-%y")
 _MONTH_FIRST = ("%m/%d/%Y", "%m/%d/%y", "%m-%d-%Y", "%m-%d-%y")
 _OTHER = ("%d.%m.%Y", "%d.%m.%y", "%d-%b-%y", "%d-%b-%Y", "%d %b %Y", "%d/%b/%Y", "%d/%b/%y", "%b %d %Y", "%b %d, %Y")
 _YEAR_FIRST = ("%y/%m/%d", "%y-%m-%d")
-_TIMES = (" %H:%M:%S", " %H:%M:%S%.f", " %H:%M", " %I:%M:%S %p", " %I:%M %p", " %I:%M:%S%.f %p", " %H.%M.%S", "%H%M%S", " %H%M%S", "")
+_TIMES = (
+    " %H:%M:%S",
+    " %H:%M:%S%.f",
+    " %H:%M",
+    " %I:%M:%S %p",
+    " %I:%M %p",
+    " %I:%M:%S%.f %p",
+    " %H.%M.%S",
+    "%H%M%S",
+    " %H%M%S",
+    "",
+)
 _AMBIGUOUS = (*_DAY_FIRST, *_MONTH_FIRST, *_YEAR_FIRST)
 _PAIR = re.compile(r"\d{9,11}:\d{1,9}")
 _NUMBER = re.compile(r"[+-]?\d+([.,]\d+)?([eE][+-]?\d+)?")
@@ -28,13 +40,16 @@ _ZONE = re.compile(r"(Z|[+-]\d{2}:?\d{2})$")
 _EPOCH_UNITS = ((1e17, 1.0), (1e14, 1e3), (1e11, 1e6), (1e8, 1e9))
 _UNIT = re.compile(r"[\[(_ ](ms|milliseconds?|min|minutes?|h|hours?|days?|us|µs)[\])]?$", re.IGNORECASE)
 _UNIT_SECONDS = {"m": 60.0, "h": 3600.0, "d": 86400.0, "u": 1e-6, "µ": 1e-6}
+_PARTS = {"%Y": r"\d{4}", "%b": "[a-z]{3}", "%p": "[ap]m", "%.f": r"(\.\d+)?"}
+_PARTS |= dict.fromkeys(("%m", "%d", "%H", "%I", "%M"), r" ?\d{1,2}") | dict.fromkeys(("%y", "%S"), r"\d{2}")
 
 
 @dataclass(frozen=True)
 class TimeForm:
     """How a column of times is read.
 
-    kind: "text" (`format`), "relative" (seconds from a start), "epoch" (a number since 1970), "epoch_pair" (seconds:nanoseconds),
+    kind: "text" (`format`), "relative" (seconds from a start), "epoch" (a number since 1970), "epoch_pair"
+    (seconds:nanoseconds),
         "serial" (days since 1899-12-30).
     scale: nanoseconds a unit of a number. resolution_ns: the smallest step that the text can show.
     rivals: other formats that fit the sample equally well.
@@ -50,9 +65,13 @@ class TimeForm:
 
     @property
     def shown(self) -> str:
-        return {"text": self.format, "relative": "relative, s", "epoch": "epoch", "epoch_pair": "epoch:ns", "serial": "serial days"}[
-            self.kind
-        ]
+        return {
+            "text": self.format,
+            "relative": "relative, s",
+            "epoch": "epoch",
+            "epoch_pair": "epoch:ns",
+            "serial": "serial days",
+        }[self.kind]
 
 
 def find_form(sample: list[str], name: str, options: IngestOptions) -> TimeForm | None:
@@ -123,7 +142,20 @@ def _candidates(sample: list[str], zoned: bool, options: IngestOptions) -> list[
     dates += _YEAR_FIRST if options.day_first is None else ()
     probe = next((text for text in sample if any(c.isdigit() for c in text)), sample[0])
     separator = "T" if re.search(r"\dT\d", probe) else " "
-    return [date + time.replace(" ", separator, 1) if time.startswith(" ") else date + time for date in dates for time in _TIMES]
+    found = [
+        date + time.replace(" ", separator, 1) if time.startswith(" ") else date + time
+        for date in dates
+        for time in _TIMES
+    ]
+    probes = [_ZONE.sub("", text) if zoned else text for text in (probe, *sample[:3], sample[-1])]
+    return [text for text in found if any(_shape(text).fullmatch(probe) for probe in probes)]
+
+
+@lru_cache(maxsize=1024)
+def _shape(form: str) -> re.Pattern[str]:
+    """What a format can look like: a cheap test before the exact one."""
+    parts = re.split(r"(%\.f|%[a-zA-Z])", form)
+    return re.compile("".join(_PARTS.get(part, re.escape(part)) for part in parts), re.IGNORECASE)
 
 
 def _american(sample: list[str]) -> bool:
@@ -132,7 +164,8 @@ def _american(sample: list[str]) -> bool:
 
 
 def _choose(fits: list[tuple[float, str, TimeArray]], zoned: bool, count: int) -> TimeForm:
-    """The first format that fits; between orders of day, month and year the one in whose reading time runs most evenly."""
+    """The first format that fits; between orders of day, month and year the one in whose reading time runs most
+    evenly."""
     formats = [text for _, text, _ in fits]
     doubtful = [fit for fit in fits if fit[1].startswith(_AMBIGUOUS)]
     if len(doubtful) < 2 or len(doubtful) < len({text[:8] for text in formats}):
@@ -142,7 +175,11 @@ def _choose(fits: list[tuple[float, str, TimeArray]], zoned: bool, count: int) -
     rivals = tuple(fit[1] for fit in ranked[1:] if fit[1][:8] != chosen[1][:8])
     even = [fit[1] for fit in ranked[1:] if _unevenness(fit[2]) == _unevenness(chosen[2])]
     why = "the rows do not tell which; the usual one was taken" if even else "time runs forward most evenly so"
-    note = (f"the order of day and month was read as {chosen[1]} ({why}; also possible: {', '.join(rivals)})",) if rivals else ()
+    note = (
+        (f"the order of day and month was read as {chosen[1]} ({why}; also possible: {', '.join(rivals)})",)
+        if rivals
+        else ()
+    )
     return TimeForm("text", chosen[1], zoned=zoned, resolution_ns=_resolution(chosen[1]), rivals=rivals, notes=note)
 
 
@@ -162,7 +199,8 @@ def _resolution(text: str) -> int:
 
 
 def parse_text(texts: pl.Series, form: str, zoned: bool) -> TimeArray:
-    """(n,) ns since 1970, as written or, with an offset, in UTC; NO_TIME where the text does not fit or the year is absurd."""
+    """(n,) ns since 1970, as written or, with an offset, in UTC; NO_TIME where the text does not fit or the year is
+    absurd."""
     if zoned:
         parsed = texts.str.to_datetime(form + "%#z", strict=False, time_unit="us").dt.replace_time_zone(None)
     elif "%H" not in form and "%I" not in form:
@@ -176,7 +214,8 @@ def parse_text(texts: pl.Series, form: str, zoned: bool) -> TimeArray:
 
 
 class TimeReader:
-    """Reads columns of one form, chunk by chunk; local time goes to UTC, the doubled hour of autumn by the order of rows."""
+    """Reads columns of one form, chunk by chunk; local time goes to UTC, the doubled hour of autumn by the order of
+    rows."""
 
     def __init__(self, form: TimeForm, options: IngestOptions) -> None:
         self.form = form
@@ -206,7 +245,12 @@ class TimeReader:
         base = self.form.format.replace("%.f", "")
         with_fraction = base.replace("%S", "%S%.f")
         without_seconds = base.replace(":%S", "")
-        for form in (base, with_fraction, without_seconds, base.replace("%H:%M", "%H:%M:%S") if "%S" not in base else base):
+        for form in (
+            base,
+            with_fraction,
+            without_seconds,
+            base.replace("%H:%M", "%H:%M:%S") if "%S" not in base else base,
+        ):
             for zoned in (self.form.zoned, not self.form.zoned):
                 if not zoned and self.form.zoned:
                     continue
@@ -218,7 +262,9 @@ class TimeReader:
 
     def _numbers(self, texts: pl.Series) -> TimeArray:
         numbers = to_numbers(texts)
-        origin = {"relative": self._options.start_ns, "epoch": 0, "serial": -25569 * 86400 * NANOSECONDS}[self.form.kind]
+        origin = {"relative": self._options.start_ns, "epoch": 0, "serial": -25569 * 86400 * NANOSECONDS}[
+            self.form.kind
+        ]
         scaled = numbers * self.form.scale
         good = np.isfinite(scaled) & (np.abs(scaled + origin) < 7.2e18)
         whole = np.floor(np.where(good, numbers, 0.0))
@@ -242,20 +288,27 @@ def _pairs(texts: pl.Series) -> TimeArray:
     parts = texts.str.strip_chars(' "').str.split_exact(":", 1).struct.unnest()
     seconds = parts.to_series(0).cast(pl.Int64, strict=False)
     nanoseconds = parts.to_series(1).cast(pl.Int64, strict=False)
-    good = (seconds.is_between(0, 7_000_000_000) & nanoseconds.is_between(0, NANOSECONDS - 1)).fill_null(False).to_numpy()
-    ticks = seconds.fill_null(0).to_numpy() * np.int64(good) * NANOSECONDS + nanoseconds.fill_null(0).to_numpy() * np.int64(good)
+    good = (
+        (seconds.is_between(0, 7_000_000_000) & nanoseconds.is_between(0, NANOSECONDS - 1)).fill_null(False).to_numpy()
+    )
+    ticks = seconds.fill_null(0).to_numpy() * np.int64(good) * NANOSECONDS + nanoseconds.fill_null(
+        0
+    ).to_numpy() * np.int64(good)
     return np.where(good, ticks, NO_TIME)
 
 
 def to_utc(local: TimeArray, zone: str) -> TimeArray:
-    """Local wall-clock times to UTC. An hour that comes twice is read by the order of rows: where the clock was set back between two
+    """Local wall-clock times to UTC. An hour that comes twice is read by the order of rows: where the clock was set
+    back between two
     rows, the rows after it are the second pass. Times that no clock showed are NO_TIME."""
     if zone == "UTC" or not len(local):
         return local
     good = local != NO_TIME
     naive = pl.Series(np.where(good, local, 0)).cast(pl.Datetime("ns"))
     first, second = (
-        naive.dt.replace_time_zone(zone, ambiguous=which, non_existent="null").dt.convert_time_zone("UTC").cast(pl.Int64)
+        naive.dt.replace_time_zone(zone, ambiguous=which, non_existent="null")
+        .dt.convert_time_zone("UTC")
+        .cast(pl.Int64)
         for which in ("earliest", "latest")
     )
     good = good & first.is_not_null().to_numpy()
@@ -279,6 +332,10 @@ def from_utc(times: TimeArray, zone: str) -> TimeArray:
     if zone == "UTC":
         return times
     good = times != NO_TIME
-    there = pl.Series(np.where(good, times, 0)).cast(pl.Datetime("ns")).dt.replace_time_zone("UTC").dt.convert_time_zone(zone)
+    there = (
+        pl.Series(np.where(good, times, 0))
+        .cast(pl.Datetime("ns"))
+        .dt.replace_time_zone("UTC")
+        .dt.convert_time_zone(zone)
+    )
     return np.where(good, there.dt.replace_time_zone(None).cast(pl.Int64).to_numpy(), NO_TIME)
-

@@ -7,12 +7,14 @@ from app.ingest.model import TimeArray
 
 @dataclass
 class Tally:
-    """Rows and values so far; `backward` says that rows were not in order of time."""
+    """Rows and values so far; `backward` says that rows were not in order of time; `stuttering` counts rows
+    whose stamp repeated the one before and stood for the step after it."""
 
     rows_read: int = 0
     rows_kept: int = 0
     values_kept: int = 0
     backward: bool = False
+    stuttering: int = 0
     first_time_ns: int | None = None
     last_time_ns: int | None = None
 

@@ -1,4 +1,5 @@
-"""Columns of values: text in numeric columns, numbers that are none, sentinels. What is refused becomes NaN and is counted."""
+"""Columns of values: text in numeric columns, numbers that are none, sentinels. What is refused becomes NaN and is
+counted."""
 
 import numpy as np
 import polars as pl
@@ -12,7 +13,8 @@ SENTINELS = (-9999.0, -99.125)
 
 
 def refuse_texts(texts: pl.Series, rows: NDArray[np.int64], lines: list[int], tag: str, log: RejectLog) -> FloatArray:
-    """The numbers among texts that the fast reader could not read; the others are refused with their text as the reason."""
+    """The numbers among texts that the fast reader could not read; the others are refused with their text as the
+    reason."""
     numbers = to_numbers(texts)
     words = texts.to_list()
     bad = np.array([word is not None and word.strip(' "') != "" for word in words], dtype=bool) & ~np.isfinite(numbers)
@@ -24,7 +26,8 @@ def refuse_texts(texts: pl.Series, rows: NDArray[np.int64], lines: list[int], ta
 
 
 def is_sentinel(values: FloatArray) -> NDArray[np.bool_] | None:
-    """Where a value of a kind that historians write for 'no data' stands clear of all the others; None where it nowhere does.
+    """Where a value of a kind that historians write for 'no data' stands clear of all the others; None where it
+    nowhere does.
 
     -9999 among values around -10000 is a value; a sentinel lies further from the others than they lie from each other.
     """
@@ -49,11 +52,18 @@ def refuse_sentinels(values: FloatArray, lines: NDArray[np.int64], tag: str, log
     found = is_sentinel(values)
     if found is None:
         return values
-    log.add_many("sentinel", [int(line) for line in lines[found]], (f"{value:g} stands for no data" for value in values[found]), tag)
+    log.add_many(
+        "sentinel",
+        [int(line) for line in lines[found]],
+        (f"{value:g} stands for no data" for value in values[found]),
+        tag,
+    )
     return np.where(found, np.nan, values)
 
 
-def refuse_infinite(values: FloatArray, given: NDArray[np.bool_], lines: NDArray[np.int64], tag: str, log: RejectLog) -> FloatArray:
+def refuse_infinite(
+    values: FloatArray, given: NDArray[np.bool_], lines: NDArray[np.int64], tag: str, log: RejectLog
+) -> FloatArray:
     """NaN and infinite numbers that were written as such (`given`: a field was there)."""
     bad = given & ~np.isfinite(values)
     if not np.any(bad):

@@ -11,7 +11,7 @@ from app.ingest.frames import FrameReader, Rows, name_of
 from app.ingest.grouping import Grouping
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
 from app.ingest.modes import automatic_flags
-from app.ingest.order import in_order, last_of_repeats
+from app.ingest.order import in_order, last_of_repeats, without_stutter
 from app.ingest.plans import TimedColumns, ValueColumn, WidePlan
 from app.ingest.quality import Quality
 from app.ingest.rejecting import RejectLog
@@ -23,7 +23,8 @@ from app.ingest.values import SENTINELS, is_sentinel, refuse_texts
 
 @dataclass(eq=False)
 class Chunk:
-    """One group's samples of a chunk of rows: `matrix` (n, columns), the lines they stand in and what each row's time is."""
+    """One group's samples of a chunk of rows: `matrix` (n, columns), the lines they stand in and what each row's time
+    is."""
 
     time_ns: TimeArray
     lines: NDArray[np.int64]
@@ -34,7 +35,9 @@ class Chunk:
 class WideTable:
     """Turns rows into blocks of signals."""
 
-    def __init__(self, plan: WidePlan, grouping: Grouping, options: IngestOptions, log: RejectLog, tally: Tally) -> None:
+    def __init__(
+        self, plan: WidePlan, grouping: Grouping, options: IngestOptions, log: RejectLog, tally: Tally
+    ) -> None:
         self._plan, self._grouping, self._options, self._log, self._tally = plan, grouping, options, log, tally
         self._times = [TimeReader(group.form, options) for group in plan.groups]
         self._spreaders = [Spreader(group.form.resolution_ns) for group in plan.groups] if plan.spread else []
@@ -72,16 +75,22 @@ class WideTable:
     def _short_rows(self, rows: Rows, reader: FrameReader) -> NDArray[np.int64]:
         """Rows cut short lost the place of their fields: none of them is kept."""
         last = rows.frame.columns[-1]
-        candidates = np.flatnonzero(rows.frame[last].is_null().to_numpy() & self._has_text(rows, self._plan.groups[0].time))
+        candidates = np.flatnonzero(
+            rows.frame[last].is_null().to_numpy() & self._has_text(rows, self._plan.groups[0].time)
+        )
         short = reader.short_rows(rows, candidates)
         if len(short):
-            self._log.add_many("ragged_row", rows.lines(short), (f"fewer than {self._plan.width} fields" for _ in short))
+            self._log.add_many(
+                "ragged_row", rows.lines(short), (f"fewer than {self._plan.width} fields" for _ in short)
+            )
         return short
 
     def _has_text(self, rows: Rows, time: tuple[int, ...]) -> NDArray[np.bool_]:
         return rows.frame[name_of(time[0])].is_not_null().to_numpy()
 
-    def _chunk(self, rows: Rows, number: int, group: TimedColumns, reader: FrameReader, short: NDArray[np.int64]) -> Chunk | None:
+    def _chunk(
+        self, rows: Rows, number: int, group: TimedColumns, reader: FrameReader, short: NDArray[np.int64]
+    ) -> Chunk | None:
         texts = joined_times(rows.frame, group.time)
         time_ns = self._times[number].read(texts)
         kept = time_ns != NO_TIME
@@ -111,7 +120,8 @@ class WideTable:
     def _matrix(self, rows: Rows, group: TimedColumns, reader: FrameReader, kept: NDArray[np.bool_]) -> FloatArray:
         """(n, columns) values; refused ones NaN. Odd columns are looked at one by one, the others not at all."""
         names = [name_of(value.index) for value in group.values]
-        frame = rows.frame.select(names)
+        by_name = dict(zip(rows.frame.columns, rows.frame.get_columns(), strict=True))
+        frame = pl.DataFrame([by_name[name] for name in names])
         modes = [position for position, value in enumerate(group.values) if self._is_mode(value)]
         if modes:
             flags = [pl.Series(names[i], automatic_flags(frame[names[i]]), dtype=pl.Float64) for i in modes]
@@ -140,7 +150,9 @@ class WideTable:
             at = [row for row in np.flatnonzero(bad) if str(texts[int(row)]).strip()]
             if at:
                 lines = rows.lines(np.array(at))
-                self._log.add_many("unknown_mode", lines, (str(texts[int(row)]) for row in at), group.values[position].tag)
+                self._log.add_many(
+                    "unknown_mode", lines, (str(texts[int(row)]) for row in at), group.values[position].tag
+                )
 
     def _refuse_texts(
         self,
@@ -152,7 +164,7 @@ class WideTable:
         kept: NDArray[np.bool_],
     ) -> None:
         """Fields that are no numbers to the fast reader are read again as text, only in the columns that have any."""
-        nulls = frame.null_count().row(0)
+        nulls = [column.null_count() for column in frame.get_columns()]
         odd = [i for i, count in enumerate(nulls) if count and not self._is_mode(group.values[i])]
         if not odd:
             return
@@ -163,7 +175,9 @@ class WideTable:
             if count == frame.height:
                 continue
             column = texts[name_of(value.index)]
-            at = np.flatnonzero(frame[name_of(value.index)].is_null().to_numpy() & column.is_not_null().to_numpy() & kept)
+            at = np.flatnonzero(
+                frame[name_of(value.index)].is_null().to_numpy() & column.is_not_null().to_numpy() & kept
+            )
             if len(at):
                 matrix[at, position] = refuse_texts(column[at], at, rows.lines(at), value.tag, self._log)
 
@@ -192,7 +206,12 @@ class WideTable:
                 matrix[at, position] = np.nan
 
     def _refuse_quality(self, rows: Rows, group: TimedColumns, matrix: FloatArray, kept: NDArray[np.bool_]) -> None:
-        for position, value in enumerate(group.values):
+        judged = [
+            (i, value)
+            for i, value in enumerate(group.values)
+            if value.off_line is not None or value.quality is not None
+        ]
+        for position, value in judged:
             bad, code, words = np.zeros(len(matrix), dtype=bool), "", "off-line flag set"
             if value.off_line is not None:
                 bad = (rows.frame[name_of(value.off_line)].fill_null(0.0) != 0).to_numpy()
@@ -211,7 +230,9 @@ class WideTable:
         if order is not None:
             self._tally.backward = True
             time_ns, matrix, lines = time_ns[order], matrix[order], lines[order]
-        time_ns, matrix = last_of_repeats(time_ns, matrix, lines, [value.tag for value in chunk.columns], self._log)
+        steady = without_stutter(time_ns)
+        self._tally.stuttering += int(np.sum(steady != time_ns))
+        time_ns, matrix = last_of_repeats(steady, matrix, lines, [value.tag for value in chunk.columns], self._log)
         self._tally.saw_times(time_ns)
         finite = np.isfinite(matrix).sum(axis=0)
         self._tally.values_kept += int(finite.sum())
@@ -224,4 +245,6 @@ class WideTable:
 def joined_times(frame: pl.DataFrame, time: tuple[int, ...]) -> pl.Series:
     if len(time) == 1:
         return frame[name_of(time[0])]
-    return frame.select(pl.concat_str([pl.col(name_of(index)).str.strip_chars() for index in time], separator=" ").alias("t"))["t"]
+    return frame.select(
+        pl.concat_str([pl.col(name_of(index)).str.strip_chars() for index in time], separator=" ").alias("t")
+    )["t"]

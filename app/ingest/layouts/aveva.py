@@ -1,4 +1,5 @@
-"""AVEVA Historian, long: DateTime,TagName,Value,vValue,Quality,QualityDetail,OPCQuality,wwTagKey; OPCQuality 192 or Quality 0 is good."""
+"""AVEVA Historian, long: DateTime,TagName,Value,vValue,Quality,QualityDetail,OPCQuality,wwTagKey; OPCQuality 192 or
+Quality 0 is good."""
 
 from app.ingest.columns import long_from, plain
 from app.ingest.head import Head

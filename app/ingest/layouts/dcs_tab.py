@@ -1,10 +1,12 @@
-"""A refinery's loop monitor: tab separated, five header lines, MV = OP, SV = SP, MODE 1 = automatic, off-line flags a signal.
+"""A refinery's loop monitor: tab separated, five header lines, MV = OP, SV = SP, MODE 1 = automatic, off-line flags a
+signal.
 
-    PROCESSDATA <tab> FIC101 Data <tab> yyyy-MM-dd HH:mm:ss
-    8 <tab> 10 <tab> start <tab> rows
-    tagname <tab> FIC101.MV <tab> FIC101.PV <tab> FIC101.SV <tab> FIC101.MODE <tab> bOpOFL <tab> bPvOFL <tab> bSpOFL <tab> bAutOFL
-    desc ...
-    settings of the monitor
+PROCESSDATA <tab> FIC101 Data <tab> yyyy-MM-dd HH:mm:ss
+8 <tab> 10 <tab> start <tab> rows
+tagname <tab> FIC101.MV <tab> FIC101.PV <tab> FIC101.SV <tab> FIC101.MODE <tab> bOpOFL <tab> bPvOFL <tab> bSpOFL <tab>
+bAutOFL
+desc ...
+settings of the monitor
 """
 
 from app.ingest.columns import form_of
@@ -32,4 +34,8 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
     )
     interval = head.row(1)[1:2]
     notes = (f"the header gives a sampling interval of {interval[0]} s",) if interval else ()
-    return WidePlan("dcs_tab", _FIRST_ROW, len(names), (TimedColumns((0,), form, values),), notes=notes) if values else None
+    return (
+        WidePlan("dcs_tab", _FIRST_ROW, len(names), (TimedColumns((0,), form, values),), notes=notes)
+        if values
+        else None
+    )

@@ -7,8 +7,12 @@ from app.ingest.plans import Plan
 
 
 def sniff(head: Head, options: IngestOptions) -> Plan | None:
-    marks = {row[0].strip().upper(): index for index, row in enumerate(head.rows[:10]) if row and row[0].startswith("#")}
+    marks = {
+        row[0].strip().upper(): index for index, row in enumerate(head.rows[:10]) if row and row[0].startswith("#")
+    }
     if "#NAMES" not in marks or "#ROWS" not in marks:
         return None
     names, first_row = head.row(marks["#NAMES"] + 1), marks["#ROWS"] + 1
-    return long_from(head, "ignition", names, first_row, options) or wide_from(head, "ignition", names, first_row, options)
+    return long_from(head, "ignition", names, first_row, options) or wide_from(
+        head, "ignition", names, first_row, options
+    )

@@ -1,4 +1,5 @@
-"""Long with a row of names: tag, time, value and, where there is one, a quality. Lines above it and * comments are passed over."""
+"""Long with a row of names: tag, time, value and, where there is one, a quality. Lines above it and * comments are
+passed over."""
 
 from app.ingest.columns import long_from
 from app.ingest.head import Head

@@ -1,4 +1,5 @@
-"""Long without a row of names: a column of times, one of tags, one of values and perhaps one of good and bad, in any order."""
+"""Long without a row of names: a column of times, one of tags, one of values and perhaps one of good and bad, in any
+order."""
 
 from app.ingest.columns import mostly_numbers, usual_width
 from app.ingest.head import Head, is_number
@@ -19,7 +20,9 @@ def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
     if not times or find_form(list(head.row(0)[times[0] : times[0] + 1]), "", options) is None:
         return None
     rest = [index for index in range(width) if index != times[0]]
-    quality = next((index for index in rest if columns[index] and {text.lower() for text in columns[index]} <= _QUALITIES), None)
+    quality = next(
+        (index for index in rest if columns[index] and {text.lower() for text in columns[index]} <= _QUALITIES), None
+    )
     values = [index for index in rest if mostly_numbers(columns[index], head.decimal_mark)]
     tags = [index for index in rest if index != quality and _are_tags(columns[index], head.decimal_mark)]
     form = forms[times[0]]

@@ -1,4 +1,5 @@
-"""Wide: a row of names, then a row an instant. Recordings `time,SP,PV,OP[,MODE]` and SQL dumps with date and time apart are of this form."""
+"""Wide: a row of names, then a row an instant. Recordings `time,SP,PV,OP[,MODE]` and SQL dumps with date and time
+apart are of this form."""
 
 from app.ingest.columns import first_row_of_times, time_columns, wide_from
 from app.ingest.head import Head, is_number
