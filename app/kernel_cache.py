@@ -1,7 +1,7 @@
 """Where compiled kernels are kept: one folder for each state of the engine's source.
 
-numba looks only at the file of the function that it compiled: a kernel that calls a changed function in another file, or
-a package whose files all bear the same date, would go on running old machine code.
+numba looks only at the file of the function that it compiled: a kernel that calls a changed function in another file
+or a package whose files all bear the same date, would go on running old machine code.
 """
 
 import hashlib
