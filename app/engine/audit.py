@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.engine import ENGINE_VERSION, verdict_reference
+from app.engine import ENGINE_VERSION, verdict, verdict_reference
 from app.engine.audit_config import AuditConfig
 from app.engine.evidence import Finding, Reason
 from app.engine.fitness import Fitness, assess, with_cycles
@@ -77,7 +77,7 @@ def audit(recording: Recording, config: AuditConfig | None = None) -> Audit:
     oscillation = detect(fitness.record) if fitness.record is not None and fitness.auditable else None
     fitness = with_cycles(fitness, oscillation, config.fitness)
     if oscillation is None or not fitness.auditable:
-        return _result(recording, config, fitness, _refusal(fitness.refusals), oscillation=oscillation)
+        return _result(recording, config, fitness, _refusal(fitness.refusals, config), oscillation=oscillation)
     return _identified(recording, config, fitness, oscillation)
 
 
@@ -103,7 +103,7 @@ def _identified(recording: Recording, config: AuditConfig, fitness: Fitness, osc
     except DataError as error:
         refusal = _unidentifiable(error)
         return _result(recording, config, fitness, refusal, oscillation=oscillation, record=record)
-    judgement = judge(record, fitness, oscillation, reference, config)
+    judgement = judge(fitness.audited, fitness, oscillation, reference, config)
     return _result(
         recording, config, fitness, judgement, oscillation=oscillation, record=record, reference=reference
     )
@@ -112,16 +112,27 @@ def _identified(recording: Recording, config: AuditConfig, fitness: Fitness, osc
 def judge(
     record: UniformRecord, fitness: Fitness, oscillation: Oscillation, reference: Reference, config: AuditConfig
 ) -> Judgement:
-    """The one place where evidence becomes a verdict: today by the published rule, from `reference` alone.
+    """The one place where evidence becomes a verdict; the published rule's reading stands beside it as the reference.
 
-    A verdict that weighs more evidence has everything it needs in the arguments.
+    record: the stretch that `oscillation` was found in.
     """
-    judgement = verdict_reference.judge(reference, config.verdict)
-    doubts = tuple(Reason(f.code, f.text) for f in fitness.findings if f.outcome == "fail")
-    return replace(judgement, reasons=judgement.reasons + doubts)
+    judgement = verdict.judge(record, oscillation, fitness, reference, config.judgement)
+    published = _published_reasons(reference, config)
+    given = {reason.code for reason in judgement.reasons}
+    doubts = tuple(Reason(f.code, f.text) for f in fitness.findings if f.outcome == "fail" and f.code not in given)
+    return replace(judgement, reasons=judgement.reasons + published + doubts)
 
 
-def _refusal(refusals: tuple[Finding, ...]) -> Judgement:
+def _published_reasons(reference: Reference, config: AuditConfig) -> tuple[Reason, ...]:
+    """The reasons of the published rule, marked as its own; what it says of its own probability is left out."""
+    reasons = verdict_reference.judge(reference, config.verdict).reasons
+    marked = (Reason(r.code, f"published rule: {r.text}") for r in reasons if r.code != "reference_only")
+    return tuple(marked)
+
+
+def _refusal(refusals: tuple[Finding, ...], config: AuditConfig) -> Judgement:
+    if {finding.code for finding in refusals} == {"pv_flat"}:
+        return verdict.stuck(config.judgement)
     reasons = tuple(Reason(finding.code, finding.text) for finding in refusals)
     causes = [SPOILED_BY[finding.code] for finding in refusals if finding.code in SPOILED_BY]
     return Judgement("not_auditable", None, "not_reliable", reasons, causes[0] if causes else None)

@@ -8,6 +8,7 @@ from typing import Any
 from app.engine.fitness import FitnessConfig
 from app.engine.hammerstein import HammersteinConfig
 from app.engine.reliability import LadderConfig
+from app.engine.verdict_config import VerdictConfig
 from app.engine.verdict_reference import ReferenceVerdictConfig
 from app.errors import DataError
 
@@ -33,6 +34,7 @@ class AuditConfig:
     ladder: LadderConfig = field(default_factory=_audit_ladder)
     hammerstein: HammersteinConfig = field(default_factory=HammersteinConfig)
     verdict: ReferenceVerdictConfig = field(default_factory=ReferenceVerdictConfig)
+    judgement: VerdictConfig = field(default_factory=VerdictConfig)
     max_samples: int = 5000
 
     def canonical_json(self) -> str:

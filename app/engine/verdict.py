@@ -109,11 +109,12 @@ def conclude(
 
 
 def stuck(config: VerdictConfig | None = None) -> Judgement:
-    """The judgement on a loop in automatic whose PV does not move at all while OP travels."""
+    """The judgement on a loop whose PV does not move at all while OP travels: sticky or dead, it cannot be told."""
     config = config or VerdictConfig()
     text = "OP travels and PV does not answer at all: the valve is stuck, or the transmitter is dead; look at both"
     reason = Reason("pv_does_not_answer", text)
-    return Judgement("stiction", config.stuck_probability, "not_reliable", (reason,), "stuck_valve_or_dead_transmitter")
+    cause = "stuck_valve_or_dead_transmitter"
+    return Judgement("inconclusive", config.stuck_probability, "not_reliable", (reason,), cause)
 
 
 def _verdict(probability: float, config: VerdictConfig) -> Verdict:

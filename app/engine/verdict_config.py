@@ -15,10 +15,10 @@ class VerdictConfig:
     stuck_probability: what is said of a valve whose PV stands still while OP travels; a dead transmitter looks alike.
     """
 
-    undecided_within: float = 0.03
+    undecided_within: float = 0.02
     reliable_stiction_from: float = 0.8
     reliable_no_stiction_to: float = 0.25
     min_cycles: float = 5.0
     max_window_spread: float = 1.5
     max_filled_share: float = 0.1
-    stuck_probability: float = 0.7
+    stuck_probability: float = 0.6

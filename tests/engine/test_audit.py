@@ -54,8 +54,10 @@ def test_probability_stands_on_the_side_of_the_verdict(answer):
 
 def test_reasons_name_table_2_and_the_published_rule(answer):
     codes = [reason.code for reason in answer.judgement.reasons]
-    assert codes[0] == f"yper_{answer.reference.reading}"
-    assert "reference_only" in codes
+    published = [r for r in answer.judgement.reasons if r.code == f"yper_{answer.reference.reading}"]
+    assert len(published) == 1
+    assert published[0].text.startswith("published rule: ")
+    assert len(codes) == len(set(codes))
 
 
 def test_the_same_recording_gives_the_same_answer(answer):
@@ -113,7 +115,6 @@ HOSTILE = {
     "all infinite": (np.full(N, np.inf), np.arange(N, dtype=float)),
     "all huge": (np.linspace(1e300, 1e308, N), np.sin(np.arange(N))),
     "constant": (np.full(N, 3.3), np.full(N, 50.0)),
-    "dead transmitter": (np.full(N, 3.3), np.sin(np.arange(N) / 9)),
     "manual": (np.sin(np.arange(N) / 9), np.full(N, 50.0)),
 }
 
@@ -132,7 +133,7 @@ def test_what_cannot_be_audited_is_answered_with_the_reason(name):
 @pytest.mark.parametrize(
     ("pv", "op", "code", "cause"),
     [
-        (np.full(N, 3.3), np.sin(np.arange(N) / 9), "pv_flat", "stuck_valve_or_dead_transmitter"),
+        (np.full(N, 3.3), np.sin(np.arange(N) / 9), "pv_does_not_answer", "stuck_valve_or_dead_transmitter"),
         (np.sin(np.arange(N) / 9), np.full(N, 50.0), "op_flat", "controller_not_acting"),
     ],
 )
@@ -169,7 +170,7 @@ def test_odd_records_are_answered(name):
 @pytest.mark.parametrize("n", [100, 131, 180])
 def test_short_records_are_answered(n):
     judgement = audit(sticky_loop(n)).judgement
-    assert judgement.verdict in ("stiction", "no_stiction")
+    assert judgement.verdict != "not_auditable"
 
 
 def test_sampling_at_random_times_is_answered():

@@ -1,6 +1,7 @@
 """The audit line in the form that scripts and dashboards rely on."""
 
 import json
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 
 import numpy as np
@@ -33,7 +34,7 @@ def audited():
 
 @pytest.fixture(scope="module")
 def refused():
-    return audit(recording(pv_scale=0.0))
+    return audit(replace(recording(), op=np.full(400, 50.0)))
 
 
 def test_line_has_the_fields_of_the_contract_in_their_order(audited):
@@ -64,8 +65,8 @@ def test_line_of_a_refused_recording_is_null_where_nothing_is_known(refused):
     assert (line["verdict"], line["reliability"]) == ("not_auditable", "not_reliable")
     assert line["stiction_probability"] is None
     assert set(line["hammerstein"].values()) == {None}
-    assert [reason["code"] for reason in line["reasons"]] == ["pv_flat"]
-    assert line["likely_cause"] == "stuck_valve_or_dead_transmitter"
+    assert [reason["code"] for reason in line["reasons"]] == ["op_flat"]
+    assert line["likely_cause"] == "controller_not_acting"
 
 
 @pytest.mark.parametrize("which", ["audited", "refused"])

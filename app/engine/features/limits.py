@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.engine.features.signals import moving_average, without_line
+from app.engine.features.signals import ROUNDING, moving_average, without_line
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import FloatArray
 
@@ -35,16 +35,21 @@ def limits(window: ShapeWindow) -> Limits:
     """The features of `Limits` for one window."""
     low, high = _at_extremes(window.even_op)
     moves = _movement(window.even_pv)
-    steps = np.abs(np.diff(window.raw_pv))
-    steps = steps[steps > 0.0] / (float(np.std(without_line(window.raw_pv))) or 1.0)
+    pv_steps, op_steps = _steps(window.raw_pv), _steps(window.raw_op)
+    moved = pv_steps[pv_steps > ROUNDING]
     return Limits(
         op_at_limit=float(max(low.mean(), high.mean())),
         pv_moves_at_limit=max(_moved_within(moves, low), _moved_within(moves, high)),
-        pv_quantum=_quantum(steps),
-        pv_least_step=float(np.log10(np.quantile(steps, 0.05) + 1e-3)) if len(steps) else 0.0,
-        pv_held=float(np.mean(np.diff(window.raw_pv) == 0.0)),
-        op_held=float(np.mean(np.diff(window.raw_op) == 0.0)),
+        pv_quantum=_quantum(moved),
+        pv_least_step=float(np.log10(np.quantile(moved, 0.05) + 1e-3)) if len(moved) else 0.0,
+        pv_held=float(np.mean(pv_steps <= ROUNDING)),
+        op_held=float(np.mean(op_steps <= ROUNDING)),
     )
+
+
+def _steps(x: FloatArray) -> FloatArray:
+    """Steps between samples in standard deviations of x less its straight line."""
+    return np.abs(np.diff(x)) / (float(np.std(without_line(x))) or 1.0)
 
 
 def _at_extremes(op: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -65,7 +70,6 @@ def _moved_within(moves: FloatArray, there: FloatArray) -> float:
 
 
 def _quantum(steps: FloatArray) -> float:
-    steps = steps[steps > 1e-6]
     if len(steps) < _FEWEST_STEPS:
         return 0.0
     multiple = steps / steps.min()

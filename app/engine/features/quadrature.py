@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft
 
-from app.engine.features.signals import correlation
+from app.engine.features.signals import ROUNDING, correlation
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import FloatArray
 
@@ -60,14 +60,19 @@ def quadrature(window: ShapeWindow) -> Quadrature:
         pv_dop=abs(correlation(pv, dop)),
         dpv_dop=abs(correlation(dpv, dop)),
         loop_area=abs(float(op @ dpv)) / len(pv) * PER_CYCLE / (2 * np.pi),
-        pv_direction=abs(correlation(window.pv, np.sign(dop))),
-        dpv_direction=abs(correlation(dpv, np.sign(dop))),
-        op_pv_direction=abs(correlation(window.op, np.sign(dpv))),
+        pv_direction=abs(correlation(window.pv, _direction(dop))),
+        dpv_direction=abs(correlation(dpv, _direction(dop))),
+        op_pv_direction=abs(correlation(window.op, _direction(dpv))),
         coherence_odd=abs(coherency.imag),
         coherence_even=abs(coherency.real),
         odd_share=float(odd.max()) / (float(odd.max()) + abs(zero) + 1e-9),
         phase_sine=abs(coherency.imag) / (abs(coherency) + 1e-9),
     )
+
+
+def _direction(slope: FloatArray) -> FloatArray:
+    """Sign of a slope; 0 where a signal at unit deviation only moves by rounding."""
+    return np.where(np.abs(slope) > ROUNDING, np.sign(slope), 0.0)
 
 
 def _cross_correlation(pv: FloatArray, op: FloatArray) -> tuple[FloatArray, FloatArray, float]:

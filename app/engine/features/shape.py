@@ -26,7 +26,7 @@ class Shape:
     *_slow, *_fundamental, *_second, *_third, *_fast: shares of power below, in and above the fundamental.
     *_roughness: log10 of the variance that smoothing takes off.
     *_bicoherence: mean squared bicoherence of the lowest lines above that of noise (Choudhury et al. 2004,
-    doi 10.1016/j.automatica.2004.01.024).
+    doi 10.1016/j.automatica.2004.03.022).
     """
 
     pv_kurtosis: float

@@ -5,6 +5,9 @@ from numba import njit
 
 from app.engine.recording import FloatArray
 
+# A change of unit moves a signal at unit deviation by less than this; what is smaller is no movement.
+ROUNDING = 1e-6
+
 
 @njit(cache=True, nogil=True)
 def moving_average(x: FloatArray, half: int) -> FloatArray:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from app.engine.features.signals import burstiness, correlation
+from app.engine.features.signals import ROUNDING, burstiness, correlation
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import FloatArray
 
@@ -110,18 +110,38 @@ def _legs(pv: FloatArray, op: FloatArray, reversal: float, band: float) -> Float
 
 @njit(cache=True, nogil=True)
 def _turns(x: FloatArray, reversal: float) -> FloatArray:
-    """Indices of the start and of the extremes of x from which it comes back by more than `reversal`."""
+    """Indices of the extremes of x (at unit deviation) from which it comes back by more than `reversal`."""
     turns = np.empty(len(x) + 1, dtype=np.int64)
-    turns[0] = 0
-    count, direction, extreme = 1, 1.0, 0
-    for i in range(1, len(x)):
-        if direction * (x[i] - x[extreme]) > 0.0:
+    first, direction = _first_turn(x, reversal)
+    if direction == 0.0:
+        return turns[:0]
+    turns[0] = first
+    count, extreme = 1, first
+    for i in range(first + 1, len(x)):
+        # On a plateau the first sample counts, whatever rounding does to the others.
+        if direction * (x[i] - x[extreme]) > ROUNDING:
             extreme = i
         elif direction * (x[extreme] - x[i]) > reversal:
             turns[count] = extreme
             count += 1
             direction, extreme = -direction, i
     return turns[:count]
+
+
+@njit(cache=True, nogil=True)
+def _first_turn(x: FloatArray, reversal: float) -> tuple[int, float]:
+    """Where x first leaves an extreme by more than `reversal`, and in which direction; 0.0 where it never does."""
+    lowest = highest = 0
+    for i in range(1, len(x)):
+        if x[i] < x[lowest] - ROUNDING:
+            lowest = i
+        if x[i] > x[highest] + ROUNDING:
+            highest = i
+        if x[i] - x[lowest] > reversal:
+            return lowest, 1.0
+        if x[highest] - x[i] > reversal:
+            return highest, -1.0
+    return 0, 0.0
 
 
 @njit(cache=True, nogil=True)
