@@ -1,9 +1,21 @@
 """What all tests share: where the recordings beside the project are, and which servers this machine has."""
 
 import os
+import shutil
+import tempfile
+import uuid
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from sqlalchemy import create_engine, make_url
+from sqlalchemy.exc import OperationalError
+
+from app.services.backend import Backend
+from app.services.operations import migrate
+from app.settings import Settings
+from app.storage import Database
+from app.storage.tables import metadata
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
@@ -19,3 +31,92 @@ def shared_dir() -> Path:
 def servers_required() -> bool:
     """Whether PostgreSQL and Redis must be there (as in CI), instead of skipping their tests."""
     return os.environ.get("LOOPAUDIT_TEST_REQUIRE_SERVERS") == "1"
+
+
+POSTGRES = os.environ.get("LOOPAUDIT_TEST_POSTGRES_URL", "postgresql+psycopg://127.0.0.1/postgres")
+REDIS = os.environ.get("LOOPAUDIT_TEST_REDIS_URL", "redis://127.0.0.1:6379")
+FIRST_REDIS_DATABASE = 8
+
+
+def _no_server(what: str) -> None:
+    if servers_required():
+        pytest.fail(f"no {what} server, and LOOPAUDIT_TEST_REQUIRE_SERVERS is set")
+    pytest.skip(f"no {what} server on this machine")
+
+
+@pytest.fixture(scope="session")
+def postgres_url() -> Iterator[str]:
+    """An empty data base of this test session, with this version's tables, on the local PostgreSQL server."""
+    server = create_engine(POSTGRES, isolation_level="AUTOCOMMIT", connect_args={"connect_timeout": 2})
+    name = f"loopaudit_test_{os.getpid()}_{uuid.uuid4().hex[:8]}"
+    try:
+        with server.connect() as connection:
+            connection.exec_driver_sql(f'CREATE DATABASE "{name}"')
+    except OperationalError:
+        _no_server("PostgreSQL")
+    url = make_url(POSTGRES).set(database=name).render_as_string(hide_password=False)
+    try:
+        migrate(Settings(database_url=url, data_dir=Path(tempfile.gettempdir())))
+        yield url
+    finally:
+        with server.connect() as connection:
+            connection.exec_driver_sql(f'DROP DATABASE "{name}" WITH (FORCE)')
+        server.dispose()
+
+
+@pytest.fixture(scope="session")
+def empty_sqlite(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A SQLite file with this version's tables, to be copied."""
+    folder = tmp_path_factory.mktemp("empty")
+    migrate(Settings(data_dir=folder))
+    return folder / "loopaudit.db"
+
+
+@pytest.fixture
+def redis_url(worker_id: str) -> Iterator[str]:
+    """A data base of the local Redis server that is empty, and is emptied again."""
+    redis = pytest.importorskip("redis")
+    number = FIRST_REDIS_DATABASE + (int(worker_id.removeprefix("gw")) if worker_id != "master" else 0) % 6
+    url = f"{REDIS}/{number}"
+    client = redis.Redis.from_url(url, socket_connect_timeout=2)
+    try:
+        client.flushdb()
+    except redis.exceptions.ConnectionError:
+        _no_server("Redis")
+    yield url
+    client.flushdb()
+    client.close()
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def settings(request: pytest.FixtureRequest, tmp_path: Path) -> Settings:
+    """Settings of an empty plant on each data base, with a data folder of its own and the broker in a folder."""
+    url = ""
+    if request.param == "postgresql":
+        url = request.getfixturevalue("postgres_url")
+        empty_tables(url)
+    else:
+        shutil.copy(request.getfixturevalue("empty_sqlite"), tmp_path / "loopaudit.db")
+    return Settings(data_dir=tmp_path, database_url=url)
+
+
+def empty_tables(url: str) -> None:
+    engine = create_engine(url)
+    names = ", ".join(table.name for table in metadata.sorted_tables)
+    with engine.begin() as connection:
+        connection.exec_driver_sql(f"TRUNCATE {names} RESTART IDENTITY CASCADE")
+    engine.dispose()
+
+
+@pytest.fixture
+def backend(settings: Settings) -> Iterator[Backend]:
+    """The services' backend of an empty plant."""
+    opened = Backend.open(settings)
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def database(backend: Backend) -> Database:
+    """An empty data base with this version's tables, on SQLite and on PostgreSQL."""
+    return backend.database

@@ -1,0 +1,161 @@
+"""The claim on a loop of a run: one owner at a time, fenced by its attempt, given to another where a worker is lost."""
+
+import threading
+
+import pytest
+from sqlalchemy import update
+
+from app.engine.audit_config import AuditConfig
+from app.storage import Database, audits, items, loops
+from app.storage.audits import LoopFilter, Progress
+from app.storage.items import Claim, Failure, Reopened
+from app.storage.tables import audit_items
+from app.storage.tables import loops as loops_table
+
+CONFIG = AuditConfig()
+RUN = {
+    "trigger": "request",
+    "plant": "plant",
+    "config_json": CONFIG.canonical_json(),
+    "config_fingerprint": CONFIG.fingerprint(),
+    "window_h": 24.0,
+    "window_samples": 1000,
+}
+
+
+@pytest.fixture
+def run(database: Database) -> int:
+    """A run over 20 loops."""
+    with database.write() as connection:
+        loops.ensure(connection, [f"FIC{i:02}" for i in range(20)])
+        connection.execute(update(loops_table).values(newest_ns=1))
+        audit_id = audits.plan(connection, RUN, LoopFilter())
+    assert audit_id is not None
+    return audit_id
+
+
+def claim(database: Database, run: int, owner: str, count: int, lease_s: float = 60.0) -> list[Claim]:
+    with database.write() as connection:
+        return items.claim(connection, run, owner, count, lease_s)
+
+
+def progress(database: Database, run: int) -> Progress:
+    with database.read() as connection:
+        return audits.progress(connection, [run])[run]
+
+
+def test_a_loop_has_one_owner(database: Database, run: int) -> None:
+    first, second = claim(database, run, "a", 12), claim(database, run, "b", 12)
+    assert (len(first), len(second)) == (12, 8)
+    assert {c.loop_id for c in first}.isdisjoint(c.loop_id for c in second)
+    assert claim(database, run, "c", 12) == []
+
+
+def test_claims_at_the_same_time_never_meet(database: Database, run: int) -> None:
+    taken: list[int] = []
+
+    def work(owner: str) -> None:
+        while claims := claim(database, run, owner, 3):
+            taken.extend(c.loop_id for c in claims)
+
+    threads = [threading.Thread(target=work, args=(f"w{i}",)) for i in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(taken) == len(set(taken)) == 20
+
+
+def test_a_run_ends_once_nothing_is_left(database: Database, run: int) -> None:
+    claims = claim(database, run, "a", 20)
+    with database.write() as connection:
+        items.finish(connection, claims[:19])
+        assert audits.end_if_complete(connection) == 0
+        items.fail(connection, [Failure(claims[19], "fault", "ValueError: x")])
+        assert audits.end_if_complete(connection) == 1
+        assert audits.end_if_complete(connection) == 0
+    with database.read() as connection:
+        assert audits.by_id(connection, run).state == "partial"
+        assert [f.code for f in items.failures(connection, run, 10)] == ["fault"]
+    assert progress(database, run) == Progress(done=19, failed=1)
+
+
+def test_a_lost_worker_cannot_write_any_more(database: Database, run: int) -> None:
+    lost = claim(database, run, "a", 20, lease_s=-1.0)
+    with database.write() as connection:
+        assert items.reopen_expired(connection, max_attempts=3) == Reopened(20, 0)
+    again = claim(database, run, "a", 20)
+    with database.write() as connection:
+        assert items.finish(connection, lost) == set()
+        items.fail(connection, [Failure(c, "fault", "late") for c in lost])
+        assert items.renew(connection, lost, 60.0) == 0
+        assert items.finish(connection, again) == {again[0].loop_id}
+    assert progress(database, run).failed == 0
+
+
+def test_a_loop_that_was_tried_before_is_claimed_alone(database: Database, run: int) -> None:
+    claim(database, run, "a", 4, lease_s=-1.0)
+    with database.write() as connection:
+        items.reopen_expired(connection, max_attempts=3)
+    assert len(claim(database, run, "b", 20)) == 16
+    alone = claim(database, run, "b", 20)
+    assert [c.attempt for c in alone] == [2]
+
+
+def test_a_loop_that_takes_its_worker_down_is_set_aside(database: Database, run: int) -> None:
+    for _ in range(2):
+        while claim(database, run, "a", 20, lease_s=-1.0):
+            pass
+        with database.write() as connection:
+            reopened = items.reopen_expired(connection, max_attempts=2)
+    assert reopened == Reopened(0, 20)
+    with database.write() as connection:
+        assert audits.end_if_complete(connection) == 1
+        assert {f.code for f in items.failures(connection, run, 20)} == {"worker_lost"}
+
+
+def test_what_was_not_begun_is_given_back_untried(database: Database, run: int) -> None:
+    claims = claim(database, run, "a", 20)
+    with database.write() as connection:
+        items.release(connection, claims)
+    assert [c.attempt for c in claim(database, run, "b", 20)] == [1] * 20
+
+
+def test_a_cancelled_run_gives_out_nothing(database: Database, run: int) -> None:
+    held = claim(database, run, "a", 5)
+    with database.write() as connection:
+        assert audits.cancel(connection, run)
+        assert not audits.cancel(connection, run)
+        assert items.finish(connection, held) == set()
+    assert claim(database, run, "b", 5) == []
+    assert progress(database, run) == Progress(failed=20)
+
+
+def test_a_stalled_run_is_announced_once_in_a_while(database: Database, run: int) -> None:
+    with database.write() as connection:
+        assert audits.to_announce(connection, 30.0) == [run]
+        assert audits.to_announce(connection, 30.0) == []
+        assert audits.to_announce(connection, -1.0) == [run]
+        items.claim(connection, run, "a", 20, 60.0)
+        assert audits.to_announce(connection, -1.0) == []
+
+
+def test_one_run_a_night(database: Database, run: int) -> None:
+    with database.write() as connection:
+        first = audits.plan(connection, {**RUN, "nightly_for": "2026-01-31"}, LoopFilter())
+        assert audits.plan(connection, {**RUN, "nightly_for": "2026-01-31"}, LoopFilter()) is None
+        assert audits.by_night(connection, "plant", "2026-01-31").id == first
+        assert audits.plan(connection, {**RUN, "nightly_for": "2026-02-01"}, LoopFilter()) is not None
+
+
+def test_claims_use_the_partial_index(database: Database, run: int) -> None:
+    which = "audit_id = 1 AND state = 'open' AND attempts = 0"
+    query = f"SELECT loop_id FROM audit_items WHERE {which} ORDER BY loop_id LIMIT 5"  # noqa: S608 - our own words
+    with database.write() as connection:
+        if database.is_sqlite:
+            plan = str(connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {query}").all())
+        else:
+            connection.exec_driver_sql("SET LOCAL enable_seqscan = off")
+            plan = str(connection.exec_driver_sql(f"EXPLAIN {query}").all())
+        assert "ix_audit_items_open" in plan
+        connection.execute(update(audit_items).values(state="open"))

@@ -1,0 +1,82 @@
+"""Samples packed and laid over each other: nothing changes on the way, and nothing by sending again."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from app.storage.samples import Samples, merged, news, pack, unpack
+
+SECOND = 1_000_000_000
+
+
+def samples(seconds: list[int], **signals: list[float]) -> Samples:
+    return Samples(np.array(seconds, np.int64) * SECOND, {k: np.array(v, float) for k, v in signals.items()})
+
+
+def same(a: Samples, b: Samples) -> bool:
+    return (
+        np.array_equal(a.time_ns, b.time_ns)
+        and set(a.signals) == set(b.signals)
+        and all(np.array_equal(a.signals[k], b.signals[k], equal_nan=True) for k in a.signals)
+    )
+
+
+values = st.floats(allow_nan=True, allow_infinity=True, width=64)
+
+
+@given(
+    st.lists(st.integers(-(2**61), 2**61), min_size=0, max_size=50, unique=True).flatmap(
+        lambda times: st.tuples(st.just(sorted(times)), arrays(np.float64, (2, len(times)), elements=values))
+    )
+)
+def test_unpack_gives_what_pack_got(drawn: tuple[list[int], np.ndarray]) -> None:
+    times, both = drawn
+    before = Samples(np.array(times, np.int64), {"pv": both[0], "tag:FT 1": both[1]})
+    after = unpack(pack(before))
+    assert same(before, after)
+    assert before.fingerprint() == after.fingerprint()
+
+
+def test_a_day_of_a_loop_is_small() -> None:
+    rng = np.random.default_rng(1)
+    n = 1440
+    pv, op = np.round(50 + np.cumsum(rng.normal(size=(2, n)), axis=1), 2)
+    day = Samples(np.arange(n, dtype=np.int64) * 60 * SECOND, {"pv": pv, "op": op, "sp": np.full(n, 50.0)})
+    assert len(pack(day)) < 24 * n / 1.8
+
+
+def test_an_unknown_format_is_refused() -> None:
+    packed = bytearray(pack(samples([1], pv=[1.0])))
+    packed[0] = 99
+    with pytest.raises(ValueError, match="format 99"):
+        unpack(bytes(packed))
+
+
+def test_the_later_value_holds_and_a_missing_one_hides_nothing() -> None:
+    first = samples([1, 2, 3], pv=[1, 2, 3], op=[10, 20, 30])
+    second = samples([2, 3, 4], pv=[2.5, np.nan, 4], sp=[5, 5, 5])
+    expected = samples([1, 2, 3, 4], pv=[1, 2.5, 3, 4], op=[10, 20, 30, np.nan], sp=[np.nan, 5, 5, 5])
+    assert same(merged([first, second]), expected)
+
+
+def test_news_are_new_times_new_signals_and_other_values() -> None:
+    stored = samples([1, 2, 3], pv=[1, 2, 3], op=[1, np.nan, 3])
+    sent = samples([1, 2, 3, 4], pv=[1, 2, 3.5, 4], op=[np.nan, 7, 3, 4])
+    assert list(news(sent, stored).time_ns // SECOND) == [2, 3, 4]
+    assert len(news(stored, stored)) == 0
+    assert len(news(samples([1], sp=[9]), stored)) == 1
+
+
+@given(st.lists(st.lists(st.integers(0, 20), min_size=1, max_size=8, unique=True), min_size=1, max_size=5))
+def test_laying_news_over_the_stored_is_laying_all_of_it(drawn: list[list[int]]) -> None:
+    stored: list[Samples] = []
+    sent: list[Samples] = []
+    for number, seconds in enumerate(drawn):
+        stretch = samples(sorted(seconds), pv=[number % 3] * len(seconds))
+        sent.append(stretch)
+        fresh = stretch if not stored else news(stretch, merged(stored))
+        if len(fresh):
+            stored.append(fresh)
+    assert same(merged(stored), merged(sent))

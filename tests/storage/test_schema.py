@@ -1,0 +1,72 @@
+"""The migrations make the tables that the code expects, on both data bases, and can be taken back."""
+
+from pathlib import Path
+
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.migration import MigrationContext
+from sqlalchemy import create_engine, inspect, make_url, text
+
+from app.storage import Database, schema
+from app.storage.tables import metadata
+from app.storage.types import UtcDateTime
+
+
+def test_migrations_make_the_tables(database: Database) -> None:
+    with database.read() as connection:
+        context = MigrationContext.configure(connection, opts={"compare_type": True, "compare_server_default": False})
+        assert compare_metadata(context, metadata) == []
+    assert schema.current_revision(database) == schema.newest_revision() is not None
+
+
+def test_indexes_over_open_work_are_partial(database: Database) -> None:
+    with database.read() as connection:
+        found = {index["name"]: index for index in inspect(connection).get_indexes("audit_items")}
+    kind = database.url.get_backend_name()
+    assert "open" in str(found["ix_audit_items_open"]["dialect_options"][f"{kind}_where"])
+
+
+def test_migrating_twice_changes_nothing(database: Database) -> None:
+    schema.migrate(database)
+    assert schema.current_revision(database) == schema.newest_revision()
+
+
+def test_down_and_up_again(tmp_path: Path) -> None:
+    database = Database(f"sqlite:///{tmp_path / 'plant.db'}")
+    schema.migrate(database)
+    schema.downgrade(database, "base")
+    with database.read() as connection:
+        assert inspect(connection).get_table_names() == ["alembic_version"]
+    schema.migrate(database)
+    with database.read() as connection:
+        assert set(metadata.tables) <= set(inspect(connection).get_table_names())
+    database.close()
+
+
+def test_sqlite_is_opened_safely(tmp_path: Path) -> None:
+    database = Database(f"sqlite:///{tmp_path / 'plant.db'}")
+    with database.write() as connection:
+        pragmas = {
+            name: connection.exec_driver_sql(f"PRAGMA {name}").scalar() for name in ("foreign_keys", "synchronous")
+        }
+        mode = connection.exec_driver_sql("PRAGMA journal_mode").scalar()
+    assert pragmas == {"foreign_keys": 1, "synchronous": 2}
+    assert mode in ("wal", "truncate")
+    database.close()
+
+
+def test_a_reading_transaction_cannot_write(database: Database) -> None:
+    with database.read() as connection, pytest.raises(Exception, match=r"(?i)read-?only"):
+        connection.execute(text("DELETE FROM loops"))
+
+
+def test_instants_need_a_zone() -> None:
+    from datetime import datetime
+
+    dialect = create_engine("sqlite://").dialect
+    with pytest.raises(ValueError, match="zone"):
+        UtcDateTime().process_bind_param(datetime(2026, 1, 1), dialect)
+
+
+def test_urls_keep_their_password_out_of_text() -> None:
+    assert "secret" not in repr(make_url("postgresql+psycopg://user:secret@host/plant"))
