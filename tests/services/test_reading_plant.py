@@ -1,0 +1,164 @@
+"""What users read: loops, the reliability table by the page, history, trend, the plant in numbers."""
+
+from collections.abc import Callable
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+from sqlalchemy import update
+
+from app.errors import NotFoundError, RequestError
+from app.services import audits, chunks, loops, operations, reliability
+from app.services.audit_line import ReliabilityRow
+from app.services.backend import Backend
+from app.services.reliability import RowFilter
+from app.services.trend import trend
+from app.storage.tables import verdicts
+
+AddLoops = Callable[..., dict[str, int]]
+TAGS = [f"FIC{i}" for i in range(7)]
+PROBABILITIES = [0.9, 0.1, None, 0.9, 0.5, None, 0.3]
+
+
+@pytest.fixture
+def plant(backend: Backend, add_loops: AddLoops) -> Backend:
+    """Seven audited loops with probabilities of our choice, some alike, some unknown."""
+    ids = add_loops(*TAGS, n=150)
+    _audit(backend)
+    with backend.database.write() as connection:
+        for tag, probability in zip(TAGS, PROBABILITIES, strict=True):
+            row = verdicts.c.loop_id == ids[tag]
+            connection.execute(update(verdicts).where(row).values(stiction_probability=probability))
+    return backend
+
+
+def pages(backend: Backend, sort: str, limit: int, filters: RowFilter | None = None) -> list[str]:
+    tags, cursor = [], None
+    while True:
+        page = reliability.reliability_page(backend, limit, cursor, sort, filters)
+        assert len(page.rows) <= limit
+        tags += [row["loop"] for row in page.rows]
+        cursor = page.next_cursor
+        if cursor is None:
+            return tags
+
+
+@pytest.mark.parametrize("limit", [1, 2, 3, 100])
+@pytest.mark.parametrize(
+    ("sort", "order"),
+    [
+        ("loop", [0, 1, 2, 3, 4, 5, 6]),
+        ("-loop", [6, 5, 4, 3, 2, 1, 0]),
+        ("stiction_probability", [1, 6, 4, 0, 3, 2, 5]),
+        ("-stiction_probability", [0, 3, 4, 6, 1, 2, 5]),
+        ("unit", [0, 1, 2, 3, 4, 5, 6]),
+    ],
+)
+def test_pages_follow_each_other_without_gap(plant: Backend, sort: str, order: list[int], limit: int) -> None:
+    assert pages(plant, sort, limit) == [TAGS[i] for i in order]
+
+
+def test_every_field_of_the_row_can_be_sorted_by(plant: Backend) -> None:
+    names = set(ReliabilityRow.model_fields) - {"recording"}
+    assert names <= set(reliability.sortable())
+    for name in names:
+        assert sorted(pages(plant, name, 3)) == TAGS
+        assert sorted(pages(plant, f"-{name}", 3)) == TAGS
+
+
+def test_rows_have_the_fields_of_the_contract(plant: Backend) -> None:
+    for row in reliability.reliability_page(plant).rows:
+        assert list(row) == list(ReliabilityRow.model_fields)
+
+
+def test_rows_can_be_filtered(plant: Backend) -> None:
+    assert pages(plant, "loop", 2, RowFilter(min_probability=0.5)) == ["FIC0", "FIC3", "FIC4"]
+    assert pages(plant, "loop", 2, RowFilter(search="c3")) == ["FIC3"]
+    assert pages(plant, "loop", 2, RowFilter(search="%")) == []
+    assert pages(plant, "loop", 2, RowFilter(verdict=("not_auditable",))) == []
+    assert pages(plant, "loop", 9, RowFilter(unit="nowhere")) == []
+    assert pages(plant, "loop", 9, RowFilter(audit_id=1)) == TAGS
+
+
+def test_what_cannot_be_asked_is_refused(plant: Backend) -> None:
+    following = reliability.reliability_page(plant, 1).next_cursor
+    for arguments in [
+        {"sort": "nothing"},
+        {"limit": 0},
+        {"limit": 20_001},
+        {"cursor": "%%%"},
+        {"cursor": "W10"},
+        {"cursor": following, "sort": "verdict"},
+    ]:
+        with pytest.raises(RequestError):
+            reliability.reliability_page(plant, **arguments)
+
+
+def test_the_table_has_each_loops_newest_verdict(plant: Backend) -> None:
+    second = _audit(plant)
+    assert {row["audit_id"] for row in reliability.reliability_page(plant).rows} == {second}
+    history = loops.verdict_history(plant, "FIC0", limit=1)
+    older = loops.verdict_history(plant, "FIC0", limit=1, cursor=history.next_cursor)
+    assert [row["audit_id"] for row in history.rows + older.rows] == [second, "1"]
+    assert older.next_cursor is None
+
+
+def test_a_late_verdict_of_an_older_run_does_not_hide_a_newer_one(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("FIC1", n=150)
+    older, newer = audits.start_audit(backend), audits.start_audit(backend)
+    for run in (newer, older):
+        chunks.audit_chunk(backend, int(run.id), "w")
+    assert loops.loop_health(backend, "FIC1")["audit_id"] == newer.id
+
+
+def test_the_plant_in_numbers(plant: Backend) -> None:
+    summary = reliability.plant_summary(plant)
+    assert (summary.loops, summary.audited, sum(summary.verdicts.values())) == (7, 7, 7)
+    assert summary.newest_audit.state == "done"
+    figures = operations.metrics(plant)
+    assert (figures.loops, figures.oldest_open_s, sum(figures.verdicts.values())) == (7, 0.0, 7)
+    assert operations.readiness(plant).state == "ready"
+
+
+def test_loops_are_listed_found_and_changed(plant: Backend) -> None:
+    first = loops.list_loops(plant, limit=4)
+    rest = loops.list_loops(plant, limit=4, cursor=first.next_cursor)
+    assert [loop.tag for loop in first.rows + rest.rows] == TAGS
+    assert [loop.tag for loop in loops.list_loops(plant, search="6").rows] == ["FIC6"]
+    changed = loops.patch_loop(plant, "FIC1", {"unit": "U1", "pv_low": 0.0, "pv_high": 10.0, "importance": None})
+    assert (changed.unit, changed.pv_high, changed.importance) == ("U1", 10.0, 1.0)
+    assert loops.patch_loop(plant, "FIC1", {"pv_low": None}).pv_high == 10.0
+    for bad in ({"pv_low": 10.0}, {"pv_low": float("nan")}, {"colour": "red"}):
+        with pytest.raises(RequestError):
+            loops.patch_loop(plant, "FIC1", bad)
+    with pytest.raises(NotFoundError):
+        loops.get_loop(plant, "fic1")
+
+
+def test_a_loop_without_verdict_says_so(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("FIC1")
+    for ask in (loops.loop_health, loops.verdict_detail):
+        with pytest.raises(NotFoundError) as refused:
+            ask(backend, "FIC1")
+        assert refused.value.code == "not_audited"
+
+
+def test_a_trend_keeps_the_extremes(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("FIC1", n=1400)
+    whole, thinned = trend(backend, "FIC1", points=5000), trend(backend, "FIC1", points=100)
+    assert (whole.samples, len(whole.time), thinned.samples) == (1400, 1400, 1400)
+    assert 20 < len(thinned.time) <= 104
+    assert (max(thinned.pv), min(thinned.op)) == (max(whole.pv), min(whole.op))
+    assert (thinned.time[0], thinned.time[-1]) == (whole.time[0], whole.time[-1])
+    assert whole.sp is None
+    start = datetime(2025, 6, 15, 15, 10, tzinfo=UTC)
+    part = trend(backend, "FIC1", start=start, end=datetime(2025, 6, 15, 15, 20, tzinfo=UTC))
+    assert part.samples == 10
+    assert np.isfinite(part.pv).all()
+
+
+def _audit(backend: Backend) -> str:
+    run = audits.start_audit(backend)
+    while chunks.audit_chunk(backend, int(run.id), "w"):
+        pass
+    return run.id

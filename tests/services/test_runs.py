@@ -1,0 +1,212 @@
+"""A run over a plant: every loop ends with one verdict or one stated failure, whatever happens to one of them."""
+
+import time
+from collections.abc import Callable
+from datetime import UTC, date, datetime, timedelta
+
+import numpy as np
+import pytest
+from sqlalchemy import func, select, update
+
+from app.engine.audit import Audit, audit
+from app.engine.recording import Recording
+from app.errors import DataError, NotFoundError, RequestError
+from app.services import audits, chunks, loops, nightly, operations
+from app.services.audit_line import ReliabilityRow
+from app.services.audits import LoopFilter
+from app.services.backend import Backend
+from app.storage import series as stored_series
+from app.storage.tables import audit_items, verdicts
+from app.storage.tables import loops as loops_table
+
+AddLoops = Callable[..., dict[str, int]]
+
+
+def work_off(backend: Backend, audit_id: str, owner: str = "w") -> None:
+    while chunks.audit_chunk(backend, int(audit_id), owner):
+        pass
+
+
+def test_every_loop_gets_its_verdict(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("FIC1", "FIC2", "FIC3")
+    run = audits.start_audit(backend)
+    assert (run.state, run.total, run.open) == ("planned", 3, 3)
+    work_off(backend, run.id)
+    run = audits.get_audit(backend, run.id)
+    assert (run.state, run.open, run.done, run.failed) == ("done", 0, 3, 0)
+    row = ReliabilityRow.model_validate(loops.loop_health(backend, "FIC2"))
+    assert (row.loop, row.samples, row.sampling_interval_s, row.audit_id) == ("FIC2", 300, 60.0, run.id)
+    assert (row.window_start, row.window_end) == ("2025-06-15T15:06:40Z", "2025-06-15T20:05:40Z")
+    detail = loops.verdict_detail(backend, "FIC2")
+    assert detail["rungs"]
+    assert [reason["code"] for reason in detail["reasons"]] == row.reasons.split(";")
+
+
+def test_a_stored_verdict_is_that_of_the_engine_and_can_be_made_again(backend: Backend, add_loops: AddLoops) -> None:
+    ids = add_loops("FIC1")
+    loops.patch_loop(backend, "FIC1", {"op_low": 0.0, "op_high": 100.0, "integrating": False})
+    run = audits.start_audit(backend)
+    work_off(backend, run.id)
+    stored = loops.loop_health(backend, "FIC1")
+    with backend.database.read() as connection:
+        given = connection.execute(select(verdicts.c.input_start_ns, verdicts.c.input_end_ns)).one()
+        samples = stored_series.between(connection, ids["FIC1"], given.input_start_ns, given.input_end_ns)
+    recording = chunks.recording_of(loops.find(backend, "FIC1"), samples)
+    again = audit(recording)
+    assert (recording.op_range, recording.integrating) == ((0.0, 100.0), False)
+    assert stored["input_fingerprint"] == again.input_fingerprint
+    assert stored["config_fingerprint"] == again.config_fingerprint
+    assert stored["verdict"] == again.judgement.verdict
+    assert stored["stiction_probability"] == again.judgement.stiction_probability
+
+
+def test_delivered_twice_changes_nothing(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("FIC1", "FIC2")
+    run = audits.start_audit(backend)
+    work_off(backend, run.id)
+    before = audits.get_audit(backend, run.id)
+    assert chunks.audit_chunk(backend, int(run.id), "late") == 0
+    assert audits.get_audit(backend, run.id) == before
+    assert _count(backend, verdicts) == 2
+
+
+def test_one_loop_that_crashes_or_hangs_leaves_the_others_alone(
+    backend: Backend, add_loops: AddLoops, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tags = ["CRASH", "DATA", "FIC1", "HANG", "MEMORY"]
+    add_loops(*tags)
+
+    def spoiled(recording: Recording, config: object) -> Audit:
+        if recording.name == "HANG":
+            time.sleep(5)
+        errors = {"CRASH": ZeroDivisionError("x"), "MEMORY": MemoryError(), "DATA": DataError("odd", "no use")}
+        if recording.name in errors:
+            raise errors[recording.name]
+        return audit(recording)
+
+    monkeypatch.setattr(chunks, "audit", spoiled)
+    quick = backend.settings.model_copy(update={"loop_limit_s": 0.3})
+    run = audits.start_audit(backend)
+    work_off(Backend(quick, backend.database, backend.queue), run.id)
+    run = audits.get_audit(backend, run.id)
+    assert (run.state, run.done, run.failed) == ("partial", 1, 4)
+    assert {f.loop: f.code for f in run.failures} == {
+        "CRASH": "fault",
+        "DATA": "odd",
+        "HANG": "time_limit",
+        "MEMORY": "memory",
+    }
+
+
+def test_a_late_worker_cannot_overwrite(backend: Backend, add_loops: AddLoops, monkeypatch: pytest.MonkeyPatch) -> None:
+    """While it audits, its claim runs out and another worker finishes the loop."""
+    add_loops("FIC1")
+    run = audits.start_audit(backend)
+
+    def slow(recording: Recording, config: object) -> Audit:
+        monkeypatch.setattr(chunks, "audit", audit)
+        with backend.database.write() as connection:
+            connection.execute(update(audit_items).values(lease_until_s=0.0))
+        operations.sweep(backend)
+        assert chunks.audit_chunk(backend, int(run.id), "quick") == 1
+        return audit(Recording("other", np.arange(300.0), recording.op, recording.pv))
+
+    monkeypatch.setattr(chunks, "audit", slow)
+    chunks.audit_chunk(backend, int(run.id), "slow")
+    assert _count(backend, verdicts) == 1
+    assert loops.loop_health(backend, "FIC1")["sampling_interval_s"] == 60.0
+
+
+def test_work_of_a_lost_worker_is_given_to_another(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("FIC1", "FIC2")
+    run = audits.start_audit(backend)
+    chunks._claim(backend, int(run.id), "dead")
+    assert chunks.audit_chunk(backend, int(run.id), "w") == 0
+    with backend.database.write() as connection:
+        connection.execute(update(audit_items).values(lease_until_s=0.0))
+    report = operations.sweep(backend)
+    assert report.reopened == 2
+    work_off(backend, run.id)
+    assert audits.get_audit(backend, run.id).state == "done"
+
+
+def test_a_run_may_be_of_some_loops_only(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("FIC1", "FIC2", unit="U1")
+    add_loops("LIC1", unit="U2", type="level")
+    assert audits.start_audit(backend, LoopFilter(unit="U1")).total == 2
+    assert audits.start_audit(backend, LoopFilter(tags=("FIC1", "LIC1"))).total == 2
+    assert audits.start_audit(backend, LoopFilter(tags=("FIC1", "LIC1"), type="level")).total == 1
+    with pytest.raises(RequestError, match="NOPE"):
+        audits.start_audit(backend, LoopFilter(tags=("NOPE",)))
+    assert len(audits.list_audits(backend).rows) == 3
+
+
+def test_a_run_without_loops_ends_at_once(backend: Backend) -> None:
+    assert audits.start_audit(backend).state == "done"
+
+
+def test_a_run_can_be_cancelled(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("FIC1", "FIC2")
+    run = audits.start_audit(backend)
+    cancelled = audits.cancel_audit(backend, run.id)
+    assert (cancelled.state, cancelled.failed) == ("cancelled", 2)
+    assert chunks.audit_chunk(backend, int(run.id), "w") == 0
+    with pytest.raises(NotFoundError):
+        audits.cancel_audit(backend, "99")
+
+
+def test_events_tell_the_way_of_a_run(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("FIC1")
+    run = audits.start_audit(backend)
+    told = audits.events(backend, run.id, every_s=0.0)
+    assert next(told).state == "planned"
+    work_off(backend, run.id)
+    assert [view.state for view in told] == ["done"]
+
+
+def test_the_broker_may_be_away(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("FIC1")
+    from app.queue import Queue
+
+    away = backend.settings.model_copy(update={"broker_url": "redis://127.0.0.1:1/0"})
+    alone = Backend(away, backend.database, Queue(away))
+    started = time.monotonic()
+    run = audits.start_audit(alone)
+    assert (run.state, run.open) == ("planned", 1)
+    assert time.monotonic() - started < 5.0
+    assert operations.readiness(alone).state == "degraded"
+    alone.queue.close()
+
+
+def test_one_nightly_run_a_date(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("FIC1")
+    first = nightly.nightly(backend, date(2026, 1, 31))
+    assert nightly.nightly(backend, date(2026, 1, 31)).id == first.id
+    assert nightly.nightly(backend, date(2026, 2, 1)).id != first.id
+    assert first.trigger == "nightly"
+
+
+def test_the_nightly_run_comes_at_its_hour_and_is_caught_up(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("FIC1")
+    known_since = datetime(2026, 3, 1, 12, 0, tzinfo=UTC)
+    with backend.database.write() as connection:
+        connection.execute(update(loops_table).values(created_at=known_since))
+    assert nightly.nightly_if_due(backend, known_since + timedelta(hours=1)) is None
+    assert nightly.nightly_if_due(backend, datetime(2026, 3, 2, 1, 59, tzinfo=UTC)) is None
+    late = nightly.nightly_if_due(backend, datetime(2026, 3, 2, 9, 30, tzinfo=UTC))
+    assert late is not None
+    assert nightly.nightly_if_due(backend, datetime(2026, 3, 2, 9, 31, tzinfo=UTC)) is None
+    assert nightly.nightly_if_due(backend, datetime(2026, 3, 3, 1, 59, tzinfo=UTC)) is None
+    assert nightly.nightly_if_due(backend, datetime(2026, 3, 3, 2, 0, tzinfo=UTC)) is not None
+
+
+def test_the_hour_is_that_of_the_plant(backend: Backend) -> None:
+    berlin = backend.settings.model_copy(update={"time_zone": "Europe/Berlin"})
+    there = Backend(berlin, backend.database, backend.queue)
+    summer = nightly.latest_hour(there, datetime(2026, 7, 1, 0, 30, tzinfo=UTC))
+    assert summer.astimezone(UTC) == datetime(2026, 7, 1, 0, 0, tzinfo=UTC)
+
+
+def _count(backend: Backend, table: object) -> int:
+    with backend.database.read() as connection:
+        return connection.scalar(select(func.count()).select_from(table))

@@ -1,0 +1,185 @@
+"""Uploads: acknowledged only when stored, the same content once, read with the same effect however often."""
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sqlalchemy import update
+
+from app.errors import LoopauditError, NotFoundError
+from app.services import loops, operations, reading, uploads
+from app.services.backend import Backend
+from app.services.results import UploadView
+from app.services.uploads import ReadingOptions
+from app.storage.tables import uploads as uploads_table
+
+WIDE = "time,FIC1.PV,FIC1.OP,FIC1.SP,LIC2.PV,LIC2.OP\n"
+
+
+def export(rows: int = 200, start: int = 1_750_000_000, spoiled: bool = False) -> bytes:
+    lines = [WIDE]
+    for i in range(rows):
+        lines.append(f"{start + i},{50 + np.sin(i / 9):.3f},{40 + np.cos(i / 9):.3f},50,{i % 7},{i % 5}\n")
+    if spoiled:
+        lines[5] = f"{start + 4},Bad Input,40,50,1,1\n"
+    return "".join(lines).encode()
+
+
+def send(backend: Backend, data: bytes, name: str = "night.csv", options: ReadingOptions | None = None) -> UploadView:
+    with uploads.receive(backend, filename=name, reading=options) as receiving:
+        for start in range(0, len(data), 1000):
+            receiving.write(data[start : start + 1000])
+        return receiving.commit().upload
+
+
+def read(backend: Backend, upload: UploadView, owner: str = "w") -> UploadView:
+    reading.read_upload(backend, int(upload.id), owner)
+    return uploads.get_upload(backend, upload.id)
+
+
+def test_an_export_becomes_loops_and_samples(backend: Backend) -> None:
+    upload = send(backend, export(spoiled=True))
+    assert (upload.state, upload.rows_kept) == ("received", 0)
+    done = read(backend, upload)
+    assert (done.state, done.loops, done.rows_refused) == ("done", ["FIC1", "LIC2"], 1)
+    assert (done.rejects[0].line, done.rejects[0].code, done.rejects[0].tag) == (6, "not_a_number", "FIC1.PV")
+    assert done.samples_added == 400
+    assert loops.get_loop(backend, "LIC2").samples_to == "2025-06-15T15:09:59Z"
+
+
+def test_the_same_content_is_the_same_upload(backend: Backend) -> None:
+    data = export()
+    first = send(backend, data)
+    with uploads.receive(backend, filename="other name.csv") as receiving:
+        receiving.write(data)
+        receipt = receiving.commit()
+    assert (receipt.upload.id, receipt.created) == (first.id, False)
+    assert len(list(backend.settings.uploads_dir.iterdir())) == 1
+
+
+def test_the_same_samples_in_other_bytes_change_nothing(backend: Backend) -> None:
+    read(backend, send(backend, export()))
+    again = read(backend, send(backend, gzip.compress(export()), name="night.csv.gz"))
+    assert (again.state, again.samples_added) == ("done", 0)
+
+
+def test_an_upload_that_breaks_off_leaves_nothing(backend: Backend) -> None:
+    def broken_off() -> None:
+        with uploads.receive(backend, filename="night.csv") as receiving:
+            receiving.write(b"time,")
+            raise ConnectionError
+
+    with pytest.raises(ConnectionError):
+        broken_off()
+    assert list(backend.settings.uploads_dir.iterdir()) == []
+    assert uploads.list_uploads(backend).rows == []
+
+
+@pytest.mark.parametrize(("data", "code"), [(b"", "empty_upload"), (b"x" * 2001, "upload_too_large")])
+def test_what_cannot_be_taken_is_refused(backend: Backend, data: bytes, code: str) -> None:
+    small = Backend(backend.settings.model_copy(update={"max_upload_bytes": 2000}), backend.database, backend.queue)
+    with pytest.raises(LoopauditError) as refused:
+        send(small, data)
+    assert refused.value.code == code
+    assert list(backend.settings.uploads_dir.iterdir()) == []
+
+
+def test_a_file_that_is_no_export_fails_with_its_reason(backend: Backend) -> None:
+    failed = read(backend, send(backend, b"\x00\x01\x02 nothing at all"))
+    assert failed.state == "failed"
+    assert failed.reason
+    assert failed.ended_at
+
+
+def test_a_mapping_names_loops_and_fills_in_what_is_not_set(backend: Backend) -> None:
+    header = b"tag,loop,signal,unit,low,high,loop_type,area\n"
+    mapping = header + b"FIC1.PV,FIC-900,PV,t/h,0,120,flow,U9\nFIC1.OP,FIC-900,OP,%,0,100,,\n"
+    done = read(backend, send(backend, export(), options=ReadingOptions(mapping=mapping)))
+    assert "FIC-900" in done.loops
+    loop = loops.get_loop(backend, "FIC-900")
+    assert (loop.type, loop.unit, loop.pv_unit, loop.pv_high, loop.op_low) == ("flow", "U9", "t/h", 120.0, 0.0)
+
+
+def test_options_that_cannot_be_used_are_refused_at_once(backend: Backend) -> None:
+    for options in (ReadingOptions(mapping=b"tag,loop\na,b\n"), ReadingOptions(time_zone="Mars/Base")):
+        with pytest.raises(LoopauditError):
+            uploads.receive(backend, filename="x.csv", reading=options)
+
+
+def test_names_cannot_leave_the_folder(backend: Backend) -> None:
+    assert send(backend, export(), name="../../etc/pass\x00wd").filename == "passwd"
+
+
+def test_an_upload_is_read_by_one_and_again_after_a_crash(backend: Backend) -> None:
+    upload = send(backend, export())
+    _expire(backend, upload, state="reading", owner="dead", attempts=1, lease_until_s=9e12)
+    assert read(backend, upload).state == "reading"
+    _expire(backend, upload, lease_until_s=0.0)
+    assert operations.sweep(backend).announced == 1
+    assert read(backend, upload).samples_added == 400
+
+
+def test_a_crash_in_the_middle_has_no_double_effect(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+    upload = send(backend, export())
+    monkeypatch.setattr(reading, "BATCH_LOOPS", 1)
+    store, calls = reading._store, []
+
+    def crash_at_the_second(*arguments: object) -> int:
+        calls.append(1)
+        if len(calls) == 2:
+            raise OSError("the disk is gone")
+        return store(*arguments)
+
+    monkeypatch.setattr(reading, "_store", crash_at_the_second)
+    with pytest.raises(OSError, match="disk"):
+        reading.read_upload(backend, int(upload.id), "w")
+    done = read(backend, upload)
+    assert (done.state, done.samples_added, done.loops) == ("done", 200, ["FIC1", "LIC2"])
+
+
+def test_a_fault_of_ours_is_told_and_tried_again_when_sent_again(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    upload = send(backend, export())
+
+    def fault(*arguments: object) -> int:
+        raise ZeroDivisionError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(reading, "_store", fault)
+        for _ in range(backend.settings.max_attempts):
+            with pytest.raises(ZeroDivisionError):
+                reading.read_upload(backend, int(upload.id), "w")
+    failed = uploads.get_upload(backend, upload.id)
+    assert failed.state == "failed"
+    assert "ZeroDivisionError" in failed.reason
+    assert read(backend, send(backend, export())).state == "done"
+
+
+def test_a_worker_that_does_not_see_the_file_leaves_it(backend: Backend) -> None:
+    upload = send(backend, export())
+    (backend.settings.uploads_dir / upload.fingerprint).rename(backend.settings.data_dir / "elsewhere")
+    assert read(backend, upload).state == "received"
+
+
+def test_uploads_are_listed_by_the_page(backend: Backend) -> None:
+    ids = [send(backend, export(rows=10 + i)).id for i in range(5)]
+    first = uploads.list_uploads(backend, limit=3)
+    second = uploads.list_uploads(backend, limit=3, cursor=first.next_cursor)
+    assert [u.id for u in first.rows + second.rows] == ids[::-1]
+    assert second.next_cursor is None
+    with pytest.raises(NotFoundError):
+        uploads.get_upload(backend, "0")
+
+
+def test_the_shared_exports_are_read_whole(backend: Backend, shared_dir: Path) -> None:
+    for path in sorted((shared_dir / "exports").glob("*.[ct]*")):
+        done = read(backend, uploads.receive_file(backend, path).upload)
+        assert done.state == "done"
+        assert done.rows_kept > 700
+
+
+def _expire(backend: Backend, upload: UploadView, **values: object) -> None:
+    with backend.database.write() as connection:
+        connection.execute(update(uploads_table).where(uploads_table.c.id == int(upload.id)).values(**values))
