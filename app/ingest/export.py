@@ -113,12 +113,12 @@ class Export:
             notes.append("rows were not in order of time; they were sorted")
         if self._tally.stuttering:
             notes.append(
-                f"{self._tally.stuttering} stamps repeated the one before them; their rows were put into the step that is missing"
+                f"{self._tally.stuttering} stamps repeated the one before; their rows went into the missing step"
             )
         if self._grouping.second:
             shown = ", ".join(self._grouping.second[:5])
             notes.append(
-                f"{len(self._grouping.second)} tags name a signal that their loop already has; kept as further signals: {shown}"
+                f"{len(self._grouping.second)} tags name a signal that their loop has already; kept beside it: {shown}"
             )
         return tuple(notes)
 

@@ -34,7 +34,7 @@ class Rows:
     data: bytes
 
     def lines(self, rows: NDArray[np.int64]) -> list[int]:
-        return [int(row) + self.first for row in rows]
+        return (rows + self.first).tolist()
 
 
 def name_of(index: int) -> str:
@@ -59,7 +59,7 @@ class FrameReader:
                 end = lines.data.find(b"\n") + 1
                 lines = Lines(lines.data[end:], lines.first + 1)
                 to_skip -= 1
-            if lines.data:
+            if lines.data.strip():
                 yield self._read(lines)
 
     def texts(self, rows: Rows, columns: Sequence[int]) -> pl.DataFrame:
@@ -71,7 +71,7 @@ class FrameReader:
         """Those of the candidates whose lines have too few fields."""
         if not len(candidates):
             return candidates
-        lines = rows.data.split(b"\n")
+        lines = rows.data.split(b"\n", int(candidates[-1]) + 1)
         delimiter = self._dialect.delimiter.encode()
         need = self._dialect.width - 1
         return np.array([row for row in candidates if lines[row].count(delimiter) < need], dtype=np.int64)

@@ -130,24 +130,15 @@ class LongTable:
         kept = timed & named
         if np.all(kept):
             return self._without_long_names(rows, tags, kept)
-        refused = []
-        for row in np.flatnonzero(~kept):
-            text, tag = texts[int(row)], tags[int(row)]
-            if (
-                (text or tag)
-                and not (text or "").startswith(("*", "#"))
-                and not (tag or "").startswith(("*", "#", "["))
-            ):
-                refused.append(int(row))
-        short = set(reader.short_rows(rows, np.array(refused, dtype=np.int64)).tolist())
-        for row in refused:
-            line, tag = row + rows.first, tags[row] or ""
-            if row in short:
-                self._log.add("ragged_row", f"fewer than {self._plan.width} fields", line, tag)
-            elif not timed[row]:
-                self._log.add("bad_time", f"{texts[row]!r} is no time that can be read", line, tag)
-            else:
-                self._log.add("no_tag", "a row without a tag", line)
+        at = np.flatnonzero(~kept & ~_passed_over(texts, tags))
+        short = reader.short_rows(rows, at)
+        self._log.add_many("ragged_row", rows.lines(short), (f"fewer than {self._plan.width} fields" for _ in short))
+        at = np.setdiff1d(at, short, assume_unique=True)
+        late = at[~timed[at]]
+        words = (f"{texts[int(row)]!r} is no time that can be read" for row in late)
+        self._log.add_many("bad_time", rows.lines(late), words, (tags[int(row)] for row in late))
+        bare = at[timed[at]]
+        self._log.add_many("no_tag", rows.lines(bare), ("a row without a tag" for _ in bare))
         return self._without_long_names(rows, tags, kept)
 
     def _without_long_names(self, rows: Rows, tags: pl.Series, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -170,9 +161,7 @@ class LongTable:
         values[modes] = np.where(np.isnan(values[modes]), np.nan, flags_of_numbers(values[modes]))
         at = np.flatnonzero(kept & ~np.isfinite(values) & column.is_not_null().to_numpy())
         if len(at):
-            tags = rows.frame[name_of(self._plan.tag)]
-            for row in at:
-                self._log.add("not_finite", f"{values[row]}", int(row) + rows.first, tags[int(row)])
+            self._refuse(rows, "not_finite", at, (f"{values[row]}" for row in at))
         values[~np.isfinite(values)] = np.nan
         return values
 
@@ -187,13 +176,9 @@ class LongTable:
         words = texts[odd]
         found = np.where(modes[odd], automatic_flags(words), to_numbers(words))
         values[odd] = found
-        bad = odd[~np.isfinite(found)]
-        tags = rows.frame[name_of(self._plan.tag)]
-        for row in bad:
-            text = texts[int(row)]
-            if text.strip(' "'):
-                code = "unknown_mode" if modes[row] else "not_a_number"
-                self._log.add(code, text, int(row) + rows.first, tags[int(row)])
+        bad = odd[~np.isfinite(found) & (words.str.strip_chars(' "').str.len_bytes() > 0).to_numpy()]
+        for code, at in (("unknown_mode", bad[modes[bad]]), ("not_a_number", bad[~modes[bad]])):
+            self._refuse(rows, code, at, (texts[int(row)] for row in at))
 
     def _refuse_quality(
         self, rows: Rows, kept: NDArray[np.bool_], codes: NDArray[np.uint32], values: FloatArray
@@ -203,10 +188,12 @@ class LongTable:
         texts = rows.frame[name_of(self._plan.quality)]
         bad = self._quality.bad(texts)
         at = np.flatnonzero(bad & kept & np.isfinite(values))
-        tags = rows.frame[name_of(self._plan.tag)]
-        for row in at:
-            self._log.add("bad_quality", str(texts[int(row)]), int(row) + rows.first, tags[int(row)])
+        self._refuse(rows, "bad_quality", at, (str(texts[int(row)]) for row in at))
         values[at] = np.nan
+
+    def _refuse(self, rows: Rows, code: str, at: NDArray[np.int64], words: Iterator[str]) -> None:
+        tags = rows.frame[name_of(self._plan.tag)]
+        self._log.add_many(code, rows.lines(at), words, (tags[int(row)] for row in at))
 
     def _parted(self, batch: list[Gathered]) -> Iterator[SignalBlock]:
         """Blocks by tag, the rows of a tag in the order in which they came."""
@@ -253,3 +240,10 @@ class LongTable:
         values = refuse_sentinels(values, lines, place.tag, self._log)
         time_ns, matrix = last_of_repeats(time_ns, values[:, None], lines, [place.tag], self._log)
         return self._signal(place, time_ns, matrix[:, 0])
+
+
+def _passed_over(texts: pl.Series, tags: pl.Series) -> NDArray[np.bool_]:
+    """Rows that hold nothing, and comments."""
+    empty = (texts.is_null() & tags.is_null()).to_numpy()
+    comment = texts.str.contains("^[*#]") | tags.cast(pl.String).str.contains("^[*#\\[]").fill_null(False)
+    return empty | comment.fill_null(False).to_numpy()

@@ -1,6 +1,7 @@
 """From a file to chunks of whole UTF-8 lines: gzip in bounded steps, the encoding found, line ends made one."""
 
 import codecs
+import re
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ HEAD_LIMIT = 1 << 24
 STEP_BYTES = 1 << 18
 RATIO_FREE_BYTES = 64 << 20  # below this a high ratio is a quiet plant, not a bomb
 _BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
+_DOUBLE_BYTES = re.compile(rb"[\x80-\xff]{2,}")
 _CONTROL = bytes(set(range(32)) - set(b"\t\n\r\f\x1a"))
 
 
@@ -184,6 +186,9 @@ def detect_encoding(first: bytes) -> str:
 
 
 def _reads_as_chinese(first: bytes) -> bool:
+    strange_bytes = sum(byte > 127 for byte in first)
+    if sum(map(len, _DOUBLE_BYTES.findall(first))) < 0.8 * strange_bytes:
+        return False  # an accented letter stands alone between ASCII ones
     try:
         text = codecs.getincrementaldecoder("gb18030")().decode(first)
     except UnicodeDecodeError:

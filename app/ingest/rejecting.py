@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from itertools import repeat
 from types import MappingProxyType
 
 from app.ingest.model import Reject, Rejects
@@ -20,15 +21,20 @@ class RejectLog:
     def add(self, code: str, text: str, line: int | None = None, tag: str = "") -> None:
         self.add_many(code, (line,), (text,), tag)
 
-    def add_many(self, code: str, lines: Sequence[int | None], texts: Iterable[str], tag: str = "") -> None:
-        """`texts` may be a generator: only as many are made as are listed."""
+    def add_many(
+        self, code: str, lines: Sequence[int | None], texts: Iterable[str], tags: str | Iterable[str | None] = ""
+    ) -> None:
+        """`texts` and `tags` may be generators: only as many are made as are listed. A single tag stands for all."""
+        if not len(lines):
+            return
         self._counts[code] += len(lines)
         room = self._limit - len(self._listed)
         if room <= 0:
             return
-        for line, text in zip(lines[:room], texts, strict=False):
+        each = repeat(tags) if isinstance(tags, str) else tags
+        for line, text, tag in zip(lines[:room], texts, each, strict=False):
             number = None if line is None else int(line)
-            self._listed.append(Reject(number, code, printable(text), printable(tag)))
+            self._listed.append(Reject(number, code, printable(text), printable(tag or "")))
 
     def result(self) -> Rejects:
         return Rejects(MappingProxyType(dict(self._counts)), tuple(self._listed))

@@ -13,6 +13,7 @@ from app.ingest.model import NANOSECONDS, FloatArray, IngestOptions, TimeArray
 
 FIRST_YEAR, LAST_YEAR = 1971, 2199
 SAMPLE = 400
+LEAST_SHARE = 0.5  # of a sample of a column of times that is readable
 NO_TIME = np.iinfo(np.int64).min
 Kind = Literal["text", "relative", "epoch", "epoch_pair", "serial"]
 
@@ -124,7 +125,7 @@ def _text_form(sample: list[str], options: IngestOptions) -> TimeForm | None:
     for candidate in _candidates(sample, zoned, options):
         times = parse_text(series, candidate, zoned)
         share = float(np.mean(times != NO_TIME))
-        if share >= 0.8:
+        if share >= LEAST_SHARE:
             fits.append((share, candidate, times))
     if not fits:
         return None

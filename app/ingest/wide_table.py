@@ -110,12 +110,12 @@ class WideTable:
         return self._spreaders[number].take(chunk) if self._spreaders else chunk
 
     def _refuse_times(self, rows: Rows, texts: pl.Series, kept: NDArray[np.bool_], short: NDArray[np.int64]) -> None:
-        bad = ~kept
+        bad = ~kept & (texts.str.strip_chars().str.len_bytes().fill_null(0) > 0).to_numpy()
         bad[short] = False
-        at = [row for row in np.flatnonzero(bad) if texts[int(row)] and not texts[int(row)].startswith(("*", "#"))]
-        if at:
-            lines = rows.lines(np.array(at))
-            self._log.add_many("bad_time", lines, (f"{texts[int(row)]!r} is no time that can be read" for row in at))
+        bad &= ~texts.str.contains("^[*#]").fill_null(False).to_numpy()
+        at = np.flatnonzero(bad)
+        words = (f"{texts[int(row)]!r} is no time that can be read" for row in at)
+        self._log.add_many("bad_time", rows.lines(at), words)
 
     def _matrix(self, rows: Rows, group: TimedColumns, reader: FrameReader, kept: NDArray[np.bool_]) -> FloatArray:
         """(n, columns) values; refused ones NaN. Odd columns are looked at one by one, the others not at all."""
@@ -147,9 +147,9 @@ class WideTable:
         for position in modes:
             texts = frame[name_of(group.values[position].index)]
             bad = np.isnan(matrix[:, position]) & kept & texts.is_not_null().to_numpy()
-            at = [row for row in np.flatnonzero(bad) if str(texts[int(row)]).strip()]
-            if at:
-                lines = rows.lines(np.array(at))
+            at = np.flatnonzero(bad & (texts.str.strip_chars().str.len_bytes().fill_null(0) > 0).to_numpy())
+            if len(at):
+                lines = rows.lines(at)
                 self._log.add_many(
                     "unknown_mode", lines, (str(texts[int(row)]) for row in at), group.values[position].tag
                 )

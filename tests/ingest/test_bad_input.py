@@ -1,0 +1,232 @@
+"""What plants and attackers send: the good part is kept, the rest is counted with line and reason, and nothing but
+DataError is raised."""
+
+import gzip
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from app.errors import DataError
+from app.ingest import IngestOptions, read_export
+
+from .conftest import Read
+
+HEADER = "time,A.PV,A.OP\n"
+GOOD = "2024-03-01 00:00:00,1,10\n2024-03-01 00:01:00,2,20\n2024-03-01 00:02:00,3,30\n2024-03-01 00:03:00,4,40\n"
+
+
+def code_of(read: Read, data: bytes | str, **more: object) -> str:
+    with pytest.raises(DataError) as refused:
+        read(data, **more)
+    return refused.value.code
+
+
+@pytest.mark.parametrize("data", [b"", b"\n\n", b" \n", b"\xef\xbb\xbf"])
+def test_nothing_in_it(read: Read, data: bytes) -> None:
+    assert code_of(read, data) in ("empty_file", "unknown_layout")
+
+
+@pytest.mark.parametrize(
+    "data", [bytes(range(256)) * 50, b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" * 40, b"\x7fELF" + bytes(4000)]
+)
+def test_binary(read: Read, data: bytes) -> None:
+    assert code_of(read, data) == "not_an_export"
+
+
+def test_words(read: Read) -> None:
+    assert code_of(read, "Dear all,\nplease find the file attached.\n") == "unknown_layout"
+
+
+def test_odd_values_are_counted_with_their_lines(read: Read) -> None:
+    content = read(
+        HEADER + "2024-03-01 00:00:00,1,10\n2024-03-01 00:01:00,I/O Timeout,20\n2024-03-01 00:02:00,1e400,30\n"
+        "2024-03-01 00:03:00,-9999,40\n2024-03-01 00:04:00,nan,-99.125\nlater,5,50\n9999-12-31 00:00:00,5,50\n"
+        "2024-03-01 00:05:00, 6 ,60\n"
+    )
+    np.testing.assert_array_equal(content.loops["A"].pv, [1, np.nan, np.nan, np.nan, np.nan, 6])
+    np.testing.assert_array_equal(content.loops["A"].op, [10, 20, 30, 40, np.nan, 60])
+    found = {(reject.line, reject.code) for reject in content.rejects.listed}
+    assert found == {
+        (3, "not_a_number"), (4, "not_finite"), (5, "sentinel"), (6, "not_finite"), (6, "sentinel"), (7, "bad_time"),
+        (8, "bad_time"),
+    }  # fmt: skip
+    assert content.rejects.total == 7
+
+
+def test_a_value_among_its_like_is_no_sentinel(read: Read) -> None:
+    content = read(
+        HEADER + "2024-03-01 00:00:00,-9998,10\n2024-03-01 00:01:00,-9999,20\n2024-03-01 00:02:00,-10000,30\n"
+    )
+    assert content.loops["A"].pv.tolist() == [-9998, -9999, -10000]
+
+
+def test_ragged_and_unquoted_rows(read: Read) -> None:
+    content = read(
+        HEADER
+        + GOOD
+        + '2024-03-01 00:04:00,5,50,7\n2024-03-01 00:05:00,"6,60\n2024-03-01 00:06:00,7\n2024-03-01 00:07:00,8,80\n'
+    )
+    assert content.loops["A"].pv.tolist() == [1, 2, 3, 4, 8]
+    assert dict(content.rejects.counts) == {"ragged_row": 2, "unbalanced_quote": 1}
+    assert {reject.line for reject in content.rejects.listed} == {6, 7, 8}
+
+
+def test_blank_lines_keep_the_numbers_of_lines(read: Read) -> None:
+    content = read("\n\n" + HEADER + "\n" + GOOD + "\n\nnever,1,2\n\n")
+    assert content.loops["A"].samples == 4
+    assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(11, "bad_time")]
+
+
+def test_repeated_times(read: Read) -> None:
+    content = read(
+        HEADER
+        + "2024-03-01 00:00:00,1,10\n2024-03-01 00:00:00,1,11\n2024-03-01 00:01:00,2,20\n"
+        + "2024-03-01 00:02:00,3,30\n"
+    )
+    assert content.loops["A"].op.tolist() == [11, 20, 30]
+    assert [(reject.line, reject.code, reject.tag) for reject in content.rejects.listed] == [
+        (2, "duplicate_time", "A.OP")
+    ]
+
+
+def test_time_backward_is_sorted_and_said(read: Read) -> None:
+    content = read(HEADER + "".join(reversed(GOOD.splitlines(keepends=True))))
+    assert content.loops["A"].pv.tolist() == [1, 2, 3, 4]
+    assert any("sorted" in note for note in content.summary.notes)
+
+
+def test_a_stamp_rounded_the_wrong_way_gets_the_step_that_is_missing(read: Read) -> None:
+    stamps = ["00", "10", "20", "20", "40", "50"]
+    content = read(HEADER + "".join(f"2024-03-01 00:00:{stamp},{i},{i}\n" for i, stamp in enumerate(stamps)))
+    assert np.diff(content.loops["A"].time_ns).tolist() == [10 * 10**9] * 5
+
+
+def test_a_truncated_gzip_keeps_what_came(read: Read) -> None:
+    rng = np.random.default_rng(1)
+    rows = "".join(
+        f"2024-03-01 {i // 3600:02d}:{i // 60 % 60:02d}:{i % 60:02d},{rng.normal():.6f},{i}\n" for i in range(20_000)
+    )
+    content = read(gzip.compress((HEADER + rows).encode())[:-20_000])
+    assert 5_000 < content.loops["A"].samples < 20_000
+    assert any("damaged" in note for note in content.summary.notes)
+
+
+def test_bombs_are_stopped(read: Read) -> None:
+    packer = zlib.compressobj(9, zlib.DEFLATED, 31)
+    bomb = (
+        packer.compress(HEADER.encode() + GOOD.encode())
+        + b"".join(packer.compress(b"\n" * (1 << 20)) for _ in range(200))
+        + packer.flush()
+    )
+    assert code_of(read, bomb, options=IngestOptions(max_ratio=100)) == "decompressed_too_large"
+    assert code_of(read, bomb, options=IngestOptions(max_bytes=1 << 20)) == "decompressed_too_large"
+
+
+def test_packed_twice_or_an_archive(read: Read) -> None:
+    assert code_of(read, gzip.compress(gzip.compress((HEADER + GOOD).encode()))) == "not_an_export"
+    assert code_of(read, gzip.compress(b"PK\x03\x04" + bytes(500))) == "not_an_export"
+    assert code_of(read, b"PK\x03\x04" + bytes(500)) == "not_an_export"
+
+
+def test_hostile_names_are_data(read: Read) -> None:
+    names = [
+        "'; DROP TABLE loops;--.PV",
+        "<script>alert(1)</script>.PV",
+        "=cmd|' /C calc'!A0.PV",
+        "../../etc/passwd.PV",
+        "x" * 10_000 + ".PV",
+    ]
+    content = read("time," + ",".join(names) + "\n2024-03-01 00:00:00,1,2,3,4,5\n2024-03-01 00:01:00,1,2,3,4,5\n")
+    assert set(content.loops) == {name[:-3].rstrip("-") for name in names[:4]}
+    assert dict(content.rejects.counts) == {"name_too_long": 1}
+
+
+def test_ten_thousand_columns(read: Read) -> None:
+    names = [f"T{i}.PV" for i in range(10_000)]
+    row = ",".join(str(i) for i in range(10_000))
+    content = read("time," + ",".join(names) + "\n" + "".join(f"2024-03-01 00:0{i}:00,{row}\n" for i in range(5)))
+    assert len(content.loops) == 10_000
+    assert content.loops["T77"].pv.tolist() == [77] * 5
+
+
+def test_latin_letters_and_bytes_that_are_none(read: Read) -> None:
+    text = "Zeit;Druck_Kühler.PV;Druck_Kühler.OP\n2024-03-01 00:00:00;1,5;2,5\n2024-03-01 00:01:00;1,6;2,6\n"
+    assert read(text.encode("cp1252")).loops["Druck_Kühler"].pv.tolist() == [1.5, 1.6]
+    late = (HEADER + GOOD * 1).encode() + b"\n" * 300_000 + b"2024-03-01 00:09:00,\xff\xfe,1\n"
+    content = read(late)
+    assert content.loops["A"].samples == 5
+    assert dict(content.rejects.counts) == {"not_a_number": 1}
+
+
+def test_rejects_are_counted_all_and_listed_some(read: Read) -> None:
+    rows = "".join(f"2024-03-01 {i // 60:02d}:{i % 60:02d}:00,No Data,{i}\n" for i in range(500))
+    content = read(HEADER + rows, options=IngestOptions(max_rejects=10))
+    assert content.rejects.counts["not_a_number"] == 500
+    assert len(content.rejects.listed) == 10
+
+
+def test_chunks_of_any_size_give_the_same(read: Read) -> None:
+    text = "time,A.PV,A.OP,A.MODE\n" + "".join(
+        f"2024-03-01 00:{i // 60:02d}:{i % 60:02d},{i},{-i},AUTO\n" for i in range(300)
+    )
+    whole = read(text).loops["A"]
+    for size in (1, 100, 1000):
+        parts = read(text, options=IngestOptions(chunk_bytes=size, buffered_values=50)).loops["A"]
+        np.testing.assert_array_equal(parts.time_ns, whole.time_ns)
+        np.testing.assert_array_equal(parts.op, whole.op)
+        np.testing.assert_array_equal(parts.automatic, whole.automatic)
+
+
+FRAGMENTS = (
+    *(
+        HEADER,
+        GOOD,
+        "Tagname,TimeStamp,Value,DataQuality\n",
+        "A.PV,2024-03-01 00:00:00,1,Good\n",
+        "#NAMES\n",
+        "#ROWS,3\n",
+    ),
+    *(
+        "PROCESSDATA\tx\n",
+        "tagname\tA.PV\tA.OP\n",
+        '"',
+        ",",
+        ";",
+        "\t",
+        "\n",
+        "\r\n",
+        "\0",
+        "1e400",
+        "-9999",
+        "NaN",
+        "Bad",
+    ),
+    *("7/20/01 11:07,", "1601890328:76000000,", "2024-03-01T00:00:00+01:00,", "0,1,2\n1,2,3\n", "time,SP,PV,OP,MODE\n"),
+    *("AUTO", "\ufeff", "é", "塔", "9" * 30, "x" * 300),
+)
+fragments = st.sampled_from(FRAGMENTS)
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    parts=st.lists(fragments | st.text(max_size=8) | st.binary(max_size=8), max_size=25),
+    packed=st.booleans(),
+    known=st.sampled_from(
+        ("", HEADER, HEADER + GOOD, "Tagname,TimeStamp,Value,DataQuality\nA.PV,2024-03-01 00:00:00,1,Good\n")
+    ),
+)
+def test_no_bytes_raise_anything_else(tmp_path: Path, parts: list[str | bytes], packed: bool, known: str) -> None:
+    data = known.encode() + b"".join(
+        part.encode("utf-8", "replace") if isinstance(part, str) else part for part in parts
+    )
+    path = tmp_path / "fuzzed"
+    path.write_bytes(gzip.compress(data) if packed else data)
+    try:
+        for stretch in read_export(path, filename="fuzzed.csv").loops():
+            assert np.all(np.diff(stretch.time_ns) > 0)
+    except DataError:
+        pass

@@ -1,0 +1,57 @@
+"""Tags into loops."""
+
+import pytest
+
+from app.errors import DataError
+from app.ingest import LoopTags, TagMapping, group
+
+
+@pytest.mark.parametrize(
+    ("tags", "expected"),
+    [
+        (["FIC101.PV", "FIC101.OP", "FIC101.SP", "FIC101.MODE"], LoopTags("FIC101", "FIC101.PV", "FIC101.OP",
+        "FIC101.SP", "FIC101.MODE")),
+        (["F1_MEAS", "F1_OUT", "F1_SETP", "F1_MD"], LoopTags("F1", "F1_MEAS", "F1_OUT", "F1_SETP", "F1_MD")),
+        (["F1-ProcessValue", "F1-CO", "F1-SV"], LoopTags("F1", "F1-ProcessValue", "F1-CO", "F1-SV")),
+        (["U/F1/PV.CV", "U/F1/OUT.CV", "U/F1/MODE.ACTUAL"], LoopTags("U/F1", "U/F1/PV.CV", "U/F1/OUT.CV", None,
+        "U/F1/MODE.ACTUAL")),
+        (["F1:PV", "F1:CV"], LoopTags("F1", "F1:PV", "F1:CV")),
+        (["FT_211", "FV_211"], LoopTags("F_211", "FT_211", "FV_211")),
+        (["PT-12A", "PV-12A"], LoopTags("P-12A", "PT-12A", "PV-12A")),
+        ([r"\\server\FIC1.PV", r"\\server\FIC1.OP"], LoopTags("FIC1", r"\\server\FIC1.PV", r"\\server\FIC1.OP")),
+        (["fic1.pv", "FIC1.OP"], LoopTags("fic1", "fic1.pv", "FIC1.OP")),
+        (["2111FIC46005.MV", "2111FIC46005.PV"], LoopTags("2111FIC46005", "2111FIC46005.PV", "2111FIC46005.MV")),
+        (["FIC1.PV", "FIC1.MEAS"], LoopTags("FIC1", "FIC1.PV", others=("FIC1.MEAS",))),
+    ],
+)  # fmt: skip
+def test_one_loop(tags: list[str], expected: LoopTags) -> None:
+    assert group(tags) == (expected,)
+
+
+def test_a_tag_that_says_nothing_stands_alone() -> None:
+    assert group(["AMBIENT"]) == (LoopTags("AMBIENT", others=("AMBIENT",)),)
+
+
+def test_bare_names_belong_to_the_file() -> None:
+    assert group(["PV", "Set Point", "controller output"], stem="F9") == (
+        LoopTags("F9", "PV", "controller output", "Set Point"),
+    )
+
+
+def test_mapping_comes_first_and_carries_spans() -> None:
+    mapping = TagMapping.from_bytes(b"tag;loop;signal;unit;low;high\nT1;FIC1;PV;t/h;0;12,5\nT2;FIC1;OP;%;0;100\n")
+    assert group(["T1", "T2"], mapping) == (LoopTags("FIC1", "T1", "T2"),)
+    entry = mapping.find("t1")
+    assert entry is not None
+    assert (entry.attributes["unit"], entry.number("high")) == ("t/h", 12.5)
+    assert group(["T1"], TagMapping.from_bytes(b'[{"tag": "T1", "loop": "X", "signal": "sp"}]')) == (
+        LoopTags("X", sp="T1"),
+    )
+
+
+@pytest.mark.parametrize(
+    "data", [b"tag,loop,signal\nT1,,PV\n", b"tag,loop,signal\nT1,F,what\n", b"[1]", b"{", b"[" * 5000]
+)
+def test_a_mapping_that_cannot_be_used(data: bytes) -> None:
+    with pytest.raises(DataError, match="mapping"):
+        TagMapping.from_bytes(data)

@@ -1,0 +1,233 @@
+"""Every layout that historians send, in small files of our own in those forms."""
+
+import gzip
+
+import numpy as np
+import pytest
+
+from app.ingest import IngestOptions
+
+from .conftest import Read
+
+MINUTE = 60 * 10**9
+START = np.datetime64("2024-03-01T00:00:00", "ns").astype(np.int64)
+
+
+def test_wide(read: Read) -> None:
+    content = read(
+        "DateTime,FIC101.PV,FIC101.OP,FIC101.SP,FIC101.MODE,FIC102.PV\n"
+        "2024-03-01 00:00:00,51.27,40.5,51,AUTO,3\n"
+        "2024-03-01 00:01:00,51.30,40.6,51,MAN,\n"
+        "2024-03-01 00:02:00,51.31,40.7,,CAS,5\n"
+    )
+    loop = content.loops["FIC101"]
+    assert loop.time_ns.tolist() == [START, START + MINUTE, START + 2 * MINUTE]
+    assert loop.pv.tolist() == [51.27, 51.30, 51.31]
+    assert loop.op.tolist() == [40.5, 40.6, 40.7]
+    np.testing.assert_array_equal(loop.sp, [51, 51, np.nan])
+    assert loop.automatic.tolist() == [1, 0, 1]
+    np.testing.assert_array_equal(content.loops["FIC102"].pv, [3, np.nan, 5])
+    assert content.summary.layout == "wide"
+    assert content.summary.values_kept == 13
+    assert content.rejects.total == 0
+
+
+def test_long_with_quality_below_a_preamble_and_comments(read: Read) -> None:
+    content = read(
+        "* exported by hand\n[Data]\nTagname,TimeStamp,Value,DataQuality\n"
+        "TIGER.FIC101.PV,7/20/01 11:07,1,Good\nTIGER.FIC101.OP,7/20/01 11:07,40,Good\n"
+        "* between\nTIGER.FIC101.PV,7/20/01 11:08,2,Bad\nTIGER.FIC101.OP,7/20/01 11:08,41,Good\n"
+    )
+    loop = content.loops["TIGER.FIC101"]
+    np.testing.assert_array_equal(loop.pv, [1, np.nan])
+    assert loop.op.tolist() == [40, 41]
+    assert loop.time_ns[0] == np.datetime64("2001-07-20T11:07", "ns").astype(np.int64)
+    assert dict(content.rejects.counts) == {"bad_quality": 1}
+    assert content.rejects.listed[0].line == 7
+
+
+def test_long_without_names_in_seconds_and_nanoseconds(read: Read) -> None:
+    content = read(
+        "1601890328:76000000,FIC101.PV,51.27,float,GOOD\n1601890328:76000000,FIC101.OP,40.1,float,GOOD\n"
+        "1601890329:76000000,FIC101.PV,51.29,float,GOOD\n1601890329:76000000,FIC101.OP,40.2,float,BAD\n"
+    )
+    loop = content.loops["FIC101"]
+    assert loop.time_ns.tolist() == [1601890328076000000, 1601890329076000000]
+    assert loop.pv.tolist() == [51.27, 51.29]
+    np.testing.assert_array_equal(loop.op, [40.1, np.nan])
+
+
+def test_aveva_zero_is_good_and_so_is_192(read: Read) -> None:
+    content = read(
+        "DateTime,TagName,Value,vValue,Quality,QualityDetail,OPCQuality,wwTagKey\n"
+        "2024-03-01 00:00:00.0000000,FIC101.PV,51.27,51.27,0,192,192,1\n"
+        "2024-03-01 00:00:00.0000000,FIC101.OP,40,40,0,192,192,2\n"
+        "2024-03-01 00:01:00.0000000,FIC101.PV,0,0,1,24,0,1\n"
+        "2024-03-01 00:01:00.0000000,FIC101.OP,41,41,0,192,192,2\n"
+    )
+    assert content.summary.layout == "aveva"
+    np.testing.assert_array_equal(content.loops["FIC101"].pv, [51.27, np.nan])
+    assert content.loops["FIC101"].op.tolist() == [40, 41]
+
+
+def test_pi_a_file_a_tag_with_state_words(read: Read) -> None:
+    content = read(
+        "2019-05-15T00:00:00.0000000Z,12.34\n2019-05-15T00:00:10.0000000Z,Bad Input\n"
+        "2019-05-15T00:00:20.0000000Z,12.36\n",
+        name="FIC101.PV.csv",
+    )
+    loop = content.loops["FIC101"]
+    assert loop.time_ns[0] == np.datetime64("2019-05-15T00:00:00", "ns").astype(np.int64)
+    np.testing.assert_array_equal(loop.pv, [12.34, np.nan, 12.36])
+    reject = content.rejects.listed[0]
+    assert (reject.line, reject.code, reject.text, reject.tag) == (2, "not_a_number", "Bad Input", "FIC101.PV")
+
+
+def test_pi_datalink_pairs_at_their_own_times(read: Read) -> None:
+    text = "FIC101.PV,,FIC101.OP,,FIC101.SP,\n" + "".join(
+        f"01-Mar-24 00:0{i}:00,{50 + i},01-Mar-24 00:0{i}:30,{40 + i},{'01-Mar-24 00:00:00,50' if i == 0 else ','}\n"
+        for i in range(6)
+    )
+    content = read(text.encode("utf-16"))
+    loop = content.loops["FIC101"]
+    assert content.summary.layout == "pi_datalink"
+    assert content.summary.encoding == "utf-16"
+    assert loop.pv.tolist() == [50, 51, 52, 53, 54, 55]
+    np.testing.assert_allclose(loop.op, [np.nan, 40.5, 41.5, 42.5, 43.5, 44.5])
+    assert loop.sp.tolist() == [50] * 6
+    assert set(loop.resampled) == {"OP", "SP"}
+
+
+def test_sql_dump_newest_first_with_date_and_time_apart(read: Read) -> None:
+    content = read(
+        b"\xef\xbb\xbfid,date,time,FT_211,FV_211\n"
+        b"3,2024-03-01,00:02:00,12,42\n2,2024-03-01,00:01:00,11,41\n1,2024-03-01,00:00:00,10,40\n"
+    )
+    loop = content.loops["F_211"]
+    assert loop.pv.tolist() == [10, 11, 12]
+    assert loop.op.tolist() == [40, 41, 42]
+    assert loop.time_ns[0] == START
+    assert any("sorted" in note for note in content.summary.notes)
+
+
+def test_ignition(read: Read) -> None:
+    content = read(
+        '"#NAMES"\n"t_stamp","FIC101/PV","FIC101/OP"\n"#TYPES"\n"date","D","D"\n"#ROWS","2"\n'
+        '"2024-03-01 00:00:00","1.5","40"\n"2024-03-01 00:01:00","1.6","41"\n'
+    )
+    assert content.summary.layout == "ignition"
+    assert content.loops["FIC101"].pv.tolist() == [1.5, 1.6]
+    assert content.loops["FIC101"].op.tolist() == [40, 41]
+
+
+def test_trendminer(read: Read) -> None:
+    content = read(
+        "Name,FIC101.PV,FIC101.OP\nDescription,flow to column,valve\nUnit,t/h,%\nType,ANALOG,ANALOG\n"
+        "2024-03-01T01:00:00+01:00,1.5,40\n2024-03-01T01:01:00+01:00,1.6,41\n"
+    )
+    assert content.summary.layout == "trendminer"
+    assert content.summary.time_zone == "in the file"
+    assert content.loops["FIC101"].time_ns.tolist() == [START, START + MINUTE]
+
+
+def test_semicolons_and_decimal_commas(read: Read) -> None:
+    content = read("Zeit;FIC101.PV;FIC101.OP\n08.06.2000 12:13:04;51,27;48,9\n08.06.2000 12:13:05;51,28;49\n")
+    assert (content.summary.delimiter, content.summary.decimal_mark) == (";", ",")
+    assert content.loops["FIC101"].pv.tolist() == [51.27, 51.28]
+    assert content.loops["FIC101"].time_ns[0] == np.datetime64("2000-06-08T12:13:04", "ns").astype(np.int64)
+
+
+def test_semicolons_without_names_are_refused_with_a_reason(read: Read) -> None:
+    from app.errors import DataError
+
+    with pytest.raises(DataError) as refused:
+        read("08.06.2000 12:13:04;51,27;48,9\n08.06.2000 12:13:05;51,28;49,0\n")
+    assert refused.value.code == "unknown_layout"
+
+
+DCS_TAB = (
+    "PROCESSDATA\tFIC7 Data\tyyyy-MM-dd HH:mm:ss\r\n8\t10\t2024-03-01 00:00:00\t3\r\n"
+    "tagname\tFIC7.MV\tFIC7.PV\tFIC7.SV\tFIC7.MODE\tbOpOFL\tbPvOFL\tbSpOFL\tbAutOFL\r\n"
+    "desc\t塔_OP\t塔_PV\t塔_SP\tAut\tbOpOFL\tbPvOFL\tbSpOFL\tbAutOFL\r\nfsMax=1\tfsMin=0\tL=24\r\n"
+    "2024-03-01 00:00:00\t72.3\t973.6\t970\t1\t0\t0\t0\t0\r\n"
+    "2024-03-01 00:00:10\t72.1\t974.0\t970\t1\t0\t1\t0\t0\r\n"
+    "2024-03-01 00:00:20\t72.0\t974.4\t970\t0\t0\t0\t0\t0\r\n"
+)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "gb18030", "utf-16"])
+def test_dcs_tab_with_off_line_flags(read: Read, encoding: str) -> None:
+    content = read(DCS_TAB.encode(encoding), name="dcs.txt")
+    loop = content.loops["FIC7"]
+    assert content.summary.layout == "dcs_tab"
+    assert loop.op.tolist() == [72.3, 72.1, 72.0]
+    np.testing.assert_array_equal(loop.pv, [973.6, np.nan, 974.4])
+    assert loop.automatic.tolist() == [1, 1, 0]
+    assert [(reject.line, reject.code, reject.tag) for reject in content.rejects.listed] == [(7, "off_line", "FIC7.PV")]
+
+
+def test_gzip_gives_the_same_as_the_text(read: Read) -> None:
+    packed = gzip.compress(DCS_TAB[:300].encode()) + gzip.compress(DCS_TAB[300:].encode())
+    content = read(packed, name="dcs.txt.gz")
+    assert content.summary.compressed
+    assert content.loops["FIC7"].op.tolist() == [72.3, 72.1, 72.0]
+
+
+def test_recording_in_seconds_is_anchored_so_that_sending_again_gives_the_same(read: Read) -> None:
+    text = "time,SP,PV,OP\n0,50,51.5,40\n0.2,50,51.6,41\n0.4,,51.7,42\n"
+    content = read(text, name="CHEM99.csv")
+    loop = content.loops["CHEM99"]
+    assert loop.time_ns.tolist() == [0, 200_000_000, 400_000_000]
+    np.testing.assert_array_equal(loop.sp, [50, 50, np.nan])
+    moved = read(text, name="CHEM99.csv", options=IngestOptions(start_ns=int(START)))
+    assert moved.loops["CHEM99"].time_ns[0] == START
+
+
+def test_minute_stamps_are_spread_by_the_order_of_rows(read: Read) -> None:
+    rows = [f"13/07/24 0:{44 + (i + 20) // 60},6.5,{6 + i / 1000},25" for i in range(200)]
+    content = read("Time,SP,PV,OP\n" + "\n".join(rows) + "\n", name="flow.csv")
+    loop = content.loops["flow"]
+    assert len(loop.time_ns) == 200
+    np.testing.assert_array_equal(np.diff(loop.time_ns), 10**9)
+    assert loop.time_ns[0] == np.datetime64("2024-07-13T00:44:20", "ns").astype(np.int64)
+    assert any("spread" in note for note in content.summary.notes)
+    assert any("day and month" in note for note in content.summary.notes)
+
+
+def test_day_and_month_are_told_apart_by_the_rows(read: Read) -> None:
+    days = [f"0{day}/03/2024 00:00,1,2" for day in range(1, 8)]
+    content = read("Time,A.PV,A.OP\n" + "\n".join(days) + "\n")
+    steps = np.diff(content.loops["A"].time_ns)
+    np.testing.assert_array_equal(steps, 86400 * 10**9)
+    american = read("Time,A.PV,A.OP\n03/13/2024 00:00,1,2\n03/14/2024 00:00,1,2\n")
+    assert american.loops["A"].time_ns[0] == np.datetime64("2024-03-13", "ns").astype(np.int64)
+
+
+def test_local_time_through_the_doubled_hour(read: Read) -> None:
+    rows = "2024-10-27 01:30:00,1,1\n2024-10-27 02:30:00,2,2\n2024-10-27 02:30:00,3,3\n2024-10-27 03:30:00,4,4\n"
+    half = "2024-10-27 02:00:00,1,1\n2024-10-27 02:30:00,2,2\n2024-10-27 02:00:00,3,3\n2024-10-27 02:30:00,4,4\n"
+    options = IngestOptions(time_zone="Europe/Berlin")
+    loop = read("Time,A.PV,A.OP\n" + half, options=options).loops["A"]
+    assert np.diff(loop.time_ns).tolist() == [1800 * 10**9] * 3
+    assert loop.time_ns[0] == np.datetime64("2024-10-27T00:00", "ns").astype(np.int64)
+    assert read("Time,A.PV,A.OP\n" + rows, options=options).loops["A"].pv.tolist()[0] == 1
+
+
+@pytest.mark.parametrize(
+    ("stamp", "seconds"),
+    [
+        ("1709251200", 1709251200.0),
+        ("1709251200000", 1709251200.0),
+        ("1709251200000000000", 1709251200.0),
+        ("2024-03-01T00:00:00Z", 1709251200.0),
+        ("01.03.2024 00:00", 1709251200.0),
+        ("1-Mar-24 00:00:00.5", 1709251200.5),
+        ("3/1/2024 12:00:00 AM", 1709251200.0),
+        ("20240301000000", 1709251200.0),
+        ("2024/03/01 00:00:00.250", 1709251200.25),
+        ("2024-03-01 02:00:00+02:00", 1709251200.0),
+    ],
+)
+def test_forms_of_time(read: Read, stamp: str, seconds: float) -> None:
+    loop = read(f"Time,A.PV,A.OP\n{stamp},1,2\n").loops["A"]
+    assert loop.time_ns.tolist() == [round(seconds * 1000) * 10**6]

@@ -1,0 +1,57 @@
+"""Files to recordings, on small files and on the real ones beside the project."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.ingest import inspect, read_recordings
+
+
+def test_one_loop_is_named_by_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "FC1.csv"
+    path.write_text("Time,sp,pv,op,Mode,AUX\n10,5,1,2,AUTO,7\n11,5,2,3,MAN,8\n12,5,3,4,,9\n")
+    content = read_recordings(path)
+    (recording,) = content.recordings
+    assert recording.name == "FC1"
+    assert recording.time_s.tolist() == [0, 1, 2]
+    assert recording.automatic.tolist() == [True, False, False]
+    assert recording.others["AUX"].tolist() == [7, 8, 9]
+
+
+def test_several_loops_and_those_without_a_signal(tmp_path: Path) -> None:
+    path = tmp_path / "night.csv"
+    path.write_text(
+        "time,A.PV,A.OP,B.PV,B.OP,C.PV,TEMP\n" + "".join(f"2024-03-01 00:0{i}:00,1,2,3,4,5,6\n" for i in range(3))
+    )
+    content = read_recordings(path)
+    assert [recording.name for recording in content.recordings] == ["night:A", "night:B"]
+    assert content.skipped == ("C: no OP",)
+
+
+@pytest.mark.shared
+def test_every_real_recording_has_its_samples_and_interval(shared_dir: Path) -> None:
+    with (shared_dir / "recordings" / "labels.csv").open() as stream:
+        labels = list(csv.DictReader(stream))
+    assert len(labels) == 78
+    for row in labels:
+        content = read_recordings(shared_dir / "recordings" / f"{row['recording']}.csv")
+        (recording,) = content.recordings
+        assert recording.name == row["recording"]
+        assert recording.samples == int(row["samples"])
+        assert np.median(np.diff(recording.time_s)) == pytest.approx(float(row["sampling_s"]), rel=0.1)
+        assert content.rejects == ()
+
+
+@pytest.mark.shared
+def test_the_exports_go_in_whole(shared_dir: Path) -> None:
+    folder = shared_dir / "exports"
+    for name, loop in (("dcs_tab_FIC46005.txt", "2111FIC46005"), ("dcs_tab_LIC30501.txt", "2411LIC30501")):
+        report = inspect(folder / name)
+        assert [(found.loop, found.samples, found.sampling_interval_s) for found in report.loops] == [(loop, 751, 10.0)]
+        assert report.rejects.total == 0
+    report = inspect(folder / "minute_stamps_flow.csv")
+    (found,) = report.loops
+    assert (found.samples, found.sampling_interval_s, found.even) == (7201, 1.0, True)
+    assert found.last_time_ns - found.first_time_ns == 7200 * 10**9
