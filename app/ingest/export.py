@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Protocol
+from zoneinfo import ZoneInfo
 
 import polars as pl
 
@@ -175,7 +176,14 @@ def read_export(
     Raises DataError where the file is no export or its layout is unknown (now), or where it turns out so later (while
     iterating).
     """
+    options = options or IngestOptions()
     try:
-        return Export(path, filename or path.name, mapping, options or IngestOptions())
+        ZoneInfo(options.time_zone)
+    except (ValueError, OSError, LookupError) as error:
+        raise DataError(
+            "unknown_time_zone", f"{options.time_zone!r} is no time zone; an IANA name is needed"
+        ) from error
+    try:
+        return Export(path, filename or path.name, mapping, options)
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         raise DataError("not_an_export", f"the file cannot be read: {str(error)[:200]}") from error

@@ -244,6 +244,7 @@ class LongTable:
 
 def _passed_over(texts: pl.Series, tags: pl.Series) -> NDArray[np.bool_]:
     """Rows that hold nothing, and comments."""
+    texts = texts.cast(pl.String)
     empty = (texts.is_null() & tags.is_null()).to_numpy()
     comment = texts.str.contains("^[*#]") | tags.cast(pl.String).str.contains("^[*#\\[]").fill_null(False)
     return empty | comment.fill_null(False).to_numpy()

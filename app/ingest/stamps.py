@@ -224,12 +224,29 @@ class TimeReader:
 
     def read(self, texts: pl.Series) -> TimeArray:
         """(n,) ns since 1970 UTC, NO_TIME where a row has no readable time."""
+        if isinstance(texts.dtype, pl.Datetime):
+            return self._typed(texts)
         if self.form.kind == "epoch_pair":
             return _pairs(texts)
         if self.form.kind != "text":
             return self._numbers(texts)
         times = self._texts(texts)
         return times if self.form.zoned else to_utc(times, self._options.time_zone)
+
+    def _typed(self, times: pl.Series) -> TimeArray:
+        """A column that holds times already (parquet)."""
+        zoned = times.dtype.time_zone is not None
+        plain = times.dt.convert_time_zone("UTC").dt.replace_time_zone(None) if zoned else times
+        good = plain.dt.year().is_between(FIRST_YEAR, LAST_YEAR).fill_null(False)
+        ticks = (
+            pl.select(pl.when(good).then(plain))
+            .to_series()
+            .cast(pl.Datetime("ns"))
+            .cast(pl.Int64)
+            .fill_null(NO_TIME)
+            .to_numpy()
+        )
+        return ticks if zoned else to_utc(ticks, self._options.time_zone)
 
     def _texts(self, texts: pl.Series) -> TimeArray:
         times = parse_text(texts, self.form.format, self.form.zoned)

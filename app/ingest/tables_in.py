@@ -1,9 +1,160 @@
-"""Files that hold tables with types: parquet and workbooks."""
+"""Files that hold tables with types: parquet and workbooks. Their rows go the way that rows of text go."""
 
+import zipfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from app.errors import DataError
+from app.ingest.frames import Rows, name_of
+from app.ingest.head import HEAD_ROWS, Head, find_decimal_mark
+from app.ingest.layouts import recognise
 from app.ingest.model import IngestOptions
+from app.ingest.plans import Plan
+from app.ingest.rejecting import RejectLog
+
+CELLS_A_CHUNK = 2_000_000
+WORKBOOK_BYTES = 1 << 30  # a workbook is unpacked whole
 
 
-def open_frames(path: Path, stem: str, options: IngestOptions) -> None:
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A table in a file: `part(offset, count)` are rows of it, with columns c0, c1, ...; `head_rows` rows of names
+    stand before them."""
+
+    width: int
+    height: int
+    names: tuple[str, ...]
+    part: Callable[[int, int], pl.DataFrame]
+
+
+class TableReader:
+    """Gives a table's columns in the types asked for."""
+
+    def __init__(self, table: Table, types: dict[int, pl.DataType], names_in_rows: bool) -> None:
+        self._table, self._types, self._names_in_rows = table, types, names_in_rows
+        self._original = pl.DataFrame()
+
+    def rows(self, first_row: int) -> Iterator[Rows]:
+        """All rows from the given one (counted from 0, names included) on."""
+        start = first_row if self._names_in_rows else max(first_row - 1, 0)
+        count = max(1000, CELLS_A_CHUNK // max(1, self._table.width))
+        for offset in range(start, self._table.height, count):
+            self._original = self._table.part(offset, count)
+            frame = self._original.select(
+                [_as(self._original[name_of(i)], self._types[i]) for i in sorted(self._types)]
+            )
+            yield Rows(frame, offset + 1, b"")
+
+    def texts(self, rows: Rows, columns: Sequence[int]) -> pl.DataFrame:
+        """Columns of the rows read last as text."""
+        return self._original.select([pl.col(name_of(index)).cast(pl.String) for index in sorted(columns)])
+
+    def short_rows(self, rows: Rows, candidates: NDArray[np.int64]) -> NDArray[np.int64]:
+        """None: a table has no ragged rows."""
+        return candidates[:0]
+
+
+class TableSource:
+    """A file with a table whose layout is known."""
+
+    def __init__(self, table: Table, stem: str, kind: str, names_in_rows: bool, options: IngestOptions) -> None:
+        self._table, self._names_in_rows = table, names_in_rows
+        self.encoding = kind
+        self.compressed = False
+        self.notes: list[str] = []
+        self.head = _head(table, stem, names_in_rows)
+        plan = recognise(self.head, options)
+        if plan is None:
+            raise DataError(
+                "unknown_layout", "the table has no column of times with signals, or with tags and values, beside it"
+            )
+        self.plan: Plan = plan
+
+    def reader(self, width: int, types: dict[int, pl.DataType], log: RejectLog) -> TableReader:
+        known = {index: kind for index, kind in types.items() if index < self._table.width}
+        return TableReader(self._table, known, self._names_in_rows)
+
+
+def open_frames(path: Path, stem: str, options: IngestOptions) -> TableSource | None:
+    """The file as a table, or None where it is none of the kinds known here."""
+    with path.open("rb") as stream:
+        start = stream.read(4)
+    if start == b"PAR1":
+        return TableSource(_parquet(path, options), stem, "parquet", False, options)
+    if start == b"PK\x03\x04" and _is_workbook(path, options):
+        return TableSource(_workbook(path), stem, "xlsx", True, options)
     return None
+
+
+def _parquet(path: Path, options: IngestOptions) -> Table:
+    scan = pl.scan_parquet(path, hive_partitioning=False, glob=False)
+    names = tuple(scan.collect_schema().names())
+    height = int(scan.select(pl.len()).collect().item())
+    if height * max(1, len(names)) * 8 > options.max_bytes:
+        raise DataError(
+            "decompressed_too_large", f"the table has {height} rows of {len(names)} columns; send it in parts"
+        )
+    renamed = scan.rename({name: name_of(index) for index, name in enumerate(names)})
+    return Table(len(names), height, names, lambda offset, count: renamed.slice(offset, count).collect())
+
+
+def _is_workbook(path: Path, options: IngestOptions) -> bool:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            entries = archive.infolist()
+    except (zipfile.BadZipFile, ValueError, OSError, NotImplementedError):
+        return False
+    if not any(entry.filename.startswith("xl/") for entry in entries):
+        return False
+    unpacked = sum(entry.file_size for entry in entries)
+    if unpacked > min(WORKBOOK_BYTES, options.max_bytes):
+        raise DataError("decompressed_too_large", f"the workbook unpacks to {unpacked} bytes; send it as CSV")
+    return True
+
+
+def _workbook(path: Path) -> Table:
+    try:
+        import fastexcel
+    except ImportError as error:
+        raise DataError(
+            "excel_not_installed", "reading workbooks needs the extra 'excel': pip install loopaudit[excel]"
+        ) from error
+    try:
+        sheet = fastexcel.read_excel(path).load_sheet(0, header_row=None, dtypes="string")
+        frame = sheet.to_polars()
+    except fastexcel.FastExcelError as error:
+        raise DataError("not_an_export", f"the workbook cannot be read: {str(error)[:200]}") from error
+    frame.columns = [name_of(index) for index in range(frame.width)]
+    return Table(frame.width, frame.height, (), lambda offset, count: frame.slice(offset, count))
+
+
+def _as(column: pl.Series, wanted: pl.DataType) -> pl.Series:
+    """A column in the type wanted; times stay times."""
+    if column.dtype == wanted or (wanted == pl.String and isinstance(column.dtype, pl.Datetime)):
+        return column
+    if isinstance(wanted, pl.Categorical):
+        return column.cast(pl.String, strict=False).cast(wanted)
+    if column.dtype.is_nested() or column.dtype in (pl.Binary, pl.Object):
+        return pl.Series(column.name, [None] * len(column), dtype=wanted)
+    return column.cast(wanted, strict=False)
+
+
+def _head(table: Table, stem: str, names_in_rows: bool) -> Head:
+    frame = table.part(0, max(8, min(HEAD_ROWS, 200_000 // max(1, table.width))))
+    columns = [_as_text(frame[name]).fill_null("").to_list() for name in frame.columns]
+    rows = [tuple(text.strip() for text in row) for row in zip(*columns, strict=True)]
+    rows = rows if names_in_rows else [table.names, *rows]
+    return Head(stem, tuple("\t".join(row) for row in rows), tuple(rows), "", find_decimal_mark(tuple(rows), "\t"))
+
+
+def _as_text(column: pl.Series) -> pl.Series:
+    if isinstance(column.dtype, pl.Datetime):
+        zoned = column.dtype.time_zone is not None
+        plain = column.dt.convert_time_zone("UTC").dt.replace_time_zone(None) if zoned else column
+        return plain.dt.strftime("%Y-%m-%d %H:%M:%S%.6f" + ("Z" if zoned else ""))
+    return _as(column, pl.String())

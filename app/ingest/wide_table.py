@@ -110,6 +110,7 @@ class WideTable:
         return self._spreaders[number].take(chunk) if self._spreaders else chunk
 
     def _refuse_times(self, rows: Rows, texts: pl.Series, kept: NDArray[np.bool_], short: NDArray[np.int64]) -> None:
+        texts = texts.cast(pl.String)
         bad = ~kept & (texts.str.strip_chars().str.len_bytes().fill_null(0) > 0).to_numpy()
         bad[short] = False
         bad &= ~texts.str.contains("^[*#]").fill_null(False).to_numpy()
@@ -246,5 +247,7 @@ def joined_times(frame: pl.DataFrame, time: tuple[int, ...]) -> pl.Series:
     if len(time) == 1:
         return frame[name_of(time[0])]
     return frame.select(
-        pl.concat_str([pl.col(name_of(index)).str.strip_chars() for index in time], separator=" ").alias("t")
+        pl.concat_str(
+            [pl.col(name_of(index)).cast(pl.String).str.strip_chars() for index in time], separator=" "
+        ).alias("t")
     )["t"]
