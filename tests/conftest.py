@@ -93,11 +93,16 @@ def settings(request: pytest.FixtureRequest, tmp_path: Path) -> Settings:
     """Settings of an empty plant on each data base, with a data folder of its own and the broker in a folder."""
     url = ""
     if request.param == "postgresql":
-        url = request.getfixturevalue("postgres_url")
-        empty_tables(url)
+        url = request.getfixturevalue("emptied_postgres")
     else:
         shutil.copy(request.getfixturevalue("empty_sqlite"), tmp_path / "loopaudit.db")
     return Settings(data_dir=tmp_path, database_url=url)
+
+
+@pytest.fixture
+def emptied_postgres(postgres_url: str) -> str:
+    empty_tables(postgres_url)
+    return postgres_url
 
 
 def empty_tables(url: str) -> None:

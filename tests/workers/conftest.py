@@ -1,0 +1,106 @@
+"""A plant with real worker processes, on the embedded default and on PostgreSQL with Redis."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.services import uploads
+from app.services.backend import Backend
+from app.services.operations import migrate
+from app.services.results import UploadView
+from app.settings import Settings
+
+SCRIPT = Path(__file__).with_name("run_process.py")
+QUICK = {
+    "LOOPAUDIT_SWEEP_S": "0.5",
+    "LOOPAUDIT_STALLED_S": "1",
+    "LOOPAUDIT_LEASE_S": "2",
+    "LOOPAUDIT_LOOP_LIMIT_S": "1",
+    "LOOPAUDIT_CHUNK_LOOPS": "4",
+    "LOOPAUDIT_MAX_ATTEMPTS": "2",
+}
+
+
+@dataclass
+class Plant:
+    """A backend, and the processes that were started for it."""
+
+    backend: Backend
+    environment: dict[str, str]
+    log: Path
+    running: list[subprocess.Popen[bytes]] = field(default_factory=list)
+
+    def start(self, what: str, **spoiled: str) -> subprocess.Popen[bytes]:
+        """Starts a worker or a beat in a session of its own."""
+        environment = {**os.environ, **self.environment, **{f"SPOILED_{k}": v for k, v in spoiled.items()}}
+        with self.log.open("ab") as log:
+            process = subprocess.Popen(
+                [sys.executable, str(SCRIPT), what], env=environment, stdout=log, stderr=log, start_new_session=True
+            )
+        self.running.append(process)
+        return process
+
+    def kill(self, process: subprocess.Popen[bytes]) -> None:
+        """As a power cut: the process with its children, at once."""
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        self.running.remove(process)
+
+    def send(self, name: str, data: bytes) -> UploadView:
+        with uploads.receive(self.backend, filename=name) as receiving:
+            receiving.write(data)
+            return receiving.commit().upload
+
+    # The first worker on a machine compiles the kernels before it listens, hence the long patience.
+    def wait(self, what: str, true: Callable[[], bool], seconds: float = 120.0) -> None:
+        until = time.monotonic() + seconds
+        while not true():
+            dead = [process.args for process in self.running if process.poll() not in (None, 0)]
+            if time.monotonic() > until or dead:
+                pytest.fail(f"{what}: not within {seconds} s; ended: {dead}\n{self.log.read_text()[-4000:]}")
+            time.sleep(0.05)
+
+
+def export(loops: int, rows: int = 150) -> bytes:
+    tags = [f"FIC{i}" for i in range(loops)]
+    lines = ["time," + ",".join(f"{tag}.PV,{tag}.OP" for tag in tags)]
+    for i in range(rows):
+        pair = f"{20 + 2 * np.sin(i / 6 - 0.8) + 0.1 * np.cos(i * 1.9):.3f},{50 + 5 * np.sin(i / 6):.3f}"
+        lines.append(f"{1_750_000_000 + 60 * i}," + ",".join([pair] * loops))
+    return "\n".join(lines).encode()
+
+
+@pytest.fixture(scope="session")
+def small_export() -> bytes:
+    """Ten loops, 150 minutes."""
+    return export(10)
+
+
+@pytest.fixture(params=["embedded", "servers"])
+def plant(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Plant]:
+    environment = {**QUICK, "LOOPAUDIT_DATA_DIR": str(tmp_path)}
+    if request.param == "servers":
+        environment["LOOPAUDIT_BROKER_URL"] = request.getfixturevalue("redis_url")
+        environment["LOOPAUDIT_DATABASE_URL"] = request.getfixturevalue("emptied_postgres")
+    names = {name.removeprefix("LOOPAUDIT_").lower(): value for name, value in environment.items()}
+    settings = Settings(**names)
+    migrate(settings)
+    made = Plant(Backend.open(settings), environment, tmp_path / "processes.log")
+    yield made
+    for process in made.running:
+        process.send_signal(signal.SIGTERM)
+    for process in made.running:
+        try:
+            process.wait(10)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+    made.backend.close()

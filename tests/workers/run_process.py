@@ -1,0 +1,33 @@
+"""Run as a script by the tests: a worker or the schedule, with an engine that may be slow or deadly for some loops.
+
+SPOILED_SLOW_S: every audit takes this much longer. SPOILED_DEADLY: the audit of this loop kills its process.
+"""
+
+import os
+import signal
+import sys
+import time
+
+from app.queue import run_beat, run_worker
+from app.settings import load_settings, use_one_thread
+
+
+def spoil() -> None:
+    from app.services import chunks
+
+    audit, slow_s, deadly = chunks.audit, float(os.environ.get("SPOILED_SLOW_S", "0")), os.environ.get("SPOILED_DEADLY")
+
+    def spoiled(recording, config=None):
+        if recording.name == deadly:
+            os.kill(os.getpid(), signal.SIGKILL)
+        if recording.name != "warm-up":
+            time.sleep(slow_s)
+        return audit(recording, config)
+
+    chunks.audit = spoiled
+
+
+if __name__ == "__main__":
+    use_one_thread()
+    spoil()
+    (run_worker if sys.argv[1] == "worker" else run_beat)(load_settings(), log_level="INFO")
