@@ -10,14 +10,14 @@ from fastapi import APIRouter, FastAPI
 from fastapi.concurrency import run_in_threadpool
 
 from app.api import audits, loops, operations, problems, reliability, uploads
+from app.api.bodies import LimitBodies
 from app.api.headers import SecurityHeaders
 from app.api.paths import KeepTagsEncoded
+from app.api.schema import described
 from app.services.backend import Backend
 from app.settings import Settings
 from app.web import pages
 
-BODY_LIMIT_BYTES = 4 << 20
-MULTIPART_OVERHEAD_BYTES = 1 << 20
 DESCRIPTION = """Verdicts on valve stiction for every control loop of a plant, and which of them can be trusted.
 
 Errors are `application/problem+json` (RFC 9457) with a stable `code`. Times are ISO 8601 in UTC. Pages have
@@ -40,24 +40,24 @@ def create_app(settings: Settings) -> FastAPI:
         docs_url=None,  # Swagger and ReDoc come from elsewhere, which a closed network does not reach
         redoc_url=None,
         redirect_slashes=False,
-        max_body_size=BODY_LIMIT_BYTES,
         lifespan=lifespan,
         generate_unique_id_function=operation_id,
     )
     problems.install(app)
+    app.add_middleware(LimitBodies, max_upload_bytes=settings.max_upload_bytes)
     app.add_middleware(SecurityHeaders)
     app.add_middleware(KeepTagsEncoded)
-    app.include_router(api(settings))
+    app.include_router(api())
     app.include_router(operations.router)
     app.include_router(pages.router)
     app.mount("/static", pages.static)
+    app.openapi = described(app)
     return app
 
 
-def api(settings: Settings) -> APIRouter:
+def api() -> APIRouter:
     router = APIRouter(prefix="/v1")
-    router.include_router(uploads.router, max_body_size=settings.max_upload_bytes + MULTIPART_OVERHEAD_BYTES)
-    for module in (loops, reliability, audits):
+    for module in (uploads, loops, reliability, audits):
         router.include_router(module.router)
     return router
 

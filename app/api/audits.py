@@ -8,7 +8,7 @@ from fastapi import APIRouter, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from starlette.responses import StreamingResponse
 
-from app.api.backend import Cursor, Limit, Services
+from app.api.backend import Cursor, Identifier, Limit, Services
 from app.api.models import AuditIn, AuditOut, AuditPage
 from app.api.problems import responses
 from app.services import audits as service
@@ -36,7 +36,7 @@ def audits(backend: Services, limit: Limit = 100, cursor: Cursor = None) -> Any:
 
 
 @router.get("/audits/{audit_id}/events", responses={**responses(404), **EVENT_STREAM}, summary="Progress as events")
-async def events(request: Request, backend: Services, audit_id: str) -> StreamingResponse:
+async def events(request: Request, backend: Services, audit_id: Identifier) -> StreamingResponse:
     """Server-sent events: `progress` with the run whenever it has moved, `end` when it has ended."""
     await run_in_threadpool(service.get_audit, backend, audit_id)
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
@@ -44,7 +44,7 @@ async def events(request: Request, backend: Services, audit_id: str) -> Streamin
 
 
 @router.get("/audits/{audit_id}", response_model=AuditOut, responses=responses(404), summary="One run and its progress")
-def audit(backend: Services, audit_id: str) -> Any:
+def audit(backend: Services, audit_id: Identifier) -> Any:
     return service.get_audit(backend, audit_id)
 
 

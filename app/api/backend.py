@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import Depends, Query, Request
+from fastapi import Depends, Path, Query, Request
 
 from app.services.backend import Backend
 
@@ -14,4 +14,5 @@ def opened(request: Request) -> Backend:
 Services = Annotated[Backend, Depends(opened)]
 
 Limit = Annotated[int, Query(ge=1, le=1000, description="Rows a page.")]
+Identifier = Annotated[str, Path(max_length=100, description="As it was answered by the request that made it.")]
 Cursor = Annotated[str | None, Query(max_length=2000, description="`next_cursor` of the page before.")]

@@ -90,14 +90,8 @@ def status_of(error: LoopauditError) -> int:
 
 
 def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """For OpenAPI: these statuses answer with a problem."""
-    return {
-        status: {"description": HTTPStatus(status).phrase, "content": {MEDIA_TYPE: {"schema": _SCHEMA_REF}}}
-        for status in statuses
-    }
-
-
-_SCHEMA_REF = {"$ref": "#/components/schemas/Problem"}
+    """For OpenAPI: these statuses answer with a problem (see `schema`)."""
+    return {status: {"description": HTTPStatus(status).phrase} for status in statuses}
 
 
 async def _user_error(request: Request, error: Exception) -> Response:

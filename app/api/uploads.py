@@ -9,7 +9,7 @@ from fastapi import APIRouter, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from starlette.datastructures import FormData, UploadFile
 
-from app.api.backend import Cursor, Limit, Services
+from app.api.backend import Cursor, Identifier, Limit, Services
 from app.api.models import UploadOut, UploadPage
 from app.api.problems import responses
 from app.errors import RequestError
@@ -91,7 +91,7 @@ def uploads(backend: Services, limit: Limit = 100, cursor: Cursor = None) -> Any
 @router.get(
     "/uploads/{upload_id}", response_model=UploadOut, responses=responses(404), summary="What became of an upload"
 )
-def upload(backend: Services, upload_id: str) -> Any:
+def upload(backend: Services, upload_id: Identifier) -> Any:
     return service.get_upload(backend, upload_id)
 
 
