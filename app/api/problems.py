@@ -8,10 +8,12 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.responses import JSONResponse, Response
 
 from app.api.headers import HEADERS
 from app.errors import DataError, LoopauditError, NotFoundError
+from app.services.backend import DATABASE_AWAY
 
 MEDIA_TYPE = "application/problem+json"
 LONGEST_ECHO = 200
@@ -57,6 +59,8 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(LoopauditError, _user_error)
     app.add_exception_handler(HTTPException, _http_error)
     app.add_exception_handler(RequestValidationError, _invalid_request)
+    app.add_exception_handler(DATABASE_AWAY, _database_away)
+    app.add_exception_handler(ClientDisconnect, _gone)
     app.add_exception_handler(Exception, _fault)
 
 
@@ -113,6 +117,17 @@ async def _invalid_request(request: Request, error: Exception) -> Response:
     errors = [{"where": ".".join(map(str, item["loc"])), "what": item["msg"]} for item in error.errors()]
     detail = "; ".join(f"{item['where']}: {item['what']}" for item in errors[:3])
     return respond(request, 422, "invalid_request", detail, errors=errors)
+
+
+async def _database_away(request: Request, error: Exception) -> Response:
+    log.error("data base away while answering %s %s: %s", request.method, request.url.path[:LONGEST_ECHO], error)
+    text = "the data base does not answer; nothing was changed, try again"
+    return respond(request, 503, "database_away", text, headers={"Retry-After": "5"})
+
+
+async def _gone(request: Request, error: Exception) -> Response:
+    """The client went away in the middle of its upload: nobody reads this, and nothing is wrong with us."""
+    return respond(request, 400, "client_gone", "the connection was closed before the body was complete")
 
 
 async def _fault(request: Request, error: Exception) -> Response:

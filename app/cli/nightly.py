@@ -40,9 +40,14 @@ def nightly(
     from app.services.audits import start_audit
     from app.services.backend import Backend
     from app.services.nightly import nightly as start
+    from app.services.operations import migrate
 
-    backend = Backend.open(load_settings())
+    settings = load_settings()
+    if settings.embedded:
+        migrate(settings)
+    backend = Backend.open(settings)
     try:
+        refuse_unready(backend)
         run = start(backend)
         if run.ended:  # this night's run is done; whoever asks again wants another one
             run = start_audit(backend, trigger="nightly")
@@ -54,11 +59,24 @@ def nightly(
     raise typer.Exit(ExitCode.SOME_FAILED if run.failed else ExitCode.DONE)
 
 
+def refuse_unready(backend: "Backend") -> None:
+    from app.services.operations import readiness
+
+    found = readiness(backend)
+    if found.state == "not_ready":
+        checks = ", ".join(f"{name} {value}" for name, value in found.checks.items())
+        raise RequestError("not_ready", f"{checks}; `loopaudit migrate` makes the schema current")
+
+
 def watched(backend: "Backend", run: "AuditView", timeout_s: float) -> "AuditView":
     """Shows the run's progress until it ends, and lends a hand where this process may be the only one to work."""
     from app.services.audits import get_audit
 
     deadline = time.monotonic() + timeout_s
+    if backend.settings.embedded:
+        from app.services.chunks import warm_up
+
+        warm_up()
     with progress("auditing", run.total) as advance:
         while not run.ended:
             if time.monotonic() > deadline:

@@ -2,9 +2,14 @@
 
 from dataclasses import dataclass
 
+from sqlalchemy.exc import OperationalError
+
 from app.queue import Queue
 from app.settings import Settings
 from app.storage import Database
+
+DATABASE_AWAY = OperationalError
+"""What every service raises where the data base does not answer or ends the statement."""
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,9 @@
 import shutil
 import time
 
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.exc import OperationalError, SQLAlchemyError
 
+from app.errors import RequestError
 from app.services import audits as audit_runs
 from app.services.backend import Backend
 from app.services.nightly import nightly_if_due
@@ -26,6 +27,8 @@ def migrate(settings: Settings) -> str:
     try:
         schema.migrate(database)
         return schema.current_revision(database) or "none"
+    except OperationalError as error:
+        raise RequestError("database_away", f"the data base cannot be used: {error.orig}") from error
     finally:
         database.close()
 

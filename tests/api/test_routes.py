@@ -11,7 +11,7 @@ import pytest
 
 from app.main import create_app
 from app.services.backend import Backend
-from app.services.chunks import audit_chunk
+from app.services.chunks import audit_chunk, warm_up
 from app.services.operations import migrate
 from app.services.reading import read_upload
 from app.settings import Settings
@@ -47,6 +47,7 @@ def client(serve, settings):
 
 @pytest.fixture(scope="module")
 def backend(settings, client):
+    warm_up()  # compiled on first use, which is not a loop's time to lose
     backend = Backend.open(settings)
     yield backend
     backend.close()
@@ -390,3 +391,15 @@ def test_openapi_says_that_errors_are_problems_and_refers_to_what_is_there(clien
 def test_documentation_from_elsewhere_is_off(client):
     assert client.get("/docs").status_code == 404
     assert client.get("/redoc").status_code == 404
+
+
+def test_a_data_base_that_is_away_is_503_and_nothing_of_it_is_told(serve, tmp_path):
+    settings = Settings(data_dir=tmp_path, database_url="postgresql+psycopg://who:secret@127.0.0.1:1/none")
+    with serve(create_app(settings)) as client:
+        answer = client.get("/v1/loops")
+        assert (answer.status_code, answer.json()["code"]) == (503, "database_away")
+        assert answer.headers["retry-after"]
+        assert "secret" not in answer.text
+        ready = client.get("/readyz")
+        assert (ready.status_code, ready.json()["state"]) == (503, "not_ready")
+        assert client.get("/healthz").status_code == 200
