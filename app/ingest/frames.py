@@ -57,9 +57,9 @@ class FrameReader:
         for lines in self._file.chunks():
             while to_skip and lines.data:
                 end = lines.data.find(b"\n") + 1
-                lines = Lines(lines.data[end:], lines.first + 1)
+                lines = Lines(lines.data[end:], lines.first + 1, lines.count - 1)
                 to_skip -= 1
-            if lines.data.strip():
+            if lines.data and not lines.data.isspace():
                 yield self._read(lines)
 
     def texts(self, rows: Rows, columns: Sequence[int]) -> pl.DataFrame:
@@ -77,7 +77,7 @@ class FrameReader:
         return np.array([row for row in candidates if lines[row].count(delimiter) < need], dtype=np.int64)
 
     def _read(self, lines: Lines) -> Rows:
-        height = lines.data.count(b"\n")
+        height = lines.count
         try:
             frame = self._parse(lines.data, self._schema, self._columns)
             if frame.height == height:

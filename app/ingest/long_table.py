@@ -21,7 +21,7 @@ from app.ingest.tally import Tally
 from app.ingest.values import SENTINELS, refuse_sentinels
 from app.ingest.wide_table import joined_times
 
-BATCH_ROWS = 6_000_000
+BATCH_ROWS = 4_000_000
 
 
 @dataclass(frozen=True, eq=False)

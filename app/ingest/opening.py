@@ -23,10 +23,12 @@ _CONTROL = bytes(set(range(32)) - set(b"\t\n\r\f\x1a"))
 
 @dataclass(frozen=True)
 class Lines:
-    """Whole lines of UTF-8 text, each ended by a line feed; `first` is the number of the first of them, from 1."""
+    """Whole lines of UTF-8 text, each ended by a line feed: `count` of them; `first` is the number of the first, from
+    1."""
 
     data: bytes
     first: int
+    count: int
 
 
 class TextFile:
@@ -73,12 +75,13 @@ class TextFile:
                 carry += piece
                 self._check_line(carry)
                 continue
-            data = carry + piece[: end + 1]
+            data = b"".join((carry, memoryview(piece)[: end + 1]))
             carry = piece[end + 1 :]
-            yield Lines(data, number)
-            number += data.count(b"\n")
+            lines = Lines(data, number, data.count(b"\n"))
+            yield lines
+            number += lines.count
         if carry:
-            yield Lines(carry + b"\n", number)
+            yield Lines(carry + b"\n", number, 1)
 
     def _check_line(self, carry: bytes) -> None:
         if len(carry) > self._options.max_line_bytes:
@@ -108,7 +111,7 @@ class TextFile:
     def _large_pieces(self) -> Iterator[bytes]:
         taken: list[bytes] = []
         size = 0
-        for piece in self._bytes():
+        for piece in self._bytes(self._chunk_bytes):
             taken.append(piece)
             size += len(piece)
             if size >= self._chunk_bytes:
@@ -117,11 +120,11 @@ class TextFile:
         if taken:
             yield b"".join(taken)
 
-    def _bytes(self) -> Iterator[bytes]:
+    def _bytes(self, step: int = STEP_BYTES) -> Iterator[bytes]:
         with self._path.open("rb") as stream:
             packed = stream.read(2) == b"\x1f\x8b"
             stream.seek(0)
-            raw = iter(lambda: stream.read(STEP_BYTES), b"")
+            raw = iter(lambda: stream.read(STEP_BYTES if packed else step), b"")
             yield from self._unpacked(raw) if packed else raw
 
     def _unpacked(self, raw: Iterator[bytes]) -> Iterator[bytes]:

@@ -39,12 +39,15 @@ def last_of_repeats(
     repeated = np.concatenate((time_ns[1:] == time_ns[:-1], [False])) if len(time_ns) else np.zeros(0, dtype=bool)
     if not np.any(repeated):
         return time_ns, matrix
+    at = np.flatnonzero(repeated)
     merged = matrix.copy()
-    for row in np.flatnonzero(repeated):
-        earlier, later = merged[row], merged[row + 1]
-        differs = np.flatnonzero(np.isfinite(earlier) & np.isfinite(later) & (earlier != later))
-        for position in differs:
-            text = f"{earlier[position]:g} and then {later[position]:g} for the same time; the later stands"
-            log.add("duplicate_time", text, int(lines[row]), tags[position])
-        merged[row + 1] = np.where(np.isfinite(later), later, earlier)
+    for position, tag in enumerate(tags):
+        earlier, later = matrix[at, position], matrix[at + 1, position]
+        differs = np.isfinite(earlier) & np.isfinite(later) & (earlier != later)
+        if np.any(differs):
+            pairs = zip(earlier[differs], later[differs], strict=True)
+            texts = (f"{first:g} and then {second:g} for the same time; the later stands" for first, second in pairs)
+            log.add_many("duplicate_time", lines[at[differs]].tolist(), texts, tag)
+        for row in at[np.isnan(later)]:
+            merged[row + 1, position] = merged[row, position]
     return time_ns[~repeated], merged[~repeated]

@@ -93,6 +93,12 @@ def test_repeated_times(read: Read) -> None:
     ]
 
 
+def test_a_repeated_time_keeps_what_the_later_row_does_not_give(read: Read) -> None:
+    content = read(HEADER + "2024-03-01 00:00:00,1,10\n2024-03-01 00:00:00,,11\n2024-03-01 00:00:00,,\n" + GOOD[25:])
+    assert content.loops["A"].pv.tolist()[0] == 1
+    assert content.loops["A"].op.tolist()[0] == 11
+
+
 def test_time_backward_is_sorted_and_said(read: Read) -> None:
     content = read(HEADER + "".join(reversed(GOOD.splitlines(keepends=True))))
     assert content.loops["A"].pv.tolist() == [1, 2, 3, 4]
