@@ -11,7 +11,7 @@ from app.errors import DataError
 from app.ingest.assembling import Assembler
 from app.ingest.frames import Dialect, FrameReader, Rows
 from app.ingest.grouping import Grouping, TagMapping
-from app.ingest.head import look
+from app.ingest.head import look, with_tail
 from app.ingest.layouts import recognise
 from app.ingest.long_table import LongTable
 from app.ingest.model import FileSummary, IngestOptions, LoopSamples, Rejects, SignalBlock
@@ -149,6 +149,8 @@ def _open_text(path: Path, stem: str, options: IngestOptions) -> TextSource:
     file = TextFile(path, options)
     head = look(file.head, stem)
     plan = recognise(head, options)
+    if plan is not None and plan.form.rivals:
+        plan = recognise(with_tail(head, file.tail()), options) or plan
     if plan is None:
         raise DataError(
             "unknown_layout",

@@ -3,10 +3,11 @@
 import csv
 import re
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 DELIMITERS = ("\t", ";", "|", ",")
 HEAD_ROWS = 400
+TAIL_ROWS = 150
 HEAD_CHARACTERS = 1 << 20
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
@@ -39,6 +40,13 @@ def look(text: str, stem: str) -> Head:
     delimiter = find_delimiter(lines)
     rows = tuple(split_line(line, delimiter) for line in lines)
     return Head(stem, tuple(lines), rows, delimiter, find_decimal_mark(rows, delimiter))
+
+
+def with_tail(head: Head, text: str) -> Head:
+    """A head whose second half are rows from the file's end: what the first day leaves open, the last one may tell."""
+    rows = tuple(split_line(line, head.delimiter) for line in text.split("\n")[-TAIL_ROWS:] if line.strip())
+    kept = HEAD_ROWS - TAIL_ROWS
+    return replace(head, lines=head.lines[:kept], rows=head.rows[:kept] + rows)
 
 
 def find_delimiter(lines: list[str]) -> str:

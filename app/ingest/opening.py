@@ -15,6 +15,7 @@ HEAD_LINES = 12  # a row of 50,000 columns is half a megabyte
 ROWS_A_CHUNK = 256  # a chunk of very wide rows costs by its columns
 HEAD_LIMIT = 1 << 24
 STEP_BYTES = 1 << 18
+TAIL_BYTES = 1 << 16
 RATIO_FREE_BYTES = 64 << 20  # below this a high ratio is a quiet plant, not a bomb
 _BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 _DOUBLE_BYTES = re.compile(rb"[\x80-\xff]{2,}")
@@ -65,6 +66,16 @@ class TextFile:
         text = codecs.getincrementaldecoder(self.encoding)("replace").decode(first)
         self._bare_returns = "\r" in text and "\n" not in text
         return text.replace("\r\n", "\n").replace("\r", "\n")
+
+    def tail(self) -> str:
+        """Whole lines from the file's end; nothing where it is packed, in another encoding than UTF-8 or short."""
+        size = self._path.stat().st_size
+        if self.compressed or self._bare_returns or not self.encoding.startswith("utf-8") or size < 2 * TAIL_BYTES:
+            return ""
+        with self._path.open("rb") as stream:
+            stream.seek(size - TAIL_BYTES)
+            text = stream.read(TAIL_BYTES).decode("utf-8", "replace")
+        return text.replace("\r\n", "\n").partition("\n")[2]
 
     def chunks(self) -> Iterator[Lines]:
         """The whole file; memory is bounded by the chunk size and the longest line allowed."""

@@ -203,6 +203,13 @@ def test_day_and_month_are_told_apart_by_the_rows(read: Read) -> None:
     assert american.loops["A"].time_ns[0] == np.datetime64("2024-03-13", "ns").astype(np.int64)
 
 
+def test_what_the_first_day_leaves_open_the_last_one_tells(read: Read) -> None:
+    stamps = [f"03/{1 + i // 1440:02d}/2024 {i // 60 % 24:02d}:{i % 60:02d}:00" for i in range(20 * 1440)]
+    loop = read("Time,A.PV,A.OP\n" + "".join(f"{stamp},1.5,2.5\n" for stamp in stamps)).loops["A"]
+    assert loop.time_ns[0] == START
+    np.testing.assert_array_equal(np.diff(loop.time_ns), MINUTE)
+
+
 def test_local_time_through_the_doubled_hour(read: Read) -> None:
     rows = "2024-10-27 01:30:00,1,1\n2024-10-27 02:30:00,2,2\n2024-10-27 02:30:00,3,3\n2024-10-27 03:30:00,4,4\n"
     half = "2024-10-27 02:00:00,1,1\n2024-10-27 02:30:00,2,2\n2024-10-27 02:00:00,3,3\n2024-10-27 02:30:00,4,4\n"
