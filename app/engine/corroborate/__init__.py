@@ -1,34 +1,46 @@
 """Published detection methods, one small module each: they corroborate the verdict and do not make it."""
 
+from collections.abc import Callable
+
 from app.engine.corroborate.area_ratio import area_ratio
 from app.engine.corroborate.bicoherence import bicoherence
+from app.engine.corroborate.case import Case
 from app.engine.corroborate.corroboration import Corroboration
-from app.engine.corroborate.he_curve import he_curve
+from app.engine.corroborate.cross_correlation import cross_correlation
+from app.engine.corroborate.curve_fitting import curve_fitting
 from app.engine.corroborate.histogram import histogram
-from app.engine.corroborate.horch_ccf import horch_ccf
+from app.engine.corroborate.movement_patterns import movement_patterns
 from app.engine.corroborate.relay import relay
-from app.engine.corroborate.still_pv import still_pv
-from app.engine.features import Features, shape_windows
+from app.engine.corroborate.shape_analysis import shape_analysis
+from app.engine.corroborate.sigmoid import sigmoid
+from app.engine.corroborate.slope_ratio import slope_ratio
 from app.engine.oscillation import Oscillation
 from app.engine.recording import UniformRecord
 
-__all__ = ["Corroboration", "corroborate"]
+__all__ = ["METHODS", "Case", "Corroboration", "corroborate"]
+
+METHODS: tuple[Callable[[Case], Corroboration], ...] = (
+    cross_correlation,
+    curve_fitting,
+    relay,
+    shape_analysis,
+    area_ratio,
+    histogram,
+    movement_patterns,
+    slope_ratio,
+    sigmoid,
+    bicoherence,
+)
 
 
 def corroborate(
-    record: UniformRecord, oscillation: Oscillation, features: Features, integrating: bool | None = None
+    record: UniformRecord, oscillation: Oscillation, integrating: bool | None = None
 ) -> tuple[Corroboration, ...]:
-    """What every method says of one record; a method outside its assumptions says so.
+    """What every method says of one loop, in the order of METHODS; a method outside its assumptions says so.
 
-    integrating: whether the process integrates, None where it is not known (taken as self-regulating then).
+    oscillation: of this record. integrating: whether the process integrates; None where it is not known, in which case
+    it is taken as self-regulating, and the texts say so. Nothing changes with the unit, offset or sign of PV or OP, nor
+    with the time unit.
     """
-    windows = shape_windows(record, oscillation, most=3)
-    return (
-        horch_ccf(features, oscillation, integrating),
-        he_curve(features, oscillation, integrating),
-        relay(windows, oscillation),
-        area_ratio(windows, oscillation, integrating),
-        bicoherence(features, len(windows)),
-        histogram(windows, oscillation, integrating),
-        still_pv(features, integrating),
-    )
+    case = Case(record, oscillation, integrating)
+    return tuple(method(case) for method in METHODS)

@@ -1,17 +1,99 @@
-"""Choudhury's higher-order statistics: phase coupling in PV, a nonlinearity somewhere in the loop."""
+"""Choudhury's higher-order statistics: phase coupling in the control error, that is a nonlinearity in the loop."""
 
-from app.engine.corroborate.corroboration import Corroboration, Method
-from app.engine.features import Features
+from dataclasses import dataclass
 
-METHOD = Method("bicoherence", "10.1016/j.automatica.2004.03.022", sticky_from=0.1, healthy_to=0.03)
+import numpy as np
+from scipy import fft
+
+from app.engine.corroborate.case import Case
+from app.engine.corroborate.corroboration import Corroboration, Method, Says
+from app.engine.features.signals import without_drift
+from app.engine.recording import FloatArray
+
+METHOD = Method(
+    "bicoherence",
+    threshold=1e-3,
+    source="Choudhury, Shah, Thornhill 2004, Automatica 40, 1719-1728",
+    doi="10.1016/j.automatica.2004.03.022",
+)
+_NLI_FROM = 0.01
+_SEGMENT = 64
+_SAMPLES_A_CYCLE = 32
+_FEWEST_SEGMENTS = 8
+_LONGEST = 16384
+# Where hardly any power is, the bicoherence is a quotient of roundings: below this share of the largest it is left out.
+_NO_POWER = 1e-3
+_GOLDEN = 0.618
+_NORMAL_95 = 1.645
+
+_FIRST, _SECOND = (
+    np.array(lines)
+    for lines in zip(
+        *((i, j) for i in range(1, _SEGMENT // 2) for j in range(i, _SEGMENT // 2) if i + j <= _SEGMENT // 2),
+        strict=True,
+    )
+)
 
 
-def bicoherence(features: Features, windows: int) -> Corroboration:
-    """Mean squared bicoherence of PV above that of noise. It finds a nonlinearity, not which one.
+@dataclass(frozen=True)
+class NonlinearityIndices:
+    """ngi: above 0.001 not Gaussian. nli: above 0.01 not linear, where it is not Gaussian."""
 
-    Stands for NGI and NLI: the excess is what NGI tests, and it is 0 for Gaussian noise and for linear loops.
+    ngi: float
+    nli: float
+
+
+def bicoherence(case: Case) -> Corroboration:
+    """NGI, and NLI where NGI is above 0.001: phase coupling between lines of the spectrum of the control error.
+
+    For any loop with enough data, oscillating or not. Stiction where NGI > 0.001 and NLI > 0.01, else none: what it
+    finds is a nonlinearity somewhere in the loop, the valve being the usual one. Sampling is thinned to 32 to 64
+    samples a cycle, so that segments of 64 hold one or two cycles. Misleads where both halves of the cycle are alike:
+    such a wave has no even harmonics and no bispectrum; and where a disturbance is skewed.
     """
-    statistic = features.named("pv_bicoherence")
-    if windows == 0 or statistic == 0.0:
-        return METHOD.refuse("the record is too short to average over segments")
-    return METHOD.answer(statistic, "squared bicoherence of PV above that of noise")
+    x, per_cycle = _error(case)
+    segments = 2 * len(x) // _SEGMENT - 1
+    if segments < _FEWEST_SEGMENTS:
+        return METHOD.refuse(f"{max(segments, 0)} segments of {_SEGMENT} samples, needed {_FEWEST_SEGMENTS}")
+    if np.std(x) <= 1e-9 * np.max(np.abs(case.record.pv)):
+        return METHOD.refuse("the control error does not vary")
+    indices = nonlinearity_indices(x, _hop(per_cycle))
+    says: Says = "stiction" if indices.ngi > METHOD.threshold and indices.nli > _NLI_FROM else "no_stiction"
+    return METHOD.decided(indices.ngi, says, f"NGI of the control error, NLI = {indices.nli:.2g}")
+
+
+def nonlinearity_indices(x: FloatArray, hop: int = _SEGMENT // 2) -> NonlinearityIndices:
+    """NGI = mean of bic^2 less its 95 % limit for Gaussian noise; NLI = largest bic^2 less (mean + 2 deviations).
+
+    x: (n,) more than a segment. hop: samples from one segment of 64 to the next, each under a Hann window. Under
+    Gaussian noise 2 K bic^2, K being the number of segments that overlap by half, is chi-square with two degrees of
+    freedom, so that the mean over L pairs of lines stays below (1.645 + sqrt(4 L - 1))^2 / (4 K L) in 95 % of cases.
+    """
+    starts = np.arange(0, len(x) - _SEGMENT + 1, hop)
+    pieces = x[starts[:, None] + np.arange(_SEGMENT)]
+    lines = fft.rfft((pieces - pieces.mean(axis=1, keepdims=True)) * np.hanning(_SEGMENT), axis=1)
+    pairs, sums = lines[:, _FIRST] * lines[:, _SECOND], lines[:, _FIRST + _SECOND]
+    power = np.mean(np.abs(pairs) ** 2, axis=0) * np.mean(np.abs(sums) ** 2, axis=0)
+    coupled = np.abs(np.mean(pairs * np.conj(sums), axis=0)) ** 2
+    strong = power > _NO_POWER * power.max()
+    squared = coupled[strong] / power[strong]
+    independent, count = min(len(starts), 2 * len(x) // _SEGMENT - 1), len(squared)
+    limit = (_NORMAL_95 + np.sqrt(4.0 * count - 1.0)) ** 2 / (4.0 * independent * count)
+    mean, spread = float(np.mean(squared)), float(np.std(squared))
+    return NonlinearityIndices(mean - float(limit), float(squared.max()) - mean - 2.0 * spread)
+
+
+def _hop(per_cycle: float) -> int:
+    """About half a segment, but no whole number of cycles: segments in step with a sine would find it coupled."""
+    hops = (np.arange(_SEGMENT) + _GOLDEN) * max(per_cycle, 1.0)
+    return max(1, round(float(hops[np.argmin(np.abs(hops - _SEGMENT // 2))])))
+
+
+def _error(case: Case) -> tuple[FloatArray, float]:
+    """The control error (PV where SP was not recorded), thinned, without drift, its newest part; samples a cycle."""
+    record, per_cycle = case.record, case.oscillation.samples_per_cycle or 0.0
+    error = record.pv if record.sp is None else record.pv - record.sp
+    stride = max(1, int(per_cycle / _SAMPLES_A_CYCLE))
+    error = error[-_LONGEST * stride :]
+    thinned = error[: len(error) // stride * stride].reshape(-1, stride).mean(axis=1)
+    return without_drift(thinned, 2 * _SEGMENT), per_cycle / stride
