@@ -56,9 +56,9 @@ class _JoinedTimes:
         times = [part.time_ns for part in parts]
         key = tuple(map(id, times))
         if key not in self._known:
-            together = np.concatenate(times)
-            rising = bool(np.all(together[1:] > together[:-1]))
-            self._known[key] = (times, together if rising else None)
+            whole = np.concatenate(times)
+            rising = bool(np.all(whole[1:] > whole[:-1]))
+            self._known[key] = (times, whole if rising else None)
         together = self._known[key][1]
         if together is None:
             return parts

@@ -2,16 +2,15 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Protocol
 from zoneinfo import ZoneInfo
 
 import polars as pl
 
 from app.errors import DataError
 from app.ingest.assembling import Assembler
-from app.ingest.frames import Dialect, FrameReader, Rows
+from app.ingest.frames import Dialect, FrameReader
 from app.ingest.grouping import Grouping, TagMapping
-from app.ingest.head import look, with_tail
+from app.ingest.head import Head, look, with_tail
 from app.ingest.layouts import recognise
 from app.ingest.long_table import LongTable
 from app.ingest.model import FileSummary, IngestOptions, LoopSamples, Rejects, SignalBlock
@@ -24,12 +23,6 @@ from app.ingest.tally import Tally
 from app.ingest.wide_table import WideTable
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".tab", ".dat", ".parquet", ".pq", ".xlsx", ".xlsm", ".mat", ".gz")
-
-
-class RowSource(Protocol):
-    """Anything that gives rows as frames of columns c0, c1, ..., and parts of them as text."""
-
-    def rows(self, first_row: int) -> Iterator[Rows]: ...
 
 
 class Export:
@@ -127,7 +120,7 @@ class Export:
 class TextSource:
     """A text file whose layout is known."""
 
-    def __init__(self, file: TextFile, plan: Plan, head: "object", compressed: bool) -> None:
+    def __init__(self, file: TextFile, plan: Plan, head: Head, compressed: bool) -> None:
         self._file = file
         self.plan = plan
         self.head = head

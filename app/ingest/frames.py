@@ -4,6 +4,7 @@ read again."""
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import polars as pl
@@ -41,6 +42,16 @@ def name_of(index: int) -> str:
     return f"c{index}"
 
 
+class RowReader(Protocol):
+    """Gives a file's rows as frames; what the readers of tables ask of a file, be it text or typed."""
+
+    def rows(self, first_row: int) -> Iterator[Rows]: ...
+
+    def texts(self, rows: Rows, columns: Sequence[int]) -> pl.DataFrame: ...
+
+    def short_rows(self, rows: Rows, candidates: NDArray[np.int64]) -> NDArray[np.int64]: ...
+
+
 class FrameReader:
     """Reads the columns asked for, with their types, from a text file; counts ragged rows and open quotes."""
 
@@ -64,7 +75,7 @@ class FrameReader:
 
     def texts(self, rows: Rows, columns: Sequence[int]) -> pl.DataFrame:
         """Columns of the rows as the text they were written in."""
-        schema = {name: pl.String() for name in self._schema}
+        schema: dict[str, pl.DataType] = {name: pl.String() for name in self._schema}
         return self._parse(rows.data, schema, sorted(columns))
 
     def short_rows(self, rows: Rows, candidates: NDArray[np.int64]) -> NDArray[np.int64]:

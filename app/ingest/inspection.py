@@ -41,7 +41,7 @@ def inspect(
 ) -> InspectReport:
     """Reads the whole file and keeps nothing of it but the report. Raises DataError where it is no export."""
     export = read_export(path, filename=filename, mapping=mapping, options=options)
-    loops = {}
+    loops: dict[str, LoopReport] = {}
     for stretch in export.loops():
         found = _report(stretch)
         known = loops.get(stretch.loop)

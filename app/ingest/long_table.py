@@ -8,7 +8,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from app.errors import DataError
-from app.ingest.frames import FrameReader, Rows, name_of
+from app.ingest.frames import RowReader, Rows, name_of
 from app.ingest.grouping import Grouping, Place
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
 from app.ingest.modes import automatic_flags, flags_of_numbers
@@ -59,7 +59,7 @@ class LongTable:
             types[self._plan.quality] = self._quality_type
         return types
 
-    def blocks(self, reader: FrameReader) -> Iterator[SignalBlock]:
+    def blocks(self, reader: RowReader) -> Iterator[SignalBlock]:
         batch: list[Gathered] = []
         size = 0
         for rows in reader.rows(self._plan.first_row):
@@ -72,7 +72,7 @@ class LongTable:
                 batch, size = [], 0
         yield from self._parted(batch)
 
-    def _gather(self, rows: Rows, reader: FrameReader) -> Gathered:
+    def _gather(self, rows: Rows, reader: RowReader) -> Gathered:
         frame = rows.frame
         tags = frame[name_of(self._plan.tag)]
         codes = tags.to_physical().fill_null(0).to_numpy()
@@ -124,7 +124,7 @@ class LongTable:
         return self._time.read(texts[first])[runs.to_numpy()]
 
     def _kept(
-        self, rows: Rows, texts: pl.Series, tags: pl.Series, time_ns: TimeArray, reader: FrameReader
+        self, rows: Rows, texts: pl.Series, tags: pl.Series, time_ns: TimeArray, reader: RowReader
     ) -> NDArray[np.bool_]:
         timed, named = time_ns != NO_TIME, tags.is_not_null().to_numpy()
         kept = timed & named
@@ -150,9 +150,7 @@ class LongTable:
             self._log.add_many("name_too_long", rows.lines(at), (text for _ in at))
         return kept & known[codes]
 
-    def _values(
-        self, rows: Rows, codes: NDArray[np.uint32], kept: NDArray[np.bool_], reader: FrameReader
-    ) -> FloatArray:
+    def _values(self, rows: Rows, codes: NDArray[np.uint32], kept: NDArray[np.bool_], reader: RowReader) -> FloatArray:
         column = rows.frame[name_of(self._plan.value)]
         values = column.to_numpy(writable=True)
         modes = self._modes[codes] if len(self._modes) else np.zeros(len(codes), dtype=bool)
@@ -166,7 +164,7 @@ class LongTable:
         return values
 
     def _read_odd(
-        self, rows: Rows, values: FloatArray, modes: NDArray[np.bool_], kept: NDArray[np.bool_], reader: FrameReader
+        self, rows: Rows, values: FloatArray, modes: NDArray[np.bool_], kept: NDArray[np.bool_], reader: RowReader
     ) -> None:
         """Words of modes are modes; other text in place of a number is refused with the text as the reason."""
         texts = reader.texts(rows, [self._plan.value]).to_series(0)

@@ -235,7 +235,7 @@ class TimeReader:
 
     def _typed(self, times: pl.Series) -> TimeArray:
         """A column that holds times already (parquet)."""
-        zoned = times.dtype.time_zone is not None
+        zoned = isinstance(times.dtype, pl.Datetime) and times.dtype.time_zone is not None
         plain = times.dt.convert_time_zone("UTC").dt.replace_time_zone(None) if zoned else times
         good = plain.dt.year().is_between(FIRST_YEAR, LAST_YEAR).fill_null(False)
         ticks = (

@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from app.ingest.frames import FrameReader, Rows, name_of
+from app.ingest.frames import RowReader, Rows, name_of
 from app.ingest.grouping import Grouping
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
 from app.ingest.modes import automatic_flags
@@ -56,7 +56,7 @@ class WideTable:
                     types[value.quality] = pl.String()
         return types
 
-    def blocks(self, reader: FrameReader) -> Iterator[SignalBlock]:
+    def blocks(self, reader: RowReader) -> Iterator[SignalBlock]:
         for rows in reader.rows(self._plan.first_row):
             self._tally.rows_read += rows.frame.height
             short = self._short_rows(rows, reader)
@@ -72,7 +72,7 @@ class WideTable:
     def _is_mode(self, value: ValueColumn) -> bool:
         return self._places[value.index].signal == "MODE"
 
-    def _short_rows(self, rows: Rows, reader: FrameReader) -> NDArray[np.int64]:
+    def _short_rows(self, rows: Rows, reader: RowReader) -> NDArray[np.int64]:
         """Rows cut short lost the place of their fields: none of them is kept."""
         last = rows.frame.columns[-1]
         candidates = np.flatnonzero(
@@ -89,7 +89,7 @@ class WideTable:
         return rows.frame[name_of(time[0])].is_not_null().to_numpy()
 
     def _chunk(
-        self, rows: Rows, number: int, group: TimedColumns, reader: FrameReader, short: NDArray[np.int64]
+        self, rows: Rows, number: int, group: TimedColumns, reader: RowReader, short: NDArray[np.int64]
     ) -> Chunk | None:
         texts = joined_times(rows.frame, group.time)
         time_ns = self._times[number].read(texts)
@@ -118,7 +118,7 @@ class WideTable:
         words = (f"{texts[int(row)]!r} is no time that can be read" for row in at)
         self._log.add_many("bad_time", rows.lines(at), words)
 
-    def _matrix(self, rows: Rows, group: TimedColumns, reader: FrameReader, kept: NDArray[np.bool_]) -> FloatArray:
+    def _matrix(self, rows: Rows, group: TimedColumns, reader: RowReader, kept: NDArray[np.bool_]) -> FloatArray:
         """(n, columns) values; refused ones NaN. Odd columns are looked at one by one, the others not at all."""
         names = [name_of(value.index) for value in group.values]
         by_name = dict(zip(rows.frame.columns, rows.frame.get_columns(), strict=True))
@@ -161,7 +161,7 @@ class WideTable:
         group: TimedColumns,
         frame: pl.DataFrame,
         matrix: FloatArray,
-        reader: FrameReader,
+        reader: RowReader,
         kept: NDArray[np.bool_],
     ) -> None:
         """Fields that are no numbers to the fast reader are read again as text, only in the columns that have any."""
