@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from app.cli import audit, demo, inspect, migrate, nightly, serve, simulate, upload, worker
+from app.cli import audit, demo, explain, inspect, migrate, nightly, serve, simulate, upload, worker
 from app.cli.messages import ExitCode, say
 from app.errors import LoopauditError
 
@@ -28,6 +28,7 @@ START, WORK, RUN = "Start here", "Without a service", "With a service"
 
 cli.command("demo", rich_help_panel=START)(demo.demo)
 cli.command("audit", rich_help_panel=WORK)(audit.audit)
+cli.command("explain", rich_help_panel=WORK)(explain.explain)
 cli.command("inspect", rich_help_panel=WORK)(inspect.inspect)
 cli.command("simulate", rich_help_panel=WORK)(simulate.simulate)
 cli.command("serve", rich_help_panel=RUN)(serve.serve)

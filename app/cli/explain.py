@@ -1,0 +1,127 @@
+"""`loopaudit explain`: where a recording and a simulation differ, what physics was left out, how much better it fits
+with it.
+"""
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from app.cli.messages import say
+
+if TYPE_CHECKING:
+    from app.engine.mismatch import Explanation
+
+
+class Form(StrEnum):
+    text = "text"
+    json = "json"
+
+
+def explain(
+    file: Annotated[Path, typer.Argument(help="A recording: columns time, SP, PV, OP and perhaps others.")],
+    sim: Annotated[str | None, typer.Option("--sim", help="The simulated PV: a column, or a file.")] = None,
+    sim_model: Annotated[
+        str | None,
+        typer.Option(
+            "--sim-model",
+            help='The simulation as JSON, or a file: {"gain": 1.2, "time_constants_s": [30], "dead_time_s": 4}.',
+        ),
+    ] = None,
+    validate: Annotated[Path | None, typer.Option("--validate", help="A second recording, unseen in the fit.")] = None,
+    op: Annotated[str | None, typer.Option("--op", help="The column of OP.")] = None,
+    pv: Annotated[str | None, typer.Option("--pv", help="The column of PV.")] = None,
+    sp: Annotated[str | None, typer.Option("--sp", help="The column of SP.")] = None,
+    validate_op: Annotated[
+        str | None, typer.Option("--validate-op", help="OP in --validate, where it differs.")
+    ] = None,
+    validate_pv: Annotated[
+        str | None, typer.Option("--validate-pv", help="PV in --validate, where it differs.")
+    ] = None,
+    format_: Annotated[Form, typer.Option("--format", help="To read, or for machines.")] = Form.text,
+    trace: Annotated[Path | None, typer.Option("--trace", help="Write PV, simulations and residuals as CSV.")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", help="Write a plot as an HTML file.")] = None,
+) -> None:
+    """Compare a recording with a simulation: where they differ, which physics was left out, and the fit with it.
+
+    Without --sim and --sim-model a column PV_sim is taken where there is one, and our own identified linear loop where
+    not.
+
+    [bold]Examples[/bold]
+
+      loopaudit explain FIC101.csv --sim PV_sim
+
+      loopaudit explain tanks.csv --op uEst --pv yEst --validate tanks.csv --validate-op uVal --validate-pv yVal --plot
+      tanks.html
+    """
+    from dataclasses import replace
+    from time import perf_counter
+
+    from app.engine.mismatch import explain as explain_comparison
+    from app.services.comparisons import Columns, read_comparison, simulation_from_json
+    from app.services.explanation_line import explanation_line
+
+    started = perf_counter()
+    comparison = read_comparison(file, Columns(op, pv, sp), sim)
+    if sim_model is not None:
+        comparison = replace(comparison, trace=None, simulation=simulation_from_json(sim_model))
+    second = None
+    if validate is not None:
+        columns = Columns(validate_op or op, validate_pv or pv, sp)
+        second = read_comparison(validate, columns, None if sim is None or Path(sim).is_file() else sim)
+    explanation = explain_comparison(comparison, second)
+    line = explanation_line(explanation, perf_counter() - started)
+    write_files(explanation, comparison.op, trace, plot)
+    sys.stdout.write(as_json(line) if format_ is Form.json else as_text(line))
+
+
+def as_json(line: dict[str, Any]) -> str:
+    import json
+
+    return json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def write_files(explanation: "Explanation", op: Any, trace: Path | None, plot: Path | None) -> None:
+    from app.services.explanation_plot import explanation_html, trace_rows
+
+    if trace is not None:
+        import numpy as np
+
+        header, rows = trace_rows(explanation)
+        np.savetxt(trace, rows, fmt="%.8g", delimiter=",", header=",".join(header), comments="")
+        say(f"wrote {trace}")
+    if plot is not None:
+        target = plot if plot.suffix.lower() in (".html", ".htm") else plot.with_suffix(".html")
+        target.write_text(explanation_html(explanation, op), encoding="utf-8")
+        say(f"wrote {target}")
+
+
+VERDICTS = {
+    "missing_physics": "physics is missing from the simulation",
+    "consistent": "nothing is missing",
+    "inconclusive": "the record does not tell",
+}
+
+
+def as_text(line: dict[str, Any]) -> str:
+    said = [f"{line['recording']}: {VERDICTS[line['verdict']]}"]
+    for effect in line["effects"]:
+        said += effect_in_words(effect)
+    fit = line["fit"]
+    said.append("held-out RMSE  " + ", ".join(f"{k} {fit['rmse_' + k]}" for k in ("given", "refitted", "explained")))
+    if line["validation"] is not None:
+        said.append("validation     " + ", ".join(f"{k[5:]} {v}" for k, v in line["validation"].items()))
+    said += [f"  {reason['text']}" for reason in line["evidence"]]
+    return "\n".join(said) + "\n"
+
+
+def effect_in_words(effect: dict[str, Any]) -> list[str]:
+    other = f" (or {', '.join(effect['alternatives'])})" if effect["alternatives"] else ""
+    said = [f"  {effect['effect']}{other}, probability {effect['probability']}, {effect['condition']}"]
+    for name, p in effect["parameters"].items():
+        said.append(f"    {name} = {p['value']} {p['unit']}  [{p['low']}, {p['high']}]")
+    shown = ", ".join(f"{a}-{b} s" for a, b in effect["windows"][:6])
+    said.append(f"    windows: {shown}{' ...' if len(effect['windows']) > 6 else ''}")
+    return said + [f"    {reason['text']}" for reason in effect["evidence"]]

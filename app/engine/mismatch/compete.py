@@ -1,0 +1,98 @@
+"""The competition: every block of the library fitted beside what was found so far, and the best taken while it pays."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.engine.mismatch.block import Block, Context
+from app.engine.mismatch.fitting import Fit, descend, fit, polish, quiet_noise, start_at
+from app.engine.mismatch.noise import fit_noise
+from app.engine.mismatch.scan import Start, ground, scan, task_with
+from app.engine.recording import FloatArray
+
+ADMITTED, ADMITTED_QUIET = 9, 6
+HOPELESS = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """A block fitted beside what was found so far; gain: log-likelihood (nat) over that, without penalty."""
+
+    block: Block
+    fit: Fit
+    gain: float
+
+    @property
+    def score(self) -> float:
+        return self.gain - self.block.penalty
+
+
+@dataclass(frozen=True, eq=False)
+class Scanned:
+    """A block's best starting points under the noise of the fit so far and under quiet noise, with their gains
+    (nat).
+    """
+
+    block: Block
+    starts: tuple[Start, ...]
+    gain: float
+    quiet_gain: float
+
+
+def rivals(found: Fit, blocks: tuple[Block, ...]) -> tuple[Rival, ...]:
+    """The blocks that a scan finds promising, fitted beside the fit so far, best score first."""
+    admitted = promising(survey(found, blocks))
+    return tuple(sorted((enter(scanned, found) for scanned in admitted), key=lambda rival: -rival.score))
+
+
+def survey(found: Fit, blocks: tuple[Block, ...]) -> tuple[Scanned, ...]:
+    """Every block scanned beside the fit so far."""
+    own, quiet = ground(found, found.noise), ground(found, quiet_noise(found.record, found.given))
+    context = Context(found.record, found.plant)
+    surveyed = []
+    for block in blocks:
+        first, second = scan(block, own), scan(block, quiet)
+        starts = (*finalists(first, block, context), *finalists(second, block, context))
+        surveyed.append(Scanned(block, starts, first[0].gain, second[0].gain))
+    return tuple(surveyed)
+
+
+def promising(surveyed: tuple[Scanned, ...]) -> tuple[Scanned, ...]:
+    """The blocks worth a fit: those near the best under either noise."""
+    own = sorted(surveyed, key=lambda s: -(s.gain - s.block.penalty))
+    quiet = sorted(surveyed, key=lambda s: -(s.quiet_gain - s.block.penalty))
+    kept = [s for s in own[:ADMITTED] if s.gain > HOPELESS] + [
+        s for s in quiet[:ADMITTED_QUIET] if s.quiet_gain > HOPELESS
+    ]
+    return tuple(dict.fromkeys(kept))
+
+
+def enter(scanned: Scanned, found: Fit) -> Rival:
+    """The best fit of one block beside what was found, from its best starting points."""
+    task = task_with(found, scanned.block)
+    known = [part.values for part in found.parts]
+    fits = []
+    for start in scanned.starts:
+        x = start_at(task, found.plant, np.concatenate((*known, start.values)))
+        noise = fit_noise(found.record.pv_deviation - task.simulated(x), found.record.usable)
+        x = descend(task, polish(task, x, noise), noise, 6)
+        fits.append(fit(task, x, noise, 1, 6))
+    best = max(fits, key=lambda fitted: fitted.likelihood)
+    best = fit(task, best.x, None, 3, 6)
+    return Rival(scanned.block, best, best.likelihood - found.likelihood)
+
+
+def finalists(starts: tuple[Start, ...], block: Block, context: Context) -> tuple[Start, ...]:
+    """The best points of a scan that are not neighbours."""
+    ranges = np.array([p.high - p.low for p in block.parameters(context)]) + 1e-300
+    kept: list[Start] = []
+    for start in starts:
+        if all(apart(start.values, other.values, ranges) for other in kept):
+            kept.append(start)
+        if len(kept) == block.finalists:
+            break
+    return tuple(kept)
+
+
+def apart(a: FloatArray, b: FloatArray, ranges: FloatArray) -> bool:
+    return len(a) > 0 and bool(np.max(np.abs(a - b) / ranges) > 0.08)

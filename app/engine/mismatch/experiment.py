@@ -1,0 +1,94 @@
+"""What was recorded, as deviations from its means, and which samples may be compared with a simulation."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from app.engine.recording import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """A record on a uniform time base, ready to be simulated.
+
+    sampling_interval_s: Ts in s. op, pv: (N,) in their units, op_mid and pv_mid their means. sp: (N,) or None.
+    op_deviation, pv_deviation: (N,) from those means. op_span, pv_span: their ranges without the outermost 1 % at
+    either end.
+    measured: further signals (N,) by name. usable: (N,) True where PV is compared.
+    rest: (N,) what a given simulation holds beside its linear model, unit of PV; zero where it is linear.
+    """
+
+    sampling_interval_s: float
+    op: FloatArray
+    pv: FloatArray
+    usable: BoolArray
+    op_mid: float
+    pv_mid: float
+    op_deviation: FloatArray
+    pv_deviation: FloatArray
+    op_span: float
+    pv_span: float
+    sp: FloatArray | None = None
+    measured: tuple[tuple[str, FloatArray], ...] = ()
+    rest: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def samples(self) -> int:
+        return len(self.pv)
+
+    @property
+    def duration_s(self) -> float:
+        return self.samples * self.sampling_interval_s
+
+    def comparing(self, usable: BoolArray) -> "Experiment":
+        """The same record with other samples compared."""
+        return replace(self, usable=usable)
+
+
+def experiment(
+    sampling_interval_s: float,
+    op: FloatArray,
+    pv: FloatArray,
+    sp: FloatArray | None = None,
+    measured: tuple[tuple[str, FloatArray], ...] = (),
+) -> Experiment:
+    """An Experiment with every sample compared. op, pv, sp: (N,) finite; sampling_interval_s: s."""
+    op = np.ascontiguousarray(op, dtype=np.float64)
+    pv = np.ascontiguousarray(pv, dtype=np.float64)
+    op_mid, pv_mid = float(np.mean(op)), float(np.mean(pv))
+    return Experiment(
+        sampling_interval_s=sampling_interval_s,
+        op=op,
+        pv=pv,
+        usable=np.ones(len(pv), dtype=np.bool_),
+        op_mid=op_mid,
+        pv_mid=pv_mid,
+        op_deviation=op - op_mid,
+        pv_deviation=pv - pv_mid,
+        op_span=span(op),
+        pv_span=span(pv),
+        sp=sp,
+        measured=measured,
+        rest=np.zeros(len(pv)),
+    )
+
+
+def span(signal: FloatArray) -> float:
+    """The range of a signal (N,) without its outermost 1 % at either end; never zero."""
+    low, high = np.quantile(signal, (0.01, 0.99))
+    return float(max(high - low, 1e-12))
+
+
+def alike(first: Experiment, second: Experiment) -> Experiment:
+    """The second record as deviations from the first one's means and in its spans, so that a model of the first fits
+    it.
+    """
+    return replace(
+        second,
+        op_mid=first.op_mid,
+        pv_mid=first.pv_mid,
+        op_deviation=second.op - first.op_mid,
+        pv_deviation=second.pv - first.pv_mid,
+        op_span=first.op_span,
+        pv_span=first.pv_span,
+    )

@@ -1,0 +1,70 @@
+"""What no fit has seen: a stretch is kept out, the believed model is fitted on the rest, and its free run is judged
+there.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.engine.mismatch.fitting import Fit, fit, make_task
+from app.engine.mismatch.windows import active_mask
+from app.engine.recording import BoolArray, FloatArray
+
+SHARE = 0.3
+SEEN_AT_LEAST = 0.35
+PLACES = (0.7, 0.0, 0.35, 0.5, 0.2)
+
+
+@dataclass(frozen=True, eq=False)
+class Fitness:
+    """How well a free run follows PV over some samples. rmse: unit of PV; fit_pct: 100 (1 - rmse / deviation of PV)."""
+
+    rmse: float
+    fit_pct: float
+
+
+def judge(pv: FloatArray, simulated: FloatArray, where: BoolArray) -> Fitness:
+    """RMSE and fit per cent of a simulation (N,) against PV (N,) over the samples `where`."""
+    error, recorded = (pv - simulated)[where], pv[where]
+    if len(error) == 0:
+        return Fitness(float("nan"), float("nan"))
+    rmse = float(np.sqrt(np.mean(error**2)))
+    spread = float(np.std(recorded))
+    return Fitness(rmse, 100.0 * (1.0 - rmse / spread) if spread > 0.0 else float("nan"))
+
+
+def kept_out(found: Fit, usable: BoolArray) -> BoolArray:
+    """A stretch of about 30 % of the record, the last where possible, such that what acts in time is seen outside it
+    too.
+    """
+    n = found.record.samples
+    masks = [active_mask(found, part) for part in found.parts if part.block.active is not None]
+    stretches = []
+    for place in PLACES:
+        held = np.zeros(n, dtype=np.bool_)
+        held[int(place * n) : int(min(place + SHARE, 1.0) * n)] = True
+        stretches.append(held & usable)
+    for held in stretches:
+        if held.any() and all(seen_outside(mask & usable, held) for mask in masks):
+            return held
+    return max(stretches, key=lambda held: min([outside_share(mask & usable, held) for mask in masks], default=1.0))
+
+
+def outside_share(mask: BoolArray, held: BoolArray) -> float:
+    total = int(mask.sum())
+    return float((mask & ~held).sum()) / total if total else 1.0
+
+
+def seen_outside(mask: BoolArray, held: BoolArray) -> bool:
+    """Enough of the stretches where a part acts lies outside, and none of their edges within."""
+    if outside_share(mask, held) < SEEN_AT_LEAST:
+        return False
+    few = np.flatnonzero(np.diff(mask.astype(np.int8)))
+    return len(few) > 6 or not held[few].any()
+
+
+def refit_without(found: Fit, held: BoolArray) -> Fit:
+    """The same model with all its numbers fitted again, the held-out samples not compared."""
+    record = found.record.comparing(found.record.usable & ~held)
+    task = make_task(record, found.given, tuple(part.block for part in found.parts))
+    return fit(task, found.x, found.noise, 2, 6)

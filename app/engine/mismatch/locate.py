@@ -1,0 +1,26 @@
+"""The first answer, in well under a second: where recording and simulation differ, by scans alone."""
+
+from app.engine.evidence import Reason
+from app.engine.mismatch.block import Block, Context, Part
+from app.engine.mismatch.compete import survey
+from app.engine.mismatch.fitting import Fit
+from app.engine.mismatch.patterns import Pattern
+from app.engine.mismatch.report import location_of, pattern_effect, whole
+from app.engine.mismatch.result import Location
+from app.engine.mismatch.windows import windows_of
+
+
+def quick_location(base: Fit, patterns: tuple[Pattern, ...], blocks: tuple[Block, ...]) -> Location:
+    """The place, windows and condition of the block whose scan gains most, or nowhere where none pays."""
+    if patterns:
+        return location_of((pattern_effect(patterns[0], base.record),))
+    best = max(survey(base, blocks), key=lambda scanned: scanned.gain - scanned.block.penalty)
+    if best.gain <= best.block.penalty:
+        return Location(None, (), "nowhere", None)
+    part = Part(best.block, best.starts[0].values)
+    windows = whole(base.record)
+    if best.block.active is not None and best.block.stage != "process":
+        mask = best.block.active(base.record.op_deviation, part.values, Context(base.record, base.plant))
+        windows = windows_of(mask, base.record.sampling_interval_s)
+    reason = Reason("scan", f"a scan gains {best.gain:.1f} nat with {best.block.code}")
+    return Location(best.block.place, windows, best.block.condition, None, (reason,))

@@ -1,0 +1,158 @@
+"""Effects that PV shows by itself, before any simulation: repeated values, few levels, straight lines."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.engine.evidence import Reason
+from app.engine.mismatch.block import Block, Part
+from app.engine.mismatch.experiment import Experiment
+from app.engine.mismatch.physics.sensor_pattern import COMPRESSION, LIMIT_HIGH, LIMIT_LOW, QUANTIZATION, STUCK
+from app.engine.recording import BoolArray, FloatArray
+
+LEAST_RUN = 10
+LEAST_AT_LIMIT = 12
+STEP_OVER_NOISE = 1.0
+STEP_OVER_SPAN = 0.003
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """One effect found in PV itself: the part that models it, where it shows (N,), and why."""
+
+    part: Part
+    shows: BoolArray
+    reason: Reason
+    hides_pv: bool
+
+
+@dataclass(frozen=True)
+class Run:
+    """A stretch [first, last] of equal samples."""
+
+    first: int
+    last: int
+
+    @property
+    def length(self) -> int:
+        return self.last - self.first + 1
+
+
+def noise_deviation(pv: FloatArray) -> float:
+    """Standard deviation of PV's sample-to-sample noise, from second differences; repeated values aside."""
+    second = np.diff(pv, 2)
+    moving = second[second != 0.0]
+    return float(np.median(np.abs(moving)) / 0.6745 / np.sqrt(6.0)) if len(moving) > 20 else 0.0
+
+
+def equal_runs(pv: FloatArray, tolerance: float) -> tuple[Run, ...]:
+    """Runs of at least two samples that repeat the one before within the tolerance."""
+    same = np.concatenate(([False], np.abs(np.diff(pv)) <= tolerance, [False]))
+    edges = np.flatnonzero(np.diff(same.astype(np.int8)))
+    return tuple(Run(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True))
+
+
+def find_patterns(record: Experiment) -> tuple[Pattern, ...]:
+    """What PV shows by itself, the surest first: a limit, stuck stretches, quantisation or compression."""
+    noise = noise_deviation(record.pv)
+    runs = equal_runs(record.pv, 0.02 * noise)
+    step = level_spacing(record.pv)
+    coarse = step > max(STEP_OVER_NOISE * innovation_floor(record.pv), STEP_OVER_SPAN * record.pv_span)
+    limits = [p for p in (at_limit(record, runs, 1.0, coarse), at_limit(record, runs, -1.0, coarse)) if p is not None]
+    explained = np.any([p.shows for p in limits], axis=0) if limits else np.zeros(record.samples, dtype=np.bool_)
+    stuck = stuck_stretches(record, runs, explained)
+    if coarse:
+        return (*limits, *stuck, quantised(record, step))
+    squeezed = compressed(record, noise)
+    return (*limits, *stuck, *((squeezed,) if squeezed is not None else ()))
+
+
+def innovation_floor(pv: FloatArray) -> float:
+    """Standard deviation of PV's changes from sample to sample."""
+    return float(np.std(np.diff(pv)) / np.sqrt(2.0))
+
+
+def level_spacing(pv: FloatArray) -> float:
+    """The spacing of the levels that PV takes, or 0 where it takes no regular levels."""
+    levels = np.unique(pv)
+    if not 3 <= len(levels) < 0.5 * len(pv):
+        return 0.0
+    gaps = np.diff(levels)
+    step = float(np.min(gaps[gaps > 1e-9 * (levels[-1] - levels[0])]))
+    regular = gaps[gaps < 1.6 * np.quantile(gaps, 0.3)]
+    if step < 0.6 * float(np.median(regular)):
+        step = float(np.median(regular))
+    else:
+        step = float(np.mean(regular[np.abs(regular / step - 1.0) < 0.2]))
+    places = (pv - levels[0]) / step
+    fits = np.abs(places - np.round(places)) < 0.15
+    return step if np.mean(fits) > 0.97 else 0.0
+
+
+def quantised(record: Experiment, step: float) -> Pattern:
+    text = f"PV takes {len(np.unique(record.pv))} levels, {step:.4g} apart, wider than its noise"
+    everywhere = np.ones(record.samples, dtype=np.bool_)
+    return Pattern(Part(QUANTIZATION, np.array([step])), everywhere, Reason("pv_levels", text), False)
+
+
+def at_limit(record: Experiment, runs: tuple[Run, ...], sign: float, coarse: bool) -> Pattern | None:
+    """PV that repeats its extreme value, again and again or for long: the end of a range."""
+    if coarse:
+        return None
+    extreme = sign * np.max(sign * record.pv)
+    near = np.abs(record.pv - extreme) <= 1e-6 * record.pv_span
+    repeated = sum(run.length for run in runs if near[run.first])
+    if repeated < LEAST_AT_LIMIT:
+        return None
+    block: Block = LIMIT_HIGH if sign > 0 else LIMIT_LOW
+    text = f"PV stands at its {'highest' if sign > 0 else 'lowest'} value {extreme:.5g} for {repeated} samples"
+    shows = closed_gaps(near, 15)
+    return Pattern(Part(block, np.array([extreme - record.pv_mid])), shows, Reason("pv_at_limit", text), True)
+
+
+def closed_gaps(mask: BoolArray, longest: int) -> BoolArray:
+    """The mask with gaps of at most `longest` samples closed; single samples that stand alone are dropped."""
+    at = np.flatnonzero(mask)
+    out = np.zeros_like(mask)
+    if len(at) == 0:
+        return out
+    for group in np.split(at, np.flatnonzero(np.diff(at) > longest + 1) + 1):
+        if len(group) > 2:
+            out[group[0] : group[-1] + 1] = True
+    return out
+
+
+def stuck_stretches(record: Experiment, runs: tuple[Run, ...], explained: BoolArray) -> tuple[Pattern, ...]:
+    """Runs far longer than all others, away from the limits: one sensor that stood still."""
+    free = [run for run in runs if not explained[run.first : run.last + 1].any()]
+    lengths = np.sort([run.length for run in free])
+    usual = float(np.quantile(lengths, 0.9)) if len(lengths) > 4 else 2.0
+    needed = max(LEAST_RUN, 5.0 * usual)
+    found = [run for run in free if run.length >= needed]
+    if len(found) > 5:
+        return ()
+    return tuple(stuck(record, run) for run in sorted(found, key=lambda run: -run.length))
+
+
+def stuck(record: Experiment, run: Run) -> Pattern:
+    ts = record.sampling_interval_s
+    values = np.array([(run.first + 1) * ts, (run.last + 1) * ts])
+    shows = np.zeros(record.samples, dtype=np.bool_)
+    shows[run.first + 1 : run.last + 1] = True
+    text = f"PV repeats {record.pv[run.first]:.5g} for {run.length} samples while OP moves on"
+    return Pattern(Part(STUCK, values), shows, Reason("pv_repeats", text), True)
+
+
+def compressed(record: Experiment, noise: float) -> Pattern | None:
+    """PV that runs along straight lines, or holds and jumps: a historian kept only some of its samples."""
+    first, second = np.diff(record.pv), np.diff(record.pv, 2)
+    typical = float(np.std(first))
+    straight = np.abs(second) < 0.02 * typical
+    share = float(np.mean(straight))
+    if share < 0.4 or typical == 0.0:
+        return None
+    kinks = np.abs(second[~straight])
+    text = f"{100 * share:.0f} % of PV's samples lie on a straight line between their neighbours"
+    everywhere = np.ones(record.samples, dtype=np.bool_)
+    deviation = float(np.median(kinks)) if len(kinks) else noise
+    return Pattern(Part(COMPRESSION, np.array([deviation])), everywhere, Reason("pv_straight", text), False)

@@ -1,0 +1,66 @@
+"""The library of physics: one file an effect (or a family of its forms), each with the blocks it offers.
+
+A new effect is one new file with `BLOCKS` and its name in `ALWAYS_OFFERED`.
+"""
+
+from app.engine.mismatch.block import Block
+from app.engine.mismatch.experiment import Experiment
+from app.engine.mismatch.physics import (
+    additive,
+    coupling,
+    gain_drift,
+    oscillation,
+    process_dynamics,
+    sensor_limit,
+    sensor_pattern,
+    static_gain,
+    valve_deadband,
+    valve_saturation,
+    valve_slew_limit,
+    valve_stiction,
+    vessel,
+)
+
+ALWAYS_OFFERED = (
+    valve_stiction,
+    valve_deadband,
+    valve_slew_limit,
+    valve_saturation,
+    static_gain,
+    process_dynamics,
+    gain_drift,
+    vessel,
+    sensor_limit,
+    additive,
+    oscillation,
+)
+
+# What OP and PV cannot tell apart: named as alternatives of each other, always.
+TWINS = {
+    "process.extra_lag": ("sensor.lag",),
+    "valve.characteristic": ("process.nonlinear_gain",),
+    "process.nonlinear_gain": ("valve.characteristic",),
+    "disturbance.step": ("sensor.step",),
+    "sensor.step": ("disturbance.step",),
+    "sensor.drift": ("disturbance.ramp",),
+}
+
+
+PATTERNS = (
+    sensor_pattern.QUANTIZATION,
+    sensor_pattern.COMPRESSION,
+    sensor_pattern.STUCK,
+    sensor_pattern.LIMIT_HIGH,
+    sensor_pattern.LIMIT_LOW,
+)
+
+
+def by_name(record: Experiment) -> dict[str, Block]:
+    """Every block, those found by a pattern included, by its name."""
+    return {block.name: block for block in (*library(record), *PATTERNS)}
+
+
+def library(record: Experiment) -> tuple[Block, ...]:
+    """Every block that may be missing from a simulation of this record."""
+    fixed = tuple(block for module in ALWAYS_OFFERED for block in module.BLOCKS)
+    return (*fixed, *coupling.blocks(record))

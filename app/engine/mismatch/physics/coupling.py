@@ -1,0 +1,50 @@
+"""Coupling: another measured signal moves PV, through a gain, a lag and a dead time."""
+
+import numpy as np
+
+from app.engine.mismatch.block import Block, Context, Parameter, grid
+from app.engine.mismatch.experiment import Experiment
+from app.engine.mismatch.physics.process_dynamics import slowness
+from app.engine.mismatch.plant import delay, lag
+from app.engine.recording import FloatArray
+
+
+def _block(name: str, source: FloatArray) -> Block:
+    cause = source - np.mean(source)
+    spread = float(np.std(cause))
+
+    def parameters(context: Context) -> tuple[Parameter, ...]:
+        ts, unit = context.record.sampling_interval_s, context.record.pv_span / spread
+        slow = slowness(context)
+        return (
+            Parameter("gain", f"PV/{name}", -20.0 * unit, 20.0 * unit, 0.1 * unit, linear=True),
+            Parameter("tau", "s", 0.1 * ts, 20.0 * slow, ts, log=True),
+            Parameter("delay", "s", 0.0, 10.0 * slow, ts),
+        )
+
+    def starts(context: Context, _: FloatArray) -> FloatArray:
+        ts, slow = context.record.sampling_interval_s, slowness(context)
+        return grid(
+            np.zeros(1), np.geomspace(0.3 * ts, 6.0 * slow, 7), np.concatenate(([0.0], np.geomspace(ts, 4.0 * slow, 6)))
+        )
+
+    def apply(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+        ts = context.record.sampling_interval_s
+        return signal + values[0] * lag(delay(cause, values[2], ts), values[1], ts)
+
+    return Block(
+        "disturbance.coupling",
+        "disturbance",
+        "output",
+        f"when {name} moves",
+        parameters,
+        starts,
+        apply=apply,
+        form=name,
+        penalty=12.0,
+    )
+
+
+def blocks(record: Experiment) -> tuple[Block, ...]:
+    """A coupling block for each measured signal that moves at all."""
+    return tuple(_block(name, signal) for name, signal in record.measured if np.std(signal) > 1e-12)

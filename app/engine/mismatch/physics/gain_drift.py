@@ -1,0 +1,109 @@
+"""A gain that drifts with time: fouling, wear, a change of feed. A ramp that holds its end, or a step."""
+
+import numpy as np
+
+from app.engine.mismatch.block import Block, Context, Parameter, grid
+from app.engine.recording import BoolArray, FloatArray
+
+
+def ramp(context: Context, begin_s: float, end_s: float) -> FloatArray:
+    """0 before begin_s, 1 after end_s, straight between them; (N,)."""
+    return np.clip((context.time_s - begin_s) / max(end_s - begin_s, context.record.sampling_interval_s), 0.0, 1.0)
+
+
+def change(context: Context) -> Parameter:
+    return Parameter("change", "share of gain", -0.9, 3.0, 1.0, linear=True)
+
+
+def moment(name: str, context: Context) -> Parameter:
+    return Parameter(name, "s", 0.0, context.record.duration_s, 0.2 * context.record.duration_s)
+
+
+def reference(context: Context) -> float:
+    """Where the loop stood at the start: what later moves is measured from there."""
+    return float(np.mean(context.record.op_deviation[:3]))
+
+
+def scaled(signal: FloatArray, share: FloatArray, context: Context) -> FloatArray:
+    return signal + share * (signal - reference(context))
+
+
+def ramp_parameters(context: Context) -> tuple[Parameter, ...]:
+    return (moment("start", context), change(context))
+
+
+def ramp_starts(context: Context, _: FloatArray) -> FloatArray:
+    return grid(context.record.duration_s * np.linspace(0.0, 0.85, 18), np.zeros(1))
+
+
+def to_the_end(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    return scaled(signal, values[1] * ramp(context, values[0], context.record.duration_s), context)
+
+
+def step_starts(context: Context, _: FloatArray) -> FloatArray:
+    return grid(context.record.duration_s * np.linspace(0.05, 0.92, 30), np.zeros(1))
+
+
+def stepped(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    return scaled(signal, values[1] * ramp(context, values[0], values[0]), context)
+
+
+def held_parameters(context: Context) -> tuple[Parameter, ...]:
+    return (moment("start", context), moment("end", context), change(context))
+
+
+def held_starts(context: Context, _: FloatArray) -> FloatArray:
+    times = context.record.duration_s * np.linspace(0.0, 1.0, 9)
+    return np.array([(a, b, 0.0) for i, a in enumerate(times) for b in times[i + 1 :]])
+
+
+def held(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    return scaled(signal, values[2] * ramp(context, values[0], values[1]), context)
+
+
+def since(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
+    return context.time_s >= values[0]
+
+
+CODE, WHEN = "process.gain_drift", "after a time"
+BLOCKS = (
+    Block(
+        CODE,
+        "process",
+        "input",
+        WHEN,
+        ramp_parameters,
+        ramp_starts,
+        apply=to_the_end,
+        active=since,
+        penalty=11.0,
+        frees_gain=True,
+    ),
+    Block(
+        CODE,
+        "process",
+        "input",
+        WHEN,
+        ramp_parameters,
+        step_starts,
+        apply=stepped,
+        active=since,
+        form="step",
+        penalty=11.5,
+        rough=True,
+        frees_gain=True,
+    ),
+    Block(
+        CODE,
+        "process",
+        "input",
+        WHEN,
+        held_parameters,
+        held_starts,
+        apply=held,
+        active=since,
+        form="held",
+        penalty=13.0,
+        frees_gain=True,
+    ),
+)

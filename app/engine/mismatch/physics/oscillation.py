@@ -1,0 +1,73 @@
+"""A periodic disturbance, for the whole record or for a stretch of it; its second form has a second harmonic and a
+third.
+"""
+
+import numpy as np
+
+from app.engine.mismatch.block import Block, Context, Parameter
+from app.engine.mismatch.physics.additive import size
+from app.engine.mismatch.physics.gain_drift import moment
+from app.engine.recording import BoolArray, FloatArray
+
+PERIODS_TRIED = 3
+WINDOWS = tuple((a / 14.0, b / 14.0) for a in range(14) for b in range(a + 1, 15))
+
+
+def parameters(context: Context) -> tuple[Parameter, ...]:
+    ts, duration = context.record.sampling_interval_s, context.record.duration_s
+    period = Parameter("period", "s", 2.5 * ts, 0.6 * duration, 10.0 * ts, log=True)
+    return (moment("start", context), moment("end", context), period, size(context, "sine"), size(context, "cosine"))
+
+
+def likely_periods(context: Context, innovations: FloatArray) -> FloatArray:
+    """The periods at which the whitened residual is strongest, over the record or over a third of it."""
+    n, ts = len(innovations), context.record.sampling_interval_s
+    found: list[float] = []
+    stretches = [(0, n), *((n * a // 6, n * (a + 2) // 6) for a in range(5))]
+    strengths = []
+    for a, b in stretches:
+        power = np.abs(np.fft.rfft(innovations[a:b] * np.hanning(b - a), 4 * n)) ** 2 / (b - a)
+        periods = 4 * n * ts / np.maximum(np.arange(len(power)), 1)
+        power[(periods > 0.5 * (b - a) * ts) | (periods < 2.5 * ts)] = 0.0
+        at = int(np.argmax(power))
+        strengths.append((float(power[at]), float(periods[at])))
+    for _, period in sorted(strengths, reverse=True):
+        if all(abs(np.log(period / other)) > 0.06 for other in found):
+            found.append(period)
+    return np.array(found[:PERIODS_TRIED])
+
+
+def starts(context: Context, innovations: FloatArray) -> FloatArray:
+    duration = context.record.duration_s
+    periods = likely_periods(context, innovations)
+    return np.array(
+        [(a * duration, b * duration, p, 0.0, 0.0) for p in periods for a, b in WINDOWS if (b - a) * duration > 1.5 * p]
+    )
+
+
+def wave(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    begin, end, period, sine, cosine = values
+    phase = 2.0 * np.pi * context.time_s / period
+    inside = (context.time_s >= begin) & (context.time_s < end)
+    return signal + inside * (sine * np.sin(phase) + cosine * np.cos(phase))
+
+
+def active(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
+    return (context.time_s >= values[0]) & (context.time_s < values[1])
+
+
+BLOCKS = (
+    Block(
+        "disturbance.oscillation",
+        "disturbance",
+        "output",
+        "at one frequency",
+        parameters,
+        starts,
+        apply=wave,
+        active=active,
+        penalty=19.0,
+        rough=True,
+        finalists=3,
+    ),
+)

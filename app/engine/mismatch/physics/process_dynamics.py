@@ -1,0 +1,113 @@
+"""Linear dynamics that the simulation lacks: dead time, a further lag, an integrator, an inverse response."""
+
+import numpy as np
+
+from app.engine.mismatch.block import Block, Context, Parameter, grid
+from app.engine.mismatch.plant import Plant
+from app.engine.recording import FloatArray
+
+
+def slowness(context: Context) -> float:
+    """The slowest time of the linear plant, s."""
+    plant = context.plant
+    own = plant.tau if plant.leak > 0.0 else 0.0
+    return max(own, plant.tau2, plant.theta, 2.0 * context.record.sampling_interval_s)
+
+
+def extra_delay(context: Context) -> tuple[Parameter, ...]:
+    ts = context.record.sampling_interval_s
+    return (Parameter("extra", "s", 0.3 * ts, 6.0 * slowness(context), ts, log=True),)
+
+
+def delays(context: Context, _: FloatArray) -> FloatArray:
+    return np.geomspace(0.5 * context.record.sampling_interval_s, 4.0 * slowness(context), 24)[:, None]
+
+
+def later(plant: Plant, values: FloatArray, _: Context) -> Plant:
+    return plant.changed(theta=plant.theta + values[0])
+
+
+def lag_time(context: Context) -> tuple[Parameter, ...]:
+    ts = context.record.sampling_interval_s
+    return (Parameter("tau", "s", 0.3 * ts, 10.0 * slowness(context), ts, log=True),)
+
+
+def lags(context: Context, _: FloatArray) -> FloatArray:
+    return np.geomspace(0.5 * context.record.sampling_interval_s, 5.0 * slowness(context), 16)[:, None]
+
+
+def lagged(plant: Plant, values: FloatArray, _: Context) -> Plant:
+    return plant.changed(tau3=float(np.hypot(plant.tau3, values[0])))
+
+
+def nothing(_: Context) -> tuple[Parameter, ...]:
+    return ()
+
+
+def only_start(_: Context, __: FloatArray) -> FloatArray:
+    return np.zeros((1, 0))
+
+
+def integrating(plant: Plant, _: FloatArray, __: Context) -> Plant:
+    return plant.changed(leak=0.0)
+
+
+def leak(_: Context) -> tuple[Parameter, ...]:
+    return (Parameter("leak", "share", 0.0, 0.4, 1.0),)
+
+
+def leaks(_: Context, __: FloatArray) -> FloatArray:
+    return np.array([[0.02], [0.1], [0.2]])
+
+
+def leaking(plant: Plant, values: FloatArray, _: Context) -> Plant:
+    return plant.changed(leak=float(values[0]))
+
+
+def zero_and_lag(context: Context) -> tuple[Parameter, ...]:
+    ts, slow = context.record.sampling_interval_s, slowness(context)
+    return (
+        Parameter("zero", "s", 0.2 * ts, 10.0 * slow, ts, log=True),
+        Parameter("lag", "s", 0.05 * ts, 5.0 * slow, ts, log=True),
+    )
+
+
+def zeros_and_lags(context: Context, _: FloatArray) -> FloatArray:
+    ts, slow = context.record.sampling_interval_s, slowness(context)
+    return grid(np.geomspace(0.5 * ts, 3.0 * slow, 7), np.geomspace(0.2 * ts, 1.5 * slow, 5))
+
+
+def inverse(plant: Plant, values: FloatArray, _: Context) -> Plant:
+    """(1 - zero s) / (lag s + 1): a fast path against a slow one; without the lag PV would jump with OP."""
+    return plant.changed(zero=float(values[0]), tau3=float(np.hypot(plant.tau3, values[1])))
+
+
+ALWAYS = "while OP moves"
+BLOCKS = (
+    Block("process.dead_time", "process", "process", ALWAYS, extra_delay, delays, alter=later, penalty=9.0),
+    Block("process.extra_lag", "process", "process", ALWAYS, lag_time, lags, alter=lagged, penalty=9.0),
+    Block(
+        "process.integrating",
+        "process",
+        "process",
+        "always",
+        nothing,
+        only_start,
+        alter=integrating,
+        penalty=9.0,
+        frees_gain=True,
+    ),
+    Block(
+        "process.integrating", "process", "process", "always", leak, leaks, alter=leaking, form="leaky", penalty=12.0
+    ),
+    Block(
+        "process.inverse_response",
+        "process",
+        "process",
+        ALWAYS,
+        zero_and_lag,
+        zeros_and_lags,
+        alter=inverse,
+        penalty=12.0,
+    ),
+)

@@ -1,0 +1,46 @@
+"""Sensor saturation: the transmitter stops at the end of its range, whatever the process does beyond it."""
+
+import numpy as np
+
+from app.engine.mismatch.block import Block, Context, Parameter
+from app.engine.mismatch.physics.valve_saturation import rounded
+from app.engine.recording import BoolArray, FloatArray
+
+
+def _block(sign: float, soft: bool) -> Block:
+    def parameters(context: Context) -> tuple[Parameter, ...]:
+        pv, span = sign * context.record.pv_deviation, context.record.pv_span
+        edges = sorted((sign * float(np.quantile(pv, 0.2)), sign * (float(np.max(pv)) + 0.02 * span)))
+        limit = Parameter("limit", "PV level", edges[0], edges[1], span)
+        return (limit, Parameter("width", "PV", 1e-3 * span, 0.3 * span, span, log=True)) if soft else (limit,)
+
+    def starts(context: Context, _: FloatArray) -> FloatArray:
+        levels = sign * np.quantile(sign * context.record.pv_deviation, np.linspace(0.4, 1.0, 20))
+        if soft:
+            return np.array([(v, w * context.record.pv_span) for v in levels[::2] for w in (0.03, 0.1)])
+        return levels[:, None]
+
+    def apply(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
+        if soft:
+            return rounded(signal, values[0], values[1], sign)
+        return sign * np.minimum(sign * signal, sign * values[0])
+
+    def active(signal: FloatArray, values: FloatArray, _: Context) -> BoolArray:
+        return sign * signal > sign * values[0]
+
+    side = "high" if sign > 0 else "low"
+    return Block(
+        "sensor.saturation",
+        "sensor",
+        "sensor",
+        "above a PV limit" if sign > 0 else "below a PV limit",
+        parameters,
+        starts,
+        apply=apply,
+        active=active,
+        form=side + ("-soft" if soft else ""),
+        penalty=13.0 if soft else 11.0,
+    )
+
+
+BLOCKS = tuple(_block(sign, soft) for sign in (1.0, -1.0) for soft in (False, True))

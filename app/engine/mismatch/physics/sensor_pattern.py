@@ -1,0 +1,73 @@
+"""What a sensor or a historian does to PV that shows in PV alone: quantisation, a stuck stretch, a hard limit,
+compression.
+
+These leave a pattern that no noise makes, so they are found by it and not by a competition. Source of the tests:
+Thornhill, Oettinger,
+Fedenczuk 1999, doi 10.1016/S0959-1524(98)00054-9 (compression); Miao, Seborg style counts of levels (quantisation).
+"""
+
+import numpy as np
+
+from app.engine.mismatch.block import Block, Context, Parameter
+from app.engine.recording import BoolArray, FloatArray
+
+
+def step_size(context: Context) -> tuple[Parameter, ...]:
+    return (
+        Parameter(
+            "step", "PV", 1e-6 * context.record.pv_span, context.record.pv_span, context.record.pv_span, log=True
+        ),
+    )
+
+
+def tolerance(context: Context) -> tuple[Parameter, ...]:
+    return (Parameter("deviation", "PV", 0.0, context.record.pv_span, context.record.pv_span),)
+
+
+def window(context: Context) -> tuple[Parameter, ...]:
+    duration = context.record.duration_s
+    return (Parameter("start", "s", 0.0, duration, duration), Parameter("end", "s", 0.0, duration, duration))
+
+
+def limit(context: Context) -> tuple[Parameter, ...]:
+    span = context.record.pv_span
+    return (Parameter("limit", "PV level", -5.0 * span, 5.0 * span, span),)
+
+
+def no_scan(_: Context, __: FloatArray) -> FloatArray:
+    return np.zeros((0, 1))
+
+
+def inside(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
+    return (context.time_s >= values[0]) & (context.time_s < values[1])
+
+
+def hold(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    """The sensor repeats what it last measured."""
+    held = inside(signal, values, context)
+    if not held.any():
+        return signal
+    out = signal.copy()
+    out[held] = signal[max(int(np.argmax(held)) - 1, 0)]
+    return out
+
+
+def below(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
+    return np.minimum(signal, values[0])
+
+
+def above(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
+    return np.maximum(signal, values[0])
+
+
+QUANTIZATION = Block("sensor.quantization", "sensor", "sensor", "always", step_size, no_scan, form="pattern")
+COMPRESSION = Block("sensor.compression", "sensor", "sensor", "always", tolerance, no_scan, form="pattern")
+STUCK = Block(
+    "sensor.stuck", "sensor", "sensor", "within a time", window, no_scan, apply=hold, active=inside, form="pattern"
+)
+LIMIT_HIGH = Block(
+    "sensor.saturation", "sensor", "sensor", "above a PV limit", limit, no_scan, apply=below, form="pattern-high"
+)
+LIMIT_LOW = Block(
+    "sensor.saturation", "sensor", "sensor", "below a PV limit", limit, no_scan, apply=above, form="pattern-low"
+)

@@ -1,0 +1,70 @@
+"""Valve saturation: the stem meets a stop, or a limit in the positioner, before OP does. Hard, or rounded over a
+width.
+"""
+
+import numpy as np
+
+from app.engine.mismatch.block import Block, Context, Parameter, grid
+from app.engine.recording import BoolArray, FloatArray
+
+
+def level(context: Context, sign: float) -> Parameter:
+    op = context.record.op_deviation
+    low, high = float(np.min(sign * op)), float(np.max(sign * op))
+    edges = sorted((sign * (low + 0.1 * (high - low)), sign * high))
+    return Parameter("limit", "OP level", edges[0], edges[1], context.record.op_span)
+
+
+def width(context: Context) -> Parameter:
+    span = context.record.op_span
+    return Parameter("width", "OP", 1e-3 * span, 0.3 * span, span, log=True)
+
+
+def levels(context: Context, sign: float, count: int) -> FloatArray:
+    op = np.sort(sign * context.record.op_deviation)
+    low, high = np.quantile(op, 0.15), op[-1]
+    by_value = np.linspace(low, high, count, endpoint=False)
+    by_share = np.quantile(op, np.linspace(0.3, 0.995, count))
+    return sign * np.unique(np.concatenate((by_value, by_share)))
+
+
+def rounded(signal: FloatArray, limit: float, width_op: float, sign: float) -> FloatArray:
+    """signal below `limit` (above, for sign -1), the corner rounded over `width_op`."""
+    over = sign * (signal - limit) / width_op
+    return limit - sign * width_op * np.logaddexp(0.0, -over)
+
+
+def _block(sign: float, soft: bool) -> Block:
+    def parameters(context: Context) -> tuple[Parameter, ...]:
+        return (level(context, sign), width(context)) if soft else (level(context, sign),)
+
+    def starts(context: Context, _: FloatArray) -> FloatArray:
+        if soft:
+            return grid(levels(context, sign, 10), context.record.op_span * np.array([0.02, 0.06, 0.15]))
+        return levels(context, sign, 20)[:, None]
+
+    def apply(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
+        if soft:
+            return rounded(signal, values[0], values[1], sign)
+        return sign * np.minimum(sign * signal, sign * values[0])
+
+    def active(signal: FloatArray, values: FloatArray, _: Context) -> BoolArray:
+        return sign * signal > sign * values[0]
+
+    side = "high" if sign > 0 else "low"
+    condition = f"{'above' if sign > 0 else 'below'} an OP limit"
+    return Block(
+        "valve.saturation",
+        "valve",
+        "valve",
+        condition,
+        parameters,
+        starts,
+        apply=apply,
+        active=active,
+        form=side + ("-soft" if soft else ""),
+        penalty=13.0 if soft else 10.0,
+    )
+
+
+BLOCKS = tuple(_block(sign, soft) for sign in (1.0, -1.0) for soft in (False, True))

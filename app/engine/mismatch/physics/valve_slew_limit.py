@@ -1,0 +1,58 @@
+"""Slew limit: the stem follows OP no faster than its actuator can travel."""
+
+import numpy as np
+from numba import njit
+
+from app.engine.mismatch.block import Block, Context, Parameter
+from app.engine.recording import BoolArray, FloatArray
+
+
+@njit(cache=True, nogil=True)
+def _limited(u: FloatArray, up: float, down: float) -> FloatArray:
+    v = np.empty(len(u))
+    v[0] = u[0]
+    for t in range(1, len(u)):
+        v[t] = v[t - 1] + min(max(u[t] - v[t - 1], -down), up)
+    return v
+
+
+def rates(context: Context) -> FloatArray:
+    """The speeds at which OP moves, from slow to fast, OP/s."""
+    moves = np.abs(np.diff(context.record.op)) / context.record.sampling_interval_s
+    fast = max(float(np.max(moves)), 1e-12)
+    slow = max(0.2 * context.record.op_span / context.record.duration_s, 1e-6 * fast)
+    return np.array([min(slow, 0.5 * fast), fast])
+
+
+def parameters(context: Context) -> tuple[Parameter, ...]:
+    slow, fast = rates(context)
+    return (Parameter("rate", "OP/s", slow, fast, fast, log=True),)
+
+
+def starts(context: Context, _: FloatArray) -> FloatArray:
+    slow, fast = rates(context)
+    return np.geomspace(slow, 0.9 * fast, 50)[:, None]
+
+
+def follow(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    step = values[0] * context.record.sampling_interval_s
+    return _limited(np.ascontiguousarray(signal), step, step)
+
+
+def active(signal: FloatArray, values: FloatArray, context: Context) -> BoolArray:
+    return np.abs(follow(signal, values, context) - signal) > 1e-3 * context.record.op_span
+
+
+BLOCKS = (
+    Block(
+        "valve.slew_limit",
+        "valve",
+        "valve",
+        "while OP moves fast",
+        parameters,
+        starts,
+        apply=follow,
+        penalty=10.0,
+        rough=True,
+    ),
+)

@@ -1,0 +1,195 @@
+"""The process between valve and sensor: lags, dead time, and the ways in which a real vessel leaves the linear form."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numba import njit
+
+from app.engine.recording import FloatArray
+
+NO_LIMIT = 1e30
+VESSEL_STEPS = 2
+
+
+@dataclass(frozen=True)
+class Plant:
+    """tau x' = K v' + b - leak f(x), then a lag tau2, a lag tau3, a zero; v' and x are deviations from the record's
+    means.
+
+    K: unit of PV per unit of OP (per second where `leak` is 0: an integrator, with tau = 1). tau, tau2, tau3, theta: s.
+    b: unit of PV; the offset that the deviations leave. x0: start of x, unit of PV.
+    leak: 1 for a self-regulating process, 0 for an integrator.
+    high, low: where x overflows, unit of PV as deviation. head: distance of the empty level below the mean for the
+    outflow law
+    f(x) = 2 head (sqrt(1 + x / head) - 1), unit of PV; 0 for f(x) = x. zero: time constant of (1 - zero s), s.
+    """
+
+    K: float
+    tau: float
+    theta: float
+    b: float = 0.0
+    x0: float = 0.0
+    tau2: float = 0.0
+    leak: float = 1.0
+    tau3: float = 0.0
+    high: float = NO_LIMIT
+    low: float = -NO_LIMIT
+    head: float = 0.0
+    zero: float = 0.0
+
+    def row(self) -> FloatArray:
+        """The plant as the kernel reads it."""
+        return np.array(
+            [
+                self.K,
+                self.tau,
+                self.theta,
+                self.b,
+                self.x0,
+                self.tau2,
+                self.leak,
+                self.tau3,
+                self.high,
+                self.low,
+                self.head,
+                self.zero,
+            ]
+        )
+
+    def changed(self, **values: float) -> "Plant":
+        return replace(self, **values)
+
+
+@njit(cache=True, nogil=True)
+def _delay(v: FloatArray, samples: float) -> FloatArray:
+    """v later by a number of samples that need not be whole; before the start v held its first value."""
+    out = np.empty(len(v))
+    whole = int(np.floor(samples))
+    share = samples - whole
+    for t in range(len(v)):
+        now = v[max(min(t - whole, len(v) - 1), 0)]
+        before = v[max(min(t - whole - 1, len(v) - 1), 0)]
+        out[t] = (1.0 - share) * now + share * before
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _lag(v: FloatArray, tau: float, ts: float) -> FloatArray:
+    """v behind a first-order lag, its signal held over each step; starts settled."""
+    if tau <= 1e-9:
+        return v.copy()
+    out = np.empty(len(v))
+    out[0] = v[0]
+    stay = np.exp(-ts / tau)
+    slope = 1.0 - tau / ts * (1.0 - stay)
+    for t in range(1, len(v)):
+        # A ramp between samples, because what comes out of a process does not jump.
+        out[t] = stay * out[t - 1] + (1.0 - stay) * v[t - 1] + slope * (v[t] - v[t - 1])
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _outflow(x: float, head: float) -> float:
+    if head <= 0.0:
+        return x
+    return 2.0 * head * (np.sqrt(max(1.0 + x / head, 0.0)) - 1.0)
+
+
+@njit(cache=True, nogil=True)
+def _advance(x: float, drive: float, tau: float, leak: float, head: float, step: float) -> float:
+    """x after `step` seconds, the drive held: exact for the linear law, a linearised exponential step for the
+    outflow law.
+    """
+    level = max(1.0 + x / head, 1e-4) if head > 0.0 else 1.0
+    rate = leak / (tau * np.sqrt(level))
+    speed = (drive - leak * _outflow(x, head)) / tau
+    if rate * step < 1e-9:
+        return x + speed * step
+    return x + speed * (1.0 - np.exp(-rate * step)) / rate
+
+
+@njit(cache=True, nogil=True)
+def _first_state(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
+    """x (N,) with the linear law and no limits: one multiplication a sample."""
+    K, tau, _, b, x, _, leak = p[:7]
+    y = np.empty(len(u))
+    stay = np.exp(-leak * ts / tau)
+    gain = (1.0 - stay) / leak if leak > 1e-9 else ts / tau
+    y[0] = x
+    for t in range(1, len(u)):
+        x = stay * x + gain * (K * u[t - 1] + b)
+        y[t] = x
+    return y
+
+
+@njit(cache=True, nogil=True)
+def _bounded_state(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
+    """x (N,) with the linear law and an overflow: what runs over is gone at once."""
+    K, tau, _, b, x, _, leak, _, high, low = p[:10]
+    y = np.empty(len(u))
+    stay = np.exp(-leak * ts / tau)
+    gain = (1.0 - stay) / leak if leak > 1e-9 else ts / tau
+    x = min(max(x, low), high)
+    y[0] = x
+    for t in range(1, len(u)):
+        x = min(max(stay * x + gain * (K * u[t - 1] + b), low), high)
+        y[t] = x
+    return y
+
+
+@njit(cache=True, nogil=True)
+def _vessel_state(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
+    """x (N,) with the outflow law, in steps within each sample."""
+    K, tau, _, b, x, _, leak, _, high, low, head, _ = p
+    y = np.empty(len(u))
+    x = min(max(x, low), high)
+    y[0] = x
+    for t in range(1, len(u)):
+        drive = K * u[t - 1] + b
+        for _ in range(VESSEL_STEPS):
+            x = min(max(_advance(x, drive, tau, leak, head, ts / VESSEL_STEPS), low), high)
+        y[t] = x
+    return y
+
+
+@njit(cache=True, nogil=True)
+def _slopes(x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
+    """dx/dt (N,) of the first state."""
+    K, tau, _, b, _, _, leak, _, _, _, head, _ = p
+    rate = np.empty(len(x))
+    for t in range(len(x)):
+        rate[t] = (K * u[max(t - 1, 0)] + b - leak * _outflow(x[t], head)) / tau
+    return rate
+
+
+@njit(cache=True, nogil=True)
+def _process(v: FloatArray, p: FloatArray, ts: float) -> FloatArray:
+    tau2, tau3, high, low, head, zero = p[5], p[7], p[8], p[9], p[10], p[11]
+    u = _delay(v, p[2] / ts)
+    if head > 0.0:
+        x = _vessel_state(u, p, ts)
+    elif high > 1e29 and low < -1e29:
+        x = _first_state(u, p, ts)
+    else:
+        x = _bounded_state(u, p, ts)
+    y = _lag(x, tau2, ts) if tau2 > 1e-9 else x
+    if zero != 0.0:
+        y = y - zero * ((x - y) / tau2 if tau2 > 1e-9 else _slopes(x, u, p))
+    return _lag(y, tau3, ts) if tau3 > 1e-9 else y
+
+
+def run_process(v: FloatArray, plant: Plant, sampling_interval_s: float) -> FloatArray:
+    """PV (N,) as deviation, in its unit, of a valve position v (N,) given as deviation in the unit of OP, held over
+    each sample.
+    """
+    return _process(np.ascontiguousarray(v), plant.row(), sampling_interval_s)
+
+
+def delay(v: FloatArray, delay_s: float, sampling_interval_s: float) -> FloatArray:
+    """v (N,) later by delay_s seconds, interpolated between samples."""
+    return _delay(np.ascontiguousarray(v), delay_s / sampling_interval_s)
+
+
+def lag(v: FloatArray, tau_s: float, sampling_interval_s: float) -> FloatArray:
+    """v (N,) behind a first-order lag of tau_s seconds, settled at the start."""
+    return _lag(np.ascontiguousarray(v), tau_s, sampling_interval_s)

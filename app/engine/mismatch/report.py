@@ -1,0 +1,171 @@
+"""Turns fits and patterns into effects: parameters with intervals in units, windows, conditions, evidence."""
+
+import numpy as np
+
+from app.engine.evidence import Reason
+from app.engine.mismatch.block import Context, Parameter, Part
+from app.engine.mismatch.experiment import Experiment
+from app.engine.mismatch.fitting import Fit, make_task, residual_rows, slopes
+from app.engine.mismatch.patterns import Pattern
+from app.engine.mismatch.result import Effect, Estimate, ExplainedModel, Location, PartModel
+from app.engine.mismatch.selection import Believed
+from app.engine.mismatch.windows import Window, active_mask, windows_of
+from app.engine.recording import FloatArray
+
+CERTAIN = 0.995
+PLANT_UNITS = {"K": "PV/OP", "tau": "s", "tau2": "s", "theta": "s"}
+
+
+def effect_of(effect: Believed, final: Fit) -> Effect:
+    """A believed effect as it stands in the final fit."""
+    part = next(p for p in final.parts if p.block.name == effect.rival.block.name)
+    mask = active_mask(final, part)
+    windows = (
+        windows_of(mask, final.record.sampling_interval_s) if part.block.active is not None else whole(final.record)
+    )
+    return Effect(
+        code=effect.code,
+        alternatives=effect.alternatives,
+        probability=probability_of(effect),
+        place=part.block.place,
+        parameters=estimates(final, part),
+        windows=windows,
+        condition=part.block.condition,
+        evidence=evidence_of(effect, final),
+        gain=effect.gain,
+    )
+
+
+def probability_of(effect: Believed) -> float:
+    """That the name, or one of its alternatives, is right: from the margin over the next name and over nothing at
+    all.
+    """
+    presence = 1.0 / (1.0 + np.exp(-np.clip(effect.rival.score, -30.0, 30.0)))
+    name = 1.0 / (1.0 + np.exp(-np.clip(effect.margin, -30.0, 30.0)))
+    return float(min(presence * name, CERTAIN))
+
+
+def evidence_of(effect: Believed, final: Fit) -> tuple[Reason, ...]:
+    said = [
+        Reason(
+            "likelihood",
+            f"explains {effect.gain:.1f} nat more than without it, {effect.rival.block.penalty:.1f} are asked",
+        )
+    ]
+    if np.isfinite(effect.margin):
+        said.append(Reason("margin", f"the next name is {effect.margin:.1f} nat behind"))
+    rmse = float(np.sqrt(np.mean(final.residual[final.record.usable] ** 2)))
+    said.append(
+        Reason("residual", f"the free run leaves {rmse:.4g} (root mean square, unit of PV) over the whole record")
+    )
+    return tuple(said)
+
+
+def whole(record: Experiment) -> tuple[Window, ...]:
+    return (Window(0.0, record.duration_s),)
+
+
+def pattern_effect(pattern: Pattern, record: Experiment) -> Effect:
+    block = pattern.part.block
+    context = Context(record, _no_plant())
+    parameters = tuple(
+        Estimate(p.name, value, value, value, plain_unit(p))
+        for p, value in zip(
+            block.parameters(context), absolute(block.parameters(context), pattern.part.values, record), strict=True
+        )
+    )
+    windows = windows_of(pattern.shows, record.sampling_interval_s)
+    return Effect(
+        block.code,
+        (),
+        CERTAIN,
+        block.place,
+        parameters,
+        windows,
+        block.condition,
+        (pattern.reason,),
+        float(pattern.shows.sum()),
+    )
+
+
+def _no_plant():
+    from app.engine.mismatch.plant import Plant
+
+    return Plant(1.0, 1.0, 0.0)
+
+
+def plain_unit(parameter: Parameter) -> str:
+    return parameter.unit.removesuffix(" level")
+
+
+def absolute(parameters: tuple[Parameter, ...], values: FloatArray, record: Experiment) -> list[float]:
+    """Levels with the record's means added; all else as it is."""
+    mids = {"OP level": record.op_mid, "PV level": record.pv_mid}
+    return [float(v + mids.get(p.unit, 0.0)) for p, v in zip(parameters, values, strict=True)]
+
+
+def deviations(found: Fit) -> FloatArray:
+    """Standard deviation of each free number of a fit, from its whitened slopes."""
+    task = make_task(found.record, found.given, tuple(part.block for part in found.parts))
+    jacobian = slopes(task, found.x, found.noise, residual_rows(task, found.x, found.noise))
+    covariance = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
+    return np.sqrt(np.maximum(np.diag(covariance), 0.0))
+
+
+def interval(found: Fit, name: str, shift: float, unit: str, label: str, spread: FloatArray) -> Estimate:
+    k = [f.name for f in found.free].index(name)
+    f, x = found.free[k], float(found.x[k])
+    low, high = (f.value(float(np.clip(x + side * 1.96 * spread[k], f.low, f.high))) for side in (-1.0, 1.0))
+    return Estimate(label, f.value(x) + shift, min(low, high) + shift, max(low, high) + shift, unit)
+
+
+def estimates(found: Fit, part: Part) -> tuple[Estimate, ...]:
+    """A part's parameters with 95 % intervals; S and J for stiction."""
+    spread = deviations(found)
+    index = next(k for k, p in enumerate(found.parts) if p is part)
+    mids = {"OP level": found.record.op_mid, "PV level": found.record.pv_mid}
+    said = []
+    for p in part.block.parameters(Context(found.record, found.given.plant)):
+        said.append(interval(found, f"{index}.{p.name}", mids.get(p.unit, 0.0), plain_unit(p), p.name, spread))
+    if part.block.code == "valve.stiction":
+        S, share = said
+        said = [S, Estimate("J", S.value * share.value, S.value * share.low, S.value * share.high, "OP")]
+    return tuple(said)
+
+
+def refit_estimates(base: Fit) -> tuple[Estimate, ...]:
+    """The simulation's own parameters after the refit, with 95 % intervals."""
+    spread = deviations(base)
+    names = [f.name for f in base.free if f.name in PLANT_UNITS]
+    units = PLANT_UNITS | ({"K": "PV/OP/s"} if base.plant.leak == 0.0 else {})
+    return tuple(interval(base, name, 0.0, units[name], name, spread) for name in names)
+
+
+def location_of(effects: tuple[Effect, ...]) -> Location:
+    """Where the strongest effect acts."""
+    if not effects:
+        return Location(None, (), "nowhere", None)
+    first = effects[0]
+    period = next((p.value for p in first.parameters if p.name == "period"), None)
+    return Location(
+        first.place, first.windows, first.condition, None if period is None else 1.0 / period, first.evidence
+    )
+
+
+def export(found: Fit, sensors: tuple[Part, ...]) -> ExplainedModel:
+    """The explained model, enough to simulate again."""
+    p, record = found.plant, found.record
+    fields = ("K", "tau", "theta", "b", "x0", "tau2", "leak", "tau3", "zero")
+    parts = tuple(
+        PartModel(part.block.name, part.block.code, tuple(part.values.tolist())) for part in (*found.parts, *sensors)
+    )
+    return ExplainedModel(
+        record.sampling_interval_s,
+        record.op_mid,
+        record.pv_mid,
+        record.op_span,
+        record.pv_span,
+        tuple((name, float(getattr(p, name))) for name in fields),
+        parts,
+        tuple(name for name, _ in record.measured),
+    )

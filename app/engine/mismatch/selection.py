@@ -1,0 +1,116 @@
+"""Which effects are believed: the best rival while it pays, a second beside it, and what cannot be told from them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.engine.mismatch.block import Block
+from app.engine.mismatch.compete import Rival, rivals
+from app.engine.mismatch.fitting import Fit
+from app.engine.mismatch.limits import limit_bonus
+from app.engine.mismatch.physics import TWINS
+
+LEADERS = 3
+SECOND_MUST_GAIN = 6.0
+SECOND_SHARE = 0.06
+INDISTINCT = 4.0
+MOST_ALTERNATIVES = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Believed:
+    """An effect that is believed. gain: log-likelihood (nat) over the fit without it; margin: over the best other
+    name.
+    """
+
+    code: str
+    alternatives: tuple[str, ...]
+    gain: float
+    margin: float
+    rival: Rival
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """The final fit, its effects in the order of their gain, and the first round's ranking (for evidence)."""
+
+    fit: Fit
+    effects: tuple[Believed, ...]
+    ranking: tuple[Rival, ...]
+
+
+def worth(rival: Rival) -> float:
+    """A rival's score with what the quiet of its limited stretches says for or against it."""
+    return rival.score + limit_bonus(rival.fit, rival.fit.parts[-1])
+
+
+def ranked(found: Fit, blocks: tuple[Block, ...]) -> tuple[Rival, ...]:
+    return tuple(sorted(rivals(found, blocks), key=lambda rival: -worth(rival)))
+
+
+def best_of_each_code(ranking: tuple[Rival, ...]) -> tuple[Rival, ...]:
+    first: dict[str, Rival] = {}
+    for rival in ranking:
+        first.setdefault(rival.block.code, rival)
+    return tuple(first.values())
+
+
+def select(base: Fit, blocks: tuple[Block, ...], already: tuple[str, ...] = ()) -> Selection:
+    """Up to two effects beside the linear refit; none where no rival pays its penalty.
+
+    `already`: codes that PV showed by itself, which are not looked for again.
+    """
+    offered = tuple(block for block in blocks if block.code not in already)
+    first = ranked(base, offered)
+    asked = SECOND_MUST_GAIN if already else 0.0
+    if not first or worth(first[0]) <= asked:
+        return Selection(base, (), first)
+    names = best_of_each_code(first)
+    single = Selection(first[0].fit, (believed(first[0], names),), first)
+    pairs = [pair for rival in leaders(first) for pair in with_second(rival, names, offered)]
+    return max(pairs, key=lambda pair: pair.fit.score, default=single)
+
+
+def leaders(ranking: tuple[Rival, ...]) -> tuple[Rival, ...]:
+    """The first names that a second effect is looked for beside: close to the best."""
+    names = best_of_each_code(ranking)
+    best = worth(names[0])
+    twins = TWINS.get(names[0].block.code, ())
+    close = [r for r in names[1:] if worth(r) > 0.35 * best and worth(r) > 0.0 and r.block.code not in twins]
+    return (names[0], *close[: LEADERS - 1])
+
+
+def with_second(rival: Rival, names: tuple[Rival, ...], blocks: tuple[Block, ...]) -> tuple[Selection, ...]:
+    """A rival with the best second effect beside it, where each of the two is worth having beside the other."""
+    named = {rival.block.code, *TWINS.get(rival.block.code, ())}
+    second = ranked(rival.fit, tuple(block for block in blocks if block.code not in named))
+    if not second or not pays_beside(second[0], rival):
+        return ()
+    best = second[0]
+    alone = max(r.fit.likelihood for r in names)
+    other = max((r.fit.likelihood for r in names if r.block.code == best.block.code), default=-np.inf)
+    first_gain = best.fit.likelihood - max(other, rival.fit.likelihood - rival.gain)
+    if (
+        best.fit.likelihood - alone < best.block.penalty + SECOND_MUST_GAIN
+        or first_gain < rival.block.penalty + SECOND_MUST_GAIN
+    ):
+        return ()
+    effects = (
+        Believed(rival.block.code, TWINS.get(rival.block.code, ()), first_gain, worth(rival), rival),
+        believed(best, best_of_each_code(second)),
+    )
+    return (Selection(best.fit, tuple(sorted(effects, key=lambda effect: -effect.gain)), second),)
+
+
+def pays_beside(second: Rival, first: Rival) -> bool:
+    return worth(second) >= SECOND_MUST_GAIN and second.gain >= SECOND_SHARE * first.gain
+
+
+def believed(best: Rival, names: tuple[Rival, ...]) -> Believed:
+    """The best rival with the names that this record cannot tell from it."""
+    twins = list(TWINS.get(best.block.code, ()))
+    others = [r for r in names if r.block.code != best.block.code and r.block.code not in twins]
+    margins = [worth(best) - worth(r) for r in others]
+    close = [r.block.code for r, m in zip(others, margins, strict=True) if m < INDISTINCT and worth(r) > 0.0]
+    nearest = min(margins, default=float(np.inf))
+    return Believed(best.block.code, tuple((twins + close)[:MOST_ALTERNATIVES]), best.gain, nearest, best)

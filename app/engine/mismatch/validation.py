@@ -1,0 +1,95 @@
+"""A second recording, which no fit has seen, simulated with the model of the first; and an exported model simulated
+again.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from app.engine.mismatch.block import Part
+from app.engine.mismatch.chain import simulate
+from app.engine.mismatch.experiment import Experiment, alike, experiment
+from app.engine.mismatch.fitting import Fit
+from app.engine.mismatch.holdout import judge
+from app.engine.mismatch.physics import by_name
+from app.engine.mismatch.plant import Plant
+from app.engine.mismatch.result import ExplainedModel, Improvement
+from app.engine.mismatch.windows import windows_of
+from app.engine.recording import FloatArray
+from app.errors import DataError
+
+START_SHARE = 0.1
+OF_ONE_RECORD = (
+    "disturbance.step",
+    "disturbance.oscillation",
+    "sensor.step",
+    "sensor.drift",
+    "sensor.stuck",
+    "process.gain_drift",
+)
+
+
+def validate(base: Fit, final: Fit, second: Experiment, given: FloatArray | None) -> Improvement:
+    """Free runs over the second record, only their initial state estimated, from its first tenth.
+
+    given: the given simulation's trace (N,) over the second record, or None. What belongs to moments of the first
+    record
+    (a step, a stuck stretch) is left out.
+    """
+    record = alike(base.record, replace(second, measured=second.measured))
+    lasting = tuple(part for part in final.parts if part.block.code not in OF_ONE_RECORD)
+    everywhere = np.ones(record.samples, dtype=np.bool_)
+    refitted = started(record, base.plant, ())
+    explained = started(record, final.plant, transferred(record, lasting))
+    return Improvement(
+        None if given is None else judge(record.pv, given, everywhere),
+        judge(record.pv, refitted + record.pv_mid, everywhere),
+        judge(record.pv, explained + record.pv_mid, everywhere),
+        windows_of(everywhere, record.sampling_interval_s),
+    )
+
+
+def transferred(record: Experiment, parts: tuple[Part, ...]) -> tuple[Part, ...]:
+    """The parts with the blocks of another record, whose measured signals are its own."""
+    known = by_name(record)
+    missing = [part.block.name for part in parts if part.block.name not in known]
+    if missing:
+        raise DataError("signal_missing", f"the second recording lacks the signals of {', '.join(missing)}")
+    return tuple(Part(known[part.block.name], part.values) for part in parts)
+
+
+def started(record: Experiment, plant: Plant, parts: tuple[Part, ...]) -> FloatArray:
+    """The free run (N,), as deviation, whose initial state fits the first tenth of the record best."""
+    first = max(int(START_SHARE * record.samples), 5)
+
+    def error(x0: float) -> float:
+        return float(np.sum((simulate(record, plant.changed(x0=x0), parts) - record.pv_deviation)[:first] ** 2))
+
+    middle, reach = float(np.mean(record.pv_deviation[:3])), 0.5 * record.pv_span
+    best = minimize_scalar(error, bounds=(middle - reach, middle + reach), method="bounded")
+    return simulate(record, plant.changed(x0=float(best.x)), parts)
+
+
+def simulate_again(
+    model: ExplainedModel, op: FloatArray, measured: tuple[tuple[str, FloatArray], ...] = ()
+) -> FloatArray:
+    """PV (N,) in its unit, simulated from OP (N,) with an exported model, started as in the record it was fitted to.
+
+    measured: the signals that the model names. Raises DataError("signal_missing") where one of them is not given.
+    """
+    record = experiment(model.sampling_interval_s, op, op, None, measured)
+    record = replace(
+        record,
+        op_mid=model.op_mid,
+        pv_mid=model.pv_mid,
+        op_deviation=op - model.op_mid,
+        op_span=model.op_span,
+        pv_span=model.pv_span,
+    )
+    known = by_name(record)
+    missing = [part.name for part in model.parts if part.name not in known]
+    if missing:
+        raise DataError("signal_missing", f"the model needs signals for {', '.join(missing)}")
+    parts = tuple(Part(known[part.name], np.array(part.values)) for part in model.parts)
+    return simulate(record, Plant(**dict(model.plant)), parts) + model.pv_mid

@@ -1,0 +1,214 @@
+"""Files into comparisons: which column is OP, PV, SP, the simulation, and what else was measured."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from app.engine.mismatch import Comparison, LinearSimulation
+from app.engine.recording import FloatArray
+from app.errors import DataError, RequestError
+
+SYNONYMS = {
+    "time": ("time", "t", "timestamp", "time_s", "datetime", "date", "ts"),
+    "op": ("op", "co", "mv", "out", "output", "controller_output", "u"),
+    "pv": ("pv", "cv", "measurement", "process_value", "process_variable", "y"),
+    "sp": ("sp", "setpoint", "set_point", "set point", "sv", "r"),
+}
+SIMULATED = ("pv_sim", "pvsim", "sim", "simulation", "simulated")
+NOT_MEASURED = ("mode", "quality", "status", "ts", "auto")
+GAP_INTERVALS = 3.0
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Names of columns as the user gave them; None: found by the usual names."""
+
+    op: str | None = None
+    pv: str | None = None
+    sp: str | None = None
+
+
+def read_table(path: Path) -> pl.DataFrame:
+    """A delimited file or parquet with a header. Raises DataError where it is missing or is no table."""
+    if not path.is_file():
+        raise DataError("no_such_file", f"{path} is not there")
+    try:
+        if path.suffix.lower() == ".parquet":
+            return pl.read_parquet(path)
+        first = path.read_text(encoding="utf-8-sig", errors="replace").partition("\n")[0]
+        separator = max((",", ";", "\t"), key=first.count)
+        return pl.read_csv(
+            path,
+            separator=separator,
+            null_values=["", "NaN", "nan", "NA", "null"],
+            infer_schema_length=None,
+            truncate_ragged_lines=True,
+        )
+    except pl.exceptions.PolarsError as error:
+        raise DataError("not_a_table", f"{path} cannot be read as a table: {error}") from error
+
+
+def find(table: pl.DataFrame, name: str | None, usual: tuple[str, ...]) -> str | None:
+    """The column of that name, or the first of the usual names, any case. Raises where a name that was given is not
+    there.
+    """
+    by_lower = {column.strip().lower(): column for column in table.columns}
+    if name is not None:
+        if name.strip().lower() not in by_lower:
+            raise RequestError("no_such_column", f"there is no column {name}; the file has {', '.join(table.columns)}")
+        return by_lower[name.strip().lower()]
+    return next((by_lower[u] for u in usual if u in by_lower), None)
+
+
+def numbers(table: pl.DataFrame, column: str) -> FloatArray:
+    return table[column].cast(pl.Float64, strict=False).to_numpy().astype(np.float64)
+
+
+def seconds(table: pl.DataFrame) -> FloatArray:
+    """Times from the first sample in s: from numbers, from stamps, or by the constant interval in a column Ts."""
+    column = find(table, None, SYNONYMS["time"])
+    if column is not None:
+        if table[column].dtype == pl.String:
+            stamps = table[column].str.to_datetime(strict=False)
+            if stamps.null_count() < len(stamps):
+                return (stamps.cast(pl.Datetime("us")).to_physical().cast(pl.Float64).to_numpy() - 0.0) / 1e6
+        time = numbers(table, column)
+        known = time[np.isfinite(time)]
+        if len(known) == len(time):
+            return time
+        if len(known) == 1 and known[0] > 0.0:
+            return np.arange(len(time)) * known[0]
+    return np.arange(table.height, dtype=np.float64)
+
+
+def read_comparison(path: Path, columns: Columns, simulated: str | None) -> Comparison:
+    """A recording file with the simulation named by `simulated`: a column of it, or a file with a simulated trace.
+
+    Without `simulated` a column with a usual name (PV_sim) is taken; without that our own identified loop is the
+    simulation.
+    """
+    table = read_table(path)
+    op, pv = find(table, columns.op, SYNONYMS["op"]), find(table, columns.pv, SYNONYMS["pv"])
+    if op is None or pv is None:
+        missing = " and ".join(n for n, c in (("OP", op), ("PV", pv)) if c is None)
+        raise DataError(
+            "no_pv_op",
+            f"{path} has no column for {missing}; name it with --op or --pv; it has {', '.join(table.columns)}",
+        )
+    sp = find(table, columns.sp, SYNONYMS["sp"])
+    time = seconds(table)
+    trace_column, trace = simulated_trace(table, time, simulated)
+    used = {op, pv, sp, trace_column, find(table, None, SYNONYMS["time"])}
+    others = {
+        c: numbers(table, c)
+        for c in table.columns
+        if c not in used
+        and c.strip().lower() not in NOT_MEASURED
+        and (table[c].dtype.is_numeric() or table[c].dtype == pl.String)
+    }
+    signals = {"op": numbers(table, op), "pv": numbers(table, pv)}
+    signals |= {"sp": numbers(table, sp)} if sp is not None else {}
+    signals |= {"trace": trace} if trace is not None else {}
+    return uniform(path.name.partition(".")[0] if path.suffix == ".gz" else path.stem, time, signals, others)
+
+
+def simulated_trace(
+    table: pl.DataFrame, time: FloatArray, simulated: str | None
+) -> tuple[str | None, FloatArray | None]:
+    if simulated is None:
+        column = find(table, None, SIMULATED)
+        return column, None if column is None else numbers(table, column)
+    path = Path(simulated)
+    if not path.is_file():
+        column = find(table, simulated, ())
+        return column, None if column is None else numbers(table, column)
+    other = read_table(path)
+    column = find(other, None, (*SIMULATED, *SYNONYMS["pv"])) or other.columns[-1]
+    return None, onto(time, seconds(other), numbers(other, column))
+
+
+def onto(time: FloatArray, other_time: FloatArray, trace: FloatArray) -> FloatArray:
+    """A simulated trace at the recording's times. Raises where the two do not overlap in time, or only in part."""
+    known = np.isfinite(trace) & np.isfinite(other_time)
+    if known.sum() < 2:
+        raise DataError("simulation_not_finite", "the simulation has no values")
+    if len(other_time) == len(time) and other_time[0] == 0.0:
+        other_time = other_time + time[0]
+    slack = 1.5 * float(np.median(np.diff(time)))
+    first, last = float(other_time[known][0]), float(other_time[known][-1])
+    if first > time[-1] or last < time[0]:
+        raise DataError(
+            "no_overlap",
+            f"simulation ({first:g} to {last:g} s) and recording ({time[0]:g} to {time[-1]:g} s) do not overlap",
+        )
+    if first > time[0] + slack or last < time[-1] - slack:
+        raise DataError(
+            "simulation_length",
+            f"the simulation covers {first:g} to {last:g} s, the recording {time[0]:g} to {time[-1]:g} s",
+        )
+    return np.interp(time, other_time[known], trace[known])
+
+
+def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others: dict[str, FloatArray]) -> Comparison:
+    """Equal sampling at the median interval; trailing rows without PV and OP are left out, gaps are bridged and
+    marked.
+    """
+    present = np.isfinite(time) & np.isfinite(signals["pv"]) & np.isfinite(signals["op"])
+    if present.sum() < 10:
+        raise DataError(
+            "too_short", f"{name} has {int(present.sum())} samples with time, PV and OP, at least 100 are needed"
+        )
+    order = np.flatnonzero(present)[np.argsort(time[present], kind="stable")]
+    order = order[np.concatenate(([True], np.diff(time[order]) > 0.0))]
+    at = time[order] - time[order[0]]
+    interval = float(np.median(np.diff(at)))
+    grid = np.arange(int(np.floor(at[-1] / interval + 1e-6)) + 1) * interval
+    nearest = np.clip(np.searchsorted(at, grid), 1, len(at) - 1)
+    known = (at[nearest] - at[nearest - 1]) < GAP_INTERVALS * interval
+    even = len(grid) == len(at) and bool(np.allclose(grid, at, atol=0.01 * interval))
+
+    def resampled(signal: FloatArray) -> FloatArray:
+        values = signal[order]
+        if even and np.all(np.isfinite(values)):
+            return values
+        finite = np.isfinite(values)
+        return np.interp(grid, at[finite], values[finite]) if finite.sum() > 1 else np.full(len(grid), np.nan)
+
+    measured = tuple((n, s) for n, s in ((n, resampled(s)) for n, s in others.items()) if np.all(np.isfinite(s)))
+    return Comparison(
+        name=name,
+        sampling_interval_s=interval,
+        op=resampled(signals["op"]),
+        pv=resampled(signals["pv"]),
+        sp=resampled(signals["sp"]) if "sp" in signals else None,
+        measured=measured,
+        known=None if even else known,
+        trace=resampled(signals["trace"]) if "trace" in signals else None,
+    )
+
+
+def simulation_from_json(text: str) -> LinearSimulation:
+    """A model as JSON: {"gain": 1.2, "time_constants_s": [30, 5], "dead_time_s": 4, "integrating": false}, or a file
+    with it.
+    """
+    path = Path(text)
+    try:
+        found: dict[str, Any] = json.loads(
+            path.read_text(encoding="utf-8") if not text.lstrip().startswith("{") else text
+        )
+        taus = found.get("time_constants_s", found.get("time_constants", found.get("tau", [])))
+        taus = taus if isinstance(taus, list) else [taus]
+        return LinearSimulation(
+            float(found["gain"] if "gain" in found else found["K"]),
+            tuple(float(t) for t in taus),
+            float(found.get("dead_time_s", found.get("dead_time", found.get("theta", 0.0)))),
+            bool(found.get("integrating", found.get("integrator", False))),
+        )
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise RequestError(
+            "model_invalid", f"the model is not JSON with gain, time_constants_s, dead_time_s: {error}"
+        ) from error

@@ -1,0 +1,100 @@
+"""An explanation as the JSON that `explain --format json` and the API answer with: the one place where that form is
+made.
+"""
+
+from typing import Any
+
+from app.engine.mismatch.holdout import Fitness
+from app.engine.mismatch.result import Effect, ExplainedModel, Explanation, Improvement
+from app.engine.mismatch.windows import Window
+
+
+def explanation_line(explanation: Explanation, elapsed_s: float | None = None) -> dict[str, Any]:
+    located = explanation.located
+    return {
+        "recording": explanation.name,
+        "verdict": explanation.verdict,
+        "effects": [effect_line(effect) for effect in explanation.effects],
+        "located": {
+            "block": located.block,
+            "windows": windows(located.windows),
+            "condition": located.condition,
+            "frequency_hz": rounded(located.frequency_hz),
+        },
+        "fit": fit_line(explanation.fit),
+        "validation": None if explanation.validation is None else validation_line(explanation.validation),
+        "refit": {
+            e.name: {"value": rounded(e.value), "low": rounded(e.low), "high": rounded(e.high), "unit": e.unit}
+            for e in explanation.refit
+        },
+        "evidence": [{"code": reason.code, "text": reason.text} for reason in explanation.evidence],
+        "model": model_line(explanation.model),
+        "engine_version": explanation.engine_version,
+        "elapsed_s": None if elapsed_s is None else round(elapsed_s, 3),
+    }
+
+
+def rounded(value: float | None) -> float | None:
+    """Six significant figures; None for what is not a number."""
+    return None if value is None or value != value or abs(value) == float("inf") else float(f"{value:.6g}")
+
+
+def windows(found: tuple[Window, ...]) -> list[list[float | None]]:
+    return [[rounded(w.start_s), rounded(w.end_s)] for w in found]
+
+
+def effect_line(effect: Effect) -> dict[str, Any]:
+    return {
+        "effect": effect.code,
+        "alternatives": list(effect.alternatives),
+        "probability": round(effect.probability, 3),
+        "block": effect.place,
+        "parameters": {
+            p.name: {"value": rounded(p.value), "low": rounded(p.low), "high": rounded(p.high), "unit": p.unit}
+            for p in effect.parameters
+        },
+        "windows": windows(effect.windows),
+        "condition": effect.condition,
+        "evidence": [{"code": reason.code, "text": reason.text} for reason in effect.evidence],
+    }
+
+
+def rmse(fitness: Fitness | None) -> float | None:
+    return None if fitness is None else rounded(fitness.rmse)
+
+
+def percent(fitness: Fitness | None) -> float | None:
+    return None if fitness is None else rounded(fitness.fit_pct)
+
+
+def fit_line(fit: Improvement) -> dict[str, Any]:
+    return {
+        "rmse_given": rmse(fit.given),
+        "rmse_refitted": rmse(fit.refitted),
+        "rmse_explained": rmse(fit.explained),
+        "fit_pct_given": percent(fit.given),
+        "fit_pct_refitted": percent(fit.refitted),
+        "fit_pct_explained": percent(fit.explained),
+        "held_out": windows(fit.held_out),
+    }
+
+
+def validation_line(validation: Improvement) -> dict[str, Any]:
+    return {
+        "rmse_given": rmse(validation.given),
+        "rmse_refitted": rmse(validation.refitted),
+        "rmse_explained": rmse(validation.explained),
+    }
+
+
+def model_line(model: ExplainedModel) -> dict[str, Any]:
+    return {
+        "sampling_interval_s": model.sampling_interval_s,
+        "op_mid": model.op_mid,
+        "pv_mid": model.pv_mid,
+        "op_span": model.op_span,
+        "pv_span": model.pv_span,
+        "plant": dict(model.plant),
+        "parts": [{"name": p.name, "effect": p.code, "values": list(p.values)} for p in model.parts],
+        "measured": list(model.measured),
+    }

@@ -1,0 +1,95 @@
+"""The plot of an explanation: recording, simulation and explained simulation, windows marked, residuals, in one HTML
+file.
+"""
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from app.engine.mismatch import Explanation
+from app.engine.recording import FloatArray
+
+COLOURS = {"recording": "#222222", "given": "#b0b0b0", "refitted": "#d98200", "explained": "#0b6fb8"}
+
+
+def explanation_html(explanation: Explanation, op: FloatArray) -> str:
+    """A self-contained page. op: (N,) as recorded, the residual is drawn against it."""
+    figure = make_subplots(
+        rows=3,
+        cols=1,
+        row_heights=[0.5, 0.25, 0.25],
+        vertical_spacing=0.08,
+        subplot_titles=("PV: recording and simulations", "Residual over time", "Residual against OP"),
+    )
+    traces = explanation.traces
+    lines = [
+        ("recording", traces.pv),
+        ("given", traces.given),
+        ("refitted", traces.refitted),
+        ("explained", traces.explained),
+    ]
+    for label, signal in lines:
+        if signal is not None:
+            figure.add_trace(
+                go.Scattergl(x=traces.time_s, y=signal, name=label, line={"color": COLOURS[label], "width": 1.3}),
+                row=1,
+                col=1,
+            )
+    for label, signal in lines[2:]:
+        if signal is not None:
+            add_residual(figure, traces.time_s, op, traces.pv - signal, label)
+    mark_windows(figure, explanation)
+    named = ", ".join(e.code for e in explanation.effects) or "nothing is missing"
+    fit = explanation.fit
+    gain = f"held-out RMSE {fit.refitted.rmse:.4g} refitted, {fit.explained.rmse:.4g} explained"
+    title = f"{explanation.name}: {named}; {gain}"
+    figure.update_layout(title=title, template="plotly_white", height=900, legend={"orientation": "h", "y": 1.06})
+    figure.update_xaxes(title_text="time [s]", row=2, col=1)
+    figure.update_xaxes(title_text="OP", row=3, col=1)
+    return str(figure.to_html(include_plotlyjs=True, full_html=True))
+
+
+def add_residual(figure: go.Figure, time_s: FloatArray, op: FloatArray, residual: FloatArray, label: str) -> None:
+    line = {"color": COLOURS[label], "width": 1.0}
+    figure.add_trace(
+        go.Scattergl(x=time_s, y=residual, name=f"residual, {label}", line=line, showlegend=False), row=2, col=1
+    )
+    dots = {"color": COLOURS[label], "size": 3, "opacity": 0.5}
+    figure.add_trace(go.Scattergl(x=op, y=residual, mode="markers", marker=dots, showlegend=False), row=3, col=1)
+
+
+def mark_windows(figure: go.Figure, explanation: Explanation) -> None:
+    """Located windows in blue, the held-out stretch framed."""
+    for window in explanation.located.windows[:40]:
+        figure.add_vrect(
+            x0=window.start_s, x1=window.end_s, fillcolor="#0b6fb8", opacity=0.07, line_width=0, row=1, col=1
+        )
+    for window in explanation.fit.held_out:
+        figure.add_vrect(
+            x0=window.start_s,
+            x1=window.end_s,
+            line={"dash": "dot", "width": 1},
+            fillcolor="white",
+            opacity=0.2,
+            row=2,
+            col=1,
+        )
+
+
+def trace_rows(explanation: Explanation) -> tuple[list[str], FloatArray]:
+    """Header and (N, columns) of `--trace`: time, PV, the three simulations and their residuals."""
+    t = explanation.traces
+    missing = np.full(len(t.pv), np.nan)
+    given = missing if t.given is None else t.given
+    columns = [t.time_s, t.pv, given, t.refitted, t.explained, t.pv - given, t.pv - t.refitted, t.pv - t.explained]
+    header = [
+        "time",
+        "PV",
+        "PV_given",
+        "PV_refitted",
+        "PV_explained",
+        "residual_given",
+        "residual_refitted",
+        "residual_explained",
+    ]
+    return header, np.stack(columns, axis=1)
