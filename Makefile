@@ -4,13 +4,14 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help install demo test lint bench lock clean
+.PHONY: help install demo test lint bench evaluate lock clean
 
 help:
 	@echo "make demo     set up, start the service on the embedded default, audit a demo plant, show the table"
 	@echo "make test     set up, run all tests"
 	@echo "make install  set up .venv with the command line in it"
 	@echo "make bench    benchmarks, side by side with their peers"
+	@echo "make evaluate the verdict on labelled recordings, leaving one valve out (RECORDINGS=folder with labels.csv)"
 	@echo "make lint     style and import rules"
 	@echo "make lock     pin the dependencies anew"
 
@@ -36,6 +37,12 @@ lint: install
 
 bench: install
 	$(BIN)/pytest tests/benchmarks -m benchmark -s -n 0
+
+RECORDINGS ?= ../shared/recordings
+
+# WRITE=--write puts the fitted parameters into the engine.
+evaluate: install
+	$(BIN)/python -m app.services.evaluation $(RECORDINGS) --reference $(WRITE)
 
 # Hashes, markers for every supported Python, and no address of any registry.
 lock:

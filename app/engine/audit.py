@@ -103,20 +103,25 @@ def _identified(recording: Recording, config: AuditConfig, fitness: Fitness, osc
     except DataError as error:
         refusal = _unidentifiable(error)
         return _result(recording, config, fitness, refusal, oscillation=oscillation, record=record)
-    judgement = judge(fitness.audited, fitness, oscillation, reference, config)
+    judgement = judge(fitness.audited, fitness, oscillation, reference, config, recording.integrating)
     return _result(
         recording, config, fitness, judgement, oscillation=oscillation, record=record, reference=reference
     )
 
 
 def judge(
-    record: UniformRecord, fitness: Fitness, oscillation: Oscillation, reference: Reference, config: AuditConfig
+    record: UniformRecord,
+    fitness: Fitness,
+    oscillation: Oscillation,
+    reference: Reference,
+    config: AuditConfig,
+    integrating: bool | None = None,
 ) -> Judgement:
     """The one place where evidence becomes a verdict; the published rule's reading stands beside it as the reference.
 
     record: the stretch that `oscillation` was found in.
     """
-    judgement = verdict.judge(record, oscillation, fitness, reference, config.judgement)
+    judgement = verdict.judge(record, oscillation, fitness, reference, config.judgement, integrating)
     published = _published_reasons(reference, config)
     given = {reason.code for reason in judgement.reasons}
     doubts = tuple(Reason(f.code, f.text) for f in fitness.findings if f.outcome == "fail" and f.code not in given)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from app.engine.features.signals import without_drift
 from app.engine.recording import FloatArray
+from app.engine.sampled import without_drift
 from app.engine.valve import he_step
 
 INTEGRATOR = -1.0
@@ -122,7 +122,8 @@ def controller_action(pv: FloatArray, op: FloatArray) -> tuple[float, float]:
     normal = (columns / scale).T @ (columns / scale) + 1e-9 * len(pv) * np.eye(5)
     proportional, integrating = np.linalg.solve(normal, (columns / scale).T @ op)[:2]
     strongest = proportional if abs(proportional) > abs(integrating) else integrating
-    return float(np.sign(strongest)), abs(integrating) / (abs(proportional) + abs(integrating) + 1e-12)
+    share = abs(integrating) / (abs(proportional) + abs(integrating) + 1e-12)
+    return float(np.sign(strongest)), float(share)
 
 
 def _log_gain(misfit: FloatArray) -> float:

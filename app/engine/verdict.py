@@ -1,10 +1,11 @@
 """The audited verdict: shapes fused to a calibrated probability, rivals heard, reliability stated with its reasons."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
+from app.engine.corroborate import Corroboration, corroborate
 from app.engine.evidence import Reason
 from app.engine.features import NAMES, Features, extract
 from app.engine.fitness import Fitness
@@ -77,9 +78,11 @@ def judge(
     fitness: Fitness,
     reference: Reference | None = None,
     config: VerdictConfig | None = None,
+    integrating: bool | None = None,
 ) -> Judgement:
     """Verdict, probability, reliability, reasons and likely cause of one record that is fit to be audited.
 
+    integrating: whether the process integrates, None where it is not known; only the published methods ask for it.
     reference: the published rule's answer, named among the reasons where it disagrees; it does not move the verdict.
     """
     config = config or VerdictConfig()
@@ -87,7 +90,9 @@ def judge(
     if weighing is None:
         text = "PV or OP does not vary in the audited stretch: nothing can be said"
         return Judgement("inconclusive", 0.5, "not_reliable", (Reason("no_variation", text),), None)
-    return conclude(weighing, oscillation, fitness, reference, config)
+    judgement = conclude(weighing, oscillation, fitness, reference, config)
+    methods = corroborate(record, oscillation, integrating)
+    return replace(judgement, reasons=(*judgement.reasons, _methods_reason(methods)))
 
 
 def conclude(
@@ -128,9 +133,10 @@ def _doubts(
 ) -> tuple[Reason, ...]:
     """Why the verdict is not reliable; empty where it is."""
     doubts = []
-    probability = weighing.probability
-    if config.reliable_no_stiction_to < probability < config.reliable_stiction_from:
-        text = f"the evidence is not clear enough: probability of stiction {probability:.2f}"
+    cycling = oscillation.regular and oscillation.strength >= config.strong_swing
+    enough = config.reliable_cycling_from if cycling else config.reliable_stiction_from
+    if config.reliable_no_stiction_to < weighing.probability < enough:
+        text = f"the evidence is not clear enough: probability of stiction {weighing.probability:.2f}"
         doubts.append(Reason("evidence_not_clear", text))
     if verdict == "stiction" and oscillation.cycles < config.min_cycles:
         text = f"the record holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be trusted"
@@ -139,12 +145,19 @@ def _doubts(
         doubts.append(Reason("windows_disagree", "parts of the record say different things about the valve"))
     if verdict == "stiction":
         doubts.extend(Reason(rival.cause, rival.text) for rival in weighing.rivals if rival.stands_out and rival.counts)
-    failed = [f for f in fitness.findings if f.outcome == "fail" and f.code in _DOUBTFUL_DATA]
-    doubts.extend(Reason(finding.code, finding.text) for finding in failed)
+    doubts.extend(_data_doubts(weighing, fitness, config))
+    return tuple(doubts)
+
+
+def _data_doubts(weighing: Weighing, fitness: Fitness, config: VerdictConfig) -> list[Reason]:
+    # Where the loop cycles on the resolution of its sensor, coarse values are the explanation and not a doubt.
+    cycles_on_it = any(r.cause == "quantised_sensor" and r.stands_out for r in weighing.rivals)
+    codes = _DOUBTFUL_DATA - {"pv_quantised"} if cycles_on_it else _DOUBTFUL_DATA
+    doubts = [Reason(f.code, f.text) for f in fitness.findings if f.outcome == "fail" and f.code in codes]
     if fitness.filled_share is not None and fitness.filled_share > config.max_filled_share:
         text = f"{100 * fitness.filled_share:.0f} % of the samples were filled by interpolation"
         doubts.append(Reason("filled_share", text))
-    return tuple(doubts)
+    return doubts
 
 
 def _shape_reasons(weighing: Weighing, verdict: Verdict) -> tuple[Reason, ...]:
@@ -163,6 +176,18 @@ def _rival_reasons(weighing: Weighing, verdict: Verdict) -> tuple[Reason, ...]:
     if verdict == "stiction":
         return ()
     return tuple(Reason(rival.cause, rival.text) for rival in weighing.rivals[:2] if rival.stands_out)
+
+
+def _methods_reason(methods: tuple[Corroboration, ...]) -> Reason:
+    """How the published methods vote; they corroborate and do not move the verdict."""
+    said = [m for m in methods if m.applies]
+    sticky = [m.method.replace("_", " ") for m in said if m.says == "stiction"]
+    healthy = [m.method.replace("_", " ") for m in said if m.says == "no_stiction"]
+    text = (
+        f"of {len(said)} published methods that apply, {len(sticky)} say stiction ({', '.join(sticky) or 'none'}) and "
+        f"{len(healthy)} no stiction ({', '.join(healthy) or 'none'})"
+    )
+    return Reason("published_methods", text)
 
 
 def _reference_reason(reference: Reference, verdict: Verdict) -> tuple[Reason, ...]:

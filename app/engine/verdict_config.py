@@ -8,7 +8,8 @@ class VerdictConfig:
     """undecided_within: a probability this near to 0.5 is inconclusive.
 
     reliable_stiction_from, reliable_no_stiction_to: probabilities that a reliable verdict needs, chosen on
-    leave-one-valve-out scores for 97 % right.
+    leave-one-valve-out scores for 97 % right. reliable_cycling_from: enough for stiction where the loop oscillates
+    regularly with at least `strong_swing`, as a limit cycle does.
     min_cycles: fewest cycles of the oscillation in the record for a reliable verdict of stiction.
     max_window_spread: largest standard deviation of the log-odds between windows for a reliable verdict.
     max_filled_share: largest share of filled samples for a reliable verdict.
@@ -16,7 +17,9 @@ class VerdictConfig:
     """
 
     undecided_within: float = 0.02
-    reliable_stiction_from: float = 0.8
+    reliable_stiction_from: float = 0.85
+    reliable_cycling_from: float = 0.7
+    strong_swing: float = 0.4
     reliable_no_stiction_to: float = 0.25
     min_cycles: float = 5.0
     max_window_spread: float = 1.5

@@ -7,8 +7,8 @@ from scipy import fft
 
 from app.engine.corroborate.case import Case
 from app.engine.corroborate.corroboration import Corroboration, Method, Says
-from app.engine.features.signals import without_drift
 from app.engine.recording import FloatArray
+from app.engine.sampled import without_drift
 
 METHOD = Method(
     "bicoherence",
@@ -20,7 +20,7 @@ _NLI_FROM = 0.01
 _SEGMENT = 64
 _SAMPLES_A_CYCLE = 32
 _FEWEST_SEGMENTS = 8
-_LONGEST = 16384
+_LONGEST = 8192
 # Where hardly any power is, the bicoherence is a quotient of roundings: below this share of the largest it is left out.
 _NO_POWER = 1e-3
 _GOLDEN = 0.618
@@ -57,7 +57,8 @@ def bicoherence(case: Case) -> Corroboration:
         return METHOD.refuse(f"{max(segments, 0)} segments of {_SEGMENT} samples, needed {_FEWEST_SEGMENTS}")
     if np.std(x) <= 1e-9 * np.max(np.abs(case.record.pv)):
         return METHOD.refuse("the control error does not vary")
-    indices = nonlinearity_indices(x, _hop(per_cycle))
+    # Fourth powers of what a plant may send as a unit would leave the range of numbers.
+    indices = nonlinearity_indices(x / np.std(x), _hop(per_cycle))
     says: Says = "stiction" if indices.ngi > METHOD.threshold and indices.nli > _NLI_FROM else "no_stiction"
     return METHOD.decided(indices.ngi, says, f"NGI of the control error, NLI = {indices.nli:.2g}")
 

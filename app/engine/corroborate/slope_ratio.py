@@ -5,9 +5,9 @@ import numpy as np
 from app.engine.corroborate.case import Case
 from app.engine.corroborate.corroboration import Corroboration, Method
 from app.engine.features import ShapeWindow
-from app.engine.features.signals import ROUNDING
 from app.engine.features.window import PER_CYCLE
 from app.engine.recording import FloatArray
+from app.engine.sampled import ROUNDING
 
 METHOD = Method(
     "slope_ratio",

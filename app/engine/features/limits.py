@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.engine.features.signals import ROUNDING, moving_average, without_line
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import FloatArray
+from app.engine.sampled import ROUNDING, moving_average, without_line
 
 _SAME_STEP = 0.02
 _FEWEST_STEPS = 10

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft
 
-from app.engine.features.signals import ROUNDING, correlation
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import FloatArray
+from app.engine.sampled import ROUNDING, correlation
 
 _SEGMENT = 3 * PER_CYCLE
 # In segments of three cycles the fundamental is line 3; its neighbours belong to it where the period wanders.

@@ -6,9 +6,9 @@ import numpy as np
 from numba import njit
 from scipy import fft
 
-from app.engine.features.signals import log_kurtosis, skewness
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import FloatArray
+from app.engine.sampled import log_kurtosis, skewness
 
 _HARMONIC_EDGES = (0.0, 0.5, 1.5, 2.5, 3.5, np.inf)
 _FEWEST_HALF_CYCLE = 8

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from app.engine.features.signals import ROUNDING, burstiness, correlation
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import FloatArray
+from app.engine.sampled import ROUNDING, burstiness, correlation
 
 _REVERSAL = 0.7
 _STILL_BAND = 0.3

@@ -3,10 +3,10 @@
 import numpy as np
 
 from app.engine.features import Features
-from app.engine.features.signals import correlation
 from app.engine.oscillation import Oscillation
 from app.engine.recording import UniformRecord
 from app.engine.rivals.rival import Rival
+from app.engine.sampled import correlation
 
 _PURE_SINE = 0.8
 _STRONG_SWING = 0.6

@@ -4,6 +4,7 @@ import numpy as np
 
 from app.engine import verdict_reference
 from app.engine.audit import newest
+from app.engine.corroborate import corroborate
 from app.engine.recording import FloatArray
 from app.engine.reliability import climb
 from app.engine.shape_model import ShapeModel
@@ -27,9 +28,22 @@ def component_scores(
     for name in _SHOWN:
         values = [None if x.features is None else SIGNS[name] * x.features.named(name) for x in loops]
         scores.append((name, _array(values)))
+    scores.extend(_methods(loops))
     if reference:
         scores.extend(_published(loops))
     return scores
+
+
+def _methods(loops: list[Labelled]) -> list[tuple[str, FloatArray]]:
+    """The published detection methods, each where it applies."""
+    said: dict[str, list[float | None]] = {}
+    for k, loop in enumerate(loops):
+        if loop.features is None or loop.oscillation is None or loop.fitness.record is None:
+            continue
+        integrating = loop.recording.integrating
+        for answer in corroborate(loop.fitness.record, loop.oscillation, integrating):
+            said.setdefault(answer.method, [None] * len(loops))[k] = answer.statistic
+    return [(f"method: {name}", _array(values)) for name, values in said.items()]
 
 
 def _published(loops: list[Labelled]) -> list[tuple[str, FloatArray]]:

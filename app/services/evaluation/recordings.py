@@ -1,7 +1,7 @@
 """The development recordings as the engine sees them: label, uniform record, oscillation, features."""
 
 import csv
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +39,8 @@ def labelled(folder: Path) -> list[Labelled]:
 
 
 def _labelled(row: dict[str, str], recording: Recording) -> Labelled:
+    integrating = {"True": True, "False": False}.get(row.get("integrating", ""))
+    recording = replace(recording, integrating=integrating)
     fitness = assess(recording)
     oscillation = features = None
     if fitness.record is not None and fitness.auditable:

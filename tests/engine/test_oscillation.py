@@ -1,0 +1,74 @@
+"""Period, regularity and strength of an oscillation, whatever the unit, the offset and the trend."""
+
+import numpy as np
+import pytest
+
+from app.engine.oscillation import autocorrelation, detect
+from app.engine.recording import UniformRecord
+
+N = 1200
+
+
+def record(pv, op, sp=None, interval_s=1.0) -> UniformRecord:
+    return UniformRecord(interval_s, np.asarray(pv, float), np.asarray(op, float), sp, np.zeros(len(pv), bool))
+
+
+def cycle(period: float, n: int = N) -> np.ndarray:
+    return np.sin(2 * np.pi * np.arange(n) / period)
+
+
+@pytest.mark.parametrize("period", [8.0, 25.0, 60.0, 200.0])
+def test_the_period_of_a_noisy_cycle_is_found(period):
+    noise = 0.3 * np.random.default_rng(1).normal(size=(2, N))
+    found = detect(record(cycle(period) + noise[0], np.roll(cycle(period), 5) + noise[1]))
+    assert found.period_s == pytest.approx(period, rel=0.03)
+    assert found.regular
+    assert found.cycles == pytest.approx(N / period, rel=0.03)
+
+
+def test_the_period_is_in_seconds():
+    found = detect(record(cycle(40), cycle(40), interval_s=30.0))
+    assert found.period_s == pytest.approx(1200.0, rel=0.02)
+    assert found.samples_per_cycle == pytest.approx(40.0, rel=0.02)
+
+
+def test_a_slow_trend_does_not_hide_the_cycle():
+    drift = 20 * cycle(1500) + 0.01 * np.arange(N)
+    found = detect(record(cycle(30) + drift, cycle(30) + 2 * drift))
+    assert found.period_s == pytest.approx(30.0, rel=0.05)
+    assert found.trend_share > 0.0
+
+
+def test_a_cycle_that_only_the_control_error_shows_is_found():
+    sp = np.cumsum(np.random.default_rng(3).normal(size=N))
+    found = detect(record(sp + 0.5 * cycle(24), np.random.default_rng(4).normal(size=N), sp=sp))
+    assert (found.signal, found.period_s) == ("error", pytest.approx(24.0, rel=0.05))
+
+
+def test_noise_is_no_strong_oscillation():
+    noise = np.random.default_rng(2).normal(size=(2, N))
+    assert detect(record(noise[0], noise[1])).strength < 0.3
+
+
+def test_nothing_moving_is_no_oscillation():
+    found = detect(record(np.full(N, 3.0), np.full(N, 7.0)))
+    assert (found.period_s, found.regularity, found.strength, found.regular) == (None, 0.0, 0.0, False)
+
+
+def test_scale_offset_and_sign_change_nothing():
+    noise = 0.2 * np.random.default_rng(5).normal(size=(2, N))
+    pv, op = cycle(37) + noise[0], np.roll(cycle(37), 9) + noise[1]
+    one, other = detect(record(pv, op)), detect(record(-1e-3 * pv + 300.0, 16 * op - 4))
+    assert other.period_s == pytest.approx(one.period_s, rel=1e-6)
+    assert other.regularity == pytest.approx(one.regularity, rel=1e-4)
+
+
+def test_long_records_are_thinned_and_keep_their_period():
+    found = detect(record(cycle(500, 40000), cycle(500, 40000)))
+    assert found.period_s == pytest.approx(500.0, rel=0.03)
+
+
+def test_autocorrelation_of_a_sine_is_a_cosine_and_of_a_constant_zero():
+    acf = autocorrelation(cycle(20))
+    np.testing.assert_allclose(acf[:41:20], 1.0, atol=0.02)
+    assert not autocorrelation(np.full(64, 5.0)).any()
