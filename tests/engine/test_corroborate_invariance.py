@@ -13,14 +13,16 @@ SCALES = st.floats(1e-3, 1e3).flatmap(lambda s: st.sampled_from((s, -s)))
 OFFSETS = st.floats(-1e3, 1e3)
 
 
-def loop(kind: int, noise: float, seed: int) -> UniformRecord:
-    """A loop in one of three wave forms with a little noise and drift, 1200 samples at 1 s."""
+def loop(kind: int, noise: float, seed: int, resolution: float = 0.0) -> UniformRecord:
+    """A loop in one of three wave forms with noise and drift, PV in steps of `resolution`, 1200 samples at 1 s."""
     rng = np.random.default_rng(seed)
     t = np.arange(1200) / 37.7
     sine, cosine = np.sin(2 * np.pi * t), np.cos(2 * np.pi * t)
     pv, op = ((sine, -sine), (-np.sign(cosine), np.arcsin(sine)), (cosine, sine + 0.3 * sine**2))[kind]
     pv = pv + noise * rng.standard_normal(1200) + 0.02 * t
     op = op + noise * rng.standard_normal(1200)
+    if resolution > 0.0:
+        pv = np.round(pv / resolution) * resolution
     return UniformRecord(1.0, pv, op, np.full(1200, 0.5), np.zeros(1200, dtype=bool))
 
 
@@ -28,14 +30,15 @@ def loop(kind: int, noise: float, seed: int) -> UniformRecord:
 @given(
     kind=st.integers(0, 2),
     noise=st.floats(0.05, 0.5),
+    resolution=st.sampled_from((0.0, 0.25)),
     seed=st.integers(0, 50),
     pv=st.tuples(SCALES, OFFSETS),
     op=st.tuples(SCALES, OFFSETS),
     time_scale=st.floats(1e-2, 1e4),
     integrating=st.sampled_from((True, False, None)),
 )
-def test_units_signs_and_time_units_change_no_answer(kind, noise, seed, pv, op, time_scale, integrating):
-    r = loop(kind, noise, seed)
+def test_units_signs_and_time_units_change_no_answer(kind, noise, resolution, seed, pv, op, time_scale, integrating):
+    r = loop(kind, noise, seed, resolution)
     changed = UniformRecord(
         r.sampling_interval_s * time_scale, r.pv * pv[0] + pv[1], r.op * op[0] + op[1], r.sp * pv[0] + pv[1], r.filled
     )

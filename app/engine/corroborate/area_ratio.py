@@ -6,6 +6,7 @@ from app.engine.corroborate.case import FEWEST_HALF_CYCLES, Case
 from app.engine.corroborate.corroboration import Corroboration, Method
 from app.engine.corroborate.half_cycles import PHASE, POINTS
 from app.engine.recording import FloatArray
+from app.engine.sampled import ROUNDING
 
 METHOD = Method(
     "area_ratio",
@@ -31,7 +32,9 @@ def area_ratio(case: Case) -> Corroboration:
 
 
 def _ratio(halves: FloatArray) -> float:
-    peak = PHASE[np.argmax(halves, axis=1)][:, None]
+    # Equal heights (a coarse transmitter) are told apart by rounding only: the peak is in their middle.
+    highest = halves >= halves.max(axis=1, keepdims=True) - ROUNDING
+    peak = (np.sum(highest * PHASE, axis=1) / np.sum(highest, axis=1))[:, None]
     # The sample in which the peak falls belongs to both sides by halves, so that a sine gives 1.
     before = np.clip((peak - PHASE) * POINTS + 0.5, 0.0, 1.0)
     area = np.maximum(halves, 0.0)
