@@ -167,11 +167,19 @@ class Service:
     client: httpx.Client
     processes: Processes
 
-    def upload(self, path: Path, seconds: float = 120) -> dict[str, Any]:
+    def upload(self, *paths: Path, seconds: float = 180) -> list[dict[str, Any]]:
+        """Sends all, then waits until all are read."""
+        return [self._read(location, seconds) for location in [self._sent(path) for path in paths]]
+
+    def _sent(self, path: Path) -> str:
         answer = self.client.post("/v1/uploads", params={"filename": path.name}, content=path.read_bytes())
         assert answer.status_code == 202, answer.text
-        location = answer.headers["location"]
-        return wait_until(lambda: self.client.get(location).json(), lambda u: u["state"] in ("done", "failed"), seconds)
+        return answer.headers["location"]
+
+    def _read(self, location: str, seconds: float) -> dict[str, Any]:
+        return wait_until(
+            lambda: self.client.get(location).json(), lambda upload: upload["state"] in ("done", "failed"), seconds
+        )
 
     def audit(self, seconds: float = 240) -> dict[str, Any]:
         answer = self.client.post("/v1/audits", json={})

@@ -88,7 +88,8 @@ def audited(service, tmp_path_factory):
     for name, valve in valves.items():
         done = service.processes.run("simulate", *valve, "--noise", "0.05", "--out", str(folder / f"{name}.csv"))
         assert done.returncode == 0, done.stderr
-        assert service.upload(folder / f"{name}.csv")["state"] == "done", service.processes.logs()
+    uploads = service.upload(*(folder / f"{name}.csv" for name in valves))
+    assert [upload["state"] for upload in uploads] == ["done"] * 3, (uploads, service.processes.logs())
     return service.audit(), folder
 
 
@@ -141,7 +142,7 @@ def test_real_recordings_get_the_verdicts_of_the_command_line(service, audited, 
     """The 78 recordings as files over HTTP, two workers: the same verdicts as `loopaudit audit` on the folder."""
     folder = shared_dir / "recordings"
     files = sorted(path for path in folder.glob("*.csv") if path.name != "labels.csv")
-    states = Counter(service.upload(path)["state"] for path in files)
+    states = Counter(upload["state"] for upload in service.upload(*files, seconds=300))
     assert states == {"done": len(files)}
     run = service.audit(seconds=600)
     assert run["state"] == "done", run
