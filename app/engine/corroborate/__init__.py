@@ -1,7 +1,7 @@
 """Published detection methods, one small module each: they corroborate the verdict and do not make it.
 
-The papers' texts were not at hand: definitions and thresholds are those by which the methods are commonly known, and each
-module says what was left open and how it was filled. No figure of a paper has been reproduced with them.
+The papers' texts were not at hand: definitions and thresholds are those by which the methods are commonly known, and
+each module says what was left open and how it was filled. No figure of a paper has been reproduced with them.
 """
 
 from collections.abc import Callable
