@@ -3,7 +3,6 @@
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +25,8 @@ class Recording:
     op_range, pv_range: (low, high) of the instrument's span in its unit, or None where it is not known.
     integrating: whether the process integrates (a level), or None where it is not known.
     others: further measured signals, (N,) each, by name.
-    Raises DataError("signal_length") where the signals' lengths differ and DataError("time_order") where time does not increase.
+    Raises DataError("signal_length") where the signals' lengths differ and DataError("time_order") where time does not
+    increase.
     """
 
     name: str
@@ -38,16 +38,17 @@ class Recording:
     op_range: tuple[float, float] | None = None
     pv_range: tuple[float, float] | None = None
     integrating: bool | None = None
-    others: Mapping[str, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
+    others: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
         signals = {"pv": self.pv, "op": self.op, "sp": self.sp, "automatic": self.automatic, **self.others}
         for name, signal in signals.items():
             if signal is not None and len(signal) != n:
-                raise DataError("signal_length", f"{name} has {len(signal)} samples, time has {n}; they must be the same")
+                got = f"{name} has {len(signal)} samples, time has {n}; they must be the same"
+                raise DataError("signal_length", got)
         if n > 1 and not np.all(np.diff(self.time_s) > 0):
-            raise DataError("time_order", "sampling times must increase; sort the samples and drop repeated times first")
+            raise DataError("time_order", "sampling times must increase; sort the samples and drop repeated times")
 
     @property
     def samples(self) -> int:
