@@ -1,6 +1,7 @@
 """What a feature says for or against stiction, in an engineer's words."""
 
 _FOR = {
+    "sticking": "PV stands while OP moves, and then follows it, for {value:.0%} of the time",
     "ccf_odd": "OP and PV run in quadrature (odd part of their cross-correlation {value:.2f})",
     "op_dpv": "OP goes with the slope of PV, not with PV (correlation {value:.2f})",
     "loop_area": "PV over OP encloses a wide loop ({value:.2f} of a full ellipse)",
@@ -29,6 +30,7 @@ _FOR = {
     "together_eighth": "PV moves where OP does not, and stands where OP travels",
 }
 _AGAINST = {
+    "sticking": "PV hardly ever stands while OP moves and then follows it ({value:.0%} of the time)",
     "ccf_odd": "OP and PV run in line, not in quadrature (odd part of their cross-correlation {value:.2f})",
     "op_dpv": "OP does not go with the slope of PV (correlation {value:.2f})",
     "loop_area": "PV over OP encloses hardly a loop ({value:.2f} of a full ellipse)",

@@ -6,12 +6,14 @@ import numpy as np
 from numba import njit
 
 from app.engine.features.window import PER_CYCLE, ShapeWindow
+from app.engine.patterns import rho_3
 from app.engine.recording import FloatArray
 from app.engine.sampled import ROUNDING, burstiness, correlation
 
 _REVERSAL = 0.7
 _STILL_BAND = 0.3
 _FEWEST_LEG_SAMPLES = 4
+_STRIDE = PER_CYCLE // 10
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,8 @@ class Travel:
     leg_spread: how much leg_still differs between legs.
     leg_contrast: difference of mean PV between rising and falling legs.
     pv_bursts, op_bursts: share of all movement that the liveliest fifth of the time holds.
+    sticking, sticking_fine: Yamashita's rho_3, PV standing while OP moves and then following it, at ten and at twenty
+    steps a cycle.
     """
 
     flat_eighth: float
@@ -41,6 +45,8 @@ class Travel:
     leg_contrast: float
     pv_bursts: float
     op_bursts: float
+    sticking: float
+    sticking_fine: float
 
 
 def travel(window: ShapeWindow) -> Travel:
@@ -62,6 +68,8 @@ def travel(window: ShapeWindow) -> Travel:
         leg_contrast=_contrast(legs, float(np.std(pv))),
         pv_bursts=burstiness(np.gradient(pv)),
         op_bursts=burstiness(np.gradient(op)),
+        sticking=rho_3(op[::_STRIDE], pv[::_STRIDE]),
+        sticking_fine=rho_3(op[:: _STRIDE // 2], pv[:: _STRIDE // 2]),
     )
 
 

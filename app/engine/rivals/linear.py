@@ -10,6 +10,9 @@ from app.engine.sampled import correlation
 
 _PURE_SINE = 0.8
 _STRONG_SWING = 0.6
+_SINE_FORM = 0.2
+_STICTION_EXPLAINS = 0.1
+_AGAINST_SINES = 3.0
 
 
 def disturbance(features: Features, oscillation: Oscillation) -> Rival:
@@ -24,10 +27,13 @@ def disturbance(features: Features, oscillation: Oscillation) -> Rival:
 def tight_tuning(features: Features, oscillation: Oscillation) -> Rival:
     """Both signals are pure sines that do not die out: a linear loop at the limit of stability, or shaken by a sine."""
     purity = min(features.named("pv_fundamental"), features.named("op_fundamental"))
-    linear = features.named("gain") < 0.1
     strength = oscillation.strength * float(np.clip((purity - _PURE_SINE) / (1 - _PURE_SINE), 0.0, 1.0))
     text = f"PV and OP are nearly sinusoidal ({100 * purity:.0f} % of the power in the fundamental)"
-    return Rival("tuning_or_sinusoidal_disturbance", strength if linear else 0.5 * strength, text)
+    # A stuck stem leaves corners in one of the two: half cycles of both that fit a sine are no work of a valve.
+    sines = max(features.named("pv_triangle"), features.named("op_triangle")) < _SINE_FORM
+    if not sines and features.named("gain") >= _STICTION_EXPLAINS:
+        strength *= 0.5
+    return Rival("tuning_or_sinusoidal_disturbance", strength, text, _AGAINST_SINES if sines else 0.0)
 
 
 def set_point(record: UniformRecord) -> Rival:

@@ -12,7 +12,7 @@ from app.errors import DataError
 from app.services.evaluation.fitting import SIGNS
 from app.services.evaluation.recordings import Labelled
 
-_SHOWN = ("ccf_odd", "op_dpv", "loop_area", "leg_still", "flat_eighth", "gain", "causal_gain", "held_gain",
+_SHOWN = ("ccf_odd", "op_dpv", "loop_area", "sticking", "leg_still", "flat_eighth", "gain", "causal_gain", "held_gain",
           "op_kurtosis", "op_fundamental", "op_fast", "op_triangle", "pv_bicoherence", "pv_roughness", "integral_share",
           "oscillation_strength", "oscillation_regularity")  # fmt: skip
 _NEWEST = 5000

@@ -16,7 +16,7 @@ TextArray = NDArray[np.str_]
 # The sign that physics gives each feature of the logistic, fixed before anything was fitted; the others stay out.
 SIGNS = {
     "ccf_odd": 1, "op_dpv": 1, "loop_area": 1, "op_pv_direction": 1, "pv_direction": 1, "coherence_odd": 1,
-    "odd_share": 1, "phase_sine": 1, "misfit_drop": 1, "causal_drop": 1,
+    "odd_share": 1, "phase_sine": 1, "misfit_drop": 1, "causal_drop": 1, "sticking": 1, "sticking_fine": 1,
     "leg_still": 1, "leg_contrast": 1, "flat_eighth": 1, "flat_quarter": 1, "pv_moves_alone": -1,
     "together_eighth": -1, "together_quarter": -1, "gain": 1, "causal_gain": 1, "causal_sticky": 1, "held_sticky": 1,
     "held_gain": 1, "S_share": 1, "integral_share": 1, "op_kurtosis": -1, "pv_kurtosis": -1, "op_slope_kurtosis": -1,

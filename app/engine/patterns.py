@@ -1,0 +1,50 @@
+"""Yamashita's movement patterns: what OP and PV do step by step, rise, fall or stand."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from app.engine.recording import FloatArray
+
+_MOVES_FROM = 1.0
+
+
+def rho_3(op: FloatArray, pv: FloatArray) -> float:
+    """rho_3 of OP and PV (n,), for the sign of the process gain that gives more: 0..1.
+
+    Share of the steps in which OP moves and PV stands, of those periods only that end with PV following OP; a step is a
+    move from one standard deviation of the steps on. Steps in which both stand do not count.
+    Source: Yamashita 2006, Control Engineering Practice 14, 503-510.
+    """
+    op_moves, pv_moves = _moves(op), _moves(pv)
+    counted = int(np.count_nonzero((op_moves != 0) | (pv_moves != 0)))
+    if counted == 0:
+        return 0.0
+    return max(_followed(op_moves, pv_moves), _followed(op_moves, -pv_moves)) / counted
+
+
+def _moves(x: FloatArray) -> NDArray[np.int8]:
+    """1, 0 or -1 for each step of x: rises, stands, falls."""
+    steps = np.diff(x)
+    scaled = (steps - steps.mean()) / (float(np.std(steps)) or 1.0)
+    return np.where(np.abs(scaled) > _MOVES_FROM, np.sign(scaled), 0.0).astype(np.int8)
+
+
+@njit(cache=True, nogil=True)
+def _followed(op: NDArray[np.int8], pv: NDArray[np.int8]) -> int:
+    """Steps in sticking periods (OP moves one way, PV stands) after which PV moves that way and OP not against it."""
+    total = length = 0
+    way = 0
+    for i in range(len(op)):
+        if op[i] != 0 and pv[i] == 0 and (length == 0 or op[i] == way):
+            way = op[i]
+            length += 1
+            continue
+        if op[i] == 0 and pv[i] == 0:
+            continue
+        if length > 0 and pv[i] == way and op[i] != -way:
+            total += length
+        length = 0
+        if op[i] != 0 and pv[i] == 0:
+            way, length = op[i], 1
+    return total

@@ -1,0 +1,132 @@
+"""The verdict: right on textbook loops, the same in any unit, never surer than its data."""
+
+import numpy as np
+import pytest
+
+from app.engine.features import NAMES
+from app.engine.fitness import assess, with_cycles
+from app.engine.judgement import Judgement
+from app.engine.oscillation import detect
+from app.engine.recording import Recording
+from app.engine.shape_model import fitted_model
+from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, Wave, first_order, simulate_loop
+from app.engine.verdict import judge, stuck, weigh
+from app.engine.verdict_config import VerdictConfig
+from app.engine.verdict_wording import spoken
+
+
+def simulated(seed: int = 1, **changes) -> Recording:
+    spec = LoopSpec(
+        plant=first_order(1.0, 3.0, 1.0),
+        controller=Pid(Kc=0.3, Ti_s=6.0),
+        noise=Signal(noise_sd=0.03),
+        settle_s=300.0,
+        **changes,
+    )
+    return simulate_loop(spec, 1200.0, 1.0, seed=seed).recording("loop")
+
+
+def sticky() -> Recording:
+    return simulated(valve=TwoParameterValve(2.0, 2.0), upset=Signal(value=3.0))
+
+
+def shaken() -> Recording:
+    return simulated(upset=Signal(noise_sd=1.0, noise_tau_s=20.0))
+
+
+def verdict(recording: Recording, config: VerdictConfig | None = None) -> Judgement:
+    fitness = assess(recording)
+    oscillation = detect(fitness.record)
+    return judge(fitness.record, oscillation, with_cycles(fitness, oscillation), config=config)
+
+
+def test_a_textbook_limit_cycle_is_sticky_and_reliable():
+    said = verdict(sticky())
+    assert (said.verdict, said.reliability, said.likely_cause) == ("stiction", "reliable", "stiction")
+    assert said.stiction_probability > 0.8
+
+
+def test_a_loop_shaken_by_its_load_is_not_sticky():
+    said = verdict(shaken())
+    assert said.verdict == "no_stiction"
+    assert said.stiction_probability < 0.3
+
+
+def test_a_sine_from_outside_is_not_called_sticky_and_reliable():
+    outside = simulated(upset=Signal(waves=(Wave(2.0, 60.0),), noise_sd=0.1, noise_tau_s=30.0))
+    said = verdict(outside)
+    assert (said.verdict, said.reliability) != ("stiction", "reliable")
+
+
+@pytest.mark.parametrize("unit", [(-1.0, 0.0, 1.0, 0.0), (1.8, 32.0, -0.16, 20.0), (1e-4, 300.0, 1e3, 0.0)])
+@pytest.mark.parametrize("make", [sticky, shaken])
+def test_no_unit_changes_what_is_said(make, unit):
+    pv_scale, pv_offset, op_scale, op_offset = unit
+    loop = make()
+    other = Recording("loop", loop.time_s * 60.0, loop.pv * pv_scale + pv_offset, loop.op * op_scale + op_offset)
+    one, two = verdict(loop), verdict(other)
+    assert two.stiction_probability == pytest.approx(one.stiction_probability, abs=1e-5)
+    assert (two.verdict, two.reliability, two.likely_cause) == (one.verdict, one.reliability, one.likely_cause)
+    assert [r.code for r in two.reasons] == [r.code for r in one.reasons]
+
+
+def test_other_columns_change_nothing():
+    loop = sticky()
+    more = Recording(loop.name, loop.time_s, loop.pv, loop.op, others={"TI100": np.cumsum(loop.pv)})
+    assert verdict(more) == verdict(Recording(loop.name, loop.time_s, loop.pv, loop.op))
+
+
+def test_reasons_are_sentences_with_codes_of_their_own():
+    for make in (sticky, shaken):
+        reasons = verdict(make()).reasons
+        assert len({r.code for r in reasons}) == len(reasons)
+        assert all(len(r.text) > 10 and "{" not in r.text for r in reasons)
+        assert "published_methods" in {r.code for r in reasons}
+
+
+def test_few_cycles_make_no_reliable_stiction():
+    loop = sticky()
+    period = int(detect(assess(loop).record).samples_per_cycle)
+    part = slice(0, 4 * period)
+    said = verdict(Recording("short", loop.time_s[part], loop.pv[part], loop.op[part]))
+    assert said.reliability == "not_reliable"
+
+
+def test_coarse_sensors_take_the_reliability_of_stiction():
+    loop = sticky()
+    step = np.ptp(loop.pv) / 3
+    said = verdict(Recording("coarse", loop.time_s, np.round(loop.pv / step) * step, loop.op))
+    assert (said.verdict, said.reliability) != ("stiction", "reliable")
+
+
+def test_near_one_half_nothing_is_decided():
+    said = verdict(sticky(), VerdictConfig(undecided_within=0.51))
+    assert said.verdict == "inconclusive"
+
+
+def test_what_does_not_answer_is_not_decided_and_names_both_causes():
+    said = stuck()
+    assert (said.verdict, said.reliability) == ("inconclusive", "not_reliable")
+    assert said.stiction_probability > 0.5
+    assert said.likely_cause == "stuck_valve_or_dead_transmitter"
+
+
+def test_the_weighing_shows_what_it_came_from():
+    fitness = assess(sticky())
+    weighing = weigh(fitness.record, detect(fitness.record))
+    assert weighing.contributions.shape == (len(NAMES),)
+    assert weighing.contributions.sum() > 0
+    assert weighing.rivals == tuple(sorted(weighing.rivals, key=lambda r: -r.strength))
+
+
+def test_fitted_numbers_fit_the_features():
+    model = fitted_model()
+    assert model.centre.shape == model.scale.shape == model.slope.shape == (len(NAMES),)
+    assert model.hidden.shape[:2] == (len(model.out), len(NAMES))
+    at_centre = model.log_odds(np.array([model.centre, model.centre]))
+    assert at_centre.shape == (2,)
+    assert at_centre[0] == at_centre[1]
+
+
+def test_wording_speaks_of_features_only():
+    assert set(spoken(True)) | set(spoken(False)) <= set(NAMES)

@@ -1,0 +1,110 @@
+"""Training and measuring: weights by valve, signs that hold, calibration, figures worked out by hand."""
+
+import numpy as np
+import pytest
+
+from app.engine.features import NAMES
+from app.engine.judgement import Judgement
+from app.services.evaluation import fitting, parameters, report, scoring
+from app.services.evaluation.fitting import FitConfig, Samples, class_weights, fit, platt, valve_weights
+from app.services.evaluation.leave_one_out import by_valve
+from app.services.evaluation.plants import known_loops
+
+
+def samples(n: int, seed: int) -> Samples:
+    """Two classes that the first odd feature separates, all other features noise."""
+    rng = np.random.default_rng(seed)
+    sticky = np.arange(n) % 2
+    values = rng.normal(size=(n, len(NAMES)))
+    values[:, NAMES.index("ccf_odd")] += 2.0 * sticky
+    return Samples(values, sticky, class_weights(np.ones(n), sticky))
+
+
+def judgement(verdict: str, probability: float, reliable: bool) -> Judgement:
+    return Judgement(verdict, probability, "reliable" if reliable else "not_reliable", (), None)
+
+
+def test_a_valve_counts_once_and_both_classes_alike():
+    weight = valve_weights(np.array(["a", "a", "b", "c"]), np.array([1, 1, 1, 0]))
+    np.testing.assert_allclose(weight, [0.25, 0.25, 0.5, 1.0])
+
+
+def test_fit_separates_and_keeps_the_signs_of_physics():
+    model = fit(samples(80, 0), samples(400, 1), FitConfig(networks=1, steps=60))
+    test = samples(200, 2)
+    right = (model.raw_log_odds(test.values) > 0) == (test.sticky == 1)
+    assert right.mean() > 0.7
+    for name, weight in zip(NAMES, model.slope, strict=True):
+        assert weight * fitting.SIGNS.get(name, 0) >= 0
+        assert name in fitting.SIGNS or weight == 0
+
+
+def test_the_same_seed_fits_the_same_model():
+    one, two = (fit(samples(40, 0), samples(100, 1), FitConfig(networks=1, steps=20)) for _ in range(2))
+    np.testing.assert_array_equal(one.hidden, two.hidden)
+
+
+def test_platt_finds_the_slope_that_was_taken_out():
+    rng = np.random.default_rng(0)
+    log_odds = rng.normal(scale=2.0, size=4000)
+    sticky = (rng.random(4000) < 1 / (1 + np.exp(-log_odds))).astype(int)
+    slope, intercept = platt(log_odds / 0.5, sticky, np.ones(4000))
+    assert slope == pytest.approx(0.5, rel=0.15)
+    assert intercept == pytest.approx(0.0, abs=0.15)
+
+
+def test_figures_by_hand():
+    valves = np.array(["a", "a", "b", "c", "d"])
+    sticky = np.array([1, 1, 1, 0, 0])
+    said = [
+        judgement("stiction", 0.9, True),
+        judgement("no_stiction", 0.4, False),
+        judgement("inconclusive", 0.5, False),
+        judgement("stiction", 0.8, True),
+        judgement("no_stiction", 0.1, True),
+    ]
+    found = scoring.figures(valves, sticky, said)
+    assert found.auc == pytest.approx(0.5)
+    assert found.forced == pytest.approx(0.5)
+    assert found.decided == pytest.approx(0.5 * (0.25 + 0.5))
+    assert found.coverage == pytest.approx(0.75)
+    assert found.reliable_share == pytest.approx(2.5 / 4)
+    assert found.reliable_right == pytest.approx(1.5 / 2.5)
+    assert found.false_alarms == pytest.approx(0.5)
+
+
+def test_intervals_hold_the_estimate():
+    label = np.array([1] * 20 + [0] * 20)
+    probability = np.concatenate((np.linspace(0.3, 1.0, 20), np.linspace(0.0, 0.7, 20)))
+    auc, forced = scoring.bootstrap(label, probability, draws=200)
+    assert auc.low < scoring.area_under_curve(probability, label) < auc.high
+    assert forced.low < scoring.balanced((probability > 0.5) == label, label) < forced.high
+
+
+def test_by_valve_takes_means():
+    names, means = by_valve(np.array(["b", "a", "b"]), np.array([1.0, 5.0, 3.0]))
+    assert (names.tolist(), means.tolist()) == (["a", "b"], [5.0, 2.0])
+
+
+def test_the_report_names_who_is_on_the_wrong_side():
+    said = [judgement("stiction", 0.9, True), judgement("no_stiction", 0.1, True)]
+    text = report.failures(["x", "y"], ["tuning", ""], np.array([0, 1]), said)
+    assert "| x | no stiction (tuning) | 0.90 | reliable |" in text
+    assert "| y | sticky | 0.10 | reliable |" in text
+
+
+def test_simulated_loops_are_the_same_for_the_same_seed_and_hold_both_classes():
+    one, two = known_loops(12, 5), known_loops(12, 5)
+    assert {loop.cause == "stiction" for loop in one} == {True, False}
+    for a, b in zip(one, two, strict=True):
+        np.testing.assert_array_equal(a.record.pv, b.record.pv)
+
+
+def test_written_parameters_are_a_module_that_gives_the_model_back(tmp_path):
+    model = fit(samples(40, 0), samples(100, 1), FitConfig(networks=2, steps=20))
+    version = parameters.write(model, tmp_path / "written.py")
+    space: dict = {}
+    exec((tmp_path / "written.py").read_text(), space)  # noqa: S102
+    assert (space["VERSION"], space["FEATURES"], space["NETWORKS"]) == (version, NAMES, 2)
+    np.testing.assert_allclose(np.array(space["SLOPE"]), model.slope, rtol=1e-3, atol=1e-5)
+    np.testing.assert_allclose(np.array(space["HIDDEN"]), model.hidden.ravel(), rtol=1e-3, atol=1e-5)
