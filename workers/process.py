@@ -1,12 +1,17 @@
 """A worker process: kernels compiled before it forks, one connection to the data base after it forked."""
 
 import logging
+import os
+import resource
 from functools import cache
+from typing import Any
 
 from celery import current_app, signals
 
 from app.services import chunks
 from app.services.backend import Backend
+
+ROOM_TO_WORK_MB = 150
 
 
 @cache
@@ -21,9 +26,25 @@ def log_plainly(loglevel: int | None = None, **_: object) -> None:
 
 
 @signals.worker_init.connect
-def warm_up(**_: object) -> None:
+def warm_up(sender: Any, **_: object) -> None:
     """In the parent, once: its children inherit what is compiled and loaded."""
+    _compile_aside()
     chunks.warm_up()
+    # A child begins as large as its parent. A limit below that would replace it after every task.
+    own_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
+    sender.max_memory_per_child = 1024 * max(current_app.settings.worker_memory_mb, own_mb + ROOM_TO_WORK_MB)
+
+
+def _compile_aside() -> None:
+    """Fills the cache of compiled kernels from a process that then ends: compiling takes memory that is never given
+    back, and every worker process would carry it."""
+    aside = os.fork()
+    if aside == 0:
+        try:
+            chunks.warm_up()
+        finally:
+            os._exit(0)
+    os.waitpid(aside, 0)
 
 
 @signals.worker_process_shutdown.connect

@@ -17,9 +17,9 @@ VISIBILITY_TIMEOUT_S = 900
 TRANSPORT_ALIASES["folder"] = "app.queue.folder:Transport"
 
 
-def celery_application(settings: Settings) -> Celery:
-    """An application for the broker of the settings; its tasks stand in the package `workers`."""
-    application = Celery("loopaudit", set_as_current=False, include=["workers.tasks"])
+def celery_application(settings: Settings, *, works: bool = False) -> Celery:
+    """An application for the broker of the settings. `works`: with its tasks, from the package `workers`."""
+    application = Celery("loopaudit", set_as_current=False, include=["workers.tasks"] if works else [])
     application.settings = settings
     application.conf.update(
         broker_url=f"{FOLDER}localhost" if _in_folder(settings) else settings.resolved_broker_url,
@@ -41,8 +41,7 @@ def celery_application(settings: Settings) -> Celery:
         task_acks_late=True,
         task_publish_retry=True,
         task_publish_retry_policy={"max_retries": 2, "interval_start": 0.1, "interval_step": 0.2, "interval_max": 0.5},
-        worker_prefetch_multiplier=1,
-        worker_disable_prefetch=settings.resolved_broker_url.startswith("redis"),
+        worker_prefetch_multiplier=1,  # with late acknowledgement: the message that is worked on, and no other
         worker_enable_remote_control=False,
         worker_send_task_events=False,
         worker_soft_shutdown_timeout=30.0,

@@ -19,7 +19,7 @@ def run_worker(settings: Settings, concurrency: int = 1, log_level: str = "WARNI
     name = f"loopaudit-{os.getpid()}-{uuid.uuid4().hex[:6]}@%h"
     pool = ("--pool", "prefork", "--concurrency", str(concurrency))
     queues = ("--queues", ",".join(QUEUES))
-    application = celery_application(settings)
+    application = celery_application(settings, works=True)
     application.set_current()
     application.start(["--quiet", "worker", "--hostname", name, *pool, *queues, *QUIET, "--loglevel", log_level])
 
