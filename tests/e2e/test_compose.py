@@ -16,8 +16,13 @@ import yaml
 ROOT = Path(__file__).resolve().parents[2]
 COMPOSE = yaml.safe_load((ROOT / "docker-compose.yml").read_text(encoding="utf-8"))
 SERVICES = COMPOSE["services"]
+VALVES = {
+    "FINE": ("--noise", "0.2"),
+    "SLOW": ("--integrating", "--gain", "0.01"),
+    "STICKY": ("--valve", "he", "-S", "6", "-J", "2"),
+}
 
-pytestmark = [pytest.mark.postgres, pytest.mark.redis]
+pytestmark = [pytest.mark.postgres, pytest.mark.redis, pytest.mark.timeout(900)]  # cold kernels on a busy machine
 
 
 def command(service: str, port: int | None = None) -> list[str]:
@@ -39,11 +44,27 @@ def settings(service: str, postgres_url: str, redis_url: str) -> dict[str, str]:
 
 
 @pytest.fixture(scope="module")
-def service(make_processes, ready_service, free_port, postgres_url, redis_url):
+def processes(make_processes, postgres_url, redis_url):
+    """Own addresses for the environment that migrate has in compose."""
+    return make_processes(**settings("migrate", postgres_url, redis_url), LOOPAUDIT_SWEEP_S="2")
+
+
+@pytest.fixture(scope="module")
+def recordings(processes, tmp_path_factory) -> list[Path]:
+    """Three recordings of known valves. One is audited at once, so that the kernels are compiled once and not twice."""
+    folder = tmp_path_factory.mktemp("recordings")
+    for name, valve in VALVES.items():
+        done = processes.run("simulate", *valve, "--noise", "0.05", "--out", str(folder / f"{name}.csv"))
+        assert done.returncode == 0, done.stderr
+    compiled = processes.run("audit", str(folder / "STICKY.csv"), timeout=280)
+    assert compiled.returncode == 0, compiled.stderr
+    return sorted(folder.iterdir())
+
+
+@pytest.fixture(scope="module")
+def service(processes, recordings, ready_service, free_port, postgres_url, redis_url):
     """migrate, api, beat and as many workers as compose asks for."""
-    processes = make_processes(LOOPAUDIT_SWEEP_S="2")
-    own = {name: settings(name, postgres_url, redis_url) for name in ("migrate", "api", "worker", "beat")}
-    processes.environment = {**processes.environment, **own["migrate"]}
+    own = {name: settings(name, postgres_url, redis_url) for name in ("api", "worker", "beat")}
     migrated = processes.run(*command("migrate"))
     assert migrated.returncode == 0, migrated.stderr
     processes.start(command("api", free_port), **own["api"])
@@ -52,6 +73,13 @@ def service(make_processes, ready_service, free_port, postgres_url, redis_url):
         processes.start(command("worker"), **own["worker"])
     with ready_service(processes, free_port) as running:
         yield running
+
+
+@pytest.fixture(scope="module")
+def audited(service, recordings):
+    uploads = service.upload(*recordings)
+    assert [upload["state"] for upload in uploads] == ["done"] * 3, (uploads, service.processes.logs())
+    return service.audit()
 
 
 def test_every_service_has_a_health_check_but_the_one_that_ends():
@@ -76,25 +104,8 @@ def test_the_image_copies_every_room_and_runs_as_nobody_special():
     assert copied == allowed
 
 
-@pytest.fixture(scope="module")
-def audited(service, tmp_path_factory):
-    """Three recordings of known valves, uploaded and audited."""
-    folder = tmp_path_factory.mktemp("recordings")
-    valves = {
-        "STICKY": ("--valve", "he", "-S", "6", "-J", "2"),
-        "FINE": ("--noise", "0.2"),
-        "SLOW": ("--integrating", "--gain", "0.01"),
-    }
-    for name, valve in valves.items():
-        done = service.processes.run("simulate", *valve, "--noise", "0.05", "--out", str(folder / f"{name}.csv"))
-        assert done.returncode == 0, done.stderr
-    uploads = service.upload(*(folder / f"{name}.csv" for name in valves))
-    assert [upload["state"] for upload in uploads] == ["done"] * 3, (uploads, service.processes.logs())
-    return service.audit(), folder
-
-
 def test_two_workers_audit_what_was_uploaded_and_the_table_comes_back(service, audited):
-    run, _ = audited
+    run = audited
     assert run["state"] == "done", (run, service.processes.logs())
     assert (run["total"], run["done"], run["failed"]) == (3, 3, 0)
     table = service.client.get("/v1/reliability").json()
@@ -137,7 +148,6 @@ def verdicts(lines: list[dict]) -> dict[str, tuple]:
 
 
 @pytest.mark.shared
-@pytest.mark.timeout(900)
 def test_real_recordings_get_the_verdicts_of_the_command_line(service, audited, shared_dir):
     """The 78 recordings as files over HTTP, two workers: the same verdicts as `loopaudit audit` on the folder."""
     folder = shared_dir / "recordings"
@@ -147,7 +157,7 @@ def test_real_recordings_get_the_verdicts_of_the_command_line(service, audited, 
     run = service.audit(seconds=600)
     assert run["state"] == "done", run
     rows = service.client.get("/v1/reliability", params={"limit": 20000}).json()["rows"]
-    served = verdicts([row for row in rows if row["loop"] not in ("STICKY", "FINE", "SLOW")])
+    served = verdicts([row for row in rows if row["loop"] not in VALVES])
     audit = service.processes.run("audit", str(folder), "--format", "jsonl", timeout=600)
     assert audit.returncode == 0, audit.stderr
     alone = verdicts([json.loads(line) for line in audit.stdout.splitlines()])

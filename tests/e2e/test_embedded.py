@@ -8,6 +8,8 @@ import time
 import httpx
 import pytest
 
+pytestmark = pytest.mark.timeout(600)  # cold kernels on a busy machine
+
 
 @pytest.fixture(scope="module")
 def service(make_processes, ready_service, free_port):
