@@ -38,7 +38,7 @@ def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
     except NotFoundError:
         return page("loop.html", tag=found.tag, row=None, rmse=None)
     detail = loops.verdict_detail(backend, tag)
-    reasons = row["reasons_text"].split(". ")
+    reasons = [reason["text"] for reason in detail["reasons"]]
     return page("loop.html", tag=found.tag, row=row, reasons=reasons, figures=figures(row), rmse=rmse_curve(detail))
 
 

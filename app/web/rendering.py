@@ -27,9 +27,20 @@ def short_time(iso: str) -> str:
     return iso[:16].replace("T", " ")
 
 
+def first_reasons(text: str, count: int = 2) -> str:
+    """The weightiest reasons of a verdict; the loop's page has all of them."""
+    sentences = text.split(". ")
+    return ". ".join(sentences[:count]) + (" ..." if len(sentences) > count else "")
+
+
 def environment() -> Environment:
     templates = Environment(loader=FileSystemLoader(HERE / "templates"), autoescape=True, undefined=StrictUndefined)
-    templates.filters |= {"figure": figure, "tag_in_url": tag_in_url, "short_time": short_time}
+    templates.filters |= {
+        "figure": figure,
+        "tag_in_url": tag_in_url,
+        "short_time": short_time,
+        "first_reasons": first_reasons,
+    }
     templates.globals |= {"verdict_words": VERDICT_WORDS, "reliability_words": RELIABILITY_WORDS}
     return templates
 

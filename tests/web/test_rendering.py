@@ -6,7 +6,7 @@ import pytest
 
 from app.services.audit_line import ReliabilityRow
 from app.services.wording import worst_first
-from app.web.rendering import figure, page, short_time, tag_in_url
+from app.web.rendering import figure, first_reasons, page, short_time, tag_in_url
 
 HOSTILE = "<script>alert(1)</script>\"'&/../%2F"
 
@@ -83,3 +83,8 @@ def test_the_surest_sticky_valve_comes_first_and_what_is_fine_last():
         row(recording="a", stiction_probability=0.95),
     ]
     assert [line["recording"] for line in worst_first(rows)] == ["a", "b", "weak", "doubtful", "dead", "fine"]
+
+
+def test_the_table_shows_the_weightiest_reasons_only():
+    assert first_reasons("A (0.72). B. C") == "A (0.72). B ..."
+    assert first_reasons("A. B") == "A. B"
