@@ -1,8 +1,8 @@
 """The command line as scripts meet it: help, exit codes, what goes to stdout and what to stderr."""
 
+import resource
 import subprocess
 import sys
-import time
 
 import pytest
 from typer.testing import CliRunner
@@ -17,13 +17,19 @@ def run(*arguments: str, **options) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=120, **options)
 
 
+def cpu_time_s() -> float:
+    """Of this process's ended children: what other processes of the machine do does not count."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
 def test_help_is_there_within_half_a_second():
     run("--help")  # the first start may still compile byte code
     durations = []
     for _ in range(3):
-        started = time.perf_counter()
+        before = cpu_time_s()
         assert run("--help").returncode == 0
-        durations.append(time.perf_counter() - started)
+        durations.append(cpu_time_s() - before)
     assert min(durations) < 0.5
 
 
