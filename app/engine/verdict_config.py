@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from app.engine.verdict_parameters import VERSION
+
 
 @dataclass(frozen=True)
 class VerdictConfig:
@@ -13,6 +15,7 @@ class VerdictConfig:
     min_cycles: fewest cycles of the oscillation in the record for a reliable verdict of stiction.
     max_window_spread: largest standard deviation of the log-odds between windows for a reliable verdict.
     max_filled_share: largest share of filled samples for a reliable verdict.
+    parameters_version: of the fitted numbers, so that a stored verdict says which ones it came from.
     stuck_probability: what is said of a valve whose PV stands still while OP travels; a dead transmitter looks alike.
     """
 
@@ -25,3 +28,4 @@ class VerdictConfig:
     max_window_spread: float = 1.5
     max_filled_share: float = 0.1
     stuck_probability: float = 0.6
+    parameters_version: str = VERSION
