@@ -9,7 +9,19 @@ from typer.testing import CliRunner
 
 from app.cli.main import cli
 
-COMMANDS = ("demo", "serve", "worker", "beat", "upload", "nightly", "audit", "inspect", "simulate", "migrate")
+COMMANDS = (
+    "demo",
+    "explain",
+    "serve",
+    "worker",
+    "beat",
+    "upload",
+    "nightly",
+    "audit",
+    "inspect",
+    "simulate",
+    "migrate",
+)
 
 
 def run(*arguments: str, **options) -> subprocess.CompletedProcess[str]:

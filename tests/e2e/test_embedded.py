@@ -78,6 +78,15 @@ def test_pages_show_the_plant_and_a_loop(service, audited):
     assert service.client.get("/static/plotly.min.js").status_code == 200
 
 
+@pytest.mark.shared
+def test_exports_as_plants_send_them_are_read_whole(service, audited, shared_dir):
+    exports = sorted(path for path in (shared_dir / "exports").iterdir() if path.suffix in (".csv", ".txt"))
+    uploads = service.upload(*exports)
+    assert [upload["state"] for upload in uploads] == ["done"] * len(exports), uploads
+    assert [len(upload["loops"]) for upload in uploads] == [1] * len(exports)
+    assert [upload["rows_kept"] for upload in uploads] == [751, 751, 7201]
+
+
 def test_nightly_from_cron_ends_beside_the_running_service(service, audited):
     done = service.processes.run("nightly")
     assert done.returncode == 0, done.stderr
