@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help install demo test lint bench evaluate lock clean
+.PHONY: help install demo test lint bench evaluate testbench lock clean
 
 help:
 	@echo "make demo     set up, start the service on the embedded default, audit a demo plant, show the table"
@@ -12,6 +12,7 @@ help:
 	@echo "make install  set up .venv with the command line in it"
 	@echo "make bench    benchmarks, side by side with their peers"
 	@echo "make evaluate the verdict on labelled recordings, leaving one valve out (RECORDINGS=folder with labels.csv)"
+	@echo "make testbench whole audits of simulated loops, one factor at a time (minutes; JOBS=processes)"
 	@echo "make lint     style and import rules"
 	@echo "make lock     pin the dependencies anew"
 
@@ -43,6 +44,9 @@ RECORDINGS ?= ../shared/recordings
 # WRITE=--write puts the fitted parameters into the engine.
 evaluate: install
 	$(BIN)/python -m app.services.evaluation $(RECORDINGS) --reference $(WRITE)
+
+testbench: install
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m app.services.testbench --jobs $(or $(JOBS),1) --write docs
 
 # Hashes, markers for every supported Python, and no address of any registry.
 lock:

@@ -41,9 +41,9 @@ class Planned:
 class Design:
     """How many loops there are: `sticky` and `healthy` on each level of each ladder, `wide` of each kind at once."""
 
-    sticky: int = 10
+    sticky: int = 8
     healthy: int = 8
-    wide: int = 200
+    wide: int = 100
     seed: int = 1
 
 
@@ -59,6 +59,12 @@ def _controllers() -> Ladder:
     levels = [Level(f"{kind} on flow", (("controller", kind), ("plant", "first_order"))) for kind in ("PI", "PID")]
     levels += [Level(f"{kind} on level", (("controller", kind), ("plant", "level"))) for kind in ("P", "PI", "PID")]
     return Ladder("controller", tuple(levels))
+
+
+def _level_gains() -> Ladder:
+    gains = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9)
+    levels = tuple(Level(f"{gain:g}", (("plant", "level"), ("tightness", gain))) for gain in gains)
+    return Ladder("controller gain on a level, of the ultimate gain", levels)
 
 
 def _recorders() -> Ladder:
@@ -82,6 +88,7 @@ LADDERS: tuple[Ladder, ...] = (
            ("fast_flow", "first_order", "second_order", "dead_time", "underdamped", "level", "lagging_level")),
     _controllers(),
     _numbers("controller gain, of the ultimate gain", "tightness", (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9)),
+    _level_gains(),
     _numbers("noise, of PV's movement", "noise_share", (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 1.0)),
     _numbers("S, % of span", "size_pct", (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0), healthy=False),
     _numbers("J / S", "J_ratio", (0.0, 0.1, 0.25, 0.5, 0.75, 1.0, 1.5), healthy=False),
