@@ -60,6 +60,12 @@ class Block:
     active: (signal before the block (N,), values, context) -> mask (N,) where it acts; None: always.
     penalty: log-likelihood it must gain before it is believed, from clean simulations. rough: the simulation jumps
     with the parameters.
+    sensible: whether values, fitted, still are what the code says; None: always. abrupt: shows in a few samples only,
+    as a jump does.
+    replaces: (signal, plant, values, context) -> PV (N,): the whole process, for a vessel that no altered plant
+    describes.
+    suits: whether the block can be asked of this plant at all. brings: further codes that it stands for. steps: of a
+    descent.
     frees_gain: what it does cannot be told from another gain, so that the given gain says little.
     """
 
@@ -77,6 +83,12 @@ class Block:
     rough: bool = False
     frees_gain: bool = False
     finalists: int = 2
+    sensible: Callable[[FloatArray, Context], bool] | None = None
+    abrupt: bool = False
+    replaces: Callable[[FloatArray, Plant, FloatArray, Context], FloatArray] | None = None
+    suits: Callable[[Context], bool] | None = None
+    brings: tuple[str, ...] = ()
+    steps: int = 6
 
     @property
     def name(self) -> str:

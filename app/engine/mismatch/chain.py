@@ -44,4 +44,7 @@ def through_process(signal: FloatArray, parts: list[Part], context: Context) -> 
     for part in parts:
         if part.block.alter is not None:
             plant = part.block.alter(plant, part.values, context)
+    for part in parts:
+        if part.block.replaces is not None:
+            return part.block.replaces(signal, plant, part.values, context) + context.record.rest
     return run_process(signal, plant, context.record.sampling_interval_s) + context.record.rest

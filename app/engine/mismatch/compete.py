@@ -10,17 +10,18 @@ from app.engine.mismatch.noise import fit_noise
 from app.engine.mismatch.scan import Start, ground, scan, task_with
 from app.engine.recording import FloatArray
 
-ADMITTED, ADMITTED_QUIET = 9, 6
-HOPELESS = 2.0
+ADMITTED, ADMITTED_QUIET = 9, 5
+HOPELESS = 0.35
 
 
 @dataclass(frozen=True, eq=False)
 class Rival:
-    """A block fitted beside what was found so far; gain: log-likelihood (nat) over that, without penalty."""
+    """A block fitted beside what was found so far (over); gain: log-likelihood (nat) over that, without penalty."""
 
     block: Block
     fit: Fit
     gain: float
+    over: Fit
 
     @property
     def score(self) -> float:
@@ -41,7 +42,7 @@ class Scanned:
 
 def rivals(found: Fit, blocks: tuple[Block, ...]) -> tuple[Rival, ...]:
     """The blocks that a scan finds promising, fitted beside the fit so far, best score first."""
-    admitted = promising(survey(found, blocks))
+    admitted = promising(survey(found, blocks), found.given.integrating)
     return tuple(sorted((enter(scanned, found) for scanned in admitted), key=lambda rival: -rival.score))
 
 
@@ -50,20 +51,21 @@ def survey(found: Fit, blocks: tuple[Block, ...]) -> tuple[Scanned, ...]:
     own, quiet = ground(found, found.noise), ground(found, quiet_noise(found.record, found.given))
     context = Context(found.record, found.plant)
     surveyed = []
-    for block in blocks:
+    for block in (b for b in blocks if b.suits is None or b.suits(context)):
         first, second = scan(block, own), scan(block, quiet)
         starts = (*finalists(first, block, context), *finalists(second, block, context))
         surveyed.append(Scanned(block, starts, first[0].gain, second[0].gain))
     return tuple(surveyed)
 
 
-def promising(surveyed: tuple[Scanned, ...]) -> tuple[Scanned, ...]:
+def promising(surveyed: tuple[Scanned, ...], integrating: bool) -> tuple[Scanned, ...]:
     """The blocks worth a fit: those near the best under either noise."""
     own = sorted(surveyed, key=lambda s: -(s.gain - s.block.penalty))
     quiet = sorted(surveyed, key=lambda s: -(s.quiet_gain - s.block.penalty))
-    kept = [s for s in own[:ADMITTED] if s.gain > HOPELESS] + [
-        s for s in quiet[:ADMITTED_QUIET] if s.quiet_gain > HOPELESS
-    ]
+    kept = [s for s in own[:ADMITTED] if s.gain > HOPELESS * s.block.penalty]
+    kept += [s for s in quiet[:ADMITTED_QUIET] if s.quiet_gain > s.block.penalty]
+    # An integrator that ran over is far from any linear start: a scan beside that misleads.
+    kept += [s for s in surveyed if (s.block.code == "process.overflow" and integrating) or s.block.brings]
     return tuple(dict.fromkeys(kept))
 
 
@@ -75,11 +77,11 @@ def enter(scanned: Scanned, found: Fit) -> Rival:
     for start in scanned.starts:
         x = start_at(task, found.plant, np.concatenate((*known, start.values)))
         noise = fit_noise(found.record.pv_deviation - task.simulated(x), found.record.usable)
-        x = descend(task, polish(task, x, noise), noise, 6)
+        x = descend(task, polish(task, x, noise), noise, scanned.block.steps)
         fits.append(fit(task, x, noise, 1, 6))
     best = max(fits, key=lambda fitted: fitted.likelihood)
-    best = fit(task, best.x, None, 3, 6)
-    return Rival(scanned.block, best, best.likelihood - found.likelihood)
+    best = fit(task, best.x, None, 3, scanned.block.steps)
+    return Rival(scanned.block, best, best.likelihood - found.likelihood, found)
 
 
 def finalists(starts: tuple[Start, ...], block: Block, context: Context) -> tuple[Start, ...]:

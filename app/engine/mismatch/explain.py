@@ -7,13 +7,13 @@ import numpy as np
 from app.engine.evidence import Reason
 from app.engine.mismatch.block import Part
 from app.engine.mismatch.experiment import Experiment, experiment
-from app.engine.mismatch.fitting import Fit, Given, fit_linear, make_task, start_at
+from app.engine.mismatch.fitting import Fit, Given, fit_linear, make_task, settle, start_at
 from app.engine.mismatch.given import TraceModel, behind_trace, identify
 from app.engine.mismatch.holdout import judge, kept_out, refit_without
 from app.engine.mismatch.patterns import Pattern, find_patterns
 from app.engine.mismatch.physics import library
 from app.engine.mismatch.plant import Plant
-from app.engine.mismatch.report import effect_of, export, location_of, pattern_effect, refit_estimates
+from app.engine.mismatch.report import effects_of, export, location_of, pattern_effect, refit_estimates
 from app.engine.mismatch.result import Effect, Explanation, Improvement, Location, Traces
 from app.engine.mismatch.selection import Selection, select
 from app.engine.mismatch.validation import validate
@@ -78,6 +78,7 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     codes = tuple(pattern.part.block.code for pattern in prepared.patterns)
     blocks = library(prepared.record)
     selection = select(prepared.base, blocks, codes)
+    selection = replace(selection, fit=settle(selection.fit))
     explanation = assemble(comparison, prepared, selection)
     if validation is None:
         return explanation
@@ -85,7 +86,8 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     second = experiment(
         validation.sampling_interval_s, validation.op, validation.pv, validation.sp, validation.measured
     )
-    return replace(explanation, validation=validate(prepared.base, selection.fit, second, validation.trace))
+    sensors = tuple(pattern.part for pattern in prepared.patterns)
+    return replace(explanation, validation=validate(prepared.base, selection.fit, sensors, second, validation.trace))
 
 
 def locate(comparison: Comparison) -> Location:
@@ -180,7 +182,7 @@ def assemble(comparison: Comparison, prepared: Prepared, selection: Selection) -
     )
     effects = (
         *(pattern_effect(p, prepared.record) for p in prepared.patterns),
-        *(effect_of(e, final) for e in selection.effects),
+        *(told for e in selection.effects for told in effects_of(e, final)),
     )
     improvement = improvement_of(traces, comparison)
     return Explanation(

@@ -17,6 +17,7 @@ GIVEN_DEVIATION = 0.05
 OWN_DEVIATION = 1.0
 FREED_DEVIATION = 0.4
 START_DEVIATION = 0.05
+SLOW_POLE, SETTLED = 0.9, 0.85
 
 
 @dataclass(frozen=True)
@@ -321,11 +322,27 @@ def best_of_noise(task: Task, x: FloatArray, rounds: int = 3) -> Fit:
     return found if found.likelihood >= other.likelihood else other
 
 
+def settle(found: Fit) -> Fit:
+    """The same model fitted by its free run alone, where the likelihood had taken what is left for slow noise.
+
+    A process that the library describes only nearly leaves slow errors; a noise model that is nearly a random walk
+    then hides
+    the free run's error from the fit. Kept only where the free run is better by more than SETTLED.
+    """
+    if max(found.noise.poles) < SLOW_POLE or not found.parts:
+        return found
+    task = make_task(found.record, found.given, tuple(part.block for part in found.parts))
+    before = float(np.std(found.residual[found.record.usable]))
+    white = NoiseModel(deviation=before)
+    other = finish(task, descend(task, polish(task, found.x, white), white, 30), found.noise)
+    return other if float(np.std(other.residual[found.record.usable])) < SETTLED * before else found
+
+
 def quiet_noise(record: Experiment, given: Given) -> NoiseModel:
     """Noise of a load behind the process lag under some white noise: what is likely before anything was fitted.
 
     The noise found beside a poor simulation is nearly a random walk and hides every slow difference.
     """
     ts, plant = record.sampling_interval_s, given.plant
-    slowest = max(plant.tau if plant.leak > 0.0 else 0.0, plant.tau2, 3.0 * ts)
+    slowest = max(plant.tau if plant.leak > 0.0 else 30.0 * ts, plant.tau2, 3.0 * ts)
     return NoiseModel((float(np.exp(-ts / slowest)), 0.0), (0.3, 0.0), float(np.std(np.diff(record.pv))) + 1e-12)

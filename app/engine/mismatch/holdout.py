@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.engine.mismatch.fitting import Fit, fit, make_task
+from app.engine.mismatch.fitting import Fit, fit, make_task, settle
 from app.engine.mismatch.windows import active_mask
 from app.engine.recording import BoolArray, FloatArray
 
@@ -67,4 +67,4 @@ def refit_without(found: Fit, held: BoolArray) -> Fit:
     """The same model with all its numbers fitted again, the held-out samples not compared."""
     record = found.record.comparing(found.record.usable & ~held)
     task = make_task(record, found.given, tuple(part.block for part in found.parts))
-    return fit(task, found.x, found.noise, 2, 6)
+    return settle(fit(task, found.x, found.noise, 2, 6))

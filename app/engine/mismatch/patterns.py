@@ -60,10 +60,10 @@ def find_patterns(record: Experiment) -> tuple[Pattern, ...]:
     coarse = step > max(STEP_OVER_NOISE * innovation_floor(record.pv), STEP_OVER_SPAN * record.pv_span)
     limits = [p for p in (at_limit(record, runs, 1.0, coarse), at_limit(record, runs, -1.0, coarse)) if p is not None]
     explained = np.any([p.shows for p in limits], axis=0) if limits else np.zeros(record.samples, dtype=np.bool_)
-    stuck = stuck_stretches(record, runs, explained)
+    stuck = stuck_stretches(record, runs, explained, coarse)
     if coarse:
         return (*limits, *stuck, quantised(record, step))
-    squeezed = compressed(record, noise)
+    squeezed = None if limits or stuck else compressed(record, noise)
     return (*limits, *stuck, *((squeezed,) if squeezed is not None else ()))
 
 
@@ -122,12 +122,17 @@ def closed_gaps(mask: BoolArray, longest: int) -> BoolArray:
     return out
 
 
-def stuck_stretches(record: Experiment, runs: tuple[Run, ...], explained: BoolArray) -> tuple[Pattern, ...]:
+def stuck_stretches(
+    record: Experiment, runs: tuple[Run, ...], explained: BoolArray, coarse: bool
+) -> tuple[Pattern, ...]:
     """Runs far longer than all others, away from the limits: one sensor that stood still."""
     free = [run for run in runs if not explained[run.first : run.last + 1].any()]
     lengths = np.sort([run.length for run in free])
     usual = float(np.quantile(lengths, 0.9)) if len(lengths) > 4 else 2.0
-    needed = max(LEAST_RUN, 5.0 * usual)
+    # Among wide levels PV repeats itself for long whenever the loop is calm: only one stretch far beyond the others
+    # counts.
+    others = float(lengths[-2]) if coarse and len(lengths) > 1 else 0.0
+    needed = max(LEAST_RUN, 5.0 * usual, 3.0 * others)
     found = [run for run in free if run.length >= needed]
     if len(found) > 5:
         return ()

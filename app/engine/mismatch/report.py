@@ -1,5 +1,7 @@
 """Turns fits and patterns into effects: parameters with intervals in units, windows, conditions, evidence."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from app.engine.evidence import Reason
@@ -34,6 +36,12 @@ def effect_of(effect: Believed, final: Fit) -> Effect:
         evidence=evidence_of(effect, final),
         gain=effect.gain,
     )
+
+
+def effects_of(effect: Believed, final: Fit) -> tuple[Effect, ...]:
+    """The effect, and those that its block stands for as well."""
+    first = effect_of(effect, final)
+    return (first, *(replace(first, code=code, alternatives=()) for code in effect.rival.block.brings))
 
 
 def probability_of(effect: Believed) -> float:

@@ -24,6 +24,7 @@ class Ground:
     basis: FloatArray
     innovations: FloatArray
     prior: FloatArray
+    sensor_parts: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +45,9 @@ def ground(fit: Fit, noise: NoiseModel) -> Ground:
     at = residual_rows(task, fit.x, fit.noise)
     basis = orthonormal(slopes(task, fit.x, fit.noise, at))
     rows = at.rows - basis @ (basis.T @ at.rows)
+    sensor = any(part.block.stage == "sensor" for part in fit.parts)
     innovations = whiten(fit.residual, fit.record.usable, fit.noise)
-    return Ground(fit, rows, basis, innovations, prior_rows(task, fit.x))
+    return Ground(fit, rows, basis, innovations, prior_rows(task, fit.x), sensor)
 
 
 def scan(block: Block, ground_: Ground) -> tuple[Start, ...]:
@@ -59,23 +61,31 @@ def scan(block: Block, ground_: Ground) -> tuple[Start, ...]:
 
 def solved(block: Block, values: FloatArray, linear: list[int], ground_: Ground, context: Context) -> Start:
     """One point of the grid, its linear parameters by least squares."""
-    fit = ground_.fit
-    at = whitened(ground_, simulate(fit.record, fit.plant, (*fit.parts, Part(block, values))))
     if not linear:
-        return Start(values, gained(ground_, at))
+        return Start(values, gained(ground_, whitened(ground_, with_block(ground_, block, values, context))))
     parameters = block.parameters(context)
+    # Where all linear parameters are zero the block does nothing.
+    at = ground_.rows
     columns = []
     for k in linear:
         moved = values.copy()
         moved[k] += parameters[k].scale
-        columns.append(whitened(ground_, simulate(fit.record, fit.plant, (*fit.parts, Part(block, moved)))) - at)
+        columns.append(whitened(ground_, with_block(ground_, block, moved, context)) - at)
     basis = np.stack(columns, axis=1)
-    change = np.linalg.lstsq(basis, -at, rcond=1e-10)[0]
+    gram = basis.T @ basis
+    change = -np.linalg.solve(gram + 1e-10 * np.trace(gram) * np.eye(len(gram)) + 1e-300, basis.T @ at)
     best = values.copy()
     for k, step in zip(linear, change, strict=True):
         best[k] = np.clip(values[k] + step * parameters[k].scale, parameters[k].low, parameters[k].high)
-    left = at + basis @ change
-    return Start(best, gained(ground_, left))
+    return Start(best, gained(ground_, at + basis @ change))
+
+
+def with_block(ground_: Ground, block: Block, values: FloatArray, context: Context) -> FloatArray:
+    """The simulation with one block more; what is added to PV needs no new run of the process."""
+    fit = ground_.fit
+    if block.stage in ("output", "sensor") and block.apply is not None and not ground_.sensor_parts:
+        return block.apply(fit.simulated, values, context)
+    return simulate(fit.record, fit.plant, (*fit.parts, Part(block, values)))
 
 
 def gained(ground_: Ground, rows: FloatArray) -> float:

@@ -4,17 +4,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.engine.mismatch.block import Block
+from app.engine.mismatch.block import Block, Context
 from app.engine.mismatch.compete import Rival, rivals
 from app.engine.mismatch.fitting import Fit
 from app.engine.mismatch.limits import limit_bonus
 from app.engine.mismatch.physics import TWINS
+from app.engine.mismatch.spikes import steady_gain, tail_penalty
 
 LEADERS = 3
 SECOND_MUST_GAIN = 6.0
 SECOND_SHARE = 0.06
 INDISTINCT = 4.0
 MOST_ALTERNATIVES = 2
+STEADY_SHARE = 0.4
+NO_WORSE = 1.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +43,29 @@ class Selection:
 
 
 def worth(rival: Rival) -> float:
-    """A rival's score with what the quiet of its limited stretches says for or against it."""
-    return rival.score + limit_bonus(rival.fit, rival.fit.parts[-1])
+    """A rival's score: what it gains beyond its penalty, spikes aside, and what the quiet of its limited stretches
+    says.
+    """
+    part = rival.fit.parts[-1]
+    if not makes_sense(rival):
+        return -np.inf
+    if part.block.abrupt:
+        return rival.score - tail_penalty(rival.fit)
+    own = min(rival.score, steady_gain(rival) - STEADY_SHARE * rival.block.penalty)
+    return own + limit_bonus(rival.fit, part) if own > 0.0 else own
+
+
+def makes_sense(rival: Rival) -> bool:
+    """Whether the fitted values still are what the code says, and the free run is no worse: noise must not take its
+    place.
+    """
+    part, usable = rival.fit.parts[-1], rival.fit.record.usable
+    if part.block.sensible is not None and not part.block.sensible(
+        part.values, Context(rival.fit.record, rival.fit.plant)
+    ):
+        return False
+    before, after = (np.std(fit.residual[usable]) for fit in (rival.over, rival.fit))
+    return bool(after < NO_WORSE * before)
 
 
 def ranked(found: Fit, blocks: tuple[Block, ...]) -> tuple[Rival, ...]:
@@ -76,7 +100,7 @@ def leaders(ranking: tuple[Rival, ...]) -> tuple[Rival, ...]:
     names = best_of_each_code(ranking)
     best = worth(names[0])
     twins = TWINS.get(names[0].block.code, ())
-    close = [r for r in names[1:] if worth(r) > 0.35 * best and worth(r) > 0.0 and r.block.code not in twins]
+    close = [r for r in names[1:] if worth(r) > 0.5 * best and worth(r) > 0.0 and r.block.code not in twins]
     return (names[0], *close[: LEADERS - 1])
 
 

@@ -5,9 +5,9 @@ again.
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.optimize import least_squares
 
-from app.engine.mismatch.block import Part
+from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.chain import simulate
 from app.engine.mismatch.experiment import Experiment, alike, experiment
 from app.engine.mismatch.fitting import Fit
@@ -30,15 +30,18 @@ OF_ONE_RECORD = (
 )
 
 
-def validate(base: Fit, final: Fit, second: Experiment, given: FloatArray | None) -> Improvement:
+def validate(
+    base: Fit, final: Fit, sensors: tuple[Part, ...], second: Experiment, given: FloatArray | None
+) -> Improvement:
     """Free runs over the second record, only their initial state estimated, from its first tenth.
 
-    given: the given simulation's trace (N,) over the second record, or None. What belongs to moments of the first
+    sensors: the parts that PV showed by itself. given: the given simulation's trace (N,) over the second record, or
+    None. What belongs to moments of the first
     record
     (a step, a stuck stretch) is left out.
     """
     record = alike(base.record, replace(second, measured=second.measured))
-    lasting = tuple(part for part in final.parts if part.block.code not in OF_ONE_RECORD)
+    lasting = tuple(part for part in (*final.parts, *sensors) if part.block.code not in OF_ONE_RECORD)
     everywhere = np.ones(record.samples, dtype=np.bool_)
     refitted = started(record, base.plant, ())
     explained = started(record, final.plant, transferred(record, lasting))
@@ -60,15 +63,26 @@ def transferred(record: Experiment, parts: tuple[Part, ...]) -> tuple[Part, ...]
 
 
 def started(record: Experiment, plant: Plant, parts: tuple[Part, ...]) -> FloatArray:
-    """The free run (N,), as deviation, whose initial state fits the first tenth of the record best."""
+    """The free run (N,), as deviation, whose initial states fit the first tenth of the record best."""
     first = max(int(START_SHARE * record.samples), 5)
+    context = Context(record, plant)
+    begun = [
+        (k, j)
+        for k, part in enumerate(parts)
+        for j, p in enumerate(part.block.parameters(context))
+        if "start" in p.name
+    ]
 
-    def error(x0: float) -> float:
-        return float(np.sum((simulate(record, plant.changed(x0=x0), parts) - record.pv_deviation)[:first] ** 2))
+    def run(states: FloatArray) -> FloatArray:
+        moved = [part.values.copy() for part in parts]
+        for (k, j), value in zip(begun, states[1:], strict=True):
+            moved[k][j] = value
+        told = tuple(Part(part.block, values) for part, values in zip(parts, moved, strict=True))
+        return simulate(record, plant.changed(x0=float(states[0])), told)
 
-    middle, reach = float(np.mean(record.pv_deviation[:3])), 0.5 * record.pv_span
-    best = minimize_scalar(error, bounds=(middle - reach, middle + reach), method="bounded")
-    return simulate(record, plant.changed(x0=float(best.x)), parts)
+    start = np.array([float(np.mean(record.pv_deviation[:3])), *np.zeros(len(begun))])
+    found = least_squares(lambda states: (run(states) - record.pv_deviation)[:first], start, x_scale=record.pv_span)
+    return run(found.x)
 
 
 def simulate_again(

@@ -89,6 +89,16 @@ def between(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
     return (context.time_s >= values[0]) & (context.time_s < values[1])
 
 
+def lasts(values: FloatArray, context: Context) -> bool:
+    """A pulse is a stretch, not a spike."""
+    return bool(values[1] - values[0] >= 12.0 * context.record.sampling_interval_s)
+
+
+def not_at_the_edge(values: FloatArray, context: Context) -> bool:
+    margin = 8.0 * context.record.sampling_interval_s
+    return bool(margin <= values[0] <= context.record.duration_s - margin)
+
+
 AFTER = "after a time"
 BLOCKS = (
     Block(
@@ -102,6 +112,8 @@ BLOCKS = (
         active=since,
         penalty=12.0,
         rough=True,
+        abrupt=True,
+        sensible=not_at_the_edge,
     ),
     Block(
         "sensor.step",
@@ -114,6 +126,8 @@ BLOCKS = (
         active=since,
         penalty=12.0,
         rough=True,
+        abrupt=True,
+        sensible=not_at_the_edge,
     ),
     Block(
         "disturbance.step",
@@ -127,6 +141,8 @@ BLOCKS = (
         form="pulse",
         penalty=15.0,
         rough=True,
+        abrupt=True,
+        sensible=lasts,
     ),
     Block(
         "sensor.step",
@@ -140,6 +156,8 @@ BLOCKS = (
         form="pulse",
         penalty=15.0,
         rough=True,
+        abrupt=True,
+        sensible=lasts,
     ),
     Block(
         "sensor.drift",

@@ -89,6 +89,7 @@ BLOCKS = (
         apply=stepped,
         active=since,
         form="step",
+        abrupt=True,
         penalty=11.5,
         rough=True,
         frees_gain=True,

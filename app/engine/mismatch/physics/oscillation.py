@@ -56,6 +56,11 @@ def active(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
     return (context.time_s >= values[0]) & (context.time_s < values[1])
 
 
+def lasts(values: FloatArray, _: Context) -> bool:
+    """Fewer than three turns are no oscillation."""
+    return bool(values[1] - values[0] >= 3.0 * values[2])
+
+
 BLOCKS = (
     Block(
         "disturbance.oscillation",
@@ -69,5 +74,6 @@ BLOCKS = (
         penalty=19.0,
         rough=True,
         finalists=3,
+        sensible=lasts,
     ),
 )

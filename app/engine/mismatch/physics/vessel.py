@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Parameter
+from app.engine.mismatch.block import Block, Context, Parameter, grid
 from app.engine.mismatch.plant import Plant
 from app.engine.recording import BoolArray, FloatArray
 
@@ -18,14 +18,22 @@ def _level(context: Context, sign: float) -> Parameter:
 
 def _overflow(sign: float) -> Block:
     def parameters(context: Context) -> tuple[Parameter, ...]:
-        return (_level(context, sign),)
+        if context.plant.leak > 0.0:
+            return (_level(context, sign),)
+        reach = abs(context.plant.K) * context.record.op_span
+        return (_level(context, sign), Parameter("balance", "PV/s", -2.0 * reach, 2.0 * reach, reach))
 
     def starts(context: Context, _: FloatArray) -> FloatArray:
         pv = sign * context.record.pv_deviation
-        return sign * np.quantile(pv, np.linspace(0.4, 1.0, 25))[:, None]
+        levels = sign * np.quantile(pv, np.linspace(0.4, 1.0, 25))
+        if context.plant.leak > 0.0:
+            return levels[:, None]
+        # While an integrator runs over, OP winds up: its mean says nothing of the OP that holds the level.
+        return grid(levels[::2], abs(context.plant.K) * context.record.op_span * np.linspace(-0.8, 0.8, 9))
 
     def alter(plant: Plant, values: FloatArray, _: Context) -> Plant:
-        return plant.changed(high=float(values[0])) if sign > 0 else plant.changed(low=float(values[0]))
+        b = plant.b + (float(values[1]) if len(values) > 1 else 0.0)
+        return plant.changed(high=float(values[0]), b=b) if sign > 0 else plant.changed(low=float(values[0]), b=b)
 
     def active(signal: FloatArray, values: FloatArray, context: Context) -> BoolArray:
         return sign * signal >= sign * values[0] - 1e-6 * context.record.pv_span

@@ -1,0 +1,182 @@
+"""Loops with concealed physics, simulated by other equations than the engine's: states stepped in fine time, one sample at a time."""
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from app.engine.valve import choudhury_start, choudhury_step, he_step, kano_start, kano_step
+
+SUBSTEPS = 6
+
+
+@dataclass
+class Process:
+    """Lags in a row (or an integrator and a lag) behind a dead time, integrated by Heun's rule. Deviations from the working point."""
+
+    gain: float
+    taus: tuple[float, ...]
+    dead_time: float
+    integrating: bool
+    ts: float
+    states: list[float] = field(default_factory=list)
+    line: deque[float] = field(default_factory=deque)
+    high: float = math.inf
+    head: float = 0.0
+    zero: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.states = [0.0] * (len(self.taus) + self.integrating)
+        self.line = deque([0.0] * (round(self.dead_time / self.ts * SUBSTEPS) + 1))
+
+    def step(self, v: float, load: float = 0.0) -> float:
+        """PV as deviation at the end of a sample in which v and a load (unit of PV) were held."""
+        h = self.ts / SUBSTEPS
+        rate = 0.0
+        for _ in range(SUBSTEPS):
+            self.line.append(v)
+            drive = self.gain * self.line.popleft() + load
+            rate = self.advance(drive, h)
+        return self.states[-1] - self.zero * rate
+
+    def advance(self, drive: float, h: float) -> float:
+        before = drive
+        rate = 0.0
+        for k, tau in enumerate(self.taus):
+            x = self.states[k]
+            if k == 0 and self.head > 0.0:
+                leak = self.head * 2.0 * (math.sqrt(max(1.0 + x / self.head, 0.0)) - 1.0)
+                rate = (before - leak) / tau
+                x += h * rate
+            else:
+                stay = math.exp(-h / tau)
+                rate = (before - x) / tau
+                x = stay * x + (1.0 - stay) * before
+            self.states[k] = min(x, self.high) if k == 0 and not self.integrating else x
+            before = self.states[k]
+        if self.integrating:
+            self.states[-1] = min(self.states[-1] + h * before, self.high)
+        return rate
+
+
+class Valve:
+    """Passes OP on; the effects of a valve are its subclasses' business."""
+
+    def step(self, u: float) -> float:
+        return u
+
+
+@dataclass
+class StickingValve(Valve):
+    """Kano's, Choudhury's or He's stem."""
+
+    model: str
+    S: float
+    J: float
+    state: np.ndarray | None = None
+
+    def step(self, u: float) -> float:
+        if self.state is None:
+            self.state = np.zeros(6 if self.model == "kano" else 5)
+            if self.model == "kano":
+                kano_start(u, self.state, self.S, self.J)
+            elif self.model == "choudhury":
+                choudhury_start(u, self.state)
+            else:
+                self.state[:3] = u, u, 0.0
+        move = {"kano": kano_step, "choudhury": choudhury_step, "he": he_step}[self.model]
+        return float(move(u, self.state, self.S, self.J))
+
+
+@dataclass
+class FrictionValve(Valve):
+    """A stem on a spring with Coulomb and static friction (Karnopp), in fine time: slips without He's exact rule."""
+
+    static: float
+    coulomb: float
+    x: float | None = None
+    moving: bool = False
+
+    def step(self, u: float) -> float:
+        if self.x is None:
+            self.x = u
+        for _ in range(20):
+            force = u - self.x
+            if not self.moving and abs(force) > self.static:
+                self.moving = True
+            if self.moving:
+                net = abs(force) - self.coulomb
+                if net <= 0.02 * self.static:
+                    self.moving = False
+                else:
+                    self.x += math.copysign(0.45 * net, force)
+        return self.x
+
+
+@dataclass
+class Backlash(Valve):
+    """A play operator, its two half gaps not quite alike."""
+
+    up: float
+    down: float
+    x: float | None = None
+
+    def step(self, u: float) -> float:
+        if self.x is None:
+            self.x = u
+        self.x = min(max(self.x, u - self.up), u + self.down)
+        return self.x
+
+
+@dataclass
+class SlewValve(Valve):
+    """Opens and closes at its own rates (OP a sample)."""
+
+    up: float
+    down: float
+    x: float | None = None
+
+    def step(self, u: float) -> float:
+        if self.x is None:
+            self.x = u
+        self.x += min(max(u - self.x, -self.down), self.up)
+        return self.x
+
+
+@dataclass
+class StaticValve(Valve):
+    """Any curve from OP to flow."""
+
+    curve: object
+
+    def step(self, u: float) -> float:
+        return float(self.curve(u))  # type: ignore[operator]
+
+
+@dataclass
+class Controller:
+    """PI or PID (derivative on PV, filtered), clamped, with conditional integration. Unit of OP."""
+
+    kc: float
+    ti: float
+    td: float
+    ts: float
+    bias: float
+    low: float
+    high: float
+    integral: float = 0.0
+    filtered: float | None = None
+
+    def step(self, sp: float, pv: float) -> float:
+        error = sp - pv
+        derivative = 0.0
+        if self.td > 0.0:
+            before = pv if self.filtered is None else self.filtered
+            share = self.ts / (self.ts + self.td / 5.0)
+            self.filtered = before + share * (pv - before)
+            derivative = -self.kc * self.td * (self.filtered - before) / self.ts
+        wanted = self.bias + self.kc * error + self.integral + derivative
+        if self.low < wanted < self.high or (wanted - self.bias) * self.kc * error < 0.0:
+            self.integral += self.kc * error * self.ts / self.ti
+        return min(max(wanted, self.low), self.high)

@@ -1,0 +1,93 @@
+"""Runs the explain engine blind over generated cases and prints what it named: `python prove.py [--count N] [--foreign] ...`."""
+
+import argparse
+import json
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from cases import blind_set  # noqa: E402 - the folder is put on the path first
+from generator import SAME, Case  # noqa: E402
+
+from app.engine.mismatch import Comparison, Explanation, explain  # noqa: E402
+
+
+def overlap(found: list[tuple[float, float]], true: list[tuple[float, float]]) -> float:
+    """Intersection over union of two lists of windows."""
+    edges = sorted({t for w in (*found, *true) for t in w})
+    both = either = 0.0
+    for a, b in zip(edges, edges[1:], strict=False):
+        inside = [any(s <= 0.5 * (a + b) < e for s, e in windows) for windows in (found, true)]
+        both, either = both + (b - a) * all(inside), either + (b - a) * any(inside)
+    return both / either if either else 0.0
+
+
+def answer(case: Case, sim: bool) -> tuple[Explanation, float]:
+    started = time.process_time()
+    trace = case.trace if sim else None
+    said = explain(Comparison(case.name, case.ts, case.op, case.pv, case.sp, case.measured, trace=trace))
+    return said, time.process_time() - started
+
+
+def judged(case: Case, said: Explanation, seconds: float) -> dict[str, object]:
+    """One line: what was true, what was said, what was right."""
+    named = [{e.code, *e.alternatives} for e in said.effects]
+    right = [any(set(SAME.get(t, (t,))) & names for names in named) for t in case.truth.effects]
+    first = bool(named) and any(set(SAME.get(t, (t,))) & named[0] for t in case.truth.effects)
+    windows = [(w.start_s, w.end_s) for w in said.effects[0].windows] if said.effects else []
+    local = overlap(windows, list(case.truth.windows)) if case.truth.localise and len(case.truth.effects) == 1 else None
+    floor = case.truth.floor
+    return {
+        "case": case.name, "true": case.truth.effects, "said": [[e.code, *e.alternatives] for e in said.effects],
+        "gains": [round(e.gain, 1) for e in said.effects],
+        "first_right": first, "all_right": all(right), "overlap": local, "energy": round(case.truth.energy, 1),
+        "excess": said.fit.explained.rmse / floor if floor else None, "seconds": seconds, "ts": case.ts,
+        "before": said.fit.refitted.rmse, "after": said.fit.explained.rmse,
+    }  # fmt: skip
+
+
+def summary(lines: list[dict]) -> str:
+    """Named right, accused, localisation, excess, seconds, confusions."""
+    one = [x for x in lines if len(x["true"]) == 1]
+    two = [x for x in lines if len(x["true"]) == 2]
+    clean = [x for x in lines if not x["true"]]
+    said = [f"one effect: first name right {sum(x['first_right'] for x in one)}/{len(one)}"]
+    said.append(f"two effects: both named {sum(x['all_right'] for x in two)}/{len(two)}, first right {sum(x['first_right'] for x in two)}")
+    said.append(f"clean accused {sum(bool(x['said']) for x in clean)}/{len(clean)}")
+    overlaps = [x["overlap"] for x in one if x["overlap"] is not None]
+    said.append(f"localisation overlap mean {np.mean(overlaps) if overlaps else float('nan'):.3f} over {len(overlaps)}")
+    excess = [x["excess"] for x in one if x["excess"]]
+    said.append(f"held-out RMSE over the true model's noise: median {np.median(excess) if excess else float('nan'):.3f}")
+    said.append(f"CPU seconds: median {np.median([x['seconds'] for x in lines]):.2f}, most {max(x['seconds'] for x in lines):.2f}")
+    confusions = Counter((x["true"][0], x["said"][0][0] if x["said"] else "nothing") for x in one if not x["first_right"])
+    said += [f"  {true} called {name}: {n}" for (true, name), n in confusions.most_common()]
+    said += [f"  clean called {x['said'][0][0]} ({x['gains']})" for x in clean if x["said"]]
+    return "\n".join(said)
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--count", type=int, default=200)
+    options.add_argument("--seed", type=int, default=7)
+    options.add_argument("--own-forms", action="store_true", help="the engine's own forms, first-order plants, 1 s")
+    options.add_argument("--no-simulation", action="store_true")
+    options.add_argument("--clean", type=float, default=0.25)
+    options.add_argument("--two", type=float, default=0.15)
+    options.add_argument("--out", type=Path)
+    given = options.parse_args()
+    lines = []
+    for case in blind_set(given.seed, given.count, not given.own_forms, given.clean, given.two):
+        lines.append(judged(case, *answer(case, not given.no_simulation)))
+        if given.out:
+            with given.out.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(lines[-1], default=str) + "\n")
+    print(summary(lines))
+
+
+if __name__ == "__main__":
+    main()
