@@ -1,5 +1,6 @@
 """A worker process: kernels compiled before it forks, one connection to the data base after it forked."""
 
+import fcntl
 import logging
 import os
 import resource
@@ -37,14 +38,16 @@ def warm_up(sender: Any, **_: object) -> None:
 
 def _compile_aside() -> None:
     """Fills the cache of compiled kernels from a process that then ends: compiling takes memory that is never given
-    back, and every worker process would carry it."""
-    aside = os.fork()
-    if aside == 0:
-        try:
-            chunks.warm_up()
-        finally:
-            os._exit(0)
-    os.waitpid(aside, 0)
+    back, and every worker process would carry it. Of several workers that start at once, one compiles for all."""
+    with (current_app.settings.data_dir / ".compiling").open("w") as one_at_a_time:
+        fcntl.flock(one_at_a_time, fcntl.LOCK_EX)
+        aside = os.fork()
+        if aside == 0:
+            try:
+                chunks.warm_up()
+            finally:
+                os._exit(0)
+        os.waitpid(aside, 0)
 
 
 @signals.worker_process_shutdown.connect

@@ -10,6 +10,7 @@ from types import FrameType
 
 WATCHDOG_AFTER = 2.0
 """The watchdog barks after this many time limits: code that does not return to Python cannot hear the alarm."""
+RING_AGAIN_S = 0.5
 
 
 class TimeLimitError(Exception):
@@ -28,7 +29,8 @@ def time_limit(seconds: float, *, watchdog: bool) -> Iterator[None]:
     before = signal.signal(signal.SIGALRM, _ring)
     if watchdog:
         faulthandler.dump_traceback_later(WATCHDOG_AFTER * seconds, exit=True, file=sys.__stderr__)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    # Again and again: what is raised while C code calls back into Python is ignored.
+    signal.setitimer(signal.ITIMER_REAL, seconds, RING_AGAIN_S)
     try:
         yield
     finally:

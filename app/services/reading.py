@@ -3,9 +3,12 @@
 import json
 import threading
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
+
+from sqlalchemy.exc import SQLAlchemyError
 
 from app.errors import LoopauditError
 from app.ingest import Export, IngestOptions, LoopSamples, Rejects, TagMapping, read_export
@@ -170,7 +173,8 @@ class Heartbeat:
     def _beat(self) -> None:
         lease_s = self._backend.settings.lease_s
         while not self._stop.wait(lease_s / 3):
-            with self._backend.database.write() as connection:
+            # A data base that is away for a moment costs a beat; the next write finds out if the claim still holds.
+            with suppress(SQLAlchemyError), self._backend.database.write() as connection:
                 if not uploads.renew(connection, self._claim, lease_s):
                     return
 

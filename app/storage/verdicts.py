@@ -66,6 +66,10 @@ def add(connection: Connection, new: Sequence[NewVerdict]) -> None:
     newest = max(v.audit_id for v in new)
     older = or_(loops.c.newest_audit_id.is_(None), loops.c.newest_audit_id < newest)
     ids = sorted(v.loop_id for v in new)
+    # In one order, as uploads lock loops too: two writers that each wait for the other would both be thrown back.
+    connection.execute(
+        select(loops.c.id).where(loops.c.id.in_(ids)).order_by(loops.c.id).with_for_update(key_share=True)
+    )
     connection.execute(update(loops).where(loops.c.id.in_(ids), older).values(newest_audit_id=newest))
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from sqlalchemy import update
 
+from app.services import chunks
 from app.services.backend import Backend
 from app.storage import loops, series
 from app.storage.samples import Samples
@@ -18,8 +19,14 @@ START_NS = 1_750_000_000_000_000_000
 AddLoops = Callable[..., dict[str, int]]
 
 
+@pytest.fixture(scope="session")
+def warm_kernels() -> None:
+    """As a worker does before its first loop: compiling is not to be paid from a loop's time limit."""
+    chunks.warm_up()
+
+
 @pytest.fixture
-def add_loops(backend: Backend) -> AddLoops:
+def add_loops(backend: Backend, warm_kernels: None) -> AddLoops:
     """Adds loops with an oscillating record each: `add_loops("FIC1", "FIC2", n=300, unit="U1")` gives their ids."""
 
     def add(*tags: str, n: int = 300, **attributes: object) -> dict[str, int]:

@@ -73,3 +73,15 @@ def test_a_loop_knows_its_newest_sample(database: Database) -> None:
     add(database, "FIC1", ramp(0, 50))
     with database.read() as connection:
         assert loops.by_tag(connection, "FIC1").newest_ns == (START + 199) * SECOND
+
+
+def test_windows_are_found_by_index(database: Database) -> None:
+    if not database.is_sqlite:
+        return
+    with database.read() as connection:
+        query = (
+            "SELECT s.packed FROM series s JOIN loops l ON l.id = s.loop_id"
+            " WHERE s.loop_id IN (1, 2, 3) AND s.end_ns >= l.newest_ns - 86400 ORDER BY s.loop_id, s.id"
+        )
+        plan = str(connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {query}").all())
+    assert "ix_series_loop_end (loop_id=? AND end_ns>?)" in plan
