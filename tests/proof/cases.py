@@ -1,11 +1,25 @@
-"""Makes blind cases whose effects can be seen: the energy that the best linear refit leaves, whitened, is 60 or more."""
+"""Makes blind cases whose effects can be seen: the energy that the best linear refit leaves, whitened, is 60 or
+more.
+"""
 
 import copy
 from collections.abc import Iterator
 
 import numpy as np
 from concealing import CONCEAL
-from generator import EFFECTS, LEAST_ENERGY, NEED_SELF_REGULATION, SAME, Case, Loop, Run, Truth, coloured, make_loop, run
+from generator import (
+    EFFECTS,
+    LEAST_ENERGY,
+    NEED_SELF_REGULATION,
+    SAME,
+    Case,
+    Loop,
+    Run,
+    Truth,
+    coloured,
+    make_loop,
+    run,
+)
 from numpy.random import Generator
 from plants import Process
 
@@ -48,14 +62,23 @@ def attempt(rng: Generator, effects: tuple[str, ...], foreign: bool, seed: int) 
 
 
 def dressed(
-    rng: Generator, foreign: bool, name: str, plain: Loop, fresh: Loop, recorded: Run, effects: tuple[str, ...], marks: list
+    rng: Generator,
+    foreign: bool,
+    name: str,
+    plain: Loop,
+    fresh: Loop,
+    recorded: Run,
+    effects: tuple[str, ...],
+    marks: list,
 ) -> Case:
     """The recording in its units, with the engineer's simulation and the truth."""
     quiet_linear, quiet_true = copy.deepcopy(plain), copy.deepcopy(fresh)
     linear = run(quiet_linear, recorded.op, noisy=False).clean
     true = run(quiet_true, recorded.op, noisy=False).clean
     noise = recorded.pv - true
-    truth = Truth(effects, windows(marks, recorded, plain), bool(marks), energy(true - linear, linear, recorded.op, noise))
+    truth = Truth(
+        effects, windows(marks, recorded, plain), bool(marks), energy(true - linear, linear, recorded.op, noise)
+    )
     if any(e in SEEN_IN_PV_ALONE for e in effects):
         truth.energy = max(truth.energy, LEAST_ENERGY) if len(effects) == 1 else truth.energy
     else:

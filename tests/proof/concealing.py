@@ -106,7 +106,9 @@ def nonlinear_gain(loop: Loop, rng: Generator, foreign: bool) -> Windows:
         loop.curve = size / 9.0
     else:
         c = size / reach(loop)
-        loop.valve = StaticValve(lambda u: u + c * u * u * 0.6 if not foreign else math.tanh(c * u) / c + 0.5 * c * u * u)
+        loop.valve = StaticValve(
+            lambda u: u + c * u * u * 0.6 if not foreign else math.tanh(c * u) / c + 0.5 * c * u * u
+        )
     return ()
 
 
@@ -121,7 +123,11 @@ def gain_drift(loop: Loop, rng: Generator, foreign: bool) -> Windows:
     t = np.arange(loop.n)
     shape = np.clip((t - start) / (loop.n - start), 0.0, 1.0)
     if foreign and rng.random() < 0.6:
-        shape = np.where(t >= start, 1.0 - np.exp(-(t - start) / (0.15 * loop.n)), 0.0) if rng.random() < 0.5 else (t >= start) * 1.0
+        shape = (
+            np.where(t >= start, 1.0 - np.exp(-(t - start) / (0.15 * loop.n)), 0.0)
+            if rng.random() < 0.5
+            else (t >= start) * 1.0
+        )
     loop.gain_profile = 1.0 + change * shape
     return tail(loop, start)
 
@@ -167,7 +173,9 @@ def drift(loop: Loop, rng: Generator, foreign: bool) -> Windows:
 
 def load_ramp(loop: Loop, rng: Generator, foreign: bool) -> Windows:
     start = int(loop.n * rng.uniform(0.15, 0.6))
-    size = float(rng.choice([-1.0, 1.0]) * rng.uniform(3.0, 6.0)) / (loop.speed * loop.ts if loop.process.integrating else 1.0)
+    size = float(rng.choice([-1.0, 1.0]) * rng.uniform(3.0, 6.0)) / (
+        loop.speed * loop.ts if loop.process.integrating else 1.0
+    )
     loop.load_added = size * shape_of_drift(loop, rng, foreign, start)
     return tail(loop, start)
 
@@ -180,7 +188,9 @@ def sensor_step(loop: Loop, rng: Generator, _: bool) -> Windows:
 
 def load_step(loop: Loop, rng: Generator, _: bool) -> Windows:
     start = int(loop.n * rng.uniform(0.15, 0.8))
-    size = float(rng.choice([-1.0, 1.0]) * rng.uniform(2.5, 5.0)) / (loop.speed * loop.ts if loop.process.integrating else 1.0)
+    size = float(rng.choice([-1.0, 1.0]) * rng.uniform(2.5, 5.0)) / (
+        loop.speed * loop.ts if loop.process.integrating else 1.0
+    )
     loop.load_added = size * (np.arange(loop.n) >= start)
     return tail(loop, start)
 

@@ -1,11 +1,13 @@
-"""Blind cases: a loop of random plant, controller, units and noise, with one concealed effect, two, or none, and the truth."""
+"""Blind cases: a loop of random plant, controller, units and noise, with one concealed effect, two, or none, and the
+truth.
+"""
 
 import math
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.random import Generator
-from plants import Backlash, Controller, FrictionValve, Process, SlewValve, StaticValve, StickingValve, Valve
+from plants import Controller, Process, Valve
 
 from app.engine.recording import FloatArray
 
@@ -33,7 +35,9 @@ LEAST_ENERGY = 60.0
 
 @dataclass
 class Loop:
-    """What a case is made of; the effects change it. Signals in units of a loop with PV 0..1-like span before scaling."""
+    """What a case is made of; the effects change it. Signals in units of a loop with PV 0..1-like span before
+    scaling.
+    """
 
     n: int
     ts: float

@@ -1,4 +1,6 @@
-"""Loops with concealed physics, simulated by other equations than the engine's: states stepped in fine time, one sample at a time."""
+"""Loops with concealed physics, simulated by other equations than the engine's: states stepped in fine time, one
+sample at a time.
+"""
 
 import math
 from collections import deque
@@ -13,7 +15,9 @@ SUBSTEPS = 6
 
 @dataclass
 class Process:
-    """Lags in a row (or an integrator and a lag) behind a dead time, integrated by Heun's rule. Deviations from the working point."""
+    """Lags in a row (or an integrator and a lag) behind a dead time, integrated by Heun's rule. Deviations from the
+    working point.
+    """
 
     gain: float
     taus: tuple[float, ...]

@@ -1,27 +1,30 @@
-"""Runs the explain engine blind over generated cases and prints what it named: `python prove.py [--count N] [--foreign] ...`."""
+"""Runs the explain engine blind over generated cases and prints what it named: `python prove.py [--count N]
+[--foreign] ...`.
+"""
 
 import argparse
 import json
 import sys
 import time
 from collections import Counter
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from cases import blind_set  # noqa: E402 - the folder is put on the path first
-from generator import SAME, Case  # noqa: E402
+from cases import blind_set
+from generator import SAME, Case
 
-from app.engine.mismatch import Comparison, Explanation, explain  # noqa: E402
+from app.engine.mismatch import Comparison, Explanation, explain
 
 
 def overlap(found: list[tuple[float, float]], true: list[tuple[float, float]]) -> float:
     """Intersection over union of two lists of windows."""
     edges = sorted({t for w in (*found, *true) for t in w})
     both = either = 0.0
-    for a, b in zip(edges, edges[1:], strict=False):
+    for a, b in pairwise(edges):
         inside = [any(s <= 0.5 * (a + b) < e for s, e in windows) for windows in (found, true)]
         both, either = both + (b - a) * all(inside), either + (b - a) * any(inside)
     return both / either if either else 0.0
@@ -57,14 +60,24 @@ def summary(lines: list[dict]) -> str:
     two = [x for x in lines if len(x["true"]) == 2]
     clean = [x for x in lines if not x["true"]]
     said = [f"one effect: first name right {sum(x['first_right'] for x in one)}/{len(one)}"]
-    said.append(f"two effects: both named {sum(x['all_right'] for x in two)}/{len(two)}, first right {sum(x['first_right'] for x in two)}")
+    said.append(
+        f"two effects: both named {sum(x['all_right'] for x in two)}/{len(two)}, "
+        f"first right {sum(x['first_right'] for x in two)}"
+    )
     said.append(f"clean accused {sum(bool(x['said']) for x in clean)}/{len(clean)}")
     overlaps = [x["overlap"] for x in one if x["overlap"] is not None]
     said.append(f"localisation overlap mean {np.mean(overlaps) if overlaps else float('nan'):.3f} over {len(overlaps)}")
     excess = [x["excess"] for x in one if x["excess"]]
-    said.append(f"held-out RMSE over the true model's noise: median {np.median(excess) if excess else float('nan'):.3f}")
-    said.append(f"CPU seconds: median {np.median([x['seconds'] for x in lines]):.2f}, most {max(x['seconds'] for x in lines):.2f}")
-    confusions = Counter((x["true"][0], x["said"][0][0] if x["said"] else "nothing") for x in one if not x["first_right"])
+    said.append(
+        f"held-out RMSE over the true model's noise: median {np.median(excess) if excess else float('nan'):.3f}"
+    )
+    said.append(
+        f"CPU seconds: median {np.median([x['seconds'] for x in lines]):.2f}, "
+        f"most {max(x['seconds'] for x in lines):.2f}"
+    )
+    confusions = Counter(
+        (x["true"][0], x["said"][0][0] if x["said"] else "nothing") for x in one if not x["first_right"]
+    )
     said += [f"  {true} called {name}: {n}" for (true, name), n in confusions.most_common()]
     said += [f"  clean called {x['said'][0][0]} ({x['gains']})" for x in clean if x["said"]]
     return "\n".join(said)

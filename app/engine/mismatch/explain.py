@@ -4,12 +4,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.engine import ENGINE_VERSION
 from app.engine.evidence import Reason
-from app.engine.mismatch.block import Part
+from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.experiment import Experiment, experiment
 from app.engine.mismatch.fitting import Fit, Given, fit_linear, make_task, settle, start_at
-from app.engine.mismatch.given import TraceModel, behind_trace, identify
+from app.engine.mismatch.given import behind_trace, identify
 from app.engine.mismatch.holdout import judge, kept_out, refit_without
+from app.engine.mismatch.locate import quick_location
 from app.engine.mismatch.patterns import Pattern, find_patterns
 from app.engine.mismatch.physics import library
 from app.engine.mismatch.plant import Plant
@@ -21,7 +23,6 @@ from app.engine.mismatch.windows import windows_of
 from app.engine.recording import BoolArray, FloatArray
 from app.errors import DataError
 
-ENGINE_VERSION = "1.0.0"
 LEAST_SAMPLES = 100
 LEAST_TIME_CONSTANT = 0.05
 
@@ -92,8 +93,6 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
 
 def locate(comparison: Comparison) -> Location:
     """A first answer without a competition: where the two differ, from scans alone."""
-    from app.engine.mismatch.locate import quick_location
-
     prepared = prepare(comparison)
     return quick_location(prepared.base, prepared.patterns, library(prepared.record))
 
@@ -202,8 +201,6 @@ def assemble(comparison: Comparison, prepared: Prepared, selection: Selection) -
 
 def with_patterns(found: Fit, patterns: tuple[Pattern, ...]) -> FloatArray:
     """The free run seen through the sensor's limits and stuck stretches, (N,) in the unit of PV."""
-    from app.engine.mismatch.block import Context
-
     signal = found.simulated
     for pattern in patterns:
         part: Part = pattern.part
@@ -247,6 +244,3 @@ def evidence_of(prepared: Prepared, selection: Selection) -> tuple[Reason, ...]:
             )
         )
     return tuple(said)
-
-
-__all__ = ["ENGINE_VERSION", "Comparison", "LinearSimulation", "TraceModel", "explain", "locate"]

@@ -17,6 +17,7 @@ GIVEN_DEVIATION = 0.05
 OWN_DEVIATION = 1.0
 FREED_DEVIATION = 0.4
 START_DEVIATION = 0.05
+SLOW_TIMES, SLOW_COST = 5.0, 5.0
 SLOW_POLE, SETTLED = 0.9, 0.85
 
 
@@ -275,6 +276,7 @@ def finish(task: Task, x: FloatArray, noise: NoiseModel) -> Fit:
     count = int(np.sum(task.record.usable[settling_samples(task.record.samples) :]))
     prior = prior_rows(task, x)
     likelihood = -count * np.log(noise.deviation) - 0.5 * float(prior @ prior)
+    likelihood -= slowness_penalty(noise, task.record, task.given)
     return Fit(
         task.record, task.given, task.plant_at(x), task.parts_at(x), noise, float(likelihood), simulated, task.free, x
     )
@@ -320,6 +322,19 @@ def best_of_noise(task: Task, x: FloatArray, rounds: int = 3) -> Fit:
     found = fit(task, x, None, rounds)
     other = fit(task, descend(task, x, quiet, 8), None, rounds)
     return found if found.likelihood >= other.likelihood else other
+
+
+def slowness_penalty(noise: NoiseModel, record: Experiment, given: Given) -> float:
+    """What a noise slower than loads behind this process usually are costs (nat): nearly a random walk, it fits every
+    difference.
+
+    None where the process integrates, because then it makes a random walk of any load.
+    """
+    if given.integrating:
+        return 0.0
+    slowest = SLOW_TIMES * (given.plant.tau + given.plant.tau2 + given.plant.theta)
+    usual = min(record.sampling_interval_s / slowest, 0.5)
+    return float(sum(SLOW_COST * max(np.log(usual / max(1.0 - pole, 1e-6)), 0.0) for pole in noise.poles))
 
 
 def settle(found: Fit) -> Fit:

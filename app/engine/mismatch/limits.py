@@ -12,7 +12,7 @@ from app.engine.recording import FloatArray
 
 QUIETED = ("process.overflow", "sensor.saturation")
 LEAST_SAMPLES = 25
-MOST = 12.0
+MOST = 5.0
 SENSOR_LETS_THROUGH = 0.35
 SENSOR_FAULT = 6.0
 

@@ -9,12 +9,14 @@ from app.engine.mismatch.block import Context, Parameter, Part
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit, make_task, residual_rows, slopes
 from app.engine.mismatch.patterns import Pattern
+from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.result import Effect, Estimate, ExplainedModel, Location, PartModel
 from app.engine.mismatch.selection import Believed
 from app.engine.mismatch.windows import Window, active_mask, windows_of
 from app.engine.recording import FloatArray
 
 CERTAIN = 0.995
+UNUSED_PLANT = Plant(K=1.0, tau=1.0, theta=0.0)  # what PV shows by itself asks nothing of the plant
 PLANT_UNITS = {"K": "PV/OP", "tau": "s", "tau2": "s", "theta": "s"}
 
 
@@ -75,7 +77,7 @@ def whole(record: Experiment) -> tuple[Window, ...]:
 
 def pattern_effect(pattern: Pattern, record: Experiment) -> Effect:
     block = pattern.part.block
-    context = Context(record, _no_plant())
+    context = Context(record, UNUSED_PLANT)
     parameters = tuple(
         Estimate(p.name, value, value, value, plain_unit(p))
         for p, value in zip(
@@ -94,12 +96,6 @@ def pattern_effect(pattern: Pattern, record: Experiment) -> Effect:
         (pattern.reason,),
         float(pattern.shows.sum()),
     )
-
-
-def _no_plant():
-    from app.engine.mismatch.plant import Plant
-
-    return Plant(1.0, 1.0, 0.0)
 
 
 def plain_unit(parameter: Parameter) -> str:

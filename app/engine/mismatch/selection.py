@@ -14,7 +14,7 @@ from app.engine.mismatch.spikes import steady_gain, tail_penalty
 LEADERS = 3
 SECOND_MUST_GAIN = 6.0
 SECOND_SHARE = 0.06
-INDISTINCT = 4.0
+INDISTINCT = 5.0
 MOST_ALTERNATIVES = 2
 STEADY_SHARE = 0.4
 NO_WORSE = 1.03

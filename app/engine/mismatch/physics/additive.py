@@ -81,6 +81,15 @@ def sensor_drift(signal: FloatArray, values: FloatArray, context: Context) -> Fl
     return signal + values[2] * ramp(context, values[0], values[0] + values[1])
 
 
+def integrates(context: Context) -> bool:
+    return context.plant.leak == 0.0
+
+
+def load_drift(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    """A load that moves on an integrator: PV bends."""
+    return signal + values[2] * behind_lag(ramp(context, values[0], values[0] + values[1]), context)
+
+
 def since(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
     return context.time_s >= values[0]
 
@@ -110,7 +119,7 @@ BLOCKS = (
         step_starts,
         apply=load_step,
         active=since,
-        penalty=12.0,
+        penalty=14.0,
         rough=True,
         abrupt=True,
         sensible=not_at_the_edge,
@@ -124,7 +133,7 @@ BLOCKS = (
         step_starts,
         apply=sensor_step,
         active=since,
-        penalty=12.0,
+        penalty=14.0,
         rough=True,
         abrupt=True,
         sensible=not_at_the_edge,
@@ -139,7 +148,7 @@ BLOCKS = (
         apply=load_pulse,
         active=between,
         form="pulse",
-        penalty=15.0,
+        penalty=17.0,
         rough=True,
         abrupt=True,
         sensible=lasts,
@@ -154,7 +163,7 @@ BLOCKS = (
         apply=sensor_pulse,
         active=between,
         form="pulse",
-        penalty=15.0,
+        penalty=17.0,
         rough=True,
         abrupt=True,
         sensible=lasts,
@@ -168,6 +177,18 @@ BLOCKS = (
         drift_starts,
         apply=sensor_drift,
         active=since,
-        penalty=14.0,
+        penalty=16.0,
+    ),
+    Block(
+        "disturbance.ramp",
+        "disturbance",
+        "output",
+        AFTER,
+        drift_parameters,
+        drift_starts,
+        apply=load_drift,
+        active=since,
+        penalty=16.0,
+        suits=integrates,
     ),
 )

@@ -41,7 +41,7 @@ def _block(name: str, source: FloatArray) -> Block:
         starts,
         apply=apply,
         form=name,
-        penalty=12.0,
+        penalty=15.0,
     )
 
 

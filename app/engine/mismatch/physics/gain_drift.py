@@ -76,7 +76,7 @@ BLOCKS = (
         ramp_starts,
         apply=to_the_end,
         active=since,
-        penalty=11.0,
+        penalty=15.0,
         frees_gain=True,
     ),
     Block(
@@ -90,7 +90,7 @@ BLOCKS = (
         active=since,
         form="step",
         abrupt=True,
-        penalty=11.5,
+        penalty=16.0,
         rough=True,
         frees_gain=True,
     ),
@@ -104,7 +104,7 @@ BLOCKS = (
         apply=held,
         active=since,
         form="held",
-        penalty=13.0,
+        penalty=17.0,
         frees_gain=True,
     ),
 )

@@ -84,8 +84,8 @@ def inverse(plant: Plant, values: FloatArray, _: Context) -> Plant:
 
 ALWAYS = "while OP moves"
 BLOCKS = (
-    Block("process.dead_time", "process", "process", ALWAYS, extra_delay, delays, alter=later, penalty=9.0),
-    Block("process.extra_lag", "process", "process", ALWAYS, lag_time, lags, alter=lagged, penalty=9.0),
+    Block("process.dead_time", "process", "process", ALWAYS, extra_delay, delays, alter=later, penalty=13.0),
+    Block("process.extra_lag", "process", "process", ALWAYS, lag_time, lags, alter=lagged, penalty=13.0),
     Block(
         "process.integrating",
         "process",
@@ -94,11 +94,11 @@ BLOCKS = (
         nothing,
         only_start,
         alter=integrating,
-        penalty=9.0,
+        penalty=13.0,
         frees_gain=True,
     ),
     Block(
-        "process.integrating", "process", "process", "always", leak, leaks, alter=leaking, form="leaky", penalty=12.0
+        "process.integrating", "process", "process", "always", leak, leaks, alter=leaking, form="leaky", penalty=18.0
     ),
     Block(
         "process.inverse_response",
@@ -108,6 +108,6 @@ BLOCKS = (
         zero_and_lag,
         zeros_and_lags,
         alter=inverse,
-        penalty=12.0,
+        penalty=18.0,
     ),
 )

@@ -39,7 +39,7 @@ def _block(sign: float, soft: bool) -> Block:
         apply=apply,
         active=active,
         form=side + ("-soft" if soft else ""),
-        penalty=13.0 if soft else 11.0,
+        penalty=17.0 if soft else 15.0,
     )
 
 

@@ -85,7 +85,7 @@ def kink(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
 WHERE = "at another operating point"
 BLOCKS = (
     Block(
-        "valve.characteristic", "valve", "input", WHERE, bend, bends, apply=exponential, penalty=9.0, frees_gain=True
+        "valve.characteristic", "valve", "input", WHERE, bend, bends, apply=exponential, penalty=12.0, frees_gain=True
     ),
     Block(
         "process.nonlinear_gain",
@@ -95,7 +95,7 @@ BLOCKS = (
         curvature,
         none_at_first,
         apply=quadratic,
-        penalty=9.0,
+        penalty=12.0,
         frees_gain=True,
     ),
     Block(
@@ -107,7 +107,7 @@ BLOCKS = (
         none_at_first,
         apply=wiener,
         form="wiener",
-        penalty=9.5,
+        penalty=12.5,
         frees_gain=True,
     ),
     Block(
@@ -119,7 +119,7 @@ BLOCKS = (
         zeros_of_two,
         apply=cubic,
         form="cubic",
-        penalty=12.0,
+        penalty=15.0,
         frees_gain=True,
     ),
     Block(
@@ -131,7 +131,7 @@ BLOCKS = (
         kinks,
         apply=kink,
         form="kink",
-        penalty=12.5,
+        penalty=15.5,
         frees_gain=True,
     ),
 )

@@ -29,7 +29,7 @@ BLOCKS = (
         parameters,
         starts,
         apply=backlash,
-        penalty=10.0,
+        penalty=15.0,
         rough=True,
     ),
 )

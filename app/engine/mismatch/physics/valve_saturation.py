@@ -63,7 +63,7 @@ def _block(sign: float, soft: bool) -> Block:
         apply=apply,
         active=active,
         form=side + ("-soft" if soft else ""),
-        penalty=13.0 if soft else 10.0,
+        penalty=17.0 if soft else 14.0,
     )
 
 

@@ -52,7 +52,7 @@ BLOCKS = (
         parameters,
         starts,
         apply=follow,
-        penalty=10.0,
+        penalty=15.0,
         rough=True,
     ),
 )

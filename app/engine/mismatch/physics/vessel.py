@@ -49,7 +49,7 @@ def _overflow(sign: float) -> Block:
         alter=alter,
         active=active,
         form=side,
-        penalty=11.0,
+        penalty=14.5,
     )
 
 
@@ -78,7 +78,7 @@ BLOCKS = (
         head,
         heads,
         alter=outflow,
-        penalty=10.5,
+        penalty=14.0,
         frees_gain=True,
     ),
 )

@@ -1,0 +1,61 @@
+"""`loopaudit explain` answers in the contract's form, and says what is wrong with what it cannot read."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from app.cli.main import cli
+from app.errors import LoopauditError
+
+runner = CliRunner()
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A loop whose sensor stuck for a while, with the engineer's simulation beside it."""
+    rng = np.random.default_rng(1)
+    n = 600
+    op = np.repeat(rng.uniform(40.0, 60.0, n // 40), 40)
+    pv = np.full(n, 50.0)
+    for t in range(1, n):
+        pv[t] = 0.9 * pv[t - 1] + 0.1 * (50.0 + 0.8 * (op[t - 1] - 50.0))
+    sim = pv.copy()
+    pv = pv + 0.1 * rng.normal(size=n)
+    pv[300:340] = pv[299]
+    path = tmp_path_factory.mktemp("explain") / "FIC1.csv"
+    columns = np.stack((np.arange(n), np.full(n, 50.0), op, pv, sim), axis=1)
+    np.savetxt(path, columns, fmt="%.5f", delimiter=",", header="time,SP,OP,PV,PV_sim", comments="")
+    return path
+
+
+def test_json_has_the_form_of_the_contract(recording: Path, tmp_path: Path) -> None:
+    trace, plot = tmp_path / "trace.csv", tmp_path / "plot.html"
+    options = ["--sim", "PV_sim", "--format", "json", "--trace", str(trace), "--plot", str(plot)]
+    result = runner.invoke(cli, ["explain", str(recording), *options])
+    assert result.exit_code == 0, result.output
+    line = json.loads(result.stdout)
+    assert line["recording"] == "FIC1"
+    assert line["verdict"] == "missing_physics"
+    assert line["effects"][0]["effect"] == "sensor.stuck"
+    assert line["effects"][0]["windows"] == [[300.0, 340.0]]
+    assert set(line["fit"]) >= {"rmse_given", "rmse_refitted", "rmse_explained", "held_out"}
+    assert line["validation"] is None
+    assert trace.read_text().startswith("time,PV,PV_given,PV_refitted,PV_explained")
+    assert "plotly" in plot.read_text(encoding="utf-8")[:20000].lower()
+
+
+@pytest.mark.parametrize(
+    ("options", "code"),
+    [
+        (["--sim", "NO_SUCH"], "no_such_column"),
+        (["--op", "NO_SUCH"], "no_such_column"),
+        (["--sim-model", "{}"], "model_invalid"),
+    ],
+)
+def test_what_cannot_be_done_is_said(recording: Path, options: list[str], code: str) -> None:
+    result = runner.invoke(cli, ["explain", str(recording), *options])
+    assert isinstance(result.exception, LoopauditError)
+    assert result.exception.code == code

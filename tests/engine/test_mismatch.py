@@ -1,0 +1,179 @@
+"""Where a recording and a simulation differ: effects put into short loops by hand are named, and nothing is named
+where nothing is.
+"""
+
+import numpy as np
+import pytest
+
+from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain, locate
+from app.engine.mismatch.experiment import experiment
+from app.engine.mismatch.noise import NoiseModel, fit_noise, whiten
+from app.engine.mismatch.patterns import find_patterns
+from app.engine.mismatch.plant import Plant, run_process
+from app.engine.mismatch.validation import simulate_again
+from app.engine.recording import FloatArray
+from app.errors import DataError
+
+N, TS = 1200, 2.0
+TRUE = Plant(K=1.4, tau=30.0, theta=6.0)
+GIVEN = LinearSimulation(gain=1.45, time_constants_s=(28.5,), dead_time_s=6.0)
+
+
+def moves(seed: int = 3) -> FloatArray:
+    """OP as deviation: steps that hold for a while, and the small moves of a controller."""
+    rng = np.random.default_rng(seed)
+    steps = np.repeat(rng.uniform(-6.0, 6.0, N // 60), 60)
+    slow = np.zeros(N)
+    for t in range(1, N):
+        slow[t] = 0.97 * slow[t - 1] + 0.25 * rng.normal()
+    return steps + slow
+
+
+def noise(seed: int = 4) -> FloatArray:
+    rng = np.random.default_rng(seed)
+    load = np.zeros(N)
+    for t in range(1, N):
+        load[t] = 0.93 * load[t - 1] + 0.06 * rng.normal()
+    return load + 0.08 * rng.normal(size=N)
+
+
+def recorded(v: FloatArray, added: FloatArray | float = 0.0) -> FloatArray:
+    return 50.0 + run_process(v, TRUE, TS) + noise() + added
+
+
+def ask(pv: FloatArray, op: FloatArray | None = None) -> Explanation:
+    u = moves() if op is None else op
+    return explain(Comparison("loop", TS, 40.0 + u, pv, simulation=GIVEN))
+
+
+def backlash(u: FloatArray, half: float) -> FloatArray:
+    v = np.empty_like(u)
+    x = u[0]
+    for t, now in enumerate(u):
+        x = min(max(x, now - half), now + half)
+        v[t] = x
+    return v
+
+
+@pytest.fixture(scope="module")
+def clean() -> Explanation:
+    return ask(recorded(moves()))
+
+
+@pytest.fixture(scope="module")
+def with_backlash() -> Explanation:
+    return ask(recorded(backlash(moves(), 1.0)))
+
+
+def test_parameters_that_are_off_are_no_missing_physics(clean: Explanation) -> None:
+    assert clean.verdict == "consistent"
+    assert clean.effects == ()
+    gain = next(e for e in clean.refit if e.name == "K")
+    assert gain.low < 1.4 < gain.high
+
+
+def test_deadband_is_named_with_its_width(with_backlash: Explanation) -> None:
+    first = with_backlash.effects[0]
+    assert "valve.deadband" in (first.code, *first.alternatives)
+    width = first.parameters[0]
+    assert width.value == pytest.approx(2.0, rel=0.15)
+    assert with_backlash.fit.explained.rmse < 0.6 * with_backlash.fit.refitted.rmse
+
+
+def test_the_answer_does_not_depend_on_units(with_backlash: Explanation) -> None:
+    u = moves()
+    simulation = LinearSimulation(GIVEN.gain * 0.02 / 10.0, GIVEN.time_constants_s, GIVEN.dead_time_s)
+    pv = recorded(backlash(u, 1.0)) * 0.02 - 3.0
+    other = explain(Comparison("loop", TS, 400.0 + 10.0 * u, pv, simulation=simulation))
+    assert other.effects[0].code == with_backlash.effects[0].code
+    assert other.effects[0].parameters[0].value == pytest.approx(
+        10.0 * with_backlash.effects[0].parameters[0].value, rel=0.02
+    )
+
+
+def test_an_exported_model_simulates_the_same_again(with_backlash: Explanation) -> None:
+    again = simulate_again(with_backlash.model, 40.0 + moves())
+    error = again - recorded(backlash(moves(), 1.0))
+    assert np.std(error) < 0.4
+
+
+def test_a_step_of_the_load_is_found_in_time() -> None:
+    step = 3.0 * (np.arange(N) >= 700)
+    answer = ask(recorded(moves(), step))
+    assert {"sensor.step", "disturbance.step"} & {answer.effects[0].code, *answer.effects[0].alternatives}
+    assert answer.effects[0].windows[0].start_s == pytest.approx(1400.0, abs=20.0)
+    assert answer.located.block == answer.effects[0].place
+
+
+def test_an_overflow_is_not_called_stiction() -> None:
+    full = 50.0 + run_process(moves(), TRUE.changed(high=3.0), TS) + 0.5 * noise()
+    answer = ask(full)
+    assert {"process.overflow", "sensor.saturation"} & {answer.effects[0].code, *answer.effects[0].alternatives}
+
+
+def test_a_first_location_comes_without_a_competition() -> None:
+    found = locate(
+        Comparison("loop", TS, 40.0 + moves(), recorded(moves(), 3.0 * (np.arange(N) >= 700)), simulation=GIVEN)
+    )
+    assert found.block in ("sensor", "disturbance")
+    assert found.windows[0].start_s == pytest.approx(1400.0, abs=60.0)
+
+
+def pattern_codes(pv: FloatArray) -> set[str]:
+    return {p.part.block.code for p in find_patterns(experiment(TS, moves(), pv))}
+
+
+def test_patterns_of_pv_are_read_off_pv() -> None:
+    pv = recorded(moves())
+    stuck = pv.copy()
+    stuck[500:560] = stuck[499]
+    assert pattern_codes(pv) == set()
+    assert pattern_codes(np.round(pv, 3)) == set()
+    assert pattern_codes(stuck) == {"sensor.stuck"}
+    assert pattern_codes(0.8 * np.round(pv / 0.8)) == {"sensor.quantization"}
+    assert pattern_codes(np.minimum(pv, 53.0)) == {"sensor.saturation"}
+    kept = np.arange(0, N, 9)
+    assert pattern_codes(np.interp(np.arange(N), kept, pv[kept])) == {"sensor.compression"}
+
+
+def test_coloured_noise_is_whitened() -> None:
+    n = noise()
+    everywhere = np.ones(N, dtype=bool)
+    e = whiten(n, everywhere, fit_noise(n, everywhere))
+    lagged = [float(np.corrcoef(e[k:], e[:-k])[0, 1]) for k in range(1, 10)]
+    assert np.max(np.abs(lagged)) < 0.09
+    assert np.std(e) < 0.95 * np.std(n)
+
+
+def test_what_is_hidden_has_no_innovations() -> None:
+    usable = np.ones(N, dtype=bool)
+    usable[100:200] = False
+    e = whiten(noise(), usable, NoiseModel((0.9, 0.0), (0.3, 0.0)))
+    assert np.all(e[100:200] == 0.0)
+
+
+def test_the_plant_answers_a_step_as_its_equation_does() -> None:
+    v = np.ones(200)
+    v[0] = 0.0
+    y = run_process(v, Plant(K=2.0, tau=20.0, theta=4.0), 1.0)
+    t = np.arange(200)
+    expected = np.where(t >= 5, 2.0 * (1.0 - np.exp(-(t - 5.0) / 20.0)), 0.0)
+    assert y == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("changed", "code"),
+    [
+        ({"pv": np.full(N, 5.0)}, "signal_constant"),
+        ({"op": np.full(N, 5.0)}, "signal_constant"),
+        ({"trace": np.zeros(N - 1)}, "simulation_length"),
+        ({"trace": np.full(N, np.nan)}, "simulation_not_finite"),
+        ({"simulation": LinearSimulation(0.0)}, "model_invalid"),
+        ({"sp": np.zeros(7)}, "signal_length"),
+    ],
+)
+def test_bad_input_gets_a_clear_error(changed: dict, code: str) -> None:
+    given = {"op": 40.0 + moves(), "pv": recorded(moves())} | changed
+    with pytest.raises(DataError) as raised:
+        explain(Comparison("loop", TS, **given))
+    assert raised.value.code == code
