@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from app.services.audit_line import ReliabilityRow, VerdictName
+from app.services.audit_line import KeyFiguresLine, ReliabilityRow, VerdictName
 
 MAX_NAME = 200
 
@@ -151,7 +151,7 @@ class AuditPage(Read):
     next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
 
 
-class HealthOut(ReliabilityRow):
+class HealthOut(ReliabilityRow, KeyFiguresLine):
     """The newest verdict of a loop and its key figures, flat, for dashboards."""
 
 

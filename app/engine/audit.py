@@ -9,6 +9,8 @@ from app.engine.audit_config import AuditConfig
 from app.engine.evidence import Finding, Reason
 from app.engine.fitness import Fitness, assess, with_cycles
 from app.engine.judgement import Judgement
+from app.engine.key_figures import KeyFigures
+from app.engine.key_figures import compute as key_figures_of
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import Recording, UniformRecord
 from app.engine.reliability import Reference, climb
@@ -41,6 +43,7 @@ class Audit:
     samples: samples of the recording. sampling_interval_s: of the audited stretch, else the recording's median; None
     below two samples. op_span: max(OP) - min(OP) in the window, unit of OP.
     oscillation, window, reference, op_span: None where the recording is not auditable.
+    key_figures: over the whole recording, also where it is not auditable.
     input_fingerprint: SHA-256 of the recording's samples; config_fingerprint: of the configuration.
     """
 
@@ -53,6 +56,7 @@ class Audit:
     op_span: float | None
     reference: Reference | None
     judgement: Judgement
+    key_figures: KeyFigures
     input_fingerprint: str
     config_fingerprint: str
     engine_version: str
@@ -77,7 +81,7 @@ def audit(recording: Recording, config: AuditConfig | None = None) -> Audit:
     oscillation = detect(fitness.record) if fitness.record is not None and fitness.auditable else None
     fitness = with_cycles(fitness, oscillation, config.fitness)
     if oscillation is None or not fitness.auditable:
-        return _result(recording, config, fitness, _refusal(fitness.refusals, config), oscillation=oscillation)
+        return _result(recording, config, fitness, _refusal(fitness.refusals), oscillation=oscillation)
     return _identified(recording, config, fitness, oscillation)
 
 
@@ -135,10 +139,11 @@ def _published_reasons(reference: Reference, config: AuditConfig) -> tuple[Reaso
     return tuple(marked)
 
 
-def _refusal(refusals: tuple[Finding, ...], config: AuditConfig) -> Judgement:
-    if {finding.code for finding in refusals} == {"pv_flat"}:
-        return verdict.stuck(config.judgement)
+def _refusal(refusals: tuple[Finding, ...]) -> Judgement:
     reasons = tuple(Reason(finding.code, finding.text) for finding in refusals)
+    if {reason.code for reason in reasons} == {"pv_flat"}:
+        dead = verdict.stuck()
+        return replace(dead, reasons=dead.reasons + reasons)
     causes = [SPOILED_BY[finding.code] for finding in refusals if finding.code in SPOILED_BY]
     return Judgement("not_auditable", None, "not_reliable", reasons, causes[0] if causes else None)
 
@@ -167,6 +172,7 @@ def _result(
         op_span=None if record is None else float(np.ptp(record.op)),
         reference=reference,
         judgement=judgement,
+        key_figures=key_figures_of(recording),
         input_fingerprint=recording.fingerprint(),
         config_fingerprint=config.fingerprint(),
         engine_version=ENGINE_VERSION,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from app.engine.fitness.signals import usable_values
 from app.engine.recording import BoolArray, FloatArray, Recording
 from app.errors import DataError
 
@@ -68,9 +69,9 @@ def compute(recording: Recording, harris_horizon_samples: int = 5) -> KeyFigures
     if harris_horizon_samples < 1:
         got = f"the Harris index needs a horizon of 1 sample or more, got {harris_horizon_samples}"
         raise DataError("harris_horizon", got)
-    good = np.isfinite(recording.pv) & np.isfinite(recording.op)
+    good = usable_values(recording.pv) & usable_values(recording.op)
     used = good if recording.automatic is None else good & recording.automatic
-    error = None if recording.sp is None else (recording.sp - recording.pv)[used & np.isfinite(recording.sp)]
+    error = None if recording.sp is None else (recording.sp - recording.pv)[used & usable_values(recording.sp)]
     controlled = recording.pv[used] if error is None or len(error) == 0 else error
     travel = _travel(recording, good)
     pv, op = recording.pv[good], recording.op[good]

@@ -113,13 +113,12 @@ def conclude(
     return Judgement(verdict, probability, reliability, reasons, _cause(weighing, verdict))
 
 
-def stuck(config: VerdictConfig | None = None) -> Judgement:
+def stuck() -> Judgement:
     """The judgement on a loop whose PV does not move at all while OP travels: sticky or dead, it cannot be told."""
-    config = config or VerdictConfig()
     text = "OP travels and PV does not answer at all: the valve is stuck, or the transmitter is dead; look at both"
     reason = Reason("pv_does_not_answer", text)
     cause = "stuck_valve_or_dead_transmitter"
-    return Judgement("inconclusive", config.stuck_probability, "not_reliable", (reason,), cause)
+    return Judgement("not_auditable", None, "not_reliable", (reason,), cause)
 
 
 def _verdict(probability: float, config: VerdictConfig) -> Verdict:

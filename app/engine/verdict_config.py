@@ -16,7 +16,6 @@ class VerdictConfig:
     max_window_spread: largest standard deviation of the log-odds between windows for a reliable verdict.
     max_filled_share: largest share of filled samples for a reliable verdict.
     parameters_version: of the fitted numbers, so that a stored verdict says which ones it came from.
-    stuck_probability: what is said of a valve whose PV stands still while OP travels; a dead transmitter looks alike.
     """
 
     undecided_within: float = 0.02
@@ -27,5 +26,4 @@ class VerdictConfig:
     min_cycles: float = 5.0
     max_window_spread: float = 1.5
     max_filled_share: float = 0.1
-    stuck_probability: float = 0.6
     parameters_version: str = VERSION

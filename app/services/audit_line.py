@@ -107,6 +107,29 @@ class ReliabilityRow(AuditFields):
     hammerstein_widenings: int | None = Field(description="How many times the search space was widened.")
 
 
+class KeyFiguresLine(BaseModel):
+    """What engineers expect of a loop monitor, over good samples only; null where a figure cannot be had."""
+
+    good_share_pct: float | None = Field(None, description="Samples with PV and OP, per cent of all samples.")
+    service_factor_pct: float | None = Field(None, description="Good samples in automatic, per cent; null: no mode.")
+    op_saturation_pct: float | None = Field(
+        None, description="Samples in automatic with OP at an end of its span, per cent; null: no span."
+    )
+    error_mean: float | None = Field(None, description="Mean of SP - PV, in the unit of PV.")
+    error_std: float | None = Field(None, description="Standard deviation of SP - PV, in the unit of PV.")
+    error_abs_mean: float | None = Field(None, description="Mean of abs(SP - PV), in the unit of PV.")
+    error_abs_p95: float | None = Field(None, description="95th percentile of abs(SP - PV), in the unit of PV.")
+    variability_pct: float | None = Field(None, description="2 std(PV) over abs(mean(PV)), per cent.")
+    pv_std: float | None = Field(None, description="Standard deviation of PV, in its unit.")
+    op_std: float | None = Field(None, description="Standard deviation of OP, in its unit.")
+    op_travel_per_h: float | None = Field(None, description="Travel of OP an hour, in the unit of OP.")
+    op_reversals_per_h: float | None = Field(None, description="Changes of OP's direction an hour.")
+    harris_index: float | None = Field(
+        None, description="Minimum over present variance of the control error, 0 (poor) to 1; no measure between loops."
+    )
+    harris_horizon_samples: int | None = Field(None, description="Dead time that the Harris index assumes, in samples.")
+
+
 # The order of the contract first, then what was added to it.
 LINE_ORDER = (
     "recording", "loop", "samples", "sampling_interval_s", "verdict", "stiction_probability", "reliability", "reasons",
@@ -195,6 +218,7 @@ def detail(audit: Audit) -> dict[str, Any]:
     return {
         "findings": [_finding(finding) for finding in audit.fitness.findings],
         "window": None if audit.window is None else vars(audit.window),
+        "key_figures": _scalars(vars(audit.key_figures)),
         "oscillation": None if audit.oscillation is None else _scalars(vars(audit.oscillation)),
         "rungs": [] if reference is None else [_rung(rung) for rung in reference.rungs],
         "spectra": None if reference is None else _spectra(reference.yper),

@@ -53,13 +53,14 @@ def patch_loop(backend: Backend, tag: str, changes: Mapping[str, Any]) -> LoopVi
 
 
 def loop_health(backend: Backend, tag: str) -> dict[str, Any]:
-    """The newest verdict and its figures, flat. Raises NotFoundError where the loop was never audited."""
+    """The newest verdict and the key figures, flat. Raises NotFoundError where the loop was never audited."""
     row = find(backend, tag)
     with backend.database.read() as connection:
         newest = verdicts.newest(connection, row.id)
+        detail = None if newest is None else verdicts.detail(connection, row.id, newest["audit_id"])
     if newest is None:
         raise NotFoundError("not_audited", f"loop {tag!r} has not been audited yet")
-    return as_row(newest)
+    return as_row(newest) | (detail or {}).get("key_figures", {})
 
 
 def verdict_history(backend: Backend, tag: str, limit: int = 100, cursor: str | None = None) -> Page[dict[str, Any]]:

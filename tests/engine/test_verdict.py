@@ -104,10 +104,10 @@ def test_near_one_half_nothing_is_decided():
     assert said.verdict == "inconclusive"
 
 
-def test_what_does_not_answer_is_not_decided_and_names_both_causes():
+def test_what_does_not_answer_cannot_be_audited_and_names_both_causes():
     said = stuck()
-    assert (said.verdict, said.reliability) == ("inconclusive", "not_reliable")
-    assert said.stiction_probability > 0.5
+    assert (said.verdict, said.reliability) == ("not_auditable", "not_reliable")
+    assert said.stiction_probability is None
     assert said.likely_cause == "stuck_valve_or_dead_transmitter"
 
 

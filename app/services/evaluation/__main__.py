@@ -85,7 +85,7 @@ def _judged(loop: Labelled, models: dict[str, ShapeModel], calibration: tuple[fl
     config = VerdictConfig()
     if loop.features is None or loop.oscillation is None or loop.fitness.record is None:
         refused = {f.code for f in loop.fitness.findings if f.outcome == "fail"}
-        return stuck(config) if "pv_flat" in refused else Judgement("not_auditable", None, "not_reliable", (), None)
+        return stuck() if "pv_flat" in refused else Judgement("not_auditable", None, "not_reliable", (), None)
     rivals = compete(loop.fitness.record, loop.oscillation, loop.features)
     model = replace(models[loop.valve], calibration=calibration)
     weighing = weigh_features(loop.features, rivals, model)
