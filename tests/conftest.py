@@ -11,6 +11,7 @@ import pytest
 from sqlalchemy import create_engine, make_url
 from sqlalchemy.exc import OperationalError
 
+from app.services import chunks
 from app.services.backend import Backend
 from app.services.operations import migrate
 from app.settings import Settings
@@ -111,6 +112,12 @@ def empty_tables(url: str) -> None:
     with engine.begin() as connection:
         connection.exec_driver_sql(f"TRUNCATE {names} RESTART IDENTITY CASCADE")
     engine.dispose()
+
+
+@pytest.fixture(scope="session")
+def warm_kernels() -> None:
+    """As a worker does before its first loop: no time limit, of a loop or of a test, is to pay for compiling."""
+    chunks.warm_up()
 
 
 @pytest.fixture

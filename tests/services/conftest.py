@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from sqlalchemy import update
 
-from app.services import chunks
 from app.services.backend import Backend
 from app.storage import loops, series
 from app.storage.samples import Samples
@@ -17,12 +16,6 @@ MINUTE = 60_000_000_000
 START_NS = 1_750_000_000_000_000_000
 
 AddLoops = Callable[..., dict[str, int]]
-
-
-@pytest.fixture(scope="session")
-def warm_kernels() -> None:
-    """As a worker does before its first loop: compiling is not to be paid from a loop's time limit."""
-    chunks.warm_up()
 
 
 @pytest.fixture

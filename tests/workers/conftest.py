@@ -59,7 +59,6 @@ class Plant:
             receiving.write(data)
             return receiving.commit().upload
 
-    # The first worker on a machine compiles the kernels before it listens, hence the long patience.
     def wait(self, what: str, true: Callable[[], bool], seconds: float = 120.0) -> None:
         until = time.monotonic() + seconds
         while not true():
@@ -85,7 +84,7 @@ def small_export() -> bytes:
 
 
 @pytest.fixture(params=["embedded", "servers"])
-def plant(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Plant]:
+def plant(request: pytest.FixtureRequest, tmp_path: Path, warm_kernels: None) -> Iterator[Plant]:
     environment = {**QUICK, "LOOPAUDIT_DATA_DIR": str(tmp_path)}
     if request.param == "servers":
         environment["LOOPAUDIT_BROKER_URL"] = request.getfixturevalue("redis_url")
