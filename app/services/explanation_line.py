@@ -4,6 +4,7 @@ made.
 
 from typing import Any
 
+from app.engine.mismatch.closed_loop import ClosedLoop, LoopFigures
 from app.engine.mismatch.holdout import Fitness
 from app.engine.mismatch.result import Effect, ExplainedModel, Explanation, Improvement
 from app.engine.mismatch.windows import Window
@@ -28,6 +29,7 @@ def explanation_line(explanation: Explanation, elapsed_s: float | None = None) -
             for e in explanation.refit
         },
         "evidence": [{"code": reason.code, "text": reason.text} for reason in explanation.evidence],
+        "closed_loop": None if explanation.closed_loop is None else closed_loop_line(explanation.closed_loop),
         "model": model_line(explanation.model),
         "engine_version": explanation.engine_version,
         "elapsed_s": None if elapsed_s is None else round(elapsed_s, 3),
@@ -84,6 +86,31 @@ def validation_line(validation: Improvement) -> dict[str, Any]:
         "rmse_given": rmse(validation.given),
         "rmse_refitted": rmse(validation.refitted),
         "rmse_explained": rmse(validation.explained),
+    }
+
+
+def closed_loop_line(closed: ClosedLoop) -> dict[str, Any]:
+    law = closed.law
+    return {
+        "controller": {
+            "kc": rounded(law.kc),
+            "ki": rounded(law.ki),
+            "kd": rounded(law.kd),
+            "explained": rounded(law.explained),
+        },
+        "recorded": figures_line(closed.recorded),
+        "refitted": figures_line(closed.refitted),
+        "explained": figures_line(closed.explained),
+    }
+
+
+def figures_line(figures: LoopFigures | None) -> dict[str, float | None] | None:
+    if figures is None:
+        return None
+    return {
+        "period_s": rounded(figures.period_s),
+        "amplitude": rounded(figures.amplitude),
+        "yper_pct": rounded(figures.yper_pct),
     }
 
 

@@ -40,6 +40,10 @@ class Experiment:
     def duration_s(self) -> float:
         return self.samples * self.sampling_interval_s
 
+    def with_op(self, op: FloatArray) -> "Experiment":
+        """The same record under another OP (N,), its deviations from the same mean."""
+        return replace(self, op=op, op_deviation=op - self.op_mid)
+
     def comparing(self, usable: BoolArray) -> "Experiment":
         """The same record with other samples compared."""
         return replace(self, usable=usable)

@@ -7,6 +7,7 @@ import numpy as np
 from app.engine import ENGINE_VERSION
 from app.engine.evidence import Reason
 from app.engine.mismatch.block import Context, Part
+from app.engine.mismatch.closed_loop import ClosedLoop, close_again
 from app.engine.mismatch.experiment import Experiment, experiment
 from app.engine.mismatch.fitting import Fit, Given, fit_linear, make_task, settle, start_at
 from app.engine.mismatch.given import behind_trace, identify
@@ -184,6 +185,7 @@ def assemble(comparison: Comparison, prepared: Prepared, selection: Selection) -
         *(told for e in selection.effects for told in effects_of(e, final)),
     )
     improvement = improvement_of(traces, comparison)
+    closed = close_again(prepared.base, final)
     return Explanation(
         name=comparison.name,
         verdict="missing_physics" if effects else "consistent",
@@ -193,8 +195,9 @@ def assemble(comparison: Comparison, prepared: Prepared, selection: Selection) -
         validation=None,
         model=export(final, tuple(p.part for p in prepared.patterns)),
         refit=refit_estimates(prepared.base),
-        evidence=evidence_of(prepared, selection),
+        evidence=(*evidence_of(prepared, selection), *controller_evidence(closed)),
         traces=traces,
+        closed_loop=closed,
         engine_version=ENGINE_VERSION,
     )
 
@@ -244,3 +247,21 @@ def evidence_of(prepared: Prepared, selection: Selection) -> tuple[Reason, ...]:
             )
         )
     return tuple(said)
+
+
+def controller_evidence(closed: ClosedLoop | None) -> tuple[Reason, ...]:
+    """A controller whose law explains its output is cleared; one whose law was not found is not accused either."""
+    if closed is None:
+        return (
+            Reason(
+                "controller_not_evaluated",
+                "without SP, or without a PID law that explains OP, the controller is not judged",
+            ),
+        )
+    share = 100.0 * closed.law.explained
+    return (
+        Reason(
+            "controller_cleared",
+            f"SP and PV explain {share:.2f} % of OP's moves by a PID law: the controller does its part",
+        ),
+    )

@@ -14,6 +14,7 @@ LEAST_RUN = 10
 LEAST_AT_LIMIT = 12
 STEP_OVER_NOISE = 1.0
 STEP_OVER_SPAN = 0.003
+STILL = 0.003
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +135,8 @@ def stuck_stretches(
     others = float(lengths[-2]) if coarse and len(lengths) > 1 else 0.0
     needed = max(LEAST_RUN, 5.0 * usual, 3.0 * others)
     found = [run for run in free if run.length >= needed]
+    # A PV that rests because nothing moves is not stuck.
+    found = [run for run in found if np.ptp(record.op[run.first : run.last + 1]) > STILL * record.op_span]
     if len(found) > 5:
         return ()
     return tuple(stuck(record, run) for run in sorted(found, key=lambda run: -run.length))

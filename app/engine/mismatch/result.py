@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from app.engine.evidence import Reason
+from app.engine.mismatch.closed_loop import ClosedLoop
 from app.engine.mismatch.holdout import Fitness
 from app.engine.mismatch.windows import Window
 from app.engine.recording import BoolArray, FloatArray
@@ -109,4 +110,5 @@ class Explanation:
     refit: tuple[Estimate, ...]
     evidence: tuple[Reason, ...]
     traces: Traces
+    closed_loop: ClosedLoop | None
     engine_version: str

@@ -12,10 +12,11 @@ from app.engine.mismatch.physics import TWINS
 from app.engine.mismatch.spikes import steady_gain, tail_penalty
 
 LEADERS = 3
-SECOND_MUST_GAIN = 6.0
-SECOND_SHARE = 0.06
+SECOND_MUST_GAIN = 4.0
+SECOND_SHARE, SECOND_ENOUGH = 0.06, 30.0
 INDISTINCT = 5.0
 MOST_ALTERNATIVES = 2
+SMALL_SLIP = 0.35
 STEADY_SHARE = 0.4
 NO_WORSE = 1.03
 
@@ -127,12 +128,17 @@ def with_second(rival: Rival, names: tuple[Rival, ...], blocks: tuple[Block, ...
 
 
 def pays_beside(second: Rival, first: Rival) -> bool:
-    return worth(second) >= SECOND_MUST_GAIN and second.gain >= SECOND_SHARE * first.gain
+    return worth(second) >= SECOND_MUST_GAIN and second.gain >= min(SECOND_SHARE * first.gain, SECOND_ENOUGH)
+
+
+def hardly_slips(rival: Rival) -> bool:
+    """Stiction whose slip jump is a small share of its band, which an uneven backlash looks like as well."""
+    return rival.block.code == "valve.stiction" and float(rival.fit.parts[-1].values[1]) < SMALL_SLIP
 
 
 def believed(best: Rival, names: tuple[Rival, ...]) -> Believed:
     """The best rival with the names that this record cannot tell from it."""
-    twins = list(TWINS.get(best.block.code, ()))
+    twins = [*TWINS.get(best.block.code, ()), *(("valve.deadband",) if hardly_slips(best) else ())]
     others = [r for r in names if r.block.code != best.block.code and r.block.code not in twins]
     margins = [worth(best) - worth(r) for r in others]
     close = [r.block.code for r, m in zip(others, margins, strict=True) if m < INDISTINCT and worth(r) > 0.0]

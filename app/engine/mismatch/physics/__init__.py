@@ -9,6 +9,7 @@ from app.engine.mismatch.physics import (
     additive,
     coupling,
     gain_drift,
+    generic,
     oscillation,
     process_dynamics,
     sensor_limit,
@@ -35,6 +36,7 @@ ALWAYS_OFFERED = (
     sensor_limit,
     additive,
     oscillation,
+    generic,
 )
 
 # What OP and PV cannot tell apart: named as alternatives of each other, always.

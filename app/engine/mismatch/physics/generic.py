@@ -1,0 +1,73 @@
+"""Terms that name nothing: slow and fast answers to OP, straight and bent; for where no named physics comes near."""
+
+import numpy as np
+
+from app.engine.mismatch.block import Block, Context, Parameter
+from app.engine.mismatch.physics.process_dynamics import slowness
+from app.engine.mismatch.plant import delay, lag
+from app.engine.recording import FloatArray
+
+SPEEDS = (0.3, 1.0, 3.0, 10.0)
+POWERS = (2, 3, 4)
+
+
+def dynamic_parameters(context: Context) -> tuple[Parameter, ...]:
+    most = 20.0 * context.record.pv_span
+    scale = 0.1 * context.record.pv_span
+    return tuple(Parameter(f"lag_{speed:g}", "PV", -most, most, scale, linear=True) for speed in SPEEDS)
+
+
+def static_parameters(context: Context) -> tuple[Parameter, ...]:
+    most = 20.0 * context.record.pv_span
+    scale = 0.1 * context.record.pv_span
+    return tuple(Parameter(f"power_{power}", "PV", -most, most, scale, linear=True) for power in POWERS)
+
+
+def zeros(count: int) -> FloatArray:
+    return np.zeros((1, count))
+
+
+def dynamic(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    """Four lags of OP beside the model: whatever linear memory it lacks."""
+    ts, u = context.record.sampling_interval_s, context.record.op_deviation / context.record.op_span
+    late = delay(u, context.plant.theta, ts)
+    out = signal
+    for value, speed in zip(values, SPEEDS, strict=True):
+        out = out + value * lag(late, speed * slowness(context), ts)
+    return out
+
+
+def static(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    """Powers of OP behind the process lag: whatever curve it lacks."""
+    ts, u = context.record.sampling_interval_s, context.record.op_deviation / context.record.op_span
+    out = signal
+    for value, power in zip(values, POWERS, strict=True):
+        out = out + value * lag(delay(u**power, context.plant.theta, ts), slowness(context), ts)
+    return out
+
+
+BLOCKS = (
+    Block(
+        "unnamed",
+        "process",
+        "output",
+        "while OP moves: dynamic, additive, with memory",
+        dynamic_parameters,
+        lambda _, __: zeros(len(SPEEDS)),
+        apply=dynamic,
+        form="dynamic",
+        penalty=42.0,
+    ),
+    Block(
+        "unnamed",
+        "process",
+        "output",
+        "at another operating point: static, behind the lag",
+        static_parameters,
+        lambda _, __: zeros(len(POWERS)),
+        apply=static,
+        form="static",
+        penalty=42.0,
+        frees_gain=True,
+    ),
+)
