@@ -66,5 +66,10 @@ def main() -> None:
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(ExitCode.DONE)
+    except OSError as error:
+        if error.filename is None:
+            raise
+        say(f"loopaudit: {error.filename} cannot be used: {error.strerror} [file]")
+        sys.exit(ExitCode.NOTHING_USABLE)
     except KeyboardInterrupt:
         sys.exit(130)

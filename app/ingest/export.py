@@ -109,6 +109,9 @@ class Export:
             notes.append(
                 f"{self._tally.stuttering} stamps repeated the one before; their rows went into the missing step"
             )
+        if not any(loop.pv or loop.op or loop.sp for loop in self._grouping.loops()):
+            shown = ", ".join(tag for loop in self._grouping.loops()[:5] for tag in loop.others[:5])
+            notes.append(f"no tag is named like PV, OP or SP of a loop, a mapping can say it; here is {shown}")
         if self._grouping.second:
             shown = ", ".join(self._grouping.second[:5])
             notes.append(

@@ -32,6 +32,7 @@ _SPLIT_WORDS = re.compile(
     r"(?i)[._\- ](set[ _]point|process[ _]value|process[ _]variable|controller[ _]output|control[ _]output)$"
 )
 _ISA = re.compile(r"^(?P<before>.*?)(?P<measured>[A-Z]{1,2})(?P<function>T|IT|V|CV)(?P<rest>[_\-.]?\d+[A-Z]?)$")
+_UNIT = re.compile(r"\s*(\([^()]*\)|\[[^\[\]]*\])$")  # FIC101.PV (degC), FIC101.OP [%]
 _SERVER = re.compile(r"^\\\\[^\\]+\\")
 
 
@@ -130,6 +131,7 @@ def place(tag: str, stem: str) -> Place:
     signal = _WORDS.get(_plain(re.sub(r"[\[(].*$", "", name)))
     if signal is not None:
         return Place(tag, stem, signal)
+    name = _UNIT.sub("", name) or name
     spelled = _SPLIT_WORDS.search(name)
     if spelled:
         return Place(tag, name[: spelled.start()].rstrip(_SEPARATORS), _WORDS[_plain(spelled.group(1))])

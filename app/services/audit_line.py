@@ -130,7 +130,7 @@ class KeyFiguresLine(BaseModel):
     harris_horizon_samples: int | None = Field(None, description="Dead time that the Harris index assumes, in samples.")
 
 
-# The order of the contract first, then what was added to it.
+# The order of the contract first, then what was added to it; a field that is not named here comes last.
 LINE_ORDER = (
     "recording", "loop", "samples", "sampling_interval_s", "verdict", "stiction_probability", "reliability", "reasons",
     "yper_pct", "yper_raw_pct", "table2_reading", "hammerstein", "stiction_band_pct_of_op_range", "likely_cause",
@@ -168,7 +168,7 @@ def audit_line(audit: Audit, elapsed_s: float, loop: str | None = None) -> dict[
         input_fingerprint=audit.input_fingerprint,
         config_fingerprint=audit.config_fingerprint,
     ).model_dump(mode="json")
-    return {name: line[name] for name in LINE_ORDER}
+    return {name: line[name] for name in (*LINE_ORDER, *line)}  # a name that is there already keeps its place
 
 
 def reliability_row(

@@ -7,6 +7,9 @@ from typing import Any
 
 from sqlalchemy import Connection, Engine, create_engine, event, make_url
 from sqlalchemy.engine import URL
+from sqlalchemy.exc import ArgumentError
+
+from app.errors import RequestError
 
 BUSY_TIMEOUT_MS = 30_000
 WAL_SAFE_FROM = (3, 51, 3)
@@ -19,7 +22,7 @@ class Database:
     """
 
     def __init__(self, url: str, *, statement_timeout_s: float = 15.0, pool_size: int = 5) -> None:
-        self.url: URL = make_url(url)
+        self.url: URL = _parsed(url)
         self.is_sqlite = self.url.get_backend_name() == "sqlite"
         if self.is_sqlite:
             self._writer, self._reader = _sqlite(self.url, writes=True), _sqlite(self.url, writes=False)
@@ -47,6 +50,19 @@ class Database:
     def close(self) -> None:
         self._writer.dispose()
         self._reader.dispose()
+
+
+def _parsed(url: str) -> URL:
+    """Raises RequestError where this is no address of PostgreSQL or SQLite; the driver is the one that we install."""
+    try:
+        parsed = make_url(url)
+    except (ArgumentError, ValueError):
+        parsed = None
+    backend = None if parsed is None else parsed.get_backend_name()
+    if parsed is None or backend not in ("sqlite", "postgresql", "postgres"):
+        need = "postgresql+psycopg://user@host/name or sqlite:///path is needed"
+        raise RequestError("database_url", f"LOOPAUDIT_DATABASE_URL is no address of a data base that we use; {need}")
+    return parsed if backend == "sqlite" else parsed.set(drivername="postgresql+psycopg")
 
 
 def journal_mode() -> str:

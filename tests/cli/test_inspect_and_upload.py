@@ -86,3 +86,22 @@ def test_serve_refuses_to_listen_beyond_loopback(monkeypatch, capsys, tmp_path, 
     assert code == 2
     assert "[open_access]" in err
     assert "LOOPAUDIT_ALLOW_OPEN=true" in err
+
+
+@pytest.mark.parametrize("place", ["nowhere/verdicts.jsonl", "."])
+def test_a_place_that_cannot_be_written_is_one_line(tmp_path, monkeypatch, capsys, place):
+    export = tmp_path / "plant.csv"
+    export.write_text(WIDE)
+    code, _, said = as_program(monkeypatch, capsys, "audit", export, "--out", tmp_path / place)
+    assert code == 2
+    assert "[file]" in said
+    assert len(said.splitlines()) == 1
+
+
+@pytest.mark.parametrize("url", ["garbage", "mysql://user@host/name"])
+def test_an_unusable_data_base_address_is_one_line(monkeypatch, capsys, url):
+    monkeypatch.setenv("LOOPAUDIT_DATABASE_URL", url)
+    code, _, said = as_program(monkeypatch, capsys, "migrate")
+    assert code == 2
+    assert "[database_url]" in said
+    assert len(said.splitlines()) == 1

@@ -236,3 +236,12 @@ def test_no_bytes_raise_anything_else(tmp_path: Path, parts: list[str | bytes], 
             assert np.all(np.diff(stretch.time_ns) > 0)
     except DataError:
         pass
+
+
+def test_a_signal_is_not_taken_for_the_time(read: Read) -> None:
+    assert code_of(read, "FIC1.PV,FIC1.OP\n" + "50.1,20\n50.2,21\n50.3,22\n" * 5) == "unknown_layout"
+
+
+def test_tags_of_no_loop_are_told(read: Read) -> None:
+    notes = read("time,temp,pressure\n" + "2024-03-01 00:00:00,1,10\n2024-03-01 00:01:00,2,20\n").summary.notes
+    assert any("no tag is named like PV" in note and "temp" in note for note in notes)

@@ -21,6 +21,7 @@ from app.ingest import LoopTags, TagMapping, group
         ([r"\\server\FIC1.PV", r"\\server\FIC1.OP"], LoopTags("FIC1", r"\\server\FIC1.PV", r"\\server\FIC1.OP")),
         (["fic1.pv", "FIC1.OP"], LoopTags("fic1", "fic1.pv", "FIC1.OP")),
         (["2111FIC46005.MV", "2111FIC46005.PV"], LoopTags("2111FIC46005", "2111FIC46005.PV", "2111FIC46005.MV")),
+        (["FIC1.PV (degC)", "FIC1.OP [%]"], LoopTags("FIC1", "FIC1.PV (degC)", "FIC1.OP [%]")),
         (["FIC1.PV", "FIC1.MEAS"], LoopTags("FIC1", "FIC1.PV", others=("FIC1.MEAS",))),
     ],
 )  # fmt: skip

@@ -134,3 +134,10 @@ def test_detail_keeps_curves_surface_spectra_and_findings(audited):
 def test_spectra_are_thinned_to_what_a_chart_shows():
     spectra = detail(audit(recording(3000)))["spectra"]
     assert {len(values) for values in spectra.values()} == {256}
+
+
+def test_a_new_field_needs_no_second_place(audited, monkeypatch):
+    monkeypatch.setattr("app.services.audit_line.LINE_ORDER", ("recording", "loop"))
+    line = audit_line(audited, 0.1)
+    assert list(line)[:2] == ["recording", "loop"]
+    assert set(line) == set(AuditLine.model_fields)

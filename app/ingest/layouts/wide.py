@@ -2,6 +2,7 @@
 apart are of this form."""
 
 from app.ingest.columns import first_row_of_times, time_columns, wide_from
+from app.ingest.grouping import place
 from app.ingest.head import Head, is_number
 from app.ingest.model import IngestOptions
 from app.ingest.plans import WidePlan
@@ -14,6 +15,12 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
             continue
         time = time_columns(names) or (0,)
         first_row = first_row_of_times(head, time[0], options)
-        if first_row > index:
+        if first_row > index and not signal_of_numbers(head, names, first_row, time[0]):
             return wide_from(head, "wide", names, first_row, options, time)
     return None
+
+
+def signal_of_numbers(head: Head, names: tuple[str, ...], first_row: int, column: int) -> bool:
+    """Whether the column is a signal by its name, so that its numbers are no times: the file has none then."""
+    numbers = is_number(head.rows[first_row][column], head.decimal_mark)
+    return numbers and place(names[column], "").signal != "OTHER"
