@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain, locate
+from app.engine.mismatch.closed_loop import close, identify_law
 from app.engine.mismatch.experiment import experiment
+from app.engine.mismatch.fitting import Given, fit_linear
 from app.engine.mismatch.noise import NoiseModel, fit_noise, whiten
 from app.engine.mismatch.patterns import find_patterns
 from app.engine.mismatch.plant import Plant, run_process
@@ -177,3 +179,27 @@ def test_bad_input_gets_a_clear_error(changed: dict, code: str) -> None:
     with pytest.raises(DataError) as raised:
         explain(Comparison("loop", TS, **given))
     assert raised.value.code == code
+
+
+def controlled(n: int = 600) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """SP, OP and PV of a quiet PI loop around a first-order plant with dead time."""
+    sp = 50.0 + np.repeat(np.array([0.0, 3.0, -2.0, 1.0]), n // 4)
+    op, pv, x = np.full(n, 40.0), np.full(n, 50.0), 0.0
+    for t in range(1, n):
+        x += (1.0 - np.exp(-TS / 30.0)) * (1.4 * (op[max(t - 4, 0)] - 40.0) - x)
+        pv[t] = 50.0 + x
+        e, before = sp[t] - pv[t], sp[t - 1] - pv[t - 1]
+        op[t] = op[t - 1] + 0.8 * (e - before) + 0.8 * TS / 30.0 * e
+    return sp, op, pv
+
+
+def test_the_controller_is_read_off_and_the_loop_closes_again() -> None:
+    sp, op, pv = controlled()
+    law = identify_law(sp, pv, op)
+    assert law.kc == pytest.approx(0.8, rel=1e-3)
+    assert law.ki == pytest.approx(0.8 * TS / 30.0, rel=1e-3)
+    record = experiment(TS, op, pv, sp)
+    base = fit_linear(record, Given(Plant(K=1.4, tau=30.0, theta=6.0)))
+    closed = close(base, law, sp)
+    assert closed is not None
+    assert np.std(closed.pv - pv) < 0.1 * np.std(pv)

@@ -15,6 +15,7 @@ LEAST_AT_LIMIT = 12
 STEP_OVER_NOISE = 1.0
 STEP_OVER_SPAN = 0.003
 STILL = 0.003
+NEAR_EXTREME = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +138,10 @@ def stuck_stretches(
     found = [run for run in free if run.length >= needed]
     # A PV that rests because nothing moves is not stuck.
     found = [run for run in found if np.ptp(record.op[run.first : run.last + 1]) > STILL * record.op_span]
+    # Near its extremes PV may rest because a limit presses it: that is for the competition to say.
+    low, high = float(np.min(record.pv)), float(np.max(record.pv))
+    margin = NEAR_EXTREME * record.pv_span
+    found = [run for run in found if low + margin < record.pv[run.first] < high - margin]
     if len(found) > 5:
         return ()
     return tuple(stuck(record, run) for run in sorted(found, key=lambda run: -run.length))
