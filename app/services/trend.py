@@ -16,6 +16,7 @@ from app.storage.samples import FloatArray, Samples
 MOST_POINTS = 10_000
 NS_PER_S = 1_000_000_000
 DEFAULT_S = 24 * 3600
+FARTHEST_S = 9_000_000_000  # the years 1684 to 2255: nanoseconds of them, and DEFAULT_S before them, fit into 64 bits
 
 
 def trend(
@@ -68,5 +69,7 @@ def _numbers(values: FloatArray) -> list[float | None]:
 
 
 def _ns(moment: datetime) -> int:
+    """Instants beyond what a sample's time can hold are its ends: nothing lies outside of them anyway."""
     aware = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-    return round(aware.timestamp() * NS_PER_S)
+    seconds = (aware - datetime.fromtimestamp(0, UTC)).total_seconds()
+    return round(max(-FARTHEST_S, min(FARTHEST_S, seconds)) * NS_PER_S)

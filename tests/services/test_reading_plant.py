@@ -1,7 +1,7 @@
 """What users read: loops, the reliability table by the page, history, trend, the plant in numbers."""
 
 from collections.abc import Callable
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta, timezone
 
 import numpy as np
 import pytest
@@ -162,3 +162,11 @@ def _audit(backend: Backend) -> str:
     while chunks.audit_chunk(backend, int(run.id), "w"):
         pass
     return run.id
+
+
+def test_a_trend_of_any_instants_is_told(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("FIC1", n=150)
+    first, last = datetime.min.replace(tzinfo=timezone(timedelta(hours=14))), datetime.max.replace(tzinfo=UTC)
+    assert trend(backend, "FIC1", start=first, end=last).samples > 0
+    assert trend(backend, "FIC1", start=last).samples == 0
+    assert trend(backend, "FIC1", end=first).samples == 0
