@@ -1,8 +1,8 @@
 """The errors a user can cause, as one class tree with stable codes.
 
-Bad data is the user's: it gets a `DataError` or a `RequestError` with a code that scripts may rely on and a message that
-says what was got and what is needed, and it is never retried. A fault of ours is any other exception: logged, retried,
-shown.
+Bad data is the user's: it gets a `DataError` or a `RequestError` with a code that scripts may rely on and a message
+that says what was got and what is needed, and it is never retried. A fault of ours is any other exception: logged,
+retried, shown.
 """
 
 
