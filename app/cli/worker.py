@@ -61,12 +61,15 @@ def follow_parent(wanted: bool) -> None:
 
 def refuse_standstill(settings: "Settings") -> None:
     """A worker that hears nothing looks alive to everyone but the data base: work waits and nobody has taken any."""
-    from app.services.backend import Backend
+    from app.services.backend import DATABASE_AWAY, Backend
     from app.services.metrics import standstill_s
 
     backend = Backend.open(settings)
     try:
         waited_s = standstill_s(backend)
+    except DATABASE_AWAY as error:
+        text = f"the data base cannot be used, or `loopaudit migrate` has not been run: {error.orig}"
+        raise RequestError("database_away", text) from error
     finally:
         backend.close()
     if waited_s > 10 * settings.stalled_s:

@@ -105,3 +105,11 @@ def test_an_unusable_data_base_address_is_one_line(monkeypatch, capsys, url):
     assert code == 2
     assert "[database_url]" in said
     assert len(said.splitlines()) == 1
+
+
+def test_a_check_without_tables_is_one_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("LOOPAUDIT_DATABASE_URL", f"sqlite:///{tmp_path / 'empty.db'}")
+    code, _, said = as_program(monkeypatch, capsys, "worker", "--check")
+    assert code == 2
+    assert "[database_away]" in said
+    assert len(said.splitlines()) == 1
