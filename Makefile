@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help install demo test lint bench evaluate testbench lock clean
+.PHONY: help install demo test lint bench evaluate testbench prove lock clean
 
 help:
 	@echo "make demo     set up, start the service on the embedded default, audit a demo plant, show the table"
@@ -13,6 +13,7 @@ help:
 	@echo "make bench    benchmarks, side by side with their peers"
 	@echo "make evaluate the verdict on labelled recordings, leaving one valve out (RECORDINGS=folder with labels.csv)"
 	@echo "make testbench whole audits of simulated loops, one factor at a time (minutes; JOBS=processes)"
+	@echo "make prove    run explain blind over loops with concealed physics"
 	@echo "make lint     style and import rules"
 	@echo "make lock     pin the dependencies anew"
 
@@ -47,6 +48,10 @@ evaluate: install
 
 testbench: install
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m app.services.testbench --jobs $(or $(JOBS),1) --write docs
+
+# Blind cases with concealed physics: what explain names, what it accuses wrongly, how well it fits (COUNT=200 takes a quarter hour).
+prove: install
+	PYTHONPATH=. OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python tests/proof/prove.py --count $(or $(COUNT),200)
 
 # Hashes, markers for every supported Python, and no address of any registry.
 lock:

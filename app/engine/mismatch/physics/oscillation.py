@@ -71,7 +71,7 @@ BLOCKS = (
         starts,
         apply=wave,
         active=active,
-        penalty=19.0,
+        penalty=25.0,
         rough=True,
         finalists=3,
         sensible=lasts,

@@ -41,7 +41,7 @@ BLOCKS = tuple(
         starts,
         apply=model,
         form=form,
-        penalty=17.0,
+        penalty=18.0,
         rough=True,
         finalists=4,
     )
