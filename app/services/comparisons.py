@@ -1,7 +1,7 @@
 """Files into comparisons: which column is OP, PV, SP, the simulation, and what else was measured."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 
 from app.engine.mismatch import Comparison, LinearSimulation
-from app.engine.recording import FloatArray
+from app.engine.recording import FloatArray, Recording
 from app.errors import DataError, RequestError
 
 SYNONYMS = {
@@ -114,6 +114,21 @@ def read_comparison(path: Path, columns: Columns, simulated: str | None) -> Comp
     signals |= {"sp": numbers(table, sp)} if sp is not None else {}
     signals |= {"trace": trace} if trace is not None else {}
     return uniform(path.name.partition(".")[0] if path.suffix == ".gz" else path.stem, time, signals, others)
+
+
+def comparison_of(
+    recording: Recording, trace: FloatArray | None = None, simulation: LinearSimulation | None = None
+) -> Comparison:
+    """A stored recording against a simulated trace (N,) at its times, a model, or (neither given) our own linear loop."""
+    signals = {"op": recording.op, "pv": recording.pv}
+    signals |= {"sp": recording.sp} if recording.sp is not None else {}
+    if trace is not None and len(trace) != recording.samples:
+        raise DataError(
+            "simulation_length", f"the simulation has {len(trace)} samples, the recording {recording.samples}"
+        )
+    signals |= {"trace": trace} if trace is not None else {}
+    found = uniform(recording.name, recording.time_s, signals, dict(recording.others))
+    return found if trace is not None else replace(found, simulation=simulation)
 
 
 def simulated_trace(

@@ -17,6 +17,8 @@ SECOND_SHARE, SECOND_ENOUGH = 0.06, 30.0
 INDISTINCT = 5.0
 MOST_ALTERNATIVES = 2
 SMALL_SLIP = 0.35
+# One limit of PV is one effect, whichever of these it is called.
+LIMITS = {"process.overflow", "sensor.saturation"}
 STEADY_SHARE = 0.4
 NO_WORSE = 1.03
 
@@ -108,6 +110,8 @@ def leaders(ranking: tuple[Rival, ...]) -> tuple[Rival, ...]:
 def with_second(rival: Rival, names: tuple[Rival, ...], blocks: tuple[Block, ...]) -> tuple[Selection, ...]:
     """A rival with the best second effect beside it, where each of the two is worth having beside the other."""
     named = {rival.block.code, *TWINS.get(rival.block.code, ())}
+    if rival.block.code in LIMITS:
+        named |= LIMITS
     second = ranked(rival.fit, tuple(block for block in blocks if block.code not in named))
     if not second or not pays_beside(second[0], rival):
         return ()
