@@ -12,6 +12,9 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "POLARS_MAX_THREADS")
 
 
+BROKERS = ("redis://", "rediss://", "folder://", "amqp://", "amqps://")
+
+
 class Settings(BaseSettings):
     """Read once at start; `Settings()` takes the environment, arguments override it."""
 
@@ -72,6 +75,14 @@ class Settings(BaseSettings):
     @classmethod
     def _absolute(cls, path: Path) -> Path:
         return path.expanduser().absolute()
+
+    @field_validator("broker_url")
+    @classmethod
+    def _known_broker(cls, address: str) -> str:
+        # Celery takes what it does not know for a host of RabbitMQ, and tries to reach it for ever.
+        if address and not address.startswith(BROKERS):
+            raise ValueError(f"BROKER_URL must begin with {', '.join(BROKERS)}; got {address[:40]!r}")
+        return address
 
     @model_validator(mode="after")
     def _lease_outlasts_a_loop(self) -> "Settings":

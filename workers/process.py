@@ -14,6 +14,8 @@ from app.services.backend import Backend
 
 ROOM_TO_WORK_MB = 150
 
+log = logging.getLogger("loopaudit.worker")
+
 
 @cache
 def backend() -> Backend:
@@ -29,8 +31,10 @@ def log_plainly(loglevel: int | None = None, **_: object) -> None:
 @signals.worker_init.connect
 def warm_up(sender: Any, **_: object) -> None:
     """In the parent, once: its children inherit what is compiled and loaded."""
+    log.warning("compiling the kernels; at the first start of a version this takes about a minute")
     _compile_aside()
     chunks.warm_up()
+    log.warning("ready")
     # A child begins as large as its parent. A limit below that would replace it after every task.
     own_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
     sender.max_memory_per_child = 1024 * max(current_app.settings.worker_memory_mb, own_mb + ROOM_TO_WORK_MB)

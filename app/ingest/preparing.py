@@ -2,6 +2,7 @@
 forms said."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 
 import polars as pl
@@ -54,7 +55,16 @@ def _cut(plan: WidePlan, head: Head) -> bool:
     rows = [row for row in head.rows[plan.first_row :] if len(row) > max(group.time)]
     texts = [" ".join(row[index] for index in group.time) for row in rows]
     times = _times(texts, group.form)
-    return stamps_are_cut(times[times != NO_TIME], group.form.resolution_ns)
+    if not stamps_are_cut(times[times != NO_TIME], group.form.resolution_ns):
+        return False
+    return not _sent_twice(texts, rows)
+
+
+def _sent_twice(texts: list[str], rows: Sequence[Sequence[str]]) -> bool:
+    """Whether stamps repeat because rows do: those of a stamp are all the same, those of two stamps are not."""
+    pairs = [(texts[k] == texts[k + 1], list(rows[k]) == list(rows[k + 1])) for k in range(len(rows) - 1)]
+    within = [same for one_stamp, same in pairs if one_stamp]
+    return bool(within) and all(within) and len({tuple(row) for row in rows}) > len(set(texts)) / 2
 
 
 def _times(texts: list[str], form: TimeForm) -> TimeArray:

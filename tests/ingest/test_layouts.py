@@ -183,6 +183,13 @@ def test_recording_in_seconds_is_anchored_so_that_sending_again_gives_the_same(r
     assert moved.loops["CHEM99"].time_ns[0] == START
 
 
+def test_rows_that_were_sent_twice_are_no_cut_stamps(read: Read) -> None:
+    rows = [f"2024-01-01 00:{k // 60:02d}:{k % 60:02d},{50 + k % 7},{40 + k % 11}" for k in range(200)]
+    content = read("\n".join(["time,FIC1.PV,FIC1.OP", *(row for row in rows for _ in range(2))]))
+    assert not any("spread" in note for note in content.summary.notes)
+    np.testing.assert_array_equal(np.diff(content.loops["FIC1"].time_ns), np.full(199, 10**9))
+
+
 def test_minute_stamps_are_spread_by_the_order_of_rows(read: Read) -> None:
     rows = [f"13/07/24 0:{44 + (i + 20) // 60},6.5,{6 + i / 1000},25" for i in range(200)]
     content = read("Time,SP,PV,OP\n" + "\n".join(rows) + "\n", name="flow.csv")
