@@ -119,7 +119,7 @@ def read_comparison(path: Path, columns: Columns, simulated: str | None) -> Comp
 def comparison_of(
     recording: Recording, trace: FloatArray | None = None, simulation: LinearSimulation | None = None
 ) -> Comparison:
-    """A stored recording against a simulated trace (N,) at its times, a model, or (neither given) our own linear loop."""
+    """A stored recording against a simulated trace (N,) at its times, a model, or our own linear loop."""
     signals = {"op": recording.op, "pv": recording.pv}
     signals |= {"sp": recording.sp} if recording.sp is not None else {}
     if trace is not None and len(trace) != recording.samples:
