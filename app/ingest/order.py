@@ -21,9 +21,11 @@ def without_stutter(time_ns: TimeArray) -> TimeArray:
     if len(time_ns) < 4:
         return time_ns
     steps = np.diff(time_ns)
-    usual = int(np.median(steps))
+    if not np.any(steps):
+        return time_ns
+    usual = int(np.median(steps[steps > 0]))
     slipped = (steps[:-1] == 0) & (np.abs(steps[1:] - 2 * usual) <= usual // 2)
-    if usual <= 0 or not np.any(slipped):
+    if not np.any(slipped):
         return time_ns
     moved = time_ns.copy()
     moved[-1] += usual if steps[-1] == 0 else 0  # after the others, the end of the record too
