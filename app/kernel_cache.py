@@ -1,4 +1,4 @@
-"""Where compiled kernels are kept: one folder for each state of the engine's source.
+"""Where compiled kernels are kept: one folder for each state of the source that they are compiled from.
 
 numba looks only at the file of the function that it compiled: a kernel that calls a changed function in another file
 or a package whose files all bear the same date, would go on running old machine code.
@@ -6,9 +6,11 @@ or a package whose files all bear the same date, would go on running old machine
 
 import hashlib
 import os
+import re
 from pathlib import Path
 
 ENGINE = Path(__file__).parent / "engine"
+IMPORTED = re.compile(r"^\s*(?:from|import) app\.engine([^\n(]*(?:\([^)]*\))?)", re.MULTILINE)
 
 
 def choose() -> None:
@@ -27,7 +29,32 @@ def choose() -> None:
 
 def _source_digest() -> str:
     digest = hashlib.blake2b(digest_size=8)
-    for path in sorted(ENGINE.rglob("*.py")):
+    for path in sorted(_compiled_from()):
         digest.update(path.relative_to(ENGINE).as_posix().encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()
+
+
+def _compiled_from() -> set[Path]:
+    """The modules with kernels and what they import from the engine: their constants end up in machine code."""
+    reached: set[Path] = set()
+    waiting = [path for path in ENGINE.rglob("*.py") if "numba" in path.read_text("utf-8")]
+    while waiting:
+        path = waiting.pop()
+        if path not in reached:
+            reached.add(path)
+            waiting += [found for name in IMPORTED.findall(path.read_text("utf-8")) for found in _modules(name)]
+    return reached
+
+
+def _modules(imported: str) -> list[Path]:
+    """The files behind an import line, given what follows app.engine: ".valve.he import x", " import sampled"."""
+    package, _, names = imported.partition(" import ")
+    base = ENGINE.joinpath(*package.strip().split("."))
+    found = [_file(base / name.strip(" ()\n")) or _file(base) for name in names.split(",")]
+    return [path for path in found if path]
+
+
+def _file(module: Path) -> Path | None:
+    candidates = (module.with_suffix(".py"), module / "__init__.py")
+    return next((path for path in candidates if path.is_file()), None)

@@ -21,13 +21,29 @@ def chosen(folder: Path, **environment: str) -> str:
     return run.stdout.strip()
 
 
-def test_the_folder_changes_with_any_line_of_the_engine(tmp_path, monkeypatch):
-    (tmp_path / "armax").mkdir()
-    (tmp_path / "armax" / "kernel.py").write_text("x = 1\n")
-    monkeypatch.setattr(kernel_cache, "ENGINE", tmp_path)
-    before = kernel_cache._source_digest()
-    (tmp_path / "armax" / "kernel.py").write_text("x = 2\n")
-    assert kernel_cache._source_digest() != before
+def engine(folder: Path, monkeypatch, **sources: str):
+    """A stand-in for the engine: one file a keyword, its folders written with __ between."""
+    for name, text in sources.items():
+        path = folder.joinpath(*name.split("__")).with_suffix(".py")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    monkeypatch.setattr(kernel_cache, "ENGINE", folder)
+    return kernel_cache._source_digest()
+
+
+def test_the_folder_changes_with_a_kernel_and_with_all_that_it_imports(tmp_path, monkeypatch):
+    kernel = "from numba import njit\nfrom app.engine.valve import (\n    he,\n    kano,\n)\n"
+    before = engine(
+        tmp_path, monkeypatch, armax__kernel=kernel, valve__kano="from app.engine import sampled\n", sampled=""
+    )
+    assert engine(tmp_path, monkeypatch, sampled="x = 2\n") != before
+    assert engine(tmp_path, monkeypatch, sampled="") == before
+    assert engine(tmp_path, monkeypatch, armax__kernel=kernel + "x = 1\n") != before
+
+
+def test_the_folder_outlives_a_change_that_no_kernel_sees(tmp_path, monkeypatch):
+    before = engine(tmp_path, monkeypatch, kernel="import numba\n", verdict="from app.engine import kernel\n")
+    assert engine(tmp_path, monkeypatch, verdict="threshold = 0.5\n") == before
 
 
 def test_a_folder_in_the_users_cache_is_chosen_unless_one_was_named(tmp_path):
