@@ -205,3 +205,101 @@ verdict_details = Table(
     Column("audit_id", Id, ForeignKey("audits.id", ondelete="CASCADE"), primary_key=True),
     Column("packed", LargeBinary, nullable=False),
 )
+
+explanations = Table(
+    "explanations",
+    metadata,
+    Column("id", Id, primary_key=True),
+    Column("loop_id", Id, ForeignKey("loops.id", ondelete="CASCADE"), nullable=False),
+    Column("audit_id", Id, ForeignKey("audits.id", ondelete="SET NULL")),  # of the nightly run that asked for it
+    Column("state", Text, nullable=False, server_default="open"),
+    Column("asked_at", UtcDateTime, nullable=False),
+    Column("asked_by", Text),
+    Column("ended_at", UtcDateTime),
+    Column("attempts", Integer, nullable=False, server_default="0"),
+    Column("owner", Text),
+    Column("lease_until_s", Float),
+    Column("announced_s", Float),
+    Column("window_start_ns", BigInteger),  # the stretch of the recording that is explained
+    Column("window_end_ns", BigInteger),
+    Column("simulation_packed", LargeBinary),  # what was given: a trace or a model; None: our own linear loop
+    Column("verdict", Text),
+    Column("effects", Text, nullable=False, server_default=""),  # codes, the strongest first, for lists
+    Column("error_code", Text),
+    Column("error_text", Text),
+    Column("packed", LargeBinary),  # the whole answer and its traces
+    CheckConstraint("state IN ('open', 'claimed', 'done', 'failed')", name="state"),
+    Index("ix_explanations_loop", "loop_id", "id"),
+    UniqueConstraint("loop_id", "audit_id"),
+    _partial("ix_explanations_unfinished", "id", where="state IN ('open', 'claimed')"),
+)
+
+keys = Table(
+    "keys",
+    metadata,
+    Column("id", Id, primary_key=True),
+    Column("public_id", Text, nullable=False, unique=True),  # the part of the key that finds it
+    Column("secret_hash", Text, nullable=False),
+    Column("name", Text, nullable=False),
+    Column("role", Text, nullable=False),
+    Column("requests_per_minute", Integer, nullable=False),
+    Column("created_at", UtcDateTime, nullable=False),
+    Column("expires_at", UtcDateTime),
+    Column("revoked_at", UtcDateTime),
+    Column("last_used_at", UtcDateTime),
+    CheckConstraint("role IN ('read', 'upload', 'audit', 'admin')", name="role"),
+)
+
+sessions = Table(
+    "sessions",
+    metadata,
+    Column("token_hash", Text, primary_key=True),
+    Column("key_id", Id, ForeignKey("keys.id", ondelete="CASCADE"), nullable=False),
+    Column("created_at", UtcDateTime, nullable=False),
+    Column("expires_at", UtcDateTime, nullable=False),
+    Index("ix_sessions_expiry", "expires_at"),
+)
+
+trail = Table(
+    "trail",
+    metadata,
+    Column("id", Id, primary_key=True),
+    Column("at", UtcDateTime, nullable=False),
+    Column("who", Text, nullable=False),  # the key's name, "command line", "schedule"
+    Column("key_id", Id),  # no foreign key: the trail outlives keys
+    Column("action", Text, nullable=False),
+    Column("subject", Text, nullable=False, server_default=""),
+    Column("outcome", Text, nullable=False),
+    Column("request_id", Text),
+    Column("detail_json", Text, nullable=False, server_default="{}"),
+    Index("ix_trail_at", "at"),
+)
+
+notes = Table(
+    "notes",
+    metadata,
+    Column("id", Id, primary_key=True),
+    Column("loop_id", Id, ForeignKey("loops.id", ondelete="CASCADE"), nullable=False),
+    Column("written_at", UtcDateTime, nullable=False),
+    Column("written_by", Text, nullable=False, server_default=""),
+    Column("text", Text, nullable=False, server_default=""),
+    Column("work_order", Text, nullable=False, server_default=""),
+    Column("repaired_at", UtcDateTime),  # verdicts before and after it are compared
+    Index("ix_notes_loop", "loop_id", "id"),
+)
+
+deliveries = Table(
+    "deliveries",
+    metadata,
+    Column("audit_id", Id, ForeignKey("audits.id", ondelete="CASCADE"), primary_key=True),
+    Column("receiver", Text, primary_key=True),  # an address: mailto:..., https://...
+    Column("state", Text, nullable=False, server_default="open"),
+    Column("attempts", Integer, nullable=False, server_default="0"),
+    Column("owner", Text),
+    Column("lease_until_s", Float),
+    Column("next_try_s", Float),
+    Column("ended_at", UtcDateTime),
+    Column("error_text", Text),
+    CheckConstraint("state IN ('open', 'claimed', 'done', 'failed')", name="state"),
+    _partial("ix_deliveries_unfinished", "next_try_s", where="state IN ('open', 'claimed')"),
+)
