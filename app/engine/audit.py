@@ -108,9 +108,7 @@ def _identified(recording: Recording, config: AuditConfig, fitness: Fitness, osc
         refusal = _unidentifiable(error)
         return _result(recording, config, fitness, refusal, oscillation=oscillation, record=record)
     judgement = judge(fitness.audited, fitness, oscillation, reference, config, recording.integrating)
-    return _result(
-        recording, config, fitness, judgement, oscillation=oscillation, record=record, reference=reference
-    )
+    return _result(recording, config, fitness, judgement, oscillation=oscillation, record=record, reference=reference)
 
 
 def judge(

@@ -49,9 +49,7 @@ def test_only_dead_recordings_are_refused(shared_dir):
 @pytest.mark.parametrize(("pv_unit", "op_unit"), [((-1.8, 32.0), (1.0, 0.0)), ((1e-3, 273.15), (-0.16, 20.0))])
 def test_units_change_no_verdict_of_a_real_recording(shared_dir, name, pv_unit, op_unit):
     original = recording(shared_dir / "recordings" / f"{name}.csv")
-    changed = replace(
-        original, pv=original.pv * pv_unit[0] + pv_unit[1], op=original.op * op_unit[0] + op_unit[1]
-    )
+    changed = replace(original, pv=original.pv * pv_unit[0] + pv_unit[1], op=original.op * op_unit[0] + op_unit[1])
     first, second = audit(original).judgement, audit(changed).judgement
     assert (first.verdict, first.reliability) == (second.verdict, second.reliability)
     assert first.stiction_probability == pytest.approx(second.stiction_probability, abs=1e-6)

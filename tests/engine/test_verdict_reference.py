@@ -15,9 +15,7 @@ def curve(*rmse: float) -> SimpleNamespace:
     d = 0.1 * np.arange(len(rmse))
     best = int(np.argmin(rmse))
     none = np.full(len(rmse), np.nan)
-    return SimpleNamespace(
-        d=d, rmse=np.array(rmse), rmse_refined=none, best=best, d_best=d[best], stiction=best > 0
-    )
+    return SimpleNamespace(d=d, rmse=np.array(rmse), rmse_refined=none, best=best, d_best=d[best], stiction=best > 0)
 
 
 def reference(one: SimpleNamespace, yper_pct: float = 12.0, **changed) -> SimpleNamespace:
