@@ -5,7 +5,9 @@ import pytest
 
 from app.engine.features import NAMES
 from app.engine.judgement import Judgement
-from app.services.evaluation import fitting, parameters, report, scoring
+from app.errors import DataError
+from app.ingest import read_recordings
+from app.services.evaluation import fitting, parameters, recordings, report, scoring
 from app.services.evaluation.fitting import FitConfig, Samples, class_weights, fit, platt, valve_weights
 from app.services.evaluation.leave_one_out import by_valve
 from app.services.evaluation.plants import known_loops
@@ -108,3 +110,19 @@ def test_written_parameters_are_a_module_that_gives_the_model_back(tmp_path):
     assert (space["VERSION"], space["FEATURES"], space["NETWORKS"]) == (version, NAMES, 2)
     np.testing.assert_allclose(np.array(space["SLOPE"]), model.slope, rtol=1e-3, atol=1e-5)
     np.testing.assert_allclose(np.array(space["HIDDEN"]), model.hidden.ravel(), rtol=1e-3, atol=1e-5)
+
+
+def test_a_labelled_recording_is_read_as_audit_reads_it(tmp_path):
+    rng = np.random.default_rng(3)
+    lines = [f"{60 * k + (30 if k == 7 else 0)},{50},{rng.normal():.4f},{rng.normal():.4f}" for k in range(200)]
+    path = tmp_path / "FIC7.csv"
+    path.write_text("time,SP,PV,OP\n" + "\n".join(lines) + "\n")
+    mine, audited = recordings.read(path), read_recordings(path).recordings[0]
+    assert mine.fingerprint() == audited.fingerprint()
+
+
+def test_a_labelled_file_of_two_loops_is_refused(tmp_path):
+    rows = [f"2026-01-01T00:{k:02d}:00Z,1,{k},3,{k}" for k in range(30)]
+    (tmp_path / "two.csv").write_text("time,A.PV,A.OP,B.PV,B.OP\n" + "\n".join(rows) + "\n")
+    with pytest.raises(DataError, match="2 loops"):
+        recordings.read(tmp_path / "two.csv")
