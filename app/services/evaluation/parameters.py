@@ -17,7 +17,8 @@ def write(model: ShapeModel, path: Path) -> str:
     body = _body(model)
     version = hashlib.sha256(body.encode()).hexdigest()[:12]
     head = '"""The fitted numbers of the verdict. Made by `make evaluate`; not to be edited by hand."""\n\n'
-    path.write_text(f'{head}VERSION = "{version}"\n{body}')
+    # The formatter would put each number on a line of its own.
+    path.write_text(f'{head}# fmt: off\nVERSION = "{version}"\n{body}')
     return version
 
 
