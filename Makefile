@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help install demo test lint bench evaluate testbench prove lock clean
+.PHONY: help install browser demo test lint bench evaluate testbench prove lock clean
 
 help:
 	@echo "make demo     set up, start the service on the embedded default, audit a demo plant, show the table"
@@ -26,10 +26,17 @@ $(STAMP): requirements.lock pyproject.toml
 
 install: $(STAMP)
 
+# The browser tests drive Debian's Chromium; where this cannot install it, they are skipped and say so.
+browser:
+	@command -v chromium >/dev/null || command -v google-chrome >/dev/null \
+		|| { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
+			&& apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium fonts-dejavu-core; } \
+		|| echo "no Chromium here, and no right to install one: the browser tests will be skipped"
+
 demo: install
 	$(BIN)/loopaudit demo
 
-test: install
+test: install browser
 	$(BIN)/ruff check .
 	$(BIN)/pytest -n 2 --dist loadfile
 
