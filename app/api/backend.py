@@ -7,8 +7,8 @@ from fastapi import Depends, Path, Query, Request
 from app.services.backend import Backend
 
 
-def opened(request: Request) -> Backend:
-    return request.app.state.backend
+async def opened(request: Request) -> Backend:
+    return request.app.state.backend  # async: a plain function would cost each request a thread of its own
 
 
 Services = Annotated[Backend, Depends(opened)]

@@ -24,7 +24,7 @@ class KeepTagsEncoded:
         await self.app(scope, receive, send)
 
 
-def decoded_tag(tag: Annotated[str, Path(description="Tag of the loop, percent-encoded.")]) -> str:
+async def decoded_tag(tag: Annotated[str, Path(description="Tag of the loop, percent-encoded.")]) -> str:
     """The tag that was meant; what no tag can be is not found rather than an error of the data base."""
     try:
         decoded = unquote(tag, errors="strict")

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
-from starlette.responses import JSONResponse, Response
+from starlette.responses import Response
 
 from app.api.backend import Services
 from app.api.models import ReliabilityPage
@@ -70,10 +70,9 @@ def reliability(
 
     As CSV, texts that a spreadsheet would calculate begin with an apostrophe; the cursor is in X-Next-Cursor.
     """
-    page = service.reliability_page(
-        backend, limit=query.limit, cursor=query.cursor, sort=query.sort, filters=query.filters()
-    )
+    wanted = {"limit": query.limit, "cursor": query.cursor, "sort": query.sort, "filters": query.filters()}
     if query.format is Format.csv:
+        page = service.reliability_page(backend, **wanted)
         headers = {
             "Content-Disposition": 'attachment; filename="reliability.csv"',
             "X-Next-Cursor": page.next_cursor or "",
@@ -81,4 +80,4 @@ def reliability(
         text = "".join(csv_lines(page.rows, COLUMNS))
         return Response(text, media_type="text/csv; charset=utf-8", headers=headers)
     # The rows are what the table's model made; checking 20,000 of them again would take longer than reading them.
-    return JSONResponse({"rows": page.rows, "next_cursor": page.next_cursor})
+    return Response(service.reliability_json(backend, **wanted), media_type="application/json")

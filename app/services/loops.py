@@ -10,7 +10,7 @@ from app.services.audit_line import iso_utc
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.results import LoopView, Page
-from app.services.rows import as_row
+from app.services.rows import KEY_FIGURES, as_row
 from app.storage import loops, verdicts
 from app.storage.loops import SETTABLE, LoopRow
 
@@ -54,13 +54,18 @@ def patch_loop(backend: Backend, tag: str, changes: Mapping[str, Any]) -> LoopVi
 
 def loop_health(backend: Backend, tag: str) -> dict[str, Any]:
     """The newest verdict and the key figures, flat. Raises NotFoundError where the loop was never audited."""
-    row = find(backend, tag)
     with backend.database.read() as connection:
-        newest = verdicts.newest(connection, row.id)
-        detail = None if newest is None else verdicts.detail(connection, row.id, newest["audit_id"])
+        found = verdicts.newest(connection, tag)
+    if found is None:
+        raise unknown(tag)
+    loop_id, newest = found
     if newest is None:
         raise NotFoundError("not_audited", f"loop {tag!r} has not been audited yet")
-    return as_row(newest) | (detail or {}).get("key_figures", {})
+    figures = newest.get(KEY_FIGURES)
+    if figures is None:  # a verdict that an older version wrote
+        with backend.database.read() as connection:
+            figures = (verdicts.detail(connection, loop_id, newest["audit_id"]) or {}).get(KEY_FIGURES, {})
+    return as_row(newest) | figures
 
 
 def verdict_history(backend: Backend, tag: str, limit: int = 100, cursor: str | None = None) -> Page[dict[str, Any]]:
@@ -88,8 +93,12 @@ def find(backend: Backend, tag: str) -> LoopRow:
     with backend.database.read() as connection:
         row = loops.by_tag(connection, tag)
     if row is None:
-        raise NotFoundError("unknown_loop", f"there is no loop {tag!r}")
+        raise unknown(tag)
     return row
+
+
+def unknown(tag: str) -> NotFoundError:
+    return NotFoundError("unknown_loop", f"there is no loop {tag!r}")
 
 
 def moment_of(time_ns: int) -> datetime:

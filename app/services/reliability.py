@@ -1,6 +1,7 @@
 """The per-loop reliability table, and the plant in a few numbers."""
 
 from collections import Counter
+from collections.abc import Iterable
 from typing import Any
 
 from app.errors import RequestError
@@ -8,15 +9,15 @@ from app.services.audits import list_audits
 from app.services.backend import Backend
 from app.services.cursors import decode, encode
 from app.services.results import Page, PlantSummary
-from app.services.rows import as_row
+from app.services.rows import FORM, as_row, compact, sent
 from app.storage import verdicts
 from app.storage.loops import count as count_loops
-from app.storage.verdicts import SORTABLE, After, RowFilter
+from app.storage.verdicts import SORTABLE, After, RowFilter, SentRow
 
 MOST_ROWS = 20_000
 ANYTHING: tuple[type, ...] = (object,)
 
-__all__ = ["RowFilter", "plant_summary", "reliability_page", "sortable"]
+__all__ = ["RowFilter", "plant_summary", "reliability_json", "reliability_page", "sortable"]
 
 
 def sortable() -> tuple[str, ...]:
@@ -32,11 +33,7 @@ def reliability_page(
     filters: RowFilter | None = None,
 ) -> Page[dict[str, Any]]:
     """One row a loop, its newest verdict. `sort`: a name of `sortable()`, `-name` for descending; unknowns last."""
-    if not 1 <= limit <= MOST_ROWS:
-        raise RequestError("bad_limit", f"limit must be from 1 to {MOST_ROWS}, got {limit}")
-    name = sort.removeprefix("-")
-    if name not in SORTABLE:
-        raise RequestError("bad_sort", f"cannot sort by {name!r}; there is {', '.join(sortable())}")
+    name = _checked(limit, sort)
     with backend.database.read() as connection:
         after = _after(cursor, sort)
         rows = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), after)
@@ -44,6 +41,29 @@ def reliability_page(
     last = rows[limit - 1] if more else None
     following = encode(sort, last["tag" if name == "loop" else name], last["tag"]) if last else None
     return Page([as_row(row) for row in rows[:limit]], following)
+
+
+def reliability_json(
+    backend: Backend,
+    limit: int = 1000,
+    cursor: str | None = None,
+    sort: str = "loop",
+    filters: RowFilter | None = None,
+) -> str:
+    """The page as JSON, `{"rows": [...], "next_cursor": ...}`: each row as it was written when its verdict was made."""
+    filters = filters or RowFilter()
+    if filters.audit_id is not None:
+        page = reliability_page(backend, limit, cursor, sort, filters)
+        return _body((compact(row) for row in page.rows), page.next_cursor)
+    name = _checked(limit, sort)
+    with backend.database.read() as connection:
+        after = _after(cursor, sort)
+        rows = verdicts.sent_rows(connection, limit + 1, name, sort.startswith("-"), filters, after, FORM)
+        unwritten = [row.loop_id for row in rows if row.row_json is None]
+        made = verdicts.newest_of(connection, unwritten) if unwritten else {}
+    last = rows[limit - 1] if len(rows) > limit else None
+    written = (_written(row, made.get(row.tag)) for row in rows[:limit])
+    return _body(filter(None, written), encode(sort, last.value, last.tag) if last else None)
 
 
 def plant_summary(backend: Backend) -> PlantSummary:
@@ -68,6 +88,27 @@ def plant_summary(backend: Backend) -> PlantSummary:
         units=[{"unit": unit, **verdict} for unit, verdict in sorted(units.items(), key=lambda u: u[0] or "")],
         newest_audit=newest[0] if newest else None,
     )
+
+
+def _checked(limit: int, sort: str) -> str:
+    """The name to sort by, of an order that there is."""
+    if not 1 <= limit <= MOST_ROWS:
+        raise RequestError("bad_limit", f"limit must be from 1 to {MOST_ROWS}, got {limit}")
+    name = sort.removeprefix("-")
+    if name not in SORTABLE:
+        raise RequestError("bad_sort", f"cannot sort by {name!r}; there is {', '.join(sortable())}")
+    return name
+
+
+def _written(row: SentRow, made: dict[str, Any] | None) -> str | None:
+    """The row's JSON as stored, else made from its columns; None where its verdict has been dropped meanwhile."""
+    if row.row_json is not None:
+        return sent(row.row_json, row.unit)
+    return None if made is None else compact(as_row(made))
+
+
+def _body(rows: Iterable[str], next_cursor: str | None) -> str:
+    return f'{{"rows":[{",".join(rows)}],"next_cursor":{compact(next_cursor)}}}'
 
 
 def _after(cursor: str | None, sort: str) -> After | None:

@@ -1,5 +1,6 @@
 """Between an audit and the columns of a stored verdict, and back to the row that dashboards read."""
 
+import hashlib
 import json
 from datetime import datetime, timedelta
 from typing import Any
@@ -12,6 +13,10 @@ from app.storage.verdicts import NewVerdict, pack_detail
 FIELDS = tuple(ReliabilityRow.model_fields)
 TIMES = ("window_start", "window_end", "audited_at")
 OF_LOOP = ("recording", "loop", "unit")
+KEY_FIGURES = "key_figures"
+OF_LOOP_NOW = ("unit",)  # what is asked of the loop when a row is sent, because it may have changed since the verdict
+FORM = hashlib.blake2b(json.dumps([1, FIELDS, OF_LOOP_NOW]).encode(), digest_size=8).hexdigest()
+"""Which fields a stored row has: rows that an older version wrote are made anew from their columns."""
 COLUMNS = frozenset(column.name for column in verdicts.columns)
 
 
@@ -36,9 +41,25 @@ def new_verdict(
         "window_end": _instant(origin, line["window_end_s"]),
         "input_start_ns": input_ns[0],
         "input_end_ns": input_ns[1],
-        "extra_json": json.dumps(extra),
     }
-    return NewVerdict(loop_id, audit_id, columns, pack_detail({**detail(audit), "reasons": line["reasons"]}))
+    told = {**detail(audit), "reasons": line["reasons"]}
+    stored = columns | extra | {"tag": audit.recording, "audit_id": audit_id}
+    columns["extra_json"] = compact({**extra, KEY_FIGURES: told[KEY_FIGURES]})
+    return NewVerdict(loop_id, audit_id, columns, pack_detail(told), fixed_part(as_row(stored)), FORM)
+
+
+def compact(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+
+
+def fixed_part(row: dict[str, Any]) -> str:
+    """The fields of a row that its verdict fixes, as the inside of a JSON object."""
+    return compact({name: value for name, value in row.items() if name not in OF_LOOP_NOW})[1:-1]
+
+
+def sent(fixed: str, unit: str | None) -> str:
+    """A row as JSON: what its verdict fixed, and what the loop is now."""
+    return f'{{{fixed},"unit":{compact(unit)}}}'
 
 
 def as_row(stored: dict[str, Any]) -> dict[str, Any]:

@@ -38,7 +38,7 @@ class Database:
 
     @contextmanager
     def read(self) -> Iterator[Connection]:
-        """One reading transaction; writing in it fails."""
+        """For reading; writing fails."""
         with self._reader.connect() as connection:
             yield connection
 
@@ -102,6 +102,9 @@ def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes:
         options += " -c default_transaction_read_only=on"
     return create_engine(
         url,
+        # A reader sees what is committed at each statement, with or without a transaction around it; without one, a
+        # query costs one round trip instead of three.
+        isolation_level="READ COMMITTED" if writes else "AUTOCOMMIT",
         pool_size=pool_size,
         max_overflow=pool_size,
         pool_timeout=10,

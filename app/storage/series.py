@@ -84,10 +84,15 @@ def extent(connection: Connection, loop_id: int) -> tuple[int, int] | None:
     return None if row[0] is None else (row[0], row[1])
 
 
+def insert_for(connection: Connection, table: Any) -> Any:
+    """An insert that can say what to do where a row's key is there already."""
+    dialect = postgresql if connection.dialect.name == "postgresql" else sqlite
+    return dialect.insert(table)
+
+
 def insert_new(connection: Connection, table: Any) -> Insert:
     """An insert that leaves rows alone whose key is there already."""
-    dialect = postgresql if connection.dialect.name == "postgresql" else sqlite
-    return dialect.insert(table).on_conflict_do_nothing()
+    return insert_for(connection, table).on_conflict_do_nothing()
 
 
 def _known(connection: Connection, keys: list[tuple[int, str]]) -> list[tuple[int, str]]:
@@ -154,4 +159,4 @@ def _cut(samples: Samples, since_ns: int, most_samples: int) -> Samples:
     return recent.part(slice(-most_samples, None)) if len(recent) > most_samples else recent
 
 
-__all__ = ["Added", "Stretch", "add", "between", "extent", "insert", "insert_new", "windows"]
+__all__ = ["Added", "Stretch", "add", "between", "extent", "insert", "insert_for", "insert_new", "windows"]

@@ -206,6 +206,15 @@ verdict_details = Table(
     Column("packed", LargeBinary, nullable=False),
 )
 
+newest_rows = Table(
+    "newest_rows",
+    metadata,
+    Column("loop_id", Id, ForeignKey("loops.id", ondelete="CASCADE"), primary_key=True),
+    Column("audit_id", Id, nullable=False),
+    Column("form", Text, nullable=False),  # which fields the row has, and how they are written
+    Column("row_json", Text, nullable=False),  # a row of the reliability table without what its loop says of itself
+)
+
 explanations = Table(
     "explanations",
     metadata,

@@ -8,8 +8,8 @@ from typing import Any
 import zstandard
 from sqlalchemy import ColumnElement, Connection, Select, and_, func, or_, select, update
 
-from app.storage.series import insert_new
-from app.storage.tables import loops, verdict_details, verdicts
+from app.storage.series import insert_for, insert_new
+from app.storage.tables import loops, newest_rows, verdict_details, verdicts
 
 KEPT_FROM_USERS = ("loop_id", "input_start_ns", "input_end_ns", "extra_json")
 ROW = [verdicts.c[column.name] for column in verdicts.columns if column.name not in KEPT_FROM_USERS]
@@ -19,6 +19,7 @@ SORTABLE = {column.name: column for column in ROW} | {
     "type": loops.c.type,
     "importance": loops.c.importance,
 }
+ASKED_OF_LOOPS = frozenset(("loop", "unit", "type", "importance", "search"))
 LONGEST_DETAIL = 64 << 20
 
 
@@ -47,12 +48,29 @@ class After:
 
 @dataclass(frozen=True)
 class NewVerdict:
-    """A verdict to be stored: the row's columns and its packed detail."""
+    """A verdict to be stored: the row's columns, its packed detail, and the row as it will be sent, in the form `form`.
+
+    The whole table is 14,000 rows of fifty fields: writing each as JSON once, where it is made, is what lets it be
+    answered at once.
+    """
 
     loop_id: int
     audit_id: int
     columns: dict[str, Any]
     detail: bytes
+    row_json: str
+    form: str
+
+
+@dataclass(frozen=True)
+class SentRow:
+    """A row of the table with its JSON as stored, None where there is none of the wanted form; `value` sorts it."""
+
+    loop_id: int
+    tag: str
+    unit: str | None
+    value: Any
+    row_json: str | None
 
 
 def add(connection: Connection, new: Sequence[NewVerdict]) -> None:
@@ -71,6 +89,19 @@ def add(connection: Connection, new: Sequence[NewVerdict]) -> None:
         select(loops.c.id).where(loops.c.id.in_(ids)).order_by(loops.c.id).with_for_update(key_share=True)
     )
     connection.execute(update(loops).where(loops.c.id.in_(ids), older).values(newest_audit_id=newest))
+    _keep_rows(connection, new)
+
+
+def _keep_rows(connection: Connection, new: Sequence[NewVerdict]) -> None:
+    """One row a loop, that of its newest run."""
+    keeping = insert_for(connection, newest_rows)
+    keeping = keeping.on_conflict_do_update(
+        index_elements=["loop_id"],
+        set_={name: keeping.excluded[name] for name in ("audit_id", "form", "row_json")},
+        where=keeping.excluded.audit_id >= newest_rows.c.audit_id,
+    )
+    rows = [{"loop_id": v.loop_id, "audit_id": v.audit_id, "form": v.form, "row_json": v.row_json} for v in new]
+    connection.execute(keeping, sorted(rows, key=lambda row: row["loop_id"]))
 
 
 def pack_detail(detail: dict[str, Any]) -> bytes:
@@ -90,11 +121,46 @@ def table(
     return [_dict(row) for row in connection.execute(query).mappings()]
 
 
-def newest(connection: Connection, loop_id: int) -> dict[str, Any] | None:
-    """The newest verdict of a loop, by its key."""
-    query = _rows(RowFilter()).where(loops.c.id == loop_id)
-    row = connection.execute(query).mappings().one_or_none()
-    return None if row is None else _dict(row)
+def sent_rows(
+    connection: Connection, limit: int, sort: str, descending: bool, wanted: RowFilter, after: After | None, form: str
+) -> list[SentRow]:
+    """The rows of `table` over the newest verdicts, as they are sent. Verdicts are looked at only where the filter or
+    the order asks for one of their columns."""
+    column = SORTABLE[sort]
+    conditions = _conditions(wanted)
+    if after is not None:
+        conditions.append(_beyond(column, descending, after))
+    asked = [name for name, value in vars(wanted).items() if value is not None] + [sort]
+    joined = loops if ASKED_OF_LOOPS.issuperset(asked) else _newest_of_loops()
+    stored = and_(
+        newest_rows.c.loop_id == loops.c.id,
+        newest_rows.c.audit_id == loops.c.newest_audit_id,
+        newest_rows.c.form == form,
+    )
+    query = (
+        select(loops.c.id, loops.c.tag, loops.c.unit, column, newest_rows.c.row_json)
+        .select_from(joined.outerjoin(newest_rows, stored))
+        .where(loops.c.newest_audit_id.is_not(None), *conditions)
+        .order_by((column.desc() if descending else column.asc()).nulls_last(), loops.c.tag)
+        .limit(limit)
+    )
+    return [SentRow(*row) for row in connection.execute(query)]
+
+
+def newest_of(connection: Connection, loop_ids: Sequence[int]) -> dict[str, dict[str, Any]]:
+    """The newest verdicts of these loops by tag; a loop without one is left out."""
+    found = connection.execute(_rows(RowFilter()).where(loops.c.id.in_(loop_ids))).mappings()
+    return {row["tag"]: _dict(row) for row in found}
+
+
+def newest(connection: Connection, tag: str) -> tuple[int, dict[str, Any] | None] | None:
+    """The key of the loop with this tag and its newest verdict, if it has one, in one query; None without the loop."""
+    newest_one = and_(verdicts.c.loop_id == loops.c.id, verdicts.c.audit_id == loops.c.newest_audit_id)
+    query = _select().add_columns(loops.c.id).select_from(loops.outerjoin(verdicts, newest_one))
+    row = connection.execute(query.where(loops.c.tag == tag)).mappings().one_or_none()
+    if row is None:
+        return None
+    return row["id"], None if row["audit_id"] is None else _dict(row)
 
 
 def history(connection: Connection, loop_id: int, limit: int, before_audit: int | None) -> list[dict[str, Any]]:

@@ -1,5 +1,6 @@
 """What users read: loops, the reliability table by the page, history, trend, the plant in numbers."""
 
+import json
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta, timezone
 
@@ -13,11 +14,20 @@ from app.services.audit_line import ReliabilityRow
 from app.services.backend import Backend
 from app.services.reliability import RowFilter
 from app.services.trend import trend
-from app.storage.tables import verdicts
+from app.storage.tables import newest_rows, verdicts
 
 AddLoops = Callable[..., dict[str, int]]
 TAGS = [f"FIC{i}" for i in range(7)]
 PROBABILITIES = [0.9, 0.1, None, 0.9, 0.5, None, 0.3]
+
+
+@pytest.fixture
+def untouched(backend: Backend, add_loops: AddLoops) -> Backend:
+    """Five audited loops, and one that was not audited."""
+    add_loops(*TAGS[:5], n=150)
+    _audit(backend)
+    add_loops("NEW1", n=150)
+    return backend
 
 
 @pytest.fixture
@@ -92,6 +102,33 @@ def test_what_cannot_be_asked_is_refused(plant: Backend) -> None:
     ]:
         with pytest.raises(RequestError):
             reliability.reliability_page(plant, **arguments)
+
+
+@pytest.mark.parametrize("sort", ["loop", "-loop", "-stiction_probability", "unit", "audited_at"])
+@pytest.mark.parametrize("filters", [RowFilter(), RowFilter(search="FIC"), RowFilter(min_probability=0.0)])
+def test_the_table_as_json_is_the_table(untouched: Backend, sort: str, filters: RowFilter) -> None:
+    for limit in (3, 100):
+        page = reliability.reliability_page(untouched, limit, None, sort, filters)
+        sent = json.loads(reliability.reliability_json(untouched, limit, None, sort, filters))
+        assert sent == {"rows": page.rows, "next_cursor": page.next_cursor}
+
+
+def test_rows_are_sent_as_the_loop_is_now_and_in_the_present_form(untouched: Backend) -> None:
+    loops.patch_loop(untouched, "FIC1", {"unit": 'the "new" unit'})
+    with untouched.database.write() as connection:
+        connection.execute(update(newest_rows).where(newest_rows.c.loop_id == 3).values(form="older"))
+    sent = json.loads(reliability.reliability_json(untouched))["rows"]
+    assert sent == reliability.reliability_page(untouched).rows
+    assert [row["unit"] for row in sent if row["loop"] == "FIC1"] == ['the "new" unit']
+
+
+def test_key_figures_of_verdicts_that_older_versions_wrote_come_from_their_detail(untouched: Backend) -> None:
+    now = loops.loop_health(untouched, "FIC1")
+    with untouched.database.write() as connection:
+        connection.execute(update(verdicts).values(extra_json="{}"))
+    before = loops.loop_health(untouched, "FIC1")
+    assert before["good_share_pct"] == now["good_share_pct"] == 100.0
+    assert before["op_travel_per_h"] == now["op_travel_per_h"] > 0
 
 
 def test_the_table_has_each_loops_newest_verdict(plant: Backend) -> None:
