@@ -13,10 +13,10 @@ from app.engine.key_figures import KeyFigures
 from app.engine.key_figures import compute as key_figures_of
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import Recording, UniformRecord
-from app.engine.reliability import Reference, climb
+from app.engine.reliability import LadderConfig, Reference, climb
 from app.errors import DataError
 
-__all__ = ["Audit", "AuditConfig", "Window", "audit", "newest"]
+__all__ = ["Audit", "AuditConfig", "Window", "audit", "ladder_for", "newest"]
 
 SPOILED_BY = {
     "pv_flat": "stuck_valve_or_dead_transmitter",
@@ -102,29 +102,26 @@ def newest(record: UniformRecord, max_samples: int) -> UniformRecord:
 
 def _identified(recording: Recording, config: AuditConfig, fitness: Fitness, oscillation: Oscillation) -> Audit:
     record = newest(fitness.audited, config.max_samples)
+    judgement = verdict.judge(fitness.audited, oscillation, fitness, None, config.judgement, recording.integrating)
     try:
-        reference = climb(record, config.ladder, config.hammerstein)
+        reference = climb(record, ladder_for(judgement, config), config.hammerstein)
     except DataError as error:
         refusal = _unidentifiable(error)
         return _result(recording, config, fitness, refusal, oscillation=oscillation, record=record)
-    judgement = judge(fitness.audited, fitness, oscillation, reference, config, recording.integrating)
+    judgement = _with_reference(judgement, reference, fitness, config)
     return _result(recording, config, fitness, judgement, oscillation=oscillation, record=record, reference=reference)
 
 
-def judge(
-    record: UniformRecord,
-    fitness: Fitness,
-    oscillation: Oscillation,
-    reference: Reference,
-    config: AuditConfig,
-    integrating: bool | None = None,
-) -> Judgement:
-    """The one place where evidence becomes a verdict; the published rule's reading stands beside it as the reference.
+def ladder_for(judgement: Judgement, config: AuditConfig) -> LadderConfig:
+    """The whole ladder where the shapes leave doubt or say stiction; the first rung where they clear the valve."""
+    if (judgement.stiction_probability or 0.0) > config.doubt_above:
+        return config.ladder
+    return replace(config.ladder, widen=False, two_parameter=False)
 
-    record: the stretch that `oscillation` was found in.
-    """
-    judgement = verdict.judge(record, oscillation, fitness, reference, config.judgement, integrating)
-    published = _published_reasons(reference, config)
+
+def _with_reference(judgement: Judgement, reference: Reference, fitness: Fitness, config: AuditConfig) -> Judgement:
+    """The published rule's reading beside the verdict, which it does not move, and what speaks against the data."""
+    published = verdict.reference_reason(reference, judgement.verdict) + _published_reasons(reference, config)
     given = {reason.code for reason in judgement.reasons}
     doubts = tuple(Reason(f.code, f.text) for f in fitness.findings if f.outcome == "fail" and f.code not in given)
     return replace(judgement, reasons=judgement.reasons + published + doubts)

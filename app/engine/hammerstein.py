@@ -119,11 +119,15 @@ class _Scaled:
 
 
 def identify_one_parameter(
-    record: UniformRecord, space: SearchSpace, config: HammersteinConfig = HammersteinConfig()
+    record: UniformRecord,
+    space: SearchSpace,
+    config: HammersteinConfig = HammersteinConfig(),
+    points: IntArray | None = None,
 ) -> OneParameterResult:
     """Hammerstein identification with the one-parameter valve (figure 2, eqs 1-7): is the least RMSE at d = 0?
 
-    record: PV and OP, (N,), any unit. space: the orders searched. d and the RMSE come back in the units of OP and PV;
+    record: PV and OP, (N,), any unit. space: the orders searched. points: which points of the grid are tried,
+    increasing, the first of them 0 (no stiction); all where None. d and the RMSE come back in the units of OP and PV;
     a change of unit, sign or zero of either changes nothing else, unless eq 7 is asked for on raw signals.
     Raises DataError("flat_signal") where PV or OP never moves, DataError("not_finite") and
     DataError("record_too_short") as `search_orders` does.
@@ -135,6 +139,7 @@ def identify_one_parameter(
     """
     scaled = _scale(record, config)
     d = np.linspace(0.0, config.d_max_share, config.points_d) * np.ptp(scaled.op)
+    d = d if points is None else d[points]
     found = _identify(scaled, one_parameter(scaled.op, d), space, config)
     return OneParameterResult(d=d * scaled.op_scale, **vars(found))
 

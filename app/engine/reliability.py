@@ -3,8 +3,11 @@
 from dataclasses import dataclass, replace
 from typing import Literal
 
+import numpy as np
+
 from app.engine import hammerstein, yper
 from app.engine.armax import SearchSpace
+from app.engine.armax.model import IntArray
 from app.engine.hammerstein import HammersteinConfig, OneParameterResult, TwoParameterResult
 from app.engine.recording import UniformRecord
 from app.engine.yper import YperResult
@@ -12,7 +15,7 @@ from app.errors import DataError
 
 Reading = Literal["high_stiction", "high_no_stiction", "low_stiction", "low_no_stiction"]
 
-Ending = Literal["agreement", "ladder_end", "record_too_short"]
+Ending = Literal["agreement", "ladder_end", "record_too_short", "not_widened"]
 
 RELIABLE: frozenset[Reading] = frozenset({"high_stiction", "low_no_stiction"})
 """The rows of table 2 where Yper and the Hammerstein verdict agree."""
@@ -26,6 +29,10 @@ class LadderConfig:
     nominal: the first rung where Yper is low. high: the first rung where it is high, so harmonics must be explained.
     yper_threshold_pct: Yper above this is high; 0.5 is the paper's (remark 4.1).
     two_parameter: whether the last rung reached is identified with the two-parameter model too.
+    two_parameter_widest: the widest rung in which that is done, however far the climb goes; None: any.
+    widen: whether the climb goes on from the first rung where table 2 does not agree.
+    wider_every: rungs after the first try each `wider_every`-th point of the grid of d and the lowest of the
+    first; 1: the whole grid.
     """
 
     rungs: tuple[tuple[int, int, int], ...] = ((2, 2, 2), (5, 5, 5), (5, 5, 10), (5, 5, 25), (10, 10, 25))
@@ -33,16 +40,21 @@ class LadderConfig:
     high: tuple[int, int, int] = (5, 5, 10)
     yper_threshold_pct: float = yper.SIGNIFICANT_PCT
     two_parameter: bool = True
+    two_parameter_widest: tuple[int, int, int] | None = None
+    widen: bool = True
+    wider_every: int = 1
 
     def __post_init__(self) -> None:
         for first in (self.nominal, self.high):
             if first not in self.rungs:
                 raise ValueError(f"the first rung {first} is not on the ladder {self.rungs}")
+        if self.two_parameter_widest is not None and self.two_parameter_widest not in self.rungs:
+            raise ValueError(f"the rung {self.two_parameter_widest} is not on the ladder {self.rungs}")
 
 
 @dataclass(frozen=True, eq=False)
 class Rung:
-    """What one search space said. `two` is None except on the last rung reached."""
+    """What one search space said. `two` is None except on the last rung reached; it names its own space."""
 
     space: SearchSpace
     one: OneParameterResult
@@ -59,7 +71,8 @@ class Reference:
     yper: scale-free, both signals at unit standard deviation; it decides. yper_raw: in engineering units, to compare.
     high: whether Yper is above the threshold of the configuration.
     rungs: every search space that was identified, in order; the last one has the final say.
-    ending: why the climb ended: table 2 agreed, there was no wider rung, or the record is too short for the next one.
+    ending: why the climb ended: table 2 agreed, there was no wider rung, the record is too short for the next one, or
+    the configuration did not ask for wider ones.
     """
 
     yper: YperResult
@@ -126,25 +139,49 @@ def climb(
     first = config.rungs.index(config.high if high else config.nominal)
     rungs, ending = _climb_from(record, config, first, high, hammerstein_config)
     if config.two_parameter:
-        two = hammerstein.identify_two_parameter(record, rungs[-1].space, hammerstein_config)
+        space = _narrower(rungs[-1].space, config)
+        two = hammerstein.identify_two_parameter(record, space, hammerstein_config)
         rungs[-1] = replace(rungs[-1], two=two)
     return Reference(yper=scale_free, yper_raw=raw, high=high, rungs=tuple(rungs), ending=ending)
+
+
+def _narrower(space: SearchSpace, config: LadderConfig) -> SearchSpace:
+    """The space of the last rung, or the widest one in which the two-parameter model may be identified."""
+    if config.two_parameter_widest is None:
+        return space
+    widest = config.rungs.index(config.two_parameter_widest)
+    wider = (SearchSpace(*orders) for orders in config.rungs[widest + 1 :])
+    return SearchSpace(*config.two_parameter_widest) if space in wider else space
 
 
 def _climb_from(
     record: UniformRecord, config: LadderConfig, first: int, high: bool, hammerstein_config: HammersteinConfig
 ) -> tuple[list[Rung], Ending]:
     rungs = [_first_bearable(record, config, first, high, hammerstein_config)]
+    if not config.widen and not rungs[-1].agrees:
+        return rungs, "not_widened"
     for orders in config.rungs[first + 1 :]:
         if rungs[-1].agrees:
             break
+        points = _points_for_wider(rungs, config, hammerstein_config)
         try:
-            rungs.append(_try(record, SearchSpace(*orders), high, hammerstein_config))
+            rungs.append(_try(record, SearchSpace(*orders), high, hammerstein_config, points))
         except DataError as refused:
             if refused.code != "record_too_short":
                 raise
             return rungs, "record_too_short"
     return rungs, "agreement" if rungs[-1].agrees else "ladder_end"
+
+
+def _points_for_wider(
+    rungs: list[Rung], config: LadderConfig, hammerstein_config: HammersteinConfig
+) -> IntArray | None:
+    """The points of the grid of d that the next rung tries: some of all, and what was lowest on the first one."""
+    if config.wider_every == 1:
+        return None
+    spread = np.arange(0, hammerstein_config.points_d, config.wider_every)
+    lowest = np.argsort(rungs[0].one.rmse, kind="stable")[: max(hammerstein_config.refined, 1)]
+    return np.union1d(spread, lowest)
 
 
 def _first_bearable(
@@ -159,7 +196,13 @@ def _first_bearable(
     return _try(record, SearchSpace(*config.rungs[0]), high, hammerstein_config)
 
 
-def _try(record: UniformRecord, space: SearchSpace, high: bool, config: HammersteinConfig) -> Rung:
-    one = hammerstein.identify_one_parameter(record, space, config)
+def _try(
+    record: UniformRecord,
+    space: SearchSpace,
+    high: bool,
+    config: HammersteinConfig,
+    points: IntArray | None = None,
+) -> Rung:
+    one = hammerstein.identify_one_parameter(record, space, config, points)
     reading = read_table2(high, one.stiction)
     return Rung(space=space, one=one, two=None, stiction=one.stiction, reading=reading, agrees=reading in RELIABLE)

@@ -109,7 +109,7 @@ def conclude(
     reliability: Reliability = "not_reliable" if doubts else "reliable"
     reasons = (*_shape_reasons(weighing, verdict), *_rival_reasons(weighing, verdict), *doubts)
     if reference is not None:
-        reasons += _reference_reason(reference, verdict)
+        reasons += reference_reason(reference, verdict)
     return Judgement(verdict, probability, reliability, reasons, _cause(weighing, verdict))
 
 
@@ -189,7 +189,8 @@ def _methods_reason(methods: tuple[Corroboration, ...]) -> Reason:
     return Reason("published_methods", text)
 
 
-def _reference_reason(reference: Reference, verdict: Verdict) -> tuple[Reason, ...]:
+def reference_reason(reference: Reference, verdict: Verdict) -> tuple[Reason, ...]:
+    """Says where the published rule disagrees; nothing where it does not."""
     said = "stiction" if reference.last.stiction else "no_stiction"
     if verdict == "inconclusive" or said == verdict:
         return ()

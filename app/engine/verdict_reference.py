@@ -96,6 +96,9 @@ def _reasons(reference: Reference) -> tuple[Reason, ...]:
         said = "agreement was found" if reference.reliable else "the last one did not agree either"
         times = "once" if reference.widenings == 1 else f"{reference.widenings} times"
         reasons.append(Reason("search_space_widened", f"the search space was widened {times}; {said}"))
+    if reference.ending == "not_widened":
+        text = "the search space was not widened: the shapes of PV and OP already clear the valve"
+        reasons.append(Reason("search_space_not_widened", text))
     if reference.ending == "record_too_short":
         reasons.append(Reason("record_too_short_to_widen", "the record is too short for the next search space"))
     reasons.append(

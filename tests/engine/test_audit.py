@@ -229,6 +229,23 @@ def test_an_audit_calls_yper_high_above_the_calibrated_threshold():
     assert LadderConfig().yper_threshold_pct == 0.5
 
 
+def test_the_dear_part_of_the_reference_is_run_only_where_the_shapes_leave_doubt(answer):
+    p = answer.judgement.stiction_probability
+    wide = audit(sticky_loop(), AuditConfig(doubt_above=p / 2))
+    narrow = audit(sticky_loop(), AuditConfig(doubt_above=p))
+    assert wide.reference.last.two is not None
+    assert narrow.reference.last.two is None
+    assert narrow.reference.widenings == 0
+    assert narrow.reference.ending in ("agreement", "not_widened")
+    assert narrow.judgement.verdict == wide.judgement.verdict
+    assert narrow.judgement.stiction_probability == p
+
+
+def test_the_grid_of_an_audit_covers_all_of_the_range_of_op(answer):
+    first = answer.reference.rungs[0].one
+    assert first.d[-1] == pytest.approx(answer.op_span)
+
+
 def test_configurations_are_told_apart():
     base = AuditConfig()
     other = AuditConfig(fitness=FitnessConfig(min_samples=101))

@@ -1,5 +1,6 @@
 """Table 2 and the ladder of search spaces: where the climb begins, when it goes on, when it ends."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -22,9 +23,10 @@ def record(high: bool) -> UniformRecord:
 @pytest.fixture
 def answers(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """Stands in for the identification: says stiction in the spaces of `stiction_in`, notes what was asked."""
-    said = SimpleNamespace(stiction_in=set(), too_short_for=set(), asked=[], asked_two=[])
+    said = SimpleNamespace(stiction_in=set(), too_short_for=set(), asked=[], asked_two=[], points=[])
 
-    def one(_: UniformRecord, space: SearchSpace, __: object) -> SimpleNamespace:
+    def one(_: UniformRecord, space: SearchSpace, __: object, points: object = None) -> SimpleNamespace:
+        said.points.append(points)
         orders = (space.na_max, space.nb_max, space.nc_max)
         said.asked.append(orders)
         if orders in said.too_short_for:
@@ -111,6 +113,36 @@ def test_two_parameter_model_is_identified_on_the_last_rung_only(answers: Simple
     assert climb(record(high=True), LadderConfig(two_parameter=False)).last.two is None
 
 
+def test_two_parameter_model_stays_below_its_widest_space(answers: SimpleNamespace) -> None:
+    config = LadderConfig(two_parameter_widest=(5, 5, 10))
+    assert climb(record(high=True), config).search_space == SearchSpace(10, 10, 25)
+    assert answers.asked_two == [(5, 5, 10)]
+    climb(record(high=False), config)
+    assert answers.asked_two[-1] == (5, 5, 5)
+
+
+def test_a_climb_that_is_not_to_widen_stays_on_its_first_rung(answers: SimpleNamespace) -> None:
+    reference = climb(record(high=True), LadderConfig(widen=False, two_parameter=False))
+    assert answers.asked == [(5, 5, 10)]
+    assert (reference.ending, reference.reading, reference.reliable) == ("not_widened", "high_no_stiction", False)
+    answers.stiction_in = {(5, 5, 10)}
+    assert climb(record(high=True), LadderConfig(widen=False)).ending == "agreement"
+
+
+def test_wider_rungs_try_part_of_the_grid_and_the_lowest_of_the_first() -> None:
+    coarse = LadderConfig(wider_every=10, two_parameter=False)
+    noise = np.random.default_rng(3)
+    shaken = UniformRecord(1.0, noise.normal(size=600), noise.normal(size=600), None, np.zeros(600, dtype=np.bool_))
+    rungs = climb(shaken, replace(coarse, yper_threshold_pct=0.0)).rungs
+    if len(rungs) == 1:
+        rungs = climb(shaken, replace(coarse, yper_threshold_pct=1e9)).rungs
+    first, wider = rungs[0].one, rungs[1].one
+    lowest = first.d[np.argsort(first.rmse, kind="stable")[:3]]
+    assert set(first.d[::10]) | set(lowest) == set(wider.d)
+    assert wider.d[0] == 0.0
+    assert len(first.d) == 30
+
+
 def test_ladder_and_threshold_are_configurable(answers: SimpleNamespace) -> None:
     config = LadderConfig(rungs=((1, 1, 1), (3, 3, 3)), nominal=(1, 1, 1), high=(3, 3, 3), yper_threshold_pct=99.9)
     reference = climb(record(high=True), config)
@@ -121,6 +153,8 @@ def test_ladder_and_threshold_are_configurable(answers: SimpleNamespace) -> None
 def test_a_first_rung_off_the_ladder_is_refused() -> None:
     with pytest.raises(ValueError, match="not on the ladder"):
         LadderConfig(nominal=(4, 4, 4))
+    with pytest.raises(ValueError, match="not on the ladder"):
+        LadderConfig(two_parameter_widest=(4, 4, 4))
 
 
 def test_flat_record_is_refused_with_a_code() -> None:
