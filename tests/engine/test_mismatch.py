@@ -2,18 +2,25 @@
 where nothing is.
 """
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain, locate
+from app.engine.mismatch.block import Context
 from app.engine.mismatch.closed_loop import close, identify_law
+from app.engine.mismatch.conclude import unseen_data_refuse
 from app.engine.mismatch.experiment import experiment
 from app.engine.mismatch.fitting import Given, fit_linear
+from app.engine.mismatch.holdout import Fitness
 from app.engine.mismatch.noise import NoiseModel, fit_noise, whiten
 from app.engine.mismatch.patterns import find_patterns
 from app.engine.mismatch.plant import Plant, run_process
 from app.engine.mismatch.validation import simulate_again
 from app.engine.recording import FloatArray
+from app.engine.simulate.compression import keep, rebuild
 from app.errors import DataError
 
 N, TS = 1200, 2.0
@@ -203,3 +210,72 @@ def test_the_controller_is_read_off_and_the_loop_closes_again() -> None:
     closed = close(base, law, sp)
     assert closed is not None
     assert np.std(closed.pv - pv) < 0.1 * np.std(pv)
+
+
+def test_a_mass_with_dry_friction_is_named() -> None:
+    """Simulated in fine time, by other steps than the block's: a mass on a spring that rests within its friction."""
+    u = np.repeat(np.random.default_rng(0).uniform(-6.0, 6.0, N // 30), 30)
+    place, speed, step = 0.0, 0.0, TS / 50.0
+    pv = np.empty(N)
+    for t in range(N):
+        pv[t] = place
+        for _ in range(50):
+            force = u[t] - place
+            side = np.sign(speed) if speed != 0.0 else np.sign(force)
+            if speed == 0.0 and abs(force) <= 1.0:
+                continue
+            after = speed + step * (force - 20.0 * speed - side) / 60.0
+            speed = 0.0 if speed * after < 0.0 else after
+            place += step * speed
+    pv += 30.0 + 0.03 * np.random.default_rng(1).normal(size=N)
+    simulation = LinearSimulation(1.04, (16.3, 3.7))
+    answer = explain(Comparison("mass", TS, 50.0 + u, pv, simulation=simulation))
+    assert answer.effects[0].code == "process.friction"
+    assert answer.effects[0].parameters[0].value == pytest.approx(1.0, rel=0.1)
+    assert answer.fit.explained.rmse < 0.2 * answer.fit.refitted.rmse
+
+
+def test_compression_is_told_by_its_kind_and_simulated() -> None:
+    pv, instants = recorded(moves()), np.arange(N) * TS
+    for kind, form in (("swinging_door", "pattern"), ("exception", "pattern-held")):
+        squeezed = rebuild(instants, pv, keep(instants, pv, 0.4, kind), kind)
+        part = find_patterns(experiment(TS, moves(), squeezed))[0].part
+        assert part.block.form == form
+        assert part.values[0] == pytest.approx(0.4, rel=0.6)
+    lines = np.interp(np.arange(N), np.arange(0, N, 7), pv[::7])
+    record = experiment(TS, moves(), lines)
+    part = find_patterns(record)[0].part
+    assert part.block.form == "pattern-lines"
+    assert part.values[0] == 7 * TS
+    assert part.block.apply is not None
+    again = part.block.apply(pv - record.pv_mid, part.values, Context(record, TRUE)) + record.pv_mid
+    assert again[: 7 * (N // 7)] == pytest.approx(lines[: 7 * (N // 7)], abs=0.5)
+
+
+def test_a_record_that_tells_too_little_clears_nothing() -> None:
+    u = 0.002 * moves()
+    answer = explain(Comparison("quiet", TS, 40.0 + u, recorded(u), simulation=GIVEN))
+    assert answer.verdict == "inconclusive"
+    assert answer.effects == ()
+    assert answer.evidence[0].code == "too_little_excitation"
+    slow = LinearSimulation(gain=1.4, time_constants_s=(900.0,), dead_time_s=20.0)
+    short = slice(0, 150)
+    late = explain(Comparison("short", TS, 40.0 + moves()[short], recorded(moves())[short], simulation=slow))
+    assert late.verdict != "consistent"
+
+
+def test_names_that_unseen_data_refuse_do_not_stand(with_backlash: Explanation) -> None:
+    worse = replace(with_backlash.fit, explained=Fitness(2.0 * with_backlash.fit.refitted.rmse, 0.0))
+    selection = SimpleNamespace(effects=with_backlash.effects)
+    assert unseen_data_refuse(selection, with_backlash.fit) == ()
+    assert unseen_data_refuse(selection, worse)[0].code == "held_out_disagrees"
+
+
+def test_a_long_record_is_thinned_for_the_competition_and_fitted_whole() -> None:
+    slow = Plant(K=1.4, tau=300.0, theta=20.0)
+    u = np.repeat(np.random.default_rng(5).uniform(-6.0, 6.0, 60), 200)
+    pv = 50.0 + run_process(backlash(u, 1.2), slow, TS) + np.tile(noise(), 10)
+    answer = explain(Comparison("long", TS, 40.0 + u, pv, simulation=LinearSimulation(1.45, (285.0,), 20.0)))
+    assert "valve.deadband" in (answer.effects[0].code, *answer.effects[0].alternatives)
+    assert len(answer.traces.pv) == len(u)
+    assert answer.fit.explained.rmse < 0.8 * answer.fit.refitted.rmse

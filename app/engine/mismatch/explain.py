@@ -6,56 +6,24 @@ import numpy as np
 
 from app.engine import ENGINE_VERSION
 from app.engine.evidence import Reason
-from app.engine.mismatch.block import Context, Part
+from app.engine.mismatch.block import Context
 from app.engine.mismatch.closed_loop import ClosedLoop, close_again
-from app.engine.mismatch.experiment import Experiment, experiment
+from app.engine.mismatch.comparison import Comparison, check, given_of, glimpse, record_of, shortened
+from app.engine.mismatch.conclude import conclude, unseen_data_refuse
+from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit, Given, fit_linear, make_task, settle, start_at
 from app.engine.mismatch.given import behind_trace, identify
 from app.engine.mismatch.holdout import judge, kept_out, refit_without
 from app.engine.mismatch.locate import quick_location
 from app.engine.mismatch.patterns import Pattern, find_patterns
 from app.engine.mismatch.physics import library
-from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.report import effects_of, export, location_of, pattern_effect, refit_estimates
 from app.engine.mismatch.result import Effect, Explanation, Improvement, Location, Traces
 from app.engine.mismatch.selection import Selection, select
+from app.engine.mismatch.thinning import coarse_of, factor_for, refined
 from app.engine.mismatch.validation import validate
 from app.engine.mismatch.windows import windows_of
-from app.engine.recording import BoolArray, FloatArray
-from app.errors import DataError
-
-LEAST_SAMPLES = 100
-LEAST_TIME_CONSTANT = 0.05
-
-
-@dataclass(frozen=True)
-class LinearSimulation:
-    """An engineer's model: gain (PV per OP, per second where integrating), time constants and dead time in s."""
-
-    gain: float
-    time_constants_s: tuple[float, ...] = ()
-    dead_time_s: float = 0.0
-    integrating: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """What is compared: equally sampled signals (N,), and the simulation as a trace (N,), as a model, or None for our
-    own.
-
-    sampling_interval_s: s. op, pv, sp: engineering units; measured: further signals by name. known: (N,) False where
-    PV was filled in.
-    """
-
-    name: str
-    sampling_interval_s: float
-    op: FloatArray
-    pv: FloatArray
-    sp: FloatArray | None = None
-    measured: tuple[tuple[str, FloatArray], ...] = ()
-    known: BoolArray | None = None
-    trace: FloatArray | None = None
-    simulation: LinearSimulation | None = None
+from app.engine.recording import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,33 +44,41 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     "model_invalid").
     Misleads where OP hardly moves: then little can be told, and the answer is `consistent`.
     """
+    check(comparison)
+    comparison = shortened(comparison)
     prepared = prepare(comparison)
     codes = tuple(pattern.part.block.code for pattern in prepared.patterns)
-    blocks = library(prepared.record)
-    selection = select(prepared.base, blocks, codes)
+    selection = compete(prepared, codes)
     selection = replace(selection, fit=settle(selection.fit))
     explanation = assemble(comparison, prepared, selection)
     if validation is None:
         return explanation
     check(validation)
-    second = experiment(
-        validation.sampling_interval_s, validation.op, validation.pv, validation.sp, validation.measured
-    )
+    second = record_of(validation)
     sensors = tuple(pattern.part for pattern in prepared.patterns)
     return replace(explanation, validation=validate(prepared.base, selection.fit, sensors, second, validation.trace))
 
 
+def compete(prepared: Prepared, already: tuple[str, ...]) -> Selection:
+    """The believed effects: of a long record chosen on a thinned one, their numbers fitted on the whole."""
+    coarse = coarse_of(prepared.base, factor_for(prepared.base))
+    selection = select(coarse.fit, library(coarse.fit.record), already)
+    return selection if coarse.factor == 1 else refined(prepared.base, selection)
+
+
 def locate(comparison: Comparison) -> Location:
-    """A first answer without a competition: where the two differ, from scans alone."""
-    prepared = prepare(comparison)
-    return quick_location(prepared.base, prepared.patterns, library(prepared.record))
+    """A first answer without a competition: where the two differ, from scans alone, of a long record thinned."""
+    check(comparison)
+    whole = record_of(comparison)
+    patterns = find_patterns(whole)
+    if patterns:
+        return location_of((pattern_effect(patterns[0], whole),))
+    base = prepare(glimpse(comparison)).base
+    return quick_location(base, library(base.record))
 
 
 def prepare(comparison: Comparison) -> Prepared:
-    check(comparison)
-    record = experiment(
-        comparison.sampling_interval_s, comparison.op, comparison.pv, comparison.sp, comparison.measured
-    )
+    record = record_of(comparison)
     patterns = find_patterns(record)
     usable = np.ones(record.samples, dtype=np.bool_) if comparison.known is None else comparison.known.copy()
     for pattern in patterns:
@@ -120,43 +96,6 @@ def prepare(comparison: Comparison) -> Prepared:
     return Prepared(record, patterns, None, identify(record))
 
 
-def check(comparison: Comparison) -> None:
-    n = len(comparison.pv)
-    if n < LEAST_SAMPLES:
-        raise DataError(
-            "too_short", f"{n} samples are too few to explain a difference, at least {LEAST_SAMPLES} are needed"
-        )
-    for name, signal in (("OP", comparison.op), ("SP", comparison.sp), *comparison.measured):
-        if signal is not None and len(signal) != n:
-            raise DataError("signal_length", f"{name} has {len(signal)} samples, PV has {n}; they must be the same")
-    if comparison.trace is not None and len(comparison.trace) != n:
-        raise DataError("simulation_length", f"the simulation has {len(comparison.trace)} samples, the recording {n}")
-    if comparison.trace is not None and not np.all(np.isfinite(comparison.trace)):
-        raise DataError(
-            "simulation_not_finite", "the simulation has samples without a value; it must cover the recording"
-        )
-    for name, signal in (("OP", comparison.op), ("PV", comparison.pv)):
-        if not np.all(np.isfinite(signal)) or np.ptp(signal) <= 0.0:
-            raise DataError(
-                "signal_constant", f"{name} is constant or not finite: there is nothing to compare a simulation with"
-            )
-
-
-def given_of(simulation: LinearSimulation, record: Experiment) -> Given:
-    taus = sorted((t for t in simulation.time_constants_s if t > 0.0), reverse=True)
-    if not np.isfinite(simulation.gain) or simulation.gain == 0.0 or len(taus) > 2 or simulation.dead_time_s < 0.0:
-        raise DataError(
-            "model_invalid",
-            "a model needs a gain other than 0, up to two time constants and a dead time that is not negative",
-        )
-    if simulation.integrating:
-        plant = Plant(simulation.gain, 1.0, simulation.dead_time_s, tau2=taus[0] if taus else 0.0, leak=0.0)
-        return Given(plant, integrating=True, second_order=bool(taus))
-    first = taus[0] if taus else LEAST_TIME_CONSTANT * record.sampling_interval_s
-    plant = Plant(simulation.gain, first, simulation.dead_time_s, tau2=taus[1] if len(taus) > 1 else 0.0)
-    return Given(plant, second_order=len(taus) > 1)
-
-
 def as_it_came(record: Experiment, given: Given) -> FloatArray:
     """The given model's trace (N,), started where PV started, in the unit of PV."""
     task = make_task(record, given, ())
@@ -166,8 +105,12 @@ def as_it_came(record: Experiment, given: Given) -> FloatArray:
     return task.simulated(x) + record.pv_mid
 
 
-def assemble(comparison: Comparison, prepared: Prepared, selection: Selection) -> Explanation:
-    """Held-out figures, effects, windows, model and traces of a selection."""
+def assemble(
+    comparison: Comparison, prepared: Prepared, selection: Selection, refused: tuple[Reason, ...] = ()
+) -> Explanation:
+    """Held-out figures, effects, windows, model and traces of a selection; of the bare refit where unseen data refuse
+    what was selected.
+    """
     usable = prepared.record.usable
     final = selection.fit
     held = kept_out(final, usable)
@@ -180,22 +123,27 @@ def assemble(comparison: Comparison, prepared: Prepared, selection: Selection) -
         with_patterns(final_seen, prepared.patterns),
         held,
     )
-    effects = (
-        *(pattern_effect(p, prepared.record) for p in prepared.patterns),
-        *(told for e in selection.effects for told in effects_of(e, final)),
-    )
     improvement = improvement_of(traces, comparison)
+    doubts = unseen_data_refuse(selection, improvement)
+    if doubts:
+        return assemble(comparison, prepared, Selection(prepared.base, (), selection.ranking), doubts)
+    conclusion = conclude(
+        prepared.base,
+        tuple(pattern_effect(p, prepared.record) for p in prepared.patterns),
+        tuple(told for e in selection.effects for told in effects_of(e, final)),
+        refused,
+    )
     closed = close_again(prepared.base, final)
     return Explanation(
         name=comparison.name,
-        verdict="missing_physics" if effects else "consistent",
-        effects=merged(effects),
-        located=location_of(effects),
+        verdict=conclusion.verdict,
+        effects=merged(conclusion.effects),
+        located=location_of(conclusion.effects),
         fit=improvement,
         validation=None,
         model=export(final, tuple(p.part for p in prepared.patterns)),
         refit=refit_estimates(prepared.base),
-        evidence=(*evidence_of(prepared, selection), *controller_evidence(closed)),
+        evidence=(*conclusion.reasons, *evidence_of(prepared, selection), *controller_evidence(closed)),
         traces=traces,
         closed_loop=closed,
         engine_version=ENGINE_VERSION,
@@ -203,12 +151,16 @@ def assemble(comparison: Comparison, prepared: Prepared, selection: Selection) -
 
 
 def with_patterns(found: Fit, patterns: tuple[Pattern, ...]) -> FloatArray:
-    """The free run seen through the sensor's limits and stuck stretches, (N,) in the unit of PV."""
-    signal = found.simulated
+    """The free run seen through the sensor and its historian, (N,) in the unit of PV; rounding and compression only
+    where that comes nearer to what was fitted.
+    """
+    signal, context, seen = found.simulated, Context(found.record, found.plant), found.record.usable
     for pattern in patterns:
-        part: Part = pattern.part
-        if part.block.apply is not None:
-            signal = part.block.apply(signal, part.values, Context(found.record, found.plant))
+        block, values = pattern.part.block, pattern.part.values
+        through = signal if block.apply is None else block.apply(signal, values, context)
+        error = [float(np.std((found.record.pv_deviation - s)[seen])) for s in (signal, through)]
+        if pattern.hides_pv or error[1] <= error[0]:
+            signal = through
     return signal + found.record.pv_mid
 
 

@@ -13,6 +13,8 @@ from app.engine.mismatch.plant import Plant, run_process
 from app.engine.recording import FloatArray
 
 ALIKE = 3e-3
+TIMES, DEAD_TIMES = (1.0, 3.0, 7.0, 15.0, 35.0, 80.0, 200.0), (0.2, 1.0, 3.0, 6.0, 12.0, 25.0, 50.0)
+DESCENTS, APART = 2, 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,48 +60,74 @@ def behind_trace(record: Experiment, trace: FloatArray) -> TraceModel:
 def fit_structure(record: Experiment, trace: FloatArray, structure: Structure) -> TraceModel:
     y = trace - np.mean(trace)
     ts = record.sampling_interval_s
-    starts = [(tau, theta) for tau in (3.0, 12.0, 50.0) for theta in (1.0, 4.0, 12.0)]
     best: Plant | None = None
     least = np.inf
-    for tau, theta in starts:
-        plant = descend_trace(record, y, structure, tau * ts, theta * ts)
+    for start in starts(record, y, structure):
+        plant = descend_trace(record, y, structure, start)
         error = float(np.sqrt(np.mean((run_process(record.op_deviation, plant, ts) - y) ** 2)))
         if error < 0.98 * least:
             best, least = plant, error
         if least < 3e-4 * np.std(y):
             break
-    assert best is not None  # noqa: S101 - starts is not empty
+    assert best is not None  # noqa: S101 - there are starts
     rest = y - run_process(record.op_deviation, best, ts)
     left = float(np.std(rest) / max(np.std(y), 1e-300))
     given = Given(best.changed(b=0.0, x0=0.0), second_order=structure.second_order, integrating=structure.integrating)
     return TraceModel(given, left, rest if left > ALIKE else np.zeros(record.samples))
 
 
-def descend_trace(record: Experiment, y: FloatArray, structure: Structure, tau: float, theta: float) -> Plant:
-    """Variable projection: gain, offset and start are linear; time constants and dead time are searched."""
+def starts(record: Experiment, y: FloatArray, structure: Structure) -> list[FloatArray]:
+    """The best points of a grid of time constants and dead times, none beside another: dead time in intervals, logs of
+    the time constants.
+    """
+    ts = record.sampling_interval_s
+    taus = TIMES if not structure.integrating or structure.second_order else TIMES[:1]
+    points = [np.array([theta, np.log(tau * ts), np.log(0.3 * tau * ts)]) for tau in taus for theta in DEAD_TIMES]
+    errors = [float(np.sum(left_by(record, y, structure, z)[0] ** 2)) for z in points]
+    kept: list[FloatArray] = []
+    for k in np.argsort(errors, kind="stable"):
+        z = points[int(k)]
+        if all(abs(z[1] - o[1]) > APART or abs(z[0] - o[0]) > APART * (1.0 + o[0]) for o in kept):
+            kept.append(z)
+        if len(kept) == DESCENTS:
+            break
+    return kept
+
+
+def plant_of(record: Experiment, structure: Structure, z: FloatArray, K: float, b: float, x0: float) -> Plant:
+    first = 1.0 if structure.integrating else float(np.exp(z[1]))
+    second = float(np.exp(z[2])) if structure.second_order else 0.0
+    leak = 0.0 if structure.integrating else 1.0
+    return Plant(K, first, float(abs(z[0])) * record.sampling_interval_s, b, x0, second, leak)
+
+
+def left_by(record: Experiment, y: FloatArray, structure: Structure, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Residual (N,) and the linear numbers (gain, offset, start) of the best plant with dead time and lags z."""
     ts, u = record.sampling_interval_s, record.op_deviation
+    zero = np.zeros_like(u)
+    units = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    plants = [plant_of(record, structure, z, *unit) for unit in units]
+    columns = [run_process(u if k == 0 else zero, plant, ts) for k, plant in enumerate(plants)]
+    basis = np.stack(columns, axis=1)
+    numbers = np.linalg.lstsq(basis, y, rcond=None)[0]
+    return y - basis @ numbers, numbers
 
-    def plant_of(z: FloatArray, K: float = 1.0, b: float = 0.0, x0: float = 0.0) -> Plant:
-        first = 1.0 if structure.integrating else float(np.exp(z[1]))
-        second = float(np.exp(z[2])) if structure.second_order else 0.0
-        leak = 0.0 if structure.integrating else 1.0
-        return Plant(K, first, float(abs(z[0])) * ts, b, x0, second, leak)
 
-    def columns(z: FloatArray) -> FloatArray:
-        zero = np.zeros_like(u)
-        parts = (plant_of(z), plant_of(z, 0.0, 1.0), plant_of(z, 0.0, 0.0, 1.0))
-        return np.stack([run_process(u if k == 0 else zero, plant, ts) for k, plant in enumerate(parts)], axis=1)
-
-    def error(z: FloatArray) -> FloatArray:
-        basis = columns(z)
-        return y - basis @ np.linalg.lstsq(basis, y, rcond=None)[0]
-
-    start = np.array([theta / ts, np.log(tau), np.log(0.3 * tau)])
+def descend_trace(record: Experiment, y: FloatArray, structure: Structure, start: FloatArray) -> Plant:
+    """Variable projection: gain, offset and start are linear; time constants and dead time are searched."""
+    ts = record.sampling_interval_s
     low = [0.0, np.log(0.05 * ts), np.log(0.05 * ts)]
     high = [0.2 * record.samples, np.log(record.duration_s), np.log(record.duration_s)]
-    z = least_squares(error, start, bounds=(low, high), max_nfev=40, diff_step=1e-4, x_scale=[1.0, 0.3, 0.3]).x
-    K, b, x0 = np.linalg.lstsq(columns(z), y, rcond=None)[0].tolist()
-    return plant_of(z, K, b, x0)
+    z = least_squares(
+        lambda z: left_by(record, y, structure, z)[0],
+        np.clip(start, low, high),
+        bounds=(low, high),
+        max_nfev=40,
+        diff_step=1e-4,
+        x_scale=[1.0, 0.3, 0.3],
+    ).x
+    K, b, x0 = left_by(record, y, structure, z)[1].tolist()
+    return plant_of(record, structure, z, K, b, x0)
 
 
 def identify(record: Experiment, integrating: bool | None = None) -> Fit:

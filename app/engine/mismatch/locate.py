@@ -2,19 +2,16 @@
 
 from app.engine.evidence import Reason
 from app.engine.mismatch.block import Block, Context, Part
-from app.engine.mismatch.compete import survey
+from app.engine.mismatch.compete import glance
 from app.engine.mismatch.fitting import Fit
-from app.engine.mismatch.patterns import Pattern
-from app.engine.mismatch.report import location_of, pattern_effect, whole
+from app.engine.mismatch.report import whole
 from app.engine.mismatch.result import Location
 from app.engine.mismatch.windows import windows_of
 
 
-def quick_location(base: Fit, patterns: tuple[Pattern, ...], blocks: tuple[Block, ...]) -> Location:
+def quick_location(base: Fit, blocks: tuple[Block, ...]) -> Location:
     """The place, windows and condition of the block whose scan gains most, or nowhere where none pays."""
-    if patterns:
-        return location_of((pattern_effect(patterns[0], base.record),))
-    best = max(survey(base, blocks), key=lambda scanned: scanned.gain - scanned.block.penalty)
+    best = max(glance(base, blocks), key=lambda scanned: scanned.gain - scanned.block.penalty)
     if best.gain <= best.block.penalty:
         return Location(None, (), "nowhere", None)
     part = Part(best.block, best.starts[0].values)

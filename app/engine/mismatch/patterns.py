@@ -3,12 +3,24 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.engine.evidence import Reason
 from app.engine.mismatch.block import Block, Part
 from app.engine.mismatch.experiment import Experiment
-from app.engine.mismatch.physics.sensor_pattern import COMPRESSION, LIMIT_HIGH, LIMIT_LOW, QUANTIZATION, STUCK
+from app.engine.mismatch.physics.sensor_pattern import (
+    COMPRESSION,
+    HELD,
+    INTERPOLATED,
+    LIMIT_HIGH,
+    LIMIT_LOW,
+    QUANTIZATION,
+    STUCK,
+)
 from app.engine.recording import BoolArray, FloatArray
+from app.engine.simulate.compression import keep
+
+IntArray = NDArray[np.int64]
 
 LEAST_RUN = 10
 LEAST_AT_LIMIT = 12
@@ -16,6 +28,7 @@ STEP_OVER_NOISE = 1.0
 STEP_OVER_SPAN = 0.003
 STILL = 0.003
 NEAR_EXTREME = 0.02
+REGULAR, STILL_STORED, HOLDS = 0.95, 0.75, 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,13 +73,21 @@ def find_patterns(record: Experiment) -> tuple[Pattern, ...]:
     runs = equal_runs(record.pv, 0.02 * noise)
     step = level_spacing(record.pv)
     coarse = step > max(STEP_OVER_NOISE * innovation_floor(record.pv), STEP_OVER_SPAN * record.pv_span)
-    limits = [p for p in (at_limit(record, runs, 1.0, coarse), at_limit(record, runs, -1.0, coarse)) if p is not None]
+    rests = coarse or holds(record)
+    limits = [p for p in (at_limit(record, runs, 1.0, rests), at_limit(record, runs, -1.0, rests)) if p is not None]
     explained = np.any([p.shows for p in limits], axis=0) if limits else np.zeros(record.samples, dtype=np.bool_)
-    stuck = stuck_stretches(record, runs, explained, coarse)
+    stuck = stuck_stretches(record, runs, explained, rests)
     if coarse:
         return (*limits, *stuck, quantised(record, step))
-    squeezed = None if limits or stuck else compressed(record, noise)
+    squeezed = None if limits or stuck else compressed(record)
     return (*limits, *stuck, *((squeezed,) if squeezed is not None else ()))
+
+
+def holds(record: Experiment) -> bool:
+    """Whether PV repeats itself most of the time, also away from its extremes: a historian that stores changes."""
+    away = (record.pv > np.min(record.pv)) & (record.pv < np.max(record.pv))
+    still = np.abs(np.diff(record.pv)) <= 1e-9 * record.pv_span
+    return bool(np.mean(still[away[1:]]) > HOLDS) if away.sum() > LEAST_RUN else False
 
 
 def innovation_floor(pv: FloatArray) -> float:
@@ -156,7 +177,7 @@ def stuck(record: Experiment, run: Run) -> Pattern:
     return Pattern(Part(STUCK, values), shows, Reason("pv_repeats", text), True)
 
 
-def compressed(record: Experiment, noise: float) -> Pattern | None:
+def compressed(record: Experiment) -> Pattern | None:
     """PV that runs along straight lines, or holds and jumps: a historian kept only some of its samples."""
     first, second = np.diff(record.pv), np.diff(record.pv, 2)
     typical = float(np.std(first))
@@ -164,8 +185,31 @@ def compressed(record: Experiment, noise: float) -> Pattern | None:
     share = float(np.mean(straight))
     if share < 0.4 or typical == 0.0:
         return None
-    kinks = np.abs(second[~straight])
+    kept = np.concatenate(([0], np.flatnonzero(~straight) + 1, [record.samples - 1]))
     text = f"{100 * share:.0f} % of PV's samples lie on a straight line between their neighbours"
     everywhere = np.ones(record.samples, dtype=np.bool_)
-    deviation = float(np.median(kinks)) if len(kinks) else noise
-    return Pattern(Part(COMPRESSION, np.array([deviation])), everywhere, Reason("pv_straight", text), False)
+    return Pattern(how_compressed(record, kept), everywhere, Reason("pv_straight", text), False)
+
+
+def how_compressed(record: Experiment, kept: IntArray) -> Part:
+    """Lines between every m-th sample, values held until they have moved, or a swinging door; with its width."""
+    spacing = np.diff(kept)
+    usual = float(np.median(spacing))
+    if usual > 1.0 and np.mean(np.abs(spacing / usual - np.round(spacing / usual)) < 0.01) > REGULAR:
+        return Part(INTERPOLATED, np.array([usual * record.sampling_interval_s]))
+    moves = np.abs(np.diff(record.pv))
+    still = moves <= 1e-9 * record.pv_span
+    if still.mean() > HOLDS:
+        return Part(HELD, np.array([float(np.quantile(moves[~still], 0.02))]))
+    return Part(COMPRESSION, np.array([door_width(record, len(kept))]))
+
+
+def door_width(record: Experiment, stored: int) -> float:
+    """The widest door that a second passage of PV keeps nearly all of its stored samples through, unit of PV."""
+    time_s = np.arange(record.samples) * record.sampling_interval_s
+    low, high = 1e-6 * record.pv_span, 0.5 * record.pv_span
+    for _ in range(18):
+        width = float(np.sqrt(low * high))
+        enough = keep(time_s, record.pv, width, "swinging_door").sum() > STILL_STORED * stored
+        low, high = (width, high) if enough else (low, width)
+    return low

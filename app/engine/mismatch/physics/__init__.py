@@ -8,6 +8,7 @@ from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.physics import (
     additive,
     coupling,
+    friction,
     gain_drift,
     generic,
     oscillation,
@@ -33,6 +34,7 @@ ALWAYS_OFFERED = (
     gain_drift,
     vessel,
     two_tanks,
+    friction,
     sensor_limit,
     additive,
     oscillation,
@@ -53,6 +55,8 @@ TWINS = {
 PATTERNS = (
     sensor_pattern.QUANTIZATION,
     sensor_pattern.COMPRESSION,
+    sensor_pattern.HELD,
+    sensor_pattern.INTERPOLATED,
     sensor_pattern.STUCK,
     sensor_pattern.LIMIT_HIGH,
     sensor_pattern.LIMIT_LOW,

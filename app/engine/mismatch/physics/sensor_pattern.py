@@ -1,7 +1,9 @@
 """What a sensor or a historian does to PV that shows in PV alone: quantisation, a stuck stretch, a hard limit,
 compression.
 
-These leave a pattern that no noise makes, so they are found by it and not by a competition. Source of the tests:
+These leave a pattern that no noise makes, so they are found by it and not by a competition; what is simulated passes
+the same stage. Compression by a swinging door (Bristol 1990, US patent 4,669,097), by holding the last value, or by
+straight lines between every m-th sample. Source of the tests:
 Thornhill, Oettinger,
 Fedenczuk 1999, doi 10.1016/S0959-1524(98)00054-9 (compression); Miao, Seborg style counts of levels (quantisation).
 """
@@ -10,6 +12,7 @@ import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Parameter
 from app.engine.recording import BoolArray, FloatArray
+from app.engine.simulate.compression import keep, rebuild
 
 
 def step_size(context: Context) -> tuple[Parameter, ...]:
@@ -22,6 +25,32 @@ def step_size(context: Context) -> tuple[Parameter, ...]:
 
 def tolerance(context: Context) -> tuple[Parameter, ...]:
     return (Parameter("deviation", "PV", 0.0, context.record.pv_span, context.record.pv_span),)
+
+
+def spacing(context: Context) -> tuple[Parameter, ...]:
+    ts = context.record.sampling_interval_s
+    return (Parameter("interval", "s", ts, context.record.duration_s, ts),)
+
+
+def rounded_off(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    """To the nearest level, a multiple of the step beside the level that PV began with."""
+    first = float(context.record.pv_deviation[0])
+    return first + values[0] * np.round((signal - first) / values[0])
+
+
+def through_doors(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    kept = keep(context.time_s, signal, float(values[0]), "swinging_door")
+    return rebuild(context.time_s, signal, kept, "swinging_door")
+
+
+def held_until_moved(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    return rebuild(context.time_s, signal, keep(context.time_s, signal, float(values[0]), "exception"), "exception")
+
+
+def every_so_often(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    every = max(round(float(values[0]) / context.record.sampling_interval_s), 1)
+    kept = np.unique(np.append(np.arange(0, len(signal), every), len(signal) - 1))
+    return np.interp(np.arange(len(signal)), kept, signal[kept])
 
 
 def window(context: Context) -> tuple[Parameter, ...]:
@@ -60,8 +89,18 @@ def above(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
     return np.maximum(signal, values[0])
 
 
-QUANTIZATION = Block("sensor.quantization", "sensor", "sensor", "always", step_size, no_scan, form="pattern")
-COMPRESSION = Block("sensor.compression", "sensor", "sensor", "always", tolerance, no_scan, form="pattern")
+QUANTIZATION = Block(
+    "sensor.quantization", "sensor", "sensor", "always", step_size, no_scan, apply=rounded_off, form="pattern"
+)
+COMPRESSION = Block(
+    "sensor.compression", "sensor", "sensor", "always", tolerance, no_scan, apply=through_doors, form="pattern"
+)
+HELD = Block(
+    "sensor.compression", "sensor", "sensor", "always", tolerance, no_scan, apply=held_until_moved, form="pattern-held"
+)
+INTERPOLATED = Block(
+    "sensor.compression", "sensor", "sensor", "always", spacing, no_scan, apply=every_so_often, form="pattern-lines"
+)
 STUCK = Block(
     "sensor.stuck", "sensor", "sensor", "within a time", window, no_scan, apply=hold, active=inside, form="pattern"
 )

@@ -1,0 +1,140 @@
+"""What is compared: a recording and a simulation of it, checked before anything is computed."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.engine.mismatch.experiment import Experiment, experiment
+from app.engine.mismatch.fitting import Given
+from app.engine.mismatch.plant import Plant
+from app.engine.mismatch.thinning import centred_all, centred_means, held_means
+from app.engine.recording import BoolArray, FloatArray
+from app.errors import DataError
+
+LEAST_SAMPLES = 100
+MOST_SAMPLES = 40_000
+QUICK_SAMPLES, MOST_QUICK_SAMPLES = 1500, 3000
+INTERVALS_A_MEMORY = 3.0
+LEAST_TIME_CONSTANT = 0.05
+
+
+@dataclass(frozen=True)
+class LinearSimulation:
+    """An engineer's model: gain (PV per OP, per second where integrating), time constants and dead time in s."""
+
+    gain: float
+    time_constants_s: tuple[float, ...] = ()
+    dead_time_s: float = 0.0
+    integrating: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What is compared: equally sampled signals (N,), and the simulation as a trace (N,), as a model, or None for our
+    own.
+
+    sampling_interval_s: s. op, pv, sp: engineering units; measured: further signals by name. known: (N,) False where
+    PV was filled in.
+    """
+
+    name: str
+    sampling_interval_s: float
+    op: FloatArray
+    pv: FloatArray
+    sp: FloatArray | None = None
+    measured: tuple[tuple[str, FloatArray], ...] = ()
+    known: BoolArray | None = None
+    trace: FloatArray | None = None
+    simulation: LinearSimulation | None = None
+
+
+def record_of(comparison: Comparison) -> Experiment:
+    return experiment(comparison.sampling_interval_s, comparison.op, comparison.pv, comparison.sp, comparison.measured)
+
+
+def check(comparison: Comparison) -> None:
+    """Raises DataError("too_short", "signal_length", "simulation_length", "simulation_not_finite",
+    "signal_constant").
+    """
+    n = len(comparison.pv)
+    if n < LEAST_SAMPLES:
+        raise DataError(
+            "too_short", f"{n} samples are too few to explain a difference, at least {LEAST_SAMPLES} are needed"
+        )
+    for name, signal in (("OP", comparison.op), ("SP", comparison.sp), *comparison.measured):
+        if signal is not None and len(signal) != n:
+            raise DataError("signal_length", f"{name} has {len(signal)} samples, PV has {n}; they must be the same")
+    check_trace(comparison)
+    for name, signal in (("OP", comparison.op), ("PV", comparison.pv)):
+        if not np.all(np.isfinite(signal)) or np.ptp(signal) <= 0.0:
+            raise DataError(
+                "signal_constant", f"{name} is constant or not finite: there is nothing to compare a simulation with"
+            )
+
+
+def check_trace(comparison: Comparison) -> None:
+    trace, n = comparison.trace, len(comparison.pv)
+    if trace is None:
+        return
+    if len(trace) != n:
+        raise DataError("simulation_length", f"the simulation has {len(trace)} samples, the recording {n}")
+    if not np.all(np.isfinite(trace)):
+        raise DataError(
+            "simulation_not_finite", "the simulation has samples without a value; it must cover the recording"
+        )
+    if np.ptp(trace) <= 0.0:
+        raise DataError(
+            "simulation_constant", "the simulation is constant: it does not answer OP, so there is no model behind it"
+        )
+
+
+def shortened(comparison: Comparison) -> Comparison:
+    """The comparison at a longer interval where it has more samples than can be fitted in reasonable time."""
+    return at_interval(comparison, -(-len(comparison.pv) // MOST_SAMPLES))
+
+
+def glimpse(comparison: Comparison) -> Comparison:
+    """The comparison as short as a first answer needs it, and PV's own memory allows it."""
+    n = len(comparison.pv)
+    allowed = max(int(memory_samples(comparison.pv) / INTERVALS_A_MEMORY), 1)
+    return at_interval(comparison, max(min(-(-n // QUICK_SAMPLES), allowed), -(-n // MOST_QUICK_SAMPLES)))
+
+
+def memory_samples(pv: FloatArray) -> int:
+    """After how many samples the autocorrelation of PV (N,) has fallen to a half."""
+    moves = pv - np.mean(pv)
+    power = np.abs(np.fft.rfft(moves, 2 * len(moves))) ** 2
+    below = np.fft.irfft(power)[: len(moves)] < 0.5 * float(moves @ moves)
+    return int(np.argmax(below)) if below.any() else len(moves)
+
+
+def at_interval(comparison: Comparison, factor: int) -> Comparison:
+    """The comparison at `factor` times its interval."""
+    if factor <= 1:
+        return comparison
+    return replace(
+        comparison,
+        sampling_interval_s=comparison.sampling_interval_s * factor,
+        op=held_means(comparison.op, factor),
+        pv=centred_means(comparison.pv, factor),
+        sp=None if comparison.sp is None else centred_means(comparison.sp, factor),
+        measured=tuple((name, held_means(signal, factor)) for name, signal in comparison.measured),
+        known=None if comparison.known is None else centred_all(comparison.known, factor),
+        trace=None if comparison.trace is None else centred_means(comparison.trace, factor),
+    )
+
+
+def given_of(simulation: LinearSimulation, record: Experiment) -> Given:
+    """The given model as a plant. Raises DataError("model_invalid")."""
+    taus = sorted((t for t in simulation.time_constants_s if t > 0.0), reverse=True)
+    if not np.isfinite(simulation.gain) or simulation.gain == 0.0 or len(taus) > 2 or simulation.dead_time_s < 0.0:
+        raise DataError(
+            "model_invalid",
+            "a model needs a gain other than 0, up to two time constants and a dead time that is not negative",
+        )
+    if simulation.integrating:
+        plant = Plant(simulation.gain, 1.0, simulation.dead_time_s, tau2=taus[0] if taus else 0.0, leak=0.0)
+        return Given(plant, integrating=True, second_order=bool(taus))
+    first = taus[0] if taus else LEAST_TIME_CONSTANT * record.sampling_interval_s
+    plant = Plant(simulation.gain, first, simulation.dead_time_s, tau2=taus[1] if len(taus) > 1 else 0.0)
+    return Given(plant, second_order=len(taus) > 1)

@@ -1,0 +1,73 @@
+"""The verdict: missing physics, nothing missing, or that this record does not tell, and why."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.engine.evidence import Reason
+from app.engine.mismatch.fitting import Fit, fit_linear
+from app.engine.mismatch.result import Effect, Improvement, Verdict
+from app.engine.mismatch.selection import Selection
+
+LEAST_ANSWER = 10.0
+LEAST_TIMES = 4.0
+LEAST_COMPARED = 100
+WORSE_UNSEEN = 1.05
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """The verdict, the effects that stand, and the reasons where the record does not tell."""
+
+    verdict: Verdict
+    effects: tuple[Effect, ...]
+    reasons: tuple[Reason, ...] = ()
+
+
+def conclude(
+    base: Fit, shown: tuple[Effect, ...], fitted: tuple[Effect, ...], refused: tuple[Reason, ...]
+) -> Conclusion:
+    """shown: effects that PV shows by itself. fitted: those that a competition named. refused: why those that it named
+    first do not stand.
+    """
+    effects = (*shown, *fitted)
+    if effects:
+        return Conclusion("missing_physics", effects, refused)
+    doubts = (*refused, *too_little_told(base))
+    return Conclusion("inconclusive" if doubts else "consistent", (), doubts)
+
+
+def unseen_data_refuse(selection: Selection, fit: Improvement) -> tuple[Reason, ...]:
+    """Names whose model follows the kept-out stretch worse than the bare refit does are no explanation."""
+    if not selection.effects or not fit.explained.rmse > WORSE_UNSEEN * fit.refitted.rmse:
+        return ()
+    names = ", ".join(" or ".join((effect.code, *effect.alternatives)) for effect in selection.effects)
+    text = (
+        f"{names} would explain what was fitted, but on the stretch kept out the error grows from "
+        f"{fit.refitted.rmse:.4g} to {fit.explained.rmse:.4g}"
+    )
+    return (Reason("held_out_disagrees", text),)
+
+
+def too_little_told(base: Fit) -> tuple[Reason, ...]:
+    """What keeps a record from clearing a simulation: few samples, little time, or a PV that does not answer OP."""
+    record, plant = base.record, base.plant
+    compared = int(record.usable.sum())
+    if compared < LEAST_COMPARED:
+        return (Reason("too_few_data", f"{compared} samples can be compared, at least {LEAST_COMPARED} are needed"),)
+    slowest = (plant.tau if plant.leak > 0.0 else 0.0) + plant.tau2 + plant.theta
+    if record.duration_s < LEAST_TIMES * slowest:
+        text = f"the record lasts {record.duration_s:.4g} s, not {LEAST_TIMES:.0f} times the process' {slowest:.4g} s"
+        return (Reason("too_few_data", text),)
+    told = answer_to_op(base)
+    if told < LEAST_ANSWER:
+        text = f"OP explains {told:.1f} nat of PV, at least {LEAST_ANSWER:.0f} are needed to judge a simulation by"
+        return (Reason("too_little_excitation", text),)
+    return ()
+
+
+def answer_to_op(base: Fit) -> float:
+    """Log-likelihood (nat) that the linear model gains over the same noise and an OP that stands still."""
+    record = base.record
+    still = fit_linear(record.with_op(np.full(record.samples, record.op_mid)), base.given)
+    return base.likelihood - still.likelihood
