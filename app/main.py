@@ -9,14 +9,18 @@ from typing import Any
 from fastapi import APIRouter, FastAPI
 from fastapi.concurrency import run_in_threadpool
 
-from app.api import audits, loops, operations, problems, reliability, uploads
+from app.api import audits, loops, operations, problems, reliability, trail, uploads
 from app.api.bodies import LimitBodies
+from app.api.guard import Guard
 from app.api.headers import SecurityHeaders
 from app.api.paths import KeepTagsEncoded
+from app.api.request_ids import RequestIds
 from app.api.schema import described
+from app.services.authentication import Authenticator
 from app.services.backend import Backend
+from app.services.rates import Rates
 from app.settings import Settings
-from app.web import pages
+from app.web import login, pages
 
 DESCRIPTION = """Verdicts on valve stiction for every control loop of a plant, and which of them can be trusted.
 
@@ -24,12 +28,16 @@ Errors are `application/problem+json` (RFC 9457) with a stable `code`. Times are
 `next_cursor`, which is null on the last one."""
 
 
-def create_app(settings: Settings) -> FastAPI:
-    """The application on these settings; the backend is opened when the server starts, after any fork."""
+def create_app(settings: Settings, *, keys_required: bool | None = None) -> FastAPI:
+    """The application on these settings; the backend is opened when the server starts, after any fork.
+
+    `keys_required` None: as the settings say, and for every request that does not come in over loopback.
+    """
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.backend = await run_in_threadpool(Backend.open, settings)
+        app.state.access = Authenticator(app.state.backend)
         yield
         await run_in_threadpool(app.state.backend.close)
 
@@ -43,13 +51,18 @@ def create_app(settings: Settings) -> FastAPI:
         lifespan=lifespan,
         generate_unique_id_function=operation_id,
     )
+    app.state.rates = Rates(settings)
     problems.install(app)
+    # Called from the last to the first.
+    app.add_middleware(Guard, of=app, settings=settings, keys_required=keys_required)
     app.add_middleware(LimitBodies, max_upload_bytes=settings.max_upload_bytes)
     app.add_middleware(SecurityHeaders)
     app.add_middleware(KeepTagsEncoded)
+    app.add_middleware(RequestIds)
     app.include_router(api())
     app.include_router(operations.router)
     app.include_router(pages.router)
+    app.include_router(login.router)
     app.mount("/static", pages.static)
     app.openapi = described(app)
     return app
@@ -57,7 +70,7 @@ def create_app(settings: Settings) -> FastAPI:
 
 def api() -> APIRouter:
     router = APIRouter(prefix="/v1")
-    for module in (uploads, loops, reliability, audits):
+    for module in (uploads, loops, reliability, audits, trail):
         router.include_router(module.router)
     return router
 

@@ -34,7 +34,21 @@ class Settings(BaseSettings):
     time_zone: str = Field(
         "UTC", description="IANA zone of NIGHTLY_AT, and of time stamps in exports that name no zone."
     )
+    require_keys: bool = Field(False, description="Ask for keys on loopback too; elsewhere they are always asked for.")
     allow_open: bool = Field(False, description="Listen on other addresses than loopback without keys.")
+    allowed_hosts: str = Field(
+        "", description="Names by which the service may be called, with commas between; empty: see docs/SECURITY.md."
+    )
+    session_h: float = Field(12.0, gt=0, le=720, description="A login lasts at most this long, in hours.")
+    key_recheck_s: float = Field(
+        5.0,
+        ge=0,
+        le=300,
+        description="A key that was good is believed this long: the delay of a revocation, in seconds.",
+    )
+    rate_limit_url: str = Field(
+        "", description="redis://... where several API processes count a key's requests together; empty: each alone."
+    )
 
     window_h: float = Field(168.0, gt=0, description="An audit takes at most the newest hours of a loop's samples.")
     window_samples: int = Field(30_000, ge=100, description="An audit takes at most the newest samples of a loop.")
@@ -97,6 +111,10 @@ class Settings(BaseSettings):
     @property
     def resolved_broker_url(self) -> str:
         return self.broker_url or f"folder://{self.data_dir / 'broker'}"
+
+    @property
+    def allowed_host_names(self) -> frozenset[str]:
+        return frozenset(name.strip().lower() for name in self.allowed_hosts.split(",") if name.strip())
 
     @property
     def embedded(self) -> bool:

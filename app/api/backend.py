@@ -5,13 +5,20 @@ from typing import Annotated
 from fastapi import Depends, Path, Query, Request
 
 from app.services.backend import Backend
+from app.services.identity import ANYONE, Identity, current
 
 
 async def opened(request: Request) -> Backend:
     return request.app.state.backend  # async: a plain function would cost each request a thread of its own
 
 
+def caller() -> Identity:
+    """Who makes the request that is being served, as the guard found."""
+    return current.get() or ANYONE
+
+
 Services = Annotated[Backend, Depends(opened)]
+Caller = Annotated[Identity, Depends(caller)]
 
 Limit = Annotated[int, Query(ge=1, le=1000, description="Rows a page.")]
 Identifier = Annotated[str, Path(max_length=100, description="As it was answered by the request that made it.")]

@@ -22,7 +22,11 @@ HEADERS = {
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
+    "Cache-Control": "no-store",  # what stands here is for who asked, with the key of who asked
 }
+HSTS = "max-age=31536000; includeSubDomains"
+FOR_ALL = {"Cache-Control": "no-cache"}  # the styles and scripts of the pages: kept, and asked after
 
 
 class SecurityHeaders:
@@ -33,8 +37,11 @@ class SecurityHeaders:
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
-                for name, value in HEADERS.items():
+                own = FOR_ALL if scope["path"].startswith("/static/") else {}
+                for name, value in (HEADERS | own).items():
                     headers.setdefault(name, value)
+                if scope["scheme"] == "https":
+                    headers.setdefault("Strict-Transport-Security", HSTS)
             await send(message)
 
         await self.app(scope, receive, send_with_headers if scope["type"] == "http" else send)

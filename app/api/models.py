@@ -151,6 +151,24 @@ class AuditPage(Read):
     next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
 
 
+class TrailRowOut(Read):
+    """One thing that somebody did, or was refused."""
+
+    id: str = Field(description="Identifier of the row.")
+    at: str = Field(description="ISO 8601, UTC.")
+    who: str = Field(description="Name of the key, `command line`, `schedule`, or `anyone on this machine`.")
+    action: str = Field(description="What was done: upload.receive, audit.start, loop.change, key.create, ...")
+    subject: str = Field(description="To what: an address of this service, or the id of a key.")
+    outcome: Literal["done", "refused", "failed"] = Field(description="Whether it was done.")
+    request_id: str | None = Field(description="As in the answer's X-Request-Id and in the log.")
+    detail: dict[str, Any] = Field(description="How it was known who asked, from which address, the status.")
+
+
+class TrailPage(Read):
+    rows: list[TrailRowOut] = Field(description="What was done, the newest first.")
+    next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
+
+
 class HealthOut(ReliabilityRow, KeyFiguresLine):
     """The newest verdict of a loop and its key figures, flat, for dashboards."""
 

@@ -14,6 +14,7 @@ from starlette.responses import JSONResponse, Response
 from app.api.headers import HEADERS
 from app.errors import DataError, LoopauditError, NotFoundError
 from app.services.backend import DATABASE_AWAY
+from app.services.identity import request_id
 
 MEDIA_TYPE = "application/problem+json"
 LONGEST_ECHO = 200
@@ -35,11 +36,34 @@ CODE_BY_STATUS = {
     413: "body_too_large",
     415: "media_type",
     422: "invalid_request",
+    408: "too_slow",
     500: "internal_error",
     503: "unavailable",
 }
 
+AWAY = (*DATABASE_AWAY, HTTPException, ClientDisconnect)
+
 log = logging.getLogger("loopaudit.api")
+
+
+class Refusal(Exception):
+    """A request that is turned away before it reaches its route; `response` replaces the problem."""
+
+    def __init__(
+        self,
+        status: int,
+        code: str,
+        detail: str,
+        *,
+        headers: dict[str, str] | None = None,
+        response: Response | None = None,
+    ) -> None:
+        super().__init__(detail)
+        self.status = status
+        self.code = code
+        self.detail = detail
+        self.headers = headers
+        self.response = response
 
 
 class Problem(BaseModel):
@@ -51,6 +75,7 @@ class Problem(BaseModel):
     code: str = Field(description="Stable code that scripts may rely on.")
     detail: str = Field(description="What was got and what is needed, for people.")
     instance: str = Field(description="Path of the request.")
+    request_id: str | None = Field(None, description="Names this request in the log and the trail of the service.")
     errors: list[dict[str, Any]] | None = Field(None, description="For invalid_request: where, and what is wrong.")
 
 
@@ -59,7 +84,8 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(LoopauditError, _user_error)
     app.add_exception_handler(HTTPException, _http_error)
     app.add_exception_handler(RequestValidationError, _invalid_request)
-    app.add_exception_handler(DATABASE_AWAY, _database_away)
+    for away in DATABASE_AWAY:
+        app.add_exception_handler(away, _database_away)
     app.add_exception_handler(ClientDisconnect, _gone)
     app.add_exception_handler(Exception, _fault)
 
@@ -79,10 +105,22 @@ def respond(
         status=status,
         code=code,
         detail=detail,
-        instance=request.url.path[:LONGEST_ECHO],
+        instance=request.scope["path"][:LONGEST_ECHO],
+        request_id=request_id.get(),
         errors=errors,
     ).model_dump(exclude_none=True)
     return JSONResponse(body, status_code=status, headers=headers, media_type=MEDIA_TYPE)
+
+
+async def answer_to(request: Request, error: Exception) -> Response:
+    """What a middleware answers, which stands outside of the handlers above."""
+    if isinstance(error, Refusal):
+        return error.response or respond(request, error.status, error.code, error.detail, headers=error.headers)
+    if isinstance(error, HTTPException):
+        return await _http_error(request, error)
+    if isinstance(error, DATABASE_AWAY):
+        return await _database_away(request, error)
+    raise error
 
 
 def status_of(error: LoopauditError) -> int:

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from starlette.datastructures import FormData, UploadFile
 
-from app.api.backend import Cursor, Identifier, Limit, Services
+from app.api.backend import Cursor, Identifier, Limit, Services, caller
 from app.api.models import UploadOut, UploadPage
 from app.api.problems import responses
 from app.errors import RequestError
@@ -130,7 +130,7 @@ async def blocks(part: UploadFile) -> AsyncIterator[bytes]:
 
 async def received(backend: Services, described: Description, chunks: AsyncIterator[bytes]) -> service.Receipt:
     """Writes what arrives in blocks, away from the event loop: other requests go on while a disk is slow."""
-    with service.receive(backend, **vars(described)) as receiving:
+    with service.receive(backend, **vars(described), received_by=caller().who) as receiving:
         buffer = bytearray()
         async for chunk in chunks:
             buffer += chunk

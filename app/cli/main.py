@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from app.cli import audit, demo, explain, inspect, migrate, nightly, serve, simulate, upload, worker
+from app.cli import audit, demo, explain, inspect, keys, migrate, nightly, serve, simulate, trail, upload, worker
 from app.cli.messages import ExitCode, say
 from app.errors import LoopauditError
 
@@ -37,6 +37,8 @@ cli.command("beat", rich_help_panel=RUN)(worker.beat)
 cli.command("upload", rich_help_panel=RUN)(upload.upload)
 cli.command("nightly", rich_help_panel=RUN)(nightly.nightly)
 cli.command("migrate", rich_help_panel=RUN)(migrate.migrate)
+cli.add_typer(keys.cli, name="keys", rich_help_panel=RUN)
+cli.command("trail", rich_help_panel=RUN)(trail.trail)
 
 
 def show_version(wanted: bool) -> None:

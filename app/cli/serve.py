@@ -1,6 +1,5 @@
 """`loopaudit serve`: API and pages, and on the embedded default worker and schedule beside them."""
 
-import ipaddress
 import signal
 import socket
 import sys
@@ -37,36 +36,22 @@ def serve(
       LOOPAUDIT_DATA_DIR=/srv/loopaudit loopaudit serve --port 8080
     """
     settings = load_settings()
-    refuse_open_access(host, settings)
+    keys_required = asks_for_keys(host, settings)
     signal.signal(signal.SIGTERM, stop_quietly)
     if until_parent_ends:
         from app.cli.supervisor import stop_with_parent
 
         stop_with_parent()
     with listen(host, port) as listening:
-        run(settings, listening)
+        run(settings, listening, keys_required)
     raise typer.Exit(ExitCode.DONE)
 
 
-def refuse_open_access(host: str, settings: "Settings") -> None:
-    """There are no keys yet: whoever reaches the port may do everything, so only this machine may reach it."""
-    if is_loopback(host) or settings.allow_open:
-        return
-    raise RequestError(
-        "open_access",
-        f"will not listen on {host}: there are no keys yet, so anyone who reaches this port could read and change "
-        "everything. Listen on 127.0.0.1 behind a proxy that asks who is there, or set LOOPAUDIT_ALLOW_OPEN=true where "
-        "the network itself keeps others out",
-    )
+def asks_for_keys(host: str, settings: "Settings") -> bool:
+    """On loopback only where the settings say so; on any other address unless the settings open it on purpose."""
+    from app.api.origins import is_loopback
 
-
-def is_loopback(host: str) -> bool:
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
+    return settings.require_keys or not (is_loopback(host) or settings.allow_open)
 
 
 def stop_quietly(signum: int, frame: FrameType | None) -> None:
@@ -88,7 +73,7 @@ def listen(host: str, port: int) -> socket.socket:
     return listening
 
 
-def run(settings: "Settings", listening: socket.socket) -> None:
+def run(settings: "Settings", listening: socket.socket, keys_required: bool) -> None:
     import uvicorn
 
     from app.cli.supervisor import Child, Supervisor
@@ -97,7 +82,9 @@ def run(settings: "Settings", listening: socket.socket) -> None:
 
     if settings.embedded:
         migrate(settings)
-    app = create_app(settings)
+    app = create_app(settings, keys_required=keys_required)
+    if keys_required:
+        tell_of_keys(settings)
     config = uvicorn.Config(app, log_level="warning", access_log=False, timeout_graceful_shutdown=CONNECTIONS_GRACE_S)
     names = ("worker", "beat") if settings.embedded else ()
     supervisor = Supervisor([Child(name, (name, "--until-parent-ends")) for name in names], CHILDREN_GRACE_S)
@@ -111,6 +98,22 @@ def run(settings: "Settings", listening: socket.socket) -> None:
     finally:
         supervisor.stop()
         say("loopaudit: stopped")
+
+
+def tell_of_keys(settings: "Settings") -> None:
+    """Without any key the service runs, and answers nobody; what is missing is said once."""
+    from app.services.backend import DATABASE_AWAY, Backend
+    from app.services.keys import any_active
+
+    backend = Backend.open(settings)
+    try:
+        there = any_active(backend)
+    except DATABASE_AWAY:
+        return
+    finally:
+        backend.close()
+    if not there:
+        say("loopaudit: keys are asked for and there is none yet: `loopaudit keys create NAME --role admin` makes one")
 
 
 def beside(names: tuple[str, ...]) -> str:

@@ -68,7 +68,7 @@ def refuse_standstill(settings: "Settings") -> None:
     try:
         waited_s = standstill_s(backend)
     except DATABASE_AWAY as error:
-        text = f"the data base cannot be used, or `loopaudit migrate` has not been run: {error.orig}"
+        text = f"the data base cannot be used, or `loopaudit migrate` has not been run: {getattr(error, 'orig', error)}"
         raise RequestError("database_away", text) from error
     finally:
         backend.close()

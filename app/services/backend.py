@@ -2,13 +2,14 @@
 
 from dataclasses import dataclass
 
-from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import InterfaceError, OperationalError
+from sqlalchemy.exc import TimeoutError as NoFreeConnection
 
 from app.queue import Queue
 from app.settings import Settings
 from app.storage import Database
 
-DATABASE_AWAY = OperationalError
+DATABASE_AWAY = (OperationalError, InterfaceError, NoFreeConnection)
 """What every service raises where the data base does not answer or ends the statement."""
 
 

@@ -143,3 +143,32 @@ class SweepReport:
     ended: int
     announced: int
     nightly: str | None
+
+
+@dataclass(frozen=True)
+class KeyView:
+    """A key without its secret. `state` is active, expired or revoked; `id` is the part that may be told."""
+
+    id: str
+    name: str
+    role: str
+    state: str
+    requests_per_minute: int
+    created_at: str
+    expires_at: str | None
+    revoked_at: str | None
+    last_used_at: str | None
+
+
+@dataclass(frozen=True)
+class TrailView:
+    """One thing that somebody did, or was refused. `outcome` is done, refused or failed."""
+
+    id: str
+    at: str
+    who: str
+    action: str
+    subject: str
+    outcome: str
+    request_id: str | None
+    detail: dict[str, Any]

@@ -5,8 +5,10 @@ from typing import Any
 from urllib.parse import quote
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
+from app.services.identity import Identity, Role, current
 from app.services.wording import RELIABILITY_WORDS, VERDICT_WORDS
 
 HERE = Path(__file__).parent
@@ -42,7 +44,31 @@ def environment() -> Environment:
         "first_reasons": first_reasons,
     }
     templates.globals |= {"verdict_words": VERDICT_WORDS, "reliability_words": RELIABILITY_WORDS}
+    templates.globals |= {"csrf_field": csrf_field, "csrf_token": csrf_token, "may": may, "logged_in": logged_in}
     return templates
+
+
+def csrf_token() -> str:
+    """What a form or a script of this page sends along (X-CSRF-Token); empty where there is no session."""
+    identity = current.get()
+    return identity.form_token if identity else ""
+
+
+def csrf_field() -> Markup:
+    """The first thing in every form that changes something."""
+    return Markup('<input type="hidden" name="csrf_token" value="{}">').format(csrf_token())
+
+
+def may(role: str) -> bool:
+    """Whether whoever looks at the page may do what needs this role."""
+    identity = current.get()
+    return identity is not None and identity.may(Role(role))
+
+
+def logged_in() -> Identity | None:
+    """Who looks at the page, where it was a login that said so."""
+    identity = current.get()
+    return identity if identity and identity.via == "session" else None
 
 
 TEMPLATES = environment()

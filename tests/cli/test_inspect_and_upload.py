@@ -1,11 +1,14 @@
 """`loopaudit inspect` and `upload`: what they say, and with which exit code."""
 
+import json
 import socket
 
 import pytest
 from typer.testing import CliRunner, Result
 
 from app.cli.main import main
+from app.cli.serve import asks_for_keys
+from app.settings import Settings
 
 WIDE = "DateTime,FIC1.PV,FIC1.OP,FIC2.PV\n" + "".join(
     f"2026-01-01T00:00:{k:02d}Z,{50 + k % 7},{40 + k % 5},{k}\n" for k in range(60)
@@ -79,13 +82,39 @@ def test_a_setting_that_cannot_be_used_is_named(monkeypatch, capsys):
     assert "LOOPAUDIT_NIGHTLY_AT" in err
 
 
-@pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.0.2.1", "plant-server", ""])  # noqa: S104 - to be refused
-def test_serve_refuses_to_listen_beyond_loopback(monkeypatch, capsys, tmp_path, host):
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.0.2.1", "plant-server", ""])  # noqa: S104 - asks for keys
+def test_serve_asks_for_keys_beyond_loopback(tmp_path, host):
+    assert asks_for_keys(host, Settings(data_dir=tmp_path))
+    assert not asks_for_keys(host, Settings(data_dir=tmp_path, allow_open=True))
+    assert asks_for_keys(host, Settings(data_dir=tmp_path, allow_open=True, require_keys=True))
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "::1"])
+def test_serve_asks_for_keys_on_loopback_where_it_is_told_to(tmp_path, host):
+    assert not asks_for_keys(host, Settings(data_dir=tmp_path))
+    assert asks_for_keys(host, Settings(data_dir=tmp_path, require_keys=True))
+
+
+def test_keys_are_made_shown_once_listed_and_revoked(monkeypatch, capsys, tmp_path):
     monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path))
-    code, _, err = as_program(monkeypatch, capsys, "serve", "--host", host, "--port", "0")
-    assert code == 2
-    assert "[open_access]" in err
-    assert "LOOPAUDIT_ALLOW_OPEN=true" in err
+    code, out, err = as_program(monkeypatch, capsys, "keys", "create", "the historian", "--role", "upload")
+    assert code == 0
+    key = out.strip()
+    assert key.startswith("la_upload_")
+    assert key not in err
+    _, listed, _ = as_program(monkeypatch, capsys, "keys", "list", "--json")
+    shown = json.loads(listed)
+    assert (shown["name"], shown["role"], shown["state"]) == ("the historian", "upload", "active")
+    assert key[-49:] not in listed
+    _, rotated, _ = as_program(monkeypatch, capsys, "keys", "rotate", shown["id"], "--overlap", "1")
+    assert rotated.strip().startswith("la_upload_")
+    assert as_program(monkeypatch, capsys, "keys", "revoke", shown["id"])[0] == 0
+    _, table, _ = as_program(monkeypatch, capsys, "keys", "list")
+    assert "revoked" in table
+    _, trail, _ = as_program(monkeypatch, capsys, "trail", "--json")
+    actions = [json.loads(line)["action"] for line in trail.splitlines()]
+    assert actions == ["key.revoke", "key.rotate", "key.create", "key.create"]
+    assert as_program(monkeypatch, capsys, "keys", "revoke", "nonsense")[0] == 2
 
 
 @pytest.mark.parametrize("place", ["nowhere/verdicts.jsonl", "."])

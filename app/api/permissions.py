@@ -1,0 +1,117 @@
+"""Every route and who may call it. A route that is not listed here is refused to everyone, and fails a test.
+
+`needs` None is open to all. What is not a GET has an `action`: the name under which the trail keeps it.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.routing import iter_route_contexts
+from starlette.routing import Mount, compile_path
+from starlette.types import Scope
+
+from app.services.identity import Role
+
+READING = ("GET", "HEAD")
+
+
+@dataclass(frozen=True)
+class Permission:
+    """`page`: for people, who are led to the login instead of being told 401."""
+
+    needs: Role | None = None
+    action: str = ""
+    page: bool = False
+
+
+OPEN = Permission()
+OPEN_PAGE = Permission(page=True)
+READ = Permission(Role.read)
+PAGE = Permission(Role.read, page=True)
+ADMIN = Permission(Role.admin)
+LOGIN = Permission(None, "session.open", page=True)
+
+
+def uploads(action: str, page: bool = False) -> Permission:
+    return Permission(Role.upload, action, page)
+
+
+def audits(action: str, page: bool = False) -> Permission:
+    return Permission(Role.audit, action, page)
+
+
+ROUTES: dict[tuple[str, str], Permission] = {
+    # For whoever runs the service
+    ("GET", "/healthz"): OPEN,
+    ("GET", "/readyz"): OPEN,
+    ("GET", "/metrics"): READ,
+    ("GET", "/openapi.json"): READ,
+    ("GET", "/v1/trail"): ADMIN,
+    # Uploads
+    ("POST", "/v1/uploads"): uploads("upload.receive"),
+    ("GET", "/v1/uploads"): READ,
+    ("GET", "/v1/uploads/{upload_id}"): READ,
+    # Loops
+    ("GET", "/v1/loops"): READ,
+    ("GET", "/v1/loops/{tag:path}/health"): READ,
+    ("GET", "/v1/loops/{tag:path}/verdicts"): READ,
+    ("GET", "/v1/loops/{tag:path}/trend"): READ,
+    ("GET", "/v1/loops/{tag:path}"): READ,
+    ("PATCH", "/v1/loops/{tag:path}"): audits("loop.change"),
+    # The table, and audits
+    ("GET", "/v1/reliability"): READ,
+    ("POST", "/v1/audits"): audits("audit.start"),
+    ("GET", "/v1/audits"): READ,
+    ("GET", "/v1/audits/{audit_id}/events"): READ,
+    ("GET", "/v1/audits/{audit_id}"): READ,
+    # Pages
+    ("GET", "/"): PAGE,
+    ("GET", "/loops/{tag:path}"): PAGE,
+    ("GET", "/login"): OPEN_PAGE,
+    ("POST", "/login"): LOGIN,
+    ("POST", "/logout"): Permission(None, "session.close", page=True),
+    ("GET", "/static/plotly.min.js"): OPEN,
+    ("GET", "/static/{path:path}"): OPEN,
+}
+
+
+@dataclass(frozen=True)
+class Matched:
+    """The route that will answer, who may call it (None: it is not listed), and what the path holds."""
+
+    path: str
+    permission: Permission | None
+    values: dict[str, str]
+
+
+class Routes:
+    """The app's own routes in its own order, each with its permission: what is matched here is what answers."""
+
+    def __init__(self, app: FastAPI) -> None:
+        self._routes = [(compile_path(path)[0], path, methods) for path, methods in listed(app)]
+
+    def match(self, scope: Scope) -> Matched | None:
+        """None where no route answers: the app then says 404 or 405."""
+        for pattern, path, methods in self._routes:
+            found = pattern.match(scope["path"])
+            if found and scope["method"] in methods:
+                return Matched(path, ROUTES.get((reading(scope["method"]), path)), found.groupdict())
+        return None
+
+
+def listed(app: FastAPI) -> list[tuple[str, frozenset[str]]]:
+    """Every path template of the app with its methods, in the order in which the app tries them."""
+    return [described(context) for context in iter_route_contexts(app.routes)]
+
+
+def described(context: Any) -> tuple[str, frozenset[str]]:
+    path: str = context.path
+    if isinstance(context.original_route, Mount):
+        return f"{path}/{{path:path}}", frozenset(READING)
+    return path, frozenset(context.methods or ())
+
+
+def reading(method: str) -> str:
+    """HEAD is a GET without its body."""
+    return "GET" if method in READING else method

@@ -1,0 +1,20 @@
+"""Who did what: for administrators."""
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
+
+from app.api.backend import Cursor, Limit, Services
+from app.api.models import TrailPage
+from app.api.problems import responses
+from app.services import trail as service
+
+router = APIRouter(tags=["trail"])
+
+Who = Annotated[str | None, Query(max_length=200, description="Only what this key (by its name) did.")]
+Action = Annotated[str | None, Query(max_length=100, description="Only this action, such as upload.receive.")]
+
+
+@router.get("/trail", response_model=TrailPage, responses=responses(400, 422), summary="Who did what, newest first")
+def trail(backend: Services, limit: Limit = 100, cursor: Cursor = None, who: Who = None, action: Action = None) -> Any:
+    return service.list_trail(backend, limit, cursor, who=who, action=action)

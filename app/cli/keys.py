@@ -1,0 +1,125 @@
+"""`loopaudit keys`: who may talk to the service."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import timedelta
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from app.cli.configuration import load_settings
+from app.cli.messages import ExitCode, say, stdout_console
+from app.services.identity import Role
+
+if TYPE_CHECKING:
+    from app.services.backend import Backend
+    from app.services.keys import NewKey
+
+cli = typer.Typer(no_args_is_help=True, help="Keys of the service: create, list, revoke, rotate.")
+
+KeyId = Annotated[str, typer.Argument(metavar="ID", help="The id of the key, as `keys list` shows it.")]
+
+
+@cli.command("create")
+def create(
+    name: Annotated[str, typer.Argument(help="Whose key it is: a person or a system. The trail shows this name.")],
+    role: Annotated[
+        Role, typer.Option("--role", help="read; upload and audit may read too; admin may do everything.")
+    ] = Role.read,
+    days: Annotated[
+        float, typer.Option("--days", min=0, help="For how many days it is good; 0: until it is revoked.")
+    ] = 365.0,
+    per_minute: Annotated[int, typer.Option("--per-minute", min=1, help="Requests that it may make a minute.")] = 1200,
+) -> None:
+    """Make a key. It is shown once, on stdout; only its hash is kept.
+
+    [bold]Examples[/bold]
+
+      loopaudit keys create "historian" --role upload
+
+      LOOPAUDIT_KEY=$(loopaudit keys create me --role admin --days 30)
+    """
+    from app.services import keys
+
+    with opened() as backend:
+        lifetime = timedelta(days=days) if days else None
+        show(keys.create_key(backend, name, role, lifetime=lifetime, requests_per_minute=per_minute))
+    raise typer.Exit(ExitCode.DONE)
+
+
+@cli.command("list")
+def list_(as_json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False) -> None:
+    """Show all keys, without their secrets."""
+    from rich.table import Table
+    from rich.text import Text
+
+    from app.services import keys
+
+    with opened() as backend:
+        found = keys.list_keys(backend)
+    if as_json:
+        for key in found:
+            typer.echo(json.dumps(vars(key)))
+        raise typer.Exit(ExitCode.DONE)
+    table = Table("Id", "Name", "Role", "State", "Created", "Expires", "Last used", "A minute")
+    for key in found:
+        times = (key.created_at, key.expires_at or "never", key.last_used_at or "never")
+        cells = (key.id, key.name, key.role, key.state, *(time[:16].replace("T", " ") for time in times))
+        table.add_row(*(Text(cell) for cell in cells), str(key.requests_per_minute))
+    stdout_console().print(table)
+    raise typer.Exit(ExitCode.DONE)
+
+
+@cli.command("revoke")
+def revoke(key_id: KeyId) -> None:
+    """End a key now, and the logins made with it. A running service knows it LOOPAUDIT_KEY_RECHECK_S later."""
+    from app.services import keys
+
+    with opened() as backend:
+        key = keys.revoke_key(backend, key_id)
+    say(f"loopaudit: the key {key.id} of {key.name} is revoked")
+    raise typer.Exit(ExitCode.DONE)
+
+
+@cli.command("rotate")
+def rotate(
+    key_id: KeyId,
+    overlap_h: Annotated[
+        float, typer.Option("--overlap", min=0, help="Hours for which the old key goes on working.")
+    ] = 24.0,
+) -> None:
+    """Make a key like an old one, which ends after an overlap, so that its users can change over."""
+    from app.services import keys
+
+    with opened() as backend:
+        show(keys.rotate_key(backend, key_id, timedelta(hours=overlap_h)))
+    say(f"loopaudit: the key {key_id} ends in {overlap_h:g} h at the latest")
+    raise typer.Exit(ExitCode.DONE)
+
+
+def show(made: "NewKey") -> None:
+    """The key alone on stdout, so that it can be piped to where it is kept."""
+    until = made.key.expires_at or "it is revoked"
+    say(f"loopaudit: key {made.key.id} of {made.key.name}, role {made.key.role}, good until {until}. Shown this once:")
+    typer.echo(made.text)
+
+
+@contextmanager
+def opened() -> "Iterator[Backend]":
+    """The data base of the settings, brought to this version's tables where it is the embedded one."""
+    from app.errors import RequestError
+    from app.services.backend import DATABASE_AWAY, Backend
+    from app.services.operations import migrate
+
+    settings = load_settings()
+    if not settings.database_url:
+        migrate(settings)
+    backend = Backend.open(settings)
+    try:
+        yield backend
+    except DATABASE_AWAY as error:
+        text = "the data base cannot be used, or `loopaudit migrate` has not been run"
+        raise RequestError("database_away", f"{text}: {getattr(error, 'orig', error)}") from error
+    finally:
+        backend.close()

@@ -1,0 +1,85 @@
+"""Keys and the sessions that were opened with them."""
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Any
+
+from sqlalchemy import Connection, delete, insert, or_, select, update
+
+from app.storage.tables import keys, sessions
+from app.storage.types import now
+
+
+@dataclass(frozen=True)
+class KeyRow:
+    id: int
+    public_id: str
+    secret_hash: str
+    name: str
+    role: str
+    requests_per_minute: int
+    created_at: datetime
+    expires_at: datetime | None
+    revoked_at: datetime | None
+    last_used_at: datetime | None
+
+
+COLUMNS = [keys.c[name] for name in KeyRow.__dataclass_fields__]
+
+
+def add(connection: Connection, values: dict[str, Any]) -> KeyRow:
+    public_id = values["public_id"]
+    connection.execute(insert(keys).values(**values, created_at=now()))
+    return KeyRow(*connection.execute(select(*COLUMNS).where(keys.c.public_id == public_id)).one())
+
+
+def by_public_id(connection: Connection, public_id: str) -> KeyRow | None:
+    row = connection.execute(select(*COLUMNS).where(keys.c.public_id == public_id)).one_or_none()
+    return None if row is None else KeyRow(*row)
+
+
+def every(connection: Connection) -> list[KeyRow]:
+    return [KeyRow(*row) for row in connection.execute(select(*COLUMNS).order_by(keys.c.id))]
+
+
+def end(connection: Connection, key_id: int, *, revoked_at: datetime) -> None:
+    """Revokes the key; the sessions that were opened with it end."""
+    connection.execute(
+        update(keys).where(keys.c.id == key_id, keys.c.revoked_at.is_(None)).values(revoked_at=revoked_at)
+    )
+    connection.execute(delete(sessions).where(sessions.c.key_id == key_id))
+
+
+def expire(connection: Connection, key_id: int, at: datetime) -> None:
+    """The key ends at `at`, or earlier where it was to end earlier."""
+    later = or_(keys.c.expires_at.is_(None), keys.c.expires_at > at)
+    connection.execute(update(keys).where(keys.c.id == key_id, later).values(expires_at=at))
+
+
+def note_use(connection: Connection, key_id: int, every_s: float) -> None:
+    """Writes when the key was used, unless that was written within the last `every_s` seconds."""
+    moment = now()
+    stale = or_(keys.c.last_used_at.is_(None), keys.c.last_used_at < moment - timedelta(seconds=every_s))
+    connection.execute(update(keys).where(keys.c.id == key_id, stale).values(last_used_at=moment))
+
+
+def open_session(connection: Connection, token_hash: str, key_id: int, expires_at: datetime) -> None:
+    connection.execute(delete(sessions).where(sessions.c.expires_at < now()))
+    connection.execute(
+        insert(sessions).values(token_hash=token_hash, key_id=key_id, created_at=now(), expires_at=expires_at)
+    )
+
+
+def key_of_session(connection: Connection, token_hash: str) -> tuple[KeyRow, datetime] | None:
+    """The key that a session was opened with, and when the session ends; None where it has ended or never was."""
+    query = (
+        select(*COLUMNS, sessions.c.expires_at)
+        .join(sessions, sessions.c.key_id == keys.c.id)
+        .where(sessions.c.token_hash == token_hash, sessions.c.expires_at > now())
+    )
+    row = connection.execute(query).one_or_none()
+    return None if row is None else (KeyRow(*row[:-1]), row[-1])
+
+
+def close_session(connection: Connection, token_hash: str) -> None:
+    connection.execute(delete(sessions).where(sessions.c.token_hash == token_hash))
