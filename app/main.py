@@ -11,6 +11,7 @@ from fastapi.concurrency import run_in_threadpool
 
 from app.api import audits, loops, operations, problems, reliability, trail, uploads
 from app.api.bodies import LimitBodies
+from app.api.crowding import LimitCrowd
 from app.api.guard import Guard
 from app.api.headers import SecurityHeaders
 from app.api.paths import KeepTagsEncoded
@@ -55,7 +56,8 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
     problems.install(app)
     # Called from the last to the first.
     app.add_middleware(Guard, of=app, settings=settings, keys_required=keys_required)
-    app.add_middleware(LimitBodies, max_upload_bytes=settings.max_upload_bytes)
+    app.add_middleware(LimitBodies, settings=settings)
+    app.add_middleware(LimitCrowd, settings=settings)
     app.add_middleware(SecurityHeaders)
     app.add_middleware(KeepTagsEncoded)
     app.add_middleware(RequestIds)

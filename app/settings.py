@@ -4,6 +4,7 @@ import os
 from datetime import time
 from functools import lru_cache
 from pathlib import Path
+from typing import Literal
 from zoneinfo import ZoneInfo
 
 from pydantic import Field, field_validator, model_validator
@@ -50,6 +51,13 @@ class Settings(BaseSettings):
         "", description="redis://... where several API processes count a key's requests together; empty: each alone."
     )
 
+    log_format: Literal["auto", "json", "text"] = Field(
+        "auto", description="Form of the log on stderr: json, text; auto: text on a terminal, json elsewhere."
+    )
+    log_level: Literal["debug", "info", "warning", "error"] = Field(
+        "info", description="Least weight of what is logged."
+    )
+
     window_h: float = Field(168.0, gt=0, description="An audit takes at most the newest hours of a loop's samples.")
     window_samples: int = Field(30_000, ge=100, description="An audit takes at most the newest samples of a loop.")
     chunk_loops: int = Field(32, ge=1, le=1000, description="Loops that a worker claims at a time.")
@@ -67,6 +75,15 @@ class Settings(BaseSettings):
     stalled_s: float = Field(20.0, gt=0, description="Open work that nobody claims for this time is announced again.")
 
     max_upload_bytes: int = Field(4 << 30, ge=1, description="Greatest upload, in bytes as they come.")
+    upload_deadline_s: float = Field(
+        3600.0, gt=0, description="An upload must have arrived within this time, in seconds."
+    )
+    idle_timeout_s: float = Field(
+        30.0, gt=0, description="A sender that pauses for longer in the middle of a body is turned away, in seconds."
+    )
+    max_requests: int = Field(200, ge=1, description="Requests that an API process answers at once.")
+    max_uploads: int = Field(64, ge=1, description="Uploads that an API process receives at once.")
+    max_streams: int = Field(200, ge=1, description="Event streams that an API process serves at once.")
     max_rejects: int = Field(1000, ge=0, description="Refused rows that are listed for an upload; all are counted.")
     buffered_samples: int = Field(6_000_000, ge=1000, description="Values that reading an upload keeps in memory.")
     statement_timeout_s: float = Field(15.0, gt=0, description="Limit of a statement of the API on PostgreSQL.")

@@ -9,6 +9,7 @@ from typing import Any
 
 from celery import current_app, signals
 
+from app import logs
 from app.services import chunks
 from app.services.backend import Backend
 
@@ -24,8 +25,8 @@ def backend() -> Backend:
 
 
 @signals.setup_logging.connect
-def log_plainly(loglevel: int | None = None, **_: object) -> None:
-    logging.basicConfig(level=loglevel, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+def log_structured(**_: object) -> None:
+    logs.configure(current_app.settings)
 
 
 @signals.worker_init.connect

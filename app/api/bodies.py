@@ -1,28 +1,35 @@
-"""How large a body may be: small for questions, as the settings say for uploads."""
+"""How large a body may be and how long it may take: little for questions, as the settings say for uploads."""
+
+import asyncio
 
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.api.problems import respond
+from app.settings import Settings
 
-UPLOADS = "/v1/uploads"
+UPLOADS = ("/v1/uploads", "/uploads")
 LIMIT_BYTES = 4 << 20
 MULTIPART_OVERHEAD_BYTES = 1 << 20
+DEADLINE_S = 30.0
 
 
 class LimitBodies:
-    """413 as a problem: at once where the length is told, otherwise as soon as it is passed."""
+    """413 as a problem: at once where the length is told, otherwise as soon as it is passed. 408 for a slow sender."""
 
-    def __init__(self, app: ASGIApp, max_upload_bytes: int) -> None:
+    def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self.app = app
-        self._max_upload_bytes = max_upload_bytes + MULTIPART_OVERHEAD_BYTES
+        self._max_upload_bytes = settings.max_upload_bytes + MULTIPART_OVERHEAD_BYTES
+        self._idle_s = settings.idle_timeout_s
+        self._upload_deadline_s = settings.upload_deadline_s
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
-        limit = self._max_upload_bytes if scope["path"] == UPLOADS else LIMIT_BYTES
+        uploads = scope["path"] in UPLOADS
+        limit = self._max_upload_bytes if uploads else LIMIT_BYTES
         told = Request(scope).headers.get("content-length", "")
         if told.isdigit() and int(told) > limit:
             answer = respond(
@@ -30,7 +37,8 @@ class LimitBodies:
             )
             await answer(scope, receive, send)
             return
-        await self.app(scope, counted(receive, limit), send)
+        deadline_s = self._upload_deadline_s if uploads else min(DEADLINE_S, self._upload_deadline_s)
+        await self.app(scope, timely(counted(receive, limit), min(self._idle_s, deadline_s), deadline_s), send)
 
 
 def counted(receive: Receive, limit: int) -> Receive:
@@ -45,3 +53,26 @@ def counted(receive: Receive, limit: int) -> Receive:
         return message
 
     return receive_within_limit
+
+
+def timely(receive: Receive, idle_s: float, deadline_s: float) -> Receive:
+    """Waits at most `idle_s` for the next part of the body, and `deadline_s` for all of it; then for nothing more."""
+    ends_s: float | None = None
+    complete = False
+
+    async def receive_in_time() -> Message:
+        nonlocal ends_s, complete
+        if complete:
+            return await receive()
+        now_s = asyncio.get_running_loop().time()
+        ends_s = now_s + deadline_s if ends_s is None else ends_s
+        try:
+            async with asyncio.timeout(min(idle_s, ends_s - now_s)):
+                message = await receive()
+        except TimeoutError:
+            text = f"the body must come within {deadline_s:g} s, with no pause above {idle_s:g} s"
+            raise HTTPException(408, text, headers={"Connection": "close"}) from None
+        complete = not message.get("more_body", False)
+        return message
+
+    return receive_in_time

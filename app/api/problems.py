@@ -1,5 +1,6 @@
 """Every error as problem details (RFC 9457) with a stable `code`, whether a service or the framework raised it."""
 
+import errno
 import logging
 from http import HTTPStatus
 from typing import Any
@@ -18,15 +19,14 @@ from app.services.identity import request_id
 
 MEDIA_TYPE = "application/problem+json"
 LONGEST_ECHO = 200
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 # Codes of services whose status differs from the one of their class.
 STATUS_BY_CODE = {
     "upload_too_large": HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
     "media_type": HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
     "content_encoding": HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
-    "upload_timeout": HTTPStatus.REQUEST_TIMEOUT,
     "wrong_state": HTTPStatus.CONFLICT,
-    "disk_full": HTTPStatus.INSUFFICIENT_STORAGE,
 }
 
 CODE_BY_STATUS = {
@@ -86,6 +86,7 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(RequestValidationError, _invalid_request)
     for away in DATABASE_AWAY:
         app.add_exception_handler(away, _database_away)
+    app.add_exception_handler(OSError, _os_error)
     app.add_exception_handler(ClientDisconnect, _gone)
     app.add_exception_handler(Exception, _fault)
 
@@ -146,7 +147,7 @@ async def _http_error(request: Request, error: Exception) -> Response:
     code = CODE_BY_STATUS.get(error.status_code, f"http_{error.status_code}")
     detail = str(error.detail)
     if error.status_code == HTTPStatus.NOT_FOUND:
-        detail = f"no route {request.method} {request.url.path[:LONGEST_ECHO]}"
+        detail = f"no route {request.method} {request.scope['path'][:LONGEST_ECHO]}"
     return respond(request, error.status_code, code, detail, headers=dict(error.headers or {}))
 
 
@@ -158,9 +159,24 @@ async def _invalid_request(request: Request, error: Exception) -> Response:
 
 
 async def _database_away(request: Request, error: Exception) -> Response:
-    log.error("data base away while answering %s %s: %s", request.method, request.url.path[:LONGEST_ECHO], error)
+    if "disk is full" in str(error) or "No space left" in str(error):
+        return _disk_full(request)
+    log.error("data base away while answering %s %s: %s", request.method, request.scope["path"][:LONGEST_ECHO], error)
     text = "the data base does not answer; nothing was changed, try again"
     return respond(request, 503, "database_away", text, headers={"Retry-After": "5"})
+
+
+async def _os_error(request: Request, error: Exception) -> Response:
+    assert isinstance(error, OSError)  # noqa: S101 - as above
+    if error.errno in DISK_FULL:
+        return _disk_full(request)
+    return await _fault(request, error)
+
+
+def _disk_full(request: Request) -> Response:
+    log.error("no room on the disk for %s %s", request.method, request.scope["path"][:LONGEST_ECHO])
+    text = "the disk of the service is full; nothing was kept of this, send it again when there is room"
+    return respond(request, 507, "disk_full", text, headers={"Retry-After": "300"})
 
 
 async def _gone(request: Request, error: Exception) -> Response:
@@ -169,6 +185,6 @@ async def _gone(request: Request, error: Exception) -> Response:
 
 
 async def _fault(request: Request, error: Exception) -> Response:
-    log.error("fault while answering %s %s", request.method, request.url.path[:LONGEST_ECHO], exc_info=error)
+    log.error("fault while answering %s %s", request.method, request.scope["path"][:LONGEST_ECHO], exc_info=error)
     # The framework answers faults outside of all middleware, so the headers that it would set are set here.
     return respond(request, 500, "internal_error", "a fault of the service; its log says which", headers=HEADERS)

@@ -1,6 +1,5 @@
 """Exports of a historian: received whole and stored before they are acknowledged, read by a worker afterwards."""
 
-import asyncio
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -17,7 +16,6 @@ from app.services import uploads as service
 
 BLOCK_BYTES = 1 << 20
 LARGEST_MAPPING = 64 << 20
-DEADLINE_S = 3600
 NAMELESS = "upload.csv"
 MULTIPART = "multipart/form-data"
 BINARY = {"schema": {"type": "string", "format": "binary"}}
@@ -74,11 +72,7 @@ async def receive(
     gzip is told by the content. 202 means that the bytes are stored. The same content again is the same upload.
     """
     refuse_encodings(request)
-    try:
-        async with asyncio.timeout(DEADLINE_S):
-            receipt = await store(request, backend, filename, time_zone)
-    except TimeoutError:
-        raise RequestError("upload_timeout", f"the upload did not arrive within {DEADLINE_S} s") from None
+    receipt = await store(request, backend, filename, time_zone)
     response.headers["Location"] = f"/v1/uploads/{receipt.upload.id}"
     return receipt.upload
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 CHILDREN_GRACE_S = 15.0
 CONNECTIONS_GRACE_S = 5
+LARGEST_CROWD = 2000  # connections; the limits of requests hold long before
 
 
 def serve(
@@ -76,16 +77,28 @@ def listen(host: str, port: int) -> socket.socket:
 def run(settings: "Settings", listening: socket.socket, keys_required: bool) -> None:
     import uvicorn
 
+    from app import logs
+    from app.api.connections import LARGEST_HEAD_BYTES, HeadDeadline
     from app.cli.supervisor import Child, Supervisor
     from app.main import create_app
     from app.services.operations import migrate
 
+    logs.configure(settings)
     if settings.embedded:
         migrate(settings)
     app = create_app(settings, keys_required=keys_required)
     if keys_required:
         tell_of_keys(settings)
-    config = uvicorn.Config(app, log_level="warning", access_log=False, timeout_graceful_shutdown=CONNECTIONS_GRACE_S)
+    config = uvicorn.Config(
+        app,
+        http=HeadDeadline,
+        h11_max_incomplete_event_size=LARGEST_HEAD_BYTES,
+        limit_concurrency=LARGEST_CROWD,
+        server_header=False,
+        log_config=None,
+        access_log=False,
+        timeout_graceful_shutdown=CONNECTIONS_GRACE_S,
+    )
     names = ("worker", "beat") if settings.embedded else ()
     supervisor = Supervisor([Child(name, (name, "--until-parent-ends")) for name in names], CHILDREN_GRACE_S)
     host, port = listening.getsockname()[:2]

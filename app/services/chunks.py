@@ -1,5 +1,6 @@
 """What a worker does for a run: claims loops by the chunk, audits each for itself, writes by the chunk."""
 
+import logging
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,6 +13,7 @@ from app.engine.audit_config import AuditConfig
 from app.engine.recording import Recording
 from app.errors import LoopauditError
 from app.ingest import LoopSamples, to_recording
+from app.logs import about
 from app.services.backend import Backend
 from app.services.limits import TimeLimitError, time_limit
 from app.services.loops import moment_of
@@ -25,6 +27,8 @@ from app.storage.types import now
 from app.storage.verdicts import NewVerdict
 
 WARM_UP_SAMPLES = 300
+
+log = logging.getLogger("loopaudit.audit")
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +61,14 @@ def audit_chunk(backend: Backend, audit_id: int, owner: str, *, watchdog: bool =
     config = AuditConfig.from_json(run.config_json)
     until = time.monotonic() + backend.settings.chunk_budget_s
     done = 0
-    while claims := _claim(backend, audit_id, owner):
-        _work_off(backend, run, config, claims, watchdog)
-        done += len(claims)
-        if time.monotonic() > until:
-            break
-    _settle(backend, audit_id)
+    with about(run=audit_id):
+        while claims := _claim(backend, audit_id, owner):
+            _work_off(backend, run, config, claims, watchdog)
+            done += len(claims)
+            if time.monotonic() > until:
+                break
+        _settle(backend, audit_id)
+        log.info("loops audited", extra={"loops": done})
     return done
 
 
@@ -156,6 +162,7 @@ def _origin_ns(samples: Samples) -> int:
 
 
 def _set_aside(work: Work, code: str, text: str) -> Result:
+    log.warning("loop failed", extra={"loop": work.loop.tag, "code": code, "text": text})
     return Result(work.claim, failure=Failure(work.claim, code, text))
 
 

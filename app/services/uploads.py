@@ -95,8 +95,13 @@ class Receiving:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self._file.close()
-        self._draft.unlink(missing_ok=True)
+        try:
+            self._file.close()  # which writes what is left, and may find the disk full
+        except OSError:
+            if error is None:
+                raise
+        finally:
+            self._draft.unlink(missing_ok=True)
 
 
 def receive(

@@ -1,0 +1,59 @@
+"""How much is answered at once: what comes above that is asked to come again, so that memory stays bounded."""
+
+import asyncio
+from collections import Counter
+
+from starlette.requests import Request
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from app.api.problems import respond
+from app.settings import Settings
+
+ALWAYS = "/healthz"
+RETRY_AFTER_S = 2
+SLOWEST_READER_S = 60.0
+
+
+class LimitCrowd:
+    """503 with Retry-After above the limits of the settings; requests, uploads and event streams count apart."""
+
+    def __init__(self, app: ASGIApp, settings: Settings) -> None:
+        self.app = app
+        self._limits = {
+            "requests": settings.max_requests,
+            "uploads": settings.max_uploads,
+            "streams": settings.max_streams,
+        }
+        self._now: Counter[str] = Counter()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http" or scope["path"] == ALWAYS:
+            await self.app(scope, receive, send)
+            return
+        kind = kind_of(scope)
+        if self._now[kind] >= self._limits[kind]:
+            text = f"{self._limits[kind]} {kind} are being served, which is the most; try again in {RETRY_AFTER_S} s"
+            answer = respond(Request(scope), 503, "busy", text, headers={"Retry-After": str(RETRY_AFTER_S)})
+            await answer(scope, receive, send)
+            return
+        self._now[kind] += 1
+        try:
+            await self.app(scope, receive, read_in_time(send))
+        finally:
+            self._now[kind] -= 1
+
+
+def kind_of(scope: Scope) -> str:
+    if scope["path"].endswith("/events"):
+        return "streams"
+    return "uploads" if scope["method"] == "POST" and scope["path"].endswith("/uploads") else "requests"
+
+
+def read_in_time(send: Send) -> Send:
+    """Gives up on a client that takes no part of its answer for a minute; its connection is then closed."""
+
+    async def send_in_time(message: Message) -> None:
+        async with asyncio.timeout(SLOWEST_READER_S):
+            await send(message)
+
+    return send_in_time

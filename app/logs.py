@@ -1,0 +1,95 @@
+"""Structured logs on stderr: one event a line, with the ids of request, run and loop, and nothing secret in it."""
+
+import logging
+import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import structlog
+
+from app.settings import Settings
+
+HIDDEN = "***"
+SECRETS = (
+    # a key, of which the role and the id may be told
+    (re.compile(r"\bla_(read|upload|audit|admin)_([a-z2-7]{4,10})_[0-9A-Za-z]{8,}"), rf"la_\1_\2_{HIDDEN}"),
+    # the password in an address
+    (re.compile(r"(\b[a-z][a-z0-9+.-]*://[^\s:/@'\"]*):([^\s@/'\"]+)@"), rf"\1:{HIDDEN}@"),
+    (re.compile(r"(?i)\b(bearer|basic)\s+[A-Za-z0-9._~+/=-]{6,}"), rf"\1 {HIDDEN}"),
+    (re.compile(r"(?i)\b(password|passwd|secret|csrf_token|loopaudit_session|x-api-key)(['\"]?\s*[=:]\s*['\"]?)[^\s'\",;&]{3,}"),
+     rf"\1\2{HIDDEN}"),
+)  # fmt: skip
+QUIET = (
+    "sqlalchemy",
+    "celery",
+    "kombu",
+    "alembic",
+    "asyncio",
+    "numba",
+    "httpx",
+    "httpcore",
+    "multipart",
+    "python_multipart",
+)
+
+
+def configure(settings: Settings) -> None:
+    """For this process, once; what libraries log by themselves takes the same way."""
+    as_json = settings.log_format == "json" or (settings.log_format == "auto" and not sys.stderr.isatty())
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(Redacting(formatter(as_json)))
+    root = logging.getLogger()
+    root.handlers[:] = [handler]
+    root.setLevel(settings.log_level.upper())
+    for name in QUIET:
+        logging.getLogger(name).setLevel("WARNING")
+    for name in ("uvicorn", "uvicorn.error", "uvicorn.access"):
+        logging.getLogger(name).handlers.clear()
+        logging.getLogger(name).propagate = True
+    logging.getLogger("uvicorn").setLevel("WARNING")
+
+
+def formatter(as_json: bool) -> logging.Formatter:
+    renderer: Any = structlog.processors.JSONRenderer(ensure_ascii=False) if as_json else plain_text()
+    errors: list[Any] = [structlog.processors.format_exc_info] if as_json else []
+    return structlog.stdlib.ProcessorFormatter(
+        foreign_pre_chain=[
+            structlog.contextvars.merge_contextvars,
+            structlog.stdlib.add_logger_name,
+            structlog.stdlib.add_log_level,
+            structlog.stdlib.ExtraAdder(),
+            structlog.processors.TimeStamper(fmt="iso", utc=True),
+        ],
+        processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, *errors, renderer],
+    )
+
+
+def plain_text() -> structlog.dev.ConsoleRenderer:
+    """Without colours, which could part a secret, and with tracebacks that show no values of variables."""
+    return structlog.dev.ConsoleRenderer(colors=False, exception_formatter=structlog.dev.plain_traceback)
+
+
+class Redacting(logging.Formatter):
+    """Hides secrets in the finished line, wherever they came from: a message, a value, an exception."""
+
+    def __init__(self, inner: logging.Formatter) -> None:
+        super().__init__()
+        self._inner = inner
+
+    def format(self, record: logging.LogRecord) -> str:
+        return redacted(self._inner.format(record))
+
+
+def redacted(text: str) -> str:
+    for pattern, instead in SECRETS:
+        text = pattern.sub(instead, text)
+    return text
+
+
+@contextmanager
+def about(**ids: object) -> Iterator[None]:
+    """What is logged inside carries these ids: `about(run="7", loop="FIC101")`."""
+    with structlog.contextvars.bound_contextvars(**{name: value for name, value in ids.items() if value is not None}):
+        yield

@@ -1,0 +1,144 @@
+"""Slow senders, crowds and full disks: told in time, and nothing is left of what was turned away."""
+
+import errno
+import socket
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from app.api import connections
+from app.main import create_app
+from app.services.operations import migrate
+from app.settings import Settings
+
+
+@pytest.fixture
+def settings(tmp_path) -> Settings:
+    made = Settings(data_dir=tmp_path, idle_timeout_s=0.3, upload_deadline_s=1.0, max_uploads=2, max_requests=3)
+    migrate(made)
+    return made
+
+
+@pytest.fixture
+def client(serve, settings):
+    with serve(create_app(settings)) as connection:
+        yield connection
+
+
+def slowly(client, head: bytes, parts: list[bytes], pause_s: float) -> bytes:
+    """Sends a request by hand, with a pause before each part of the body; the whole answer."""
+    with socket.create_connection((client.base_url.host, client.base_url.port), timeout=20) as connection:
+        connection.sendall(head)
+        for part in parts:
+            time.sleep(pause_s)
+            try:
+                connection.sendall(part)
+            except OSError:
+                break
+        answer = b""
+        while got := connection.recv(65536):
+            answer += got
+        return answer
+
+
+def head(path: str, length: int, kind: str = "application/json") -> bytes:
+    return (
+        f"POST {path} HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n\r\n".encode()
+    )
+
+
+@pytest.mark.parametrize("path", ["/v1/uploads", "/v1/audits"])
+def test_a_sender_that_stops_is_turned_away(client, settings, path):
+    started = time.monotonic()
+    answer = slowly(client, head(path, 1000), [b"x"], 0)
+    assert answer.startswith(b"HTTP/1.1 408 ")
+    assert b'"code":"too_slow"' in answer
+    assert time.monotonic() - started < 5
+    assert not list(settings.uploads_dir.glob(".part-*"))
+
+
+def test_a_sender_that_trickles_is_turned_away_at_the_deadline(client, settings):
+    answer = slowly(client, head("/v1/uploads", 1000), [b"x"] * 30, 0.1)
+    assert answer.startswith(b"HTTP/1.1 408 ")
+    assert not list(settings.uploads_dir.iterdir())
+
+
+def test_above_the_limit_uploads_are_asked_to_come_again_and_others_go_on(client):
+    held = [socket.create_connection((client.base_url.host, client.base_url.port)) for _ in range(2)]
+    try:
+        for connection in held:
+            connection.sendall(head("/v1/uploads", 1000) + b"x")
+        time.sleep(0.15)
+        answer = client.post("/v1/uploads", content=b"time,PV,OP\n")
+        assert (answer.status_code, answer.json()["code"]) == (503, "busy")
+        assert int(answer.headers["retry-after"]) > 0
+        assert client.get("/v1/loops").status_code == 200
+    finally:
+        for connection in held:
+            connection.close()
+    deadline = time.monotonic() + 10
+    while client.post("/v1/uploads", content=b"time,PV,OP\n0,1,2\n").status_code == 503:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def test_a_full_disk_is_507_and_nothing_is_left(client, settings, monkeypatch):
+    from app.services.uploads import Receiving
+
+    written = Receiving.write
+
+    def full(self, data: bytes) -> None:
+        written(self, data)
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Receiving, "write", full)
+    answer = client.post("/v1/uploads", content=b"time,PV,OP\n0,1,2\n")
+    assert (answer.status_code, answer.json()["code"]) == (507, "disk_full")
+    assert not list(settings.uploads_dir.iterdir())
+    monkeypatch.undo()
+    assert client.post("/v1/uploads", content=b"time,PV,OP\n0,1,2\n").status_code == 202
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_a_draft_on_a_really_full_device_is_taken_away(client, settings, monkeypatch):
+    from app.services import uploads
+
+    opened = uploads.Receiving.__init__
+
+    def onto_full(self, backend, values) -> None:
+        opened(self, backend, values)
+        self._file.close()
+        self._file = open("/dev/full", "wb")  # noqa: SIM115 - closed by what is tested
+
+    monkeypatch.setattr(uploads.Receiving, "__init__", onto_full)
+    answer = client.post("/v1/uploads", content=b"x" * 3_000_000)
+    assert (answer.status_code, answer.json()["code"]) == (507, "disk_full")
+    assert not list(settings.uploads_dir.iterdir())
+
+
+def test_a_head_that_does_not_end_closes_the_connection(settings, monkeypatch):
+    import uvicorn
+
+    monkeypatch.setattr(connections, "HEAD_DEADLINE_S", 0.3)
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        config = uvicorn.Config(create_app(settings), http=connections.HeadDeadline, log_level="critical")
+        server = uvicorn.Server(config)
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
+        thread.start()
+        while not server.started:
+            time.sleep(0.01)
+        try:
+            address = listening.getsockname()
+            for sent in (b"", b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\nX-A: "):
+                with socket.create_connection(address, timeout=10) as connection:
+                    connection.sendall(sent)
+                    assert connection.recv(1000) == b""
+            with socket.create_connection(address, timeout=10) as connection:
+                connection.sendall(b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+                assert connection.recv(1000).startswith(b"HTTP/1.1 200")
+        finally:
+            server.should_exit = True
+            thread.join(timeout=20)

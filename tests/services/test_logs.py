@@ -1,0 +1,74 @@
+"""Logs are structured, carry their ids, and hold nothing secret."""
+
+import json
+import logging
+
+import pytest
+
+from app import logs
+from app.services import key_text
+from app.services.identity import Role
+
+KEY = key_text.make(Role.admin).text
+PASSWORD = "hunter2-" + "x" * 8
+
+
+def line(as_json: bool, message: str, *arguments: object, error: BaseException | None = None, **extra: object) -> str:
+    trouble = (type(error), error, error.__traceback__) if error else None
+    record = logging.getLogger("loopaudit.test").makeRecord(
+        "loopaudit.test", logging.WARNING, __file__, 1, message, arguments, trouble, extra=extra
+    )
+    return logs.Redacting(logs.formatter(as_json)).format(record)
+
+
+def failed(text: str) -> Exception:
+    try:
+        raise RuntimeError(text)
+    except RuntimeError as error:
+        return error
+
+
+SECRETS = [
+    (KEY, KEY[-49:]),
+    (f"Authorization: Bearer {KEY}", KEY[-49:]),
+    (f"{{'x-api-key': '{PASSWORD}'}}", PASSWORD),
+    (f"postgresql+psycopg://plant:{PASSWORD}@db:5432/plant", PASSWORD),
+    (f"redis://:{PASSWORD}@cache/0", PASSWORD),
+    (f"password={PASSWORD} host=db", PASSWORD),
+    (f"cookie: loopaudit_session={PASSWORD}; a=b", PASSWORD),
+    (f"csrf_token={PASSWORD}&next=/", PASSWORD),
+]
+
+
+@pytest.mark.parametrize("as_json", [True, False])
+@pytest.mark.parametrize(("text", "secret"), SECRETS)
+def test_no_secret_is_logged_wherever_it_stands(as_json, text, secret):
+    lines = [
+        line(as_json, text),
+        line(as_json, "got %s", text),
+        line(as_json, "got", value=text),
+        line(as_json, "fault", error=failed(text)),
+    ]
+    for found in lines:
+        assert secret not in found
+        assert logs.HIDDEN in found
+
+
+def test_what_is_no_secret_stays():
+    text = "upload 7 of la_read_abcdefghij at http://127.0.0.1:8000/v1/uploads took 3 s; valve FIC:101@area"
+    assert logs.redacted(text) == text
+
+
+def test_a_line_is_one_json_object_with_its_ids():
+    with logs.about(run=7, request_id="r-1"):
+        found = line(True, "loop failed", loop="FIC\n101", code="no_samples")
+    assert "\n" not in found
+    told = json.loads(found)
+    assert (told["run"], told["request_id"], told["loop"], told["code"]) == (7, "r-1", "FIC\n101", "no_samples")
+    assert (told["event"], told["level"], told["logger"]) == ("loop failed", "warning", "loopaudit.test")
+
+
+def test_ids_end_with_what_they_are_about():
+    with logs.about(run=7):
+        pass
+    assert "run" not in json.loads(line(True, "later"))
