@@ -41,7 +41,7 @@ SECRETS = [
 
 
 @pytest.mark.parametrize("as_json", [True, False])
-@pytest.mark.parametrize(("text", "secret"), SECRETS)
+@pytest.mark.parametrize(("text", "secret"), SECRETS, ids=range(len(SECRETS)))
 def test_no_secret_is_logged_wherever_it_stands(as_json, text, secret):
     lines = [
         line(as_json, text),
