@@ -44,11 +44,16 @@ def shape_windows(record: UniformRecord, oscillation: Oscillation, most: int = 4
     eighth of the record instead of the period.
     """
     per_cycle = cycle_samples(record, oscillation)
+    windows = (_window(record.pv[part], record.op[part], per_cycle) for part in spans(record, per_cycle, most))
+    return [window for window in windows if window is not None]
+
+
+def spans(record: UniformRecord, per_cycle: float, most: int) -> list[slice]:
+    """The samples of each window: up to `most`, some fifteen cycles of `per_cycle` samples each."""
     length = int(min(record.samples, max(CYCLES * per_cycle, _FEWEST_SAMPLES)))
     count = int(np.clip(record.samples // length, 2 if record.samples > 1.3 * length else 1, most))
     starts = np.linspace(0, record.samples - length, count).astype(int) if count > 1 else [0]
-    windows = (_window(record.pv[s : s + length], record.op[s : s + length], per_cycle) for s in starts)
-    return [window for window in windows if window is not None]
+    return [slice(int(start), int(start) + length) for start in starts]
 
 
 def cycle_samples(record: UniformRecord, oscillation: Oscillation) -> float:

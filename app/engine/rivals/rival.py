@@ -5,18 +5,36 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Rival:
-    """An explanation other than stiction.
+    """An explanation of the loop's movement, beside stiction.
 
     cause: a stable code. strength: 0 (nothing speaks for it) to 1; from 0.5 on it stands out.
     counts: log-odds that it takes from stiction where it stands out; 0 where the shapes already say so.
     text: what was seen, in words.
+    applies: False where its assumptions do not hold; `text` then says why, and the strength is 0.
+    statistic, threshold: what was measured and from where on it stands out; None where several were weighed.
+    explained: share of the variance of PV that the fitted explanation gives in free run on cycles that the fit has not
+    seen; None where nothing was fitted. Comparable between explanations.
     """
 
     cause: str
     strength: float
     text: str
     counts: float = 0.0
+    applies: bool = True
+    statistic: float | None = None
+    threshold: float | None = None
+    explained: float | None = None
 
     @property
     def stands_out(self) -> bool:
         return self.strength >= 0.5
+
+
+def not_evaluated(cause: str, because: str) -> Rival:
+    """A rival whose assumptions the record does not meet."""
+    return Rival(cause, 0.0, f"not evaluated, because {because}", applies=False)
+
+
+def rising(value: float, low: float, high: float) -> float:
+    """0 where value is at or below `low`, 1 from `high` on, 0.5 half way; with low > high it falls instead."""
+    return min(max((value - low) / (high - low), 0.0), 1.0)

@@ -1,0 +1,31 @@
+"""Backlash: a pure deadband between OP and the stem, without the jump of a sticking one."""
+
+from app.engine.rivals.response import response, valve_response
+from app.engine.rivals.rival import Rival, not_evaluated, rising
+from app.engine.rivals.scene import Scene
+
+_BANDS = (0.2, 0.4, 0.7)
+_SLIPS = (0.5, 1.0)
+_GAIN_WORTH_IT = 0.05
+BETTER = 0.04
+
+
+def backlash(scene: Scene) -> Rival:
+    """A deadband (J = 0) explains PV on unseen cycles better than a linear valve and than one that slips (J > 0).
+
+    He's valve with J = 0, then a lag or integrator and a dead time, in the last window. Not evaluated where no valve
+    model is better than a linear one. It is a fault of the valve too: it takes nothing from stiction.
+    Misleads on noisy records, where J cannot be told.
+    """
+    if scene.features.named("gain") < _GAIN_WORTH_IT:
+        return not_evaluated("backlash", "no valve model explains PV better than a linear valve")
+    pv, op = scene.pv[-1], scene.op_scaled[-1]
+    linear = response(pv, op).held_out
+    play = valve_response(pv, op, _BANDS, (0.0,)).held_out
+    slip = valve_response(pv, op, _BANDS, _SLIPS).held_out
+    lead = play - max(linear, slip)
+    text = (
+        f"a deadband without slip explains {100 * play:.0f} % of PV on unseen cycles, a linear valve "
+        f"{100 * linear:.0f} %, a slipping one {100 * slip:.0f} %"
+    )
+    return Rival("backlash", rising(lead, 0.0, 2 * BETTER), text, statistic=lead, threshold=BETTER, explained=play)

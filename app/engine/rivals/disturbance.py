@@ -1,0 +1,62 @@
+"""Something outside shakes the loop: a wave, or a load that wanders or jumps."""
+
+import numpy as np
+
+from app.engine.rivals.rival import Rival, rising
+from app.engine.rivals.scene import Scene
+
+_STRONG_SWING = 0.6
+IN_LINE = 0.5
+WAVE = 0.7
+"""Share of PV and OP, on cycles not fitted, that a wave from outside must explain."""
+OPPOSED = 0.65
+"""Opposition of OP and PV from which on the loop itself may be at its limit of stability."""
+UNEXPLAINED = 0.3
+
+
+def outside_wave(scene: Scene) -> Rival:
+    """A wave that keeps its phase runs through PV and OP alike, slower than the loop would swing by itself.
+
+    Stiction keeps its phase too, but its corners do not fit one sine. A loop at its limit of stability swings with OP
+    against PV; here the controller has time to integrate. Misleads on a smooth limit cycle of an integrating process
+    (deadband on a level), which is a sine to the eye.
+    """
+    in_line = _in_line(scene) if scene.oscillation.regular and scene.oscillation.strength > _STRONG_SWING else 0.0
+    wave = scene.wave
+    slower = rising(scene.opposition, OPPOSED + 0.05, OPPOSED - 0.25)
+    strength = max(in_line, min(rising(wave, 2 * WAVE - 1.0, 1.0), slower))
+    text = (
+        f"a sine that keeps its phase explains {100 * wave:.0f} % of PV and OP on unseen cycles, OP in line "
+        "with PV or integrating it: the loop passes on a wave from outside"
+    )
+    return Rival("external_oscillation", strength, text, statistic=wave, threshold=WAVE, explained=wave)
+
+
+def load_disturbance(scene: Scene) -> Rival:
+    """OP answers PV in line, or PV does not follow from OP through any valve: PV is shaken from outside.
+
+    Misleads where OP has little to do with PV for other reasons: a wrong pairing of signals, a loop in manual.
+    """
+    follows = scene.features.named("causal_sticky")
+    unexplained = rising(follows, 2 * UNEXPLAINED - 0.1, 0.1)
+    text = (
+        "OP answers PV as a controller passes a disturbance on; a sticky valve would explain "
+        f"{100 * follows:.0f} % of PV from OP"
+    )
+    return Rival("disturbance", max(_in_line(scene), unexplained), text, statistic=follows, threshold=UNEXPLAINED)
+
+
+def no_oscillation(scene: Scene) -> Rival:
+    """Nothing swings: what moves is noise or a slow load. Misleads below some three cycles in the record."""
+    oscillation = scene.oscillation
+    strength = 0.7 - oscillation.strength if not oscillation.regular else 0.4 - oscillation.strength
+    text = f"no regular oscillation (strength {oscillation.strength:.2f}, regularity {oscillation.regularity:.2f})"
+    return Rival(
+        "no_oscillation", float(np.clip(strength, 0.0, 1.0)), text, statistic=oscillation.strength, threshold=0.2
+    )
+
+
+def _in_line(scene: Scene) -> float:
+    """How much OP runs in line with PV and not in quadrature; halved where stiction explains PV better."""
+    in_line = scene.features.named("ccf_even") - scene.features.named("ccf_odd")
+    return float(np.clip(in_line, 0.0, 1.0)) * (0.5 if scene.features.named("gain") > 0.3 else 1.0)

@@ -1,0 +1,23 @@
+"""OP out of range: the controller stands at a limit while PV goes on moving."""
+
+from app.engine.rivals.rival import Rival
+from app.engine.rivals.scene import Scene
+
+# Fixed beforehand, not fitted: a loop that cycles against a limit needs no sticky valve to do so.
+_AGAINST_STICTION = 2.0
+LIMIT_SHARE = 0.2
+MOVEMENT_SHARE = 0.12
+
+
+def saturated_op(scene: Scene) -> Rival:
+    """OP stands at an extreme for long while PV goes on moving: the controller is out of range, the valve follows.
+
+    Misleads where OP rests at its extreme between rare moves, and where the historian held OP's last value.
+    """
+    at_limit, moves = scene.features.named("op_at_limit"), scene.features.named("pv_moves_at_limit")
+    strength = min(at_limit / (2 * LIMIT_SHARE), moves / (2 * MOVEMENT_SHARE), 1.0)
+    text = (
+        f"OP stands at one of its extremes for {100 * at_limit:.0f} % of the time, and {100 * moves:.0f} % of the "
+        "movement of PV happens meanwhile"
+    )
+    return Rival("saturated_op", strength, text, _AGAINST_STICTION, statistic=at_limit, threshold=LIMIT_SHARE)

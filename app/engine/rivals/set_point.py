@@ -1,0 +1,32 @@
+"""PV and OP follow a set point that moves."""
+
+import numpy as np
+
+from app.engine.rivals.response import response
+from app.engine.rivals.rival import Rival, not_evaluated, rising
+from app.engine.rivals.scene import Scene
+from app.engine.sampled import correlation
+
+FOLLOWED = 0.7
+_NOTHING = 0.4
+
+
+def set_point_following(scene: Scene) -> Rival:
+    """PV and OP both follow from the set point through a lag and a dead time, on cycles that the fit has not seen.
+
+    Not evaluated where the set point is not known or stands. Misleads in a sticky inner loop of a cascade, whose set
+    point is moved by the loop around it at the same period.
+    """
+    if not scene.sp:
+        return not_evaluated("set_point_following", "the set point does not move or is not known")
+    moving = [k for k, sp in enumerate(scene.sp) if float(np.ptp(sp)) > 0.0]
+    pv = float(np.mean([response(scene.pv[k], scene.sp[k]).held_out for k in moving])) if moving else 0.0
+    op = float(np.mean([response(scene.op[k], scene.sp[k]).held_out for k in moving])) if moving else 0.0
+    sp = scene.record.sp
+    plainly = 0.0 if sp is None else correlation(scene.record.pv, sp) ** 2 * correlation(scene.record.op, sp) ** 2
+    strength = max(rising(min(pv, op), _NOTHING, 2 * FOLLOWED - _NOTHING), plainly)
+    text = (
+        f"PV follows from the set point ({100 * pv:.0f} % of its variance on unseen cycles) and so does OP "
+        f"({100 * op:.0f} %)"
+    )
+    return Rival("set_point_following", strength, text, statistic=min(pv, op), threshold=FOLLOWED, explained=pv)

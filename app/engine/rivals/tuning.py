@@ -1,0 +1,92 @@
+"""The controller makes the loop swing, or lets it drift."""
+
+from app.engine.rivals.disturbance import OPPOSED, WAVE
+from app.engine.rivals.rival import Rival, not_evaluated, rising
+from app.engine.rivals.scene import Scene
+
+_PURE_SINE = 0.8
+_SINE_FORM = 0.2
+_STICTION_EXPLAINS = 0.1
+_AGAINST_SINES = 3.0
+RINGING = 0.5
+"""Decay ratio from which on Miao and Seborg call a loop excessively oscillatory."""
+FOLLOWS_OP = 0.35
+"""Share of PV that a linear process must explain from OP: a loop that rings is moved by its own controller."""
+IDLE = 0.2
+_FEWEST_CYCLES = 6.0
+_AGAINST_SLUGGISH = 2.0
+_RINGS = 0.25
+
+
+def pure_sines(scene: Scene) -> Rival:
+    """Both signals are pure sines that do not die out: a linear loop at the limit of stability, or shaken by a sine.
+
+    One frequency alone cannot tell the two apart: PV over OP is then minus one over the controller in both.
+    """
+    features = scene.features
+    purity = min(features.named("pv_fundamental"), features.named("op_fundamental"))
+    strength = scene.oscillation.strength * rising(purity, _PURE_SINE, 1.0)
+    text = f"PV and OP are nearly sinusoidal ({100 * purity:.0f} % of the power in the fundamental)"
+    # A stuck stem leaves corners in one of the two: half cycles of both that fit a sine are no work of a valve.
+    sines = max(features.named("pv_triangle"), features.named("op_triangle")) < _SINE_FORM
+    if not sines and features.named("gain") >= _STICTION_EXPLAINS:
+        strength *= 0.5
+    counts = _AGAINST_SINES if sines else 0.0
+    return Rival("tuning_or_sinusoidal_disturbance", strength, text, counts, statistic=purity, threshold=0.9)
+
+
+def tight_tuning(scene: Scene) -> Rival:
+    """An undamped sine with OP against PV: a linear loop at the limit of stability.
+
+    At that limit a usual controller hardly integrates, so OP turns where PV turns. Fit: PV from OP through a linear
+    process with the sign of a closed loop. Misleads where a sine from outside is as fast as the loop itself.
+    """
+    if scene.oscillation.cycles < _FEWEST_CYCLES:
+        return not_evaluated("tight_tuning", f"{scene.oscillation.cycles:.1f} cycles cannot show that nothing decays")
+    undamped = min(rising(scene.wave, 2 * WAVE - 1.0, 1.0), rising(scene.opposition, OPPOSED - 0.15, OPPOSED + 0.15))
+    text = (
+        f"PV and OP are an undamped sine ({100 * scene.wave:.0f} % on unseen cycles) and OP turns where PV turns "
+        f"({scene.opposition:.2f}): the loop is at its limit of stability, or shaken by a sine as fast as itself"
+    )
+    held = scene.features.named("held_linear")
+    return Rival("tight_tuning", undamped, text, statistic=scene.opposition, threshold=OPPOSED, explained=held)
+
+
+def aggressive_controller(scene: Scene) -> Rival:
+    """PV rings after every upset, with OP against PV, and the ringing dies out: a controller too strong.
+
+    Decay ratio of the autocorrelation of PV after Miao and Seborg 1999, IEEE Conference on Control Applications,
+    359-364. Misleads where the load itself swings in a narrow band.
+    """
+    if scene.oscillation.cycles < _FEWEST_CYCLES:
+        return not_evaluated("aggressive_controller", f"{scene.oscillation.cycles:.1f} cycles cannot show a decay")
+    strength = min(
+        rising(scene.decay_ratio, RINGING - 0.2, RINGING + 0.2),
+        rising(scene.opposition, OPPOSED - 0.15, OPPOSED + 0.15),
+        rising(scene.features.named("causal_linear"), FOLLOWS_OP - 0.15, FOLLOWS_OP + 0.15),
+    )
+    text = (
+        f"PV rings with a decay ratio of {scene.decay_ratio:.2f}, and OP turns where PV turns ({scene.opposition:.2f})"
+    )
+    held = scene.features.named("held_linear")
+    return Rival(
+        "aggressive_controller", strength, text, statistic=scene.decay_ratio, threshold=RINGING, explained=held
+    )
+
+
+def sluggish_controller(scene: Scene) -> Rival:
+    """After an upset PV comes back along with OP, slowly and without ringing: a controller too weak.
+
+    Haegglund's idle index (2005, Control Engineering Practice 13, 1383-1390; 1999, same journal 7, 1505-1511): share of
+    the steps in which OP and PV go the same way as the process takes them, less the share of the others. Not evaluated
+    where the loop rings: the index is meant for single upsets. Misleads where the set point moves in steps.
+    """
+    if scene.decay_ratio > _RINGS:
+        return not_evaluated("sluggish_controller", f"PV swings (decay ratio {scene.decay_ratio:.2f})")
+    idle = -scene.opposition
+    text = f"PV comes back along with OP and without ringing (idle index {idle:.2f})"
+    held = scene.features.named("held_linear")
+    strength = rising(idle, 0.0, 2 * IDLE)
+    return Rival(
+        "sluggish_controller", strength, text, _AGAINST_SLUGGISH, statistic=idle, threshold=IDLE, explained=held
+    )
