@@ -6,6 +6,7 @@ import numpy as np
 
 from app.engine import ENGINE_VERSION, verdict, verdict_reference
 from app.engine.audit_config import AuditConfig
+from app.engine.episodes import NO_EPISODES, Episodes, episode_reasons, find
 from app.engine.evidence import Finding, Reason
 from app.engine.fitness import Fitness, assess, with_cycles
 from app.engine.judgement import Judgement
@@ -43,6 +44,7 @@ class Audit:
     samples: samples of the recording. sampling_interval_s: of the audited stretch, else the recording's median; None
     below two samples. op_span: max(OP) - min(OP) in the window, unit of OP.
     oscillation, window, reference, op_span: None where the recording is not auditable.
+    episodes: stretches of a long record in which the valve sticks while it does not in the rest.
     key_figures: over the whole recording, also where it is not auditable.
     input_fingerprint: SHA-256 of the recording's samples; config_fingerprint: of the configuration.
     """
@@ -56,6 +58,7 @@ class Audit:
     op_span: float | None
     reference: Reference | None
     judgement: Judgement
+    episodes: Episodes
     key_figures: KeyFigures
     input_fingerprint: str
     config_fingerprint: str
@@ -109,7 +112,18 @@ def _identified(recording: Recording, config: AuditConfig, fitness: Fitness, osc
         refusal = _unidentifiable(error)
         return _result(recording, config, fitness, refusal, oscillation=oscillation, record=record)
     judgement = _with_reference(judgement, reference, fitness, config)
-    return _result(recording, config, fitness, judgement, oscillation=oscillation, record=record, reference=reference)
+    episodes = find(fitness.audited, oscillation, config.episodes)
+    judgement = replace(judgement, reasons=judgement.reasons + episode_reasons(episodes))
+    return _result(
+        recording,
+        config,
+        fitness,
+        judgement,
+        oscillation=oscillation,
+        record=record,
+        reference=reference,
+        episodes=episodes,
+    )
 
 
 def ladder_for(judgement: Judgement, config: AuditConfig) -> LadderConfig:
@@ -156,6 +170,7 @@ def _result(
     oscillation: Oscillation | None = None,
     record: UniformRecord | None = None,
     reference: Reference | None = None,
+    episodes: Episodes = NO_EPISODES,
 ) -> Audit:
     return Audit(
         recording=recording.name,
@@ -167,6 +182,7 @@ def _result(
         op_span=None if record is None else float(np.ptp(record.op)),
         reference=reference,
         judgement=judgement,
+        episodes=episodes,
         key_figures=key_figures_of(recording),
         input_fingerprint=recording.fingerprint(),
         config_fingerprint=config.fingerprint(),

@@ -5,6 +5,7 @@ import json
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
+from app.engine.episodes import EpisodeConfig
 from app.engine.fitness import FitnessConfig
 from app.engine.hammerstein import HammersteinConfig
 from app.engine.reliability import LadderConfig
@@ -59,6 +60,7 @@ class AuditConfig:
     verdict: ReferenceVerdictConfig = field(default_factory=ReferenceVerdictConfig)
     judgement: VerdictConfig = field(default_factory=VerdictConfig)
     max_samples: int = 5000
+    episodes: EpisodeConfig = field(default_factory=EpisodeConfig)
     doubt_above: float = 0.25
 
     def canonical_json(self) -> str:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from app.engine.evidence import Reason
+from app.engine.rivals.rival import Rival
 
 Verdict = Literal["stiction", "no_stiction", "inconclusive", "not_auditable"]
 Reliability = Literal["reliable", "not_reliable"]
@@ -15,6 +16,7 @@ class Judgement:
 
     stiction_probability: 0 to 1; None only with "not_auditable".
     likely_cause: a stable code of what probably drives the loop or spoils the record, or None where nothing is known.
+    rivals: stiction and its rival explanations, ranked; empty where nothing could be weighed.
     """
 
     verdict: Verdict
@@ -22,3 +24,4 @@ class Judgement:
     reliability: Reliability
     reasons: tuple[Reason, ...]
     likely_cause: str | None
+    rivals: tuple[Rival, ...] = ()

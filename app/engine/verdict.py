@@ -13,7 +13,7 @@ from app.engine.judgement import Judgement, Reliability, Verdict
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.reliability import Reference
-from app.engine.rivals import Rival, compete
+from app.engine.rivals import Rival, compete, contest
 from app.engine.shape_model import ShapeModel, fitted_model
 from app.engine.verdict_config import VerdictConfig
 from app.engine.verdict_wording import spoken
@@ -110,7 +110,8 @@ def conclude(
     reasons = (*_shape_reasons(weighing, verdict), *_rival_reasons(weighing, verdict), *doubts)
     if reference is not None:
         reasons += reference_reason(reference, verdict)
-    return Judgement(verdict, probability, reliability, reasons, _cause(weighing, verdict))
+    ranked = contest(weighing.rivals, probability, weighing.features)
+    return Judgement(verdict, probability, reliability, reasons, _cause(weighing, verdict), ranked)
 
 
 def stuck() -> Judgement:

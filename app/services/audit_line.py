@@ -8,8 +8,11 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.engine.audit import Audit
+from app.engine.episodes import Episode
+from app.engine.fitness.signals import set_point_activity
 from app.engine.hammerstein import OneParameterResult, TwoParameterResult
 from app.engine.reliability import Rung
+from app.engine.rivals import Rival, runner_up, winner
 from app.engine.yper import YperResult
 
 VerdictName = Literal["stiction", "no_stiction", "inconclusive", "not_auditable"]
@@ -40,6 +43,35 @@ class HammersteinLine(BaseModel):
     rmse_without_stiction: float | None = Field(description="The same with a valve that follows OP (d = 0).")
     search_space: tuple[int, int, int] | None = Field(description="Greatest na, nb and nc that were searched.")
     widenings: int | None = Field(description="How many times the search space was widened.")
+    one_stiction: bool | None = Field(None, description="What the one-parameter model answers: d > 0.")
+    two_stiction: bool | None = Field(None, description="What the two-parameter model answers; null: not run.")
+    two_rmse: float | None = Field(None, description="RMSE of the two-parameter model, in units of PV; null: not run.")
+
+
+class RivalLine(BaseModel):
+    """One explanation of the loop's movement: stiction, or a rival of it."""
+
+    code: str = Field(description="Stable code of the explanation.")
+    score: float = Field(description="0 to 1; from 0.5 on it stands out. Of stiction: its probability.", ge=0, le=1)
+    text: str = Field(description="What was seen, or why it was not evaluated.")
+    applies: bool = Field(description="Whether its assumptions hold for this record.")
+    statistic: float | None = Field(description="What was measured; null where it was not evaluated.")
+    threshold: float | None = Field(description="From where on the statistic speaks for it.")
+    explained: float | None = Field(
+        description="Share of PV's variance explained in free run on cycles not fitted; null: nothing fitted."
+    )
+
+
+class EpisodeLine(BaseModel):
+    """A stretch of a long record in which the valve sticks, while it does not in the rest."""
+
+    start_s: float = Field(description="Start, in seconds from the first sample.")
+    end_s: float = Field(description="End, in seconds from the first sample.")
+    start: str | None = Field(None, description="Start, ISO 8601, UTC; null where the recording has no calendar time.")
+    end: str | None = Field(None, description="End, ISO 8601, UTC.")
+    probability: float = Field(description="Probability of stiction in it: the median of its windows.")
+    reliability: ReliabilityName = Field(description="Whether it can be relied on.")
+    period_s: float = Field(description="Period of the oscillation in it, in seconds.")
 
 
 class AuditFields(BaseModel):
@@ -72,6 +104,25 @@ class AuditFields(BaseModel):
     oscillation_period_s: float | None = Field(description="Period of the loop's oscillation in seconds; null: none.")
     oscillation_regularity: float | None = Field(description="Regularity of the oscillation; above 1 it is regular.")
     filled_share: float | None = Field(description="Share of the audited samples that were interpolated, 0 to 1.")
+    rival_winner: str | None = Field(
+        None, description="The explanation that wins, stiction among them; null where none stands out."
+    )
+    rival_runner_up: str | None = Field(None, description="The explanation behind the winner; null: nothing near it.")
+    samples_per_cycle: float | None = Field(None, description="Samples in one period of the oscillation.")
+    cycles: float | None = Field(None, description="Periods of the oscillation in the audited stretch.")
+    missing_share: float | None = Field(None, description="Share of samples without PV or OP, 0 to 1.")
+    automatic_share: float | None = Field(
+        None, description="Share of samples in automatic, 0 to 1; null: not recorded."
+    )
+    pv_on_line_share: float | None = Field(
+        None, description="Share of PV samples on the line between their neighbours: the historian's interpolation."
+    )
+    op_on_line_share: float | None = Field(None, description="The same of OP.")
+    pv_levels: float | None = Field(None, description="Range of PV in its least steps: its quantisation.")
+    op_levels: float | None = Field(None, description="Range of OP in its least steps.")
+    set_point_activity: float | None = Field(
+        None, description="Standard deviation of SP over that of PV; 0: it stands, null: not recorded."
+    )
     input_fingerprint: str = Field(description="SHA-256 of the recording's samples.")
     config_fingerprint: str = Field(description="SHA-256 of the configuration of the audit.")
 
@@ -81,6 +132,8 @@ class AuditLine(AuditFields):
 
     reasons: list[ReasonLine] = Field(description="Why, the weightiest first.")
     hammerstein: HammersteinLine = Field(description="The published identification.")
+    rivals: list[RivalLine] = Field(default=[], description="Stiction and its rival explanations, the winner first.")
+    episodes: list[EpisodeLine] = Field(default=[], description="Spells of stiction in a long record, by time.")
     window_start_s: float | None = Field(description="Start of the audited window, seconds from the first sample.")
     window_end_s: float | None = Field(description="End of the audited window, seconds from the first sample.")
 
@@ -105,6 +158,13 @@ class ReliabilityRow(AuditFields):
     hammerstein_rmse_without_stiction: float | None = Field(description="The same with d = 0, in units of PV.")
     hammerstein_search_space: str | None = Field(description="Greatest na, nb and nc that were searched: 5x5x10.")
     hammerstein_widenings: int | None = Field(description="How many times the search space was widened.")
+    hammerstein_one_stiction: bool | None = Field(None, description="Answer of the one-parameter model: d > 0.")
+    hammerstein_two_stiction: bool | None = Field(None, description="Answer of the two-parameter model; null: not run.")
+    hammerstein_two_rmse: float | None = Field(None, description="RMSE of the two-parameter model; null: not run.")
+    episodes: int = Field(0, description="Spells of stiction in a long record.")
+    episode_start: str | None = Field(None, description="Start of the newest spell, ISO 8601, UTC.")
+    episode_end: str | None = Field(None, description="End of the newest spell, ISO 8601, UTC.")
+    episode_probability: float | None = Field(None, description="Probability of stiction in the newest spell.")
 
 
 class KeyFiguresLine(BaseModel):
@@ -135,7 +195,7 @@ LINE_ORDER = (
     "recording", "loop", "samples", "sampling_interval_s", "verdict", "stiction_probability", "reliability", "reasons",
     "yper_pct", "yper_raw_pct", "table2_reading", "hammerstein", "stiction_band_pct_of_op_range", "likely_cause",
     "engine_version", "elapsed_s", "oscillation_period_s", "oscillation_regularity", "window_start_s", "window_end_s",
-    "filled_share", "input_fingerprint", "config_fingerprint",
+    "filled_share", "rival_winner", "rival_runner_up", "rivals", "episodes", "input_fingerprint", "config_fingerprint",
 )  # fmt: skip
 
 
@@ -165,6 +225,11 @@ def audit_line(audit: Audit, elapsed_s: float, loop: str | None = None) -> dict[
         window_start_s=None if window is None else window.start_s,
         window_end_s=None if window is None else window.end_s,
         filled_share=audit.fitness.filled_share,
+        rival_winner=_code(winner(judgement.rivals)),
+        rival_runner_up=_code(runner_up(judgement.rivals)),
+        rivals=[_rival(rival) for rival in judgement.rivals],
+        episodes=[_episode(episode) for episode in audit.episodes.found],
+        **_fitness_shares(audit),
         input_fingerprint=audit.input_fingerprint,
         config_fingerprint=audit.config_fingerprint,
     ).model_dump(mode="json")
@@ -185,7 +250,8 @@ def reliability_row(
     hammerstein = {f"hammerstein_{name}": value for name, value in line["hammerstein"].items()}
     space = line["hammerstein"]["search_space"]
     hammerstein["hammerstein_search_space"] = None if space is None else "x".join(map(str, space))
-    reasons = line["reasons"]
+    reasons, episodes = line["reasons"], line["episodes"]
+    newest = episodes[-1] if episodes else dict.fromkeys(EpisodeLine.model_fields)
     return ReliabilityRow(
         **flat,
         **hammerstein,
@@ -194,6 +260,10 @@ def reliability_row(
         window_end=iso_utc(window_end),
         audited_at=iso_utc(audited_at),
         audit_id=audit_id,
+        episodes=len(episodes),
+        episode_start=newest["start"],
+        episode_end=newest["end"],
+        episode_probability=newest["probability"],
         reasons=";".join(reason["code"] for reason in reasons),
         reasons_text=". ".join(reason["text"] for reason in reasons),
     ).model_dump(mode="json")
@@ -220,6 +290,9 @@ def detail(audit: Audit) -> dict[str, Any]:
         "window": None if audit.window is None else vars(audit.window),
         "key_figures": _scalars(vars(audit.key_figures)),
         "oscillation": None if audit.oscillation is None else _scalars(vars(audit.oscillation)),
+        "rivals": [_rival(rival).model_dump() for rival in audit.judgement.rivals],
+        "episodes": [_episode(episode).model_dump() for episode in audit.episodes.found],
+        "episode_windows": [_scalars(vars(window)) for window in audit.episodes.windows],
         "rungs": [] if reference is None else [_rung(rung) for rung in reference.rungs],
         "spectra": None if reference is None else _spectra(reference.yper),
     }
@@ -241,7 +314,47 @@ def _hammerstein(audit: Audit) -> HammersteinLine:
         rmse_without_stiction=_number(one.rmse_without_stiction),
         search_space=_space(rung),
         widenings=audit.reference.widenings,
+        one_stiction=bool(one.stiction),
+        two_stiction=None if two is None else bool(two.stiction),
+        two_rmse=None if two is None else _number(float(two.rmse_best)),
     )
+
+
+def _code(rival: Rival | None) -> str | None:
+    return None if rival is None else rival.cause
+
+
+def _rival(rival: Rival) -> RivalLine:
+    numbers = {name: _number(getattr(rival, name)) for name in ("statistic", "threshold", "explained")}
+    return RivalLine(code=rival.cause, score=rival.strength, text=rival.text, applies=rival.applies, **numbers)
+
+
+def _episode(episode: Episode) -> EpisodeLine:
+    return EpisodeLine(
+        start_s=episode.start_s,
+        end_s=episode.end_s,
+        probability=episode.probability,
+        reliability=episode.reliability,
+        period_s=episode.period_s,
+    )
+
+
+def _fitness_shares(audit: Audit) -> dict[str, float | None]:
+    """How fit the data are, beside the share that was filled: from the findings, by their codes."""
+    fitness, oscillation = audit.fitness, audit.oscillation
+    measured = {finding.code: _number(finding.statistic) for finding in fitness.findings}
+    record = fitness.record
+    return {
+        "samples_per_cycle": None if oscillation is None else _number(oscillation.samples_per_cycle),
+        "cycles": None if oscillation is None else _number(oscillation.cycles),
+        "missing_share": _number(fitness.missing_share),
+        "automatic_share": _number(fitness.automatic_share),
+        "pv_on_line_share": measured.get("pv_interpolated"),
+        "op_on_line_share": measured.get("op_interpolated"),
+        "pv_levels": measured.get("pv_quantised"),
+        "op_levels": measured.get("op_quantised"),
+        "set_point_activity": None if record is None else _number(set_point_activity(record.sp, record.pv)),
+    }
 
 
 def _space(rung: Rung) -> tuple[int, int, int]:

@@ -31,7 +31,7 @@ def new_verdict(
     input_ns: tuple[int, int],
 ) -> NewVerdict:
     """`origin`: the instant of the recording's second 0; `input_ns`: first and last sample given to the engine."""
-    line = audit_line(audit, elapsed_s)
+    line = dated(audit_line(audit, elapsed_s), origin)
     row = reliability_row(line)
     columns = {name: value for name, value in row.items() if name in COLUMNS and name != "audit_id"}
     extra = {name: value for name, value in row.items() if name not in COLUMNS and name not in OF_LOOP}
@@ -42,10 +42,30 @@ def new_verdict(
         "input_start_ns": input_ns[0],
         "input_end_ns": input_ns[1],
     }
-    told = {**detail(audit), "reasons": line["reasons"]}
+    told = {**detail(audit), "reasons": line["reasons"], "episodes": line["episodes"]}
     stored = columns | extra | {"tag": audit.recording, "audit_id": audit_id}
     columns["extra_json"] = compact({**extra, KEY_FIGURES: told[KEY_FIGURES]})
     return NewVerdict(loop_id, audit_id, columns, pack_detail(told), fixed_part(as_row(stored)), FORM)
+
+
+def dated(line: dict[str, Any], origin: datetime) -> dict[str, Any]:
+    """The line with its episodes in calendar time, in the reasons too."""
+    episodes = [
+        episode | {side: iso_utc(_instant(origin, round(episode[f"{side}_s"]))) for side in ("start", "end")}
+        for episode in line["episodes"]
+    ]
+    reliable = iter([episode for episode in episodes if episode["reliability"] == "reliable"])
+    reasons = [
+        reason | {"text": f"{reason['text']}: {_stretch(next(reliable))}"}
+        if reason["code"] == "short_lived_stiction"
+        else reason
+        for reason in line["reasons"]
+    ]
+    return line | {"episodes": episodes, "reasons": reasons}
+
+
+def _stretch(episode: dict[str, Any]) -> str:
+    return f"{episode['start']} to {episode['end']}"
 
 
 def compact(value: Any) -> str:

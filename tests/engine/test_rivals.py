@@ -2,11 +2,15 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from app.engine.features import extract
+from app.engine.freerun import through_process, valve_position
 from app.engine.oscillation import detect
 from app.engine.recording import UniformRecord
-from app.engine.rivals import Rival, compete
+from app.engine.rivals import Rival, compete, contest, runner_up, winner
+from app.engine.simulate import LoopSpec, Pid, Signal, first_order, simulate_loop
 
 N = 1200
 T = np.arange(N)
@@ -63,3 +67,96 @@ def test_a_sticky_loop_leaves_no_rival_that_counts_against_it():
 @pytest.mark.parametrize("sp", [None, np.full(N, 5.0)])
 def test_a_set_point_that_stands_explains_nothing(sp):
     assert rivals(np.sin(CYCLE), np.cos(CYCLE), sp=sp)["set_point_following"].strength == 0.0
+
+
+def test_rivals_that_stand_out_come_first_the_nearest_cause_first():
+    sp = np.cumsum(noise(14))
+    ranked = list(rivals(sp + noise(15, 0.1), 2 * sp + noise(16, 0.1), sp=sp).values())
+    standing = [rival.stands_out for rival in ranked]
+    assert standing == sorted(standing, reverse=True)
+    assert ranked[0].cause == "set_point_following"
+
+
+def test_single_samples_that_jump_away_are_a_spiking_sensor():
+    pv = np.convolve(np.random.default_rng(17).normal(size=N + 20), np.ones(21) / 21, "valid")
+    pv[50::60] += 3.0
+    assert rivals(pv, -pv)["sensor_spikes"].stands_out
+    pv[:] = np.repeat(noise(18)[: N // 60], 60)  # steps of a load stay
+    assert not rivals(pv + noise(19, 0.01), -pv)["sensor_spikes"].stands_out
+
+
+def test_pv_that_holds_its_last_digit_while_op_ramps_is_a_sticking_sensor():
+    held = np.repeat(np.sin(2 * np.pi * T[::10] / 50) + noise(20, 0.1)[::10], 10)
+    found = rivals(held, -np.cumsum(held) + noise(21, 0.01))
+    assert found["sensor_sticking"].stands_out
+    op_held_too = rivals(held, np.repeat(noise(22)[::10], 10))["sensor_sticking"]
+    assert not op_held_too.applies
+    assert "not evaluated, because" in op_held_too.text
+
+
+def test_an_undamped_sine_with_op_against_pv_is_tight_tuning():
+    found = rivals(np.sin(CYCLE) + noise(23, 0.01), -np.sin(CYCLE) + noise(24, 0.01))
+    assert found["tight_tuning"].stands_out
+    assert next(iter(found)) == "tight_tuning"
+
+
+def test_a_sine_that_the_controller_integrates_comes_from_outside():
+    found = rivals(np.sin(CYCLE) + noise(25, 0.01), np.cos(CYCLE) + noise(26, 0.01))
+    assert found["external_oscillation"].stands_out
+    assert not found["tight_tuning"].stands_out
+
+
+def linear_loop(tightness: float, load: Signal, seed: int = 3):
+    plant = first_order(1.0, 10.0, 5.0)
+    spec = LoopSpec(
+        plant, Pid(3.5 * tightness, 13.0), noise=Signal(noise_sd=0.02), load=load, step_s=0.5, settle_s=300.0
+    )
+    loop = simulate_loop(spec, float(N), 1.0, seed)
+    return rivals(loop.pv, loop.op, sp=loop.sp)
+
+
+def test_a_loop_that_rings_under_a_wandering_load_has_an_aggressive_controller():
+    load = Signal(noise_sd=1.0, noise_tau_s=30.0)
+    assert linear_loop(0.85, load)["aggressive_controller"].stands_out
+    assert not linear_loop(0.2, load)["aggressive_controller"].stands_out
+
+
+def test_a_loop_that_creeps_back_after_steps_has_a_sluggish_controller():
+    steps = Signal(steps=((100.0, 4.0), (400.0, -5.0), (700.0, 6.0), (950.0, -3.0)))
+    assert linear_loop(0.03, steps)["sluggish_controller"].stands_out
+    assert not linear_loop(0.3, steps)["sluggish_controller"].stands_out
+
+
+def test_a_deadband_is_told_from_a_free_valve_and_from_one_that_slips():
+    op = 3.0 * np.arcsin(np.sin(CYCLE)) + 0.5 * np.sin(2 * np.pi * T / 173)
+    play = rivals(through_process(valve_position(op, 3.5, 0.0), 1.0) + noise(27, 0.02), op)["backlash"]
+    assert play.statistic > play.threshold
+    assert not play.stands_out  # it is heard, and names no cause
+    assert play.explained > 0.8
+    assert not rivals(through_process(op, 3.0), op)["backlash"].applies
+    slips = rivals(through_process(valve_position(op, 3.5, 3.5), 1.0) + noise(27, 0.02), op)["backlash"]
+    assert slips.statistic < slips.threshold
+
+
+@given(gain=st.floats(0.01, 100.0), offset=st.floats(-50.0, 50.0), flip=st.sampled_from([-1.0, 1.0]))
+@settings(max_examples=15, deadline=None)
+def test_no_strength_depends_on_unit_offset_or_sign(gain, offset, flip):
+    pv, op = np.sign(np.cos(CYCLE + 0.3)) + noise(28, 0.1), np.arcsin(np.sin(CYCLE)) + noise(29, 0.05)
+    sp = 0.2 * np.sin(CYCLE / 3)
+    here, there = rivals(pv, op, sp), rivals(flip * gain * pv + offset, op / gain - offset, flip * gain * sp + offset)
+    for cause, rival in here.items():
+        assert there[cause].strength == pytest.approx(rival.strength, abs=1e-6), cause
+
+
+@pytest.mark.parametrize("probability", [0.1, 0.4, 0.6, 0.95])
+def test_stiction_wins_from_one_half_on_and_ranks_by_its_probability_below(probability):
+    pv, op = np.sign(np.cos(CYCLE + 0.3)) + noise(30, 0.1), np.arcsin(np.sin(CYCLE)) + noise(31, 0.05)
+    record = UniformRecord(1.0, pv, op, None, np.zeros(N, bool))
+    oscillation = detect(record)
+    features = extract(record, oscillation)
+    ranked = contest(compete(record, oscillation, features), probability, features)
+    assert sum(rival.cause == "stiction" for rival in ranked) == 1
+    won = winner(ranked)
+    assert (won is not None and won.cause == "stiction") == (probability >= 0.5)
+    if won is None:
+        assert runner_up(ranked) is None

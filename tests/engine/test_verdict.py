@@ -116,7 +116,8 @@ def test_the_weighing_shows_what_it_came_from():
     weighing = weigh(fitness.record, detect(fitness.record))
     assert weighing.contributions.shape == (len(NAMES),)
     assert weighing.contributions.sum() > 0
-    assert weighing.rivals == tuple(sorted(weighing.rivals, key=lambda r: -r.strength))
+    standing = [rival.stands_out for rival in weighing.rivals]
+    assert standing == sorted(standing, reverse=True)
 
 
 def test_fitted_numbers_fit_the_features():

@@ -40,7 +40,7 @@ def refused():
 def test_line_has_the_fields_of_the_contract_in_their_order(audited):
     line = audit_line(audited, 0.05)
     assert list(line)[: len(CONTRACT)] == CONTRACT
-    assert list(line["hammerstein"]) == HAMMERSTEIN
+    assert list(line["hammerstein"])[: len(HAMMERSTEIN)] == HAMMERSTEIN
     assert (line["recording"], line["loop"]) == ("FC101", "FC101")
     assert (line["samples"], line["sampling_interval_s"]) == (400, 1.0)
     assert line["elapsed_s"] == 0.05
@@ -141,3 +141,43 @@ def test_a_new_field_needs_no_second_place(audited, monkeypatch):
     line = audit_line(audited, 0.1)
     assert list(line)[:2] == ["recording", "loop"]
     assert set(line) == set(AuditLine.model_fields)
+
+
+def test_both_valve_models_answer_in_line_and_row(audited):
+    last = audited.reference.last
+    hammerstein = audit_line(audited, 0.1)["hammerstein"]
+    assert hammerstein["one_stiction"] == last.one.stiction
+    assert (hammerstein["two_stiction"], hammerstein["two_rmse"]) == (last.two.stiction, last.two.rmse_best)
+    row = reliability_row(audit_line(audited, 0.1))
+    assert row["hammerstein_two_rmse"] == last.two.rmse_best
+
+
+def test_a_two_parameter_model_that_did_not_run_has_no_answer(audited):
+    last = replace(audited.reference.rungs[-1], two=None)
+    without = replace(audited, reference=replace(audited.reference, rungs=(last,)))
+    hammerstein = audit_line(without, 0.1)["hammerstein"]
+    assert (hammerstein["S"], hammerstein["two_stiction"], hammerstein["two_rmse"]) == (None, None, None)
+    assert hammerstein["one_stiction"] is not None
+
+
+def test_winner_and_runner_up_lead_the_rivals_of_the_line(audited):
+    line = audit_line(audited, 0.1)
+    assert {rival["code"] for rival in line["rivals"]} >= {"stiction", "set_point_following", "saturated_op"}
+    assert line["rival_winner"] == line["rivals"][0]["code"]
+    assert line["rivals"][0]["score"] >= 0.5
+    assert detail(audited)["rivals"] == line["rivals"]
+
+
+def test_a_refused_recording_has_no_rivals(refused):
+    line = audit_line(refused, 0.1)
+    assert (line["rival_winner"], line["rival_runner_up"], line["rivals"], line["episodes"]) == (None, None, [], [])
+
+
+def test_fitness_of_the_data_is_told_in_shares(audited):
+    row = reliability_row(audit_line(audited, 0.1))
+    assert row["samples_per_cycle"] == pytest.approx(40, rel=0.05)
+    assert row["cycles"] == pytest.approx(10, rel=0.05)
+    assert (row["filled_share"], row["missing_share"]) == (0.0, 0.0)
+    assert row["set_point_activity"] is None
+    with_sp = audit(replace(recording(), sp=np.full(400, 20.0)))
+    assert audit_line(with_sp, 0.1)["set_point_activity"] == 0.0

@@ -30,6 +30,14 @@ def resolution(signal: FloatArray) -> float:
     return max(SAME_SHARE_OF_SPAN * float(np.ptp(signal)), 8.0 * float(np.finfo(np.float64).eps) * largest)
 
 
+def set_point_activity(sp: FloatArray | None, pv: FloatArray) -> float | None:
+    """Standard deviation of the set point over that of PV, (N,) each; None where either is not known or PV stands."""
+    spread = float(np.std(pv)) if len(pv) else 0.0
+    if sp is None or spread <= resolution(pv):
+        return None
+    return float(np.std(sp)) / spread
+
+
 def longest_run(mask: BoolArray) -> slice:
     """The longest run of True in `mask` (N,), the first of several; an empty slice where there is none."""
     edges = np.diff(np.concatenate(([0], mask.astype(np.int8), [0])))

@@ -1,6 +1,7 @@
 """What else than stiction could make the loop move as it does, each seen in the same windows as stiction."""
 
 from app.engine.rivals.compete import compete
+from app.engine.rivals.contest import contest, runner_up, winner
 from app.engine.rivals.rival import Rival
 
-__all__ = ["Rival", "compete"]
+__all__ = ["Rival", "compete", "contest", "runner_up", "winner"]

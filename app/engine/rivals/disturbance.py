@@ -26,8 +26,8 @@ def outside_wave(scene: Scene) -> Rival:
     slower = rising(scene.opposition, OPPOSED + 0.05, OPPOSED - 0.25)
     strength = max(in_line, min(rising(wave, 2 * WAVE - 1.0, 1.0), slower))
     text = (
-        f"a sine that keeps its phase explains {100 * wave:.0f} % of PV and OP on unseen cycles, OP in line "
-        "with PV or integrating it: the loop passes on a wave from outside"
+        f"a sine that keeps its phase explains {100 * wave:.0f} % of PV and OP on unseen cycles, and OP "
+        f"moves against PV by {scene.opposition:.2f}: a wave from outside leaves the controller time to integrate"
     )
     return Rival("external_oscillation", strength, text, statistic=wave, threshold=WAVE, explained=wave)
 
@@ -40,8 +40,8 @@ def load_disturbance(scene: Scene) -> Rival:
     follows = scene.features.named("causal_sticky")
     unexplained = rising(follows, 2 * UNEXPLAINED - 0.1, 0.1)
     text = (
-        "OP answers PV as a controller passes a disturbance on; a sticky valve would explain "
-        f"{100 * follows:.0f} % of PV from OP"
+        f"OP is in line with PV by {_in_line(scene):.2f}, as a controller passes a disturbance on, and even a sticky "
+        f"valve explains {100 * follows:.0f} % of PV from OP"
     )
     return Rival("disturbance", max(_in_line(scene), unexplained), text, statistic=follows, threshold=UNEXPLAINED)
 
@@ -50,7 +50,7 @@ def no_oscillation(scene: Scene) -> Rival:
     """Nothing swings: what moves is noise or a slow load. Misleads below some three cycles in the record."""
     oscillation = scene.oscillation
     strength = 0.7 - oscillation.strength if not oscillation.regular else 0.4 - oscillation.strength
-    text = f"no regular oscillation (strength {oscillation.strength:.2f}, regularity {oscillation.regularity:.2f})"
+    text = f"the oscillation has strength {oscillation.strength:.2f} and regularity {oscillation.regularity:.2f}"
     return Rival(
         "no_oscillation", float(np.clip(strength, 0.0, 1.0)), text, statistic=oscillation.strength, threshold=0.2
     )

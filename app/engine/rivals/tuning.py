@@ -26,7 +26,7 @@ def pure_sines(scene: Scene) -> Rival:
     features = scene.features
     purity = min(features.named("pv_fundamental"), features.named("op_fundamental"))
     strength = scene.oscillation.strength * rising(purity, _PURE_SINE, 1.0)
-    text = f"PV and OP are nearly sinusoidal ({100 * purity:.0f} % of the power in the fundamental)"
+    text = f"PV and OP have {100 * purity:.0f} % of their power in the fundamental, as pure sines do"
     # A stuck stem leaves corners in one of the two: half cycles of both that fit a sine are no work of a valve.
     sines = max(features.named("pv_triangle"), features.named("op_triangle")) < _SINE_FORM
     if not sines and features.named("gain") >= _STICTION_EXPLAINS:
@@ -45,8 +45,8 @@ def tight_tuning(scene: Scene) -> Rival:
         return not_evaluated("tight_tuning", f"{scene.oscillation.cycles:.1f} cycles cannot show that nothing decays")
     undamped = min(rising(scene.wave, 2 * WAVE - 1.0, 1.0), rising(scene.opposition, OPPOSED - 0.15, OPPOSED + 0.15))
     text = (
-        f"PV and OP are an undamped sine ({100 * scene.wave:.0f} % on unseen cycles) and OP turns where PV turns "
-        f"({scene.opposition:.2f}): the loop is at its limit of stability, or shaken by a sine as fast as itself"
+        f"a sine that keeps its phase explains {100 * scene.wave:.0f} % of PV and OP on unseen cycles, and OP moves "
+        f"against PV by {scene.opposition:.2f}; near 1 that is a loop at its limit of stability, or a sine as fast"
     )
     held = scene.features.named("held_linear")
     return Rival("tight_tuning", undamped, text, statistic=scene.opposition, threshold=OPPOSED, explained=held)
@@ -65,9 +65,7 @@ def aggressive_controller(scene: Scene) -> Rival:
         rising(scene.opposition, OPPOSED - 0.15, OPPOSED + 0.15),
         rising(scene.features.named("causal_linear"), FOLLOWS_OP - 0.15, FOLLOWS_OP + 0.15),
     )
-    text = (
-        f"PV rings with a decay ratio of {scene.decay_ratio:.2f}, and OP turns where PV turns ({scene.opposition:.2f})"
-    )
+    text = f"PV swings with a decay ratio of {scene.decay_ratio:.2f}, OP against it by {scene.opposition:.2f}"
     held = scene.features.named("held_linear")
     return Rival(
         "aggressive_controller", strength, text, statistic=scene.decay_ratio, threshold=RINGING, explained=held
@@ -84,7 +82,7 @@ def sluggish_controller(scene: Scene) -> Rival:
     if scene.decay_ratio > _RINGS:
         return not_evaluated("sluggish_controller", f"PV swings (decay ratio {scene.decay_ratio:.2f})")
     idle = -scene.opposition
-    text = f"PV comes back along with OP and without ringing (idle index {idle:.2f})"
+    text = f"PV does not ring, and moves along with OP by an idle index of {idle:.2f}"
     held = scene.features.named("held_linear")
     strength = rising(idle, 0.0, 2 * IDLE)
     return Rival(

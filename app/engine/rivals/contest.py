@@ -1,0 +1,42 @@
+"""Stiction among its rivals: who wins, who comes second."""
+
+from app.engine.features import Features
+from app.engine.rivals.rival import Rival
+
+STICTION = "stiction"
+_HEARD = 0.25
+
+
+def contest(rivals: tuple[Rival, ...], probability: float, features: Features) -> tuple[Rival, ...]:
+    """All explanations, ranked, stiction with its probability as strength.
+
+    rivals: ranked, as `compete` gives them; those that count have already taken their part from the probability, so
+    that a stiction above one half has won against them.
+    """
+    own = _stiction(probability, features)
+    if own.stands_out:
+        return (own, *rivals)
+    standing = [rival for rival in rivals if rival.stands_out]
+    others = [rival for rival in rivals if not rival.stands_out]
+    return (*standing, *sorted((*others, own), key=lambda r: (not r.applies, -r.strength)))
+
+
+def winner(ranked: tuple[Rival, ...]) -> Rival | None:
+    """The first, where it stands out."""
+    return ranked[0] if ranked and ranked[0].stands_out else None
+
+
+def runner_up(ranked: tuple[Rival, ...]) -> Rival | None:
+    """The next behind the winner, where anything speaks for it; None where there is no winner."""
+    if winner(ranked) is None or len(ranked) < 2:
+        return None
+    return ranked[1] if ranked[1].strength >= _HEARD else None
+
+
+def _stiction(probability: float, features: Features) -> Rival:
+    held, linear = features.named("held_sticky"), features.named("held_linear")
+    text = (
+        f"probability {probability:.2f}; in free run a sticky valve explains {100 * max(held, 0.0):.0f} % of PV on "
+        f"unseen cycles, a linear one {100 * max(linear, 0.0):.0f} %"
+    )
+    return Rival(STICTION, probability, text, statistic=probability, threshold=0.5, explained=held)
