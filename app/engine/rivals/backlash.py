@@ -12,7 +12,7 @@ _GAIN_WORTH_IT = 0.05
 BETTER = 0.3
 """Logarithm of the ratio of misfits on unseen cycles from which on the deadband is taken for the better model."""
 _MISFIT_FLOOR = 0.01
-# On simulated valves the lead did not tell J = 0 from J > 0 often enough: it is heard beside stiction, and names no cause.
+# On simulated valves the lead tells J = 0 from J > 0 too rarely: it is heard beside stiction, and names no cause.
 _HEARD = 0.49
 
 
