@@ -77,7 +77,8 @@ def warm_up() -> None:
     steps = np.arange(WARM_UP_SAMPLES)
     op = 50.0 + 5.0 * np.sin(steps / 6.0) + np.sin(steps * 1.7)
     pv = 20.0 + 2.0 * np.sin(steps / 6.0 - 0.8) + 0.1 * np.cos(steps * 2.3)
-    audit(Recording("warm-up", steps.astype(float), pv, op))
+    sp = 20.0 + 0.5 * np.sign(np.sin(steps / 50.0))  # one that moves: some kernels run for no other
+    audit(Recording("warm-up", steps.astype(float), pv, op, sp))
 
 
 def _claim(backend: Backend, audit_id: int, owner: str) -> list[Claim]:
