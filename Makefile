@@ -44,8 +44,13 @@ lint: install
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
 
+# Each section beside its peers (SECTIONS="search audit" for some); the page keeps the figures of the others.
+POSTGRES ?= postgresql+psycopg://127.0.0.1/postgres
+REDIS ?= redis://127.0.0.1:6379/9
 bench: install
-	$(BIN)/pytest tests/benchmarks -m benchmark -s -n 0
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-bench.lock || echo "without SIPPY: it cannot be installed here"
+	$(BIN)/loopaudit bench $(SECTIONS) --out docs/performance.json --page docs/PERFORMANCE.md --recordings $(RECORDINGS) \
+		--postgres $(POSTGRES) --redis $(REDIS)
 
 RECORDINGS ?= ../shared/recordings
 
@@ -65,6 +70,9 @@ lock:
 	test -x .lock-venv/bin/uv || ($(PYTHON) -m venv .lock-venv && .lock-venv/bin/pip install --quiet uv)
 	.lock-venv/bin/uv pip compile --quiet --universal --python-version 3.11 --all-extras --generate-hashes \
 		--no-emit-index-url --no-emit-find-links --no-header --output-file requirements.lock pyproject.toml
+	echo sippy-unipi | .lock-venv/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
+		--constraint requirements.lock --no-emit-index-url --no-emit-find-links --no-header \
+		--output-file requirements-bench.lock -
 
 clean:
 	rm -rf $(VENV) .lock-venv .loopaudit .pytest_cache .ruff_cache .mypy_cache

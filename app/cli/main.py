@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from app.cli import audit, demo, explain, inspect, keys, migrate, nightly, serve, simulate, trail, upload, worker
+from app.cli import audit, bench, demo, explain, inspect, keys, migrate, nightly, serve, simulate, trail, upload, worker
 from app.cli.messages import ExitCode, say
 from app.errors import LoopauditError
 
@@ -32,6 +32,7 @@ cli.command("explain", rich_help_panel=WORK)(explain.explain)
 cli.command("inspect", rich_help_panel=WORK)(inspect.inspect)
 cli.command("simulate", rich_help_panel=WORK)(simulate.simulate)
 cli.command("serve", rich_help_panel=RUN)(serve.serve)
+cli.command("bench", rich_help_panel=RUN)(bench.bench)
 cli.command("worker", rich_help_panel=RUN)(worker.worker)
 cli.command("beat", rich_help_panel=RUN)(worker.beat)
 cli.command("upload", rich_help_panel=RUN)(upload.upload)

@@ -3,6 +3,7 @@
 import hashlib
 import json
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from functools import cached_property
 from typing import Any
 
 from app.engine.episodes import EpisodeConfig
@@ -69,6 +70,10 @@ class AuditConfig:
 
     def fingerprint(self) -> str:
         """SHA-256 over `canonical_json`, in hexadecimal digits."""
+        return self._fingerprint
+
+    @cached_property
+    def _fingerprint(self) -> str:
         return hashlib.sha256(self.canonical_json().encode()).hexdigest()
 
     @classmethod

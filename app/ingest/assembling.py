@@ -11,9 +11,8 @@ from app.ingest.model import LoopSamples, SignalBlock, TimeArray
 class Assembler:
     """Holds blocks by loop until there are `limit` values, then gives every loop's stretch and starts anew.
 
-    A file below the limit gives each loop once. Above it a loop comes in several stretches, and at their seams a
-    signal may be missing
-    that the next stretch brings: stretches are to be put together with `merge`.
+    A file below the limit gives each loop once. Above it a loop of a wide file comes in several stretches, and at their
+    seams a signal may be missing that the next stretch brings: stretches are to be put together with `merge`.
     """
 
     def __init__(self, limit: int) -> None:
@@ -21,11 +20,13 @@ class Assembler:
         self._held = 0
         self._loops: dict[str, list[SignalBlock]] = {}
 
-    def stretches(self, blocks: Iterable[SignalBlock]) -> Iterator[LoopSamples]:
-        for block in blocks:
-            self._loops.setdefault(block.loop, []).append(block)
-            self._held += len(block.value)
-            if self._held >= self._limit:
+    def stretches(self, batches: Iterable[list[SignalBlock]], whole_loops: bool) -> Iterator[LoopSamples]:
+        """`whole_loops`: no batch brings more of a loop that one before it has brought."""
+        for batch in batches:
+            for block in batch:
+                self._loops.setdefault(block.loop, []).append(block)
+                self._held += len(block.value)
+            if whole_loops or self._held >= self._limit:
                 yield from self._flush()
         yield from self._flush()
 

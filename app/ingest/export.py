@@ -43,20 +43,24 @@ class Export:
         self._taken = False
 
     def __iter__(self) -> Iterator[SignalBlock]:
+        for batch in self._batches(self._table(self._plan)):
+            yield from batch
+
+    def loops(self) -> Iterator[LoopSamples]:
+        """Stretches of loops, signals side by side; memory stays below `options.buffered_values` values and a chunk."""
+        table = self._table(self._plan)
+        yield from Assembler(self._options.buffered_values).stretches(self._batches(table), table.whole_loops)
+
+    def _batches(self, table: WideTable | LongTable) -> Iterator[list[SignalBlock]]:
         if self._taken:
             raise RuntimeError("an export is read once; open it again")
         self._taken = True
-        table = self._table(self._plan)
         try:
-            yield from table.blocks(self._source.reader(self._plan.width, table.types(), self._log))
+            yield from table.batches(self._source.reader(self._plan.width, table.types(), self._log))
         except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
             raise DataError("not_an_export", f"the file's rows cannot be read: {str(error)[:200]}") from error
         if not self._tally.rows_kept:
             raise DataError("nothing_readable", f"none of {self._tally.rows_read} rows has a readable time and values")
-
-    def loops(self) -> Iterator[LoopSamples]:
-        """Stretches of loops, signals side by side; memory stays below `options.buffered_values` values and a chunk."""
-        yield from Assembler(self._options.buffered_values).stretches(self)
 
     def _table(self, plan: Plan) -> WideTable | LongTable:
         if isinstance(plan, WidePlan):

@@ -11,6 +11,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from app.errors import DataError
+from app.ingest.ahead import ahead
 from app.ingest.head import split_line
 from app.ingest.opening import Lines, TextFile
 from app.ingest.rejecting import RejectLog
@@ -33,6 +34,7 @@ class Rows:
     frame: pl.DataFrame
     first: int
     data: bytes
+    faults: tuple[tuple[str, str, int], ...] = ()  # code, text and line of each line that could not be split
 
     def lines(self, rows: NDArray[np.int64]) -> list[int]:
         return (rows + self.first).tolist()
@@ -64,6 +66,12 @@ class FrameReader:
 
     def rows(self, first_row: int) -> Iterator[Rows]:
         """All rows from the given one (counted from 0) on."""
+        for rows in ahead(self._parsed(first_row)):
+            for code, text, line in rows.faults:
+                self._log.add(code, text, line)
+            yield rows
+
+    def _parsed(self, first_row: int) -> Iterator[Rows]:
         to_skip = first_row
         for lines in self._file.chunks():
             while to_skip and lines.data:
@@ -95,7 +103,7 @@ class FrameReader:
                 return Rows(frame, lines.first, lines.data)
         except pl.exceptions.PolarsError:
             pass  # the chunk has odd rows: they are found line by line
-        data = self._cleaned(lines)
+        data, faults = self._cleaned(lines)
         try:
             frame = self._parse(data, self._schema, self._columns)
         except pl.exceptions.PolarsError as error:
@@ -104,7 +112,7 @@ class FrameReader:
             ) from error
         if frame.height != height:
             raise DataError("not_an_export", f"lines from {lines.first} on cannot be split into rows")
-        return Rows(frame, lines.first, data)
+        return Rows(frame, lines.first, data, faults)
 
     def _parse(self, data: bytes, schema: dict[str, pl.DataType], columns: list[int]) -> pl.DataFrame:
         return pl.read_csv(
@@ -119,17 +127,18 @@ class FrameReader:
             missing_columns="insert",
         )
 
-    def _cleaned(self, lines: Lines) -> bytes:
-        """The same number of lines; those that cannot be split stand empty and are counted."""
+    def _cleaned(self, lines: Lines) -> tuple[bytes, tuple[tuple[str, str, int], ...]]:
+        """The same number of lines; those that cannot be split stand empty and are told."""
         empty = self._dialect.delimiter * (self._dialect.width - 1)
         cleaned = []
+        faults = []
         for number, line in enumerate(lines.data.decode("utf-8", "replace").split("\n")[:-1], start=lines.first):
             line = line.replace("\r", "").replace("\0", "\N{REPLACEMENT CHARACTER}")
             why = self._fault(line)
             if why:
-                self._log.add(why, line, number)
+                faults.append((why, line, number))
             cleaned.append(empty if why or not line.strip() else self._rejoined(line))
-        return ("\n".join(cleaned) + "\n").encode()
+        return ("\n".join(cleaned) + "\n").encode(), tuple(faults)
 
     def _fault(self, line: str) -> str:
         if line.count('"') % 2:

@@ -1,7 +1,6 @@
-"""Reads a long table: a row a value of one tag. Rows are gathered as numbers and parted by tag in large batches."""
+"""Reads a long table: a row a value of one tag. Rows are gathered as numbers and parted by tag, each loop whole."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
@@ -16,26 +15,20 @@ from app.ingest.order import in_order, last_of_repeats
 from app.ingest.plans import LongPlan
 from app.ingest.quality import Quality
 from app.ingest.rejecting import RejectLog
+from app.ingest.spilling import PARTS, Gathered, Spill, joined
 from app.ingest.stamps import NO_TIME, TimeReader, to_numbers
 from app.ingest.tally import Tally
 from app.ingest.values import SENTINELS, refuse_sentinels
 from app.ingest.wide_table import joined_times
 
-BATCH_ROWS = 4_000_000
-
-
-@dataclass(frozen=True, eq=False)
-class Gathered:
-    """Values of some rows: which tag (a code), when, what, in which line."""
-
-    codes: NDArray[np.uint32]
-    time_ns: TimeArray
-    values: FloatArray
-    lines: NDArray[np.int64]
+BATCH_ROWS = 1_500_000  # more than these are parted in files
+MOST_CODES = 1 << 16
 
 
 class LongTable:
     """Turns rows into blocks of signals."""
+
+    whole_loops = True
 
     def __init__(
         self, plan: LongPlan, grouping: Grouping, options: IngestOptions, log: RejectLog, tally: Tally
@@ -46,6 +39,7 @@ class LongTable:
         self._tag_type = pl.Categorical(pl.Categories.random())
         self._quality_type = pl.Categorical(pl.Categories.random())
         self._places: list[Place | None] = []
+        self._parts: dict[str, int] = {}
         self._modes = np.zeros(0, dtype=bool)
         self._known = np.zeros(0, dtype=bool)
         self._usable = np.zeros(0, dtype=bool)
@@ -59,18 +53,37 @@ class LongTable:
             types[self._plan.quality] = self._quality_type
         return types
 
-    def blocks(self, reader: RowReader) -> Iterator[SignalBlock]:
+    def batches(self, reader: RowReader) -> Iterator[list[SignalBlock]]:
+        """Blocks, with all that the file holds of a loop in one batch."""
+        spill: Spill | None = None
         batch: list[Gathered] = []
-        size = 0
-        for rows in reader.rows(self._plan.first_row):
-            self._tally.rows_read += rows.frame.height
-            gathered = self._gather(rows, reader)
-            batch.append(gathered)
-            size += len(gathered.codes)
-            if size >= BATCH_ROWS:
-                yield from self._parted(batch)
-                batch, size = [], 0
-        yield from self._parted(batch)
+        try:
+            for rows in reader.rows(self._plan.first_row):
+                self._tally.rows_read += rows.frame.height
+                batch.append(self._gather(rows, reader))
+                if sum(map(len, batch)) >= BATCH_ROWS:
+                    spill = spill or Spill(self._options.spill_folder)
+                    spill.add(joined(batch), self._part_of_code())
+                    batch = []
+            if spill is None:
+                yield list(self._parted(batch))
+                return
+            if batch:
+                spill.add(joined(batch), self._part_of_code())
+            batch = []
+            for part in spill.parts():
+                yield list(self._parted([part]))
+        finally:
+            if spill is not None:
+                spill.close()
+
+    def _part_of_code(self) -> NDArray[np.uint8]:
+        """Tags of one loop go into one part."""
+        parts = np.zeros(len(self._places), dtype=np.uint8)
+        for code, place in enumerate(self._places):
+            if place is not None:
+                parts[code] = self._parts.setdefault(place.loop, len(self._parts) % PARTS)
+        return parts
 
     def _gather(self, rows: Rows, reader: RowReader) -> Gathered:
         frame = rows.frame
@@ -84,7 +97,9 @@ class LongTable:
         self._refuse_quality(rows, kept, codes, values)
         at = np.flatnonzero(kept)
         self._tally.rows_kept += len(at)
-        return Gathered(codes[at], time_ns[at], values[at], at + rows.first)
+        if len(at) < len(codes):
+            codes, time_ns, values = codes[at], time_ns[at], values[at]
+        return Gathered(codes, time_ns, values, (at + rows.first).astype(np.uint32))
 
     def _know(self, tags: pl.Series, codes: NDArray[np.uint32]) -> None:
         """Places tags that were not seen before."""
@@ -195,18 +210,16 @@ class LongTable:
 
     def _parted(self, batch: list[Gathered]) -> Iterator[SignalBlock]:
         """Blocks by tag, the rows of a tag in the order in which they came."""
-        if not batch or not any(len(part.codes) for part in batch):
+        if not batch or not any(map(len, batch)):
             return
-        codes = np.concatenate([part.codes for part in batch])
-        time_ns = np.concatenate([part.time_ns for part in batch])
-        values = np.concatenate([part.values for part in batch])
-        lines = np.concatenate([part.lines for part in batch])
-        order = np.argsort(codes, kind="stable")
-        bounds = np.concatenate(([0], np.cumsum(np.bincount(codes, minlength=len(self._places)))))
-        time_ns, values, lines = time_ns[order], values[order], lines[order]
-        odd = self._odd_tags(codes[order], time_ns, values)
+        rows = joined(batch)
+        counts = np.bincount(rows.codes, minlength=len(self._places))
+        bounds = np.concatenate(([0], np.cumsum(counts)))
+        rows = rows.at(np.argsort(_few(rows.codes, counts), kind="stable"))
+        time_ns, values, lines = rows.time_ns, rows.values, rows.lines
+        odd = self._odd_tags(rows.codes, time_ns, values)
         self._tally.saw_times(np.array([time_ns.min(), time_ns.max()]))
-        for code in np.flatnonzero(np.diff(bounds)):
+        for code in np.flatnonzero(counts):
             part = slice(int(bounds[code]), int(bounds[code + 1]))
             place = self._places[code]
             if place is None:
@@ -238,6 +251,16 @@ class LongTable:
         values = refuse_sentinels(values, lines, place.tag, self._log)
         time_ns, matrix = last_of_repeats(time_ns, values[:, None], lines, [place.tag], self._log)
         return self._signal(place, time_ns, matrix[:, 0])
+
+
+def _few(codes: NDArray[np.uint32], counts: NDArray[np.int64]) -> NDArray[np.unsignedinteger]:
+    """The codes in as few bits as they need: sixteen are sorted ten times as fast."""
+    present = np.flatnonzero(counts)
+    if len(present) > MOST_CODES:
+        return codes
+    short = np.zeros(len(counts), dtype=np.uint16)
+    short[present] = np.arange(len(present), dtype=np.uint16)
+    return short[codes]
 
 
 def _passed_over(texts: pl.Series, tags: pl.Series) -> NDArray[np.bool_]:

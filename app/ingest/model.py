@@ -3,6 +3,7 @@ behaviour."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
 
@@ -28,6 +29,7 @@ class IngestOptions:
         that the same file always gives the same samples.
     day_first: True or False where the caller knows whether day or month stands first; None: found from the data.
     drop_uncertain: refuse values of uncertain quality (OPC 64) too.
+    spill_folder: where a large long file's rows are parted by loop on disk; None: where the system keeps such files.
     """
 
     time_zone: str = "UTC"
@@ -42,6 +44,7 @@ class IngestOptions:
     max_ratio: float = 1000.0
     max_signals: int = 1_000_000
     buffered_values: int = 12_000_000
+    spill_folder: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,6 +35,8 @@ class Chunk:
 class WideTable:
     """Turns rows into blocks of signals."""
 
+    whole_loops = False
+
     def __init__(
         self, plan: WidePlan, grouping: Grouping, options: IngestOptions, log: RejectLog, tally: Tally
     ) -> None:
@@ -56,18 +58,19 @@ class WideTable:
                     types[value.quality] = pl.String()
         return types
 
-    def blocks(self, reader: RowReader) -> Iterator[SignalBlock]:
+    def batches(self, reader: RowReader) -> Iterator[list[SignalBlock]]:
+        """Blocks of all signals over a stretch of rows, stretch by stretch."""
         for rows in reader.rows(self._plan.first_row):
             self._tally.rows_read += rows.frame.height
             short = self._short_rows(rows, reader)
             for number, group in enumerate(self._plan.groups):
                 chunk = self._chunk(rows, number, group, reader, short)
                 if chunk is not None:
-                    yield from self._signals(chunk, number)
+                    yield list(self._signals(chunk, number))
         for number, spreader in enumerate(self._spreaders):
             rest = spreader.rest()
             if rest is not None:
-                yield from self._signals(rest, number, last=True)
+                yield list(self._signals(rest, number, last=True))
 
     def _is_mode(self, value: ValueColumn) -> bool:
         return self._places[value.index].signal == "MODE"

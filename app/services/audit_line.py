@@ -20,6 +20,7 @@ ReliabilityName = Literal["reliable", "not_reliable"]
 ReadingName = Literal["high_stiction", "high_no_stiction", "low_stiction", "low_no_stiction"]
 
 STORED_DIGITS = 5
+LARGEST_EXPONENT = 16  # beyond it powers of ten are no longer exact
 STORED_FREQUENCIES = 256
 
 
@@ -428,4 +429,20 @@ def _number(value: float | None) -> float | None:
 
 def _numbers(values: Iterable[float]) -> list[float | None]:
     """Five significant digits are more than any chart shows, and a third of the bytes."""
-    return [None if not np.isfinite(value) else float(f"{value:.{STORED_DIGITS - 1}e}") for value in values]
+    array = np.asarray(values, dtype=np.float64)
+    known = np.isfinite(array)
+    rounded: list[float | None] = _rounded(np.where(known, array, 0.0)).tolist()
+    if not known.all():
+        for place in np.flatnonzero(~known):
+            rounded[place] = None
+    return rounded
+
+
+def _rounded(array: np.ndarray) -> np.ndarray:
+    """(n,) to `STORED_DIGITS` significant digits, all at once: as texts they would take longer than the rest."""
+    size = np.abs(array)
+    exponent = np.floor(np.log10(size, out=np.zeros_like(size), where=size > 0.0))
+    if np.any(np.abs(exponent) > LARGEST_EXPONENT):
+        return np.array([float(f"{value:.{STORED_DIGITS - 1}e}") for value in array])
+    scale = 10.0 ** np.abs(STORED_DIGITS - 1 - exponent)
+    return np.where(exponent < STORED_DIGITS, np.rint(array * scale) / scale, np.rint(array / scale) * scale)

@@ -85,6 +85,7 @@ def _options(backend: Backend, reading: dict[str, Any]) -> IngestOptions:
         time_zone=reading.get("time_zone") or backend.settings.time_zone,
         max_rejects=backend.settings.max_rejects,
         buffered_values=backend.settings.buffered_samples,
+        spill_folder=backend.settings.uploads_dir,
     )
 
 

@@ -1,0 +1,70 @@
+"""A large file: every loop comes once and whole, as from a small one, and memory does not grow with the file."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.ingest import IngestOptions, long_table, read_export
+from app.ingest.ahead import ahead
+
+MEASURE = """
+import resource, sys
+from pathlib import Path
+from app.ingest import IngestOptions, long_table, read_export
+long_table.BATCH_ROWS = 20_000
+options = IngestOptions(chunk_bytes=1 << 20, buffered_values=60_000, spill_folder=Path(sys.argv[1]).parent)
+samples = sum(stretch.samples for stretch in read_export(Path(sys.argv[1]), options=options).loops())
+print(samples, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+def long_file(path: Path, loops: int, instants: int) -> Path:
+    """By time: the rows of a loop are spread over the whole file."""
+    with path.open("w") as file:
+        file.write("Tagname,TimeStamp,Value\n")
+        for k in range(instants):
+            stamp = f"2026-01-31T{k // 3600:02d}:{k // 60 % 60:02d}:{k % 60:02d}Z"
+            file.writelines(f"L{n}.{s},{stamp},{n + k % 7}.5\n" for n in range(loops) for s in ("PV", "OP"))
+    return path
+
+
+def test_each_loop_of_a_file_parted_on_disk_comes_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = long_file(tmp_path / "night.csv", 150, 40)
+    whole = {loop.loop: loop for loop in read_export(path).loops()}
+    monkeypatch.setattr(long_table, "BATCH_ROWS", 1000)
+    options = IngestOptions(chunk_bytes=5000, buffered_values=2000, spill_folder=tmp_path)
+    parted = list(read_export(path, options=options).loops())
+    assert sorted(loop.loop for loop in parted) == sorted(whole)
+    assert len(whole) == 150
+    for loop in parted:
+        assert np.array_equal(loop.time_ns, whole[loop.loop].time_ns)
+        assert np.array_equal(loop.pv, whole[loop.loop].pv)
+        assert np.array_equal(loop.op, whole[loop.loop].op)
+    assert [found.name for found in tmp_path.iterdir()] == ["night.csv"]
+
+
+def test_memory_does_not_grow_with_the_file(tmp_path: Path) -> None:
+    peaks = []
+    for name, instants in (("small.csv", 200), ("large.csv", 2000)):
+        path = long_file(tmp_path / name, 200, instants)
+        told = subprocess.run([sys.executable, "-c", MEASURE, str(path)], capture_output=True, text=True, check=True)
+        samples, peak = map(int, told.stdout.split())
+        assert samples == 200 * instants
+        peaks.append(peak)
+    assert (tmp_path / "large.csv").stat().st_size > 9 * (tmp_path / "small.csv").stat().st_size
+    assert peaks[1] < 1.3 * peaks[0]
+
+
+def test_an_error_comes_where_it_was_raised() -> None:
+    def three() -> "object":
+        yield 1
+        yield 2
+        raise ValueError("odd")
+
+    items = ahead(three())
+    assert [next(items), next(items)] == [1, 2]
+    with pytest.raises(ValueError, match="odd"):
+        next(items)
