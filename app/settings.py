@@ -64,6 +64,13 @@ class Settings(BaseSettings):
     chunk_budget_s: float = Field(10.0, gt=0, description="A task goes on claiming for this time, in seconds.")
     fan_out: int = Field(32, ge=1, description="Messages that wake workers for a run, at most, at a time.")
     loop_limit_s: float = Field(20.0, gt=0, description="Time limit of one loop's audit, in seconds.")
+    explanation_samples: int = Field(
+        20_000, ge=100, description="An explanation takes at most this many samples of a loop."
+    )
+    explanation_limit_s: float = Field(180.0, gt=0, le=280, description="Time limit of one explanation, in seconds.")
+    nightly_explanations: int = Field(
+        5, ge=0, le=1000, description="How many of a night's worst loops are explained; 0: none."
+    )
     lease_s: float = Field(
         45.0, gt=0, description="A claim that is not renewed is given to another worker after this time."
     )

@@ -4,8 +4,8 @@ import uuid
 
 from celery import shared_task
 
-from app.queue import AUDIT_CHUNK, READ_UPLOAD, SWEEP
-from app.services import chunks, operations, reading
+from app.queue import AUDIT_CHUNK, EXPLAIN, READ_UPLOAD, SWEEP
+from app.services import chunks, explaining, operations, reading
 from workers.process import backend
 
 
@@ -17,6 +17,11 @@ def read_upload(upload_id: int) -> None:
 @shared_task(name=AUDIT_CHUNK)
 def audit_chunk(audit_id: int) -> None:
     chunks.audit_chunk(backend(), audit_id, owner=uuid.uuid4().hex, watchdog=True)
+
+
+@shared_task(name=EXPLAIN)
+def explain() -> None:
+    explaining.explain_next(backend(), owner=uuid.uuid4().hex, watchdog=True)
 
 
 @shared_task(name=SWEEP)

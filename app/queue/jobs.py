@@ -2,7 +2,8 @@
 
 READ_UPLOAD = "loopaudit.read_upload"
 AUDIT_CHUNK = "loopaudit.audit_chunk"
+EXPLAIN = "loopaudit.explain"
 SWEEP = "loopaudit.sweep"
 
-QUEUE_OF = {SWEEP: "control", READ_UPLOAD: "reading", AUDIT_CHUNK: "audit"}
+QUEUE_OF = {SWEEP: "control", READ_UPLOAD: "reading", AUDIT_CHUNK: "audit", EXPLAIN: "explain"}
 QUEUES = tuple(QUEUE_OF.values())

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from kombu.exceptions import OperationalError
 
-from app.queue.jobs import AUDIT_CHUNK, READ_UPLOAD, SWEEP
+from app.queue.jobs import AUDIT_CHUNK, EXPLAIN, READ_UPLOAD, SWEEP
 from app.settings import Settings
 
 if TYPE_CHECKING:
@@ -26,6 +26,9 @@ class Queue:
 
     def audit_chunks(self, audit_id: int, messages: int) -> bool:
         return all(self._send(AUDIT_CHUNK, audit_id) for _ in range(messages))
+
+    def explain(self, messages: int) -> bool:
+        return all(self._send(EXPLAIN) for _ in range(messages))
 
     def sweep(self) -> bool:
         return self._send(SWEEP)

@@ -136,7 +136,7 @@ def _audited(work: Work, run: AuditRow, config: AuditConfig) -> NewVerdict:
         found,
         loop_id=work.loop.id,
         audit_id=run.id,
-        origin=moment_of(_origin_ns(samples)),
+        origin=moment_of(origin_ns(samples)),
         audited_at=now(),
         elapsed_s=time.perf_counter() - started,
         input_ns=(int(samples.time_ns[0]), int(samples.time_ns[-1])),
@@ -155,7 +155,7 @@ def recording_of(loop: LoopRow, samples: Samples) -> Recording:
     return replace(recording, pv_range=loop.pv_range, op_range=loop.op_range, integrating=loop.integrating)
 
 
-def _origin_ns(samples: Samples) -> int:
+def origin_ns(samples: Samples) -> int:
     """The instant of a recording's second 0: its first sample with PV or OP."""
     missing = np.full(len(samples), np.nan)
     given = np.isfinite(samples.signals.get("pv", missing)) | np.isfinite(samples.signals.get("op", missing))

@@ -39,17 +39,21 @@ def read_table(path: Path) -> pl.DataFrame:
     try:
         if path.suffix.lower() == ".parquet":
             return pl.read_parquet(path)
-        first = path.read_text(encoding="utf-8-sig", errors="replace").partition("\n")[0]
-        separator = max((",", ";", "\t"), key=first.count)
-        return pl.read_csv(
-            path,
-            separator=separator,
-            null_values=["", "NaN", "nan", "NA", "null"],
-            infer_schema_length=None,
-            truncate_ragged_lines=True,
-        )
+        return parsed(path.read_text(encoding="utf-8-sig", errors="replace"))
     except pl.exceptions.PolarsError as error:
         raise DataError("not_a_table", f"{path} cannot be read as a table: {error}") from error
+
+
+def parsed(text: str) -> pl.DataFrame:
+    """Delimited text with a header as a table. Raises PolarsError where it is none."""
+    first = text.partition("\n")[0]
+    return pl.read_csv(
+        text.encode(),
+        separator=max((",", ";", "\t"), key=first.count),
+        null_values=["", "NaN", "nan", "NA", "null"],
+        infer_schema_length=None,
+        truncate_ragged_lines=True,
+    )
 
 
 def find(table: pl.DataFrame, name: str | None, usual: tuple[str, ...]) -> str | None:

@@ -6,7 +6,7 @@ from zoneinfo import ZoneInfo
 from app.services.audits import start_audit
 from app.services.backend import Backend
 from app.services.results import AuditView
-from app.storage import audits, loops
+from app.storage import audits, explanations, loops
 
 
 def nightly(backend: Backend, day: date | None = None) -> AuditView:
@@ -26,6 +26,17 @@ def nightly_if_due(backend: Backend, now: datetime | None = None) -> AuditView |
         if planned is not None or not loops.any_before(connection, hour):
             return None
     return nightly(backend, hour.date())
+
+
+def announce_explanations(backend: Backend) -> int:
+    """Asks for the explanations of the night's worst loops once its run has ended, and rings for all that wait."""
+    with backend.database.write() as connection:
+        run = explanations.newest_nightly(connection)
+        if run is not None and backend.settings.nightly_explanations:
+            explanations.plan_for_run(connection, run, backend.settings.nightly_explanations)
+        waiting = len(explanations.to_announce(connection, backend.settings.stalled_s))
+    backend.queue.explain(min(waiting, backend.settings.fan_out))
+    return waiting
 
 
 def latest_hour(backend: Backend, now: datetime) -> datetime:

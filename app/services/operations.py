@@ -8,10 +8,10 @@ from sqlalchemy.exc import OperationalError, SQLAlchemyError
 from app.errors import RequestError
 from app.services import audits as audit_runs
 from app.services.backend import Backend
-from app.services.nightly import nightly_if_due
+from app.services.nightly import announce_explanations, nightly_if_due
 from app.services.results import Readiness, SweepReport
 from app.settings import Settings
-from app.storage import Database, audits, figures, items, schema, uploads
+from app.storage import Database, audits, explanations, figures, items, schema, uploads
 from app.storage.figures import Figures
 
 LEAST_FREE_BYTES = 100 << 20
@@ -41,6 +41,7 @@ def sweep(backend: Backend) -> SweepReport:
     settings = backend.settings
     with backend.database.write() as connection:
         taken_back = items.reopen_expired(connection, settings.max_attempts)
+        explanations.reopen_expired(connection, settings.max_attempts)
         ended = audits.end_if_complete(connection)
     with backend.database.write() as connection:
         uploads.give_up(connection, settings.max_reading_attempts)
@@ -50,9 +51,10 @@ def sweep(backend: Backend) -> SweepReport:
         backend.queue.read_upload(upload_id)
     for audit_id in stalled:
         audit_runs.announce(backend, audit_id)
+    waiting = announce_explanations(backend)
     run = nightly_if_due(backend)
     _drop_old_drafts(settings)
-    announced = len(unread) + len(stalled)
+    announced = len(unread) + len(stalled) + waiting
     return SweepReport(taken_back.reopened, taken_back.failed, ended, announced, run.id if run else None)
 
 

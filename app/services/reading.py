@@ -1,18 +1,14 @@
 """Reading an upload: from its bytes to loops and series, in bounded memory; done twice, it has the same effect."""
 
 import json
-import threading
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Any, Self
-
-from sqlalchemy.exc import SQLAlchemyError
+from typing import Any
 
 from app.errors import LoopauditError
 from app.ingest import Export, IngestOptions, LoopSamples, Rejects, TagMapping, read_export
 from app.services.backend import Backend
+from app.services.heartbeat import Heartbeat
 from app.services.uploads import path_of
 from app.storage import loops, series, uploads
 from app.storage.samples import Samples
@@ -50,7 +46,7 @@ def read_upload(backend: Backend, upload_id: int, owner: str) -> None:
 
 def _read_claimed(backend: Backend, row: UploadRow, claim: ReadingClaim) -> None:
     try:
-        with Heartbeat(backend, claim):
+        with Heartbeat(backend, lambda connection, lease_s: uploads.renew(connection, claim, lease_s)):
             result = _read_file(backend, row, claim)
     except ClaimLostError:
         return
@@ -160,29 +156,3 @@ def _stumble(backend: Backend, claim: ReadingClaim, error: Exception) -> None:
         return
     with backend.database.write() as connection:
         uploads.hand_back(connection, claim)
-
-
-class Heartbeat:
-    """Keeps a claim alive as long as this process lives, however long a part of the file takes."""
-
-    def __init__(self, backend: Backend, claim: ReadingClaim) -> None:
-        self._backend = backend
-        self._claim = claim
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._beat, name="heartbeat", daemon=True)
-
-    def _beat(self) -> None:
-        lease_s = self._backend.settings.lease_s
-        while not self._stop.wait(lease_s / 3):
-            # A data base that is away for a moment costs a beat; the next write finds out if the claim still holds.
-            with suppress(SQLAlchemyError), self._backend.database.write() as connection:
-                if not uploads.renew(connection, self._claim, lease_s):
-                    return
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self._stop.set()
-        self._thread.join()

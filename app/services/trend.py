@@ -31,8 +31,8 @@ def trend(
     row = find(backend, tag)
     if row.newest_ns is None:
         return TrendView(tag, 0, [], [], [], None)
-    end_ns = row.newest_ns if end is None else _ns(end)
-    start_ns = end_ns - DEFAULT_S * NS_PER_S if start is None else _ns(start)
+    end_ns = row.newest_ns if end is None else instant_ns(end)
+    start_ns = end_ns - DEFAULT_S * NS_PER_S if start is None else instant_ns(start)
     with backend.database.read() as connection:
         samples = series.between(connection, row.id, start_ns, end_ns)
     return _thinned(tag, samples, points) if samples is not None else TrendView(tag, 0, [], [], [], None)
@@ -41,14 +41,14 @@ def trend(
 def _thinned(tag: str, samples: Samples, points: int) -> TrendView:
     n = len(samples)
     shown = [samples.signals.get(name) for name in ("pv", "op", "sp")]
-    kept = np.arange(n) if n <= points else _extremes([s for s in shown if s is not None], n, points)
+    kept = np.arange(n) if n <= points else extremes([s for s in shown if s is not None], n, points)
     time = [iso_utc(moment_of(int(t))) or "" for t in samples.time_ns[kept]]
     pv, op, sp = (None if signal is None else _numbers(signal[kept]) for signal in shown)
     missing: list[float | None] = [None] * len(kept)
     return TrendView(tag, n, time, pv or missing, op or missing, sp)
 
 
-def _extremes(signals: list[FloatArray], n: int, points: int) -> NDArray[np.int64]:
+def extremes(signals: list[FloatArray], n: int, points: int) -> NDArray[np.int64]:
     """Where each signal is least and greatest in each of the stretches into which the samples are cut."""
     buckets = max(1, points // (2 * max(1, len(signals))))
     edges = np.linspace(0, n, buckets + 1).astype(np.int64)
@@ -68,7 +68,7 @@ def _numbers(values: FloatArray) -> list[float | None]:
     return [None if np.isnan(value) else float(value) for value in values]
 
 
-def _ns(moment: datetime) -> int:
+def instant_ns(moment: datetime) -> int:
     """Instants beyond what a sample's time can hold are its ends: nothing lies outside of them anyway."""
     aware = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
     seconds = (aware - datetime.fromtimestamp(0, UTC)).total_seconds()

@@ -76,6 +76,12 @@ def between(connection: Connection, loop_id: int, start_ns: int, end_ns: int) ->
     return samples.part((samples.time_ns >= start_ns) & (samples.time_ns <= end_ns))
 
 
+def count_between(connection: Connection, loop_id: int, start_ns: int, end_ns: int) -> int:
+    """How many samples the stretches hold that `between` would read; some of them may lie outside."""
+    inside = (series.c.loop_id == loop_id, series.c.end_ns >= start_ns, series.c.start_ns <= end_ns)
+    return int(connection.scalar(select(func.sum(series.c.samples)).where(*inside)) or 0)
+
+
 def extent(connection: Connection, loop_id: int) -> tuple[int, int] | None:
     """Times of a loop's first and newest sample."""
     row = connection.execute(
@@ -159,4 +165,15 @@ def _cut(samples: Samples, since_ns: int, most_samples: int) -> Samples:
     return recent.part(slice(-most_samples, None)) if len(recent) > most_samples else recent
 
 
-__all__ = ["Added", "Stretch", "add", "between", "extent", "insert", "insert_for", "insert_new", "windows"]
+__all__ = [
+    "Added",
+    "Stretch",
+    "add",
+    "between",
+    "count_between",
+    "extent",
+    "insert",
+    "insert_for",
+    "insert_new",
+    "windows",
+]

@@ -101,7 +101,8 @@ def level_spacing(pv: FloatArray) -> float:
     if not 3 <= len(levels) < 0.5 * len(pv):
         return 0.0
     gaps = np.diff(levels)
-    step = float(np.min(gaps[gaps > 1e-9 * (levels[-1] - levels[0])]))
+    gaps = gaps[gaps > 1e-9 * (levels[-1] - levels[0])]  # less is one level, twice by rounding
+    step = float(np.min(gaps))
     regular = gaps[gaps < 1.6 * np.quantile(gaps, 0.3)]
     if step < 0.6 * float(np.median(regular)):
         step = float(np.median(regular))

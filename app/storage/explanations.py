@@ -1,0 +1,205 @@
+"""Explanations: asked for, claimed for a time by a worker, then done or failed; given to another where it is lost."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import ColumnElement, Connection, Update, and_, exists, func, insert, literal, or_, select, update
+
+from app.storage.items import Reopened
+from app.storage.series import insert_new
+from app.storage.tables import audit_items, audits, explanations, loops, verdicts
+from app.storage.types import clock_s, now
+
+WITH_A_VERDICT = ("stiction", "no_stiction", "inconclusive")
+REGULAR = 1.0
+
+
+@dataclass(frozen=True)
+class ExplanationRow:
+    id: int
+    loop_id: int
+    audit_id: int | None
+    state: str
+    asked_at: datetime
+    asked_by: str | None
+    ended_at: datetime | None
+    attempts: int
+    window_start_ns: int | None
+    window_end_ns: int | None
+    verdict: str | None
+    effects: str
+    error_code: str | None
+    error_text: str | None
+
+    @property
+    def ended(self) -> bool:
+        return self.state in ("done", "failed")
+
+
+@dataclass(frozen=True)
+class ExplanationClaim:
+    """The right to end an explanation, until the lease ends; `attempt` fences off whoever had it before."""
+
+    explanation_id: int
+    attempt: int
+    owner: str
+
+
+COLUMNS = [explanations.c[name] for name in ExplanationRow.__dataclass_fields__]
+
+
+def ask(connection: Connection, values: Mapping[str, Any]) -> int:
+    return connection.execute(
+        insert(explanations).values(**values, asked_at=now(), announced_s=clock_s()).returning(explanations.c.id)
+    ).scalar_one()
+
+
+def plan_for_run(connection: Connection, audit_id: int, count: int) -> int:
+    """Asks for an explanation of the run's worst loops, once; returns how many were asked for.
+
+    Worst: probability of stiction times the loop's importance, among those that stick or oscillate.
+    """
+    if connection.scalar(select(exists().where(explanations.c.audit_id == audit_id))):
+        return 0
+    suspicious = or_(verdicts.c.verdict == "stiction", verdicts.c.oscillation_regularity > REGULAR)
+    worst = (
+        select(
+            verdicts.c.loop_id,
+            verdicts.c.audit_id,
+            literal(now()).label("asked_at"),
+            verdicts.c.input_start_ns,
+            verdicts.c.input_end_ns,
+        )
+        .join(loops, loops.c.id == verdicts.c.loop_id)
+        .where(verdicts.c.audit_id == audit_id, verdicts.c.verdict.in_(WITH_A_VERDICT), suspicious)
+        .where(verdicts.c.stiction_probability.is_not(None))
+        .order_by((verdicts.c.stiction_probability * loops.c.importance).desc(), verdicts.c.loop_id)
+        .limit(count)
+    )
+    columns = ["loop_id", "audit_id", "asked_at", "window_start_ns", "window_end_ns"]
+    asked = insert_new(connection, explanations).from_select(columns, worst).returning(explanations.c.id)
+    return len(connection.scalars(asked).all())
+
+
+def newest_nightly(connection: Connection) -> int | None:
+    """The newest nightly run, where it has ended with what it could do."""
+    newest = select(func.max(audits.c.id)).where(audits.c.trigger == "nightly").scalar_subquery()
+    return connection.scalar(select(audits.c.id).where(audits.c.id == newest, audits.c.state.in_(("done", "partial"))))
+
+
+def by_id(connection: Connection, loop_id: int, explanation_id: int) -> ExplanationRow | None:
+    query = select(*COLUMNS).where(explanations.c.id == explanation_id, explanations.c.loop_id == loop_id)
+    row = connection.execute(query).one_or_none()
+    return None if row is None else ExplanationRow(*row)
+
+
+def page(connection: Connection, loop_id: int, limit: int, before_id: int | None = None) -> list[ExplanationRow]:
+    """A loop's explanations, the newest first."""
+    query = select(*COLUMNS).where(explanations.c.loop_id == loop_id).order_by(explanations.c.id.desc()).limit(limit)
+    if before_id is not None:
+        query = query.where(explanations.c.id < before_id)
+    return [ExplanationRow(*row) for row in connection.execute(query)]
+
+
+def packed_answer(connection: Connection, explanation_id: int) -> bytes | None:
+    """The answer as it was stored; before the end perhaps a first one."""
+    return connection.scalar(select(explanations.c.packed).where(explanations.c.id == explanation_id))
+
+
+def packed_simulation(connection: Connection, explanation_id: int) -> bytes | None:
+    return connection.scalar(select(explanations.c.simulation_packed).where(explanations.c.id == explanation_id))
+
+
+def claim_next(connection: Connection, owner: str, lease_s: float) -> ExplanationClaim | None:
+    """The explanation that has waited longest, for `lease_s` seconds by the data base's clock; None: nothing to do.
+
+    What people asked for comes first. What a nightly run asked for waits until no loop waits to be audited. One that
+    was tried before comes after those that were not: if it takes its worker down, others are done by then.
+    """
+    picked = (
+        select(explanations.c.id)
+        .where(explanations.c.state == "open", _its_turn())
+        .order_by(explanations.c.attempts, explanations.c.audit_id.is_not(None), explanations.c.id)
+        .limit(1)
+        .with_for_update(skip_locked=True)
+        .cte("picked")
+    )
+    row = connection.execute(
+        update(explanations)
+        .where(explanations.c.id.in_(select(picked.c.id)), explanations.c.state == "open")
+        .values(state="claimed", owner=owner, lease_until_s=clock_s() + lease_s, attempts=explanations.c.attempts + 1)
+        .returning(explanations.c.id, explanations.c.attempts)
+    ).one_or_none()
+    return None if row is None else ExplanationClaim(row.id, row.attempts, owner)
+
+
+def claimed(connection: Connection, claim: ExplanationClaim) -> ExplanationRow:
+    query = select(*COLUMNS).where(explanations.c.id == claim.explanation_id)
+    return ExplanationRow(*connection.execute(query).one())
+
+
+def renew(connection: Connection, claim: ExplanationClaim, lease_s: float) -> bool:
+    """Whether the claim still holds; its lease then starts anew."""
+    return connection.execute(_held(claim).values(lease_until_s=clock_s() + lease_s)).rowcount == 1
+
+
+def note_first(connection: Connection, claim: ExplanationClaim, packed: bytes) -> bool:
+    """Keeps a first answer, where the claim still holds; the whole one takes its place."""
+    return connection.execute(_held(claim).values(packed=packed)).rowcount == 1
+
+
+def end(connection: Connection, claim: ExplanationClaim, state: str, values: Mapping[str, Any]) -> bool:
+    """Whether the claim still held, and the explanation has ended with these values."""
+    ended = _held(claim).values(state=state, ended_at=now(), owner=None, lease_until_s=None, **values)
+    return connection.execute(ended).rowcount == 1
+
+
+def reopen_expired(connection: Connection, max_attempts: int) -> Reopened:
+    """Takes explanations back whose lease has ended; those that were tried too often are failed(worker_lost)."""
+    expired = update(explanations).where(explanations.c.state == "claimed", explanations.c.lease_until_s < clock_s())
+    failed = connection.execute(
+        expired.where(explanations.c.attempts >= max_attempts).values(
+            state="failed",
+            ended_at=now(),
+            owner=None,
+            lease_until_s=None,
+            error_code="worker_lost",
+            error_text=f"the worker was lost {max_attempts} times while it worked on this explanation",
+        )
+    )
+    reopened = connection.execute(expired.values(state="open", owner=None, lease_until_s=None, announced_s=None))
+    return Reopened(reopened.rowcount, failed.rowcount)
+
+
+def to_announce(connection: Connection, stalled_s: float) -> list[int]:
+    """Explanations that could be worked on and that nobody was told of lately; they count as told from now on."""
+    quiet = or_(explanations.c.announced_s.is_(None), explanations.c.announced_s < clock_s() - stalled_s)
+    found = connection.scalars(
+        update(explanations)
+        .where(explanations.c.state == "open", _its_turn(), quiet)
+        .values(announced_s=clock_s())
+        .returning(explanations.c.id)
+    )
+    return sorted(found)
+
+
+def any_waiting(connection: Connection) -> bool:
+    """Whether one could be claimed now."""
+    query = select(explanations.c.id).where(explanations.c.state == "open", _its_turn()).limit(1)
+    return connection.scalar(query) is not None
+
+
+def _its_turn() -> ColumnElement[bool]:
+    loops_wait = exists(select(audit_items.c.loop_id).where(audit_items.c.state == "open"))
+    return or_(explanations.c.audit_id.is_(None), and_(explanations.c.audit_id.is_not(None), ~loops_wait))
+
+
+def _held(claim: ExplanationClaim) -> Update:
+    return update(explanations).where(
+        explanations.c.id == claim.explanation_id,
+        explanations.c.state == "claimed",
+        explanations.c.owner == claim.owner,
+        explanations.c.attempts == claim.attempt,
+    )

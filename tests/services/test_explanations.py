@@ -1,0 +1,372 @@
+"""From a request to its answer: what is told at once, what a worker finds, and what a night asks for."""
+
+import os
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+import pytest
+from sqlalchemy import select, update
+
+from app.engine.mismatch import explain as engine_explain
+from app.errors import DataError, LoopauditError, NotFoundError, RequestError
+from app.services import audits, chunks, explaining, explanation_traces, explanations, operations
+from app.services.backend import Backend
+from app.services.explanation_trigger import since_reversal
+from app.services.explanations import Wanted
+from app.services.simulations import GivenSimulation, GivenTrace
+from app.settings import Settings
+from app.storage import explanations as stored
+from app.storage import loops, series
+from app.storage.samples import Samples
+from app.storage.series import Stretch
+from app.storage.tables import explanations as explanations_table
+
+N, INTERVAL_S = 400, 10
+START = datetime(2026, 3, 1, tzinfo=UTC)
+START_NS = int(START.timestamp()) * 1_000_000_000
+GAIN, TAU_S = 0.8, 60.0
+
+Signals = dict[str, np.ndarray]
+
+
+def linear(op: np.ndarray) -> np.ndarray:
+    """First order by hand: what the loop below would show without its missing physics."""
+    pv = np.empty(len(op))
+    pv[0] = 40.0
+    a = np.exp(-INTERVAL_S / TAU_S)
+    for k in range(1, len(op)):
+        pv[k] = a * pv[k - 1] + (1.0 - a) * (40.0 + GAIN * (op[k - 1] - 50.0))
+    return pv
+
+
+def record(step: float = 0.0, n: int = N) -> Signals:
+    """OP wanders, PV follows it, and from the middle on the sensor shows `step` more."""
+    rng = np.random.default_rng(7)
+    op = 50.0 + np.repeat(rng.normal(0.0, 4.0, -(-n // 25)), 25)[:n] + rng.normal(0.0, 0.3, n)
+    pv = linear(op) + rng.normal(0.0, 0.1, n) + step * (np.arange(n) >= n // 2)
+    return {"pv": pv, "op": op}
+
+
+def keep(backend: Backend, tag: str, signals: Signals, start_ns: int = START_NS) -> None:
+    times = start_ns + np.arange(len(signals["pv"])) * INTERVAL_S * 1_000_000_000
+    with backend.database.write() as connection:
+        ids = loops.ensure(connection, [tag])
+        series.add(connection, [Stretch(ids[tag], Samples(times, signals))], None)
+
+
+def instants(n: int = N) -> list[datetime]:
+    return [START + timedelta(seconds=INTERVAL_S * k) for k in range(n)]
+
+
+def trace(values: np.ndarray, time: list[datetime] | list[float] | None = None) -> Wanted:
+    return Wanted(simulation=GivenSimulation(trace=GivenTrace(values.tolist(), time)))
+
+
+def model(**told: Any) -> Wanted:
+    return Wanted(simulation=GivenSimulation(model=told))
+
+
+def code_of(call: Callable[[], Any]) -> str:
+    with pytest.raises(LoopauditError) as raised:
+        call()
+    return raised.value.code
+
+
+def test_a_step_of_the_sensor_is_found_against_a_trace(backend: Backend) -> None:
+    signals = record(step=5.0)
+    keep(backend, "TIC1", signals)
+    asked = explanations.ask(backend, "TIC1", trace(linear(signals["op"]), instants()), asked_by="an engineer")
+    assert (asked["state"], asked["simulation"], asked["verdict"], asked["effects"]) == ("open", "trace", None, [])
+    assert (asked["window_start"], asked["asked_by"]) == ("2026-03-01T00:00:00Z", "an engineer")
+    assert explaining.explain_next(backend, "w")
+    assert not explaining.explain_next(backend, "w")
+    found = explanations.get_explanation(backend, "TIC1", asked["id"])
+    assert (found["state"], found["verdict"], found["recording"]) == ("done", "missing_physics", "TIC1")
+    assert found["effect_codes"] == [effect["effect"] for effect in found["effects"]]
+    assert found["effect_codes"][0] in ("sensor.step", "disturbance.step")
+    assert found["fit"]["rmse_explained"] < 0.2 * found["fit"]["rmse_given"]
+    assert found["located"]["windows"][0][0] == pytest.approx(N / 2 * INTERVAL_S, abs=5 * INTERVAL_S)
+
+
+@pytest.mark.parametrize(
+    "time",
+    [
+        instants(),
+        [moment.replace(tzinfo=None) for moment in instants()],
+        [float(INTERVAL_S * k) for k in range(N)],
+        [START.timestamp() + INTERVAL_S * k for k in range(N)],
+        None,
+    ],
+    ids=["instants", "instants of the plant", "from the start", "since 1970", "one a sample"],
+)
+def test_times_of_a_trace_may_be_told_in_any_of_these_ways(backend: Backend, time: Any) -> None:
+    signals = record()
+    keep(backend, "TIC1", signals)
+    simulated = linear(signals["op"])
+    explanations.ask(backend, "TIC1", trace(simulated, time))
+    assert compared(backend) == pytest.approx(simulated, abs=1e-9)
+
+
+def compared(backend: Backend) -> np.ndarray:
+    """The simulation that the next worker would be given."""
+    with backend.database.write() as connection:
+        claim = stored.claim_next(connection, "w", 60.0)
+    task = explaining._load(backend, claim)
+    return explaining.comparison_with(task.loop, task.samples, task.simulation).trace
+
+
+@pytest.mark.parametrize("stamp", ["%Y-%m-%dT%H:%M:%SZ", "%Y-%m-%d %H:%M:%S"])
+def test_a_trace_may_come_as_csv(backend: Backend, stamp: str) -> None:
+    signals = record()
+    keep(backend, "TIC1", signals)
+    simulated = linear(signals["op"])
+    rows = [f"{moment:{stamp}};{value!r}" for moment, value in zip(instants(), simulated.tolist(), strict=True)]
+    text = "time;PV_sim\n" + "\n".join(rows)
+    explanations.ask(backend, "TIC1", Wanted(simulation=GivenSimulation(csv=text)))
+    assert compared(backend) == pytest.approx(simulated, abs=1e-9)
+
+
+def test_a_recorded_column_is_the_simulation_and_no_measurement(backend: Backend) -> None:
+    signals = record()
+    simulated = linear(signals["op"])
+    keep(backend, "TIC1", {**signals, "tag:PV_sim": simulated, "tag:TWIN": simulated + 1.0})
+    first = explanations.ask(backend, "TIC1")
+    second = explanations.ask(backend, "TIC1", Wanted(simulation=GivenSimulation(column="twin")))
+    third = explanations.ask(backend, "TIC1", model(gain=GAIN, time_constants_s=[TAU_S]))
+    assert [asked["simulation"] for asked in (first, second, third)] == ["column", "column", "model"]
+    names = []
+    for expected in (simulated, simulated + 1.0, None):
+        with backend.database.write() as connection:
+            task = explaining._load(backend, stored.claim_next(connection, "w", 60.0))
+        found = explaining.comparison_with(task.loop, task.samples, task.simulation)
+        names.append([name for name, _ in found.measured])
+        assert found.trace is None if expected is None else np.allclose(found.trace, expected)
+    assert names == [["TWIN"], [], ["TWIN"]]
+
+
+def test_what_is_wrong_is_told_at_once(backend: Backend) -> None:
+    signals = record()
+    keep(backend, "TIC1", signals)
+    keep(backend, "FLAT", {**signals, "op": np.full(N, 50.0)})
+    keep(backend, "SHORT", record(n=60))
+    with backend.database.write() as connection:
+        loops.ensure(connection, ["EMPTY"])
+    simulated = linear(signals["op"])
+    later = [moment + timedelta(days=2) for moment in instants()]
+
+    def ask(wanted: Wanted, tag: str = "TIC1") -> Callable[[], Any]:
+        return lambda: explanations.ask(backend, tag, wanted)
+
+    def csv(text: str) -> Wanted:
+        return Wanted(simulation=GivenSimulation(csv=text))
+
+    column = Wanted(simulation=GivenSimulation(column="nothing"))
+    two = Wanted(simulation=GivenSimulation(column="x", model={"gain": 1.0}))
+    expected = {
+        "unknown_loop": [ask(Wanted(), "NOBODY")],
+        "no_samples": [ask(Wanted(), "EMPTY"), ask(Wanted(end=START - timedelta(days=9)))],
+        "too_short": [ask(Wanted(), "SHORT"), ask(Wanted(window_h=0.1))],
+        "signal_constant": [ask(Wanted(), "FLAT")],
+        "no_overlap": [ask(trace(simulated, later))],
+        "simulation_length": [
+            ask(trace(simulated[:-1])),
+            ask(trace(simulated[:-50], instants()[:-50])),
+            ask(trace(simulated, instants()[:-1])),
+        ],
+        "simulation_not_finite": [ask(trace(np.array([]), []))],
+        "simulation_too_large": [ask(trace(np.zeros(200_001)))],
+        "bad_times": [ask(trace(simulated, [np.inf] * N)), ask(csv("time,PV_sim\nx,1\ny,2"))],
+        "not_a_table": [ask(csv(""))],
+        "no_simulation": [ask(csv("time\n1\n2"))],
+        "no_such_column": [ask(column)],
+        "several_simulations": [ask(two)],
+        "model_invalid": [
+            ask(model(time_constants_s=[1])),
+            ask(model(gain=0.0)),
+            ask(model(gain=1.0, time_constants_s=[1, 2, 3])),
+            ask(model(gain=float("inf"))),
+            ask(model(gain=1.0, dead_time_s=-1)),
+        ],
+        "bad_window": [
+            ask(Wanted(start=START, end=START)),
+            ask(Wanted(start=START, window_h=1.0)),
+            ask(Wanted(window_h=float("nan"))),
+        ],
+    }
+    found = {code: [code_of(call) for call in calls] for code, calls in expected.items()}
+    assert found == {code: [code] * len(calls) for code, calls in expected.items()}
+    assert explanations.list_explanations(backend, "TIC1").rows == []
+
+
+def test_a_window_may_be_told_by_its_ends_or_its_length(backend: Backend) -> None:
+    keep(backend, "TIC1", record())
+    whole = explanations.ask(backend, "TIC1")
+    cut = explanations.ask(backend, "TIC1", Wanted(START + timedelta(minutes=10), START + timedelta(minutes=40)))
+    hour = explanations.ask(backend, "TIC1", Wanted(window_h=0.5))
+    windows = [(asked["window_start"][11:19], asked["window_end"][11:19]) for asked in (whole, cut, hour)]
+    assert windows == [("00:00:00", "01:06:30"), ("00:10:00", "00:40:00"), ("00:36:30", "01:06:30")]
+
+
+def test_a_window_with_too_many_samples(backend: Backend) -> None:
+    settings = backend.settings.model_copy(update={"explanation_samples": 200})
+    small = Backend(settings, backend.database, backend.queue)
+    keep(small, "TIC1", record())
+    assert explanations.ask(small, "TIC1")["window_start"] == "2026-03-01T00:33:20Z"
+    with pytest.raises(DataError, match="400 samples, at most 200"):
+        explanations.ask(small, "TIC1", Wanted(start=START))
+
+
+def test_a_first_answer_comes_before_the_whole(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+    signals = record(step=5.0)
+    keep(backend, "TIC1", signals)
+    asked = explanations.ask(backend, "TIC1", trace(linear(signals["op"])))
+    assert asked["located"] is None
+    seen = []
+
+    def watched(comparison: Any) -> Any:
+        seen.append(explanations.get_explanation(backend, "TIC1", asked["id"]))
+        return engine_explain(comparison)
+
+    monkeypatch.setattr(explaining, "explain", watched)
+    explaining.explain_next(backend, "w")
+    assert seen[0]["state"] == "open"
+    assert seen[0]["located"]["windows"]
+    assert (seen[0]["fit"], seen[0]["verdict"]) == (None, None)
+    assert explanations.get_explanation(backend, "TIC1", asked["id"])["fit"]["rmse_explained"] > 0
+
+
+def test_who_lost_the_claim_writes_nothing(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+    keep(backend, "TIC1", record())
+    asked = explanations.ask(backend, "TIC1")
+
+    def overtaken(comparison: Any) -> Any:
+        with backend.database.write() as connection:
+            connection.execute(update(explanations_table).values(owner="other", attempts=2))
+        return engine_explain(comparison)
+
+    monkeypatch.setattr(explaining, "explain", overtaken)
+    explaining.explain_next(backend, "w")
+    found = explanations.get_explanation(backend, "TIC1", asked["id"])
+    assert (found["state"], found["fit"]) == ("open", None)
+
+
+@pytest.mark.parametrize(
+    ("raised", "code"),
+    [(ValueError("odd"), "fault"), (DataError("model_invalid", "none"), "model_invalid"), (MemoryError(), "memory")],
+)
+def test_what_cannot_be_explained_fails_with_a_code(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch, raised: Exception, code: str
+) -> None:
+    keep(backend, "TIC1", record())
+    asked = explanations.ask(backend, "TIC1")
+
+    def fails(comparison: Any) -> Any:
+        raise raised
+
+    monkeypatch.setattr(explaining, "explain", fails)
+    explaining.explain_next(backend, "w")
+    found = explanations.get_explanation(backend, "TIC1", asked["id"])
+    assert (found["state"], found["error_code"], found["located"]) == ("failed", code, None)
+    assert code_of(lambda: explanation_traces.trace_csv(backend, "TIC1", asked["id"])) == "not_explained"
+
+
+def test_an_explanation_that_takes_too_long_is_cut_off(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+    keep(backend, "TIC1", record())
+    asked = explanations.ask(backend, "TIC1")
+
+    def forever(comparison: Any) -> Any:
+        while True:
+            os.getpid()
+
+    monkeypatch.setattr(explaining, "explain", forever)
+    quick = Backend(backend.settings.model_copy(update={"explanation_limit_s": 2.0}), backend.database, backend.queue)
+    explaining.explain_next(quick, "w")
+    assert explanations.get_explanation(backend, "TIC1", asked["id"])["error_code"] == "time_limit"
+
+
+def test_the_trace_is_that_of_the_command_line_and_the_plot_is_thinner(backend: Backend) -> None:
+    signals = record(step=5.0)
+    keep(backend, "TIC1", signals)
+    asked = explanations.ask(backend, "TIC1", trace(linear(signals["op"])))
+    explaining.explain_next(backend, "w")
+    lines = explanation_traces.trace_csv(backend, "TIC1", asked["id"]).splitlines()
+    header = lines[0].split(",")
+    assert header[:5] == ["time", "PV", "PV_given", "PV_refitted", "PV_explained"]
+    values = np.array([[float(value) for value in line.split(",")] for line in lines[1:]])
+    assert values.shape == (N, len(header))
+    assert values[:, 1] == pytest.approx(signals["pv"], rel=1e-7)
+    residual = header.index("residual_explained")
+    assert values[:, residual] == pytest.approx(values[:, 1] - values[:, 4], abs=1e-6)
+    found = explanation_traces.plot(backend, "TIC1", asked["id"], points=60)
+    assert 30 < len(found["time_s"]) < N / 2
+    assert found["start"] == "2026-03-01T00:00:00Z"
+    assert len(found["trigger"]) == len(found["residual_after"]) <= 60
+    assert np.ptp(found["residual_after"]) < np.ptp(found["residual_before"])
+
+
+def test_lists_are_newest_first_and_know_their_loop(backend: Backend) -> None:
+    keep(backend, "TIC1", record())
+    keep(backend, "TIC2", record())
+    asked = [explanations.ask(backend, "TIC1")["id"] for _ in range(3)]
+    other = explanations.ask(backend, "TIC2")["id"]
+    first = explanations.list_explanations(backend, "TIC1", limit=2)
+    rest = explanations.list_explanations(backend, "TIC1", limit=2, cursor=first.next_cursor)
+    assert [row["id"] for row in (*first.rows, *rest.rows)] == asked[::-1]
+    assert rest.next_cursor is None
+    with pytest.raises(NotFoundError):
+        explanations.get_explanation(backend, "TIC1", other)
+    with pytest.raises(RequestError):
+        explanations.list_explanations(backend, "TIC1", cursor="x")
+
+
+def test_the_sweeper_gives_lost_work_to_others(backend: Backend) -> None:
+    keep(backend, "TIC1", record())
+    asked = explanations.ask(backend, "TIC1")
+    for _ in range(backend.settings.max_attempts):
+        with backend.database.write() as connection:
+            assert stored.claim_next(connection, "dead", -1.0)
+        operations.sweep(backend)
+    found = explanations.get_explanation(backend, "TIC1", asked["id"])
+    assert (found["state"], found["error_code"]) == ("failed", "worker_lost")
+
+
+def test_a_night_explains_its_worst_loops_once(
+    backend: Backend, add_loops: Callable[..., dict[str, int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add_loops("FIC1", "FIC2", "FIC3")
+    settings = backend.settings.model_copy(update={"nightly_explanations": 2})
+    run = audits.start_audit(backend, trigger="nightly")
+    while chunks.audit_chunk(backend, int(run.id), "w"):
+        pass
+    assert operations.sweep(Backend(settings, backend.database, backend.queue)).announced == 2
+    assert operations.sweep(Backend(settings, backend.database, backend.queue)).announced == 0
+    while explaining.explain_next(backend, "w"):
+        pass
+    with backend.database.read() as connection:
+        columns = (explanations_table.c.state, explanations_table.c.audit_id, explanations_table.c.verdict)
+        rows = connection.execute(select(*columns)).all()
+    assert [(row.state, str(row.audit_id)) for row in rows] == [("done", run.id)] * 2
+    assert all(row.verdict for row in rows)
+
+
+def test_a_night_may_explain_nothing(backend: Backend, add_loops: Callable[..., dict[str, int]]) -> None:
+    add_loops("FIC1")
+    run = audits.start_audit(backend, trigger="nightly")
+    chunks.audit_chunk(backend, int(run.id), "w")
+    none = Backend(backend.settings.model_copy(update={"nightly_explanations": 0}), backend.database, backend.queue)
+    assert operations.sweep(none).announced == 0
+
+
+def test_travel_since_a_reversal() -> None:
+    op = np.array([0.0, 1.0, 2.0, 1.95, 2.0, 3.0, 1.0, 0.0, 2.0])
+    assert since_reversal(op) == pytest.approx([0.0, 1.0, 2.0, 1.95, 2.0, 3.0, -2.0, -3.0, 2.0])
+
+
+def test_the_watchdog_ends_before_the_task_does() -> None:
+    from app.queue.application import CHUNK_HARD_LIMIT_S
+    from app.services.limits import WATCHDOG_AFTER
+
+    longest = next(m.le for m in Settings.model_fields["explanation_limit_s"].metadata if hasattr(m, "le"))
+    assert WATCHDOG_AFTER * longest < CHUNK_HARD_LIMIT_S
