@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 
 from app.engine.mismatch import Comparison
-from app.engine.mismatch.explain import LEAST_SAMPLES, check
+from app.engine.mismatch.comparison import LEAST_SAMPLES, check
 from app.engine.recording import FloatArray, Recording
 from app.errors import DataError, RequestError
 from app.ingest import IngestOptions

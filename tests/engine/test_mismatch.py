@@ -140,6 +140,8 @@ def test_patterns_of_pv_are_read_off_pv() -> None:
     assert pattern_codes(np.round(pv, 3)) == set()
     assert pattern_codes(stuck) == {"sensor.stuck"}
     assert pattern_codes(0.8 * np.round(pv / 0.8)) == {"sensor.quantization"}
+    twice = 0.8 * np.round(pv / 0.8) * np.where(np.arange(N) % 2, 1.0, 1.0 + 4e-16)
+    assert pattern_codes(twice) == {"sensor.quantization"}
     assert pattern_codes(np.minimum(pv, 53.0)) == {"sensor.saturation"}
     kept = np.arange(0, N, 9)
     assert pattern_codes(np.interp(np.arange(N), kept, pv[kept])) == {"sensor.compression"}
