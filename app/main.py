@@ -21,7 +21,7 @@ from app.services.authentication import Authenticator
 from app.services.backend import Backend
 from app.services.rates import Rates
 from app.settings import Settings
-from app.web import login, pages
+from app.web import explanation, login, pages
 
 DESCRIPTION = """Verdicts on valve stiction for every control loop of a plant, and which of them can be trusted.
 
@@ -63,6 +63,7 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
     app.add_middleware(RequestIds)
     app.include_router(api())
     app.include_router(operations.router)
+    app.include_router(explanation.router)
     app.include_router(pages.router)
     app.include_router(login.router)
     app.mount("/static", pages.static)

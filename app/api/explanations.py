@@ -5,7 +5,7 @@ from typing import Any
 from fastapi import APIRouter, Response
 from starlette.responses import PlainTextResponse
 
-from app.api.backend import Cursor, Identifier, Limit, Services
+from app.api.backend import Caller, Cursor, Identifier, Limit, Services
 from app.api.explanation_models import ExplanationIn, ExplanationOut, ExplanationPage, PlotOut
 from app.api.loops import Points
 from app.api.paths import LoopTag, tag_in_url
@@ -26,9 +26,9 @@ router = APIRouter(tags=["explanations"])
     responses=responses(400, 404, 413, 422),
     summary="Compare a loop's recording with a simulation",
 )
-def ask(response: Response, backend: Services, tag: LoopTag, wanted: ExplanationIn) -> Any:
+def ask(response: Response, backend: Services, tag: LoopTag, caller: Caller, wanted: ExplanationIn) -> Any:
     """Where they differ, and which physics is missing. 202: the request is stored; a worker does it."""
-    asked = service.ask(backend, tag, meant(wanted))
+    asked = service.ask(backend, tag, meant(wanted), asked_by=caller.who)
     response.headers["Location"] = f"/v1/loops/{tag_in_url(tag)}/explanations/{asked['id']}"
     return asked
 

@@ -57,6 +57,11 @@ ROUTES: dict[tuple[str, str], Permission] = {
     ("GET", "/v1/loops/{tag:path}/health"): READ,
     ("GET", "/v1/loops/{tag:path}/verdicts"): READ,
     ("GET", "/v1/loops/{tag:path}/trend"): READ,
+    ("POST", "/v1/loops/{tag:path}/explanations"): audits("explanation.ask"),
+    ("GET", "/v1/loops/{tag:path}/explanations"): READ,
+    ("GET", "/v1/loops/{tag:path}/explanations/{explanation_id}"): READ,
+    ("GET", "/v1/loops/{tag:path}/explanations/{explanation_id}/trace"): READ,
+    ("GET", "/v1/loops/{tag:path}/explanations/{explanation_id}/plot"): READ,
     ("GET", "/v1/loops/{tag:path}"): READ,
     ("PATCH", "/v1/loops/{tag:path}"): audits("loop.change"),
     # The table, and audits
@@ -67,6 +72,8 @@ ROUTES: dict[tuple[str, str], Permission] = {
     ("GET", "/v1/audits/{audit_id}"): READ,
     # Pages
     ("GET", "/"): PAGE,
+    ("POST", "/loops/{tag:path}/explanations"): audits("explanation.ask", page=True),
+    ("GET", "/loops/{tag:path}/explanation"): PAGE,
     ("GET", "/loops/{tag:path}"): PAGE,
     ("GET", "/login"): OPEN_PAGE,
     ("POST", "/login"): LOGIN,

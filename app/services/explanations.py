@@ -92,6 +92,14 @@ def list_explanations(backend: Backend, tag: str, limit: int = 100, cursor: str 
     return Page([summary(row, tag) for row in rows[:limit]], following)
 
 
+def newest(backend: Backend, tag: str) -> dict[str, Any] | None:
+    """A loop's newest explanation as `get_explanation` tells it; None where there is none."""
+    loop = find(backend, tag)
+    with backend.database.read() as connection:
+        rows = explanations.page(connection, loop.id, 1)
+    return get_explanation(backend, tag, str(rows[0].id)) if rows else None
+
+
 def summary(row: ExplanationRow, tag: str) -> dict[str, Any]:
     return {
         "id": str(row.id),
@@ -179,4 +187,4 @@ def _iso(time_ns: int | None) -> str | None:
     return None if time_ns is None else iso_utc(moment_of(time_ns))
 
 
-__all__ = ["Wanted", "ask", "get_explanation", "list_explanations", "stored_answer"]
+__all__ = ["Wanted", "ask", "get_explanation", "list_explanations", "newest", "stored_answer"]

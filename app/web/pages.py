@@ -13,6 +13,7 @@ from app.api.paths import LoopTag
 from app.errors import NotFoundError
 from app.services import loops, reliability
 from app.services.wording import VERDICT_RANK, VERDICT_WORDS, worst_first
+from app.web.explanation import newest_in_words
 from app.web.rendering import STATIC, figure, page
 
 SHOWN_ROWS = 20_000
@@ -33,13 +34,15 @@ def plant(backend: Services) -> HTMLResponse:
 @router.get("/loops/{tag:path}")
 def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
     found = loops.get_loop(backend, tag)
+    explained = newest_in_words(backend, tag)
     try:
         row = loops.loop_health(backend, tag)
     except NotFoundError:
-        return page("loop.html", tag=found.tag, row=None, rmse=None)
+        return page("loop.html", tag=found.tag, row=None, rmse=None, explanation=explained)
     detail = loops.verdict_detail(backend, tag)
     reasons = [reason["text"] for reason in detail["reasons"]]
-    return page("loop.html", tag=found.tag, row=row, reasons=reasons, figures=figures(row), rmse=rmse_curve(detail))
+    told = {"reasons": reasons, "figures": figures(row), "rmse": rmse_curve(detail), "explanation": explained}
+    return page("loop.html", tag=found.tag, row=row, **told)
 
 
 @router.get("/static/plotly.min.js")

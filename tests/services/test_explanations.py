@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sqlalchemy import select, update
+from sqlalchemy import update
 
 from app.engine.mismatch import explain as engine_explain
 from app.errors import DataError, LoopauditError, NotFoundError, RequestError
 from app.services import audits, chunks, explaining, explanation_traces, explanations, operations
+from app.services import loops as loops_service
 from app.services.backend import Backend
 from app.services.explanation_trigger import since_reversal
 from app.services.explanations import Wanted
@@ -332,23 +333,26 @@ def test_the_sweeper_gives_lost_work_to_others(backend: Backend) -> None:
     assert (found["state"], found["error_code"]) == ("failed", "worker_lost")
 
 
-def test_a_night_explains_its_worst_loops_once(
-    backend: Backend, add_loops: Callable[..., dict[str, int]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_night_explains_its_worst_loops_once(backend: Backend, add_loops: Callable[..., dict[str, int]]) -> None:
     add_loops("FIC1", "FIC2", "FIC3")
-    settings = backend.settings.model_copy(update={"nightly_explanations": 2})
+    two = Backend(backend.settings.model_copy(update={"nightly_explanations": 2}), backend.database, backend.queue)
     run = audits.start_audit(backend, trigger="nightly")
+    assert operations.sweep(two).announced == 0
     while chunks.audit_chunk(backend, int(run.id), "w"):
         pass
-    assert operations.sweep(Backend(settings, backend.database, backend.queue)).announced == 2
-    assert operations.sweep(Backend(settings, backend.database, backend.queue)).announced == 0
-    while explaining.explain_next(backend, "w"):
-        pass
-    with backend.database.read() as connection:
-        columns = (explanations_table.c.state, explanations_table.c.audit_id, explanations_table.c.verdict)
-        rows = connection.execute(select(*columns)).all()
-    assert [(row.state, str(row.audit_id)) for row in rows] == [("done", run.id)] * 2
-    assert all(row.verdict for row in rows)
+    assert operations.sweep(two).announced == 2
+    assert operations.sweep(two).announced == 0
+    tags = ("FIC1", "FIC2", "FIC3")
+    asked = [row for tag in tags for row in explanations.list_explanations(backend, tag).rows]
+    assert [(row["state"], row["audit_id"]) for row in asked] == [("open", run.id)] * 2
+    found = loops_service.loop_health(backend, asked[0]["loop"])
+    assert (asked[0]["window_start"], asked[0]["window_end"]) == (found["window_start"], found["window_end"])
+    assert len(compared_samples(backend)) == 300
+
+
+def compared_samples(backend: Backend) -> Samples:
+    with backend.database.write() as connection:
+        return explaining._load(backend, stored.claim_next(connection, "w", 60.0)).samples
 
 
 def test_a_night_may_explain_nothing(backend: Backend, add_loops: Callable[..., dict[str, int]]) -> None:

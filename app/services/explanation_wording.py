@@ -1,0 +1,69 @@
+"""An explanation in plain words, for pages and reports."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+VERDICT_WORDS = {
+    "missing_physics": "physics is missing from the simulation",
+    "consistent": "nothing is missing",
+    "inconclusive": "the record does not tell",
+}
+SIMULATION_WORDS = {
+    "trace": "a simulated trace",
+    "column": "the simulation recorded with the loop",
+    "model": "a given model",
+    "identified": "our own linear loop, identified from this record",
+}
+EFFECT_WORDS = {
+    "valve.stiction": "the valve sticks",
+    "valve.deadband": "deadband or backlash at the valve",
+    "valve.slew_limit": "the valve moves no faster than a limit",
+    "valve.saturation": "the valve acts only up to a limit of OP",
+    "valve.characteristic": "the valve's characteristic is curved",
+    "process.dead_time": "more dead time",
+    "process.extra_lag": "another lag in the process",
+    "process.integrating": "the process integrates",
+    "process.nonlinear_gain": "the gain depends on the operating point",
+    "process.outflow_law": "the outflow depends on the level",
+    "process.gain_drift": "the gain drifts",
+    "process.overflow": "the vessel overflows",
+    "process.inverse_response": "the process first answers the wrong way",
+    "process.friction": "friction in a moving mass",
+    "sensor.lag": "the sensor lags",
+    "sensor.quantization": "the measurement is coarse",
+    "sensor.saturation": "the sensor shows no more than a limit",
+    "sensor.drift": "the sensor drifts",
+    "sensor.stuck": "the sensor is stuck",
+    "sensor.step": "the sensor's reading steps",
+    "sensor.compression": "the historian kept only some of the samples",
+    "disturbance.oscillation": "a disturbance that swings",
+    "disturbance.step": "a disturbance that steps",
+    "disturbance.ramp": "a disturbance that ramps",
+    "disturbance.coupling": "another signal moves PV",
+    "unnamed": "something that fits no known physics",
+}
+SHOWN_WINDOWS = 4
+
+
+def effect_words(code: str) -> str:
+    return EFFECT_WORDS.get(code, code.replace(".", ": ").replace("_", " "))
+
+
+def number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.4g}"
+
+
+def parameters_in_words(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """ "S = 4.1 OP (3.9 to 4.3)": value, unit and 95 % interval."""
+    return [
+        f"{name} = {number(p['value'])} {p['unit']}"
+        + ("" if p["low"] == p["high"] else f" ({number(p['low'])} to {number(p['high'])})")
+        for name, p in parameters.items()
+    ]
+
+
+def windows_in_words(windows: Sequence[Sequence[float]]) -> str:
+    """The first of the windows, in seconds from the start of the record."""
+    shown = ", ".join(f"{start:.0f}–{end:.0f} s" for start, end in windows[:SHOWN_WINDOWS])
+    left = len(windows) - SHOWN_WINDOWS
+    return f"{shown} and {left} more" if left > 0 else shown
