@@ -8,6 +8,7 @@ import pytest
 from app.cli.explain import as_json
 from app.engine.mismatch import explain
 from app.main import create_app
+from app.services import explanations
 from app.services.backend import Backend
 from app.services.comparisons import Columns, read_comparison
 from app.services.explaining import explain_next
@@ -130,6 +131,27 @@ def test_a_body_that_is_too_large(client, tag):
     assert (answer.status_code, answer.json()["code"]) == (413, "body_too_large")
     answer = client.post(URL, json={"trace": {"values": [0] * 200_001}})
     assert (answer.status_code, answer.json()["code"]) == (413, "simulation_too_large")
+
+
+# The page
+
+
+def test_the_button_asks_once(client, backend):
+    for name, op in (("TIC1", lambda k: k % 7), ("FLAT", lambda k: 1)):
+        rows = "\n".join(f"{k},{k % 5},{op(k)}" for k in range(200))
+        uploaded(client, backend, f"time,PV,OP\n{rows}\n", f"{name}.csv")
+    assert "has been compared" in client.get("/loops/TIC1").text
+    for _ in range(2):
+        answer = client.post("/loops/TIC1/explanations")
+        assert (answer.status_code, answer.headers["location"]) == (303, "/loops/TIC1#explanation")
+    assert len(explanations.list_explanations(backend, "TIC1").rows) == 1
+    shown = client.get("/loops/TIC1").text.partition('id="explanation"')[2].partition("</section>")[0]
+    assert 'data-state="open"' in shown
+    assert "<button" not in shown
+    assert 'data-state="open"' in client.get("/loops/TIC1/explanation").text
+    refused = client.post("/loops/FLAT/explanations")
+    assert (refused.status_code, "OP is constant" in refused.text) == (422, True)
+    assert client.post("/loops/NOBODY/explanations").status_code == 404
 
 
 # Three cases of different kinds: a limit in time, a friction, nothing at all.

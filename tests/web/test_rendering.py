@@ -53,11 +53,10 @@ def test_hostile_names_stay_text():
 
 
 def test_a_curve_cannot_break_out_of_its_block():
-    html = page(
-        "loop.html", tag=HOSTILE, row=None, rmse={"d": ["</script><script>x"], "rmse": [1], "best": 0}
-    ).body.decode()
+    curve = {"d": ["</script><script>x"], "rmse": [1], "best": 0}
+    html = page("loop.html", tag=HOSTILE, row=None, rmse=curve, explanation=None).body.decode()
     sources = [script.get("src") for script in Tags(html).scripts]
-    assert sources == [None, "/static/plotly.min.js", "/static/loop.js"]
+    assert sources == [None, "/static/plotly.min.js", "/static/loop.js", "/static/explanation.js"]
 
 
 def test_an_empty_plant_says_what_to_do():

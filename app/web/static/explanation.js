@@ -6,7 +6,7 @@
   const POLL_MS = 2000;
   const axis = (title) => ({ title: { text: title }, gridcolor: GRID, zeroline: false });
   const layout = (extra) => ({
-    margin: { l: 60, r: 20, t: 10, b: 45 }, paper_bgcolor: "#fff", plot_bgcolor: "#fff",
+    margin: { l: 60, r: 20, t: 10, b: 60 }, paper_bgcolor: "#fff", plot_bgcolor: "#fff",
     font: { family: "system-ui, sans-serif", size: 13, color: INK }, legend: { orientation: "h", y: 1.1 }, ...extra,
   });
   const options = { responsive: true, displaylogo: false };
@@ -29,7 +29,7 @@
   }
 
   function drawResiduals(chart, told) {
-    const dots = (name, y, colour) => ({ x: told.trigger, y, name, type: "scattergl", mode: "markers", marker: { color: colour, size: 4, opacity: 0.5 } });
+    const dots = (name, y, colour) => ({ x: told.trigger, y, name, type: "scatter", mode: "markers", marker: { color: colour, size: 4, opacity: 0.5 } });
     const traces = [dots("before", told.residual_before, COLOURS.refitted), dots("after", told.residual_after, COLOURS.explained)];
     Plotly.newPlot(chart, traces, layout({ height: 340, xaxis: axis(told.trigger_label), yaxis: axis("recording − simulation, unit of PV") }), options);
   }

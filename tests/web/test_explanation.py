@@ -1,0 +1,80 @@
+"""The part of a loop's page about what a simulation lacks: every state, and the button that asks."""
+
+import re
+
+import pytest
+
+from app.services.explanation_wording import effect_words, parameters_in_words, windows_in_words
+from app.web.rendering import page
+
+HOSTILE = 'A/<script>alert(1)</script>"'
+ASKED = {
+    "id": "7",
+    "loop": HOSTILE,
+    "state": "open",
+    "asked_at": "2026-01-01T00:00:00Z",
+    "audit_id": None,
+    "located": None,
+}
+DONE = ASKED | {
+    "state": "done",
+    "verdict": "missing_physics",
+    "verdict_words": "physics is missing from the simulation",
+    "window_start": "2026-01-01T00:00:00Z",
+    "window_end": "2026-01-01T01:00:00Z",
+    "simulation_words": "a given model",
+    "audit_id": "3",
+    "told_effects": [
+        {
+            "code": "disturbance.coupling",
+            "words": "another signal moves PV",
+            "alternatives": ["the gain drifts"],
+            "probability": 0.93,
+            "block": "disturbance",
+            "condition": "when <b>X</b> moves",
+            "parameters": ["gain = 0.5 PV/X (0.4 to 0.6)"],
+            "windows": "0-10 s",
+            "reasons": ["because"],
+        }
+    ],
+    "errors": [("as given", "1.2", "40")],
+    "reasons": ["the controller does its part"],
+}
+
+
+def part(explanation: dict | None) -> str:
+    return page("_explanation.html", tag=HOSTILE, explanation=explanation).body.decode()
+
+
+@pytest.mark.parametrize(
+    ("explanation", "words"),
+    [
+        (None, "has been compared"),
+        (ASKED, "Being worked out; asked for at 2026-01-01 00:00 UTC"),
+        (ASKED | {"located": {"block": "valve", "condition": "after OP reversals"}}, "differ at the valve, after OP"),
+        (ASKED | {"state": "failed", "error_code": "time_limit", "error_text": "too long"}, "too long (time_limit)"),
+        (DONE, "against a given model; asked for by audit 3"),
+    ],
+)
+def test_every_state_is_told(explanation: dict | None, words: str) -> None:
+    html = part(explanation)
+    assert words in re.sub(r"\s+", " ", html)
+    assert "<script" not in html
+
+
+def test_what_comes_from_the_plant_is_escaped() -> None:
+    html = part(DONE)
+    assert "when &lt;b&gt;X&lt;/b&gt; moves" in html
+    assert 'data-url="/v1/loops/A%2F%3Cscript%3Ealert%281%29%3C%2Fscript%3E%22/explanations/7/plot"' in html
+
+
+def test_words_for_effects_parameters_and_windows() -> None:
+    assert effect_words("valve.stiction") == "the valve sticks"
+    assert effect_words("valve.new_thing") == "valve: new thing"
+    told = {
+        "S": {"value": 4.1, "low": 3.9, "high": 4.3, "unit": "OP"},
+        "start": {"value": 20, "low": 20, "high": 20, "unit": "s"},
+    }
+    assert parameters_in_words(told) == ["S = 4.1 OP (3.9 to 4.3)", "start = 20 s"]
+    assert windows_in_words([[0, 10], [20, 30]]) == "0–10 s, 20–30 s"
+    assert windows_in_words([[k, k + 1] for k in range(6)]).endswith("3–4 s and 2 more")
