@@ -1,6 +1,6 @@
 """Run as a script by the tests: a worker or the schedule, with an engine that may be slow or deadly for some loops.
 
-SPOILED_SLOW_S: every audit takes this much longer. SPOILED_DEADLY: the audit of this loop kills its process.
+SPOILED_SLOW_S: every audit and explanation takes this much longer. SPOILED_DEADLY: that of this loop kills its process.
 """
 
 import os
@@ -13,7 +13,7 @@ from app.settings import load_settings, use_one_thread
 
 
 def spoil() -> None:
-    from app.services import chunks
+    from app.services import chunks, explaining
 
     audit, slow_s, deadly = chunks.audit, float(os.environ.get("SPOILED_SLOW_S", "0")), os.environ.get("SPOILED_DEADLY")
 
@@ -24,7 +24,16 @@ def spoil() -> None:
             time.sleep(slow_s)
         return audit(recording, config)
 
+    explain = explaining.explain
+
+    def spoiled_explain(comparison):
+        if comparison.name == deadly:
+            os.kill(os.getpid(), signal.SIGKILL)
+        time.sleep(slow_s)
+        return explain(comparison)
+
     chunks.audit = spoiled
+    explaining.explain = spoiled_explain
 
 
 if __name__ == "__main__":
