@@ -101,6 +101,9 @@ class Settings(BaseSettings):
     worker_memory_mb: int = Field(
         400, ge=100, description="A worker process above this size is replaced between tasks."
     )
+    worker_nice: int = Field(
+        10, ge=0, le=19, description="Workers yield the processor to the API and the data base by this much (nice)."
+    )
     worker_tasks: int = Field(500, ge=1, description="A worker process is replaced after this many tasks.")
 
     @field_validator("time_zone")

@@ -55,6 +55,12 @@ def _compile_aside() -> None:
         os.waitpid(aside, 0)
 
 
+@signals.worker_process_init.connect
+def yield_to_others(**_: object) -> None:
+    """An audit has all night; who asks the API waits for the answer."""
+    os.nice(max(0, current_app.settings.worker_nice - os.nice(0)))
+
+
 @signals.worker_process_shutdown.connect
 def let_go(**_: object) -> None:
     if backend.cache_info().currsize:

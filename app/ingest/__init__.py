@@ -15,9 +15,9 @@ For services that store a plant's samples::
 * `read_export` raises DataError at once where the file is no export; iterating may raise one later (an unpacked size
 beyond the caps,
   nothing readable). Nothing else is raised by any bytes.
-* Memory is bounded: below `options.buffered_values` values a loop comes once; above, in several stretches, whose
-seams may lack a
-  signal that the next stretch brings. `merge(earlier, later)` puts stretches together: union of times, NaN never
+* Memory is bounded, and each loop comes once: what is more than `options.buffered_values` values is put aside in files
+without a name in
+  `options.spill_folder`. `merge(earlier, later)` puts stretches of several files together: union of times, NaN never
   overwrites a value,
   where both have one the later stands. Sending a file again therefore changes nothing.
 * `for block in export` gives the raw signals tag by tag instead (SignalBlock); `align(blocks)` makes LoopSamples of

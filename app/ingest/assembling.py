@@ -1,41 +1,95 @@
 """Blocks of signals gathered into stretches of loops, in bounded memory."""
 
+import pickle
+import tempfile
 from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Self
 
 import numpy as np
 
 from app.ingest.align import align
 from app.ingest.model import LoopSamples, SignalBlock, TimeArray
+from app.ingest.spilling import PARTS
+
+Loops = dict[str, list[SignalBlock]]
 
 
 class Assembler:
-    """Holds blocks by loop until there are `limit` values, then gives every loop's stretch and starts anew.
+    """Gives each loop once and whole, in bounded memory: what is more than `limit` values is put aside in files."""
 
-    A file below the limit gives each loop once. Above it a loop of a wide file comes in several stretches, and at their
-    seams a signal may be missing that the next stretch brings: stretches are to be put together with `merge`.
-    """
-
-    def __init__(self, limit: int) -> None:
+    def __init__(self, limit: int, folder: Path | None) -> None:
         self._limit = limit
+        self._folder = folder
         self._held = 0
-        self._loops: dict[str, list[SignalBlock]] = {}
+        self._loops: Loops = {}
 
     def stretches(self, batches: Iterable[list[SignalBlock]], whole_loops: bool) -> Iterator[LoopSamples]:
         """`whole_loops`: no batch brings more of a loop that one before it has brought."""
-        for batch in batches:
-            for block in batch:
-                self._loops.setdefault(block.loop, []).append(block)
-                self._held += len(block.value)
-            if whole_loops or self._held >= self._limit:
+        with ExitStack() as files:
+            aside: Aside | None = None
+            for batch in batches:
+                for block in batch:
+                    self._loops.setdefault(block.loop, []).append(block)
+                    self._held += len(block.value)
+                if whole_loops:
+                    yield from self._flush()
+                elif self._held >= self._limit:
+                    aside = aside or files.enter_context(Aside(self._folder))
+                    aside.add(self._taken())
+            if aside is None:
                 yield from self._flush()
-        yield from self._flush()
+                return
+            aside.add(self._taken())
+            for self._loops in aside.parts():
+                yield from self._flush()
+
+    def _taken(self) -> Loops:
+        loops, self._loops, self._held = self._loops, {}, 0
+        return loops
 
     def _flush(self) -> Iterator[LoopSamples]:
-        loops, self._loops, self._held = self._loops, {}, 0
+        loops = self._taken()
         times = _JoinedTimes()
         while loops:
             loop = next(iter(loops))
             yield align(times.joined(loops.pop(loop)))
+
+
+class Aside:
+    """Blocks in files without a name, parted by loop; times that signals share are written once a part."""
+
+    def __init__(self, folder: Path | None) -> None:
+        self._files = [tempfile.TemporaryFile(dir=folder) for _ in range(PARTS)]  # noqa: SIM115 - closed by __exit__
+        self._part_of: dict[str, int] = {}
+        self._times = 0
+
+    def add(self, loops: Loops) -> None:
+        parts: list[Loops] = [{} for _ in range(PARTS)]
+        for loop, blocks in loops.items():
+            parts[self._part_of.setdefault(loop, len(self._part_of) % PARTS)][loop] = blocks
+        for file, part in zip(self._files, parts, strict=True):
+            pickle.dump(part, file, pickle.HIGHEST_PROTOCOL)
+        self._times += 1
+
+    def parts(self) -> Iterator[Loops]:
+        for file in self._files:
+            file.seek(0)
+            loops: Loops = {}
+            for _ in range(self._times):
+                for loop, blocks in pickle.load(file).items():  # noqa: S301 - what `add` wrote; nobody else can open it
+                    loops.setdefault(loop, []).extend(blocks)
+            file.close()
+            yield loops
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        for file in self._files:
+            file.close()
 
 
 class _JoinedTimes:

@@ -47,9 +47,10 @@ class Export:
             yield from batch
 
     def loops(self) -> Iterator[LoopSamples]:
-        """Stretches of loops, signals side by side; memory stays below `options.buffered_values` values and a chunk."""
+        """Each loop once, signals side by side; memory stays below `options.buffered_values` values and a chunk."""
         table = self._table(self._plan)
-        yield from Assembler(self._options.buffered_values).stretches(self._batches(table), table.whole_loops)
+        assembler = Assembler(self._options.buffered_values, self._options.spill_folder)
+        yield from assembler.stretches(self._batches(table), table.whole_loops)
 
     def _batches(self, table: WideTable | LongTable) -> Iterator[list[SignalBlock]]:
         if self._taken:

@@ -21,7 +21,7 @@ from app.ingest.tally import Tally
 from app.ingest.values import SENTINELS, refuse_sentinels
 from app.ingest.wide_table import joined_times
 
-BATCH_ROWS = 1_500_000  # more than these are parted in files
+BATCH_ROWS = 1_000_000  # more than these are parted in files
 MOST_CODES = 1 << 16
 
 
@@ -39,7 +39,8 @@ class LongTable:
         self._tag_type = pl.Categorical(pl.Categories.random())
         self._quality_type = pl.Categorical(pl.Categories.random())
         self._places: list[Place | None] = []
-        self._parts: dict[str, int] = {}
+        self._parts: list[int] = []
+        self._part_of_loop: dict[str, int] = {}
         self._modes = np.zeros(0, dtype=bool)
         self._known = np.zeros(0, dtype=bool)
         self._usable = np.zeros(0, dtype=bool)
@@ -79,11 +80,10 @@ class LongTable:
 
     def _part_of_code(self) -> NDArray[np.uint8]:
         """Tags of one loop go into one part."""
-        parts = np.zeros(len(self._places), dtype=np.uint8)
-        for code, place in enumerate(self._places):
-            if place is not None:
-                parts[code] = self._parts.setdefault(place.loop, len(self._parts) % PARTS)
-        return parts
+        for place in self._places[len(self._parts) :]:
+            loop = "" if place is None else place.loop
+            self._parts.append(self._part_of_loop.setdefault(loop, len(self._part_of_loop) % PARTS))
+        return np.array(self._parts, dtype=np.uint8)
 
     def _gather(self, rows: Rows, reader: RowReader) -> Gathered:
         frame = rows.frame

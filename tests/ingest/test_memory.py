@@ -46,6 +46,23 @@ def test_each_loop_of_a_file_parted_on_disk_comes_once(tmp_path: Path, monkeypat
     assert [found.name for found in tmp_path.iterdir()] == ["night.csv"]
 
 
+def test_each_loop_of_a_wide_file_put_aside_comes_once(tmp_path: Path) -> None:
+    path = tmp_path / "night.csv"
+    tags = [f"L{n}.{signal}" for n in range(70) for signal in ("PV", "OP")]
+    rows = [",".join(["DateTime", *tags])]
+    rows += [f"2026-01-31T00:{k:02d}:00Z," + ",".join(f"{n + k / 8}" for n in range(140)) for k in range(60)]
+    path.write_text("\n".join(rows) + "\n")
+    whole = {loop.loop: loop for loop in read_export(path).loops()}
+    options = IngestOptions(chunk_bytes=5000, buffered_values=500, spill_folder=tmp_path)
+    parted = list(read_export(path, options=options).loops())
+    assert sorted(loop.loop for loop in parted) == sorted(whole)
+    for loop in parted:
+        assert np.array_equal(loop.time_ns, whole[loop.loop].time_ns)
+        assert np.array_equal(loop.pv, whole[loop.loop].pv)
+    assert len(whole) == 70
+    assert [found.name for found in tmp_path.iterdir()] == ["night.csv"]
+
+
 def test_memory_does_not_grow_with_the_file(tmp_path: Path) -> None:
     peaks = []
     for name, instants in (("small.csv", 200), ("large.csv", 2000)):

@@ -16,7 +16,7 @@ from app.services import audits, reliability
 from app.services.backend import Backend
 from app.services.bench.bench import Bench, Figures, SkippedError
 from app.services.bench.loops import records
-from app.services.bench.measure import Memory, Stopwatch, median_s
+from app.services.bench.measure import Memory, Stopwatch, median_s, processor_s
 from app.services.bench.plant import load
 from app.services.bench.servers import plant_backend, service, workers
 from app.services.bench.year import fill
@@ -39,9 +39,9 @@ def run(bench: Bench) -> Figures:
         bench.tell("api: under load")
         with service(backend) as (url, pid), Memory(lambda: [pid]) as memory:
             paths = _paths(backend)
-            found["idle"] = {name: _measured(url, bench.sizes.load_s / 2, some) for name, some in paths.items()}
+            found["idle"] = {name: _measured(url, pid, bench.sizes.load_s / 2, some) for name, some in paths.items()}
             with workers(backend, 2), _auditing(backend, busy) as audited:
-                found["busy"] = {name: _measured(url, bench.sizes.load_s, some) for name, some in paths.items()}
+                found["busy"] = {name: _measured(url, pid, bench.sizes.load_s, some) for name, some in paths.items()}
             found["audits_meanwhile"] = audited
         found["peak_mb"] = memory.peak_mb
         found["summary_ms"] = 1e3 * _wall(lambda: reliability.plant_summary(backend))
@@ -68,12 +68,14 @@ def _paths(backend: Backend) -> dict[str, list[str]]:
     }
 
 
-def _measured(url: str, seconds: float, paths: list[str]) -> Figures:
+def _measured(url: str, pid: int, seconds: float, paths: list[str]) -> Figures:
     command = [sys.executable, "-m", "app.services.bench.load", url.removeprefix("http://"), str(seconds), ""]
+    before = processor_s(pid)
     told = subprocess.run(command, input="\n".join(paths), capture_output=True, text=True, check=False)  # noqa: S603
     if told.returncode:
         raise SkippedError(f"the client failed: {told.stderr[-500:]}")
     answer = json.loads(told.stdout)
+    used = processor_s(pid) - before
     times = 1e3 * np.array(answer["times_s"])
     p50, p90, p99 = np.percentile(times, (50, 90, 99))
     return {
@@ -85,6 +87,7 @@ def _measured(url: str, seconds: float, paths: list[str]) -> Figures:
         "p99_ms": float(p99),
         "max_ms": float(times.max()),
         "requests_a_s": len(times) / (times.sum() / 1e3),
+        "service_cpu_ms": 1e3 * used / len(times),
         "kb": answer["bytes"] / 1e3,
     }
 

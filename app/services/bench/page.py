@@ -264,8 +264,11 @@ def _plant(found: Figures) -> str:
     )
 
 
+API_FIGURES = ("requests_a_s", "first_ms", "p50_ms", "p90_ms", "p99_ms", "max_ms", "service_cpu_ms", "kb")
+
+
 def _api(found: Figures) -> str:
-    head = ("request", "requests a second", "first", "p50", "p90", "p99", "greatest", "kB")
+    head = ("request", "requests a second", "first", "p50", "p90", "p99", "greatest", "service's processor", "kB")
     text = (
         f"## The API\n\n{found['loops']:,} loops, {found['nights']} nights, {found['verdict_rows']:,} verdicts; one "
         "client in a second process, one request after the other; times in ms.\n\n"
@@ -273,9 +276,7 @@ def _api(found: Figures) -> str:
     for name, label in (("busy", "While an audit runs on two workers"), ("idle", "With nothing else to do")):
         rows = []
         for request, it in found[name].items():
-            told = [
-                number(it[key]) for key in ("requests_a_s", "first_ms", "p50_ms", "p90_ms", "p99_ms", "max_ms", "kb")
-            ]
+            told = [number(it[key]) for key in API_FIGURES]
             rows.append((request + (f" ({it['wrong']} refused)" if it["wrong"] else ""), *told))
         text += f"{label}:\n\n{table(head, rows)}\n"
     meanwhile = found["audits_meanwhile"]

@@ -19,7 +19,7 @@ from app.services.bench.measure import children_of
 from app.services.operations import migrate
 from app.settings import ONE_THREAD, Settings
 
-READY_WITHIN_S = 300.0
+READY_WITHIN_S = 900.0
 
 
 @contextmanager

@@ -1,0 +1,108 @@
+"""PostgreSQL answers what is asked most by index, at a size at which reading whole tables would be felt."""
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from sqlalchemy import Connection, event
+from zstandard import ZstdError
+
+from app.storage import Database, audits, items, loops, series, verdicts
+from app.storage.samples import Samples, pack
+from app.storage.verdicts import RowFilter
+
+NIGHTS = 20
+PACKED = pack(Samples(np.array([150]), {"pv": np.array([1.0])})).hex()
+
+FILL = (
+    "INSERT INTO loops (tag, created_at, newest_ns) SELECT 'L' || n, now(), 1000 FROM generate_series(1, 1500) n",
+    "INSERT INTO audits (trigger, plant, nightly_for, state, config_json, config_fingerprint, window_h, window_samples,"
+    " created_at, total)"
+    " SELECT 'nightly', 'p', n::text, 'running', '', '', 1, 1, now(), 1 FROM generate_series(1, 20) n",
+    "INSERT INTO verdicts (loop_id, audit_id, audited_at, samples, verdict, reliability, engine_version, elapsed_s,"
+    " input_fingerprint, config_fingerprint, reasons, reasons_text)"
+    " SELECT l.id, a.id, now(), 1, 'stiction', 'reliable', '', 0, '', '', repeat('r', 200), repeat('t', 600)"
+    " FROM audits a CROSS JOIN loops l",
+    "INSERT INTO verdict_details SELECT loop_id, audit_id, repeat('p', 300)::bytea FROM verdicts",
+    "INSERT INTO newest_rows SELECT id, 1, 'f', repeat('x', 1500) FROM loops",
+    "UPDATE loops SET newest_audit_id = (SELECT max(id) FROM audits)",
+    "INSERT INTO audit_items (audit_id, loop_id, state) SELECT a.id, l.id, CASE WHEN a.id = "
+    "(SELECT max(id) FROM audits) AND mod(l.id, 10) = 0 THEN 'open' ELSE 'done' END FROM audits a CROSS JOIN loops l",
+    "INSERT INTO series (loop_id, start_ns, end_ns, samples, fingerprint, packed)"
+    " SELECT l.id, n * 100, n * 100 + 99, 1, n::text, decode('PACKED', 'hex')"
+    " FROM loops l CROSS JOIN generate_series(1, 10) n",
+)
+
+
+@pytest.fixture
+def plant(database: Database) -> Database:
+    if database.is_sqlite:
+        pytest.skip("plans of PostgreSQL")
+    with database.write() as connection:
+        for statement in FILL:
+            connection.exec_driver_sql(statement.replace("PACKED", PACKED))
+    with database.writer.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
+        connection.exec_driver_sql("VACUUM ANALYZE")
+    return database
+
+
+def _one_detail(connection: Connection) -> None:
+    with pytest.raises(ZstdError):  # what is stored here is no detail; how it is found is what counts
+        verdicts.detail(connection, 77, 3)
+
+
+ASKED = {
+    "the newest verdict of a loop": lambda c: verdicts.newest(c, "L77"),
+    "a loop's history": lambda c: verdicts.history(c, 77, 30, None),
+    "the detail of a verdict": _one_detail,
+    "a loop by its tag": lambda c: loops.by_tag(c, "L77"),
+    "a page of loops": lambda c: loops.page(c, 100, "L5", None, None),
+    "samples of a chunk of loops": lambda c: series.windows(c, range(1, 33), 1e-9, 10),
+    "samples between two times": lambda c: series.between(c, 77, 150, 400),
+    "a claim": lambda c: items.claim(c, NIGHTS, "w", 32, 45.0),
+    "progress of a run": lambda c: audits.progress(c, [NIGHTS]),
+    "runs by the page": lambda c: audits.page(c, 50, None),
+}
+LARGE = {"verdicts", "verdict_details", "series", "audit_items"}
+
+
+def test_large_tables_are_read_by_index(plant: Database) -> None:
+    read_whole = {}
+    with plant.write() as connection:
+        for name, ask in ASKED.items():
+            nodes = [node for plan in _plans(connection, ask) for node in _nodes(plan)]
+            assert nodes, name
+            read_whole[name] = LARGE & {node["Relation Name"] for node in nodes if node["Node Type"] == "Seq Scan"}
+    assert not any(read_whole.values()), read_whole
+
+
+def test_the_whole_table_reads_no_verdict(plant: Database) -> None:
+    """Rows come as they were written; in the order of tags no other table than the two small ones is touched."""
+    with plant.write() as connection:
+        ask = lambda c: verdicts.sent_rows(c, 20_000, "loop", False, RowFilter(), None, "f")  # noqa: E731
+        nodes = [node for plan in _plans(connection, ask) for node in _nodes(plan)]
+    assert {node["Relation Name"] for node in nodes if "Relation Name" in node} == {"loops", "newest_rows"}
+
+
+def _plans(connection: Connection, ask: Any) -> Iterator[dict[str, Any]]:
+    """The plans of the statements that `ask` sends."""
+    sent: list[tuple[str, Any]] = []
+
+    def note(_: Any, __: Any, statement: str, parameters: Any, *___: Any) -> None:
+        sent.append((statement, parameters))
+
+    event.listen(connection, "before_cursor_execute", note)
+    ask(connection)
+    event.remove(connection, "before_cursor_execute", note)
+    for statement, parameters in sent:
+        found = connection.exec_driver_sql(f"EXPLAIN (FORMAT JSON) {statement}", parameters).scalar()
+        plan = json.loads(found) if isinstance(found, str) else found
+        yield plan[0]["Plan"]
+
+
+def _nodes(plan: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    yield plan
+    for part in plan.get("Plans", ()):
+        yield from _nodes(part)
