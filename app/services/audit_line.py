@@ -334,6 +334,8 @@ def _episode(episode: Episode) -> EpisodeLine:
     return EpisodeLine(
         start_s=episode.start_s,
         end_s=episode.end_s,
+        start=None,
+        end=None,
         probability=episode.probability,
         reliability=episode.reliability,
         period_s=episode.period_s,

@@ -88,7 +88,7 @@ def _op_stays(op: FloatArray) -> BoolArray:
     return after > _OP_STAYS * kick
 
 
-def _moved(op: FloatArray, where: FloatArray) -> float:
+def _moved(op: FloatArray, where: BoolArray) -> float:
     steps = np.abs(np.diff(op, prepend=op[0]))
     total = float(steps.sum())
     return float(steps[where].sum()) / total if total > 0.0 else 0.0

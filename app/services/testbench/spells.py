@@ -39,7 +39,7 @@ def spell(seed: int, samples: int = 12_000, share: float = 0.2, first: float | N
         if b - a >= 2
     ]
     pv, op, sp = (np.concatenate([getattr(part, name) for part in parts]) for name in ("pv", "op", "sp"))
-    recording = Recording("spell", np.arange(len(pv)) * interval_s, pv, op, sp)
+    recording = Recording("spell", np.arange(len(pv), dtype=np.float64) * interval_s, pv, op, sp)
     return Spell(recording, edges[1] * interval_s, edges[2] * interval_s, "spell")
 
 
