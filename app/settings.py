@@ -81,6 +81,21 @@ class Settings(BaseSettings):
     )
     stalled_s: float = Field(20.0, gt=0, description="Open work that nobody claims for this time is announced again.")
 
+    keep_series_days: int = Field(
+        400, ge=0, description="Samples are kept for this long before the newest one of their loop; 0: for ever."
+    )
+    keep_details_days: int = Field(
+        90, ge=0, description="Details of a verdict (its curves) are kept for this many days; 0: for ever."
+    )
+    keep_verdicts_days: int = Field(
+        1825, ge=0, description="Verdicts and runs are kept for this many days, a loop's newest always; 0: for ever."
+    )
+    keep_explanations_days: int = Field(365, ge=0, description="Explanations are kept for this many days; 0: for ever.")
+    keep_uploads_days: int = Field(
+        30, ge=0, description="Exports as they came are kept for this many days; 0: for ever."
+    )
+    keep_trail_days: int = Field(730, ge=0, description="Who did what is kept for this many days; 0: for ever.")
+
     max_upload_bytes: int = Field(4 << 30, ge=1, description="Greatest upload, in bytes as they come.")
     upload_deadline_s: float = Field(
         3600.0, gt=0, description="An upload must have arrived within this time, in seconds."

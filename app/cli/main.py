@@ -4,7 +4,22 @@ import sys
 
 import typer
 
-from app.cli import audit, bench, demo, explain, inspect, keys, migrate, nightly, serve, simulate, trail, upload, worker
+from app.cli import (
+    audit,
+    bench,
+    demo,
+    explain,
+    inspect,
+    keys,
+    migrate,
+    nightly,
+    serve,
+    simulate,
+    trail,
+    upkeep,
+    upload,
+    worker,
+)
 from app.cli.messages import ExitCode, say
 from app.errors import LoopauditError
 
@@ -38,6 +53,9 @@ cli.command("beat", rich_help_panel=RUN)(worker.beat)
 cli.command("upload", rich_help_panel=RUN)(upload.upload)
 cli.command("nightly", rich_help_panel=RUN)(nightly.nightly)
 cli.command("migrate", rich_help_panel=RUN)(migrate.migrate)
+cli.command("doctor", rich_help_panel=RUN)(upkeep.doctor)
+cli.command("backup", rich_help_panel=RUN)(upkeep.backup)
+cli.command("restore", rich_help_panel=RUN)(upkeep.restore)
 cli.add_typer(keys.cli, name="keys", rich_help_panel=RUN)
 cli.command("trail", rich_help_panel=RUN)(trail.trail)
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from app.services.backend import Backend
-from app.storage.figures import collect
+from app.storage.figures import Figures, collect
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,30 @@ def metrics(backend: Backend) -> tuple[Metric, ...]:
         _gauge(
             "loopaudit_audit_mean_seconds",
             "Mean engine time of a loop's audit over the newest verdicts.",
-            () if found.audit_seconds is None else (Sample(found.audit_seconds),),
+            _one(found.audit_seconds),
         ),
+        _gauge("loopaudit_queue_depth", "What waits for a worker, by kind.", _by("kind", _waiting(found))),
+        _gauge(
+            "loopaudit_oldest_unread_upload_age_seconds",
+            "Age of the oldest upload that has not been read; 0: none.",
+            (Sample(found.oldest_unread_s),),
+        ),
+        Metric(
+            "loopaudit_upload_bytes_total",
+            "counter",
+            "Bytes of all uploads as they came.",
+            (Sample(found.uploads_bytes),),
+        ),
+        _gauge("loopaudit_explanations", "Explanations by state.", _by("state", found.explanations)),
+        _gauge(
+            "loopaudit_last_run_duration_seconds", "How long the newest ended run took.", _one(found.last_run_seconds)
+        ),
+        _gauge(
+            "loopaudit_last_run_ended_timestamp_seconds",
+            "When the newest ended run ended.",
+            _one(found.last_run_ended_s),
+        ),
+        _gauge("loopaudit_active_keys", "Keys that are neither revoked nor expired.", (Sample(found.active_keys),)),
     )
 
 
@@ -58,6 +80,18 @@ def standstill_s(backend: Backend) -> float:
 
 def _gauge(name: str, help_: str, samples: Iterable[Sample]) -> Metric:
     return Metric(name, "gauge", help_, tuple(samples))
+
+
+def _one(value: float | None) -> tuple[Sample, ...]:
+    return () if value is None else (Sample(value),)
+
+
+def _waiting(found: Figures) -> dict[str, int]:
+    return {
+        "upload": found.uploads.get("received", 0),
+        "loop": found.items.get("open", 0),
+        "explanation": found.explanations.get("open", 0),
+    }
 
 
 def _by(label: str, counts: Mapping[str, int]) -> Iterable[Sample]:

@@ -3,8 +3,10 @@
 from datetime import UTC, date, datetime, timedelta
 from zoneinfo import ZoneInfo
 
+from app.services import trail
 from app.services.audits import start_audit
 from app.services.backend import Backend
+from app.services.identity import SCHEDULE
 from app.services.results import AuditView
 from app.storage import audits, explanations, loops
 
@@ -25,7 +27,9 @@ def nightly_if_due(backend: Backend, now: datetime | None = None) -> AuditView |
         planned = audits.by_night(connection, backend.settings.plant, hour.date().isoformat())
         if planned is not None or not loops.any_before(connection, hour):
             return None
-    return nightly(backend, hour.date())
+    run = nightly(backend, hour.date())
+    trail.record(backend, SCHEDULE, "audit.start", f"/v1/audits/{run.id}", "done")
+    return run
 
 
 def announce_explanations(backend: Backend) -> int:

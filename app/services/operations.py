@@ -10,6 +10,7 @@ from app.services import audits as audit_runs
 from app.services.backend import Backend
 from app.services.nightly import announce_explanations, nightly_if_due
 from app.services.results import Readiness, SweepReport
+from app.services.retention import retain_if_due
 from app.settings import Settings
 from app.storage import Database, audits, explanations, figures, items, schema, uploads
 from app.storage.figures import Figures
@@ -53,6 +54,7 @@ def sweep(backend: Backend) -> SweepReport:
         audit_runs.announce(backend, audit_id)
     waiting = announce_explanations(backend)
     run = nightly_if_due(backend)
+    retain_if_due(backend)
     _drop_old_drafts(settings)
     announced = len(unread) + len(stalled) + waiting
     return SweepReport(taken_back.reopened, taken_back.failed, ended, announced, run.id if run else None)

@@ -1,10 +1,11 @@
 """Numbers for monitoring, from SQL: they are right however many processes there are."""
 
 from dataclasses import dataclass
+from datetime import datetime
 
 from sqlalchemy import Connection, and_, func, select
 
-from app.storage.tables import audit_items, audits, loops, uploads, verdicts
+from app.storage.tables import audit_items, audits, explanations, keys, loops, uploads, verdicts
 from app.storage.types import now
 
 
@@ -12,7 +13,9 @@ from app.storage.types import now
 class Figures:
     """items: loops of unfinished runs by state. verdicts: loops by their newest verdict. failures: failed loops of the
     newest ended run by code. oldest_open_s: age of the oldest run that is not ended, in seconds (0: none).
-    audit_seconds: mean time of an audit over the newest verdicts."""
+    audit_seconds: mean time of an audit over the newest verdicts. oldest_unread_s: age of the oldest upload that is
+    still to be read. uploads_bytes: of all uploads as they came. last_run_seconds: how long the newest ended run took,
+    and last_run_ended_s when it ended, in seconds since 1970."""
 
     loops: int
     uploads: dict[str, int]
@@ -21,6 +24,12 @@ class Figures:
     failures: dict[str, int]
     oldest_open_s: float
     audit_seconds: float | None
+    oldest_unread_s: float
+    uploads_bytes: int
+    explanations: dict[str, int]
+    last_run_seconds: float | None
+    last_run_ended_s: float | None
+    active_keys: int
 
 
 def collect(connection: Connection) -> Figures:
@@ -29,6 +38,12 @@ def collect(connection: Connection) -> Figures:
         verdicts, and_(verdicts.c.loop_id == loops.c.id, verdicts.c.audit_id == loops.c.newest_audit_id)
     )
     last_run = select(func.max(audits.c.id)).where(audits.c.ended_at.is_not(None)).scalar_subquery()
+    unread = connection.scalar(
+        select(func.min(uploads.c.received_at)).where(uploads.c.state.in_(("received", "reading")))
+    )
+    ended = connection.execute(
+        select(audits.c.created_at, audits.c.ended_at).where(audits.c.id == last_run)
+    ).one_or_none()
     oldest = connection.scalar(select(func.min(audits.c.created_at)).where(audits.c.id.in_(unfinished)))
     return Figures(
         loops=connection.scalar(select(func.count()).select_from(loops)) or 0,
@@ -48,9 +63,24 @@ def collect(connection: Connection) -> Figures:
             .where(audit_items.c.audit_id == last_run, audit_items.c.state == "failed")
             .group_by(audit_items.c.code),
         ),
-        oldest_open_s=0.0 if oldest is None else (now() - oldest).total_seconds(),
+        oldest_open_s=_age_s(oldest),
+        oldest_unread_s=_age_s(unread),
+        uploads_bytes=int(connection.scalar(select(func.sum(uploads.c.size_bytes))) or 0),
+        explanations=_counts(connection, select(explanations.c.state, func.count()).group_by(explanations.c.state)),
+        last_run_seconds=None if ended is None else (ended[1] - ended[0]).total_seconds(),
+        last_run_ended_s=None if ended is None else ended[1].timestamp(),
+        active_keys=_active_keys(connection),
         audit_seconds=connection.scalar(select(func.avg(verdicts.c.elapsed_s)).select_from(newest)),
     )
+
+
+def _age_s(moment: datetime | None) -> float:
+    return 0.0 if moment is None else max(0.0, (now() - moment).total_seconds())
+
+
+def _active_keys(connection: Connection) -> int:
+    good = keys.c.revoked_at.is_(None) & (keys.c.expires_at.is_(None) | (keys.c.expires_at > now()))
+    return connection.scalar(select(func.count()).select_from(keys).where(good)) or 0
 
 
 def _counts(connection: Connection, query: object) -> dict[str, int]:

@@ -204,6 +204,7 @@ verdict_details = Table(
     Column("loop_id", Id, ForeignKey("loops.id", ondelete="CASCADE"), primary_key=True),
     Column("audit_id", Id, ForeignKey("audits.id", ondelete="CASCADE"), primary_key=True),
     Column("packed", LargeBinary, nullable=False),
+    Index("ix_verdict_details_audit", "audit_id"),
 )
 
 newest_rows = Table(

@@ -1,0 +1,85 @@
+"""`loopaudit doctor`, `backup` and `restore`: upkeep of an installation."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from app.cli.configuration import load_settings
+from app.cli.messages import ExitCode, say, stdout_console
+
+if TYPE_CHECKING:
+    from app.services.doctor import Check
+
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON object a line.")]
+
+
+def doctor(as_json: AsJson = False) -> None:
+    """Look over this installation: each thing that was looked at, what was found, and what to do about it.
+
+    Exit code 0: nothing is wrong (warnings may be there); 1: something is.
+
+    [bold]Examples[/bold]
+
+      loopaudit doctor
+
+      LOOPAUDIT_DATABASE_URL=postgresql+psycopg://... LOOPAUDIT_BROKER_URL=redis://... loopaudit doctor --json
+    """
+    from app.services.doctor import examine
+
+    checks = examine(load_settings())
+    if as_json:
+        for check in checks:
+            typer.echo(json.dumps(vars(check)))
+    else:
+        show(checks)
+    unwell = any(check.state == "problem" for check in checks)
+    raise typer.Exit(ExitCode.SOME_FAILED if unwell else ExitCode.DONE)
+
+
+def show(checks: "list[Check]") -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    colours = {"ok": "green", "warning": "yellow", "problem": "bold red"}
+    table = Table("Check", "State", "Found", "Advice")
+    for check in checks:
+        state = Text(check.state, style=colours[check.state])
+        table.add_row(Text(check.name), state, Text(check.found), Text(check.advice))
+    stdout_console().print(table)
+
+
+def backup(folder: Annotated[Path, typer.Argument(help="A new folder for the backup.")]) -> None:
+    """Copy the data base as it is now, and the exports, into a new folder. The service may go on meanwhile.
+
+    SQLite by its online backup; PostgreSQL by pg_dump, which must be installed.
+
+    [bold]Examples[/bold]
+
+      loopaudit backup /srv/backup/loopaudit-$(date +%F)
+    """
+    from app.services.backup import backup as keep
+
+    done = keep(load_settings(), folder)
+    say(f"loopaudit: {done.folder} holds {done.files} files, {done.bytes} bytes, tables of version {done.schema}")
+    raise typer.Exit(ExitCode.DONE)
+
+
+def restore(
+    folder: Annotated[Path, typer.Argument(help="Folder of a backup.")],
+    force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
+) -> None:
+    """Bring a backup back. Stop the service first. Tables of an older version are brought to this one's.
+
+    Keys come back as they were: revoke again what was revoked since.
+
+    [bold]Examples[/bold]
+
+      loopaudit restore /srv/backup/loopaudit-2026-11-21
+    """
+    from app.services.backup import restore as bring_back
+
+    done = bring_back(load_settings(), folder, force=force)
+    say(f"loopaudit: restored {done.files} files, {done.bytes} bytes; the tables have version {done.schema}")
+    raise typer.Exit(ExitCode.DONE)

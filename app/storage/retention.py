@@ -1,0 +1,93 @@
+"""What is old: dropped in small batches, each its own short statement, so that nobody waits behind them."""
+
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import ColumnElement, Connection, delete, exists, func, select, tuple_
+
+from app.storage.tables import audits, explanations, loops, series, sessions, trail, uploads, verdict_details, verdicts
+from app.storage.types import now
+
+NS_PER_S = 1_000_000_000
+ENDED = ("done", "partial", "cancelled")
+
+
+def drop_series(connection: Connection, kept_h: float, batch: int) -> int:
+    """Stretches that ended so long before the newest sample of their loop: an archive sent late stays whole."""
+    kept_ns = int(kept_h * 3600) * NS_PER_S
+    old = (
+        select(series.c.id)
+        .join(loops, loops.c.id == series.c.loop_id)
+        .where(series.c.end_ns < loops.c.newest_ns - kept_ns)
+        .limit(batch)
+    )
+    return connection.execute(delete(series).where(series.c.id.in_(old))).rowcount
+
+
+def drop_details(connection: Connection, before: datetime, batch: int) -> int:
+    """Details of verdicts of runs that ended before; those of a loop's newest verdict stay."""
+    return _drop_of_runs(connection, verdict_details, before, batch)
+
+
+def drop_verdicts(connection: Connection, before: datetime, batch: int) -> int:
+    """Verdicts of runs that ended before, then the runs that have none left; a loop's newest verdict stays."""
+    dropped = _drop_of_runs(connection, verdict_details, before, batch) or _drop_of_runs(
+        connection, verdicts, before, batch
+    )
+    if dropped:
+        return dropped
+    empty = (
+        select(audits.c.id)
+        .where(_ended_before(before), ~exists().where(verdicts.c.audit_id == audits.c.id))
+        .order_by(audits.c.id)
+        .limit(1)  # with it go its items, one a loop of the plant
+    )
+    return connection.execute(delete(audits).where(audits.c.id.in_(empty))).rowcount
+
+
+def drop_explanations(connection: Connection, before: datetime, batch: int) -> int:
+    old = (
+        select(explanations.c.id)
+        .where(explanations.c.state.in_(("done", "failed")), explanations.c.ended_at < before)
+        .limit(batch)
+    )
+    return connection.execute(delete(explanations).where(explanations.c.id.in_(old))).rowcount
+
+
+def drop_trail(connection: Connection, before: datetime, batch: int) -> int:
+    old = select(trail.c.id).where(trail.c.at < before).order_by(trail.c.at).limit(batch)
+    return connection.execute(delete(trail).where(trail.c.id.in_(old))).rowcount
+
+
+def drop_sessions(connection: Connection, batch: int) -> int:
+    old = select(sessions.c.token_hash).where(sessions.c.expires_at < now()).limit(batch)
+    return connection.execute(delete(sessions).where(sessions.c.token_hash.in_(old))).rowcount
+
+
+def fingerprints_to_keep(connection: Connection, before: datetime | None) -> set[str]:
+    """Of uploads whose bytes are still needed: not read yet, or received since; None: of all."""
+    query = select(uploads.c.fingerprint)
+    if before is not None:
+        query = query.where(uploads.c.state.in_(("received", "reading")) | (uploads.c.received_at >= before))
+    return set(connection.scalars(query))
+
+
+def last_done(connection: Connection, action: str) -> datetime | None:
+    """When the schedule last did this to the end."""
+    return connection.scalar(select(func.max(trail.c.at)).where(trail.c.action == action, trail.c.outcome == "done"))
+
+
+def _drop_of_runs(connection: Connection, table: Any, before: datetime, batch: int) -> int:
+    old = (
+        select(table.c.loop_id, table.c.audit_id)
+        .join(audits, audits.c.id == table.c.audit_id)
+        .join(loops, loops.c.id == table.c.loop_id)
+        .where(_ended_before(before), loops.c.newest_audit_id.is_distinct_from(table.c.audit_id))
+        .limit(batch)
+    )
+    result = connection.execute(delete(table).where(tuple_(table.c.loop_id, table.c.audit_id).in_(old)))
+    return result.rowcount
+
+
+def _ended_before(before: datetime) -> ColumnElement[bool]:
+    return audits.c.state.in_(ENDED) & (audits.c.ended_at < before)

@@ -1,0 +1,341 @@
+"""Upkeep on both data bases: what is old goes, backups come back, the doctor sees what is wrong."""
+
+import json
+import os
+import shutil
+import time
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+from sqlalchemy import func, insert, select, update
+
+from app.errors import RequestError
+from app.services import backup as backups
+from app.services import doctor, keys, retention, trail, uploads
+from app.services.audits import get_audit, start_audit
+from app.services.backend import Backend
+from app.services.chunks import audit_chunk
+from app.services.identity import COMMAND_LINE, Role
+from app.services.loops import loop_health, verdict_history
+from app.services.operations import sweep
+from app.services.reading import read_upload
+from app.settings import Settings
+from app.storage import schema, tables
+from app.storage.tables import metadata
+
+EXPORT = b"DateTime,FIC1.PV,FIC1.OP,FIC1.SP\n" + b"".join(
+    f"2026-01-01T{k // 60:02d}:{k % 60:02d}:00Z,{50 + (k % 40) / 20 + k % 3 * 0.1},{40 + k % 40},50\n".encode()
+    for k in range(400)
+)
+
+
+def count(backend: Backend, table: str) -> int:
+    with backend.database.read() as connection:
+        return connection.scalar(select(func.count()).select_from(metadata.tables[table])) or 0
+
+
+def contents(backend: Backend) -> dict[str, list[tuple]]:
+    with backend.database.read() as connection:
+        return {
+            name: [tuple(row) for row in connection.execute(table.select().order_by(*table.primary_key.columns))]
+            for name, table in metadata.tables.items()
+        }
+
+
+@pytest.fixture
+def plant(backend: Backend, warm_kernels: None) -> Backend:
+    """One loop, read from an upload and audited twice; a key; the trail of both."""
+    with uploads.receive(backend, filename="plant.csv") as receiving:
+        receiving.write(EXPORT)
+        receipt = receiving.commit()
+    read_upload(backend, int(receipt.upload.id), owner="test")
+    for _ in range(2):
+        run = start_audit(backend)
+        audit_chunk(backend, int(run.id), "test")
+        assert get_audit(backend, run.id).state == "done"
+    keys.create_key(backend, "me", Role.admin, lifetime=None)
+    return backend
+
+
+def aged(backend: Backend, days: float) -> None:
+    """As if everything had happened that long ago."""
+    ago = datetime.now(UTC) - timedelta(days=days)
+    with backend.database.write() as connection:
+        connection.execute(update(tables.audits).values(ended_at=ago, created_at=ago))
+        connection.execute(update(tables.trail).values(at=ago))
+        connection.execute(update(tables.uploads).values(received_at=ago, ended_at=ago))
+    for file in backend.settings.uploads_dir.iterdir():
+        os.utime(file, (time.time() - 86400 * days,) * 2)
+
+
+def with_settings(backend: Backend, **changes: object) -> Backend:
+    return Backend(backend.settings.model_copy(update=changes), backend.database, backend.queue)
+
+
+# Retention
+
+
+def test_what_is_young_stays(plant):
+    before = {name: count(plant, name) for name in ("series", "verdicts", "verdict_details", "audits", "uploads")}
+    retention.retain(plant)
+    assert {name: count(plant, name) for name in before} == before
+    assert list(plant.settings.uploads_dir.iterdir())
+
+
+def test_old_verdicts_go_and_the_newest_of_a_loop_stays(plant):
+    newest = loop_health(plant, "FIC1")
+    aged(plant, 100_000)
+    dropped = retention.retain(plant)
+    assert dropped["details"] == 1
+    assert dropped["verdicts"] >= 1
+    assert [row["audit_id"] for row in verdict_history(plant, "FIC1").rows] == [newest["audit_id"]]
+    assert loop_health(plant, "FIC1") == newest
+    assert count(plant, "audits") == 1
+    assert count(plant, "verdict_details") == 1
+
+
+def test_details_go_before_their_verdicts(plant):
+    aged(plant, plant.settings.keep_details_days + 1)
+    retention.retain(plant)
+    assert (count(plant, "verdicts"), count(plant, "verdict_details")) == (2, 1)
+
+
+def test_series_go_by_the_time_before_the_newest_sample_of_their_loop(plant):
+    kept = with_settings(plant, keep_series_days=7, window_h=24)
+    with plant.database.write() as connection:
+        old = connection.execute(select(tables.series)).mappings().one()
+        day_ns = 86_400_000_000_000
+        for days in (8, 6):
+            moved = {"start_ns": old["start_ns"] - days * day_ns, "end_ns": old["end_ns"] - days * day_ns}
+            values = {name: value for name, value in old.items() if name != "id"} | moved
+            connection.execute(insert(tables.series).values(values | {"fingerprint": str(days)}))
+    assert retention.retain(kept)["series"] == 1
+    with plant.database.read() as connection:
+        assert set(connection.scalars(select(tables.series.c.fingerprint))) == {old["fingerprint"], "6"}
+
+
+def test_exports_that_were_read_go_and_those_to_be_read_stay(plant):
+    with uploads.receive(plant, filename="waiting.csv") as receiving:
+        receiving.write(EXPORT + b"2026-01-02T00:00:00Z,1,2,3\n")
+        waiting = receiving.commit().upload.fingerprint
+    orphan = plant.settings.uploads_dir / ("0" * 64)
+    orphan.write_bytes(b"of no upload")
+    aged(plant, 400)
+    assert retention.retain(plant)["files"] == 2
+    assert [file.name for file in plant.settings.uploads_dir.iterdir()] == [waiting]
+    assert count(plant, "uploads") == 2
+
+
+def test_nought_days_keep_for_ever(plant):
+    names = ("series", "details", "verdicts", "explanations", "trail", "uploads")
+    for_ever = with_settings(plant, **{f"keep_{name}_days": 0 for name in names})
+    aged(plant, 100_000)
+    before = {name: count(plant, name) for name in ("series", "verdicts", "verdict_details", "audits", "trail")}
+    retention.retain(for_ever)
+    assert {name: count(plant, name) for name in before} == before | {"trail": before["trail"] + 1}  # itself
+    assert list(plant.settings.uploads_dir.iterdir())
+
+
+def test_it_runs_once_a_night_in_batches_and_stands_in_the_trail(plant):
+    aged(plant, 100_000)
+    assert retention.retain_if_due(plant) is not None
+    assert retention.retain_if_due(plant) is None
+    assert retention.retain_if_due(plant, datetime.now(UTC) + timedelta(days=1)) is not None
+    row = trail.list_trail(plant, action=retention.ACTION).rows[-1]
+    assert (row.who, row.outcome, row.detail["details"]) == ("schedule", "done", 1)
+
+
+def test_without_time_left_the_rest_waits_for_the_next_sweep(plant):
+    aged(plant, 100_000)
+    assert "files" not in retention.retain(plant, budget_s=-1)
+    assert not trail.list_trail(plant, action=retention.ACTION).rows
+
+
+def test_the_sweeper_does_it(plant):
+    aged(plant, 100_000)
+    sweep(plant)
+    assert count(plant, "audits") == 1
+
+
+# Backup and restore
+
+
+@pytest.fixture(autouse=True)
+def _programs(request: pytest.FixtureRequest) -> None:
+    """Backups of PostgreSQL need its client programs."""
+    if "backup" in request.node.name and "postgresql" in request.node.name and shutil.which("pg_dump") is None:
+        pytest.skip("no pg_dump on this machine")
+
+
+def test_a_backup_comes_back_whole(plant, tmp_path):
+    before = contents(plant)
+    report = backups.backup(plant.settings, tmp_path / "kept" / "monday")
+    assert (report.files, report.schema) == (2, schema.newest_revision())
+    assert (tmp_path / "kept" / "monday").stat().st_mode & 0o077 == 0
+    with plant.database.write() as connection:
+        for table in reversed(metadata.sorted_tables):
+            connection.execute(table.delete())
+    shutil.rmtree(plant.settings.uploads_dir)
+    plant.database.close()
+    backups.restore(plant.settings, tmp_path / "kept" / "monday")
+    again = Backend.open(plant.settings)
+    try:
+        assert contents(again) == before
+        assert (again.settings.uploads_dir / before["uploads"][0][2]).read_bytes() == EXPORT
+        run = start_audit(again)
+        audit_chunk(again, int(run.id), "test")
+        assert get_audit(again, run.id).state == "done"
+    finally:
+        again.close()
+
+
+def test_a_backup_is_made_while_others_write(plant, tmp_path):
+    import threading
+
+    stop, written = threading.Event(), []
+
+    def write() -> None:
+        while not stop.is_set():
+            trail.record(plant, COMMAND_LINE, "test.write", str(len(written)), "done")
+            written.append(len(written))
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    try:
+        time.sleep(0.2)
+        backups.backup(plant.settings, tmp_path / "kept")
+    finally:
+        stop.set()
+        writer.join()
+    plant.database.close()
+    backups.restore(plant.settings, tmp_path / "kept", force=True)
+    again = Backend.open(plant.settings)
+    try:
+        subjects = [int(row.subject) for row in trail.list_trail(again, 100_000, action="test.write").rows]
+        assert subjects == list(range(len(subjects)))[::-1]  # one instant: no row in between is missing
+        assert 0 < len(subjects) <= len(written)
+    finally:
+        again.close()
+
+
+def test_a_plant_in_use_is_replaced_only_on_purpose(plant, tmp_path):
+    backups.backup(plant.settings, tmp_path / "kept")
+    with pytest.raises(RequestError, match="--force"):
+        backups.restore(plant.settings, tmp_path / "kept")
+    with pytest.raises(RequestError, match="there already"):
+        backups.backup(plant.settings, tmp_path / "kept")
+
+
+def test_a_backup_that_was_changed_is_refused(plant, tmp_path):
+    folder = tmp_path / "kept"
+    backups.backup(plant.settings, folder)
+    file = next((folder / "uploads").iterdir())
+    file.write_bytes(file.read_bytes() + b"x")
+    with pytest.raises(RequestError, match="changed"):
+        backups.restore(plant.settings, folder, force=True)
+    with pytest.raises(RequestError, match="no backup"):
+        backups.restore(plant.settings, tmp_path, force=True)
+
+
+def test_nothing_is_left_of_a_backup_that_failed(plant, tmp_path, monkeypatch):
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(backups, "_copy_uploads", full)
+    with pytest.raises(OSError, match="No space"):
+        backups.backup(plant.settings, tmp_path / "there" / "kept")
+    assert not list((tmp_path / "there").iterdir())
+
+
+def test_no_password_is_told_where_it_goes_wrong(tmp_path):
+    settings = Settings(data_dir=tmp_path, database_url="postgresql+psycopg://who:hunter2@127.0.0.1:1/none")
+    with pytest.raises(Exception) as raised:  # noqa: PT011 - of whatever kind
+        backups.backup(settings, tmp_path / "kept")
+    assert "hunter2" not in str(raised.value)
+
+
+# Doctor
+
+
+def states(checks: list[doctor.Check]) -> dict[str, str]:
+    return {check.name: check.state for check in checks}
+
+
+def test_a_sound_installation_has_no_problem(plant):
+    plant.settings.data_dir.chmod(0o700)
+    found = states(doctor.examine(plant.settings))
+    assert found.keys() >= {
+        "data folder", "disk", "kernel cache", "settings", "SQLite", "data base", "tables", "integrity", "clock",
+        "workers", "open work", "keys", "broker",
+    }  # fmt: skip
+    assert "problem" not in found.values()
+    assert found["data folder"] == "ok"
+
+
+def test_each_thing_that_is_wrong_is_named_with_advice(plant):
+    settings = plant.settings.model_copy(update={"allow_open": True, "broker_url": "redis://127.0.0.1:1/0"})
+    plant.settings.data_dir.chmod(0o755)
+    start_audit(plant)
+    with plant.database.write() as connection:
+        connection.execute(update(tables.audits).values(created_at=datetime.now(UTC) - timedelta(days=2)))
+        connection.execute(update(tables.keys).values(expires_at=datetime.now(UTC) + timedelta(days=2)))
+    checks = doctor.examine(settings)
+    wrong = {check.name: check.state for check in checks if check.state != "ok"}
+    wrong.pop("disk", None)
+    wrong.pop("kernel cache", None)
+    assert wrong == {
+        "data folder": "warning",
+        "settings": "warning",
+        "workers": "problem",
+        "open work": "warning",
+        "keys": "warning",
+        "broker": "problem",
+    }
+    assert all(check.advice for check in checks if check.state != "ok")
+
+
+def test_a_data_base_of_an_older_version_is_a_problem(plant):
+    schema.downgrade(plant.database, "0002")
+    try:
+        found = states(doctor.examine(plant.settings))
+        assert found["tables"] == "problem"
+    finally:
+        schema.migrate(plant.database)
+
+
+def test_a_data_base_that_is_away_is_a_problem_and_its_password_is_not_told(tmp_path):
+    settings = Settings(data_dir=tmp_path, database_url="postgresql+psycopg://who:hunter2@127.0.0.1:1/none")
+    checks = doctor.examine(settings)
+    assert states(checks)["data base"] == "problem"
+    assert "hunter2" not in str(checks)
+
+
+def test_the_command_ends_with_1_where_something_is_wrong(tmp_path, monkeypatch):
+    from typer.testing import CliRunner
+
+    from app.cli.main import cli
+
+    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path))
+    assert CliRunner().invoke(cli, ["migrate"]).exit_code == 0
+    done = CliRunner().invoke(cli, ["doctor", "--json"])
+    assert done.exit_code == 0, done.output
+    rows = [json.loads(line) for line in done.stdout.splitlines()]
+    assert {"name", "state", "found", "advice"} == set(rows[0])
+    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path / "nowhere"))
+    assert CliRunner().invoke(cli, ["doctor"]).exit_code == 1
+
+
+def test_backup_and_restore_as_commands(tmp_path, monkeypatch):
+    from typer.testing import CliRunner
+
+    from app.cli.main import cli
+
+    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path / "data"))
+    run = CliRunner()
+    assert run.invoke(cli, ["keys", "create", "me"]).exit_code == 0
+    assert run.invoke(cli, ["backup", str(tmp_path / "kept")]).exit_code == 0
+    shutil.rmtree(tmp_path / "data")
+    assert run.invoke(cli, ["restore", str(tmp_path / "kept")]).exit_code == 0
+    assert json.loads(run.invoke(cli, ["keys", "list", "--json"]).stdout)["name"] == "me"
+    assert not Path(tmp_path / "data" / ".loopaudit.db.part").exists()

@@ -1,0 +1,118 @@
+"""Data bases with rows in every table go up from each released version, down and up again, and lose nothing."""
+
+import datetime
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from alembic.script import ScriptDirectory
+from sqlalchemy import Boolean, DateTime, Float, Integer, LargeBinary, MetaData, Table, insert, inspect, select, text
+from sqlalchemy.schema import Column
+
+from app.storage import Database, schema
+
+RELEASED = ["0001"]
+ROWS = 3
+WORDS = {"state": "done", "role": "read"}
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def empty(request: pytest.FixtureRequest, tmp_path) -> Iterator[Database]:
+    """A data base without any table."""
+    if request.param == "sqlite":
+        database = Database(f"sqlite:///{tmp_path / 'plant.db'}")
+        yield database
+        database.close()
+        return
+    database = Database(request.getfixturevalue("postgres_url"))
+    schema.downgrade(database, "base")
+    yield database
+    schema.downgrade(database, "base")
+    schema.migrate(database)
+    database.close()
+
+
+def found(database: Database) -> dict[str, Table]:
+    metadata = MetaData()
+    with database.read() as connection:
+        metadata.reflect(connection)
+    return {table.name: table for table in metadata.sorted_tables if table.name != "alembic_version"}
+
+
+def value(column: Column[Any], number: int) -> object:
+    if column.foreign_keys or (column.primary_key and isinstance(column.type, Integer)):
+        return number
+    if column.name in WORDS:
+        return WORDS[column.name]
+    kinds: list[tuple[type, object]] = [
+        (Boolean, number % 2 == 0),
+        (DateTime, datetime.datetime(2026, 1, number, tzinfo=datetime.UTC)),
+        (Float, number + 0.5),
+        (Integer, number),
+        (LargeBinary, b"\x00\xff" * number),
+    ]
+    text_ = f'{{"{column.name}": {number}}}'
+    return next((made for kind, made in kinds if isinstance(column.type, kind)), text_)
+
+
+def fill(database: Database) -> None:
+    """Rows in every table that has none."""
+    for table in found(database).values():
+        with database.write() as connection:
+            if connection.execute(select(table).limit(1)).first() is None:
+                rows = [{c.name: value(c, number) for c in table.columns} for number in range(1, ROWS + 1)]
+                connection.execute(insert(table), rows)
+
+
+def rows(database: Database, like: dict[str, list[str]]) -> dict[str, list[tuple[Any, ...]]]:
+    """What the tables hold in these columns."""
+    tables = found(database)
+    with database.read() as connection:
+        return {
+            name: sorted(map(tuple, connection.execute(select(*(tables[name].c[column] for column in columns)))))
+            for name, columns in like.items()
+        }
+
+
+def columns(database: Database) -> dict[str, list[str]]:
+    return {name: [column.name for column in table.columns] for name, table in found(database).items()}
+
+
+def versions() -> list[str]:
+    script = ScriptDirectory.from_config(schema._config())
+    return [revision.revision for revision in reversed(list(script.walk_revisions()))]
+
+
+@pytest.mark.parametrize("released", RELEASED)
+def test_an_upgrade_from_a_released_version_keeps_every_row(empty: Database, released: str) -> None:
+    schema.migrate(empty, released)
+    fill(empty)
+    then = columns(empty)
+    before = rows(empty, then)
+    assert all(len(found_rows) == ROWS for found_rows in before.values())
+    schema.migrate(empty)
+    assert schema.current_revision(empty) == schema.newest_revision()
+    assert rows(empty, then) == before
+
+
+def test_each_version_goes_down_and_up_again_with_rows_in_it(empty: Database) -> None:
+    schema.migrate(empty)
+    fill(empty)
+    for older in reversed(versions()[:-1]):
+        schema.downgrade(empty, older)
+        kept = columns(empty)
+        before = rows(empty, kept)
+        schema.migrate(empty)
+        assert rows(empty, kept) == before
+        fill(empty)
+
+
+def test_a_filled_data_base_goes_down_to_nothing_and_up(empty: Database) -> None:
+    schema.migrate(empty)
+    fill(empty)
+    schema.downgrade(empty, "base")
+    with empty.read() as connection:
+        assert inspect(connection).get_table_names() == ["alembic_version"]
+        assert connection.execute(text("SELECT count(*) FROM alembic_version")).scalar() == 0
+    schema.migrate(empty)
+    fill(empty)
