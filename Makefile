@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help install browser demo test lint bench evaluate testbench prove lock clean
+.PHONY: help install browser demo test lint audit-deps bench evaluate testbench prove lock clean
 
 help:
 	@echo "make demo     set up, start the service on the embedded default, audit a demo plant, show the table"
@@ -15,6 +15,7 @@ help:
 	@echo "make testbench whole audits of simulated loops, one factor at a time (minutes; JOBS=processes)"
 	@echo "make prove    run explain blind over loops with concealed physics"
 	@echo "make lint     style and import rules"
+	@echo "make audit-deps  known holes in the pinned dependencies (needs a network)"
 	@echo "make lock     pin the dependencies anew"
 
 $(STAMP): requirements.lock pyproject.toml
@@ -47,6 +48,11 @@ lint: install
 # Each section beside its peers (SECTIONS="search audit" for some); the page keeps the figures of the others.
 POSTGRES ?= postgresql+psycopg://127.0.0.1/postgres
 REDIS ?= redis://127.0.0.1:6379/9
+audit-deps: install
+	@$(BIN)/python -c "import urllib.request; urllib.request.urlopen('https://pypi.org/pypi/pip/json', timeout=15)" 2>/dev/null \
+		|| { echo "no network: known holes are listed at pypi.org, which cannot be reached from here"; exit 1; }
+	$(BIN)/pip-audit --require-hashes --disable-pip --requirement requirements.lock
+
 bench: install
 	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-bench.lock || echo "without SIPPY: it cannot be installed here"
 	$(BIN)/loopaudit bench $(SECTIONS) --out docs/performance.json --page docs/PERFORMANCE.md --recordings $(RECORDINGS) \
@@ -58,7 +64,12 @@ RECORDINGS ?= ../shared/recordings
 evaluate: install
 	$(BIN)/python -m app.services.evaluation $(RECORDINGS) --reference $(WRITE)
 
-testbench: install
+testaudit-deps: install
+	@$(BIN)/python -c "import urllib.request; urllib.request.urlopen('https://pypi.org/pypi/pip/json', timeout=15)" 2>/dev/null \
+		|| { echo "no network: known holes are listed at pypi.org, which cannot be reached from here"; exit 1; }
+	$(BIN)/pip-audit --require-hashes --disable-pip --requirement requirements.lock
+
+bench: install
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m app.services.testbench --jobs $(or $(JOBS),1) --write docs
 
 # Blind cases with concealed physics: what explain names, what it accuses wrongly, how well it fits (COUNT=200 takes a quarter hour).

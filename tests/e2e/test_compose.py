@@ -71,7 +71,11 @@ def service(processes, recordings, ready_service, free_port, postgres_url, redis
     processes.start(command("beat"), **own["beat"])
     for _ in range(SERVICES["worker"]["deploy"]["replicas"]):
         processes.start(command("worker"), **own["worker"])
+    key = processes.run("keys", "create", "test", "--role", "admin")
+    assert key.returncode == 0, key.stderr
     with ready_service(processes, free_port) as running:
+        assert running.client.get("/v1/loops").status_code == 401
+        running.client.headers["X-API-Key"] = key.stdout.strip()
         yield running
 
 
@@ -88,10 +92,11 @@ def test_every_service_has_a_health_check_but_the_one_that_ends():
     assert SERVICES["worker"]["deploy"]["replicas"] == 2
 
 
-def test_only_loopback_reaches_what_asks_for_no_keys():
+def test_only_loopback_reaches_it_and_no_service_is_open():
     published = [port for service in SERVICES.values() for port in service.get("ports", ())]
     assert published
     assert all(port.startswith("127.0.0.1:") for port in published)
+    assert not [name for name, service in SERVICES.items() if "LOOPAUDIT_ALLOW_OPEN" in service.get("environment", {})]
 
 
 def test_the_image_copies_every_room_and_runs_as_nobody_special():

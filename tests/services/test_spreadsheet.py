@@ -8,7 +8,7 @@ import pytest
 from app.services.spreadsheet import csv_lines, safe_cell
 
 
-@pytest.mark.parametrize("text", ["=1+1", "+1", "-FIC101", "@SUM(A1)", "\t=1", "\r=1"])
+@pytest.mark.parametrize("text", ["=1+1", "+1", "-FIC101", "@SUM(A1)", "\t=1", "\r=1", "\n=1", "\uff1d1"])
 def test_a_text_that_begins_like_a_formula_gets_an_apostrophe(text):
     assert safe_cell(text) == "'" + text
 
