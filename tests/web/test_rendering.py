@@ -12,7 +12,7 @@ HOSTILE = "<script>alert(1)</script>\"'&/../%2F"
 
 
 def row(**changes) -> dict:
-    values = dict.fromkeys(ReliabilityRow.model_fields)
+    values = {name: field.get_default() for name, field in ReliabilityRow.model_fields.items()}
     values |= {"recording": "FIC1", "loop": "FIC1", "samples": 10, "verdict": "stiction", "reliability": "reliable"}
     values |= {
         "stiction_probability": 0.9,
