@@ -44,6 +44,7 @@ class UploadOut(Read):
     reject_counts: dict[str, int] = Field(description="How many rows and values were refused, by code.")
     rejects: list[RejectOut] = Field(description="The first of them, with line and reason.")
     notes: list[str] = Field(description="What was found out about the file, in words.")
+    tags: list[dict[str, Any]] = Field([], description="Which tag of the file became which signal of which loop.")
 
 
 class LoopOut(Read):
@@ -167,6 +168,33 @@ class TrailRowOut(Read):
 class TrailPage(Read):
     rows: list[TrailRowOut] = Field(description="What was done, the newest first.")
     next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
+
+
+class GroupMemberOut(Read):
+    loop: str = Field(description="Tag of the loop.")
+    unit: str | None = Field(description="Plant unit that it belongs to.")
+    stiction_probability: float | None = Field(description="Probability that its valve sticks, 0 to 1.")
+    score: float = Field(description="Log-odds of being the source: stiction, less what a late onset takes off.")
+    coherence: float = Field(description="How closely it moves in step with the likeliest source, 0 to 1.")
+    lag_s: float | None = Field(description="How long after the likeliest source PV swings, in s; null: not in step.")
+    onset: str | None = Field(description="When its oscillation began, ISO 8601, UTC; null: before the record.")
+
+
+class GroupOut(Read):
+    """Loops that oscillate together."""
+
+    id: str = Field(description="Number of the group.")
+    period_s: float = Field(description="Period of the oscillation, in seconds.")
+    in_step: bool = Field(description="Amplitude and phase wander together; false: only period and spectrum are alike.")
+    by_chance: bool = Field(description="So many loops may share a period by chance; false: they hardly do.")
+    chance_probability: float = Field(description="Probability that so many loops share a period by chance, 0 to 1.")
+    source: str | None = Field(description="The likeliest source; null where no member probably sticks.")
+    members: list[GroupMemberOut] = Field(description="The likeliest source first.")
+
+
+class GroupPage(Read):
+    rows: list[GroupOut] = Field(description="Groups in step first, the larger ones first.")
+    next_cursor: str | None = Field(description="Always null: there is one page.")
 
 
 class HealthOut(ReliabilityRow, KeyFiguresLine):

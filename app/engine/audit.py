@@ -9,12 +9,15 @@ from app.engine.audit_config import AuditConfig
 from app.engine.episodes import NO_EPISODES, Episodes, episode_reasons, find
 from app.engine.evidence import Finding, Reason
 from app.engine.fitness import Fitness, assess, with_cycles
+from app.engine.health import Health
+from app.engine.health import health as health_of
 from app.engine.judgement import Judgement
 from app.engine.key_figures import KeyFigures
 from app.engine.key_figures import compute as key_figures_of
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import Recording, UniformRecord
 from app.engine.reliability import LadderConfig, Reference, climb
+from app.engine.swing import Swing, swing_of
 from app.errors import DataError
 
 __all__ = ["Audit", "AuditConfig", "Window", "audit", "ladder_for", "newest"]
@@ -45,7 +48,8 @@ class Audit:
     below two samples. op_span: max(OP) - min(OP) in the window, unit of OP.
     oscillation, window, reference, op_span: None where the recording is not auditable.
     episodes: stretches of a long record in which the valve sticks while it does not in the rest.
-    key_figures: over the whole recording, also where it is not auditable.
+    key_figures: over the whole recording, also where it is not auditable. health: from these and the verdict.
+    swing: what is kept of a regular oscillation to compare loops by; None where there is none.
     input_fingerprint: SHA-256 of the recording's samples; config_fingerprint: of the configuration.
     """
 
@@ -60,6 +64,8 @@ class Audit:
     judgement: Judgement
     episodes: Episodes
     key_figures: KeyFigures
+    health: Health
+    swing: Swing | None
     input_fingerprint: str
     config_fingerprint: str
     engine_version: str
@@ -172,6 +178,7 @@ def _result(
     reference: Reference | None = None,
     episodes: Episodes = NO_EPISODES,
 ) -> Audit:
+    figures = key_figures_of(recording)
     return Audit(
         recording=recording.name,
         samples=recording.samples,
@@ -183,7 +190,9 @@ def _result(
         reference=reference,
         judgement=judgement,
         episodes=episodes,
-        key_figures=key_figures_of(recording),
+        key_figures=figures,
+        health=health_of(judgement, figures, oscillation),
+        swing=None if record is None or oscillation is None else swing_of(record, oscillation),
         input_fingerprint=recording.fingerprint(),
         config_fingerprint=config.fingerprint(),
         engine_version=ENGINE_VERSION,

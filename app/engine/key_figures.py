@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 
 from app.engine.fitness.signals import usable_values
+from app.engine.oscillation import autocorrelation
 from app.engine.recording import BoolArray, FloatArray, Recording
 from app.errors import DataError
 
@@ -15,6 +16,9 @@ LIMIT_BAND_SHARE = 0.005
 
 REVERSAL_SHARE = 0.02
 """A reversal counts once OP has come back by this share of its range (5th to 95th percentile): noise is no travel."""
+
+SHORTEST_FOR_RESPONSE = 100
+"""Samples below which the autocorrelation says little about how long an upset is felt."""
 
 HARRIS_TERMS = 20
 """Autoregressive terms of the minimum-variance benchmark; Desborough and Harris 1992 use 5 to 30."""
@@ -28,10 +32,14 @@ class KeyFigures:
     service_factor_pct: good samples in automatic, of all good samples; None where the mode was not recorded.
     op_saturation_pct: automatic samples with OP within 0.5 % of an end of its span; None without a known span.
     error_mean, error_std, error_abs_mean, error_abs_p95: SP - PV in the unit of PV; None without a set point.
+    error_p05, error_median, error_p95: percentiles of SP - PV, its distribution in three numbers, in the unit of PV.
+    error_abs_mean_pct_of_span: mean of abs(SP - PV) in per cent of PV's span; None without a known span.
     variability_pct: 2 std(PV) / abs(mean(PV)) in per cent; None where PV's mean is small against its spread.
     pv_std, op_std: standard deviations in the signals' units.
     op_travel_per_h: sum of abs(OP changes) an hour, in the unit of OP, changes below the reversal band left out.
     op_reversals_per_h: changes of OP's direction an hour that exceed the reversal band.
+    op_travel_pct_of_span_per_h: the travel in per cent of OP's span; None without a known span.
+    response_time_s: lag at which the autocorrelation of the control error falls below 1/e; None where it never does.
     harris_index: minimum over present variance of the control error, 0 (poor) to 1 (no better control possible).
     harris_horizon_samples: the dead time, in samples, that the index assumes.
     """
@@ -43,11 +51,17 @@ class KeyFigures:
     error_std: float | None
     error_abs_mean: float | None
     error_abs_p95: float | None
+    error_p05: float | None
+    error_median: float | None
+    error_p95: float | None
+    error_abs_mean_pct_of_span: float | None
     variability_pct: float | None
     pv_std: float | None
     op_std: float | None
     op_travel_per_h: float | None
     op_reversals_per_h: float | None
+    op_travel_pct_of_span_per_h: float | None
+    response_time_s: float | None
     harris_index: float | None
     harris_horizon_samples: int
 
@@ -75,19 +89,27 @@ def compute(recording: Recording, harris_horizon_samples: int = 5) -> KeyFigures
     controlled = recording.pv[used] if error is None or len(error) == 0 else error
     travel = _travel(recording, good)
     pv, op = recording.pv[good], recording.op[good]
+    size = None if error is None else np.abs(error)
+    low, median, high = _percentiles(error, (5.0, 50.0, 95.0))
     return KeyFigures(
         good_share_pct=100.0 * float(good.mean()) if recording.samples else 0.0,
         service_factor_pct=_share_pct(used, good) if recording.automatic is not None else None,
         op_saturation_pct=_saturation_pct(recording.op[used], recording.op_range),
         error_mean=_statistic(error, np.mean),
         error_std=_statistic(error, np.std),
-        error_abs_mean=_statistic(None if error is None else np.abs(error), np.mean),
-        error_abs_p95=_statistic(None if error is None else np.abs(error), lambda e: np.percentile(e, 95.0)),
+        error_abs_mean=_statistic(size, np.mean),
+        error_abs_p95=_percentiles(size, (95.0,))[0],
+        error_p05=low,
+        error_median=median,
+        error_p95=high,
+        error_abs_mean_pct_of_span=_pct_of_span(_statistic(size, np.mean), recording.pv_range),
         variability_pct=_variability_pct(pv),
         pv_std=_statistic(pv, np.std),
         op_std=_statistic(op, np.std),
         op_travel_per_h=None if travel is None else travel[0],
         op_reversals_per_h=None if travel is None else travel[1],
+        op_travel_pct_of_span_per_h=_pct_of_span(None if travel is None else travel[0], recording.op_range),
+        response_time_s=_response_time_s(controlled, recording.time_s),
         harris_index=_harris_index(controlled, harris_horizon_samples),
         harris_horizon_samples=harris_horizon_samples,
     )
@@ -99,6 +121,27 @@ def _share_pct(part: BoolArray, whole: BoolArray) -> float | None:
 
 def _statistic(values: FloatArray | None, function: Callable[[FloatArray], float]) -> float | None:
     return None if values is None or len(values) == 0 else float(function(values))
+
+
+def _percentiles(values: FloatArray | None, wanted: tuple[float, ...]) -> list[float | None]:
+    if values is None or len(values) == 0:
+        return [None] * len(wanted)
+    return [float(value) for value in np.percentile(values, wanted)]
+
+
+def _pct_of_span(value: float | None, span: tuple[float, float] | None) -> float | None:
+    return None if value is None or span is None or span[1] <= span[0] else 100.0 * value / (span[1] - span[0])
+
+
+def _response_time_s(error: FloatArray, time_s: FloatArray) -> float | None:
+    """How long an upset is felt: where the autocorrelation of the error (N,) first falls below 1/e.
+
+    Gaps are closed up, so that a record with long gaps gives a value that is too short.
+    """
+    if len(error) < SHORTEST_FOR_RESPONSE or np.ptp(error) == 0.0:
+        return None
+    below = np.flatnonzero(autocorrelation(error) < np.exp(-1.0))
+    return None if len(below) == 0 else float(below[0] * np.median(np.diff(time_s)))
 
 
 def _saturation_pct(op: FloatArray, op_range: tuple[float, float] | None) -> float | None:

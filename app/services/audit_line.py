@@ -104,6 +104,12 @@ class AuditFields(BaseModel):
     elapsed_s: float = Field(description="Time that the audit took, in seconds.")
     oscillation_period_s: float | None = Field(description="Period of the loop's oscillation in seconds; null: none.")
     oscillation_regularity: float | None = Field(description="Regularity of the oscillation; above 1 it is regular.")
+    oscillation_strength: float | None = Field(
+        None, description="Strength of the oscillation: how far it repeats itself after a period, 0 to 1."
+    )
+    health: float | None = Field(
+        None, description="Health of the loop, 0 to 100; what each part takes off is in health_parts."
+    )
     filled_share: float | None = Field(description="Share of the audited samples that were interpolated, 0 to 1.")
     rival_winner: str | None = Field(
         None, description="The explanation that wins, stiction among them; null where none stands out."
@@ -128,9 +134,19 @@ class AuditFields(BaseModel):
     config_fingerprint: str = Field(description="SHA-256 of the configuration of the audit.")
 
 
+class HealthPartLine(BaseModel):
+    """What one aspect takes off the health of a loop."""
+
+    code: str = Field(description="stiction, oscillation, service, saturation, tracking or data.")
+    weight: float = Field(description="What it can take off at most; the weights are 100 together.")
+    lost: float = Field(description="What it takes off.")
+    text: str = Field(description="What was seen.")
+
+
 class AuditLine(AuditFields):
     """One audited recording: a line of `audit --format jsonl`."""
 
+    health_parts: list[HealthPartLine] = Field(description="What the health number is made of.")
     reasons: list[ReasonLine] = Field(description="Why, the weightiest first.")
     hammerstein: HammersteinLine = Field(description="The published identification.")
     rivals: list[RivalLine] = Field(default=[], description="Stiction and its rival explanations, the winner first.")
@@ -142,6 +158,9 @@ class AuditLine(AuditFields):
 class ReliabilityRow(AuditFields):
     """One loop in the per-loop reliability table: the audit line, flat, with where and when."""
 
+    health_parts: str | None = Field(
+        None, description="What takes how much off the health: `stiction 38.0;oscillation 12.1`."
+    )
     unit: str | None = Field(description="Plant unit that the loop belongs to.")
     window_start: str | None = Field(description="First audited sample, ISO 8601, UTC.")
     window_end: str | None = Field(description="Last audited sample, ISO 8601, UTC.")
@@ -180,11 +199,23 @@ class KeyFiguresLine(BaseModel):
     error_std: float | None = Field(None, description="Standard deviation of SP - PV, in the unit of PV.")
     error_abs_mean: float | None = Field(None, description="Mean of abs(SP - PV), in the unit of PV.")
     error_abs_p95: float | None = Field(None, description="95th percentile of abs(SP - PV), in the unit of PV.")
+    error_p05: float | None = Field(None, description="5th percentile of SP - PV, in the unit of PV.")
+    error_median: float | None = Field(None, description="Median of SP - PV, in the unit of PV.")
+    error_p95: float | None = Field(None, description="95th percentile of SP - PV, in the unit of PV.")
+    error_abs_mean_pct_of_span: float | None = Field(
+        None, description="Mean of abs(SP - PV), per cent of PV's span; null: no span."
+    )
     variability_pct: float | None = Field(None, description="2 std(PV) over abs(mean(PV)), per cent.")
     pv_std: float | None = Field(None, description="Standard deviation of PV, in its unit.")
     op_std: float | None = Field(None, description="Standard deviation of OP, in its unit.")
     op_travel_per_h: float | None = Field(None, description="Travel of OP an hour, in the unit of OP.")
     op_reversals_per_h: float | None = Field(None, description="Changes of OP's direction an hour.")
+    op_travel_pct_of_span_per_h: float | None = Field(
+        None, description="Travel of OP an hour, per cent of its span; null: no span."
+    )
+    response_time_s: float | None = Field(
+        None, description="Lag at which the autocorrelation of the control error falls below 1/e, in seconds."
+    )
     harris_index: float | None = Field(
         None, description="Minimum over present variance of the control error, 0 (poor) to 1; no measure between loops."
     )
@@ -223,6 +254,9 @@ def audit_line(audit: Audit, elapsed_s: float, loop: str | None = None) -> dict[
         elapsed_s=round(elapsed_s, 6),
         oscillation_period_s=None if oscillation is None else _number(oscillation.period_s),
         oscillation_regularity=None if oscillation is None else _number(oscillation.regularity),
+        oscillation_strength=None if oscillation is None else _number(oscillation.strength),
+        health=audit.health.value,
+        health_parts=[HealthPartLine(**vars(part)) for part in audit.health.parts],
         window_start_s=None if window is None else window.start_s,
         window_end_s=None if window is None else window.end_s,
         filled_share=audit.fitness.filled_share,
@@ -265,6 +299,7 @@ def reliability_row(
         episode_start=newest["start"],
         episode_end=newest["end"],
         episode_probability=newest["probability"],
+        health_parts=";".join(f"{p['code']} {p['lost']:.1f}" for p in line["health_parts"] if p["lost"] > 0.0),
         reasons=";".join(reason["code"] for reason in reasons),
         reasons_text=". ".join(reason["text"] for reason in reasons),
     ).model_dump(mode="json")
@@ -290,6 +325,7 @@ def detail(audit: Audit) -> dict[str, Any]:
         "findings": [_finding(finding) for finding in audit.fitness.findings],
         "window": None if audit.window is None else vars(audit.window),
         "key_figures": _scalars(vars(audit.key_figures)),
+        "health": [vars(part) for part in audit.health.parts],
         "oscillation": None if audit.oscillation is None else _scalars(vars(audit.oscillation)),
         "rivals": [_rival(rival).model_dump() for rival in audit.judgement.rivals],
         "episodes": [_episode(episode).model_dump() for episode in audit.episodes.found],

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from app.errors import LoopauditError
-from app.ingest import Export, IngestOptions, LoopSamples, Rejects, TagMapping, read_export
+from app.ingest import Export, IngestOptions, LoopSamples, LoopTags, Rejects, TagMapping, read_export
 from app.services.backend import Backend
 from app.services.heartbeat import Heartbeat
 from app.services.uploads import path_of
@@ -16,6 +16,7 @@ from app.storage.series import Stretch
 from app.storage.uploads import ReadingClaim, RejectRow, UploadRow
 
 BATCH_LOOPS = 200
+LISTED_LOOPS = 20_000
 BATCH_VALUES = 2_000_000
 
 
@@ -72,8 +73,13 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
         "samples_added": added,
         "reject_counts": dict(refused.counts),
         "notes": list(summary.notes),
+        "tags": [_tags(loop) for loop in summary.loops[:LISTED_LOOPS]],
     }
     return Read(told, refused)
+
+
+def _tags(loop: LoopTags) -> dict[str, Any]:
+    return {"loop": loop.loop, "pv": loop.pv, "op": loop.op, "sp": loop.sp, "mode": loop.mode, "others": loop.others}
 
 
 def _options(backend: Backend, reading: dict[str, Any]) -> IngestOptions:

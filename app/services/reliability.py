@@ -17,7 +17,7 @@ from app.storage.verdicts import SORTABLE, After, RowFilter, SentRow
 MOST_ROWS = 20_000
 ANYTHING: tuple[type, ...] = (object,)
 
-__all__ = ["RowFilter", "plant_summary", "reliability_json", "reliability_page", "sortable"]
+__all__ = ["RowFilter", "checked", "plant_summary", "reliability_json", "reliability_page", "sortable"]
 
 
 def sortable() -> tuple[str, ...]:
@@ -33,7 +33,7 @@ def reliability_page(
     filters: RowFilter | None = None,
 ) -> Page[dict[str, Any]]:
     """One row a loop, its newest verdict. `sort`: a name of `sortable()`, `-name` for descending; unknowns last."""
-    name = _checked(limit, sort)
+    name = checked(limit, sort)
     with backend.database.read() as connection:
         after = _after(cursor, sort)
         rows = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), after)
@@ -55,7 +55,7 @@ def reliability_json(
     if filters.audit_id is not None:
         page = reliability_page(backend, limit, cursor, sort, filters)
         return _body((compact(row) for row in page.rows), page.next_cursor)
-    name = _checked(limit, sort)
+    name = checked(limit, sort)
     with backend.database.read() as connection:
         after = _after(cursor, sort)
         rows = verdicts.sent_rows(connection, limit + 1, name, sort.startswith("-"), filters, after, FORM)
@@ -90,7 +90,7 @@ def plant_summary(backend: Backend) -> PlantSummary:
     )
 
 
-def _checked(limit: int, sort: str) -> str:
+def checked(limit: int, sort: str) -> str:
     """The name to sort by, of an order that there is."""
     if not 1 <= limit <= MOST_ROWS:
         raise RequestError("bad_limit", f"limit must be from 1 to {MOST_ROWS}, got {limit}")

@@ -46,6 +46,7 @@ class UploadView:
     reject_counts: dict[str, int]
     rejects: list[RejectView]
     notes: list[str]
+    tags: list[dict[str, Any]] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -172,3 +173,69 @@ class TrailView:
     outcome: str
     request_id: str | None
     detail: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class GroupMember:
+    """A loop of a group. `score`: log-odds of being the source; `lag_s`: after the likeliest source, None: not told."""
+
+    loop: str
+    unit: str | None
+    stiction_probability: float | None
+    score: float
+    coherence: float
+    lag_s: float | None
+    onset: str | None
+
+
+@dataclass(frozen=True)
+class GroupView:
+    """Loops that oscillate together, the likeliest source first. `source` is None where no member probably sticks.
+
+    `by_chance`: so many loops may share a period without having anything to do with each other.
+    """
+
+    id: str
+    period_s: float
+    in_step: bool
+    by_chance: bool
+    chance_probability: float
+    source: str | None
+    members: list[GroupMember]
+
+
+@dataclass(frozen=True)
+class NoteView:
+    """What people wrote about a loop; `repaired_at` parts its verdicts into before and after."""
+
+    id: str
+    written_at: str
+    written_by: str
+    text: str
+    work_order: str
+    repaired_at: str | None
+
+
+@dataclass(frozen=True)
+class ChangeView:
+    """A loop whose verdict is another one than before. `why`: the method, the data or the loop changed."""
+
+    loop: str
+    unit: str | None
+    kind: Literal["new", "cured", "flipped"]
+    before: str | None
+    now: str
+    why: Literal["first", "method", "data", "loop"]
+    reasons_text: str
+    health: float | None
+
+
+@dataclass(frozen=True)
+class UnitView:
+    """A plant unit: its loops by verdict, its mean health weighted by importance, and the sum of importances."""
+
+    unit: str | None
+    loops: int
+    verdicts: dict[str, int]
+    health: float | None
+    importance: float

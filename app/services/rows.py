@@ -6,6 +6,7 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from app.engine.audit import Audit
+from app.services import swings
 from app.services.audit_line import ReliabilityRow, audit_line, detail, iso_utc, reliability_row
 from app.storage.tables import verdicts
 from app.storage.verdicts import NewVerdict, pack_detail
@@ -45,7 +46,8 @@ def new_verdict(
     told = {**detail(audit), "reasons": line["reasons"], "episodes": line["episodes"]}
     stored = columns | extra | {"tag": audit.recording, "audit_id": audit_id}
     columns["extra_json"] = compact({**extra, KEY_FIGURES: told[KEY_FIGURES]})
-    return NewVerdict(loop_id, audit_id, columns, pack_detail(told), fixed_part(as_row(stored)), FORM)
+    swing = None if audit.swing is None else swings.as_json(audit.swing, origin.timestamp())
+    return NewVerdict(loop_id, audit_id, columns, pack_detail(told), fixed_part(as_row(stored)), FORM, swing)
 
 
 def dated(line: dict[str, Any], origin: datetime) -> dict[str, Any]:

@@ -43,7 +43,7 @@ def _thinned(tag: str, samples: Samples, points: int) -> TrendView:
     shown = [samples.signals.get(name) for name in ("pv", "op", "sp")]
     kept = np.arange(n) if n <= points else extremes([s for s in shown if s is not None], n, points)
     time = [iso_utc(moment_of(int(t))) or "" for t in samples.time_ns[kept]]
-    pv, op, sp = (None if signal is None else _numbers(signal[kept]) for signal in shown)
+    pv, op, sp = (None if signal is None else numbers(signal[kept]) for signal in shown)
     missing: list[float | None] = [None] * len(kept)
     return TrendView(tag, n, time, pv or missing, op or missing, sp)
 
@@ -64,7 +64,7 @@ def extremes(signals: list[FloatArray], n: int, points: int) -> NDArray[np.int64
     return np.unique(np.concatenate(found))
 
 
-def _numbers(values: FloatArray) -> list[float | None]:
+def numbers(values: FloatArray) -> list[float | None]:
     return [None if np.isnan(value) else float(value) for value in values]
 
 

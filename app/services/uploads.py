@@ -132,6 +132,23 @@ def receive_file(backend: Backend, path: Path, reading: ReadingOptions | None = 
         return receiving.commit()
 
 
+def read_again(backend: Backend, upload_id: str, mapping: bytes, received_by: str | None = None) -> Receipt:
+    """The bytes of an upload once more, with its tags mapped as `mapping` (CSV or JSON) says: an upload of its own."""
+    with backend.database.read() as connection:
+        row = uploads.by_id(connection, identifier(upload_id, "upload"))
+    if row is None:
+        raise NotFoundError("unknown_upload", f"there is no upload {upload_id!r}")
+    path = path_of(backend, row.fingerprint)
+    if not path.is_file():
+        raise NotFoundError("bytes_gone", "the file of this upload is no longer kept; send it again with its mapping")
+    reading = ReadingOptions(json.loads(row.reading_json).get("time_zone"), mapping)
+    with receive(backend, filename=row.filename, reading=reading, received_by=received_by) as receiving:
+        with path.open("rb") as file:
+            while part := file.read(COPY_BYTES):
+                receiving.write(part)
+        return receiving.commit()
+
+
 def get_upload(backend: Backend, upload_id: str) -> UploadView:
     with backend.database.read() as connection:
         row = uploads.by_id(connection, identifier(upload_id, "upload"))
@@ -174,4 +191,5 @@ def _view(row: UploadRow, found: list[str], refused: list[RejectView]) -> Upload
         reject_counts=summary.get("reject_counts", {}),
         rejects=refused,
         notes=summary.get("notes", []),
+        tags=summary.get("tags", []),
     )

@@ -16,6 +16,48 @@ RELIABILITY_WORDS = {
     "not_reliable": "the evidence disagrees; look before you act",
 }
 
+RELIABILITY_SHORT = {"reliable": "yes", "not_reliable": "look first"}
+
+CAUSE_WORDS = {
+    "stiction": "the valve sticks",
+    "external_oscillation": "shaken from outside",
+    "disturbance": "disturbances",
+    "tuning_or_sinusoidal_disturbance": "tight tuning, or a sine from outside",
+    "set_point_following": "follows its set point",
+    "no_oscillation": "does not oscillate",
+    "saturated_op": "OP at its limit",
+    "op_at_limits": "OP at its limit",
+    "quantised_sensor": "coarse sensor",
+    "stuck_valve_or_dead_transmitter": "PV never moves: stuck valve or dead transmitter",
+    "controller_not_acting": "OP never moves: controller not acting",
+    "not_in_automatic": "not in automatic",
+    "sampled_too_slowly": "sampled too slowly",
+    "data": "too little usable data",
+}
+
+CHANGE_WORDS = {"new": "newly said to stick", "cured": "no longer sticks", "flipped": "verdict changed"}
+WHY_WORDS = {
+    "first": "first verdict",
+    "method": "the method changed (engine or settings)",
+    "data": "the record changed (gaps, length or sampling)",
+    "loop": "the loop behaves differently",
+}
+
+STATE_WORDS = {
+    "planned": "planned",
+    "running": "running",
+    "done": "done",
+    "partial": "done, some loops failed",
+    "cancelled": "cancelled",
+    "received": "received, waits to be read",
+    "reading": "being read",
+    "failed": "failed",
+}
+
+
+def cause_words(code: str | None) -> str:
+    return "not known" if code is None else CAUSE_WORDS.get(code, code.replace("_", " "))
+
 
 def worst_first(lines: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     """Sticky valves first, the surest of them at the top; loops without a complaint last; ties by name."""

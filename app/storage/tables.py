@@ -194,6 +194,9 @@ verdicts = Table(
     Column("hammerstein_rmse_without_stiction", Float),
     Column("hammerstein_search_space", Text),
     Column("hammerstein_widenings", Integer),
+    Column("oscillation_strength", Float),
+    Column("health", Float),
+    Column("health_parts", Text),
     Column("extra_json", Text, nullable=False, server_default="{}"),  # fields of a row without a column of their own
     Index("ix_verdicts_audit", "audit_id"),
 )
@@ -213,6 +216,7 @@ newest_rows = Table(
     Column("loop_id", Id, ForeignKey("loops.id", ondelete="CASCADE"), primary_key=True),
     Column("audit_id", Id, nullable=False),
     Column("form", Text, nullable=False),  # which fields the row has, and how they are written
+    Column("swing_json", Text),  # what is kept of an oscillation, to compare loops by
     Column("row_json", Text, nullable=False),  # a row of the reliability table without what its loop says of itself
 )
 

@@ -18,6 +18,7 @@ SORTABLE = {column.name: column for column in ROW} | {
     "unit": loops.c.unit,
     "type": loops.c.type,
     "importance": loops.c.importance,
+    "priority": (loops.c.importance * (100.0 - verdicts.c.health)).label("priority"),
 }
 ASKED_OF_LOOPS = frozenset(("loop", "unit", "type", "importance", "search"))
 LONGEST_DETAIL = 64 << 20
@@ -60,6 +61,7 @@ class NewVerdict:
     detail: bytes
     row_json: str
     form: str
+    swing_json: str | None = None
 
 
 @dataclass(frozen=True)
@@ -97,10 +99,11 @@ def _keep_rows(connection: Connection, new: Sequence[NewVerdict]) -> None:
     keeping = insert_for(connection, newest_rows)
     keeping = keeping.on_conflict_do_update(
         index_elements=["loop_id"],
-        set_={name: keeping.excluded[name] for name in ("audit_id", "form", "row_json")},
+        set_={name: keeping.excluded[name] for name in ("audit_id", "form", "row_json", "swing_json")},
         where=keeping.excluded.audit_id >= newest_rows.c.audit_id,
     )
-    rows = [{"loop_id": v.loop_id, "audit_id": v.audit_id, "form": v.form, "row_json": v.row_json} for v in new]
+    kept = ("loop_id", "audit_id", "form", "row_json", "swing_json")
+    rows = [{name: getattr(v, name) for name in kept} for v in new]
     connection.execute(keeping, sorted(rows, key=lambda row: row["loop_id"]))
 
 
@@ -172,6 +175,28 @@ def history(connection: Connection, loop_id: int, limit: int, before_audit: int 
     return [_dict(row) for row in connection.execute(query).mappings()]
 
 
+def input_of(connection: Connection, loop_id: int, audit_id: int) -> Any:
+    """What was given to the engine and what it used of it; None without such a verdict."""
+    columns = [verdicts.c[name] for name in ("input_start_ns", "input_end_ns", "window_start", "window_end")]
+    mine = (verdicts.c.loop_id == loop_id, verdicts.c.audit_id == audit_id)
+    return connection.execute(select(*columns).where(*mine)).one_or_none()
+
+
+def swings(connection: Connection) -> list[Any]:
+    """What is kept of the oscillations of all loops whose newest verdict saw one."""
+    newest_one = and_(newest_rows.c.loop_id == loops.c.id, newest_rows.c.audit_id == loops.c.newest_audit_id)
+    judged = and_(verdicts.c.loop_id == loops.c.id, verdicts.c.audit_id == loops.c.newest_audit_id)
+    query = select(loops.c.tag, loops.c.unit, verdicts.c.stiction_probability, newest_rows.c.swing_json)
+    query = query.select_from(loops.join(newest_rows, newest_one).join(verdicts, judged))
+    return list(connection.execute(query.where(newest_rows.c.swing_json.is_not(None)).order_by(loops.c.tag)))
+
+
+def newest_state(connection: Connection) -> tuple[Any, ...]:
+    """Changes whenever a loop gets a newer verdict."""
+    query = select(func.max(loops.c.newest_audit_id), func.sum(loops.c.newest_audit_id), func.count())
+    return tuple(connection.execute(query).one())
+
+
 def detail(connection: Connection, loop_id: int, audit_id: int) -> dict[str, Any] | None:
     query = select(verdict_details.c.packed)
     packed = connection.scalar(
@@ -197,7 +222,8 @@ def _rows(wanted: RowFilter) -> Select[Any]:
 
 
 def _select() -> Select[Any]:
-    return select(loops.c.tag, loops.c.unit, loops.c.type, loops.c.importance, verdicts.c.extra_json, *ROW)
+    of_loop = [SORTABLE[name] for name in ("unit", "type", "importance", "priority")]
+    return select(loops.c.tag, *of_loop, verdicts.c.extra_json, *ROW)
 
 
 def _newest_of_loops() -> Any:

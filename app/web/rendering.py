@@ -4,15 +4,26 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+import plotly
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
 from app.services.identity import Identity, Role, current
-from app.services.wording import RELIABILITY_WORDS, VERDICT_WORDS
+from app.services.wording import (
+    CHANGE_WORDS,
+    RELIABILITY_SHORT,
+    RELIABILITY_WORDS,
+    STATE_WORDS,
+    VERDICT_WORDS,
+    WHY_WORDS,
+    cause_words,
+)
 
 HERE = Path(__file__).parent
 STATIC = HERE / "static"
+CHARTS = Path(plotly.__file__).parent / "package_data" / "plotly.min.js"
+SIGNALS = ("pv", "op", "sp", "mode")
 
 
 def figure(value: float | None, digits: int) -> str:
@@ -35,6 +46,31 @@ def first_reasons(text: str, count: int = 2) -> str:
     return ". ".join(sentences[:count]) + (" ..." if len(sentences) > count else "")
 
 
+def words(code: str) -> str:
+    return code.replace("_", " ")
+
+
+def shown(value: Any) -> str:
+    """A figure of a verdict, whatever it is."""
+    if value is None:
+        return "–"
+    return f"{value:.3g}" if isinstance(value, float) else words(str(value))
+
+
+def other_way(sort: str) -> str:
+    return sort.removeprefix("-") if sort.startswith("-") else f"-{sort}"
+
+
+def as_tags(loops: list[dict[str, Any]]) -> list[tuple[str, str, str]]:
+    """(tag, loop, signal) of what an upload was understood to hold."""
+    return [
+        (tag, loop["loop"], name.upper() if name in SIGNALS else "OTHER")
+        for loop in loops
+        for name, tag in [*((n, loop.get(n)) for n in SIGNALS), *(("other", other) for other in loop["others"])]
+        if tag
+    ]
+
+
 def environment() -> Environment:
     templates = Environment(loader=FileSystemLoader(HERE / "templates"), autoescape=True, undefined=StrictUndefined)
     templates.filters |= {
@@ -42,8 +78,15 @@ def environment() -> Environment:
         "tag_in_url": tag_in_url,
         "short_time": short_time,
         "first_reasons": first_reasons,
+        "cause_words": cause_words,
+        "words": words,
+        "shown": shown,
+        "other_way": other_way,
+        "as_tags": as_tags,
     }
     templates.globals |= {"verdict_words": VERDICT_WORDS, "reliability_words": RELIABILITY_WORDS}
+    templates.globals |= {"reliability_short": RELIABILITY_SHORT, "state_words": STATE_WORDS}
+    templates.globals |= {"change_words": CHANGE_WORDS, "why_words": WHY_WORDS}
     templates.globals |= {"csrf_field": csrf_field, "csrf_token": csrf_token, "may": may, "logged_in": logged_in}
     return templates
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 
 from app.engine.key_figures import compute
 from app.engine.recording import Recording
@@ -68,3 +69,30 @@ def test_travel_scales_with_op_and_ignores_its_zero(scale, offset, seed):
     one, other = compute(recording(op)), compute(recording(scale * op + offset))
     assert other.op_travel_per_h == pytest.approx(scale * one.op_travel_per_h, rel=1e-6)
     assert other.op_reversals_per_h == one.op_reversals_per_h
+
+
+def test_the_distribution_of_the_control_error():
+    n = 1000
+    error = np.linspace(-1.0, 3.0, n)
+    figures = compute(
+        Recording("x", np.arange(n, dtype=float), -error, np.zeros(n), sp=np.zeros(n), pv_range=(0.0, 50.0))
+    )
+    assert figures.error_p05 == pytest.approx(-0.8, abs=0.01)
+    assert figures.error_median == pytest.approx(1.0, abs=0.01)
+    assert figures.error_p95 == pytest.approx(2.8, abs=0.01)
+    assert figures.error_abs_mean_pct_of_span == pytest.approx(100 * figures.error_abs_mean / 50.0)
+
+
+def test_an_upset_of_a_first_order_loop_is_felt_for_its_time_constant():
+    """An autoregression with pole exp(-Ts/tau) has the autocorrelation exp(-t/tau): 1/e at tau."""
+    rng = np.random.default_rng(3)
+    error = lfilter([1.0], [1.0, -np.exp(-2.0 / 60.0)], rng.normal(size=40_000))
+    figures = compute(Recording("x", 2.0 * np.arange(40_000), -error, np.zeros(40_000), sp=np.zeros(40_000)))
+    assert figures.response_time_s == pytest.approx(60.0, rel=0.15)
+
+
+def test_travel_in_per_cent_of_the_span():
+    op = np.tile([40.0, 60.0], 500)
+    figures = compute(Recording("x", np.arange(1000.0), np.zeros(1000), op, op_range=(0.0, 200.0)))
+    assert figures.op_travel_pct_of_span_per_h == pytest.approx(figures.op_travel_per_h / 2.0)
+    assert compute(Recording("x", np.arange(1000.0), np.zeros(1000), op)).op_travel_pct_of_span_per_h is None

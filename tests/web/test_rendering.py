@@ -1,14 +1,11 @@
-"""Pages show what a plant sends as text, never as markup."""
-
-from html.parser import HTMLParser
+"""What templates call: numbers, times and words for people."""
 
 import pytest
 
 from app.services.audit_line import ReliabilityRow
 from app.services.wording import worst_first
-from app.web.rendering import figure, first_reasons, page, short_time, tag_in_url
-
-HOSTILE = "<script>alert(1)</script>\"'&/../%2F"
+from app.web.columns import query_without
+from app.web.rendering import as_tags, cause_words, figure, first_reasons, other_way, short_time, shown
 
 
 def row(**changes) -> dict:
@@ -23,44 +20,6 @@ def row(**changes) -> dict:
     }
     values |= {"input_fingerprint": "f", "config_fingerprint": "f"}
     return ReliabilityRow(**(values | changes)).model_dump(mode="json")
-
-
-class Tags(HTMLParser):
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.scripts, self.texts, self.links = [], [], []
-        self.feed(html)
-
-    def handle_starttag(self, tag, attributes):
-        if tag == "script":
-            self.scripts.append(dict(attributes))
-        if tag == "a":
-            self.links.append(dict(attributes)["href"])
-
-    def handle_data(self, data):
-        self.texts.append(data)
-
-
-def plant(rows) -> str:
-    return page("plant.html", rows=rows, tiles=[], more=False).body.decode()
-
-
-def test_hostile_names_stay_text():
-    found = Tags(plant([row(loop=HOSTILE, unit=HOSTILE, reasons_text=HOSTILE)]))
-    assert found.scripts == [{"src": "/static/plant.js", "defer": None}]
-    assert found.texts.count(HOSTILE) == 3
-    assert f"/loops/{tag_in_url(HOSTILE)}" in found.links
-
-
-def test_a_curve_cannot_break_out_of_its_block():
-    curve = {"d": ["</script><script>x"], "rmse": [1], "best": 0}
-    html = page("loop.html", tag=HOSTILE, row=None, rmse=curve, explanation=None).body.decode()
-    sources = [script.get("src") for script in Tags(html).scripts]
-    assert sources == [None, "/static/plotly.min.js", "/static/loop.js", "/static/explanation.js"]
-
-
-def test_an_empty_plant_says_what_to_do():
-    assert "loopaudit upload FILE" in plant([])
 
 
 @pytest.mark.parametrize(("value", "digits", "text"), [(None, 2, "–"), (0.126, 2, "0.13"), (3.0, 0, "3")])
@@ -87,3 +46,29 @@ def test_the_surest_sticky_valve_comes_first_and_what_is_fine_last():
 def test_the_table_shows_the_weightiest_reasons_only():
     assert first_reasons("A (0.72). B. C") == "A (0.72). B ..."
     assert first_reasons("A. B") == "A. B"
+
+
+@pytest.mark.parametrize(("value", "text"), [(None, "–"), (0.12345, "0.123"), ("no_stiction", "no stiction"), (3, "3")])
+def test_any_figure_is_shown(value, text):
+    assert shown(value) == text
+
+
+def test_a_second_click_turns_the_order_round():
+    assert other_way("health") == "-health"
+    assert other_way("-health") == "health"
+
+
+def test_addresses_keep_what_was_chosen_and_leave_out_what_is_empty():
+    told = {"search": "a&b", "unit": "", "column": ["unit", "health"], "sort": "loop"}
+    assert query_without(told) == "search=a%26b&column=unit&column=health&sort=loop"
+    assert query_without(told, "column", sort="-health") == "search=a%26b&sort=-health"
+
+
+def test_tags_of_an_upload_are_listed_with_their_loop_and_signal():
+    loop = {"loop": "FIC1", "pv": "FIC1.PV", "op": None, "sp": "S", "mode": None, "others": ["FIC1.X"]}
+    assert as_tags([loop]) == [("FIC1.PV", "FIC1", "PV"), ("S", "FIC1", "SP"), ("FIC1.X", "FIC1", "OTHER")]
+
+
+def test_causes_without_words_are_still_readable():
+    assert cause_words("a_new_cause") == "a new cause"
+    assert cause_words(None) == "not known"

@@ -1,15 +1,9 @@
 // The charts of an explanation: recording and simulations with the located windows, residuals against their trigger.
 "use strict";
 (() => {
-  const INK = "#1c2530", GRID = "#dde3ea", MARK = "#f2b233";
-  const COLOURS = { recording: INK, given: "#8a97a5", refitted: "#b3261e", explained: "#0b6fb8" };
+  const MARK = "#f2b233";
+  const COLOURS = { recording: paint("--ink"), given: "#8a97a5", refitted: paint("--op"), explained: paint("--pv") };
   const POLL_MS = 2000;
-  const axis = (title) => ({ title: { text: title }, gridcolor: GRID, zeroline: false });
-  const layout = (extra) => ({
-    margin: { l: 60, r: 20, t: 10, b: 60 }, paper_bgcolor: "#fff", plot_bgcolor: "#fff",
-    font: { family: "system-ui, sans-serif", size: 13, color: INK }, legend: { orientation: "h", y: 1.1 }, ...extra,
-  });
-  const options = { responsive: true, displaylogo: false };
 
   const band = (from, to, look) => ({ type: "rect", xref: "x", yref: "paper", x0: from, x1: to, y0: 0, y1: 1, layer: "below", ...look });
 

@@ -1,47 +1,66 @@
-// The charts of one loop: its trend, and how well each stiction band explains it.
+// The charts of one loop.
 "use strict";
-const INK = "#1c2530", PV = "#0b5394", SP = "#8a5a00", OP = "#b3261e", GRID = "#dde3ea";
-const axis = (title) => ({ title: { text: title }, gridcolor: GRID, zeroline: false });
-const layout = (extra) => ({
-  margin: { l: 60, r: 20, t: 10, b: 45 }, paper_bgcolor: "#fff", plot_bgcolor: "#fff",
-  font: { family: "system-ui, sans-serif", size: 13, color: INK }, legend: { orientation: "h", y: 1.08 }, ...extra,
-});
-const options = { responsive: true, displaylogo: false };
+const line = (x, y, name, colour, more) => ({ x, y, name, type: "scatter", mode: "lines", line: { color: paint(colour), width: 1.4 }, ...more });
 
-const tell = (chart, text) => { chart.textContent = text; };
-
-async function load(chart) {
-  const answer = await fetch(chart.dataset.url, { headers: { Accept: "application/json" } });
-  if (!answer.ok) throw new Error(`the service answered ${answer.status}`);
-  return answer.json();
-}
-
-async function drawTrend(chart) {
-  const trend = await load(chart);
+function drawTrend({ trend, window: shown, valve }) {
+  if (!trend) return draw("trend", null, {}, "No samples of the audited stretch are kept.");
   const x = trend.time;
-  if (!x.length) return tell(chart, "No samples are kept for this loop.");
-  const traces = [
-    { x, y: trend.pv, name: "PV", line: { color: PV, width: 1.3 }, yaxis: "y2" },
-    { x, y: trend.op, name: "OP", line: { color: OP, width: 1.3 }, yaxis: "y" },
-  ];
-  if (trend.sp) traces.splice(1, 0, { x, y: trend.sp, name: "SP", line: { color: SP, width: 1.3, dash: "dash" }, yaxis: "y2" });
-  for (const trace of traces) Object.assign(trace, { type: "scatter", mode: "lines" });
-  Plotly.newPlot(chart, traces, layout({
-    height: 480, xaxis: axis("time, UTC"), hovermode: "x",
-    yaxis: { ...axis("OP"), domain: [0, 0.46] }, yaxis2: { ...axis("PV and SP"), domain: [0.54, 1] },
-  }), options);
+  const traces = [line(x, trend.pv, "PV", "--pv", { yaxis: "y2" }), line(x, trend.op, "OP", "--op")];
+  if (trend.sp) traces.splice(1, 0, line(x, trend.sp, "SP", "--sp", { yaxis: "y2" }));
+  if (trend.valve) traces.push(line(x, trend.valve, "valve, estimated", "--valve"));
+  if (valve) document.getElementById("valve-note").textContent = `The valve's position is estimated with S ${valve.S.toPrecision(3)} and J ${valve.J.toPrecision(3)} (units of OP).`;
+  const shapes = shown ? [{ type: "rect", xref: "x", yref: "paper", x0: shown[0], x1: shown[1], y0: 0, y1: 1, fillcolor: paint("--link"), opacity: 0.06, line: { width: 0 }, layer: "below" }] : [];
+  draw("trend", traces, {
+    height: 480, xaxis: axis("time, UTC"), hovermode: "x", shapes,
+    yaxis: axis("OP", { domain: [0, 0.46] }), yaxis2: axis("PV and SP", { domain: [0.54, 1] }),
+  });
 }
 
-function drawRmse(chart) {
-  const { d, rmse, best } = JSON.parse(document.getElementById("rmse-data").textContent);
-  const marker = { x: [d[best]], y: [rmse[best]], name: "chosen", mode: "markers", marker: { size: 11, color: OP } };
-  const curve = { x: d, y: rmse, name: "RMSE", mode: "lines+markers", line: { color: PV }, marker: { size: 5 } };
-  Plotly.newPlot(chart, [curve, marker], layout({
-    height: 320, xaxis: axis("stiction band d, units of OP"), yaxis: axis("RMSE, units of PV"),
-  }), options);
+function drawRmse({ rmse_d: curve, rmse_sj: surface }) {
+  const notIdentified = "The published identification was not needed for this verdict.";
+  draw("rmse-d", curve && [
+    line(curve.d, curve.rmse, "RMSE", "--pv", { mode: "lines+markers", marker: { size: 5 } }),
+    { x: [curve.d[curve.best]], y: [curve.rmse[curve.best]], name: "chosen", mode: "markers", marker: { size: 11, color: paint("--op") } },
+  ], { height: 320, xaxis: axis("d, units of OP"), yaxis: axis("RMSE, units of PV") }, notIdentified);
+  draw("rmse-sj", surface && [
+    { x: surface.S, y: surface.J, mode: "markers", name: "RMSE", text: surface.rmse.map((v) => `RMSE ${v}`), marker: { size: 12, symbol: "square", color: surface.rmse, colorscale: "Viridis", showscale: true, colorbar: { title: { text: "RMSE" } } } },
+    { x: [surface.S[surface.best]], y: [surface.J[surface.best]], name: "chosen", mode: "markers", marker: { size: 16, symbol: "circle-open", color: paint("--op"), line: { width: 3 } } },
+  ], { height: 320, showlegend: false, xaxis: axis("S, units of OP"), yaxis: axis("J, units of OP") }, notIdentified);
 }
 
-const trendChart = document.getElementById("trend");
-if (trendChart) drawTrend(trendChart).catch((error) => tell(trendChart, `The trend could not be loaded: ${error.message}.`));
-const rmseChart = document.getElementById("rmse");
-if (rmseChart) drawRmse(rmseChart);
+function drawSpectra({ spectra }) {
+  if (!spectra) return draw("spectra", null, {}, "There is no spectrum of this record.");
+  const x = spectra.frequency_hz;
+  const marked = spectra.pv_amplitude.map((value, i) => (spectra.significant[i] ? value : null));
+  draw("spectra", [
+    line(x, spectra.op_amplitude, "OP", "--op"), line(x, spectra.pv_amplitude, "PV", "--pv"),
+    line(x, spectra.threshold_amplitude, "threshold", "--muted", { line: { color: paint("--muted"), width: 1, dash: "dot" } }),
+    { x, y: marked, name: "Ysig", mode: "markers", marker: { size: 8, color: paint("--sp") } },
+  ], { height: 340, xaxis: axis("frequency, Hz", { type: "log", exponentformat: "power" }), yaxis: axis("amplitude, scaled") });
+}
+
+function drawRest({ pv_op: path, errors }) {
+  draw("pv-op", path && [line(path.op, path.pv, "PV over OP", "--pv", { line: { color: paint("--pv"), width: 0.8 } })],
+    { height: 320, showlegend: false, xaxis: axis("OP"), yaxis: axis("PV") }, "No samples of the audited stretch are kept.");
+  draw("errors", errors && [{ x: errors.middle, y: errors.share_pct, type: "bar", name: "share", marker: { color: paint("--pv") } }],
+    { height: 320, showlegend: false, bargap: 0.05, xaxis: axis("SP - PV, units of PV"), yaxis: axis("% of the samples") }, "No set point was recorded.");
+}
+
+function drawHistory() {
+  const rows = [...document.querySelectorAll("#history-rows tr")].reverse();
+  const x = rows.map((row) => row.dataset.at);
+  const values = (name, factor) => rows.map((row) => (row.dataset[name] ? factor * Number(row.dataset[name]) : null));
+  draw("history", rows.length > 1 && [
+    line(x, values("probability", 100), "probability of stiction, %", "--op", { mode: "lines+markers" }),
+    line(x, values("health", 1), "health", "--good", { mode: "lines+markers" }),
+  ], { height: 220, xaxis: axis(""), yaxis: axis("", { range: [-3, 103] }) }, "One verdict so far: there is no course yet.");
+}
+
+const charts = document.getElementById("charts");
+drawHistory();
+if (charts) {
+  load(charts.dataset.url).then((told) => {
+    drawTrend(told); drawRmse(told); drawSpectra(told); drawRest(told);
+    charts.dataset.drawn = "yes";
+  }).catch((error) => { for (const chart of charts.querySelectorAll(".chart")) tell(chart, `The charts could not be loaded: ${error.message}.`); });
+}

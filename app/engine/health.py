@@ -1,0 +1,102 @@
+"""One number for how a loop does, and what it is made of: nothing is taken off without a part that says so."""
+
+from dataclasses import dataclass
+
+from app.engine.judgement import Judgement
+from app.engine.key_figures import KeyFigures
+from app.engine.oscillation import Oscillation
+
+WEIGHTS = {"stiction": 40.0, "oscillation": 20.0, "service": 15.0, "saturation": 10.0, "tracking": 10.0, "data": 5.0}
+"""What each part can take off at most; together 100. Chosen, not fitted: what costs a plant most weighs most."""
+
+UNSURE = 0.6
+"""A verdict that cannot be relied on takes off this share of what a reliable one would."""
+
+NOT_JUDGED = 0.5
+"""A valve that could not be judged is neither good nor bad: half is taken off, and the part says why."""
+
+FULL_SATURATION_PCT = 50.0
+FULL_ERROR_PCT = 5.0
+
+
+@dataclass(frozen=True)
+class HealthPart:
+    """What one aspect takes off. lost: 0..weight points. text: what was seen."""
+
+    code: str
+    weight: float
+    lost: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Health:
+    """100 (nothing to complain about) less what each part takes off. parts: in the order of WEIGHTS."""
+
+    value: float
+    parts: tuple[HealthPart, ...]
+
+
+def health(judgement: Judgement, figures: KeyFigures, oscillation: Oscillation | None) -> Health:
+    """The health of a loop, 0..100, from its verdict, its key figures and its oscillation.
+
+    Stiction counts by its probability, a verdict without reliability for 60 % of it; a valve that could not be judged
+    loses half of the weight. Oscillation counts by its strength where it is regular; time out of automatic, time of OP
+    at a limit (50 % of the time is full), mean control error (5 % of PV's span is full) and missing samples in
+    proportion. A figure that is not known takes nothing off, and says so. Misleads where a loop is meant to swing
+    (averaging level control) or to be in manual.
+    """
+    parts = (
+        _stiction(judgement),
+        _oscillation(oscillation),
+        _service(figures.service_factor_pct),
+        _saturation(figures.op_saturation_pct),
+        _tracking(figures.error_abs_mean_pct_of_span),
+        _data(figures.good_share_pct),
+    )
+    return Health(round(100.0 - sum(part.lost for part in parts), 1), parts)
+
+
+def _part(code: str, share: float, text: str) -> HealthPart:
+    weight = WEIGHTS[code]
+    return HealthPart(code, weight, round(weight * min(max(share, 0.0), 1.0), 1), text)
+
+
+def _stiction(judgement: Judgement) -> HealthPart:
+    probability = judgement.stiction_probability
+    if probability is None:
+        return _part("stiction", NOT_JUDGED, "the valve could not be judged")
+    if judgement.reliability == "reliable":
+        return _part("stiction", probability, f"probability of stiction {probability:.2f}")
+    return _part("stiction", UNSURE * probability, f"probability of stiction {probability:.2f}, not reliable")
+
+
+def _oscillation(oscillation: Oscillation | None) -> HealthPart:
+    if oscillation is None:
+        return _part("oscillation", 0.0, "oscillation not evaluated")
+    if not oscillation.regular:
+        return _part("oscillation", 0.0, "no regular oscillation")
+    text = f"oscillates with a period of {oscillation.period_s:.0f} s, strength {oscillation.strength:.2f}"
+    return _part("oscillation", oscillation.strength, text)
+
+
+def _service(service_pct: float | None) -> HealthPart:
+    if service_pct is None:
+        return _part("service", 0.0, "the mode was not recorded")
+    return _part("service", 1.0 - service_pct / 100.0, f"in automatic for {service_pct:.0f} % of the time")
+
+
+def _saturation(saturation_pct: float | None) -> HealthPart:
+    if saturation_pct is None:
+        return _part("saturation", 0.0, "the span of OP is not known")
+    return _part("saturation", saturation_pct / FULL_SATURATION_PCT, f"OP at a limit for {saturation_pct:.0f} %")
+
+
+def _tracking(error_pct: float | None) -> HealthPart:
+    if error_pct is None:
+        return _part("tracking", 0.0, "set point or span of PV not known")
+    return _part("tracking", error_pct / FULL_ERROR_PCT, f"mean control error {error_pct:.2g} % of the span of PV")
+
+
+def _data(good_pct: float) -> HealthPart:
+    return _part("data", 1.0 - good_pct / 100.0, f"{good_pct:.0f} % of the samples are good")

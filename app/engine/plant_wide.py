@@ -1,0 +1,288 @@
+"""Loops that oscillate together, and which of them is likeliest to shake the others."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.special import pdtrc
+
+from app.engine.recording import BoolArray, FloatArray
+from app.engine.swing import BAND_EDGES_HZ, ComplexArray, Swing
+
+IN_STEP = 0.7
+"""Coherence from which two loops count as shaken by the same thing: chance reaches it in about one pair of a thousand
+(17 lines under a Hann window have some 11 independent ones; (1 - 0.49)^10)."""
+
+CHANCE = 0.01
+"""A group counts as shown where chance would bring so many loops together with less than this probability."""
+
+ALIKE = 0.8
+"""Likeness of the spectra from which loops of the same unit and period are grouped though they are not in step."""
+
+FEWEST_CYCLES = 10.0
+"""Below so many cycles everything regular looks in step with everything of about its period."""
+
+GRID = 512
+_LARGEST = 4000
+_ONSET_RISE = 0.35
+_ONSET_WEIGHT = 1.5
+_NOTHING_STICKS = 0.5
+_LEAST_SPREAD = float(np.log(20.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """An oscillating loop. stiction_probability: 0..1, or None where it was not judged. unit: plant unit, or None."""
+
+    tag: str
+    swing: Swing
+    stiction_probability: float | None
+    unit: str | None = None
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A member of a group, as a possible source.
+
+    score: log-odds of stiction, less what a late onset takes off; the greatest is the likeliest source.
+    onset_s: when its oscillation began on the common clock, or None where it swings from the start of the record.
+    coherence: with the likeliest source, 0..1; 0 where their records do not overlap.
+    lag_s: how long after the likeliest source its PV swings, within half a period to either side; None where the two
+    are not in step. It says nothing on which one shakes which: a loop may answer a slow upset ahead of it.
+    """
+
+    tag: str
+    stiction_probability: float | None
+    score: float
+    onset_s: float | None
+    coherence: float
+    lag_s: float | None
+
+
+@dataclass(frozen=True)
+class Group:
+    """Loops that oscillate together, the likeliest source first.
+
+    in_step: amplitude and phase wander together; False: same unit, period and spectrum.
+    chance_probability: that so many of the candidates share a period by chance, if periods are spread evenly (in their
+    logarithm) over what the candidates have, at least a factor of 20. Pairs among many loops mostly are chance.
+    source: tag of the likeliest source; None where no member is likelier to stick than not: the source is then
+    outside of the loops that were judged.
+    """
+
+    period_s: float
+    in_step: bool
+    chance_probability: float
+    suspects: tuple[Suspect, ...]
+
+    @property
+    def by_chance(self) -> bool:
+        return not self.in_step or self.chance_probability > CHANCE
+
+    @property
+    def source(self) -> str | None:
+        best = self.suspects[0]
+        return best.tag if (best.stiction_probability or 0.0) > _NOTHING_STICKS else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Waves:
+    """Narrow-band PV of every candidate on one grid of times: values (M, GRID) complex, zero outside of its record."""
+
+    time_s: FloatArray
+    values: ComplexArray
+    inside: BoolArray
+
+    def coherence(self, one: int, others: BoolArray) -> ComplexArray:
+        """Normalised inner product of `one` with `others` over the times that both have; abs: coherence, angle: lag."""
+        rows = self.values[others]
+        both = self.inside[others] & self.inside[one]
+        product = rows.conj() @ self.values[one]
+        norm = np.sqrt(_power(rows, both) * _power(self.values[one][None, :], both))
+        return np.divide(product, norm, out=np.zeros_like(product), where=norm > 0.0)
+
+
+@dataclass(eq=False)
+class _Free:
+    """Which candidates have no group yet."""
+
+    left: BoolArray
+    groups: list[tuple[bool, list[int]]] = field(default_factory=list)
+
+    def take(self, members: list[int], in_step: bool) -> None:
+        self.left[members] = False
+        self.groups.append((in_step, members))
+
+
+def groups(candidates: Sequence[Candidate]) -> tuple[Group, ...]:
+    """Groups of two or more candidates; those that are no chance first, those in step first, the larger ones first.
+
+    Two passes, the strongest oscillation as the seed each time. First: the same period (within 5 % and the resolution
+    of the record) and coherence with the seed of 0.7 or more in the narrow band about it. Then, of what is left: the
+    same unit, the same period (within 3 % and resolution) and spectra alike from a third of the frequency upwards.
+    Cost: M x GRID complex numbers, and M products of that length; of more than 4,000 candidates the strongest are
+    taken, and none of fewer than ten cycles. Misleads on pairs of pure sines: two periods that a record cannot tell
+    apart are in step as far as it shows.
+    Sources: Thornhill, Shah, Huang, Vishnubhotla 2002, Control Eng. Practice 10, 1247-1258,
+    doi 10.1016/S0967-0661(02)00090-5 (spectra alike); Thornhill 2005, J. Process Control 15, 309-324,
+    doi 10.1016/j.jprocont.2004.06.005 (the source is where nonlinearity is strongest).
+    """
+    enough = [c for c in candidates if c.swing.cycles >= FEWEST_CYCLES]
+    chosen = sorted(enough, key=lambda c: (-c.swing.strength * min(c.swing.regularity, 3.0), c.tag))[:_LARGEST]
+    if len(chosen) < 2:
+        return ()
+    waves = _waves([c.swing for c in chosen])
+    free = _Free(np.ones(len(chosen), dtype=np.bool_))
+    _gather_in_step(chosen, waves, free)
+    _gather_alike(chosen, free)
+    found = [_group(chosen, waves, members, in_step) for in_step, members in free.groups]
+    return tuple(sorted(found, key=lambda g: (g.by_chance, not g.in_step, -len(g.suspects), g.suspects[0].tag)))
+
+
+def _gather_in_step(chosen: Sequence[Candidate], waves: _Waves, free: _Free) -> None:
+    period, slack = _periods(chosen, 0.05, 1.5)
+    for seed in range(len(chosen)):
+        if not free.left[seed]:
+            continue
+        near = free.left & (np.abs(np.log(period / period[seed])) <= np.maximum(slack, slack[seed]))
+        near[seed] = False
+        if near.any():
+            coherent = np.flatnonzero(near)[np.abs(waves.coherence(seed, near)) >= IN_STEP]
+            if len(coherent):
+                free.take([seed, *coherent.tolist()], in_step=True)
+
+
+def _gather_alike(chosen: Sequence[Candidate], free: _Free) -> None:
+    period, slack = _periods(chosen, 0.03, 0.75)
+    units = np.array([c.unit or "" for c in chosen])
+    bands = np.array([c.swing.bands for c in chosen])
+    for seed in range(len(chosen)):
+        if not free.left[seed]:
+            continue
+        near = free.left & (np.abs(np.log(period / period[seed])) <= np.maximum(slack, slack[seed]))
+        near &= units == units[seed]
+        near[seed] = False
+        alike = np.flatnonzero(near)[likeness(bands[seed], bands[near], period[seed]) >= ALIKE]
+        if len(alike):
+            free.take([seed, *alike.tolist()], in_step=False)
+
+
+def likeness(one: FloatArray, others: FloatArray, period_s: float) -> FloatArray:
+    """Cosine between band amplitudes one (B,) and others (M, B), from a third of the frequency of `period_s` upwards.
+
+    What drifts more slowly than that does not count. Returns (M,), 0..1.
+    """
+    counted = BAND_EDGES_HZ[1:] >= 1.0 / (3.0 * period_s)
+    one, others = one[counted], others[:, counted]
+    norm = np.linalg.norm(one) * np.linalg.norm(others, axis=1)
+    return np.divide(others @ one, norm, out=np.zeros(len(others)), where=norm > 0.0)
+
+
+def _periods(chosen: Sequence[Candidate], tolerance: float, lines: float) -> tuple[FloatArray, FloatArray]:
+    """Periods, and how far apart (as a ratio) they may be: a tolerance and so many lines of the spectrum."""
+    period = np.array([c.swing.period_s for c in chosen])
+    return period, np.array([tolerance + lines / c.swing.cycles for c in chosen])
+
+
+def _waves(swings: Sequence[Swing]) -> _Waves:
+    first = min(s.start_s for s in swings)
+    time_s = np.linspace(first, max(s.start_s + s.length_s for s in swings), GRID, endpoint=False)
+    values = np.zeros((len(swings), GRID), dtype=np.complex64)
+    inside = np.zeros((len(swings), GRID), dtype=np.bool_)
+    for row, swing in enumerate(swings):
+        inside[row] = (time_s >= swing.start_s) & (time_s < swing.start_s + swing.length_s)
+        values[row, inside[row]] = _wave(swing, time_s[inside[row]])
+    return _Waves(time_s, values, inside)
+
+
+def _wave(swing: Swing, time_s: FloatArray) -> ComplexArray:
+    """Narrow-band PV (n,) of a swing at times (n,): the sum of its lines."""
+    turn = np.exp(2j * np.pi * (time_s - swing.start_s) / swing.length_s)
+    total = np.zeros(len(time_s), dtype=np.complex128)
+    for line in swing.lines[::-1]:
+        total = total * turn + line
+    return total * turn**swing.first_line
+
+
+def _power(rows: ComplexArray, where: BoolArray) -> FloatArray:
+    return np.sum(np.abs(rows) ** 2 * where, axis=1)
+
+
+def _group(chosen: Sequence[Candidate], waves: _Waves, members: list[int], in_step: bool) -> Group:
+    onsets = [_onset_s(waves, row) for row in members]
+    begun = [waves.time_s[0] if onset is None else onset for onset in onsets]
+    resolution_s = max(chosen[row].swing.length_s / len(chosen[row].swing.lines) for row in members)
+    scores = [
+        _score(chosen[row], late_s=start - min(begun), resolution_s=resolution_s)
+        for row, start in zip(members, begun, strict=True)
+    ]
+    best = members[int(np.argmax(scores))]
+    period_s = float(np.median([chosen[row].swing.period_s for row in members]))
+    links = waves.coherence(best, _mask(len(chosen), members))
+    by_row = dict(zip(sorted(members), links, strict=True))
+    suspects = [
+        Suspect(
+            chosen[row].tag,
+            chosen[row].stiction_probability,
+            score,
+            onset,
+            1.0 if row == best else round(min(1.0, abs(complex(by_row[row]))), 3),
+            _lag_s(complex(by_row[row]), period_s) if in_step else None,
+        )
+        for row, score, onset in zip(members, scores, onsets, strict=True)
+    ]
+    chance = _chance(chosen, members)
+    return Group(period_s, in_step, chance, tuple(sorted(suspects, key=lambda s: (-s.score, s.tag))))
+
+
+def _chance(chosen: Sequence[Candidate], members: Sequence[int]) -> float:
+    """Poisson probability of as many partners as the seed has, each within a line and a half of its frequency."""
+    period, slack = _periods(chosen, 0.0, 1.5)
+    spread = max(float(np.log(period.max() / period.min())), _LEAST_SPREAD)
+    expected = (len(chosen) - 1) * 2.0 * slack[members[0]] / spread
+    return float(pdtrc(len(members) - 2, expected))
+
+
+def _mask(length: int, rows: Sequence[int]) -> BoolArray:
+    mask = np.zeros(length, dtype=np.bool_)
+    mask[list(rows)] = True
+    return mask
+
+
+def _score(candidate: Candidate, late_s: float, resolution_s: float) -> float:
+    """Log-odds of stiction, less up to 1.5 for an oscillation that began later than another member's.
+
+    A delay below what the lines resolve (their inverse band width) does not count.
+    """
+    probability = candidate.stiction_probability
+    odds = 0.0 if probability is None else float(np.log(_clipped(probability) / (1.0 - _clipped(probability))))
+    later = max(0.0, late_s / resolution_s - 1.0)
+    return odds - min(_ONSET_WEIGHT, later * _ONSET_WEIGHT / 2.0)
+
+
+def _clipped(probability: float) -> float:
+    return min(max(probability, 0.01), 0.99)
+
+
+def _onset_s(waves: _Waves, row: int) -> float | None:
+    """When the envelope first stays above half of its usual height; None where it is there from the start.
+
+    The Hann window that the lines were taken with is taken out again; the outermost eighths, where it is near zero,
+    are not looked at.
+    """
+    inside = np.flatnonzero(waves.inside[row])
+    n = len(inside)
+    if n < 32:
+        return None
+    seen = slice(n // 8, n - n // 8)
+    envelope = np.abs(waves.values[row, inside])[seen] / np.hanning(n)[seen]
+    usual = float(np.median(envelope[len(envelope) // 2 :]))
+    if usual <= 0.0 or envelope[0] > _ONSET_RISE * usual:
+        return None
+    below = np.flatnonzero(envelope < 0.5 * usual)
+    early = below[below < len(envelope) // 2]
+    return float(waves.time_s[inside[seen][early[-1]]]) if len(early) else None
+
+
+def _lag_s(link: complex, period_s: float) -> float:
+    return round(float(np.angle(link)) / (2.0 * np.pi) * period_s, 3)

@@ -1,0 +1,61 @@
+"""Loops that oscillate together: found among what the newest verdicts kept of their oscillations."""
+
+import threading
+from typing import Any
+
+from app.engine.plant_wide import Candidate, Group, groups
+from app.services.audit_line import iso_utc
+from app.services.backend import Backend
+from app.services.loops import moment_of
+from app.services.results import GroupMember, GroupView
+from app.services.swings import from_json
+from app.storage import verdicts
+
+# Found once for a state of the verdicts: who asks again, for a page or a dashboard, gets the same answer at once.
+_found: dict[tuple[Any, ...], tuple[GroupView, ...]] = {}
+_finding = threading.Lock()
+KEPT = 8
+
+
+def plant_groups(backend: Backend) -> tuple[GroupView, ...]:
+    """Groups in step first, the larger ones first; no samples are read."""
+    with backend.database.read() as connection:
+        state = (str(backend.database.url), *verdicts.newest_state(connection))
+        known = _found.get(state)
+        if known is not None:
+            return known
+        rows = verdicts.swings(connection)
+    with _finding:
+        if state not in _found:
+            candidates = [Candidate(r.tag, from_json(r.swing_json), r.stiction_probability, r.unit) for r in rows]
+            units = {row.tag: row.unit for row in rows}
+            while len(_found) >= KEPT:
+                _found.pop(next(iter(_found)))
+            _found[state] = tuple(_view(number, found, units) for number, found in enumerate(groups(candidates), 1))
+        return _found[state]
+
+
+def groups_of(backend: Backend, tag: str) -> list[GroupView]:
+    return [group for group in plant_groups(backend) if any(member.loop == tag for member in group.members)]
+
+
+def _view(number: int, group: Group, units: dict[str, str | None]) -> GroupView:
+    members = [
+        GroupMember(
+            s.tag, units[s.tag], s.stiction_probability, round(s.score, 3), s.coherence, s.lag_s, _moment(s.onset_s)
+        )
+        for s in group.suspects
+    ]
+    return GroupView(
+        str(number),
+        round(group.period_s, 3),
+        group.in_step,
+        group.by_chance,
+        group.chance_probability,
+        group.source,
+        members,
+    )
+
+
+def _moment(seconds: float | None) -> str | None:
+    return None if seconds is None else iso_utc(moment_of(round(seconds) * 1_000_000_000))

@@ -1,0 +1,38 @@
+"""What is kept of an oscillation, between the engine and a few hundred characters of JSON."""
+
+import json
+from typing import Any
+
+import numpy as np
+
+from app.engine.swing import Swing
+
+STEPS = 999
+
+
+def as_json(swing: Swing, origin_s: float) -> str:
+    """`origin_s`: the instant of the recording's second 0, in s since 1970. Three digits are enough to compare."""
+    lines = swing.lines / max(float(np.max(np.abs(swing.lines))), 1e-300)
+    told = {
+        "start_s": round(origin_s + swing.start_s, 3),
+        "length_s": swing.length_s,
+        "period_s": swing.period_s,
+        "strength": round(swing.strength, 4),
+        "regularity": round(swing.regularity, 4),
+        "first_line": swing.first_line,
+        "re": _steps(lines.real),
+        "im": _steps(lines.imag),
+        "bands": _steps(swing.bands),
+    }
+    return json.dumps(told, separators=(",", ":"))
+
+
+def from_json(text: str) -> Swing:
+    told = json.loads(text)
+    lines = (np.array(told.pop("re"), float) + 1j * np.array(told.pop("im"), float)) / STEPS
+    bands = np.array(told.pop("bands"), float) / STEPS
+    return Swing(**told, lines=lines / np.linalg.norm(lines), bands=bands)
+
+
+def _steps(values: Any) -> list[int]:
+    return [round(STEPS * float(value)) for value in values]

@@ -1,0 +1,51 @@
+"""The columns that the table of the plant can show, and the addresses of its other views."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+from urllib.parse import urlencode
+
+Kind = Literal["text", "number", "verdict", "reliability", "health", "cause", "time", "reasons"]
+
+
+@dataclass(frozen=True)
+class Column:
+    """`sort` names the order that a click on the head starts with."""
+
+    label: str
+    kind: Kind = "number"
+    digits: int = 1
+    sort: str = ""
+
+
+COLUMNS: Mapping[str, Column] = {
+    "unit": Column("Unit", "text"),
+    "type": Column("Type", "text"),
+    "verdict": Column("Verdict", "verdict"),
+    "reliability": Column("Rely on it?", "reliability"),
+    "health": Column("Health", "health"),
+    "importance": Column("Importance", "number", 1, "-importance"),
+    "priority": Column("Priority", "number", 0, "-priority"),
+    "stiction_probability": Column("Probability of stiction", "number", 2, "-stiction_probability"),
+    "stiction_band_pct_of_op_range": Column(
+        "Stiction band, % of OP range", "number", 1, "-stiction_band_pct_of_op_range"
+    ),
+    "likely_cause": Column("Likely cause", "cause"),
+    "oscillation_period_s": Column("Period, s", "number", 0),
+    "oscillation_strength": Column("Oscillation strength", "number", 2, "-oscillation_strength"),
+    "oscillation_regularity": Column("Regularity", "number", 1, "-oscillation_regularity"),
+    "yper_pct": Column("Yper, %", "number", 1, "-yper_pct"),
+    "table2_reading": Column("Table 2", "text"),
+    "filled_share": Column("Filled share", "number", 2, "-filled_share"),
+    "samples": Column("Samples", "number", 0),
+    "sampling_interval_s": Column("Sampling interval, s", "number", 1),
+    "audited_at": Column("Audited, UTC", "time", 0, "-audited_at"),
+    "reasons_text": Column("Why", "reasons"),
+}
+USUAL = ("unit", "verdict", "reliability", "health", "stiction_probability", "likely_cause", "reasons_text")
+
+
+def query_without(told: Mapping[str, Any], *left_out: str, **changed: Any) -> str:
+    """The query of an address with what the form says, less `left_out`, with `changed`; empty values left away."""
+    values = {name: value for name, value in {**told, **changed}.items() if name not in left_out and value}
+    return urlencode(values, doseq=True)

@@ -1,0 +1,115 @@
+"""The page of a loop, and what can be done on it."""
+
+from datetime import UTC, datetime
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Form
+from fastapi.responses import HTMLResponse
+from starlette.responses import JSONResponse, RedirectResponse
+
+from app.api.backend import Caller, Services
+from app.api.paths import LoopTag
+from app.errors import NotFoundError, RequestError
+from app.services import glossary, loops, notes
+from app.services.audits import LoopFilter, start_audit
+from app.services.charts import charts as charts_of
+from app.services.groups import groups_of
+from app.web.explanation import newest_in_words
+from app.web.rendering import page, tag_in_url
+
+HISTORY_NIGHTS = 60
+SEE_OTHER = 303
+
+router = APIRouter()
+
+
+@router.get("/loops/{tag:path}/charts")
+def charts(backend: Services, tag: LoopTag) -> JSONResponse:
+    return JSONResponse(charts_of(backend, tag))
+
+
+@router.get("/loops/{tag:path}")
+def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
+    found = loops.get_loop(backend, tag)
+    told = {"it": found, "tag": found.tag, "notes": notes.list_notes(backend, tag)}
+    told["explanation"] = newest_in_words(backend, tag)
+    try:
+        row = loops.loop_health(backend, tag)
+    except NotFoundError:
+        return page("loop.html", row=None, **told)
+    return page(
+        "loop.html",
+        row=row,
+        detail=loops.verdict_detail(backend, tag),
+        figures=[told for told in glossary.figures(row, found.pv_unit) if told[1] is not None],
+        history=loops.verdict_history(backend, tag, limit=HISTORY_NIGHTS).rows,
+        groups=groups_of(backend, tag),
+        repair=notes.newest_repair(backend, tag),
+        compared=notes.COMPARED,
+        **told,
+    )
+
+
+@router.post("/loops/{tag:path}/audit")
+def audit_again(backend: Services, tag: LoopTag) -> RedirectResponse:
+    run = start_audit(backend, LoopFilter(tags=(loops.get_loop(backend, tag).tag,)), trigger="request")
+    return RedirectResponse(f"/runs/{run.id}", SEE_OTHER)
+
+
+@router.post("/loops/{tag:path}/notes")
+def note(
+    backend: Services,
+    caller: Caller,
+    tag: LoopTag,
+    text: Annotated[str, Form(max_length=2 * notes.LONGEST_TEXT)] = "",
+    work_order: Annotated[str, Form(max_length=2 * notes.LONGEST_WORK_ORDER)] = "",
+    repaired_at: Annotated[str, Form(max_length=40)] = "",
+) -> RedirectResponse:
+    notes.add_note(backend, tag, text, work_order, instant(repaired_at), caller.who)
+    return back_to(tag, "notes")
+
+
+@router.post("/loops/{tag:path}/settings")
+def settings(
+    backend: Services,
+    tag: LoopTag,
+    importance: Annotated[float, Form(ge=0, le=1000)],
+    unit: Annotated[str, Form(max_length=200)] = "",
+    type: Annotated[str, Form(max_length=200)] = "",
+    description: Annotated[str, Form(max_length=200)] = "",
+    pv_unit: Annotated[str, Form(max_length=40)] = "",
+    pv_low: Annotated[str, Form(max_length=40)] = "",
+    pv_high: Annotated[str, Form(max_length=40)] = "",
+    op_low: Annotated[str, Form(max_length=40)] = "",
+    op_high: Annotated[str, Form(max_length=40)] = "",
+) -> RedirectResponse:
+    words = {"unit": unit, "type": type, "description": description, "pv_unit": pv_unit}
+    spans = {"pv_low": pv_low, "pv_high": pv_high, "op_low": op_low, "op_high": op_high}
+    changes: dict[str, Any] = {name: value.replace("\x00", "").strip() or None for name, value in words.items()}
+    changes |= {name: number(name, value) for name, value in spans.items()} | {"importance": importance}
+    loops.patch_loop(backend, tag, changes)
+    return back_to(tag, "settings")
+
+
+def back_to(tag: str, place: str) -> RedirectResponse:
+    return RedirectResponse(f"/loops/{tag_in_url(tag)}#{place}", SEE_OTHER)
+
+
+def number(name: str, text: str) -> float | None:
+    if not text.strip():
+        return None
+    try:
+        return float(text.strip().replace(",", "."))
+    except ValueError:
+        raise RequestError("bad_span", f"{name} must be a number, got {text[:40]!r}") from None
+
+
+def instant(text: str) -> datetime | None:
+    """What a date field of a browser sends, taken as UTC as all times of the pages are."""
+    if not text.strip():
+        return None
+    try:
+        moment = datetime.fromisoformat(text.strip())
+    except ValueError:
+        raise RequestError("bad_time", f"the time of the repair must be like 2026-01-31T12:00, got {text!r}") from None
+    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)

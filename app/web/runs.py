@@ -1,0 +1,33 @@
+"""Audit runs: started, watched while they go on, looked up."""
+
+from fastapi import APIRouter
+from fastapi.responses import HTMLResponse
+from starlette.responses import RedirectResponse
+
+from app.api.backend import Identifier, Services
+from app.services.audits import failures, list_audits, start_audit
+from app.services.plant import run_figures
+from app.services.wording import VERDICT_RANK
+from app.web.rendering import page
+
+SHOWN = 50
+SHOWN_FAILURES = 500
+
+router = APIRouter()
+
+
+@router.get("/runs")
+def runs(backend: Services, cursor: str = "") -> HTMLResponse:
+    return page("runs.html", found=list_audits(backend, SHOWN, cursor or None))
+
+
+@router.post("/runs")
+def start(backend: Services) -> RedirectResponse:
+    return RedirectResponse(f"/runs/{start_audit(backend, trigger='request').id}", 303)
+
+
+@router.get("/runs/{audit_id}")
+def run(backend: Services, audit_id: Identifier) -> HTMLResponse:
+    figures = run_figures(backend, audit_id)
+    failed = failures(backend, audit_id, SHOWN_FAILURES) if figures.run.failed else []
+    return page("run.html", run=figures.run, figures=figures, failures=failed, ranks=VERDICT_RANK)

@@ -1,0 +1,22 @@
+// What all charts share: the colours of the page (light or dark), axes, and how a failure is told.
+"use strict";
+const paint = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const axis = (title, more) => ({ title: { text: title }, gridcolor: paint("--line"), zeroline: false, ...more });
+const layout = (more) => ({
+  margin: { l: 58, r: 16, t: 10, b: 44 }, paper_bgcolor: paint("--paper"), plot_bgcolor: paint("--paper"),
+  font: { family: "system-ui, sans-serif", size: 13, color: paint("--ink") }, legend: { orientation: "h", y: 1.12 },
+  hoverlabel: { namelength: -1 }, ...more,
+});
+const options = { responsive: true, displaylogo: false, displayModeBar: "hover" };
+const tell = (chart, text) => { chart.textContent = text; chart.classList.add("empty"); };
+const draw = (id, traces, more, without) => {
+  const chart = document.getElementById(id);
+  if (!chart) return;
+  if (!traces) tell(chart, without);
+  else Plotly.newPlot(chart, traces, layout(more), options);
+};
+const load = async (url) => {
+  const answer = await fetch(url, { headers: { Accept: "application/json" } });
+  if (!answer.ok) throw new Error(`the service answered ${answer.status}`);
+  return answer.json();
+};

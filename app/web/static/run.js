@@ -1,0 +1,18 @@
+// A run while it goes on: progress from server-sent events; when it has ended, the page with what it came to.
+"use strict";
+const run = document.getElementById("run");
+if (run && run.dataset.ended === "no") {
+  const events = new EventSource(run.dataset.events);
+  const progress = document.getElementById("progress");
+  const count = document.getElementById("count");
+  const state = document.getElementById("state");
+  const show = (event) => {
+    const told = JSON.parse(event.data);
+    progress.max = told.total || 1;
+    progress.value = told.done + told.failed;
+    count.textContent = `${told.done} of ${told.total} done` + (told.failed ? `, ${told.failed} failed` : "");
+    state.textContent = told.state;
+  };
+  events.addEventListener("progress", show);
+  events.addEventListener("end", () => { events.close(); location.reload(); });
+}

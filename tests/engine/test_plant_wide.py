@@ -1,0 +1,173 @@
+"""Loops that oscillate together are found, and the sticky one that shakes them comes first."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.engine.audit import audit
+from app.engine.oscillation import detect
+from app.engine.plant_wide import Candidate, groups
+from app.engine.recording import Recording, UniformRecord
+from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, Wave, first_order, simulate_loop
+from app.engine.swing import swing_of
+from app.ingest import read_recordings
+
+INTERVAL_S = 5.0
+SAMPLES = 2880
+SOURCE = "FIC100"
+SHAKEN = tuple(f"TIC{200 + k}" for k in range(10))
+OTHERS = tuple(f"PIC{300 + k}" for k in range(4))
+
+
+def shaken_plant(onset_s: float = 0.0) -> list[Recording]:
+    """Four hours of 15 loops: a sticky one (at rest until `onset_s`), ten that it shakes, four with their own swing."""
+    source = _source(onset_s)
+    rng = np.random.default_rng(7)
+    found = [source.recording(SOURCE)]
+    for number, tag in enumerate(SHAKEN):
+        found.append(_shaken(tag, source.true_pv - source.sp, 20.0 + 12.0 * number, 0.4 + 0.1 * number, rng))
+    return [*found, *(_swinging(tag, number) for number, tag in enumerate(OTHERS))]
+
+
+def _source(onset_s: float):
+    load = Signal(value=2.5, noise_sd=0.15, noise_tau_s=300.0)
+    if onset_s:
+        load = Signal(steps=((onset_s, 4.0),))
+    spec = LoopSpec(
+        plant=first_order(1.2, 40.0, 15.0),
+        controller=Pid(0.5, 40.0),
+        valve=TwoParameterValve(6.0, 3.0),
+        load=load,
+        noise=Signal(noise_sd=0.05),
+        pv_start=60.0,
+        op_start=47.0,
+        pv_limits=(0.0, 120.0),
+        op_limits=(0.0, 100.0),
+        settle_s=0.0 if onset_s else 3600.0,
+    )
+    return simulate_loop(spec, SAMPLES * INTERVAL_S, INTERVAL_S, 3)
+
+
+def _shaken(tag: str, shaking: np.ndarray, lag_s: float, gain: float, rng: np.random.Generator) -> Recording:
+    """A temperature under PI control with a linear valve: what the source's PV does comes in through a lag."""
+    n = len(shaking)
+    pv, op, noise = np.zeros(n), np.zeros(n), 0.03 * rng.standard_normal(n)
+    felt = level = integral = 0.0
+    for k in range(n):
+        felt += INTERVAL_S / lag_s * (shaking[k] - felt)
+        level += INTERVAL_S / 150.0 * (gain * felt + 0.8 * op[k - 1] - level) if k else 0.0
+        pv[k] = level + noise[k]
+        integral -= INTERVAL_S / 200.0 * pv[k]
+        op[k] = 0.8 * (-pv[k] + integral)
+    return Recording(tag, np.arange(n) * INTERVAL_S, 180.0 + pv, 50.0 + op, sp=np.full(n, 180.0))
+
+
+def _swinging(tag: str, number: int) -> Recording:
+    """A pressure with a swing of its own, of another period."""
+    wave = Wave(amplitude=3.0, period_s=190.0 + 47.0 * number, phase_rad=float(number))
+    spec = LoopSpec(
+        plant=first_order(0.16, 40.0, 10.0),
+        controller=Pid(9.0, 45.0),
+        load=Signal(waves=(wave,), noise_sd=0.3, noise_tau_s=300.0),
+        noise=Signal(noise_sd=0.01),
+        pv_start=8.0,
+        op_start=50.0,
+        pv_limits=(0.0, 16.0),
+        op_limits=(0.0, 100.0),
+        settle_s=1800.0,
+    )
+    return replace(simulate_loop(spec, SAMPLES * INTERVAL_S, INTERVAL_S, 40 + number).recording(tag), name=tag)
+
+
+@cache
+def candidates(onset_s: float) -> tuple[Candidate, ...]:
+    return tuple(found for found in map(candidate, shaken_plant(onset_s)) if found is not None)
+
+
+def candidate(recording: Recording) -> Candidate | None:
+    found = audit(recording)
+    if found.swing is None:
+        return None
+    return Candidate(recording.name, found.swing, found.judgement.stiction_probability)
+
+
+def wave(tag: str, period_s: float, phase: float = 0.0, start_s: float = 0.0, unit: str | None = None) -> Candidate:
+    """A loop whose PV is a sine with a little noise, 600 samples at 10 s."""
+    time_s = start_s + np.arange(600) * 10.0
+    noise = np.random.default_rng(len(tag)).normal(size=600)
+    pv = np.sin(2 * np.pi * time_s / period_s - phase) + 0.05 * noise
+    record = UniformRecord(10.0, pv, -pv, None, np.zeros(600, dtype=np.bool_), start_s)
+    swing = swing_of(record, detect(record))
+    assert swing is not None
+    return Candidate(tag, swing, 0.2, unit)
+
+
+@pytest.mark.parametrize("onset_s", [0.0, 5000.0])
+def test_one_sticky_valve_that_shakes_ten_loops_is_the_likeliest_source(onset_s):
+    found = [group for group in groups(candidates(onset_s)) if group.in_step]
+    assert len(found) == 1
+    assert {suspect.tag for suspect in found[0].suspects} == {SOURCE, *SHAKEN}
+    assert found[0].source == SOURCE
+    assert not found[0].by_chance
+    assert found[0].suspects[0].tag == SOURCE
+    lags = [suspect.lag_s for suspect in sorted(found[0].suspects, key=lambda s: s.tag)]
+    assert lags[1:] == sorted(lags[1:])  # the loops were given ever longer lags behind the source
+
+
+def test_loops_with_a_swing_of_their_own_are_in_no_group():
+    together = {suspect.tag for group in groups(candidates(0.0)) for suspect in group.suspects}
+    assert together.isdisjoint(OTHERS)
+
+
+def test_the_beginning_of_an_oscillation_is_found():
+    found = groups(candidates(5000.0))[0]
+    onsets = [suspect.onset_s for suspect in found.suspects]
+    assert all(onset == pytest.approx(5000.0, abs=900.0) for onset in onsets)
+    assert all(suspect.onset_s is None for suspect in groups(candidates(0.0))[0].suspects)
+
+
+def test_the_order_of_the_loops_changes_nothing():
+    assert groups(candidates(0.0)) == groups(candidates(0.0)[::-1])
+
+
+def test_in_step_means_the_same_frequency_at_the_same_time():
+    one, two, other = wave("A", 300.0), wave("BB", 300.0, phase=1.0), wave("CCC", 350.0)
+    found = groups([one, two, other])
+    assert [[s.tag for s in group.suspects] for group in found] == [["A", "BB"]]
+    assert found[0].suspects[1].lag_s == pytest.approx(300.0 / (2 * np.pi), rel=0.02)
+    assert found[0].source is None  # no member is likelier to stick than not
+
+
+def test_a_pair_among_many_loops_may_be_chance():
+    many = [wave("L" * (number + 3), 150.0 * 1.06**number) for number in range(30)]
+    pair = [group for group in groups([wave("A", 300.0), wave("BB", 300.0, phase=1.0), *many]) if group.in_step]
+    assert pair
+    assert all(group.by_chance for group in pair)
+
+
+def test_too_few_cycles_make_no_group():
+    assert groups([wave("A", 900.0), wave("BB", 900.0)]) == ()
+
+
+def test_records_that_do_not_overlap_are_alike_at_most_and_only_within_a_unit():
+    apart = [wave("A", 300.0, unit="U1"), wave("BB", 300.0, start_s=50_000.0, unit="U1")]
+    assert [group.in_step for group in groups(apart)] == [False]
+    assert groups([apart[0], wave("CCC", 300.0, start_s=50_000.0, unit="U2")]) == ()
+
+
+def test_fewer_than_two_loops_are_no_group():
+    assert groups([]) == groups([wave("A", 300.0)]) == ()
+
+
+@pytest.mark.shared
+def test_the_three_interacting_loops_of_a_real_plant(shared_dir: Path):
+    """CHEM13 and CHEM14 share a period of 482 s; the faulty steam flow comes first. CHEM15 swings weakly, at 381 s."""
+    names = ("CHEM13", "CHEM14", "CHEM15")
+    read = [read_recordings(shared_dir / "recordings" / f"{name}.csv").recordings[0] for name in names]
+    found = groups([c for c in map(candidate, read) if c is not None])
+    assert [[s.tag for s in group.suspects] for group in found] == [["CHEM14", "CHEM13"]]
+    assert found[0].source == "CHEM14"
+    assert not found[0].in_step  # as recorded, the two do not wander together

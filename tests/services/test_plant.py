@@ -1,0 +1,127 @@
+"""What changed in the plant and why, what a repair changed, and which loops swing together."""
+
+from collections.abc import Callable
+from datetime import UTC, datetime
+
+import pytest
+from sqlalchemy import update
+
+from app.engine.key_figures import KeyFigures
+from app.services import glossary, notes, plant
+from app.services.audits import start_audit
+from app.services.backend import Backend
+from app.services.chunks import audit_chunk
+from app.services.groups import groups_of, plant_groups
+from app.services.loops import loop_health, verdict_history
+from app.storage.tables import verdicts
+
+AddLoops = Callable[..., dict[str, int]]
+
+
+def audited(backend: Backend) -> int:
+    run = start_audit(backend)
+    audit_chunk(backend, int(run.id), "test")
+    return int(run.id)
+
+
+def rewrite(backend: Backend, run: int, loop: int, **values: object) -> None:
+    mine = (verdicts.c.audit_id == run, verdicts.c.loop_id == loop)
+    with backend.database.write() as connection:
+        connection.execute(update(verdicts).where(*mine).values(**values))
+
+
+@pytest.fixture
+def two_runs(backend: Backend, add_loops: AddLoops) -> tuple[dict[str, int], int]:
+    """Four loops audited twice, with the ids of the loops and of the first run."""
+    ids = add_loops("A", "B", "C", "D", n=600, unit="U1")
+    first = audited(backend)
+    audited(backend)
+    return ids, first
+
+
+def test_a_first_run_is_no_news(backend: Backend, add_loops: AddLoops) -> None:
+    assert plant.changes(backend).run_id is None
+    add_loops("A")
+    audited(backend)
+    assert plant.changes(backend).rows == []
+
+
+def test_nothing_changed(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:
+    assert plant.changes(backend).rows == []
+
+
+@pytest.mark.parametrize(
+    ("before", "why"),
+    [
+        ({}, "loop"),
+        ({"engine_version": "0.0.1"}, "method"),
+        ({"config_fingerprint": "other"}, "method"),
+        ({"samples": 100}, "data"),
+        ({"sampling_interval_s": 1.0}, "data"),
+    ],
+)
+def test_a_changed_verdict_says_why(
+    backend: Backend, two_runs: tuple[dict[str, int], int], before: dict[str, object], why: str
+) -> None:
+    ids, first = two_runs
+    now = loop_health(backend, "B")["verdict"]
+    other = "no_stiction" if now == "stiction" else "stiction"
+    rewrite(backend, first, ids["B"], verdict=other, **before)
+    (change,) = plant.changes(backend).rows
+    assert (change.loop, change.before, change.now, change.why) == ("B", other, now, why)
+    assert change.kind == ("new" if now == "stiction" else "cured" if now == "no_stiction" else "flipped")
+
+
+def test_the_overview_adds_up(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:
+    seen = plant.overview(backend)
+    assert (seen.loops, seen.audited, sum(seen.verdicts.values())) == (4, 4, 4)
+    assert [unit.unit for unit in seen.units] == ["U1"]
+    healths = [loop_health(backend, tag)["health"] for tag in "ABCD"]
+    assert seen.health == pytest.approx(sum(healths) / 4)
+
+
+def test_the_worst_come_first_by_importance(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("A", "B", importance=1.0)
+    add_loops("C", importance=9.0)
+    audited(backend)
+    rows = plant.worst(backend)
+    assert [row["priority"] for row in rows] == sorted((row["priority"] for row in rows), reverse=True)
+    assert rows[0]["loop"] == "C"
+    assert rows[0]["priority"] == pytest.approx(9.0 * (100.0 - rows[0]["health"]))
+
+
+def test_rows_say_what_their_health_is_made_of(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:
+    row = loop_health(backend, "A")
+    parts = dict(part.split(" ") for part in row["health_parts"].split(";"))
+    assert row["health"] == pytest.approx(100.0 - sum(map(float, parts.values())))
+
+
+def test_loops_with_one_swing_are_a_group(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:
+    group = plant_groups(backend)[0]
+    assert {member.loop for member in group.members} == set("ABCD")
+    assert group.in_step
+    assert plant_groups(backend) is plant_groups(backend)  # found once
+    assert groups_of(backend, "A") == [group]
+
+
+def test_a_repair_parts_the_verdicts(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:
+    ids, first = two_runs
+    early, late = datetime(2026, 1, 1, tzinfo=UTC), datetime(2026, 1, 3, tzinfo=UTC)
+    rewrite(backend, first, ids["A"], window_start=early, window_end=early, verdict="stiction")
+    rewrite(backend, first + 1, ids["A"], window_start=late, window_end=late, verdict="no_stiction")
+    assert notes.newest_repair(backend, "A") is None
+    notes.add_note(backend, "A", "packing renewed", "WO-1", datetime(2026, 1, 2, tzinfo=UTC), "somebody")
+    repair = notes.newest_repair(backend, "A")
+    assert repair is not None
+    assert repair.before is not None
+    assert repair.after is not None
+    assert (repair.before["verdict"], repair.after["verdict"]) == ("stiction", "no_stiction")
+    (note,) = notes.list_notes(backend, "A")
+    assert (note.text, note.work_order, note.written_by) == ("packing renewed", "WO-1", "somebody")
+    assert len(verdict_history(backend, "A").rows) == 2
+
+
+def test_every_key_figure_is_defined() -> None:
+    defined = {figure.field for figure in glossary.FIGURES}
+    assert set(KeyFigures.__dataclass_fields__) <= defined
+    assert all(figure.definition for figure in glossary.FIGURES)

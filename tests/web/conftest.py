@@ -1,0 +1,59 @@
+"""A small audited plant with hostile names, and the pages on it."""
+
+import csv
+import io
+from collections.abc import Iterator
+
+import pytest
+
+from app.main import create_app
+from app.services.audits import LoopFilter, start_audit
+from app.services.backend import Backend
+from app.services.chunks import audit_chunk, warm_up
+from app.services.operations import migrate
+from app.services.reading import read_upload
+from app.services.uploads import receive
+from app.settings import Settings
+
+HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
+TAGS = ("FIC101", "LIC7", HOSTILE)
+
+
+def wide(*tags: str, samples: int = 600) -> bytes:
+    """A wide export in which every loop swings, so that each can be audited; two rows cannot be read."""
+    text = io.StringIO()
+    rows = csv.writer(text)
+    rows.writerow(["DateTime", *(f"{tag}.{signal}" for tag in tags for signal in ("PV", "OP", "SP"))])
+    for k in range(samples):
+        minutes, seconds = divmod(k * 5, 60)
+        swing = (k % 40) / 20 - 1
+        stamp = f"2026-01-01T{minutes // 60:02d}:{minutes % 60:02d}:{seconds:02d}Z"
+        pv = "Bad <b>Input</b>" if k in (7, 9) else 50 + swing**2 + k % 3 * 0.1
+        rows.writerow([stamp, *(value for _ in tags for value in (pv, 40 + 5 * swing, 50))])
+    return text.getvalue().encode()
+
+
+@pytest.fixture(scope="module")
+def web_settings(tmp_path_factory) -> Settings:
+    settings = Settings(data_dir=tmp_path_factory.mktemp("pages"))
+    migrate(settings)
+    return settings
+
+
+@pytest.fixture(scope="module")
+def web_backend(web_settings) -> Iterator[Backend]:
+    warm_up()
+    backend = Backend.open(web_settings)
+    with receive(backend, filename="<i>plant.csv") as receiving:
+        receiving.write(wide(*TAGS))
+        receipt = receiving.commit()
+    read_upload(backend, int(receipt.upload.id), "test")
+    audit_chunk(backend, int(start_audit(backend, LoopFilter()).id), "test")
+    yield backend
+    backend.close()
+
+
+@pytest.fixture(scope="module")
+def client(serve, web_settings, web_backend):
+    with serve(create_app(web_settings)) as found:
+        yield found

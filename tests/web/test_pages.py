@@ -1,0 +1,190 @@
+"""The pages on a real plant: what a plant sends stays text, forms do what they say, nothing runs that is not ours."""
+
+from html.parser import HTMLParser
+
+import pytest
+
+from app.services.chunks import audit_chunk
+from app.services.reading import read_upload
+from app.services.uploads import list_uploads
+from app.web.rendering import tag_in_url
+
+HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
+HOSTILE_PAGE = f"/loops/{tag_in_url(HOSTILE)}"
+PAGES = [
+    "/",
+    "/table",
+    "/groups",
+    "/glossary",
+    "/runs",
+    "/runs/1",
+    "/uploads",
+    "/uploads/1",
+    "/loops/FIC101",
+    HOSTILE_PAGE,
+]
+
+
+class Seen(HTMLParser):
+    """Scripts, links, texts, and what a strict content policy forbids."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.scripts, self.texts, self.links, self.forbidden = [], [], [], []
+        self.feed(html)
+
+    def handle_starttag(self, tag, attributes):
+        given = dict(attributes)
+        if tag == "script":
+            self.scripts.append(given.get("src"))
+        if tag == "a":
+            self.links.append(given["href"])
+        self.forbidden += [name for name in given if name == "style" or name.startswith("on")]
+        self.forbidden += [tag] if tag in ("style", "b-evil") else []
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+
+def seen(client, path: str) -> Seen:
+    answer = client.get(path)
+    assert answer.status_code == 200, answer.text[:300]
+    return Seen(answer.text)
+
+
+@pytest.mark.parametrize("path", PAGES)
+def test_a_page_brings_no_script_and_no_style_but_our_own(client, path):
+    found = seen(client, path)
+    assert found.forbidden == []
+    assert all(source and source.startswith("/static/") for source in found.scripts)
+
+
+@pytest.mark.parametrize("path", ["/", "/table", "/uploads/1"])
+def test_hostile_names_stay_text(client, path):
+    assert any(HOSTILE in text for text in seen(client, path).texts)
+
+
+def test_a_hostile_tag_has_a_page_and_charts(client):
+    assert HOSTILE_PAGE in seen(client, "/table").links
+    told = client.get(f"{HOSTILE_PAGE}/charts").json()
+    assert len(told["trend"]["time"]) == 600
+    assert told["window"][0].startswith("2026-01-01")
+    assert len(told["pv_op"]["pv"]) > 300
+    assert len(told["spectra"]["pv_amplitude"]) == len(told["spectra"]["significant"])
+    assert sum(told["errors"]["share_pct"]) == pytest.approx(100.0)
+
+
+def test_charts_have_the_curves_of_the_verdict_or_none(client):
+    told = client.get("/loops/FIC101/charts").json()
+    assert told["rmse_d"] is None or len(told["rmse_d"]["d"]) == len(told["rmse_d"]["rmse"])
+    assert (told["valve"] is None) == ("valve" not in told["trend"])
+
+
+def test_the_plant_counts_its_loops(client):
+    found = seen(client, "/")
+    assert "3" in found.texts
+    assert any("of 3 loops audited" in text for text in found.texts)
+    assert {row[0] for row in client.get("/plant/tiles").json()["rows"]} == {"FIC101", "LIC7", HOSTILE}
+
+
+def test_the_table_is_filtered_sorted_and_shows_the_columns_that_were_chosen(client):
+    found = seen(client, "/table?search=fic&column=yper_pct&sort=loop")
+    assert "/loops/FIC101" in found.links
+    assert "/loops/LIC7" not in found.links
+    assert "Yper, %" in found.texts
+    assert "/v1/reliability?search=fic&sort=loop&format=csv&limit=20000" in found.links
+    assert client.get("/v1/reliability?search=fic&sort=loop&format=csv&limit=20000").text.count("\n") == 2
+
+
+@pytest.mark.parametrize("query", ["sort=nonsense", "cursor=nonsense"])
+def test_a_table_that_there_is_not_is_refused_in_words(client, query):
+    assert client.get(f"/table?{query}").status_code in (400, 422)
+
+
+def test_columns_that_there_are_not_are_left_out(client):
+    assert "Verdict" in seen(client, "/table?column=nonsense").texts
+
+
+def test_a_note_with_a_work_order_and_a_repair_is_written_and_shown_as_text(client):
+    note = {"text": "<b-evil>packing</b-evil> renewed", "work_order": "WO-<1>", "repaired_at": "2026-01-01T06:00"}
+    answer = client.post(f"{HOSTILE_PAGE}/notes", data=note)
+    assert (answer.status_code, answer.headers["location"]) == (303, f"{HOSTILE_PAGE}#notes")
+    found = seen(client, HOSTILE_PAGE)
+    assert "<b-evil>packing</b-evil> renewed" in found.texts
+    assert "WO-<1>" in found.texts
+    assert any("No verdict rests on a record from after the repair yet" in text for text in found.texts)
+    assert found.forbidden == []
+
+
+def test_before_and_after_a_repair(client):
+    client.post("/loops/LIC7/notes", data={"repaired_at": "2025-12-31T00:00"})
+    texts = seen(client, "/loops/LIC7").texts
+    assert "Before and after the repair of 2025-12-31 00:00" in texts
+    assert "stiction probability" in texts
+
+
+@pytest.mark.parametrize("note", [{}, {"text": "x" * 5000}, {"text": "x", "repaired_at": "yesterday"}])
+def test_notes_that_say_nothing_or_too_much_are_refused(client, note):
+    assert client.post("/loops/FIC101/notes", data=note).status_code == 400
+
+
+def test_audit_again_starts_a_run_of_this_loop(client, web_backend):
+    answer = client.post(f"{HOSTILE_PAGE}/audit")
+    assert answer.status_code == 303
+    run = answer.headers["location"]
+    assert any("0 of 1 done" in text for text in seen(client, run).texts)
+    audit_chunk(web_backend, int(run.rpartition("/")[2]), "test")
+    found = seen(client, run)
+    assert any("1 of 1 done" in text for text in found.texts)
+    assert HOSTILE in found.texts  # among the slowest loops
+
+
+def test_what_a_loop_is_can_be_set(client):
+    told = {"importance": "3", "unit": "<u>U1</u>", "op_low": "0", "op_high": "100,5", "type": "flow"}
+    assert client.post("/loops/FIC101/settings", data=told).status_code == 303
+    loop = client.get("/v1/loops/FIC101").json()
+    assert (loop["importance"], loop["unit"], loop["op_high"], loop["pv_low"]) == (3.0, "<u>U1</u>", 100.5, None)
+    assert "<u>U1</u>" in seen(client, "/").texts
+    assert client.post("/loops/FIC101/settings", data=told | {"op_low": "x"}).status_code == 400
+
+
+def test_an_upload_shows_its_tags_and_what_was_refused(client):
+    found = seen(client, "/uploads/1")
+    assert "<i>plant.csv" in found.texts
+    assert "FIC101.PV" in found.texts
+    assert any("Bad <b>Input</b>" in text for text in found.texts)
+
+
+def test_a_file_is_read_again_with_another_mapping(client, web_backend):
+    answer = client.post("/uploads/1/mapping", data={"mapping": "tag,loop,signal\nLIC7.PV,LIC8,PV\nLIC7.OP,LIC8,OP\n"})
+    assert answer.status_code == 303
+    number = answer.headers["location"].rpartition("/")[2]
+    assert number != "1"
+    read_upload(web_backend, int(number), "test")
+    assert "LIC8" in client.get(f"/v1/uploads/{number}").json()["loops"]
+    assert client.post("/uploads/1/mapping", data={"mapping": "tag,loop,signal\nX,Y,Z\n"}).status_code == 422
+
+
+def test_a_file_can_be_sent_without_scripts(client, web_backend):
+    answer = client.post("/uploads", files={"file": ("more.csv", b"time,PV,OP\n0,1,2\n1,2,3\n", "text/csv")})
+    assert answer.status_code == 303
+    assert list_uploads(web_backend).rows[0].filename == "more.csv"
+
+
+def test_groups_are_listed_for_machines(client):
+    told = client.get("/v1/groups").json()
+    assert told["next_cursor"] is None
+    tags = {member["loop"] for group in told["rows"] for member in group["members"]}
+    assert tags <= {"FIC101", "LIC7", HOSTILE}
+    assert len(tags) == 3  # the three carry one and the same swing
+
+
+def test_the_glossary_defines_every_figure_of_a_loop(client):
+    texts = seen(client, "/glossary").texts
+    for field in ("health", "harris_index", "service_factor_pct", "response_time_s", "yper_pct"):
+        assert field in texts
+
+
+@pytest.mark.parametrize("path", ["/loops/nothing", "/runs/99", "/uploads/99", "/loops/nothing/charts"])
+def test_what_is_not_there_is_not_found(client, path):
+    assert client.get(path).status_code == 404
