@@ -18,7 +18,7 @@ def row(**changes) -> dict:
         "reasons": "a",
         "reasons_text": "A",
     }
-    values |= {"input_fingerprint": "f", "config_fingerprint": "f"}
+    values |= {"input_fingerprint": "f", "config_fingerprint": "f", "episodes": 0}
     return ReliabilityRow(**(values | changes)).model_dump(mode="json")
 
 
