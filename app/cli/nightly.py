@@ -39,8 +39,10 @@ def nightly(
 
     from app.services.audits import start_audit
     from app.services.backend import Backend
+    from app.services.identity import COMMAND_LINE
     from app.services.nightly import nightly as start
     from app.services.operations import migrate
+    from app.services.trail import record
 
     settings = load_settings()
     if settings.embedded:
@@ -51,6 +53,7 @@ def nightly(
         run = start(backend)
         if run.ended:  # this night's run is done; whoever asks again wants another one
             run = start_audit(backend, trigger="nightly")
+        record(backend, COMMAND_LINE, "audit.start", f"/v1/audits/{run.id}", "done")
         if wait:
             run = watched(backend, run, timeout_s)
     finally:

@@ -416,6 +416,18 @@ def test_what_does_not_listen_on_loopback_asks_for_keys(serve, tmp_path):
         assert client.get("/healthz").status_code == 200
 
 
+def test_while_the_data_base_is_away_nobody_gets_in_and_it_is_told_as_503(serve, tmp_path):
+    address = "postgresql+psycopg://who:secret@127.0.0.1:1/none"
+    settings = Settings(data_dir=tmp_path, database_url=address, require_keys=True)
+    with serve(create_app(settings)) as client:
+        for headers in (bearer(key_text.make(Role.admin).text), {"Cookie": "loopaudit_session=abc"}):
+            answer = client.get("/v1/loops", headers=headers)
+            assert (answer.status_code, answer.json()["code"]) == (503, "database_away")
+            assert answer.headers["retry-after"]
+            assert "secret" not in answer.text
+        assert client.get("/healthz", headers=headers).status_code == 200
+
+
 # Trail
 
 

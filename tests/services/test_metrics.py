@@ -1,0 +1,66 @@
+"""Metrics are counted in the data base, so that they hold for every process together."""
+
+from datetime import UTC, datetime, timedelta
+
+import pytest
+from sqlalchemy import update
+
+from app.services import keys, uploads
+from app.services.audits import start_audit
+from app.services.identity import Role
+from app.services.metrics import metrics
+from app.storage import tables
+
+
+def told(backend) -> dict[tuple[str, str], float]:
+    return {
+        (metric.name.removeprefix("loopaudit_"), ",".join(sample.labels.values())): sample.value
+        for metric in metrics(backend)
+        for sample in metric.samples
+    }
+
+
+def test_an_empty_plant_has_nothing_open(backend):
+    found = told(backend)
+    assert found["oldest_open_run_age_seconds", ""] == found["oldest_unread_upload_age_seconds", ""] == 0
+    assert [found["queue_depth", kind] for kind in ("upload", "loop", "explanation")] == [0, 0, 0]
+    assert ("last_run_duration_seconds", "") not in found
+
+
+def test_what_waits_is_counted_with_its_age(backend, add_loops):
+    add_loops("FIC1", "FIC2", "FIC3")
+    start_audit(backend)
+    with uploads.receive(backend, filename="a.csv") as receiving:
+        receiving.write(b"time,PV,OP\n0,1,2\n")
+        receiving.commit()
+    ago = datetime.now(UTC) - timedelta(seconds=90)
+    with backend.database.write() as connection:
+        connection.execute(update(tables.audits).values(created_at=ago))
+        connection.execute(update(tables.uploads).values(received_at=ago))
+    found = told(backend)
+    assert (found["queue_depth", "loop"], found["queue_depth", "upload"]) == (3, 1)
+    assert found["oldest_open_run_age_seconds", ""] == pytest.approx(90, abs=10)
+    assert found["oldest_unread_upload_age_seconds", ""] == pytest.approx(90, abs=10)
+    assert found["upload_bytes_total", ""] == 17
+
+
+def test_a_run_that_ended_tells_how_long_it_took_and_what_failed(backend, add_loops):
+    add_loops("FIC1")
+    start_audit(backend)
+    began = datetime(2026, 1, 1, tzinfo=UTC)
+    with backend.database.write() as connection:
+        ended = {"created_at": began, "ended_at": began + timedelta(minutes=7), "state": "partial"}
+        connection.execute(update(tables.audits).values(**ended))
+        connection.execute(update(tables.audit_items).values(state="failed", code="time_limit"))
+    found = told(backend)
+    assert found["last_run_duration_seconds", ""] == 420
+    assert found["last_run_ended_timestamp_seconds", ""] == (began + timedelta(minutes=7)).timestamp()
+    assert found["failed_items", "time_limit"] == 1
+
+
+def test_keys_that_ended_are_not_counted(backend):
+    keys.create_key(backend, "a", Role.read, lifetime=None)
+    keys.create_key(backend, "b", Role.read, lifetime=timedelta(seconds=-1))
+    gone = keys.create_key(backend, "c", Role.read, lifetime=None)
+    keys.revoke_key(backend, gone.key.id)
+    assert told(backend)["active_keys", ""] == 1
