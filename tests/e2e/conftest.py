@@ -1,6 +1,7 @@
 """Services for end-to-end tests: processes that a test starts itself, on free ports, and ends by their ids."""
 
 import contextlib
+import json
 import os
 import secrets
 import signal
@@ -188,6 +189,22 @@ class Service:
         return wait_until(
             lambda: self.client.get(location).json(), lambda a: a["state"] not in ("planned", "running"), seconds
         )
+
+
+    def explained_as_on_the_command_line(self, path: Path, seconds: float = 240) -> None:
+        """The recording, sent over HTTP and explained there, gets what `loopaudit explain` says of the file."""
+        (loop,) = self.upload(path)[0]["loops"]
+        answer = self.client.post(f"/v1/loops/{loop}/explanations", json={"column": "PV_sim"})
+        assert answer.status_code == 202, answer.text
+        location = answer.headers["location"]
+        served = wait_until(
+            lambda: self.client.get(location).json(), lambda told: told["state"] in ("done", "failed"), seconds
+        )
+        assert served["state"] == "done", (served, self.processes.logs())
+        alone = self.processes.run("explain", str(path), "--sim", "PV_sim", "--format", "json", timeout=seconds)
+        expected = {name: told for name, told in json.loads(alone.stdout).items() if name != "elapsed_s"}
+        assert {name: served[name] for name in expected} == expected
+        assert self.client.get(f"{location}/trace").text.startswith("time,PV,PV_given")
 
 
 @pytest.fixture(scope="module")

@@ -170,6 +170,11 @@ def test_real_recordings_get_the_verdicts_of_the_command_line(service, audited, 
     assert served == alone
 
 
+@pytest.mark.shared
+def test_a_recording_is_explained_as_on_the_command_line(service, audited, shared_dir):
+    service.explained_as_on_the_command_line(shared_dir / "concealed" / "case009.csv")
+
+
 def test_everything_stops_on_sigterm(service, audited):
     """Last: the service of this module is gone afterwards."""
     port = service.client.base_url.port

@@ -87,6 +87,12 @@ def test_exports_as_plants_send_them_are_read_whole(service, audited, shared_dir
     assert [upload["rows_kept"] for upload in uploads] == [751, 751, 7201]
 
 
+@pytest.mark.shared
+def test_a_recording_is_explained_as_on_the_command_line(service, audited, shared_dir):
+    service.explained_as_on_the_command_line(shared_dir / "concealed" / "case003.csv")
+    assert "the sensor is stuck" in service.client.get("/loops/case003").text
+
+
 def test_nightly_from_cron_ends_beside_the_running_service(service, audited):
     done = service.processes.run("nightly")
     assert done.returncode == 0, done.stderr
