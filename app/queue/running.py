@@ -3,6 +3,7 @@
 import os
 import uuid
 
+from app import logs
 from app.queue.jobs import QUEUES
 from app.settings import Settings, use_one_thread
 
@@ -16,6 +17,7 @@ def run_worker(settings: Settings, concurrency: int = 1, log_level: str = "WARNI
     from app.queue.application import celery_application
 
     settings.prepare_folders()
+    logs.configure(settings)
     name = f"loopaudit-{os.getpid()}-{uuid.uuid4().hex[:6]}@%h"
     pool = ("--pool", "prefork", "--concurrency", str(concurrency))
     queues = ("--queues", ",".join(QUEUES))
@@ -29,6 +31,7 @@ def run_beat(settings: Settings, log_level: str = "WARNING") -> None:
     from app.queue.application import celery_application
 
     settings.prepare_folders()
+    logs.configure(settings)
     application = celery_application(settings)
     application.set_current()
     application.start(["--quiet", "beat", "--pidfile", "", "--loglevel", log_level])
