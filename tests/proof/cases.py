@@ -10,6 +10,7 @@ from concealing import CONCEAL
 from generator import (
     EFFECTS,
     LEAST_ENERGY,
+    NEED_A_MASS,
     NEED_SELF_REGULATION,
     SAME,
     Case,
@@ -52,13 +53,31 @@ def attempt(rng: Generator, effects: tuple[str, ...], foreign: bool, seed: int) 
         return None
     if any(e.startswith(EXCITED_BY_SET_POINT) for e in effects) and np.ptp(loop.sp) == 0.0:
         return None
+    if any(e in NEED_A_MASS for e in effects) and not (loop.process.integrating or len(loop.process.taus) == 2):
+        return None
     plain = copy.deepcopy(loop)
-    marks = [mark for effect in effects for mark in CONCEAL[effect](loop, rng, foreign)]
+    alone: list[Loop] = []
+    marks = []
+    for effect in effects:
+        alone.append(copy.deepcopy(plain))
+        CONCEAL[effect](alone[-1], copy.deepcopy(rng), foreign)
+        marks += CONCEAL[effect](loop, rng, foreign)
     fresh = copy.deepcopy(loop)
     recorded = run(loop)
     if not np.all(np.isfinite(recorded.pv)) or np.ptp(recorded.pv) > 400.0:
         return None
-    return dressed(rng, foreign, f"blind{seed:05d}", plain, fresh, recorded, effects, marks)
+    case = dressed(rng, foreign, f"blind{seed:05d}", plain, fresh, recorded, effects, marks)
+    if len(effects) == 2:
+        case.truth.energy = min(case.truth.energy, *(beside(other, fresh, recorded) for other in alone))
+    return case
+
+
+def beside(other: Loop, both: Loop, recorded: Run) -> float:
+    """What is seen of one of two effects beside the other: one that the other hides cannot be asked for."""
+    without = run(copy.deepcopy(other), recorded.op, noisy=False).pv
+    true = run(copy.deepcopy(both), recorded.op, noisy=False).pv
+    clean = run(copy.deepcopy(both), recorded.op, noisy=False).clean
+    return energy(true - without, without, recorded.op, recorded.pv - clean)
 
 
 def dressed(

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from generator import Loop, coloured
 from numpy.random import Generator
-from plants import Backlash, FrictionValve, SlewValve, StaticValve, StickingValve
+from plants import Backlash, FrictionValve, MovedMass, SlewValve, StaticValve, StickingValve
 
 from app.engine.recording import FloatArray
 
@@ -114,6 +114,13 @@ def nonlinear_gain(loop: Loop, rng: Generator, foreign: bool) -> Windows:
 
 def outflow(loop: Loop, rng: Generator, _: bool) -> Windows:
     loop.process.head = float(rng.uniform(10.0, 16.0))
+    return ()
+
+
+def friction(loop: Loop, rng: Generator, _: bool) -> Windows:
+    process = loop.process
+    dry = abs(process.gain) * reach(loop) * float(rng.uniform(0.1, 0.35))
+    loop.process = MovedMass(process.gain, process.taus, process.dead_time, process.integrating, process.ts, dry=dry)
     return ()
 
 
@@ -240,6 +247,7 @@ CONCEAL: dict[str, Callable[[Loop, Generator, bool], Windows]] = {
     "process.nonlinear_gain": nonlinear_gain,
     "process.outflow_law": outflow,
     "process.gain_drift": gain_drift,
+    "process.friction": friction,
     "process.overflow": overflow,
     "process.inverse_response": inverse,
     "sensor.lag": sensor_lag,

@@ -25,11 +25,13 @@ SAME = {
 EFFECTS = (
     "valve.stiction", "valve.deadband", "valve.slew_limit", "valve.saturation", "valve.characteristic",
     "process.dead_time", "process.extra_lag", "process.integrating", "process.nonlinear_gain", "process.outflow_law",
-    "process.gain_drift", "process.overflow", "process.inverse_response", "sensor.lag", "sensor.quantization",
+    "process.gain_drift", "process.friction", "process.overflow", "process.inverse_response", "sensor.lag",
+    "sensor.quantization",
     "sensor.saturation", "sensor.drift", "sensor.stuck", "sensor.step", "disturbance.oscillation",
     "disturbance.step", "disturbance.ramp", "disturbance.coupling",
 )  # fmt: skip
 NEED_SELF_REGULATION = ("process.integrating", "process.outflow_law")
+NEED_A_MASS = ("process.friction",)
 LEAST_ENERGY = 60.0
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from app.engine.valve import choudhury_start, choudhury_step, he_step, kano_start, kano_step
 
 SUBSTEPS = 6
+FINE = 15
 
 
 @dataclass
@@ -62,6 +63,30 @@ class Process:
         if self.integrating:
             self.states[-1] = min(self.states[-1] + h * before, self.high)
         return rate
+
+
+@dataclass
+class MovedMass(Process):
+    """A mass on a spring (two lags), or a free one (integrating behind a lag), held and slowed by dry friction; in very
+    fine time.
+    """
+
+    dry: float = 0.0
+    speed: float = 0.0
+
+    def advance(self, drive: float, h: float) -> float:
+        mass = math.prod(self.taus)
+        damping = 1.0 if self.integrating else sum(self.taus)
+        fine = h / FINE
+        for _ in range(FINE):
+            force = drive - (0.0 if self.integrating else self.states[-1])
+            side = math.copysign(1.0, self.speed if self.speed != 0.0 else force)
+            if self.speed == 0.0 and abs(force) <= self.dry:
+                break
+            after = self.speed + fine * (force - damping * self.speed - self.dry * side) / mass
+            self.speed = 0.0 if self.speed * after < 0.0 else after
+            self.states[-1] += fine * self.speed
+        return self.speed
 
 
 class Valve:

@@ -10,7 +10,7 @@ from app.engine.mismatch.noise import fit_noise
 from app.engine.mismatch.scan import Start, ground, scan, task_with
 from app.engine.recording import FloatArray
 
-ADMITTED, ADMITTED_QUIET = 9, 5
+ADMITTED, SECOND_ADMITTED = (9, 5), (7, 3)
 HOPELESS = 0.35
 
 
@@ -42,7 +42,7 @@ class Scanned:
 
 def rivals(found: Fit, blocks: tuple[Block, ...]) -> tuple[Rival, ...]:
     """The blocks that a scan finds promising, fitted beside the fit so far, best score first."""
-    admitted = promising(survey(found, blocks), found.given.integrating)
+    admitted = promising(survey(found, blocks), found)
     return tuple(sorted((enter(scanned, found) for scanned in admitted), key=lambda rival: -rival.score))
 
 
@@ -68,12 +68,13 @@ def glance(found: Fit, blocks: tuple[Block, ...]) -> tuple[Scanned, ...]:
     return tuple(scanned)
 
 
-def promising(surveyed: tuple[Scanned, ...], integrating: bool) -> tuple[Scanned, ...]:
-    """The blocks worth a fit: those near the best under either noise."""
+def promising(surveyed: tuple[Scanned, ...], found: Fit) -> tuple[Scanned, ...]:
+    """The blocks worth a fit: those near the best under either noise; fewer beside an effect that was found."""
+    integrating, (admitted, admitted_quiet) = found.given.integrating, SECOND_ADMITTED if found.parts else ADMITTED
     own = sorted(surveyed, key=lambda s: -(s.gain - s.block.penalty))
     quiet = sorted(surveyed, key=lambda s: -(s.quiet_gain - s.block.penalty))
-    kept = [s for s in own[:ADMITTED] if s.gain > HOPELESS * s.block.penalty]
-    kept += [s for s in quiet[:ADMITTED_QUIET] if s.quiet_gain > s.block.penalty]
+    kept = [s for s in own[:admitted] if s.gain > HOPELESS * s.block.penalty]
+    kept += [s for s in quiet[:admitted_quiet] if s.quiet_gain > s.block.penalty]
     # An integrator that ran over is far from any linear start: a scan beside that misleads.
     kept += [s for s in surveyed if (s.block.code == "process.overflow" and integrating) or s.block.brings]
     return tuple(dict.fromkeys(kept))

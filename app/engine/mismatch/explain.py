@@ -9,14 +9,16 @@ from app.engine.evidence import Reason
 from app.engine.mismatch.block import Context
 from app.engine.mismatch.closed_loop import ClosedLoop, close_again
 from app.engine.mismatch.comparison import Comparison, check, given_of, glimpse, record_of, shortened
+from app.engine.mismatch.compete import Rival
 from app.engine.mismatch.conclude import conclude, unseen_data_refuse
 from app.engine.mismatch.experiment import Experiment
-from app.engine.mismatch.fitting import Fit, Given, fit_linear, make_task, settle, start_at
+from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, Given, fit_linear, make_task, settle, start_at
 from app.engine.mismatch.given import behind_trace, identify
 from app.engine.mismatch.holdout import judge, kept_out, refit_without
 from app.engine.mismatch.locate import quick_location
 from app.engine.mismatch.patterns import Pattern, find_patterns
 from app.engine.mismatch.physics import library
+from app.engine.mismatch.physics.generic import DYNAMIC
 from app.engine.mismatch.report import effects_of, export, location_of, pattern_effect, refit_estimates
 from app.engine.mismatch.result import Effect, Explanation, Improvement, Location, Traces
 from app.engine.mismatch.selection import Selection, select
@@ -36,6 +38,14 @@ class Prepared:
     base: Fit
 
 
+@dataclass(frozen=True, eq=False)
+class Competed:
+    """The linear loop that effects were looked for beside, and what was found."""
+
+    base: Fit
+    selection: Selection
+
+
 def explain(comparison: Comparison, validation: Comparison | None = None) -> Explanation:
     """Where a recording and a simulation differ, which physics was left out, and how much better it fits with it.
 
@@ -48,8 +58,9 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     comparison = shortened(comparison)
     prepared = prepare(comparison)
     codes = tuple(pattern.part.block.code for pattern in prepared.patterns)
-    selection = compete(prepared, codes)
-    selection = replace(selection, fit=settle(selection.fit))
+    competed = compete(prepared.base, codes)
+    prepared = replace(prepared, base=competed.base)
+    selection = replace(competed.selection, fit=settle(competed.selection.fit))
     explanation = assemble(comparison, prepared, selection)
     if validation is None:
         return explanation
@@ -59,11 +70,31 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     return replace(explanation, validation=validate(prepared.base, selection.fit, sensors, second, validation.trace))
 
 
-def compete(prepared: Prepared, already: tuple[str, ...]) -> Selection:
-    """The believed effects: of a long record chosen on a thinned one, their numbers fitted on the whole."""
-    coarse = coarse_of(prepared.base, factor_for(prepared.base))
-    selection = select(coarse.fit, library(coarse.fit.record), already)
-    return selection if coarse.factor == 1 else refined(prepared.base, selection)
+def compete(base: Fit, already: tuple[str, ...]) -> Competed:
+    """The believed effects: of a long record chosen on a thinned one, their numbers fitted on the whole.
+
+    Where no simulation was given, linear dynamics that our own simple structures lack are no missing physics: they
+    become part of our own loop, and what is missing beside them is looked for again.
+    """
+    coarse = coarse_of(base, factor_for(base))
+    blocks = library(coarse.fit.record)
+    selection = select(coarse.fit, blocks, already)
+    own = lacking_dynamics(selection)
+    if own is None:
+        return Competed(base, selection if coarse.factor == 1 else refined(base, selection))
+    named = tuple(block for block in blocks if block.name != own.block.name)
+    richer = own.fit if coarse.factor == 1 else refined(base, Selection(own.fit, selection.effects, ())).fit
+    selection = select(own.fit, named, already)
+    return Competed(richer, selection if coarse.factor == 1 else refined(richer, selection))
+
+
+def lacking_dynamics(selection: Selection) -> Rival | None:
+    """The generic linear dynamics, where they came first beside a linear loop of our own."""
+    if not selection.ranking or not selection.effects:
+        return None
+    first = max((effect.rival for effect in selection.effects), key=lambda rival: rival.gain)
+    own = first.fit.given.deviation >= OWN_DEVIATION
+    return first if own and first.block is DYNAMIC and len(first.fit.parts) == 1 else None
 
 
 def locate(comparison: Comparison) -> Location:
@@ -190,6 +221,8 @@ def evidence_of(prepared: Prepared, selection: Selection) -> tuple[Reason, ...]:
     base = prepared.base
     changes = ", ".join(f"{e.name} {e.value:.4g} {e.unit}" for e in refit_estimates(base))
     said = [Reason("refit", f"the simulation's own parameters, fitted: {changes}")]
+    if base.parts:
+        said.append(Reason("own_dynamics", "no simulation was given, and our own loop needed more lags than two"))
     if not selection.effects and selection.ranking:
         best = selection.ranking[0]
         said.append(

@@ -346,11 +346,29 @@ def settle(found: Fit) -> Fit:
     """
     if max(found.noise.poles) < SLOW_POLE or not found.parts:
         return found
+    other = finish_as(found, white_fit(found))
+    before, after = (float(np.std(fit.residual[found.record.usable])) for fit in (found, other))
+    return other if after < SETTLED * before else found
+
+
+def white_fit(found: Fit) -> FloatArray:
+    """Coordinates of the same model where its free run is nearest to PV."""
     task = make_task(found.record, found.given, tuple(part.block for part in found.parts))
-    before = float(np.std(found.residual[found.record.usable]))
-    white = NoiseModel(deviation=before)
-    other = finish(task, descend(task, polish(task, found.x, white), white, 30), found.noise)
-    return other if float(np.std(other.residual[found.record.usable])) < SETTLED * before else found
+    white = NoiseModel(deviation=float(np.std(found.residual[found.record.usable])))
+    return descend(task, polish(task, found.x, white), white, 30)
+
+
+def finish_as(found: Fit, x: FloatArray) -> Fit:
+    """The same model at other coordinates, its noise model kept."""
+    task = make_task(found.record, found.given, tuple(part.block for part in found.parts))
+    return finish(task, x, found.noise)
+
+
+def by_free_run(found: Fit) -> Fit:
+    """The same model fitted by its free run alone, with the noise that it then leaves."""
+    task = make_task(found.record, found.given, tuple(part.block for part in found.parts))
+    x = white_fit(found)
+    return finish(task, x, fit_noise(found.record.pv_deviation - task.simulated(x), found.record.usable))
 
 
 def quiet_noise(record: Experiment, given: Given) -> NoiseModel:

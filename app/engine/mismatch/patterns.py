@@ -85,9 +85,14 @@ def find_patterns(record: Experiment) -> tuple[Pattern, ...]:
 
 def holds(record: Experiment) -> bool:
     """Whether PV repeats itself most of the time, also away from its extremes: a historian that stores changes."""
-    away = (record.pv > np.min(record.pv)) & (record.pv < np.max(record.pv))
+    away = away_from_extremes(record)
     still = np.abs(np.diff(record.pv)) <= 1e-9 * record.pv_span
     return bool(np.mean(still[away[1:]]) > HOLDS) if away.sum() > LEAST_RUN else False
+
+
+def away_from_extremes(record: Experiment) -> BoolArray:
+    margin = NEAR_EXTREME * record.pv_span
+    return (record.pv > np.min(record.pv) + margin) & (record.pv < np.max(record.pv) - margin)
 
 
 def innovation_floor(pv: FloatArray) -> float:
@@ -183,7 +188,8 @@ def compressed(record: Experiment) -> Pattern | None:
     first, second = np.diff(record.pv), np.diff(record.pv, 2)
     typical = float(np.std(first))
     straight = np.abs(second) < 0.02 * typical
-    share = float(np.mean(straight))
+    away = away_from_extremes(record)[1:-1]
+    share = float(np.mean(straight[away])) if away.sum() > LEAST_RUN else 0.0
     if share < 0.4 or typical == 0.0:
         return None
     kept = np.concatenate(([0], np.flatnonzero(~straight) + 1, [record.samples - 1]))

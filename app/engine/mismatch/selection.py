@@ -1,14 +1,15 @@
 """Which effects are believed: the best rival while it pays, a second beside it, and what cannot be told from them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context
 from app.engine.mismatch.compete import Rival, rivals
-from app.engine.mismatch.fitting import Fit
+from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, by_free_run, fit, start_at
 from app.engine.mismatch.limits import limit_bonus
-from app.engine.mismatch.physics import TWINS
+from app.engine.mismatch.physics import CLOSE, TWINS
+from app.engine.mismatch.scan import task_with
 from app.engine.mismatch.spikes import steady_gain, tail_penalty
 
 LEADERS = 3
@@ -21,6 +22,8 @@ SMALL_SLIP = 0.35
 LIMITS = {"process.overflow", "sensor.saturation"}
 STEADY_SHARE = 0.4
 NO_WORSE = 1.03
+OWN_SHARE = 0.35
+UNNAMED = "unnamed"
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +75,21 @@ def makes_sense(rival: Rival) -> bool:
 
 
 def ranked(found: Fit, blocks: tuple[Block, ...]) -> tuple[Rival, ...]:
-    return tuple(sorted(rivals(found, blocks), key=lambda rival: -worth(rival)))
+    return tuple(sorted((reconciled(rival) for rival in rivals(found, blocks)), key=lambda rival: -worth(rival)))
+
+
+def reconciled(rival: Rival) -> Rival:
+    """A rival whose likelihood had gone with a worse free run, fitted again by its free run; as it was where that
+    loses what it gained.
+    """
+    usable = rival.fit.record.usable
+    before, after = (float(np.std(fit.residual[usable])) for fit in (rival.over, rival.fit))
+    if after < NO_WORSE * before or rival.score <= 0.0:
+        return rival
+    other = by_free_run(rival.fit)
+    gain = other.likelihood - rival.over.likelihood
+    better = float(np.std(other.residual[usable])) < NO_WORSE * before and gain > rival.block.penalty
+    return replace(rival, fit=other, gain=gain) if better else rival
 
 
 def best_of_each_code(ranking: tuple[Rival, ...]) -> tuple[Rival, ...]:
@@ -94,8 +111,26 @@ def select(base: Fit, blocks: tuple[Block, ...], already: tuple[str, ...] = ()) 
         return Selection(base, (), first)
     names = best_of_each_code(first)
     single = Selection(first[0].fit, (believed(first[0], names),), first)
-    pairs = [pair for rival in leaders(first) for pair in with_second(rival, names, offered)]
+    tried = leaders(first)
+    pairs = [pair for rival in tried for pair in with_second(rival, names, offered)]
+    best = max(pairs, key=lambda pair: pair.fit.score, default=single)
+    partner = partner_of(best, base, {rival.block.name for rival in tried})
+    if partner is not None:
+        pairs += with_second(partner, names, offered)
     return max(pairs, key=lambda pair: pair.fit.score, default=single)
+
+
+def partner_of(pair: Selection, base: Fit, tried: set[str]) -> Rival | None:
+    """The effect of a pair that was found second, alone: beside it the first may turn out to have another name."""
+    if len(pair.effects) < 2:
+        return None
+    part = pair.fit.parts[-1]
+    if part.block.name in tried:
+        return None
+    task = task_with(base, part.block)
+    known = [known.values for known in base.parts]
+    alone = fit(task, start_at(task, base.plant, np.concatenate((*known, part.values))), None, 2, 6)
+    return Rival(part.block, alone, alone.likelihood - base.likelihood, base)
 
 
 def leaders(ranking: tuple[Rival, ...]) -> tuple[Rival, ...]:
@@ -125,7 +160,7 @@ def with_second(rival: Rival, names: tuple[Rival, ...], blocks: tuple[Block, ...
     ):
         return ()
     effects = (
-        Believed(rival.block.code, TWINS.get(rival.block.code, ()), first_gain, worth(rival), rival),
+        Believed(rival.block.code, twins_of(rival), first_gain, worth(rival) / own_doubt(rival), rival),
         believed(best, best_of_each_code(second)),
     )
     return (Selection(best.fit, tuple(sorted(effects, key=lambda effect: -effect.gain)), second),)
@@ -135,16 +170,33 @@ def pays_beside(second: Rival, first: Rival) -> bool:
     return worth(second) >= SECOND_MUST_GAIN and second.gain >= min(SECOND_SHARE * first.gain, SECOND_ENOUGH)
 
 
+def own_doubt(best: Rival) -> float:
+    """By how much a margin (nat) is to be divided: where no simulation was given the linear model came from the same
+    record, its structure is a guess, and names that come within a third of each other are not told apart by it.
+    """
+    if best.fit.given.deviation < OWN_DEVIATION:
+        return 1.0
+    return max(OWN_SHARE * worth(best) / INDISTINCT, 1.0)
+
+
 def hardly_slips(rival: Rival) -> bool:
     """Stiction whose slip jump is a small share of its band, which an uneven backlash looks like as well."""
     return rival.block.code == "valve.stiction" and float(rival.fit.parts[-1].values[1]) < SMALL_SLIP
 
 
+def twins_of(rival: Rival) -> tuple[str, ...]:
+    """Names that no record of OP and PV tells from this one, or not from one with such values."""
+    code = rival.block.code
+    return (*TWINS.get(code, ()), *CLOSE.get(code, ()), *(("valve.deadband",) if hardly_slips(rival) else ()))
+
+
 def believed(best: Rival, names: tuple[Rival, ...]) -> Believed:
     """The best rival with the names that this record cannot tell from it."""
-    twins = [*TWINS.get(best.block.code, ()), *(("valve.deadband",) if hardly_slips(best) else ())]
+    twins = list(twins_of(best))
     others = [r for r in names if r.block.code != best.block.code and r.block.code not in twins]
-    margins = [worth(best) - worth(r) for r in others]
+    doubt = own_doubt(best)
+    margins = [(worth(best) - worth(r)) / doubt for r in others]
     close = [r.block.code for r, m in zip(others, margins, strict=True) if m < INDISTINCT and worth(r) > 0.0]
+    close = [code for code in close if code != UNNAMED]
     nearest = min(margins, default=float(np.inf))
     return Believed(best.block.code, tuple((twins + close)[:MOST_ALTERNATIVES]), best.gain, nearest, best)

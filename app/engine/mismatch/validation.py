@@ -43,7 +43,7 @@ def validate(
     record = alike(base.record, replace(second, measured=second.measured))
     lasting = tuple(part for part in (*final.parts, *sensors) if part.block.code not in OF_ONE_RECORD)
     everywhere = np.ones(record.samples, dtype=np.bool_)
-    refitted = started(record, base.plant, ())
+    refitted = started(record, base.plant, transferred(record, base.parts))
     explained = started(record, final.plant, transferred(record, lasting))
     return Improvement(
         None if given is None else judge(record.pv, given, everywhere),

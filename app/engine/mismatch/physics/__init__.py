@@ -17,6 +17,7 @@ from app.engine.mismatch.physics import (
     sensor_pattern,
     static_gain,
     two_tanks,
+    valve_dead_zone,
     valve_deadband,
     valve_saturation,
     valve_slew_limit,
@@ -27,6 +28,7 @@ from app.engine.mismatch.physics import (
 ALWAYS_OFFERED = (
     valve_stiction,
     valve_deadband,
+    valve_dead_zone,
     valve_slew_limit,
     valve_saturation,
     static_gain,
@@ -51,6 +53,10 @@ TWINS = {
     "sensor.drift": ("disturbance.ramp",),
 }
 
+
+# What comes near another, so that both are said, but may stand beside it: an outflow law is a gain that falls with the
+# level, and a time constant that does.
+CLOSE = {"process.outflow_law": ("process.nonlinear_gain",)}
 
 PATTERNS = (
     sensor_pattern.QUANTIZATION,

@@ -21,8 +21,11 @@ AT_REST = 0.02
 
 
 @njit(cache=True, nogil=True)
-def _speed_after(speed: float, force: float, dry: float, damping: float, mass: float, step: float) -> float:
-    """The speed a step later under a force that is held: exact between reversals, at rest where dry friction holds."""
+def _speed_after(speed: float, force: float, dry: float, damping: float, stay: float) -> float:
+    """The speed a step later under a force that is held: exact between reversals, at rest where dry friction holds.
+
+    stay: exp(-damping step / mass), what is left of a speed that nothing drives.
+    """
     if speed == 0.0:
         if abs(force) <= dry:
             return 0.0
@@ -30,7 +33,7 @@ def _speed_after(speed: float, force: float, dry: float, damping: float, mass: f
     else:
         side = 1.0 if speed > 0.0 else -1.0
     settled = (force - dry * side) / damping
-    after = settled + (speed - settled) * np.exp(-damping * step / mass)
+    after = settled + (speed - settled) * stay
     return 0.0 if after * side < 0.0 else after
 
 
@@ -41,10 +44,11 @@ def _place(u: FloatArray, drive: FloatArray, numbers: FloatArray, ts: float) -> 
     x, dry, damping, mass = numbers
     y = np.empty(len(u))
     speed, h = 0.0, ts / STEPS
+    stay = np.exp(-damping * h / mass)
     y[0] = x
     for t in range(1, len(u)):
         for _ in range(STEPS):
-            after = _speed_after(speed, K * u[t - 1] + b - spring * x, dry, damping, mass, h)
+            after = _speed_after(speed, K * u[t - 1] + b - spring * x, dry, damping, stay)
             x += 0.5 * h * (speed + after)
             speed = after
         y[t] = x
@@ -57,11 +61,12 @@ def _speed(u: FloatArray, drive: FloatArray, numbers: FloatArray, ts: float) -> 
     K, b, rest = drive
     x, dry, damping, tau = numbers
     y = np.empty(len(u))
-    speed, h = x - rest, ts / STEPS
+    speed = x - rest
+    stay = np.exp(-damping * ts / STEPS / tau)
     y[0] = x
     for t in range(1, len(u)):
         for _ in range(STEPS):
-            speed = _speed_after(speed, K * u[t - 1] + b - rest, dry, damping, tau, h)
+            speed = _speed_after(speed, K * u[t - 1] + b - rest, dry, damping, stay)
         y[t] = rest + speed
     return y
 
@@ -103,7 +108,7 @@ def parameters(context: Context) -> tuple[Parameter, ...]:
 
 
 def starts(context: Context, _: FloatArray) -> FloatArray:
-    return grid(reach(context) * np.geomspace(0.01, 0.8, 14), np.array([0.0, 0.6]))
+    return grid(reach(context) * np.geomspace(0.01, 0.8, 12), np.zeros(1))
 
 
 def at_rest(signal: FloatArray, _: FloatArray, context: Context) -> BoolArray:

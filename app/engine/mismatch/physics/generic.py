@@ -46,28 +46,27 @@ def static(signal: FloatArray, values: FloatArray, context: Context) -> FloatArr
     return out
 
 
-BLOCKS = (
-    Block(
-        "unnamed",
-        "process",
-        "output",
-        "while OP moves: dynamic, additive, with memory",
-        dynamic_parameters,
-        lambda _, __: zeros(len(SPEEDS)),
-        apply=dynamic,
-        form="dynamic",
-        penalty=42.0,
-    ),
-    Block(
-        "unnamed",
-        "process",
-        "output",
-        "at another operating point: static, behind the lag",
-        static_parameters,
-        lambda _, __: zeros(len(POWERS)),
-        apply=static,
-        form="static",
-        penalty=42.0,
-        frees_gain=True,
-    ),
+DYNAMIC = Block(
+    "unnamed",
+    "process",
+    "output",
+    "while OP moves: dynamic, additive, with memory",
+    dynamic_parameters,
+    lambda _, __: zeros(len(SPEEDS)),
+    apply=dynamic,
+    form="dynamic",
+    penalty=42.0,
 )
+STATIC = Block(
+    "unnamed",
+    "process",
+    "output",
+    "at another operating point: static, behind the lag",
+    static_parameters,
+    lambda _, __: zeros(len(POWERS)),
+    apply=static,
+    form="static",
+    penalty=42.0,
+    frees_gain=True,
+)
+BLOCKS = (DYNAMIC, STATIC)
