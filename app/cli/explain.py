@@ -12,7 +12,7 @@ import typer
 from app.cli.messages import say
 
 if TYPE_CHECKING:
-    from app.engine.mismatch import Explanation
+    from app.engine.mismatch import Comparison, Explanation
 
 
 class Form(StrEnum):
@@ -34,6 +34,7 @@ def explain(
     op: Annotated[str | None, typer.Option("--op", help="The column of OP.")] = None,
     pv: Annotated[str | None, typer.Option("--pv", help="The column of PV.")] = None,
     sp: Annotated[str | None, typer.Option("--sp", help="The column of SP.")] = None,
+    loop: Annotated[str | None, typer.Option("--loop", help="The loop, in an export of several.")] = None,
     validate_op: Annotated[
         str | None, typer.Option("--validate-op", help="OP in --validate, where it differs.")
     ] = None,
@@ -42,7 +43,9 @@ def explain(
     ] = None,
     format_: Annotated[Form, typer.Option("--format", help="To read, or for machines.")] = Form.text,
     trace: Annotated[Path | None, typer.Option("--trace", help="Write PV, simulations and residuals as CSV.")] = None,
-    plot: Annotated[Path | None, typer.Option("--plot", help="Write a plot as an HTML file.")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", help="Write a plot: HTML, or a small picture (.svg).")] = None,
+    model: Annotated[Path | None, typer.Option("--model", help="Write the explained model, for simulate.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Only where they differ, in a second, no names.")] = False,
 ) -> None:
     """Compare a recording with a simulation: where they differ, which physics was left out, and the fit with it.
 
@@ -60,20 +63,28 @@ def explain(
     from time import perf_counter
 
     from app.engine.mismatch import explain as explain_comparison
+    from app.engine.mismatch import locate
     from app.services.comparisons import Columns, read_comparison, simulation_from_json
-    from app.services.explanation_line import explanation_line
+    from app.services.explanation_line import explanation_line, located_line
 
     started = perf_counter()
-    comparison = read_comparison(file, Columns(op, pv, sp), sim)
+    comparison = read_comparison(file, Columns(op, pv, sp, loop), sim)
     if sim_model is not None:
         comparison = replace(comparison, trace=None, simulation=simulation_from_json(sim_model))
+    if quick:
+        located = located_line(locate(comparison), comparison.name, perf_counter() - started)
+        sys.stdout.write(as_json(located) if format_ is Form.json else located_in_words(located))
+        return
     second = None
     if validate is not None:
-        columns = Columns(validate_op or op, validate_pv or pv, sp)
+        columns = Columns(validate_op or op, validate_pv or pv, sp, loop)
         second = read_comparison(validate, columns, None if sim is None or Path(sim).is_file() else sim)
     explanation = explain_comparison(comparison, second)
     line = explanation_line(explanation, perf_counter() - started)
-    write_files(explanation, comparison.op, trace, plot)
+    write_files(explanation, comparison, trace, plot)
+    if model is not None:
+        model.write_text(as_json(line["model"]), encoding="utf-8")
+        say(f"wrote {model}")
     sys.stdout.write(as_json(line) if format_ is Form.json else as_text(line))
 
 
@@ -83,8 +94,9 @@ def as_json(line: dict[str, Any]) -> str:
     return json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def write_files(explanation: "Explanation", op: Any, trace: Path | None, plot: Path | None) -> None:
+def write_files(explanation: "Explanation", comparison: "Comparison", trace: Path | None, plot: Path | None) -> None:
     from app.services.explanation_plot import explanation_html, trace_rows
+    from app.services.explanation_svg import explanation_svg
 
     if trace is not None:
         import numpy as np
@@ -93,8 +105,10 @@ def write_files(explanation: "Explanation", op: Any, trace: Path | None, plot: P
         np.savetxt(trace, rows, fmt="%.8g", delimiter=",", header=",".join(header), comments="")
         say(f"wrote {trace}")
     if plot is not None:
-        target = plot if plot.suffix.lower() in (".html", ".htm") else plot.with_suffix(".html")
-        target.write_text(explanation_html(explanation, op), encoding="utf-8")
+        drawn = plot.suffix.lower() in (".html", ".htm", ".svg")
+        target = plot if drawn else plot.with_suffix(".html")
+        draw = explanation_svg if target.suffix.lower() == ".svg" else explanation_html
+        target.write_text(draw(explanation, comparison.op), encoding="utf-8")
         say(f"wrote {target}")
 
 
@@ -113,8 +127,41 @@ def as_text(line: dict[str, Any]) -> str:
     said.append("held-out RMSE  " + ", ".join(f"{k} {fit['rmse_' + k]}" for k in ("given", "refitted", "explained")))
     if line["validation"] is not None:
         said.append("validation     " + ", ".join(f"{k[5:]} {v}" for k, v in line["validation"].items()))
+    if line["closed_loop"] is not None:
+        said += loop_in_words(line["closed_loop"])
     said += [f"  {reason['text']}" for reason in line["evidence"]]
     return "\n".join(said) + "\n"
+
+
+LOOPS = {
+    "recorded": "recorded",
+    "refitted": "refitted simulation",
+    "explained": "explained simulation",
+    "with_noise": "  with its noise",
+    "as_recorded": "  as the sensor shows it",
+}
+
+
+def loop_in_words(closed: dict[str, Any]) -> list[str]:
+    """The loop closed again from SP alone, a row a simulation."""
+    said = ["loop closed from SP alone    period s   amplitude   Yper %   shape"]
+    for key, name in LOOPS.items():
+        f = closed[key]
+        if f is None:
+            said.append(f"  {name:<24} did not settle")
+            continue
+        period = "none" if f["period_s"] is None else f"{f['period_s']:.4g}"
+        said.append(f"  {name:<24} {period:>10}  {f['amplitude']:>10.4g} {f['yper_pct']:>8.3g} {f['shape']:>7.2f}")
+    return said
+
+
+def located_in_words(line: dict[str, Any]) -> str:
+    where = line["located"]
+    if where["block"] is None:
+        return f"{line['recording']}: no difference that stands out at a first look\n"
+    shown = ", ".join(f"{a}-{b} s" for a, b in where["windows"][:6])
+    said = [f"{line['recording']}: first look: {where['block']}, {where['condition']}; windows {shown}"]
+    return "\n".join([*said, *(f"  {reason['text']}" for reason in line["evidence"])]) + "\n"
 
 
 def effect_in_words(effect: dict[str, Any]) -> list[str]:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from app.engine.simulate import Plant, Signal, SimulatedLoop, Valve
 
 PROCESS, CONTROLLER, VALVE, UPSETS = "Process", "Controller", "Valve", "What happens to the loop"
+EXPLAINED = "An explained model"
 
 
 class ValveModel(StrEnum):
@@ -63,9 +64,18 @@ def simulate(
     ),
     step: float = typer.Option(0.0, "--sp-step", help="Set-point step in the middle, in PV.", rich_help_panel=UPSETS),
     seed: int = typer.Option(0, "--seed", min=0, help="The same seed gives the same noise."),
+    model: Annotated[
+        Path | None,
+        typer.Option("--model", help="A model that explain wrote, simulated again.", rich_help_panel=EXPLAINED),
+    ] = None,
+    recording: Annotated[
+        Path | None, typer.Option("--recording", help="The recording whose OP drives it.", rich_help_panel=EXPLAINED)
+    ] = None,
+    op: Annotated[str | None, typer.Option("--op", help="Its column of OP.", rich_help_panel=EXPLAINED)] = None,
+    pv: Annotated[str | None, typer.Option("--pv", help="Its column of PV.", rich_help_panel=EXPLAINED)] = None,
     with_valve: bool = typer.Option(False, "--with-valve", help="Add the column V: where the valve really is."),
 ) -> None:
-    """Simulate a loop in closed loop and write its recording: time,SP,PV,OP as CSV.
+    """Simulate a loop in closed loop and write its recording: time,SP,PV,OP as CSV; or an explained model along OP.
 
     [bold]Examples[/bold]
 
@@ -74,7 +84,12 @@ def simulate(
       loopaudit simulate --wave 3 --wave-period 90 --out shaken.csv
 
       loopaudit simulate --integrating --gain 0.002 --ti 600 --valve packed > level.csv
+
+      loopaudit explain FIC101.csv --model FIC101.json; loopaudit simulate --model FIC101.json --recording FIC101.csv
     """
+    if model is not None or recording is not None:
+        _simulate_explained(model, recording, (op, pv), out)
+        raise typer.Exit(ExitCode.DONE)
     from app.engine.simulate import LoopSpec, Pid, Signal, simulate_loop
 
     spec = LoopSpec(
@@ -93,6 +108,23 @@ def simulate(
         stream.writelines(_lines(loop, with_valve))
     say(f"{samples} samples of a loop with a {valve.value} valve" + (f" in {out}" if out else ""))
     raise typer.Exit(ExitCode.DONE)
+
+
+def _simulate_explained(
+    model: Path | None, recording: Path | None, columns: tuple[str | None, str | None], out: Path | None
+) -> None:
+    from app.errors import RequestError
+    from app.services.comparisons import Columns
+    from app.services.explained_models import simulate_files
+
+    if model is None or recording is None:
+        raise RequestError("model_invalid", "--model and --recording belong together: a model needs an OP to drive it")
+    found = simulate_files(model, recording, Columns(*columns))
+    with nullcontext(sys.stdout) if out is None else out.open("w", encoding="utf-8", newline="") as stream:
+        stream.write("time,OP,PV\n")
+        for row in zip(found.time_s, found.op, found.pv, strict=True):
+            stream.write(",".join(f"{value:.8g}" for value in row) + "\n")
+    say(f"{len(found.pv)} samples of the model in {model}" + (f" in {out}" if out else ""))
 
 
 def _plant(gain: float, time_constant_s: float, dead_time_s: float, integrating: bool) -> "Plant":

@@ -11,6 +11,7 @@ import polars as pl
 from app.engine.mismatch import Comparison, LinearSimulation
 from app.engine.recording import FloatArray, Recording
 from app.errors import DataError, RequestError
+from app.ingest import read_recordings
 
 SYNONYMS = {
     "time": ("time", "t", "timestamp", "time_s", "datetime", "date", "ts"),
@@ -21,15 +22,20 @@ SYNONYMS = {
 SIMULATED = ("pv_sim", "pvsim", "sim", "simulation", "simulated")
 NOT_MEASURED = ("mode", "quality", "status", "ts", "auto")
 GAP_INTERVALS = 3.0
+SPARSE = 3.0
+NO_EXPORT = ("unknown_layout", "not_an_export", "nothing_readable")
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Names of columns as the user gave them; None: found by the usual names."""
+    """Names of columns, or of the loop in an export of several, as the user gave them; None: found by the usual
+    names.
+    """
 
     op: str | None = None
     pv: str | None = None
     sp: str | None = None
+    loop: str | None = None
 
 
 def read_table(path: Path) -> pl.DataFrame:
@@ -92,9 +98,55 @@ def seconds(table: pl.DataFrame) -> FloatArray:
 def read_comparison(path: Path, columns: Columns, simulated: str | None) -> Comparison:
     """A recording file with the simulation named by `simulated`: a column of it, or a file with a simulated trace.
 
-    Without `simulated` a column with a usual name (PV_sim) is taken; without that our own identified loop is the
-    simulation.
+    Any layout that ingest reads, as long as no columns are named; a table with a header otherwise. Without `simulated`
+    a column with a usual name (PV_sim) is taken; without that our own identified loop is the simulation.
     """
+    named = columns.op is not None or columns.pv is not None or columns.sp is not None
+    from_file = simulated is not None and Path(simulated).is_file()
+    if not named and not from_file:
+        recording = exported(path, columns.loop)
+        if recording is not None:
+            return of_export(recording, simulated)
+    return of_table(path, columns, simulated)
+
+
+def exported(path: Path, loop: str | None) -> Recording | None:
+    """The loop's recording in an export of any layout; None where ingest finds no loop in it.
+
+    Raises DataError("several_loops", "no_such_loop") where it is not clear which loop is meant.
+    """
+    if not path.is_file():
+        raise DataError("no_such_file", f"{path} is not there")
+    try:
+        found = read_recordings(path).recordings
+    except DataError as error:
+        if error.code in NO_EXPORT:
+            return None
+        raise
+    if loop is not None:
+        found = tuple(r for r in found if r.name.rpartition(":")[2].lower() == loop.lower())
+        if not found:
+            raise DataError("no_such_loop", f"{path} has no loop {loop} with PV and OP")
+    if len(found) > 1:
+        loops = ", ".join(r.name.rpartition(":")[2] for r in found[:8])
+        raise DataError("several_loops", f"{path} holds {len(found)} loops ({loops}, ...); name one with --loop")
+    return found[0] if found else None
+
+
+def of_export(recording: Recording, simulated: str | None) -> Comparison:
+    """A recording whose simulation, where there is one, is among its further signals."""
+    wanted = SIMULATED if simulated is None else (simulated.strip().lower(),)
+    name = next((tag for tag in recording.others if tag.strip().lower() in wanted), None)
+    if simulated is not None and name is None:
+        there = ", ".join(recording.others) or "no further signals"
+        raise RequestError("no_such_column", f"there is no column {simulated}; beside PV, OP and SP there is {there}")
+    if name is None:
+        return comparison_of(recording)
+    others = {tag: values for tag, values in recording.others.items() if tag != name}
+    return comparison_of(replace(recording, others=others), trace=recording.others[name])
+
+
+def of_table(path: Path, columns: Columns, simulated: str | None) -> Comparison:
     table = read_table(path)
     op, pv = find(table, columns.op, SYNONYMS["op"]), find(table, columns.pv, SYNONYMS["pv"])
     if op is None or pv is None:
@@ -103,6 +155,8 @@ def read_comparison(path: Path, columns: Columns, simulated: str | None) -> Comp
             "no_pv_op",
             f"{path} has no column for {missing}; name it with --op or --pv; it has {', '.join(table.columns)}",
         )
+    if op == pv:
+        raise RequestError("same_column", f"OP and PV are both taken from the column {op}; they must be two")
     sp = find(table, columns.sp, SYNONYMS["sp"])
     time = seconds(table)
     trace_column, trace = simulated_trace(table, time, simulated)
@@ -114,10 +168,17 @@ def read_comparison(path: Path, columns: Columns, simulated: str | None) -> Comp
         and c.strip().lower() not in NOT_MEASURED
         and (table[c].dtype.is_numeric() or table[c].dtype == pl.String)
     }
-    signals = {"op": numbers(table, op), "pv": numbers(table, pv)}
+    signals = {"op": some_numbers(table, op), "pv": some_numbers(table, pv)}
     signals |= {"sp": numbers(table, sp)} if sp is not None else {}
     signals |= {"trace": trace} if trace is not None else {}
     return uniform(path.name.partition(".")[0] if path.suffix == ".gz" else path.stem, time, signals, others)
+
+
+def some_numbers(table: pl.DataFrame, column: str) -> FloatArray:
+    values = numbers(table, column)
+    if not np.any(np.isfinite(values)):
+        raise DataError("not_numeric", f"the column {column} has no numbers in it")
+    return values
 
 
 def comparison_of(
@@ -185,6 +246,8 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
     order = order[np.concatenate(([True], np.diff(time[order]) > 0.0))]
     at = time[order] - time[order[0]]
     interval = float(np.median(np.diff(at)))
+    # Samples that came on change: a grid as fine as their usual distance would be mostly invented.
+    interval = at[-1] / (len(at) - 1) if at[-1] / (len(at) - 1) > SPARSE * interval else interval
     grid = np.arange(int(np.floor(at[-1] / interval + 1e-6)) + 1) * interval
     nearest = np.clip(np.searchsorted(at, grid), 1, len(at) - 1)
     known = (at[nearest] - at[nearest - 1]) < GAP_INTERVALS * interval

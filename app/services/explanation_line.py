@@ -6,22 +6,17 @@ from typing import Any
 
 from app.engine.mismatch.closed_loop import ClosedLoop, LoopFigures
 from app.engine.mismatch.holdout import Fitness
-from app.engine.mismatch.result import Effect, ExplainedModel, Explanation, Improvement
+from app.engine.mismatch.result import Effect, ExplainedModel, Explanation, Improvement, Location, PartModel
 from app.engine.mismatch.windows import Window
+from app.errors import DataError
 
 
 def explanation_line(explanation: Explanation, elapsed_s: float | None = None) -> dict[str, Any]:
-    located = explanation.located
     return {
         "recording": explanation.name,
         "verdict": explanation.verdict,
         "effects": [effect_line(effect) for effect in explanation.effects],
-        "located": {
-            "block": located.block,
-            "windows": windows(located.windows),
-            "condition": located.condition,
-            "frequency_hz": rounded(located.frequency_hz),
-        },
+        "located": location_line(explanation.located),
         "fit": fit_line(explanation.fit),
         "validation": None if explanation.validation is None else validation_line(explanation.validation),
         "refit": {
@@ -32,6 +27,25 @@ def explanation_line(explanation: Explanation, elapsed_s: float | None = None) -
         "closed_loop": None if explanation.closed_loop is None else closed_loop_line(explanation.closed_loop),
         "model": model_line(explanation.model),
         "engine_version": explanation.engine_version,
+        "elapsed_s": None if elapsed_s is None else round(elapsed_s, 3),
+    }
+
+
+def location_line(located: Location) -> dict[str, Any]:
+    return {
+        "block": located.block,
+        "windows": windows(located.windows),
+        "condition": located.condition,
+        "frequency_hz": rounded(located.frequency_hz),
+    }
+
+
+def located_line(located: Location, name: str, elapsed_s: float | None = None) -> dict[str, Any]:
+    """The first answer: where the two differ, without names."""
+    return {
+        "recording": name,
+        "located": location_line(located),
+        "evidence": [{"code": reason.code, "text": reason.text} for reason in located.evidence],
         "elapsed_s": None if elapsed_s is None else round(elapsed_s, 3),
     }
 
@@ -97,10 +111,14 @@ def closed_loop_line(closed: ClosedLoop) -> dict[str, Any]:
             "ki": rounded(law.ki),
             "kd": rounded(law.kd),
             "explained": rounded(law.explained),
+            "sp": rounded(law.sp),
         },
         "recorded": figures_line(closed.recorded),
         "refitted": figures_line(closed.refitted),
         "explained": figures_line(closed.explained),
+        "with_noise": figures_line(closed.with_noise),
+        "as_recorded": figures_line(closed.as_recorded),
+        "lacked": list(closed.lacked),
     }
 
 
@@ -111,6 +129,7 @@ def figures_line(figures: LoopFigures | None) -> dict[str, float | None] | None:
         "period_s": rounded(figures.period_s),
         "amplitude": rounded(figures.amplitude),
         "yper_pct": rounded(figures.yper_pct),
+        "shape": rounded(figures.shape),
     }
 
 
@@ -124,4 +143,27 @@ def model_line(model: ExplainedModel) -> dict[str, Any]:
         "plant": dict(model.plant),
         "parts": [{"name": p.name, "effect": p.code, "values": list(p.values)} for p in model.parts],
         "measured": list(model.measured),
+        "rest": list(model.rest),
     }
+
+
+def model_from_line(line: dict[str, Any]) -> ExplainedModel:
+    """An exported model, as JSON gave it. Raises DataError("model_invalid") where it is not whole."""
+    try:
+        model = line.get("model", line)
+        return ExplainedModel(
+            sampling_interval_s=float(model["sampling_interval_s"]),
+            op_mid=float(model["op_mid"]),
+            pv_mid=float(model["pv_mid"]),
+            op_span=float(model["op_span"]),
+            pv_span=float(model["pv_span"]),
+            plant=tuple((str(name), float(value)) for name, value in model["plant"].items()),
+            parts=tuple(
+                PartModel(str(p["name"]), str(p["effect"]), tuple(float(v) for v in p["values"]))
+                for p in model["parts"]
+            ),
+            measured=tuple(str(name) for name in model["measured"]),
+            rest=tuple(float(value) for value in model.get("rest", ())),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise DataError("model_invalid", f"this is no model that explain has written: {error}") from error

@@ -22,6 +22,7 @@ def explanation_html(explanation: Explanation, op: FloatArray) -> str:
         subplot_titles=("PV: recording and simulations", "Residual over time", "Residual against OP"),
     )
     traces = explanation.traces
+    op = op[:: len(op) // len(traces.pv)][: len(traces.pv)]
     lines = [
         ("recording", traces.pv),
         ("given", traces.given),

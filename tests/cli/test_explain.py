@@ -59,3 +59,35 @@ def test_what_cannot_be_done_is_said(recording: Path, options: list[str], code: 
     result = runner.invoke(cli, ["explain", str(recording), *options])
     assert isinstance(result.exception, LoopauditError)
     assert result.exception.code == code
+
+
+def test_a_model_that_was_written_is_simulated_to_the_same_trace(recording: Path, tmp_path: Path) -> None:
+    model, trace, again = tmp_path / "model.json", tmp_path / "trace.csv", tmp_path / "again.csv"
+    options = ["--sim", "PV_sim", "--model", str(model), "--trace", str(trace), "--plot", str(tmp_path / "p.svg")]
+    assert runner.invoke(cli, ["explain", str(recording), *options]).exit_code == 0
+    options = ["--model", str(model), "--recording", str(recording), "--out", str(again)]
+    result = runner.invoke(cli, ["simulate", *options])
+    assert result.exit_code == 0, result.output
+    explained = np.genfromtxt(trace, delimiter=",", names=True)["PV_explained"]
+    assert np.genfromtxt(again, delimiter=",", names=True)["PV"] == pytest.approx(explained, rel=1e-6)
+    assert (tmp_path / "p.svg").read_text(encoding="utf-8").startswith("<svg")
+
+
+def test_a_model_without_a_recording_is_refused(tmp_path: Path) -> None:
+    broken = tmp_path / "model.json"
+    broken.write_text("{}")
+    for options in (["--model", str(broken)], ["--model", str(broken), "--recording", str(broken)]):
+        result = runner.invoke(cli, ["simulate", *options])
+        assert isinstance(result.exception, LoopauditError)
+        assert result.exception.code == "model_invalid"
+
+
+def test_a_first_look_comes_without_names(recording: Path) -> None:
+    result = runner.invoke(cli, ["explain", str(recording), "--sim", "PV_sim", "--quick", "--format", "json"])
+    assert result.exit_code == 0, result.output
+    line = json.loads(result.stdout)
+    assert line["located"]["block"] == "sensor"
+    assert line["located"]["windows"] == [[300.0, 340.0]]
+    assert "effects" not in line
+    text = runner.invoke(cli, ["explain", str(recording), "--quick"])
+    assert "sensor" in text.stdout

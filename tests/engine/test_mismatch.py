@@ -10,12 +10,12 @@ import pytest
 
 from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain, locate
 from app.engine.mismatch.block import Context
-from app.engine.mismatch.closed_loop import close, identify_law
+from app.engine.mismatch.closed_loop import close, close_again, identify_law
 from app.engine.mismatch.conclude import unseen_data_refuse
 from app.engine.mismatch.experiment import experiment
 from app.engine.mismatch.fitting import Given, fit_linear
 from app.engine.mismatch.holdout import Fitness
-from app.engine.mismatch.noise import NoiseModel, fit_noise, whiten
+from app.engine.mismatch.noise import NoiseModel, coloured, fit_noise, whiten
 from app.engine.mismatch.patterns import find_patterns
 from app.engine.mismatch.plant import Plant, run_process
 from app.engine.mismatch.validation import simulate_again
@@ -102,8 +102,7 @@ def test_the_answer_does_not_depend_on_units(with_backlash: Explanation) -> None
 
 def test_an_exported_model_simulates_the_same_again(with_backlash: Explanation) -> None:
     again = simulate_again(with_backlash.model, 40.0 + moves())
-    error = again - recorded(backlash(moves(), 1.0))
-    assert np.std(error) < 0.4
+    assert again == pytest.approx(with_backlash.traces.explained, abs=1e-9)
 
 
 def test_a_step_of_the_load_is_found_in_time() -> None:
@@ -179,6 +178,7 @@ def test_the_plant_answers_a_step_as_its_equation_does() -> None:
         ({"op": np.full(N, 5.0)}, "signal_constant"),
         ({"trace": np.zeros(N - 1)}, "simulation_length"),
         ({"trace": np.full(N, np.nan)}, "simulation_not_finite"),
+        ({"trace": np.full(N, 3.0)}, "simulation_constant"),
         ({"simulation": LinearSimulation(0.0)}, "model_invalid"),
         ({"sp": np.zeros(7)}, "signal_length"),
     ],
@@ -281,3 +281,33 @@ def test_a_long_record_is_thinned_for_the_competition_and_fitted_whole() -> None
     assert "valve.deadband" in (answer.effects[0].code, *answer.effects[0].alternatives)
     assert len(answer.traces.pv) == len(u)
     assert answer.fit.explained.rmse < 0.8 * answer.fit.refitted.rmse
+
+
+def test_the_noisy_loop_shows_the_yper_that_the_clean_one_lacked() -> None:
+    """A loop with white noise on PV: closed again it oscillates no more than recorded, and its Yper comes near."""
+    rng = np.random.default_rng(2)
+    n, sp = 1200, np.full(1200, 50.0)
+    white = 0.3 * rng.normal(size=n)
+    op, pv, x, load = np.full(n, 40.0), np.full(n, 50.0), 0.0, 0.0
+    for t in range(1, n):
+        load = 0.97 * load + 0.1 * rng.normal()
+        x += (1.0 - np.exp(-TS / 30.0)) * (1.4 * (op[max(t - 4, 0)] - 40.0) - x)
+        pv[t] = 50.0 + x + load + white[t]
+        e, before = sp[t] - pv[t], sp[t - 1] - pv[t - 1]
+        op[t] = op[t - 1] + 0.8 * (e - before) + 0.8 * TS / 30.0 * e
+    for known in (sp, None):
+        record = experiment(TS, op, pv, known)
+        closed = close_again(*[fit_linear(record, Given(Plant(K=1.4, tau=30.0, theta=6.0)))] * 2)
+        assert closed is not None
+        assert closed.law.kc == pytest.approx(0.8, rel=0.02)
+        assert closed.with_noise is not None
+        assert closed.refitted is not None
+        assert closed.with_noise.amplitude == pytest.approx(closed.recorded.amplitude, rel=0.3)
+        assert closed.refitted.amplitude < 0.3 * closed.recorded.amplitude
+        assert closed.law.sp is None if known is not None else closed.law.sp == pytest.approx(50.0, abs=0.2)
+
+
+def test_noise_is_coloured_as_it_was_whitened() -> None:
+    model = NoiseModel((0.93, 0.4), (0.3, 0.0))
+    e = np.random.default_rng(0).normal(size=500)
+    assert whiten(coloured(e, model), np.ones(500, dtype=bool), model) == pytest.approx(e)

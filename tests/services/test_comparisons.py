@@ -5,9 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.engine.mismatch import Comparison
+from app.engine.mismatch.result import ExplainedModel
 from app.engine.recording import Recording
-from app.errors import DataError
+from app.errors import DataError, LoopauditError
 from app.services.comparisons import Columns, comparison_of, read_comparison, simulation_from_json
+from app.services.explained_models import simulate_model
 
 
 def write(path: Path, text: str) -> Path:
@@ -52,3 +55,59 @@ def test_a_stored_recording_with_a_model() -> None:
     assert found.simulation.time_constants_s == (20.0, 4.0)
     with pytest.raises(DataError):
         comparison_of(recording, trace=np.zeros(n - 1))
+
+
+def code_of(path: Path, columns: Columns, simulated: str | None = None) -> str:
+    with pytest.raises(LoopauditError) as raised:
+        read_comparison(path, columns, simulated)
+    return raised.value.code
+
+
+def test_an_export_of_any_layout_is_read(tmp_path: Path) -> None:
+    lines = ["DateTime;FIC1.PV;FIC1.OP;FIC1.SP"]
+    lines += [f"08.06.2000 12:{k // 60:02d}:{k % 60:02d};{50 + k % 7},5;{40 + k % 5},25;50,0" for k in range(300)]
+    found = read_comparison(write(tmp_path / "export.csv", "\n".join(lines)), Columns(), None)
+    assert found.sampling_interval_s == 1.0
+    assert found.pv[:3].tolist() == [50.5, 51.5, 52.5]
+    assert found.op[0] == 40.25
+
+
+def test_an_export_of_several_loops_asks_which(tmp_path: Path) -> None:
+    lines = ["DateTime,FIC1.PV,FIC1.OP,FIC2.PV,FIC2.OP"]
+    lines += [f"2024-06-13 12:{k // 60:02d}:{k % 60:02d},{k % 7},{k % 5},{k % 11},{k % 3}" for k in range(300)]
+    path = write(tmp_path / "plant.csv", "\n".join(lines))
+    assert code_of(path, Columns()) == "several_loops"
+    assert code_of(path, Columns(loop="FIC9")) == "no_such_loop"
+    assert read_comparison(path, Columns(loop="FIC2"), None).pv.max() == 10.0
+
+
+def test_columns_that_cannot_be_used_are_said(tmp_path: Path) -> None:
+    path = write(tmp_path / "F1.csv", "time,PV,OP,note\n" + "\n".join(f"{k},{k % 7},{k % 5},open" for k in range(200)))
+    assert code_of(path, Columns(op="PV", pv="PV")) == "same_column"
+    assert code_of(path, Columns(op="note", pv="PV")) == "not_numeric"
+    assert code_of(path, Columns(), "PV_other") == "no_such_column"
+    assert code_of(tmp_path / "nothing.csv", Columns()) == "no_such_file"
+    assert code_of(write(tmp_path / "words.csv", "a,b\nx,y\n"), Columns()) in ("no_pv_op", "too_short")
+
+
+def test_samples_that_came_on_change_get_a_grid_of_their_own_distance(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    gaps = np.where(rng.random(400) < 0.7, 1.0, 30.0)
+    at = np.cumsum(gaps)
+    path = write(
+        tmp_path / "F1.csv", "time,PV,OP\n" + "\n".join(f"{t},{np.sin(t / 50)},{np.cos(t / 50)}" for t in at)
+    )
+    found = read_comparison(path, Columns(), None)
+    assert len(found.pv) == 400
+
+
+def test_a_model_runs_along_a_faster_recording_only_where_it_fits(tmp_path: Path) -> None:
+    model = ExplainedModel(4.0, 40.0, 50.0, 5.0, 5.0, (("K", 1.0), ("tau", 20.0), ("theta", 0.0)), (), ())
+    op = np.repeat([40.0, 42.0], 200)
+    slow = simulate_model(model, Comparison("F1", 4.0, op, op))
+    fast = simulate_model(model, Comparison("F1", 2.0, np.repeat(op, 2), np.repeat(op, 2)))
+    assert slow.pv[-1] == pytest.approx(52.0, abs=0.01)
+    assert fast.pv == pytest.approx(slow.pv)
+    with pytest.raises(DataError) as raised:
+        simulate_model(model, Comparison("F1", 3.0, op, op))
+    assert raised.value.code == "interval_differs"

@@ -1,7 +1,8 @@
 """Where a simulation and a recording differ: located, named, modelled and judged on data that no fit has seen."""
 
-from app.engine.mismatch.comparison import Comparison, LinearSimulation
+from app.engine.mismatch.comparison import Comparison, LinearSimulation, at_interval
 from app.engine.mismatch.explain import explain, locate
 from app.engine.mismatch.result import Explanation
+from app.engine.mismatch.validation import simulate_again
 
-__all__ = ["Comparison", "Explanation", "LinearSimulation", "explain", "locate"]
+__all__ = ["Comparison", "Explanation", "LinearSimulation", "at_interval", "explain", "locate", "simulate_again"]

@@ -1,19 +1,25 @@
 """The loop closed again: the controller's law read off SP, PV and OP, and the model simulated from the recorded SP
-alone.
+alone, clean, with modelled noise, and as its sensor and historian show it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
 
+from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.chain import simulate
+from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit
+from app.engine.mismatch.noise import coloured, whiten
 from app.engine.oscillation import detect
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.yper import compute
+from app.engine.yper import SIGNIFICANT_PCT, compute
 
 IDENTIFIED = 0.9
+MOST_SAMPLES, MOST_PASSES = 3000, 800
+SETTLED = 1e-6
+LEAST_YPER = 0.05
 
 
 @dataclass(frozen=True)
@@ -21,46 +27,68 @@ class Law:
     """OP(t) - OP(t-1) = kc (e(t) - e(t-1)) + ki e(t) + kd (e(t) - 2 e(t-1) + e(t-2)), e = SP - PV.
 
     kc, ki, kd: unit of OP per unit of PV. explained: share of the variance of OP's moves that the law explains.
+    sp: the set point that PV and OP speak of, where none was recorded; None where SP was recorded.
     """
 
     kc: float
     ki: float
     kd: float
     explained: float
+    sp: float | None = None
 
 
 @dataclass(frozen=True)
 class LoopFigures:
-    """What a loop shows. period_s is None where it does not oscillate; amplitude: standard deviation of PV - SP,
-    unit of PV.
+    """What a loop shows. period_s is None where it does not oscillate; amplitude: standard deviation of PV - SP, unit
+    of PV. shape: mean of abs(PV - SP) over its root mean square, mean taken off: 1 for a square wave, 0.90 for a sine,
+    0.87 for a triangle, 0.80 for Gaussian noise.
     """
 
     period_s: float | None
     amplitude: float
     yper_pct: float
+    shape: float
 
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """The recorded loop beside the loops simulated from SP alone, without and with the missing physics."""
+    """The recorded loop beside loops simulated from SP alone: the refitted simulation, the explained one, the explained
+    one with the noise modelled, and that as sensor and historian show it. None: that simulation did not settle.
+
+    lacked: what the clean simulation lacked for Yper to come out as recorded, the largest share first.
+    """
 
     law: Law
     recorded: LoopFigures
     refitted: LoopFigures | None
     explained: LoopFigures | None
+    with_noise: LoopFigures | None = None
+    as_recorded: LoopFigures | None = None
+    lacked: tuple[str, ...] = ()
 
 
-def identify_law(sp: FloatArray, pv: FloatArray, op: FloatArray) -> Law:
-    """The incremental PID law by least squares over the samples where OP moves. sp, pv, op: (N,)."""
-    e = sp - pv
-    basis = np.stack((e[2:] - e[1:-1], e[2:], e[2:] - 2.0 * e[1:-1] + e[:-2]), axis=1)
+def identify_law(sp: FloatArray | None, pv: FloatArray, op: FloatArray) -> Law:
+    """The incremental PID law by least squares over the samples where OP moves. sp, pv, op: (N,).
+
+    Without SP it is taken for constant, and its value comes out with the law.
+    """
+    e = -pv if sp is None else sp - pv
+    columns = [e[2:] - e[1:-1], e[2:], e[2:] - 2.0 * e[1:-1] + e[:-2]]
+    columns += [np.ones(len(e) - 2)] if sp is None else []
+    basis = np.stack(columns, axis=1)
     moves = np.diff(op)[1:]
     kept = moves != 0.0
     if kept.sum() < 20:
         return Law(0.0, 0.0, 0.0, 0.0)
-    kc, ki, kd = np.linalg.lstsq(basis[kept], moves[kept], rcond=None)[0].tolist()
-    left = moves[kept] - basis[kept] @ np.array([kc, ki, kd])
-    return Law(kc, ki, kd, float(1.0 - np.var(left) / max(np.var(moves[kept]), 1e-300)))
+    numbers = np.linalg.lstsq(basis[kept], moves[kept], rcond=None)[0]
+    left = moves[kept] - basis[kept] @ numbers
+    explained = float(1.0 - np.var(left) / max(np.var(moves[kept]), 1e-300))
+    kc, ki, kd = numbers[:3].tolist()
+    if sp is not None:
+        return Law(kc, ki, kd, explained)
+    if ki == 0.0:
+        return Law(0.0, 0.0, 0.0, 0.0)
+    return Law(kc, ki, kd, explained, float(numbers[3]) / ki)
 
 
 @njit(cache=True, nogil=True)
@@ -74,51 +102,130 @@ def _follow(e: FloatArray, kc: float, ki: float, kd: float, start: float, low: f
     return op
 
 
-def close(found: Fit, law: Law, sp: FloatArray) -> UniformRecord | None:
-    """OP and PV of the closed loop, from SP (N,) alone; None where it has not settled on one answer.
+def close(found: Fit, law: Law, sp: FloatArray, added: FloatArray | None = None) -> UniformRecord | None:
+    """OP and PV of the closed loop, from SP (N,) alone and noise added to PV (N,); None where it has not settled on
+    one answer.
 
     The model runs over whole signals, so the loop is solved by repetition: PV answers OP a sample later at the
-    earliest, hence each
-    pass makes at least one more sample right, and N passes make all.
+    earliest, hence each pass makes at least one more sample right, and N passes make all.
     """
     record = found.record
+    noise = np.zeros(record.samples) if added is None else added
     low, high = float(np.min(record.op)) - record.op_span, float(np.max(record.op)) + record.op_span
     op = np.full(record.samples, record.op[0])
     pv = np.full(record.samples, record.pv[0])
-    for _ in range(record.samples):
+    for _ in range(min(record.samples, MOST_PASSES)):
+        pv = simulate(record.with_op(op), found.plant, found.parts) + record.pv_mid + noise
         error = np.ascontiguousarray(sp - pv)
         following = _follow(error, law.kc, law.ki, law.kd, float(record.op[0]), low, high)
         change = float(np.max(np.abs(following - op)))
         op = following
-        if change < 1e-9 * record.op_span:
+        if change < SETTLED * record.op_span:
             break
-        pv = simulate(record.with_op(op), found.plant, found.parts) + record.pv_mid
     else:
+        return None
+    if not np.all(np.isfinite(pv)):
         return None
     return UniformRecord(record.sampling_interval_s, pv, op, sp, np.zeros(record.samples, dtype=np.bool_))
 
 
 def figures(record: UniformRecord) -> LoopFigures:
+    error = record.pv - record.sp if record.sp is not None else record.pv
+    moves = error - np.mean(error)
+    spread = float(np.std(error))
+    shape = float(np.mean(np.abs(moves)) / spread) if spread > 0.0 else 0.0
     period = detect(record).period_s
-    spread = float(np.std(record.pv - record.sp)) if record.sp is not None else float(np.std(record.pv))
     if np.ptp(record.op) <= 0.0 or np.ptp(record.pv) <= 0.0:
-        return LoopFigures(period, spread, 0.0)
-    return LoopFigures(period, spread, compute(record.pv, record.op, record.sampling_interval_s, "std").yper_pct)
+        return LoopFigures(period, spread, 0.0, shape)
+    yper = compute(record.pv, record.op, record.sampling_interval_s, "std").yper_pct
+    return LoopFigures(period, spread, yper, shape)
 
 
-def close_again(base: Fit, final: Fit) -> ClosedLoop | None:
-    """The closed loop of a record with SP, beside both simulations; None without SP or where the law is not a PID of
-    the error.
+def first_stretch(found: Fit) -> Fit:
+    """The fit with as much of the record's start as the repetition is worth doing for."""
+    record, n = found.record, min(found.record.samples, MOST_SAMPLES)
+    if n == record.samples:
+        return found
+    kept: Experiment = replace(
+        record,
+        op=record.op[:n],
+        pv=record.pv[:n],
+        usable=record.usable[:n],
+        op_deviation=record.op_deviation[:n],
+        pv_deviation=record.pv_deviation[:n],
+        sp=None if record.sp is None else record.sp[:n],
+        measured=tuple((name, signal[:n]) for name, signal in record.measured),
+        rest=record.rest[:n],
+    )
+    return replace(found, record=kept, simulated=found.simulated[:n])
+
+
+def modelled_noise(found: Fit, seed: int = 0) -> FloatArray:
+    """Another course (N,) of the noise that the fit found: its innovations in another order, in the same colour."""
+    e = whiten(found.residual, found.record.usable, found.noise)
+    known = e[found.record.usable]
+    drawn = np.random.default_rng(seed).choice(known - np.mean(known), found.record.samples)
+    return coloured(drawn, found.noise)
+
+
+def close_again(base: Fit, final: Fit, sensors: tuple[Part, ...] = ()) -> ClosedLoop | None:
+    """The closed loop of a record beside its simulations; None where the law is not a PID of the error.
+
+    sensors: what sensor and historian do to PV on its way to the record.
     """
+    base, final = first_stretch(base), first_stretch(final)
     record = base.record
-    if record.sp is None or not np.all(np.isfinite(record.sp)):
-        return None
-    law = identify_law(record.sp, record.pv, record.op)
+    recorded_sp = record.sp if record.sp is not None and np.all(np.isfinite(record.sp)) else None
+    law = identify_law(recorded_sp, record.pv, record.op)
     if law.explained < IDENTIFIED:
         return None
-    recorded = UniformRecord(
-        record.sampling_interval_s, record.pv, record.op, record.sp, np.zeros(record.samples, dtype=np.bool_)
-    )
-    loops = [close(fit, law, record.sp) for fit in (base, final)]
-    told = [None if loop is None else figures(loop) for loop in loops]
-    return ClosedLoop(law, figures(recorded), told[0], told[1])
+    sp = recorded_sp if law.sp is None else np.full(record.samples, law.sp)
+    assert sp is not None  # noqa: S101 - one of the two is there
+    still = np.zeros(record.samples, dtype=np.bool_)
+    shown = figures(UniformRecord(record.sampling_interval_s, record.pv, record.op, sp, still))
+    clean = [close(fit, law, sp) for fit in (base, final)]
+    noisy = close(final, law, sp, modelled_noise(final))
+    seen = None if noisy is None else seen_through(noisy, final, sensors)
+    told = [None if loop is None else figures(loop) for loop in (*clean, noisy, seen)]
+    steps = (("the physics that was named", told[1]), (noise_in_words(final), told[2]), (in_words(sensors), told[3]))
+    return ClosedLoop(law, shown, *told, lacked=what_lacked(shown, told[0], steps))
+
+
+def seen_through(loop: UniformRecord, found: Fit, sensors: tuple[Part, ...]) -> UniformRecord:
+    """A loop as its sensor's levels and its historian leave PV."""
+    pv, context = loop.pv - found.record.pv_mid, Context(found.record, found.plant)
+    for part in sensors:
+        if part.block.apply is not None and part.block.active is None:
+            pv = part.block.apply(pv, part.values, context)
+    return replace(loop, pv=pv + found.record.pv_mid)
+
+
+def distance(figures_: LoopFigures, recorded: LoopFigures) -> float:
+    """How far a Yper is from the recorded one, in natural logarithms; below LEAST_YPER all are alike."""
+    return float(abs(np.log(max(figures_.yper_pct, LEAST_YPER)) - np.log(max(recorded.yper_pct, LEAST_YPER))))
+
+
+def what_lacked(
+    recorded: LoopFigures, refitted: LoopFigures | None, steps: tuple[tuple[str, LoopFigures | None], ...]
+) -> tuple[str, ...]:
+    """The steps that bring Yper nearer to the recorded one, in the order of how much."""
+    gains, before = [], refitted
+    for name, after in steps:
+        if before is not None and after is not None and name:
+            gains.append((distance(before, recorded) - distance(after, recorded), name))
+        before = after if after is not None else before
+    return tuple(name for gain, name in sorted(gains, reverse=True) if gain > np.log(1.0 + SIGNIFICANT_PCT))
+
+
+def noise_in_words(found: Fit) -> str:
+    """White or coloured, with the memory of its slowest pole."""
+    slowest = max(found.noise.poles)
+    if slowest < 0.5:
+        return "measurement noise, nearly white"
+    memory = -found.record.sampling_interval_s / np.log(slowest)
+    return f"coloured noise of the load, its memory {memory:.3g} s"
+
+
+def in_words(sensors: tuple[Part, ...]) -> str:
+    lasting = [part.block.code for part in sensors if part.block.active is None]
+    return " and ".join(lasting)

@@ -6,7 +6,7 @@ import numpy as np
 
 from app.engine import ENGINE_VERSION
 from app.engine.evidence import Reason
-from app.engine.mismatch.block import Context
+from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.closed_loop import ClosedLoop, close_again
 from app.engine.mismatch.comparison import Comparison, check, given_of, glimpse, record_of, shortened
 from app.engine.mismatch.compete import Rival
@@ -146,12 +146,13 @@ def assemble(
     final = selection.fit
     held = kept_out(final, usable)
     base_seen, final_seen = refit_without(prepared.base, held), refit_without(final, held)
+    sensors = sensors_of(final_seen, prepared.patterns)
     traces = Traces(
         np.arange(prepared.record.samples) * comparison.sampling_interval_s,
         comparison.pv,
         prepared.given_trace,
         base_seen.simulated + prepared.record.pv_mid,
-        with_patterns(final_seen, prepared.patterns),
+        seen_through(final_seen.simulated, sensors, Context(final.record, final.plant)) + prepared.record.pv_mid,
         held,
     )
     improvement = improvement_of(traces, comparison)
@@ -164,7 +165,7 @@ def assemble(
         tuple(told for e in selection.effects for told in effects_of(e, final)),
         refused,
     )
-    closed = close_again(prepared.base, final)
+    closed = close_again(prepared.base, final, tuple(p.part for p in prepared.patterns))
     return Explanation(
         name=comparison.name,
         verdict=conclusion.verdict,
@@ -172,7 +173,7 @@ def assemble(
         located=location_of(conclusion.effects),
         fit=improvement,
         validation=None,
-        model=export(final, tuple(p.part for p in prepared.patterns)),
+        model=export(final_seen, sensors),
         refit=refit_estimates(prepared.base),
         evidence=(*conclusion.reasons, *evidence_of(prepared, selection), *controller_evidence(closed)),
         traces=traces,
@@ -181,18 +182,26 @@ def assemble(
     )
 
 
-def with_patterns(found: Fit, patterns: tuple[Pattern, ...]) -> FloatArray:
-    """The free run seen through the sensor and its historian, (N,) in the unit of PV; rounding and compression only
-    where that comes nearer to what was fitted.
+def sensors_of(found: Fit, patterns: tuple[Pattern, ...]) -> tuple[Part, ...]:
+    """What sensor and historian do to the free run; rounding and compression only where that comes nearer to what was
+    fitted.
     """
     signal, context, seen = found.simulated, Context(found.record, found.plant), found.record.usable
+    kept = []
     for pattern in patterns:
-        block, values = pattern.part.block, pattern.part.values
-        through = signal if block.apply is None else block.apply(signal, values, context)
+        through = seen_through(signal, (pattern.part,), context)
         error = [float(np.std((found.record.pv_deviation - s)[seen])) for s in (signal, through)]
         if pattern.hides_pv or error[1] <= error[0]:
             signal = through
-    return signal + found.record.pv_mid
+            kept.append(pattern.part)
+    return tuple(kept)
+
+
+def seen_through(signal: FloatArray, sensors: tuple[Part, ...], context: Context) -> FloatArray:
+    for part in sensors:
+        if part.block.apply is not None:
+            signal = part.block.apply(signal, part.values, context)
+    return signal
 
 
 def merged(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
@@ -237,16 +246,21 @@ def evidence_of(prepared: Prepared, selection: Selection) -> tuple[Reason, ...]:
 def controller_evidence(closed: ClosedLoop | None) -> tuple[Reason, ...]:
     """A controller whose law explains its output is cleared; one whose law was not found is not accused either."""
     if closed is None:
-        return (
-            Reason(
-                "controller_not_evaluated",
-                "without SP, or without a PID law that explains OP, the controller is not judged",
-            ),
-        )
-    share = 100.0 * closed.law.explained
-    return (
-        Reason(
-            "controller_cleared",
-            f"SP and PV explain {share:.2f} % of OP's moves by a PID law: the controller does its part",
-        ),
+        text = "no PID law of PV and SP explains OP: the controller is not judged, and the loop is not closed again"
+        return (Reason("controller_not_evaluated", text),)
+    law = closed.law
+    text = f"SP and PV explain {100.0 * law.explained:.2f} % of OP's moves by a PID law: the controller does its part"
+    if law.sp is not None:
+        text += f"; SP was not recorded and is taken for constant at {law.sp:.5g}"
+    return (Reason("controller_cleared", text), *yper_evidence(closed))
+
+
+def yper_evidence(closed: ClosedLoop) -> tuple[Reason, ...]:
+    """What the clean simulation lacked for Yper to come out as recorded."""
+    if not closed.lacked or closed.refitted is None:
+        return ()
+    text = (
+        f"Yper is {closed.recorded.yper_pct:.3g} % in the record and {closed.refitted.yper_pct:.3g} % in the clean "
+        f"simulation, which lacked {', then '.join(closed.lacked)}"
     )
+    return (Reason("yper_lacked", text),)

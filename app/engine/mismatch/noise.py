@@ -124,6 +124,25 @@ def whiten(r: FloatArray, usable: BoolArray, noise: NoiseModel) -> FloatArray:
     return e
 
 
+@njit(cache=True, nogil=True)
+def _colour(e: FloatArray, shape: FloatArray) -> FloatArray:
+    a1, a2 = -(shape[0] + shape[1]), shape[0] * shape[1]
+    c1, c2 = -(shape[2] + shape[3]), shape[2] * shape[3]
+    r = np.zeros(len(e))
+    for t in range(len(e)):
+        r[t] = e[t]
+        if t > 0:
+            r[t] += c1 * e[t - 1] - a1 * r[t - 1]
+        if t > 1:
+            r[t] += c2 * e[t - 2] - a2 * r[t - 2]
+    return r
+
+
+def coloured(e: FloatArray, noise: NoiseModel) -> FloatArray:
+    """Noise (N,) made of innovations e (N,): what `whiten` undoes."""
+    return _colour(np.ascontiguousarray(e, dtype=np.float64), noise.shape)
+
+
 def settling_samples(n: int) -> int:
     """How many innovations at the start are left out, because the filter does not know what was before the record."""
     return min(3, n // 20)

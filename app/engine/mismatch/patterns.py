@@ -121,7 +121,8 @@ def level_spacing(pv: FloatArray) -> float:
 def quantised(record: Experiment, step: float) -> Pattern:
     text = f"PV takes {len(np.unique(record.pv))} levels, {step:.4g} apart, wider than its noise"
     everywhere = np.ones(record.samples, dtype=np.bool_)
-    return Pattern(Part(QUANTIZATION, np.array([step])), everywhere, Reason("pv_levels", text), False)
+    level = float(np.min(record.pv)) - record.pv_mid
+    return Pattern(Part(QUANTIZATION, np.array([step, level])), everywhere, Reason("pv_levels", text), False)
 
 
 def at_limit(record: Experiment, runs: tuple[Run, ...], sign: float, coarse: bool) -> Pattern | None:

@@ -172,4 +172,5 @@ def export(found: Fit, sensors: tuple[Part, ...]) -> ExplainedModel:
         tuple((name, float(getattr(p, name))) for name in fields),
         parts,
         tuple(name for name, _ in record.measured),
+        tuple(record.rest.tolist()) if np.any(record.rest != 0.0) else (),
     )

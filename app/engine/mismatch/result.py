@@ -84,7 +84,11 @@ class PartModel:
 
 @dataclass(frozen=True)
 class ExplainedModel:
-    """Enough to simulate again: the linear plant, the parts, and the means and spans that deviations are taken from."""
+    """Enough to simulate again: the linear plant, the parts, and the means and spans that deviations are taken from.
+
+    It is the model whose free run the held-out figures and the trace are of. rest: (N,) unit of PV, what a given
+    simulation held beside a linear model; empty where it was linear.
+    """
 
     sampling_interval_s: float
     op_mid: float
@@ -94,6 +98,7 @@ class ExplainedModel:
     plant: tuple[tuple[str, float], ...]
     parts: tuple[PartModel, ...]
     measured: tuple[str, ...]
+    rest: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

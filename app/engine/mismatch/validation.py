@@ -85,12 +85,24 @@ def started(record: Experiment, plant: Plant, parts: tuple[Part, ...]) -> FloatA
     return run(found.x)
 
 
+def rest_of(model: ExplainedModel, samples: int) -> FloatArray:
+    """(N,) what the given simulation held beside its linear model, which only the record it was made for has."""
+    if not model.rest:
+        return np.zeros(samples)
+    if len(model.rest) != samples:
+        raise DataError(
+            "signal_length", f"the model belongs to a record of {len(model.rest)} samples, OP has {samples}"
+        )
+    return np.array(model.rest)
+
+
 def simulate_again(
     model: ExplainedModel, op: FloatArray, measured: tuple[tuple[str, FloatArray], ...] = ()
 ) -> FloatArray:
     """PV (N,) in its unit, simulated from OP (N,) with an exported model, started as in the record it was fitted to.
 
-    measured: the signals that the model names. Raises DataError("signal_missing") where one of them is not given.
+    measured: the signals that the model names. Raises DataError("signal_missing") where one of them is not given,
+    DataError("signal_length") where the model needs a part of the given simulation and OP is of another length.
     """
     record = experiment(model.sampling_interval_s, op, op, None, measured)
     record = replace(
@@ -100,6 +112,7 @@ def simulate_again(
         op_deviation=op - model.op_mid,
         op_span=model.op_span,
         pv_span=model.pv_span,
+        rest=rest_of(model, len(op)),
     )
     known = by_name(record)
     missing = [part.name for part in model.parts if part.name not in known]

@@ -20,6 +20,7 @@ def step_size(context: Context) -> tuple[Parameter, ...]:
         Parameter(
             "step", "PV", 1e-6 * context.record.pv_span, context.record.pv_span, context.record.pv_span, log=True
         ),
+        Parameter("level", "PV level", -5.0 * context.record.pv_span, 5.0 * context.record.pv_span),
     )
 
 
@@ -32,10 +33,10 @@ def spacing(context: Context) -> tuple[Parameter, ...]:
     return (Parameter("interval", "s", ts, context.record.duration_s, ts),)
 
 
-def rounded_off(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    """To the nearest level, a multiple of the step beside the level that PV began with."""
-    first = float(context.record.pv_deviation[0])
-    return first + values[0] * np.round((signal - first) / values[0])
+def rounded_off(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
+    """To the nearest level, a multiple of the step beside one of the levels."""
+    step, level = values
+    return level + step * np.round((signal - level) / step)
 
 
 def through_doors(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
