@@ -15,6 +15,7 @@ from app.engine.judgement import Judgement
 from app.engine.key_figures import KeyFigures
 from app.engine.key_figures import compute as key_figures_of
 from app.engine.oscillation import Oscillation, detect
+from app.engine.quantification import StictionSize, quantify
 from app.engine.recording import Recording, UniformRecord
 from app.engine.reliability import LadderConfig, Reference, climb
 from app.engine.swing import Swing, swing_of
@@ -29,6 +30,9 @@ SPOILED_BY = {
     "op_at_limits": "op_at_limits",
     "samples_per_cycle": "sampled_too_slowly",
 }
+
+# Findings that show a historian's compression: what lies between the stored values is not the loop's.
+_REBUILT = frozenset({"pv_interpolated", "op_interpolated"})
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,7 @@ class Audit:
     episodes: stretches of a long record in which the valve sticks while it does not in the rest.
     key_figures: over the whole recording, also where it is not auditable. health: from these and the verdict.
     swing: what is kept of a regular oscillation to compare loops by; None where there is none.
+    stiction_size: None where the valve is cleared or nothing can be said. op_instrument_span: of OP, None: not known.
     input_fingerprint: SHA-256 of the recording's samples; config_fingerprint: of the configuration.
     """
 
@@ -69,6 +74,8 @@ class Audit:
     input_fingerprint: str
     config_fingerprint: str
     engine_version: str
+    stiction_size: StictionSize | None = None
+    op_instrument_span: float | None = None
 
     @property
     def stiction_band_pct_of_op_range(self) -> float | None:
@@ -120,7 +127,7 @@ def _identified(recording: Recording, config: AuditConfig, fitness: Fitness, osc
     judgement = _with_reference(judgement, reference, fitness, config)
     episodes = find(fitness.audited, oscillation, config.episodes)
     judgement = replace(judgement, reasons=judgement.reasons + episode_reasons(episodes))
-    return _result(
+    result = _result(
         recording,
         config,
         fitness,
@@ -130,6 +137,16 @@ def _identified(recording: Recording, config: AuditConfig, fitness: Fitness, osc
         reference=reference,
         episodes=episodes,
     )
+    return replace(result, stiction_size=_stiction_size(record, fitness, oscillation, judgement, config))
+
+
+def _stiction_size(
+    record: UniformRecord, fitness: Fitness, oscillation: Oscillation, judgement: Judgement, config: AuditConfig
+) -> StictionSize | None:
+    if judgement.verdict not in ("stiction", "inconclusive"):
+        return None
+    as_sampled = not any(f.outcome == "fail" and f.code in _REBUILT for f in fitness.findings)
+    return quantify(record, oscillation, as_sampled, config.quantification)
 
 
 def ladder_for(judgement: Judgement, config: AuditConfig) -> LadderConfig:
@@ -196,6 +213,7 @@ def _result(
         input_fingerprint=recording.fingerprint(),
         config_fingerprint=config.fingerprint(),
         engine_version=ENGINE_VERSION,
+        op_instrument_span=None if recording.op_range is None else float(np.ptp(recording.op_range)) or None,
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from app.engine.episodes import EpisodeConfig
 from app.engine.fitness import FitnessConfig
 from app.engine.hammerstein import HammersteinConfig
+from app.engine.quantification import QuantificationConfig
 from app.engine.reliability import LadderConfig
 from app.engine.verdict_config import VerdictConfig
 from app.engine.verdict_reference import ReferenceVerdictConfig
@@ -60,6 +61,7 @@ class AuditConfig:
     hammerstein: HammersteinConfig = field(default_factory=_audit_hammerstein)
     verdict: ReferenceVerdictConfig = field(default_factory=ReferenceVerdictConfig)
     judgement: VerdictConfig = field(default_factory=VerdictConfig)
+    quantification: QuantificationConfig = field(default_factory=QuantificationConfig)
     max_samples: int = 5000
     episodes: EpisodeConfig = field(default_factory=EpisodeConfig)
     doubt_above: float = 0.25

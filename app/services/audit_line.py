@@ -14,6 +14,7 @@ from app.engine.hammerstein import OneParameterResult, TwoParameterResult
 from app.engine.reliability import Rung
 from app.engine.rivals import Rival, runner_up, winner
 from app.engine.yper import YperResult
+from app.services.size_line import FlatSize, StictionSizeLine, flat_size, stiction_size_detail, stiction_size_line
 
 VerdictName = Literal["stiction", "no_stiction", "inconclusive", "not_auditable"]
 ReliabilityName = Literal["reliable", "not_reliable"]
@@ -151,11 +152,12 @@ class AuditLine(AuditFields):
     hammerstein: HammersteinLine = Field(description="The published identification.")
     rivals: list[RivalLine] = Field(default=[], description="Stiction and its rival explanations, the winner first.")
     episodes: list[EpisodeLine] = Field(default=[], description="Spells of stiction in a long record, by time.")
+    stiction_size: StictionSizeLine = Field(description="S and J with an interval, beside the published S and J.")
     window_start_s: float | None = Field(description="Start of the audited window, seconds from the first sample.")
     window_end_s: float | None = Field(description="End of the audited window, seconds from the first sample.")
 
 
-class ReliabilityRow(AuditFields):
+class ReliabilityRow(FlatSize, AuditFields):
     """One loop in the per-loop reliability table: the audit line, flat, with where and when."""
 
     health_parts: str | None = Field(
@@ -248,6 +250,7 @@ def audit_line(audit: Audit, elapsed_s: float, loop: str | None = None) -> dict[
         yper_raw_pct=None if reference is None else _number(reference.yper_raw.yper_pct),
         table2_reading=None if reference is None else reference.reading,
         hammerstein=_hammerstein(audit),
+        stiction_size=stiction_size_line(audit),
         stiction_band_pct_of_op_range=_number(audit.stiction_band_pct_of_op_range),
         likely_cause=judgement.likely_cause,
         engine_version=audit.engine_version,
@@ -290,6 +293,7 @@ def reliability_row(
     return ReliabilityRow(
         **flat,
         **hammerstein,
+        **flat_size(line["stiction_size"]),
         unit=unit,
         window_start=iso_utc(window_start),
         window_end=iso_utc(window_end),
@@ -332,6 +336,7 @@ def detail(audit: Audit) -> dict[str, Any]:
         "episode_windows": [_scalars(vars(window)) for window in audit.episodes.windows],
         "rungs": [] if reference is None else [_rung(rung) for rung in reference.rungs],
         "spectra": None if reference is None else _spectra(reference.yper),
+        "stiction_size": None if audit.stiction_size is None else stiction_size_detail(audit.stiction_size),
     }
 
 

@@ -9,10 +9,12 @@ import numpy as np
 from app.engine import hammerstein, verdict
 from app.engine.audit import Audit, AuditConfig, audit, ladder_for, newest
 from app.engine.corroborate import corroborate
+from app.engine.episodes import find
 from app.engine.features import extract
 from app.engine.fitness import assess, with_cycles
 from app.engine.key_figures import compute as key_figures_of
 from app.engine.oscillation import detect
+from app.engine.quantification import quantify
 from app.engine.recording import Recording
 from app.engine.reliability import Reference, climb
 from app.engine.rivals import compete
@@ -83,6 +85,8 @@ def _stages(
             last.two is not None,
             lambda: hammerstein.identify_two_parameter(record, space, config.hammerstein),
         ),
+        ("size", None, answer.stiction_size is not None, lambda: quantify(record, oscillation)),
+        ("episodes", None, True, lambda: find(audited, oscillation, config.episodes)),
         ("key figures", None, True, lambda: key_figures_of(recording)),
         ("fingerprint", None, True, recording.fingerprint),
     ]

@@ -36,6 +36,7 @@ def test_what_an_audit_leaves_out_is_marked(loop):
     run = {time.stage: time.run for time in stage_times(loop, repeats=1)}
     cheap = {time.stage: time.run for time in stage_times(loop, AuditConfig(doubt_above=1.0), repeats=1)}
     assert run["two-parameter"]
+    assert run["size"] == (audit(loop).stiction_size is not None)
     assert not cheap["two-parameter"]
 
 

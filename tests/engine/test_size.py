@@ -1,0 +1,114 @@
+"""The size of stiction: found on limit cycles whose S is known, refused where the record does not tell."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.engine.oscillation import detect
+from app.engine.quantification import QuantificationConfig, quantify
+from app.engine.quantification.quantify import lively_range
+from app.engine.recording import UniformRecord
+from app.engine.simulate import LinearValve, LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
+
+_STICKY = LoopSpec(
+    plant=first_order(1.0, 10.0, 2.0),
+    controller=Pid(0.8, 10.0),
+    valve=TwoParameterValve(4.0, 1.6),
+    load=Signal(value=2.5, noise_sd=0.1, noise_tau_s=60.0),
+    noise=Signal(noise_sd=0.015),
+    settle_s=600.0,
+)
+
+
+def size_of(spec, seed=1, **changes):
+    record = simulate_loop(spec, 1500.0, 1.0, seed).uniform()
+    return quantify(replace(record, **changes), detect(record))
+
+
+@pytest.fixture(scope="module")
+def size():
+    return size_of(_STICKY)
+
+
+def test_S_of_a_limit_cycle_is_found(size):
+    assert size.identifiable
+    assert abs(size.S - (4.0)) <= 0.15 * abs(4.0)
+    assert size.interval(95.0).low < 4.0 < size.interval(95.0).high
+
+
+def test_intervals_are_nested_around_S(size):
+    lows, highs = [i.low for i in size.S_intervals], [i.high for i in size.S_intervals]
+    assert [i.level_pct for i in size.S_intervals] == [50.0, 80.0, 95.0]
+    assert lows == sorted(lows, reverse=True)
+    assert highs == sorted(highs)
+    assert lows[0] < size.S < highs[0]
+
+
+@pytest.mark.parametrize("form", ["choudhury", "kano"])
+def test_S_of_other_valve_models_is_found(form):
+    found = size_of(replace(_STICKY, valve=TwoParameterValve(4.0, 1.0, form)))
+    assert abs(found.S - (4.0)) <= 0.2 * abs(4.0)
+
+
+def test_S_grows_with_the_valve(size):
+    larger = replace(_STICKY, valve=TwoParameterValve(8.0, 3.2), load=Signal(value=5.0, noise_sd=0.2, noise_tau_s=60.0))
+    found = size_of(replace(larger, noise=Signal(noise_sd=0.03)))
+    assert abs(found.S / size.S - (2.0)) <= 0.02 * abs(2.0)
+
+
+def test_unit_offset_and_sign_change_only_the_unit_of_the_answer(size):
+    record = simulate_loop(_STICKY, 1500.0, 1.0, 1).uniform()
+    other = quantify(replace(record, pv=-3e4 * record.pv + 7.0, op=0.02 * record.op - 5.0), detect(record))
+    turned = quantify(replace(record, op=100.0 - record.op), detect(record))
+    assert abs(other.S - (0.02 * size.S)) <= 1e-6 * abs(0.02 * size.S)
+    assert abs(turned.S - (size.S)) <= 1e-6 * abs(size.S)
+    assert other.interval().low == pytest.approx(0.02 * size.interval().low, rel=1e-6)
+
+
+def test_a_linear_loop_has_no_size():
+    shaken = replace(_STICKY, valve=LinearValve(), load=Signal(noise_sd=3.0, noise_tau_s=30.0))
+    found = size_of(shaken)
+    assert not found.identifiable
+    assert "size_evidence" in [f.code for f in found.findings if f.outcome == "fail"]
+
+
+def test_what_a_historian_rebuilt_is_not_sized():
+    record = simulate_loop(_STICKY, 1500.0, 1.0, 1).uniform()
+    found = quantify(record, detect(record), as_sampled=False)
+    assert [f.code for f in found.findings if f.outcome == "fail"] == ["size_as_sampled"]
+
+
+def test_too_few_cycles_are_not_sized():
+    record = simulate_loop(_STICKY, 1500.0, 1.0, 1).uniform()
+    found = quantify(record, replace(detect(record), cycles=4.0))
+    assert [f.code for f in found.findings if f.outcome == "fail"] == ["size_cycles"]
+
+
+def test_nothing_to_size_gives_nothing():
+    record = simulate_loop(_STICKY, 1500.0, 1.0, 1).uniform()
+    oscillation = detect(record)
+    flat = UniformRecord(1.0, np.ones(1500), record.op, None, record.filled)
+    assert quantify(flat, oscillation) is None
+    assert quantify(record, replace(oscillation, samples_per_cycle=None)) is None
+    assert quantify(replace(record, pv=record.pv[:80], op=record.op[:80]), oscillation) is None
+
+
+def test_samples_that_do_not_fit_the_thinning_change_little(size):
+    """Ten times finer sampling is thinned to about the same record."""
+    record = simulate_loop(replace(_STICKY, step_s=0.1), 1500.0, 0.1, 1).uniform()
+    assert abs(quantify(record, detect(record)).S - (size.S)) <= 0.2 * abs(size.S)
+
+
+def test_the_share_of_failures_widens_the_widest_interval_only():
+    record = simulate_loop(_STICKY, 1500.0, 1.0, 1).uniform()
+    sure = quantify(record, detect(record), config=QuantificationConfig(failure_share=0.0))
+    unsure = quantify(record, detect(record), config=QuantificationConfig(failure_share=0.2))
+    assert unsure.interval(95.0).low < sure.interval(95.0).low
+    assert abs(unsure.S / sure.S - 1.0) < 0.05
+
+
+def test_lively_range_is_over_four_of_five_cycles():
+    op = np.concatenate([[0.0, k] for k in (1.0, 1.0, 1.0, 1.0, 1.0, 9.0)])
+    assert lively_range(op, 2) == 1.0
+    assert lively_range(np.array([0.0, 5.0]), 10) == 5.0
