@@ -1,0 +1,78 @@
+"""The comparison covers every feature, every cell says something, and what it claims of this project is there."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from app.main import create_app
+from app.services.audit_line import ReliabilityRow
+from app.settings import Settings
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+TEXT = (DOCS / "COMPARISON.md").read_text(encoding="utf-8")
+TABLE = [line.strip("|").split("|") for line in TEXT.splitlines() if line.startswith("| ")]
+FEATURES = (
+    "plant table",
+    "health number",
+    "service factor",
+    "saturation",
+    "travel and reversals",
+    "oscillation",
+    "stiction and its size",
+    "parameters",
+    "reliability or abstention",
+    "rival causes",
+    "Harris",
+    "error statistics",
+    "process model",
+    "plant-wide groups",
+    "economic priority",
+    "treemap",
+    "data quality",
+    "compression detector",
+    "connectors",
+    "bulk import",
+    "alerts",
+    "reports",
+    "history and before/after",
+    "roles",
+    "documented API",
+    "simulation against recording",
+    "missing physics",
+    "published accuracy",
+)
+
+
+@pytest.mark.parametrize("feature", FEATURES)
+def test_every_feature_has_its_row(feature):
+    assert any(feature in row[0] for row in TABLE)
+
+
+def test_every_cell_is_one_of_the_answers():
+    assert len({len(row) for row in TABLE}) == 1
+    for row in TABLE[1:]:
+        assert all(re.match(r"(yes|no|part|\?)", cell.strip()) for cell in row[1:]), row[0]
+        assert row[1].strip() != "?", row[0]
+
+
+def test_every_note_that_is_referred_to_is_there():
+    letters = {
+        letter for row in TABLE[1:] for cell in row[2:] for inner in re.findall(r"\(([a-z, ]+)\)", cell)
+        for letter in inner.split(", ")
+    }  # fmt: skip
+    assert letters == set(re.findall(r"\(([a-z])\) ", TEXT.split("## What the others say")[1]))
+    numbers = {number for row in TABLE[1:] for number in re.findall(r"\((\d+)\)", row[1])}
+    assert numbers == set(re.findall(r"^(\d+)\. ", TEXT, re.MULTILINE))
+
+
+def test_what_is_claimed_of_this_project_is_there():
+    paths = {re.sub(r"\{\w+(:path)?\}", "{}", path) for path in create_app(Settings()).openapi()["paths"]}
+    named = re.findall(r"`(?:GET|POST) (/v1/[\w/{}]+)`", TEXT)
+    assert named
+    assert {re.sub(r"\{\w+\}", "{}", path) for path in named} <= paths
+    fields = re.findall(r"`(hammerstein_\w+|health\w*|stiction_band\w+)`", TEXT)
+    assert fields
+    assert set(fields) <= set(ReliabilityRow.model_fields)
+    for link in re.findall(r"\]\(([\w.]+)\)", TEXT):
+        assert (DOCS / link).is_file()
