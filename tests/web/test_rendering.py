@@ -9,7 +9,7 @@ from app.web.rendering import as_tags, cause_words, figure, first_reasons, other
 
 
 def row(**changes) -> dict:
-    values = {name: field.get_default() for name, field in ReliabilityRow.model_fields.items()}
+    values = dict.fromkeys(ReliabilityRow.model_fields)
     values |= {"recording": "FIC1", "loop": "FIC1", "samples": 10, "verdict": "stiction", "reliability": "reliable"}
     values |= {
         "stiction_probability": 0.9,
