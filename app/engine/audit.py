@@ -19,12 +19,13 @@ from app.engine.quantification import StictionSize, quantify
 from app.engine.recording import Recording, UniformRecord
 from app.engine.reliability import LadderConfig, Reference, climb
 from app.engine.swing import Swing, swing_of
+from app.engine.unanswered import CAUSE, unanswered
 from app.errors import DataError
 
 __all__ = ["Audit", "AuditConfig", "Window", "audit", "ladder_for", "newest"]
 
 SPOILED_BY = {
-    "pv_flat": "stuck_valve_or_dead_transmitter",
+    "pv_flat": CAUSE,
     "op_flat": "controller_not_acting",
     "not_in_automatic": "not_in_automatic",
     "op_at_limits": "op_at_limits",
@@ -97,7 +98,7 @@ def audit(recording: Recording, config: AuditConfig | None = None) -> Audit:
     oscillation = detect(fitness.record) if fitness.record is not None and fitness.auditable else None
     fitness = with_cycles(fitness, oscillation, config.fitness)
     if oscillation is None or not fitness.auditable:
-        return _result(recording, config, fitness, _refusal(fitness.refusals), oscillation=oscillation)
+        return _result(recording, config, fitness, _refusal(recording, fitness.refusals), oscillation=oscillation)
     return _identified(recording, config, fitness, oscillation)
 
 
@@ -171,10 +172,10 @@ def _published_reasons(reference: Reference, config: AuditConfig) -> tuple[Reaso
     return tuple(marked)
 
 
-def _refusal(refusals: tuple[Finding, ...]) -> Judgement:
+def _refusal(recording: Recording, refusals: tuple[Finding, ...]) -> Judgement:
     reasons = tuple(Reason(finding.code, finding.text) for finding in refusals)
     if {reason.code for reason in reasons} == {"pv_flat"}:
-        dead = verdict.stuck()
+        dead = unanswered(recording)
         return replace(dead, reasons=dead.reasons + reasons)
     causes = [SPOILED_BY[finding.code] for finding in refusals if finding.code in SPOILED_BY]
     return Judgement("not_auditable", None, "not_reliable", reasons, causes[0] if causes else None)

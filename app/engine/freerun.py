@@ -35,6 +35,7 @@ class FreeRun:
     misfit_drop, causal_drop: difference of the misfits without and with stiction.
     held_linear, held_sticky, held_gain: the same on halves that the fit has not seen (gain: difference of misfits).
     S_share, J_share: the best S as a share of a cycle's OP range, and J as a share of S.
+    level_gain: the gain with an integrating process.
     integral_share: how much of the controller's action is integral, 0..1.
     """
 
@@ -51,6 +52,7 @@ class FreeRun:
     held_gain: float
     S_share: float
     J_share: float
+    level_gain: float
     integral_share: float
 
 
@@ -96,6 +98,7 @@ def free_run(pv: FloatArray, op: FloatArray, per_cycle: int) -> FreeRun:
         held_gain=held[0] - held[1],
         S_share=float(S[best]),
         J_share=float(J[best] / S[best]),
+        level_gain=_log_gain(causal[:, -1:]),
         integral_share=integral_share,
     )
 

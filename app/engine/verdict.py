@@ -20,7 +20,7 @@ from app.engine.verdict_wording import spoken
 
 _REASONS_GIVEN = 3
 # Findings that leave a verdict possible and take its reliability away.
-_DOUBTFUL_DATA = frozenset({"pv_quantised", "pv_interpolated", "op_interpolated", "filled"})
+_DOUBTFUL_DATA = frozenset({"pv_quantised", "pv_interpolated", "op_interpolated", "filled", "stored_points"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,14 +114,6 @@ def conclude(
     return Judgement(verdict, probability, reliability, reasons, _cause(weighing, verdict), ranked)
 
 
-def stuck() -> Judgement:
-    """The judgement on a loop whose PV does not move at all while OP travels: sticky or dead, it cannot be told."""
-    text = "OP travels and PV does not answer at all: the valve is stuck, or the transmitter is dead; look at both"
-    reason = Reason("pv_does_not_answer", text)
-    cause = "stuck_valve_or_dead_transmitter"
-    return Judgement("not_auditable", None, "not_reliable", (reason,), cause)
-
-
 def _verdict(probability: float, config: VerdictConfig) -> Verdict:
     if abs(probability - 0.5) < config.undecided_within:
         return "inconclusive"
@@ -138,15 +130,36 @@ def _doubts(
     if config.reliable_no_stiction_to < weighing.probability < enough:
         text = f"the evidence is not clear enough: probability of stiction {weighing.probability:.2f}"
         doubts.append(Reason("evidence_not_clear", text))
-    if verdict == "stiction" and oscillation.cycles < config.min_cycles:
+    if oscillation.cycles < config.min_cycles:
         text = f"the record holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be trusted"
         doubts.append(Reason("few_cycles", text))
     if weighing.window_spread > config.max_window_spread:
         doubts.append(Reason("windows_disagree", "parts of the record say different things about the valve"))
+    if verdict == "no_stiction":
+        doubts.extend(_uncoupled(weighing, config))
     if verdict == "stiction":
+        doubts.extend(_followed(weighing, config))
         doubts.extend(Reason(rival.cause, rival.text) for rival in weighing.rivals if rival.stands_out and rival.counts)
     doubts.extend(_data_doubts(weighing, fitness, config))
     return tuple(doubts)
+
+
+def _uncoupled(weighing: Weighing, config: VerdictConfig) -> tuple[Reason, ...]:
+    """A valve is cleared by what PV does on its account; where PV hardly hears OP, nothing is shown."""
+    heard = max(weighing.features.named("ccf_odd"), weighing.features.named("ccf_even"))
+    if heard >= config.min_coupling:
+        return ()
+    text = f"PV and OP hardly move together (cross-correlation {heard:.2f}): a sticky valve could hide in the rest"
+    return (Reason("uncoupled", text),)
+
+
+def _followed(weighing: Weighing, config: VerdictConfig) -> list[Reason]:
+    """Where PV and OP are all but the set point's movement, a shape may be the set point's too."""
+    return [
+        Reason("set_point_moves", rival.text)
+        for rival in weighing.rivals
+        if rival.cause == "set_point_following" and rival.strength >= config.max_following
+    ]
 
 
 def _data_doubts(weighing: Weighing, fitness: Fitness, config: VerdictConfig) -> list[Reason]:
@@ -157,6 +170,9 @@ def _data_doubts(weighing: Weighing, fitness: Fitness, config: VerdictConfig) ->
     if fitness.filled_share is not None and fitness.filled_share > config.max_filled_share:
         text = f"{100 * fitness.filled_share:.0f} % of the samples were filled by interpolation"
         doubts.append(Reason("filled_share", text))
+    if fitness.automatic_share is not None and fitness.automatic_share < config.min_automatic_share:
+        text = f"the loop was in automatic for {100 * fitness.automatic_share:.0f} % of the recording only"
+        doubts.append(Reason("mode_share", text))
     return doubts
 
 

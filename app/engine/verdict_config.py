@@ -12,9 +12,11 @@ class VerdictConfig:
     reliable_stiction_from, reliable_no_stiction_to: probabilities that a reliable verdict needs, chosen on
     leave-one-valve-out scores for 97 % right. reliable_cycling_from: enough for stiction where the loop oscillates
     regularly with at least `strong_swing`, as a limit cycle does.
-    min_cycles: fewest cycles of the oscillation in the record for a reliable verdict of stiction.
+    min_cycles: fewest cycles of the oscillation in the record for a reliable verdict.
+    min_coupling: least cross-correlation of PV and OP for a reliable verdict of no stiction.
+    max_following: PV and OP may follow the set point up to this strength of the rival for reliable stiction.
     max_window_spread: largest standard deviation of the log-odds between windows for a reliable verdict.
-    max_filled_share: largest share of filled samples for a reliable verdict.
+    max_filled_share: largest share of filled samples for a reliable verdict; min_automatic_share: least in automatic.
     parameters_version: of the fitted numbers, so that a stored verdict says which ones it came from.
     """
 
@@ -26,4 +28,7 @@ class VerdictConfig:
     min_cycles: float = 5.0
     max_window_spread: float = 1.5
     max_filled_share: float = 0.1
+    min_automatic_share: float = 0.5
+    min_coupling: float = 0.4
+    max_following: float = 0.85
     parameters_version: str = VERSION

@@ -10,7 +10,7 @@ from app.engine.oscillation import detect
 from app.engine.recording import Recording
 from app.engine.shape_model import fitted_model
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, Wave, first_order, simulate_loop
-from app.engine.verdict import judge, stuck, weigh
+from app.engine.verdict import judge, weigh
 from app.engine.verdict_config import VerdictConfig
 from app.engine.verdict_wording import spoken
 
@@ -102,13 +102,6 @@ def test_coarse_sensors_take_the_reliability_of_stiction():
 def test_near_one_half_nothing_is_decided():
     said = verdict(sticky(), VerdictConfig(undecided_within=0.51))
     assert said.verdict == "inconclusive"
-
-
-def test_what_does_not_answer_cannot_be_audited_and_names_both_causes():
-    said = stuck()
-    assert (said.verdict, said.reliability) == ("not_auditable", "not_reliable")
-    assert said.stiction_probability is None
-    assert said.likely_cause == "stuck_valve_or_dead_transmitter"
 
 
 def test_the_weighing_shows_what_it_came_from():

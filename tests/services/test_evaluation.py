@@ -96,7 +96,7 @@ def test_the_report_names_who_is_on_the_wrong_side():
 
 
 def test_simulated_loops_are_the_same_for_the_same_seed_and_hold_both_classes():
-    one, two = known_loops(12, 5), known_loops(12, 5)
+    one, two = list(known_loops(12, 5)), list(known_loops(12, 5))
     assert {loop.cause == "stiction" for loop in one} == {True, False}
     for a, b in zip(one, two, strict=True):
         np.testing.assert_array_equal(a.record.pv, b.record.pv)

@@ -4,6 +4,7 @@ from dataclasses import astuple, dataclass, fields
 
 import numpy as np
 
+from app.engine.features.legs import Legs, legs
 from app.engine.features.limits import Limits, limits
 from app.engine.features.quadrature import Quadrature, quadrature
 from app.engine.features.shape import Shape, shape
@@ -13,7 +14,7 @@ from app.engine.freerun import FreeRun, free_run
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
 
-_GROUPS = (Quadrature, Travel, Shape, Limits, FreeRun)
+_GROUPS = (Quadrature, Travel, Shape, Limits, FreeRun, Legs)
 _MOST_REGULAR = 6.0
 _LEAST_REGULAR = 0.2
 
@@ -54,6 +55,7 @@ def _row(window: ShapeWindow, oscillation: Oscillation) -> FloatArray:
         shape(window),
         limits(window),
         free_run(window.even_pv, window.even_op, PER_CYCLE),
+        legs(window),
     )
     regularity = float(np.log(np.clip(oscillation.regularity, _LEAST_REGULAR, _MOST_REGULAR)))
     row = [*(value for group in groups for value in astuple(group)), oscillation.strength, regularity]

@@ -10,7 +10,7 @@ from app.engine.patterns import rho_3
 from app.engine.recording import FloatArray
 from app.engine.sampled import ROUNDING, burstiness, correlation
 
-_REVERSAL = 0.7
+REVERSAL = 0.7
 _STILL_BAND = 0.3
 _FEWEST_LEG_SAMPLES = 4
 _STRIDE = PER_CYCLE // 10
@@ -54,7 +54,7 @@ def travel(window: ShapeWindow) -> Travel:
     pv, op = window.pv_smooth, window.op_smooth
     op_eighth, pv_eighth = _pieces(pv, op, PER_CYCLE // 8)
     op_quarter, pv_quarter = _pieces(pv, op, PER_CYCLE // 4)
-    legs = _legs(pv, op, _REVERSAL * float(np.std(op)), _STILL_BAND * float(np.std(pv)))
+    legs = _legs(pv, op, REVERSAL * float(np.std(op)), _STILL_BAND * float(np.std(pv)))
     some = len(legs) >= 2
     return Travel(
         flat_eighth=_flat_share(op_eighth, pv_eighth),
@@ -99,7 +99,7 @@ def _contrast(legs: FloatArray, spread: float) -> float:
 @njit(cache=True, nogil=True)
 def _legs(pv: FloatArray, op: FloatArray, reversal: float, band: float) -> FloatArray:
     """(L, 4) for each OP leg between reversals: share travelled with PV still, sharpness, mean PV, direction."""
-    turns = _turns(op, reversal)
+    turns = reversals(op, reversal)
     rows = np.empty((len(turns), 4))
     count = 0
     for k in range(len(turns) - 1):
@@ -117,7 +117,7 @@ def _legs(pv: FloatArray, op: FloatArray, reversal: float, band: float) -> Float
 
 
 @njit(cache=True, nogil=True)
-def _turns(x: FloatArray, reversal: float) -> FloatArray:
+def reversals(x: FloatArray, reversal: float) -> FloatArray:
     """Indices of the extremes of x (at unit deviation) from which it comes back by more than `reversal`."""
     turns = np.empty(len(x) + 1, dtype=np.int64)
     first, direction = _first_turn(x, reversal)

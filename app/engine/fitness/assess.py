@@ -99,16 +99,18 @@ def assess(recording: Recording, config: FitnessConfig | None = None) -> Fitness
 
 
 def with_cycles(fitness: Fitness, oscillation: Oscillation | None, config: FitnessConfig | None = None) -> Fitness:
-    """The same fitness with the checks that need the oscillation's period: samples a cycle, cycles in the stretch.
+    """The same fitness with the checks that need the oscillation's period: samples and stored points a cycle, cycles in
+    the stretch.
 
     oscillation: of `fitness.record`, or None where the recording is not auditable anyway.
     """
     config = config or FitnessConfig()
     if fitness.record is None or oscillation is None:
-        return _stopped(fitness, fitness.findings, ("samples_per_cycle", "few_cycles"))
+        return _stopped(fitness, fitness.findings, ("samples_per_cycle", "few_cycles", "stored_points"))
     added = (
         checks.check_samples_per_cycle(oscillation, config),
         checks.check_cycles(oscillation, fitness.record, config),
+        checks.check_stored_points(oscillation, fitness.record, config),
     )
     return replace(fitness, findings=fitness.findings + added)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from app.engine.evidence import Finding, Outcome
 from app.engine.fitness.config import FitnessConfig
-from app.engine.fitness.signals import on_line_share, quantisation_step, resolution, run_lengths
+from app.engine.fitness.signals import on_line_share, quantisation_step, resolution, run_lengths, stored_points
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, UniformRecord
 
@@ -136,6 +136,19 @@ def check_cycles(oscillation: Oscillation, record: UniformRecord, config: Fitnes
     cycles = record.samples / per_cycle
     text = f"the stretch holds {cycles:.3g} cycles, {config.min_cycles:g} or more can be trusted"
     return _finding("few_cycles", cycles >= config.min_cycles, text, cycles, config.min_cycles, "cycles")
+
+
+def check_stored_points(oscillation: Oscillation, record: UniformRecord, config: FitnessConfig) -> Finding:
+    """Points a cycle that the historian really stored: values that change, and not on a straight line."""
+    per_cycle = oscillation.samples_per_cycle
+    if per_cycle is None or not oscillation.regular:
+        return not_evaluated("stored_points", "no regular oscillation was found")
+    points = stored_points(record.pv) * per_cycle / record.samples
+    text = f"{points:.3g} points of PV a cycle were stored, the rest lies on straight lines between them"
+    enough = points >= config.min_stored_points
+    if not enough:
+        text += f"; below {config.min_stored_points:g} the shape is the historian's"
+    return _finding("stored_points", enough, text, points, config.min_stored_points, "points")
 
 
 def refusals(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:

@@ -15,7 +15,8 @@ class FitnessConfig:
     op_limit_share: OP at one limit for this share of the stretch is not controlling.
     op_limit_band: how near to the end of a known span counts as at the limit, as a share of the span.
     min_samples_per_cycle: fewest samples in one period of a regular oscillation.
-    min_cycles, min_levels, max_on_line_share: beyond these the record is still audited, and its findings say so.
+    min_cycles, min_levels, max_on_line_share, min_stored_points (of PV, in a cycle): beyond these the record is still
+    audited, and its findings say so.
     """
 
     min_samples: int = 100
@@ -29,3 +30,4 @@ class FitnessConfig:
     min_cycles: float = 3.0
     min_levels: float = 10.0
     max_on_line_share: float = 0.3
+    min_stored_points: float = 6.0

@@ -78,3 +78,11 @@ def on_line_share(signal: FloatArray) -> float:
     moving = np.abs(signal[2:] - signal[:-2]) > tolerance
     straight = np.abs(signal[2:] - 2.0 * signal[1:-1] + signal[:-2]) <= tolerance
     return float(np.mean(moving & straight))
+
+
+def stored_points(signal: FloatArray) -> int:
+    """How many samples of `signal` (N,) a historian must have stored to give it back, held or on straight lines."""
+    same = resolution(signal)
+    changes = int(np.count_nonzero(np.abs(np.diff(signal)) > same))
+    corners = int(np.count_nonzero(np.abs(np.diff(signal, 2)) > 4.0 * same))
+    return min(changes, corners) + 1

@@ -19,7 +19,8 @@ from app.engine.judgement import Judgement
 from app.engine.recording import FloatArray
 from app.engine.rivals import compete
 from app.engine.shape_model import ShapeModel
-from app.engine.verdict import conclude, stuck, weigh_features
+from app.engine.unanswered import unanswered
+from app.engine.verdict import conclude, weigh_features
 from app.engine.verdict_config import VerdictConfig
 from app.services.evaluation import parameters, report, scoring
 from app.services.evaluation.components import component_scores
@@ -84,8 +85,8 @@ def _judged(loop: Labelled, models: dict[str, ShapeModel], calibration: tuple[fl
     """What the engine would say of the loop, with a model that has not seen its valve."""
     config = VerdictConfig()
     if loop.features is None or loop.oscillation is None or loop.fitness.record is None:
-        refused = {f.code for f in loop.fitness.findings if f.outcome == "fail"}
-        return stuck() if "pv_flat" in refused else Judgement("not_auditable", None, "not_reliable", (), None)
+        flat = {finding.code for finding in loop.fitness.refusals} == {"pv_flat"}
+        return unanswered(loop.recording) if flat else Judgement("not_auditable", None, "not_reliable", (), None)
     rivals = compete(loop.fitness.record, loop.oscillation, loop.features)
     model = replace(models[loop.valve], calibration=calibration)
     weighing = weigh_features(loop.features, rivals, model)

@@ -23,6 +23,7 @@ SIGNS = {
     "op_bursts": -1, "op_fundamental": 1, "op_fast": -1, "op_slow": -1, "op_triangle": 1, "op_skewness": -1,
     "op_roughness": -1, "pv_roughness": -1, "pv_bicoherence": 1, "pv_quantum": -1,
     "pv_moves_at_limit": -1, "op_at_limit": -1, "oscillation_strength": 1, "oscillation_regularity": 1,
+    "leg_size_spread": -1, "leg_time_spread": -1, "swing_spread": -1, "path": 1, "path_slope": 1,
 }  # fmt: skip
 # How often a sample repeats is the historian's doing; simulated loops have no historian.
 _NOT_FOR_NETWORK = ("pv_held", "op_held", "pv_least_step")
@@ -153,9 +154,9 @@ def _network(samples: Samples, config: FitConfig, seed: int) -> list[FloatArray]
         np.zeros(1),
     ]
     mean, square = [np.zeros_like(w) for w in weights], [np.zeros_like(w) for w in weights]
-    chance = samples.weight / samples.weight.sum()
+    chance = np.cumsum(samples.weight) / samples.weight.sum()
     for step in range(1, config.steps + 1):
-        rows = rng.choice(len(z), config.batch, p=chance)
+        rows = np.searchsorted(chance[:-1], rng.random(config.batch))
         rate = config.rate * (1.0 - step / config.steps) + 1e-4
         for k, gradient in enumerate(_gradients(weights, z[rows], samples.sticky[rows], config.decay)):
             mean[k] = 0.9 * mean[k] + 0.1 * gradient

@@ -5,6 +5,7 @@ outside oscillations, wandering loads, tight tuning, saturation, quantisation, m
 with S = 1 in the unit of OP, the others with disturbances of that size, so that nothing but the shape tells them apart.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,9 +24,11 @@ from app.engine.simulate import (
     simulate_loop,
 )
 from app.errors import DataError
+from app.services.evaluation import wide_plants
 
 CAUSES = ("stiction", "tuning", "oscillation", "load", "saturation", "quantisation", "set_point", "quiet")
 _CHANCES = (0.43, 0.07, 0.16, 0.13, 0.03, 0.03, 0.12, 0.03)
+_WIDE = (1, 3, 5, 7)
 _LARGEST_SWING = 60.0
 _LEAST_TRAVEL, _MOST_TRAVEL = 1.05, 25.0
 
@@ -40,15 +43,23 @@ class KnownLoop:
     J: float
 
 
-def known_loops(count: int, seed: int) -> list[KnownLoop]:
-    """`count` loops; the same seed gives the same loops."""
+def known_loops(count: int, seed: int) -> Iterator[KnownLoop]:
+    """`count` loops, four of nine as `wide_plants` draws them; the same seed gives the same loops."""
     rng = np.random.default_rng(seed)
-    loops: list[KnownLoop] = []
-    while len(loops) < count:
-        loop = _draw(rng)
+    made = 0
+    while made < count:
+        loop = _draw_wide(rng) if made % 9 in _WIDE else _draw(rng)
         if loop is not None:
-            loops.append(loop)
-    return loops
+            made += 1
+            yield loop
+
+
+def _draw_wide(rng: np.random.Generator) -> KnownLoop | None:
+    try:
+        drawn = wide_plants.draw(rng)
+    except DataError:
+        return None
+    return None if drawn is None else KnownLoop(*drawn)
 
 
 def _draw(rng: np.random.Generator) -> KnownLoop | None:

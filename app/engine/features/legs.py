@@ -1,0 +1,82 @@
+"""How alike the legs of OP between its reversals are, and how alike PV answers along them."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from app.engine.features.travel import REVERSAL, reversals
+from app.engine.features.window import ShapeWindow
+from app.engine.recording import FloatArray
+from app.engine.sampled import burstiness
+
+_FEWEST_LEGS = 4
+_BINS = 8
+_UNKNOWN_SPREAD = 0.6
+
+
+@dataclass(frozen=True)
+class Legs:
+    """A stuck valve lets go after the same travel of OP each time; a disturbance does not know the travel.
+
+    leg_size_spread, leg_time_spread: standard deviation of the logarithms of travel and of duration of the legs of OP
+    between two reversals.
+    swing_spread: the same of the ranges of PV over these legs.
+    path, path_slope: share of the variance of PV, and of its slope, that follows from the direction of OP and its
+    travel since the last reversal.
+    pv_corners, op_corners: share of the bending (movement of the slope) that the liveliest fifth of the time holds.
+    """
+
+    leg_size_spread: float
+    leg_time_spread: float
+    swing_spread: float
+    path: float
+    path_slope: float
+    pv_corners: float
+    op_corners: float
+
+
+def legs(window: ShapeWindow) -> Legs:
+    """The features of `Legs` for one window."""
+    pv, op = window.pv_smooth, window.op_smooth
+    dpv, dop = np.gradient(pv), np.gradient(op)
+    ends = reversals(op, REVERSAL * float(np.std(op)))
+    sizes = np.abs(np.diff(op[ends]))
+    swings = np.array([np.ptp(pv[a : b + 1]) for a, b in pairwise(ends)])
+    way, travelled = _travelled(op, ends)
+    return Legs(
+        leg_size_spread=_spread(sizes),
+        leg_time_spread=_spread(np.diff(ends).astype(np.float64)),
+        swing_spread=_spread(swings),
+        path=_explained(way * pv[ends[0] : ends[-1]], travelled) if len(sizes) >= _FEWEST_LEGS else 0.0,
+        path_slope=_explained(way * dpv[ends[0] : ends[-1]], travelled) if len(sizes) >= _FEWEST_LEGS else 0.0,
+        pv_corners=burstiness(np.gradient(dpv)),
+        op_corners=burstiness(np.gradient(dop)),
+    )
+
+
+def _spread(x: FloatArray) -> float:
+    if len(x) < _FEWEST_LEGS:
+        return _UNKNOWN_SPREAD
+    return float(np.std(np.log(np.maximum(x, 1e-3 * x.max() + 1e-12))))
+
+
+def _travelled(op: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Direction (1 or -1) and travel since the last reversal of the samples between the first and the last turn."""
+    if len(ends) < 2:
+        return np.empty(0), np.empty(0)
+    length = np.diff(ends)
+    start = np.repeat(op[ends[:-1]], length)
+    way = np.repeat(np.sign(np.diff(op[ends])), length)
+    return way, way * (op[ends[0] : ends[-1]] - start)
+
+
+def _explained(values: FloatArray, travelled: FloatArray) -> float:
+    """Share of the variance of values (n,) between bins of equal counts of travelled (n,)."""
+    total = float(np.mean(values**2))
+    if total <= 0.0:
+        return 0.0
+    bins = np.digitize(travelled, np.quantile(travelled, np.linspace(0.0, 1.0, _BINS + 1)[1:-1]))
+    count = np.maximum(np.bincount(bins, minlength=_BINS), 1)
+    means = np.bincount(bins, weights=values, minlength=_BINS) / count
+    return float(np.sum(count * means**2) / len(values) / total)

@@ -1,0 +1,44 @@
+"""A PV that does not answer at all while OP travels: a stuck valve, or a dead transmitter."""
+
+import numpy as np
+
+from app.engine.evidence import Reason
+from app.engine.judgement import Judgement
+from app.engine.recording import FloatArray, Recording
+
+CAUSE = "stuck_valve_or_dead_transmitter"
+# What a plant finds when it looks is a stuck valve a little more often than a dead transmitter: a prior, not a fit.
+PRIOR = 0.6
+_FEWEST_VALUES = 10
+_OFF_SHARE = 0.9
+_TEXT = "OP travels and PV does not answer at all: the valve is stuck, or the transmitter is dead; look at both"
+
+
+def unanswered(recording: Recording) -> Judgement:
+    """The judgement on a recording whose PV was refused as flat, and nothing else.
+
+    Where the recording itself shows a controller at work against the standing PV (in automatic by its mode, SP away
+    from PV for nine tenths of the time, OP on ten values or more), nothing but a stuck valve or a dead transmitter is
+    left, and the verdict is "inconclusive" with the prior between the two. Else "not_auditable": a flat PV may also be
+    a signal that nobody maintains. Reliable it is never.
+    """
+    reason = Reason("pv_does_not_answer", _TEXT)
+    if not _controller_works(recording):
+        return Judgement("not_auditable", None, "not_reliable", (reason,), CAUSE)
+    prior = Reason("prior_only", f"the probability {PRIOR:g} is a prior between the two causes, not a measurement")
+    return Judgement("inconclusive", PRIOR, "not_reliable", (reason, prior), CAUSE)
+
+
+def _controller_works(recording: Recording) -> bool:
+    if recording.automatic is None or recording.sp is None:
+        return False
+    known = np.isfinite(recording.pv) & np.isfinite(recording.op) & np.asarray(recording.automatic, dtype=bool)
+    pv, op, sp = recording.pv[known], recording.op[known], recording.sp[known]
+    if len(np.unique(op)) < _FEWEST_VALUES or len(np.unique(pv)) != 1:
+        return False
+    return float(np.mean(_away(pv, sp))) >= _OFF_SHARE
+
+
+def _away(pv: FloatArray, sp: FloatArray) -> FloatArray:
+    # What differs in the last digits of a float only is the same set point.
+    return np.isfinite(sp) & (np.abs(sp - pv) > 1e-6 * np.maximum(np.abs(sp), np.abs(pv)))

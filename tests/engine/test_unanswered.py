@@ -1,0 +1,47 @@
+"""A PV that stands still: a controller that works against it is evidence, a flat signal alone is none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.engine.audit import audit
+from app.engine.recording import Recording
+
+N = 400
+SEEN = Recording(
+    "FIC1",
+    np.arange(N) * 10.0,
+    np.full(N, 3.3),
+    np.linspace(20.0, 31.0, N),
+    sp=np.full(N, 4.0),
+    automatic=np.ones(N, dtype=bool),
+)
+
+
+def test_a_controller_at_work_against_a_standing_pv_leaves_a_stuck_valve_or_a_dead_transmitter():
+    said = audit(SEEN).judgement
+    assert (said.verdict, said.reliability, said.stiction_probability) == ("inconclusive", "not_reliable", 0.6)
+    assert said.likely_cause == "stuck_valve_or_dead_transmitter"
+    assert [reason.code for reason in said.reasons] == ["pv_does_not_answer", "prior_only", "pv_flat"]
+
+
+@pytest.mark.parametrize(
+    "little",
+    [
+        {"automatic": None},
+        {"sp": None},
+        {"sp": np.full(N, 3.3)},
+        {"op": np.where(np.arange(N) < 180, 20.0, np.where(np.arange(N) < 350, 20.1, 20.2))},
+    ],
+    ids=["mode not recorded", "no set point", "PV at its set point", "OP took three values"],
+)
+def test_a_flat_pv_with_less_than_that_is_not_auditable(little):
+    said = audit(replace(SEEN, **little)).judgement
+    assert (said.verdict, said.stiction_probability) == ("not_auditable", None)
+    assert {"pv_does_not_answer", "pv_flat"} <= {reason.code for reason in said.reasons}
+
+
+def test_units_and_signs_change_nothing():
+    other = replace(SEEN, pv=1e3 - 7.0 * SEEN.pv, op=-0.01 * SEEN.op, sp=1e3 - 7.0 * SEEN.sp)
+    assert audit(other).judgement == audit(SEEN).judgement
