@@ -7,7 +7,7 @@ import numpy as np
 
 from app.engine.corroborate import Corroboration, corroborate
 from app.engine.evidence import Reason
-from app.engine.features import NAMES, Features, extract
+from app.engine.features import NAMES, Features, observe
 from app.engine.fitness import Fitness
 from app.engine.judgement import Judgement, Reliability, Verdict
 from app.engine.oscillation import Oscillation
@@ -19,8 +19,9 @@ from app.engine.verdict_config import VerdictConfig
 from app.engine.verdict_wording import spoken
 
 _REASONS_GIVEN = 3
-# Findings that leave a verdict possible and take its reliability away.
-_DOUBTFUL_DATA = frozenset({"pv_quantised", "pv_interpolated", "op_interpolated", "filled", "stored_points"})
+# Findings that leave a verdict possible and take its reliability away. Not op_interpolated: against a standing PV an
+# integrating controller runs on straight lines by itself.
+_DOUBTFUL_DATA = frozenset({"pv_quantised", "pv_interpolated", "filled", "stored_points"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +55,7 @@ def weigh(record: UniformRecord, oscillation: Oscillation, model: ShapeModel | N
     model: the fitted numbers; the ones that this version ships where None. Invariant to unit, offset and sign of PV and
     OP and to the time unit.
     """
-    features = extract(record, oscillation)
+    features = observe(record, oscillation)
     if features is None:
         return None
     return weigh_features(features, compete(record, oscillation, features), model or _model())
@@ -138,7 +139,7 @@ def _doubts(
     if verdict == "no_stiction":
         doubts.extend(_uncoupled(weighing, config))
     if verdict == "stiction":
-        doubts.extend(_followed(weighing, config))
+        doubts.extend(_shaped_outside(weighing, config))
         doubts.extend(Reason(rival.cause, rival.text) for rival in weighing.rivals if rival.stands_out and rival.counts)
     doubts.extend(_data_doubts(weighing, fitness, config))
     return tuple(doubts)
@@ -153,13 +154,15 @@ def _uncoupled(weighing: Weighing, config: VerdictConfig) -> tuple[Reason, ...]:
     return (Reason("uncoupled", text),)
 
 
-def _followed(weighing: Weighing, config: VerdictConfig) -> list[Reason]:
-    """Where PV and OP are all but the set point's movement, a shape may be the set point's too."""
-    return [
-        Reason("set_point_moves", rival.text)
-        for rival in weighing.rivals
-        if rival.cause == "set_point_following" and rival.strength >= config.max_following
-    ]
+def _shaped_outside(weighing: Weighing, config: VerdictConfig) -> list[Reason]:
+    """Where PV and OP are all but the set point's movement, or one sine, the shape need not be the valve's."""
+    doubts = []
+    for rival in weighing.rivals:
+        if rival.cause == "set_point_following" and rival.strength >= config.max_following:
+            doubts.append(Reason("set_point_moves", rival.text))
+        if rival.cause == "external_oscillation" and (rival.statistic or 0.0) >= config.max_wave:
+            doubts.append(Reason("nearly_sinusoidal", rival.text))
+    return doubts
 
 
 def _data_doubts(weighing: Weighing, fitness: Fitness, config: VerdictConfig) -> list[Reason]:

@@ -14,7 +14,8 @@ class VerdictConfig:
     regularly with at least `strong_swing`, as a limit cycle does.
     min_cycles: fewest cycles of the oscillation in the record for a reliable verdict.
     min_coupling: least cross-correlation of PV and OP for a reliable verdict of no stiction.
-    max_following: PV and OP may follow the set point up to this strength of the rival for reliable stiction.
+    max_following, max_wave: for reliable stiction, PV and OP may follow the set point up to this strength of the rival,
+    and one sine that keeps its phase may explain up to this share of both.
     max_window_spread: largest standard deviation of the log-odds between windows for a reliable verdict.
     max_filled_share: largest share of filled samples for a reliable verdict; min_automatic_share: least in automatic.
     parameters_version: of the fitted numbers, so that a stored verdict says which ones it came from.
@@ -31,4 +32,5 @@ class VerdictConfig:
     min_automatic_share: float = 0.5
     min_coupling: float = 0.4
     max_following: float = 0.85
+    max_wave: float = 0.955
     parameters_version: str = VERSION

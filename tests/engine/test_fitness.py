@@ -238,6 +238,18 @@ def test_cycles_are_counted():
     assert cycles.statistic == pytest.approx(10, rel=0.02)
 
 
+@pytest.mark.parametrize(("every", "outcome"), [(1, "pass"), (10, "fail")])
+def test_points_that_a_historian_stored_are_counted_in_a_cycle(every, outcome):
+    t = np.arange(N)
+    known = t[::every]
+    pv = np.interp(t, known, np.sin(2 * np.pi * known / 40 + 0.3))
+    fitness = assess(cycling(pv=pv))
+    checked = with_cycles(fitness, detect(fitness.record))
+    stored = next(f for f in checked.findings if f.code == "stored_points")
+    assert stored.outcome == outcome
+    assert stored.statistic == pytest.approx(40 / every, rel=0.1)
+
+
 def test_thresholds_come_from_the_configuration():
     assert assess(cycling(90), FitnessConfig(min_samples=80)).auditable
 

@@ -9,7 +9,17 @@ from app.engine.judgement import Judgement
 from app.engine.oscillation import detect
 from app.engine.recording import Recording
 from app.engine.shape_model import fitted_model
-from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, Wave, first_order, simulate_loop
+from app.engine.simulate import (
+    LoopSpec,
+    Pid,
+    Signal,
+    TwoParameterValve,
+    Wave,
+    first_order,
+    keep,
+    rebuild,
+    simulate_loop,
+)
 from app.engine.verdict import judge, weigh
 from app.engine.verdict_config import VerdictConfig
 from app.engine.verdict_wording import spoken
@@ -84,8 +94,49 @@ def test_reasons_are_sentences_with_codes_of_their_own():
         assert "published_methods" in {r.code for r in reasons}
 
 
-def test_few_cycles_make_no_reliable_stiction():
+@pytest.mark.parametrize("kind", ["swinging_door", "exception"])
+@pytest.mark.parametrize("band", [0.05, 0.2, 0.5])
+@pytest.mark.parametrize("period_s", [25.0, 60.0, 150.0])
+def test_no_historian_makes_a_sine_sticky_and_reliable(kind, band, period_s):
+    loop = simulated(upset=Signal(waves=(Wave(2.0, period_s),)))
+
+    def stored(x):
+        return rebuild(loop.time_s, x, keep(loop.time_s, x, band * float(np.std(x)), kind), kind)
+
+    said = verdict(Recording("compressed", loop.time_s, stored(loop.pv), stored(loop.op)))
+    assert (said.verdict, said.reliability) != ("stiction", "reliable")
+
+
+def test_a_shape_of_a_few_stored_points_is_the_historians():
     loop = sticky()
+
+    def stored(x):
+        return rebuild(loop.time_s, x, keep(loop.time_s, x, 1.5 * float(np.std(x)), "exception"), "exception")
+
+    said = verdict(Recording("compressed", loop.time_s, stored(loop.pv), stored(loop.op)))
+    assert said.reliability == "not_reliable"
+    assert "stored_points" in {reason.code for reason in said.reasons}
+
+
+def test_a_valve_that_pv_hardly_hears_is_not_cleared_reliably():
+    rng = np.random.default_rng(8)
+    loop = Recording("deaf", np.arange(1500.0), rng.normal(size=1500), np.cumsum(rng.normal(size=1500)))
+    said = verdict(loop)
+    assert said.reliability == "not_reliable"
+    if said.verdict == "no_stiction":
+        assert "uncoupled" in {reason.code for reason in said.reasons}
+
+
+def test_mostly_in_manual_makes_nothing_reliable():
+    loop = sticky()
+    mode = np.arange(len(loop.pv)) < 500
+    said = verdict(Recording("manual", loop.time_s, loop.pv, loop.op, automatic=mode))
+    assert (said.reliability, "mode_share" in {reason.code for reason in said.reasons}) == ("not_reliable", True)
+
+
+@pytest.mark.parametrize("make", [sticky, shaken])
+def test_few_cycles_make_nothing_reliable(make):
+    loop = make()
     period = int(detect(assess(loop).record).samples_per_cycle)
     part = slice(0, 4 * period)
     said = verdict(Recording("short", loop.time_s[part], loop.pv[part], loop.op[part]))

@@ -8,10 +8,11 @@ from app.engine.features.legs import Legs, legs
 from app.engine.features.limits import Limits, limits
 from app.engine.features.quadrature import Quadrature, quadrature
 from app.engine.features.shape import Shape, shape
+from app.engine.features.steady import at_rest
 from app.engine.features.travel import Travel, travel
 from app.engine.features.window import PER_CYCLE, ShapeWindow, shape_windows
 from app.engine.freerun import FreeRun, free_run
-from app.engine.oscillation import Oscillation
+from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import FloatArray, UniformRecord
 
 _GROUPS = (Quadrature, Travel, Shape, Limits, FreeRun, Legs)
@@ -46,6 +47,21 @@ def extract(record: UniformRecord, oscillation: Oscillation, most_windows: int =
         return None
     table = np.array(rows)
     return Features(table.mean(axis=0), table)
+
+
+def observe(record: UniformRecord, oscillation: Oscillation) -> Features | None:
+    """The features of a record, and where PV mostly follows a stepping set point, their mean with those at its rest.
+
+    The set point's own movement says little about the valve, and at its rest there is often little movement: neither
+    half is trusted alone.
+    """
+    features, rest = extract(record, oscillation), at_rest(record)
+    if features is None or rest is None:
+        return features
+    calm = extract(rest, detect(rest))
+    if calm is None:
+        return features
+    return Features((features.values + calm.values) / 2, np.concatenate((features.table, calm.table)))
 
 
 def _row(window: ShapeWindow, oscillation: Oscillation) -> FloatArray:

@@ -144,7 +144,7 @@ def check_stored_points(oscillation: Oscillation, record: UniformRecord, config:
     if per_cycle is None or not oscillation.regular:
         return not_evaluated("stored_points", "no regular oscillation was found")
     points = stored_points(record.pv) * per_cycle / record.samples
-    text = f"{points:.3g} points of PV a cycle were stored, the rest lies on straight lines between them"
+    text = f"{points:.3g} points of PV a cycle were stored, the rest is held or lies on lines between them"
     enough = points >= config.min_stored_points
     if not enough:
         text += f"; below {config.min_stored_points:g} the shape is the historian's"

@@ -59,7 +59,7 @@ def _options() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m app.services.evaluation", description="measure the verdict")
     default = os.environ.get("LOOPAUDIT_RECORDINGS", "../shared/recordings")
     parser.add_argument("folder", type=Path, nargs="?", default=Path(default), help="recordings with labels.csv")
-    parser.add_argument("--simulated", type=int, default=8000, help="simulated loops to train on")
+    parser.add_argument("--simulated", type=int, default=9000, help="simulated loops to train on")
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--verdicts", type=Path, help="write the verdicts as JSON lines")
     parser.add_argument("--write", action="store_true", help="write the fitted parameters into the engine")

@@ -4,7 +4,7 @@ import csv
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from app.engine.features import Features, extract
+from app.engine.features import Features, observe
 from app.engine.fitness import Fitness, assess, with_cycles
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import Recording
@@ -42,7 +42,7 @@ def _labelled(row: dict[str, str], recording: Recording) -> Labelled:
     if fitness.record is not None and fitness.auditable:
         oscillation = detect(fitness.record)
         fitness = with_cycles(fitness, oscillation)
-        features = extract(fitness.record, oscillation)
+        features = observe(fitness.record, oscillation)
     return Labelled(
         recording,
         row["valve"],
