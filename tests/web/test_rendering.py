@@ -9,7 +9,7 @@ from app.web.rendering import as_tags, cause_words, figure, first_reasons, other
 
 
 def row(**changes) -> dict:
-    values = dict.fromkeys(ReliabilityRow.model_fields)
+    values = dict.fromkeys(name for name, field in ReliabilityRow.model_fields.items() if field.is_required())
     values |= {"recording": "FIC1", "loop": "FIC1", "samples": 10, "verdict": "stiction", "reliability": "reliable"}
     values |= {
         "stiction_probability": 0.9,
@@ -18,7 +18,7 @@ def row(**changes) -> dict:
         "reasons": "a",
         "reasons_text": "A",
     }
-    values |= {"input_fingerprint": "f", "config_fingerprint": "f", "episodes": 0}
+    values |= {"input_fingerprint": "f", "config_fingerprint": "f"}
     return ReliabilityRow(**(values | changes)).model_dump(mode="json")
 
 
