@@ -21,11 +21,13 @@ from app.engine.mismatch.physics import library
 from app.engine.mismatch.physics.generic import DYNAMIC
 from app.engine.mismatch.report import effects_of, export, location_of, pattern_effect, refit_estimates
 from app.engine.mismatch.result import Effect, Explanation, Improvement, Location, Traces
-from app.engine.mismatch.selection import Selection, select
+from app.engine.mismatch.selection import Selection, select, worth
 from app.engine.mismatch.thinning import coarse_of, factor_for, refined
 from app.engine.mismatch.validation import validate
 from app.engine.mismatch.windows import windows_of
 from app.engine.recording import FloatArray
+
+NEARLY = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +85,10 @@ def compete(base: Fit, already: tuple[str, ...]) -> Competed:
     if own is None:
         return Competed(base, selection if coarse.factor == 1 else refined(base, selection))
     named = tuple(block for block in blocks if block.name != own.block.name)
+    if any(worth(r) > NEARLY * worth(own) for r in selection.ranking if r.block.code != own.block.code):
+        # A name with one or two parameters explains nearly what four lags without a name do: it goes before them.
+        selection = select(coarse.fit, named, already)
+        return Competed(base, selection if coarse.factor == 1 else refined(base, selection))
     richer = own.fit if coarse.factor == 1 else refined(base, Selection(own.fit, selection.effects, ())).fit
     selection = select(own.fit, named, already)
     return Competed(richer, selection if coarse.factor == 1 else refined(richer, selection))

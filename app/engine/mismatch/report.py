@@ -7,7 +7,7 @@ import numpy as np
 from app.engine.evidence import Reason
 from app.engine.mismatch.block import Context, Parameter, Part
 from app.engine.mismatch.experiment import Experiment
-from app.engine.mismatch.fitting import Fit, make_task, residual_rows, slopes
+from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, make_task, residual_rows, slopes
 from app.engine.mismatch.patterns import Pattern
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.result import Effect, Estimate, ExplainedModel, Location, PartModel
@@ -16,6 +16,8 @@ from app.engine.mismatch.windows import Window, active_mask, windows_of
 from app.engine.recording import FloatArray
 
 CERTAIN = 0.995
+# Without a given simulation about two of three names of a competition were what the plant said (docs/PROOF.md).
+OWN_CERTAIN = 0.7
 UNUSED_PLANT = Plant(K=1.0, tau=1.0, theta=0.0)  # what PV shows by itself asks nothing of the plant
 PLANT_UNITS = {"K": "PV/OP", "tau": "s", "tau2": "s", "theta": "s"}
 
@@ -52,7 +54,8 @@ def probability_of(effect: Believed) -> float:
     """
     presence = 1.0 / (1.0 + np.exp(-np.clip(effect.rival.score, -30.0, 30.0)))
     name = 1.0 / (1.0 + np.exp(-np.clip(effect.margin, -30.0, 30.0)))
-    return float(min(presence * name, CERTAIN))
+    own = effect.rival.fit.given.deviation >= OWN_DEVIATION
+    return float(min(presence * name, OWN_CERTAIN if own else CERTAIN))
 
 
 def evidence_of(effect: Believed, final: Fit) -> tuple[Reason, ...]:

@@ -163,7 +163,7 @@ def with_second(rival: Rival, names: tuple[Rival, ...], blocks: tuple[Block, ...
         Believed(rival.block.code, twins_of(rival), first_gain, worth(rival) / own_doubt(rival), rival),
         believed(best, best_of_each_code(second)),
     )
-    return (Selection(best.fit, tuple(sorted(effects, key=lambda effect: -effect.gain)), second),)
+    return (Selection(best.fit, tuple(sorted(effects, key=lambda effect: -effect.gain)), names),)
 
 
 def pays_beside(second: Rival, first: Rival) -> bool:
