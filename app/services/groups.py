@@ -15,6 +15,7 @@ from app.storage import verdicts
 _found: dict[tuple[Any, ...], tuple[GroupView, ...]] = {}
 _finding = threading.Lock()
 KEPT = 8
+PATIENCE_S = 0.25
 
 
 def plant_groups(backend: Backend) -> tuple[GroupView, ...]:
@@ -35,8 +36,17 @@ def plant_groups(backend: Backend) -> tuple[GroupView, ...]:
         return _found[state]
 
 
+def soon(backend: Backend, wait_s: float = PATIENCE_S) -> tuple[GroupView, ...] | None:
+    """The groups if they are known within `wait_s`; None while a large plant's are still being worked out."""
+    looking = threading.Thread(target=plant_groups, args=(backend,), name="groups", daemon=True)
+    looking.start()
+    looking.join(wait_s)
+    return None if looking.is_alive() else plant_groups(backend)
+
+
 def groups_of(backend: Backend, tag: str) -> list[GroupView]:
-    return [group for group in plant_groups(backend) if any(member.loop == tag for member in group.members)]
+    """Those that the loop belongs to, as far as they are known by now."""
+    return [group for group in soon(backend) or () if any(member.loop == tag for member in group.members)]
 
 
 def _view(number: int, group: Group, units: dict[str, str | None]) -> GroupView:

@@ -119,8 +119,12 @@ def table(
     query = _rows(wanted).where(*_conditions(wanted))
     if after is not None:
         query = query.where(_beyond(column, descending, after))
-    ordered = column.desc() if descending else column.asc()
-    query = query.order_by(ordered.nulls_last(), loops.c.tag).limit(limit)
+    order = ((column.desc() if descending else column.asc()).nulls_last(), loops.c.tag)
+    # Keys are sorted alone: whole rows, with their texts, are fetched for those that are shown.
+    keys = query.with_only_columns(verdicts.c.loop_id, verdicts.c.audit_id).order_by(*order).limit(limit).subquery()
+    shown = verdicts.join(loops, loops.c.id == verdicts.c.loop_id)
+    mine = and_(keys.c.loop_id == verdicts.c.loop_id, keys.c.audit_id == verdicts.c.audit_id)
+    query = _select().select_from(keys.join(shown, mine)).order_by(*order)
     return [_dict(row) for row in connection.execute(query).mappings()]
 
 

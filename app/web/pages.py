@@ -61,7 +61,7 @@ def plant(backend: Services) -> HTMLResponse:
         ranks=VERDICT_RANK,
         changed=changed,
         worst=plants.worst(backend) if seen.audited else [],
-        groups=[found for found in grouped.plant_groups(backend) if not found.by_chance][:5] if seen.audited else [],
+        groups=[found for found in grouped.soon(backend) or () if not found.by_chance][:5],
     )
 
 
@@ -93,7 +93,8 @@ def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLRespons
 
 @router.get("/groups")
 def groups(backend: Services) -> HTMLResponse:
-    return page("groups.html", groups=grouped.plant_groups(backend))
+    found = grouped.soon(backend)
+    return page("groups.html", groups=found or (), known=found is not None)
 
 
 @router.get("/glossary")

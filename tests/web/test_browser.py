@@ -1,0 +1,162 @@
+"""The pages as people meet them: in Chromium, by mouse and by keyboard, on narrow screens, and by the rules of axe."""
+
+import os
+import shutil
+from collections.abc import Iterator
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, Error, Page, expect, sync_playwright
+
+from app.services.audits import list_audits
+from app.services.chunks import audit_chunk
+from app.services.reading import read_upload
+from app.web.rendering import tag_in_url
+
+pytestmark = pytest.mark.browser
+
+HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
+PAGES = ["/", "/table", "/groups", "/glossary", "/runs", "/runs/1", "/uploads", "/uploads/1", "/loops/FIC101"]
+HOSTILE_PAGE = f"/loops/{tag_in_url(HOSTILE)}"
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+SERIOUS = ("serious", "critical")
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Browser]:
+    found = next(filter(None, map(shutil.which, NAMES)), None)
+    required = os.environ.get("LOOPAUDIT_TEST_REQUIRE_BROWSER") == "1"
+    if found is None:
+        text = "no Chromium on this machine"
+        pytest.fail(f"{text}, and LOOPAUDIT_TEST_REQUIRE_BROWSER is set") if required else pytest.skip(text)
+    with sync_playwright() as playwright:
+        try:
+            # In a container there is no sandbox to be had; the pages are our own.
+            browser = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        except Error as error:
+            if required:
+                raise
+            pytest.skip(f"Chromium does not start here: {str(error)[:200]}")
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def opened(chromium: Browser, client) -> Iterator[Page]:
+    """A page whose console stays silent: no error of a script, nothing refused by the content policy."""
+    page = chromium.new_page(base_url=str(client.base_url), viewport={"width": 1280, "height": 900})
+    page.set_default_timeout(20_000)
+    told: list[str] = []
+    page.on("console", lambda message: told.append(message.text) if message.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: told.append(str(error)))
+    page.on("request", lambda asked: told.append(asked.url) if not asked.url.startswith(str(client.base_url)) else None)
+    yield page
+    page.close()
+    assert told == []
+
+
+def serious(page: Page) -> list[str]:
+    found = Axe().run(page).response["violations"]
+    return [f"{v['id']}: {v['nodes'][0]['html'][:200]}" for v in found if v["impact"] in SERIOUS]
+
+
+def settled(page: Page, path: str) -> None:
+    page.goto(path)
+    for drawn in ("#treemap", "#charts"):
+        if page.locator(drawn).count():
+            expect(page.locator(drawn)).to_have_attribute("data-drawn", "yes")
+
+
+def test_from_the_plant_to_the_worst_loop_and_its_charts(opened: Page):
+    settled(opened, "/")
+    worst = opened.locator("section:has(#worst-head) tbody a").first
+    tag = worst.inner_text()
+    worst.click()
+    expect(opened.get_by_role("heading", level=1)).to_have_text(tag)
+    expect(opened.locator("#charts")).to_have_attribute("data-drawn", "yes")
+    for chart in ("trend", "pv-op", "errors", "spectra"):
+        expect(opened.locator(f"#{chart} .main-svg").first).to_be_visible()
+
+
+def test_a_click_in_the_treemap_opens_the_loop(opened: Page):
+    settled(opened, "/")
+    opened.locator("#treemap .slice", has_text="FIC101").first.click()
+    expect(opened.get_by_role("heading", level=1)).to_have_text("FIC101")
+    expect(opened.locator("#charts")).to_have_attribute("data-drawn", "yes")
+
+
+@pytest.mark.parametrize("path", [*PAGES, HOSTILE_PAGE])
+def test_axe_finds_nothing_serious_and_narrow_screens_need_no_sideways_scrolling(opened: Page, path: str):
+    settled(opened, path)
+    assert serious(opened) == []
+    opened.emulate_media(color_scheme="dark")
+    assert serious(opened) == []
+    opened.set_viewport_size({"width": 360, "height": 740})
+    for _ in range(50):  # charts follow the width of the window after a moment
+        if opened.evaluate("document.documentElement.scrollWidth") <= 360:
+            break
+        opened.wait_for_timeout(100)
+    assert opened.evaluate("document.documentElement.scrollWidth") <= 360
+
+
+def test_by_keyboard_alone(opened: Page):
+    opened.goto("/table")
+    opened.keyboard.press("Tab")
+    expect(opened.locator(".skip")).to_be_focused()
+    opened.keyboard.press("Enter")
+    assert opened.url.endswith("#main")
+    while opened.evaluate("document.activeElement.id") != "search":
+        opened.keyboard.press("Tab")
+    opened.keyboard.type("fic")
+    opened.keyboard.press("Enter")
+    expect(opened.locator("#loops tbody tr")).to_have_count(1)
+    while opened.evaluate("document.activeElement.textContent") != "FIC101":
+        opened.keyboard.press("Tab")
+    opened.keyboard.press("Enter")
+    expect(opened.get_by_role("heading", level=1)).to_have_text("FIC101")
+
+
+def test_columns_and_order_are_chosen(opened: Page):
+    opened.goto("/table")
+    opened.get_by_text("Columns", exact=True).click()
+    opened.get_by_label("Yper, %").check()
+    opened.get_by_label("Likely cause").uncheck()
+    opened.get_by_role("button", name="Show").click()
+    expect(opened.get_by_role("columnheader", name="Yper, %")).to_be_visible()
+    expect(opened.get_by_role("columnheader", name="Likely cause")).to_have_count(0)
+    opened.get_by_role("link", name="Yper, %").click()
+    expect(opened.get_by_role("columnheader", name="Yper, %")).to_have_attribute("aria-sort", "descending")
+
+
+def test_a_note_is_written(opened: Page):
+    opened.goto("/loops/LIC7")
+    opened.get_by_role("textbox", name="Note").fill("<b>looked at</b> the packing")
+    opened.get_by_role("textbox", name="Work order").fill("WO-7")
+    opened.get_by_role("button", name="Write it down").click()
+    expect(opened.locator(".said").first).to_have_text("<b>looked at</b> the packing")
+
+
+def test_a_run_is_watched_while_it_goes_on(opened: Page, web_backend):
+    opened.goto("/loops/LIC7")
+    opened.get_by_role("button", name="Audit again").click()
+    expect(opened.locator("#count")).to_have_text("0 of 1 done")
+    audit_chunk(web_backend, int(list_audits(web_backend, 1).rows[0].id), "test")
+    expect(opened.locator("#count")).to_have_text("1 of 1 done")
+    expect(opened.locator("#state")).to_have_text("done")
+
+
+def test_a_file_is_sent_read_and_its_tags_mapped_anew(opened: Page, web_backend):
+    opened.goto("/uploads")
+    body = b"time,NEW1.PV,NEW1.OP,NEW1.X\n0,1,2,3\n1,2,3,bad\n2,3,4,5\n"
+    opened.get_by_label("Drop an export").set_input_files({"name": "new.csv", "mimeType": "text/csv", "buffer": body})
+    opened.get_by_role("button", name="Send").click()
+    opened.wait_for_url("**/uploads/*")
+    number = int(opened.url.rpartition("/")[2])
+    read_upload(web_backend, number, "test")
+    opened.get_by_label("Loop of NEW1.X").fill("NEW1")
+    opened.get_by_label("Signal of NEW1.X").select_option("SP")
+    expect(opened.locator("#mapping-text")).to_have_value("tag,loop,signal\nNEW1.X,NEW1,SP\n")
+    opened.get_by_role("button", name="Read the file again").click()
+    opened.wait_for_url(lambda url: not url.endswith(f"/{number}"))
+    read_upload(web_backend, int(opened.url.rpartition("/")[2]), "test")
+    expect(opened.get_by_label("Signal of NEW1.X")).to_have_value("SP")
