@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Query, Response
 
 from app.api.backend import Cursor, Limit, Services
 from app.api.models import HealthOut, LoopOut, LoopPage, LoopPatch, TrendOut, VerdictPage
@@ -34,7 +34,7 @@ def loops(
 )
 def health(backend: Services, tag: LoopTag) -> Any:
     """The newest verdict of a loop and its key figures, flat, for dashboards."""
-    return service.loop_health(backend, tag)
+    return Response(service.loop_health_json(backend, tag), media_type="application/json")
 
 
 @router.get(

@@ -10,7 +10,7 @@ from app.services.audit_line import iso_utc
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.results import LoopView, Page
-from app.services.rows import KEY_FIGURES, as_row
+from app.services.rows import FORM, KEY_FIGURES, as_row, compact, sent
 from app.storage import loops, verdicts
 from app.storage.loops import SETTABLE, LoopRow
 
@@ -66,6 +66,16 @@ def loop_health(backend: Backend, tag: str) -> dict[str, Any]:
         with backend.database.read() as connection:
             figures = (verdicts.detail(connection, loop_id, newest["audit_id"]) or {}).get(KEY_FIGURES, {})
     return as_row(newest) | figures
+
+
+def loop_health_json(backend: Backend, tag: str) -> str:
+    """`loop_health` as JSON, in most cases as it was written with the verdict."""
+    with backend.database.read() as connection:
+        written = verdicts.sent_health(connection, tag, FORM)
+    if written is None:
+        return compact(loop_health(backend, tag))
+    row, figures, unit = written
+    return sent(row, unit, figures)
 
 
 def verdict_history(backend: Backend, tag: str, limit: int = 100, cursor: str | None = None) -> Page[dict[str, Any]]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from app.engine.audit import Audit
 from app.services import swings
-from app.services.audit_line import ReliabilityRow, audit_line, detail, iso_utc, reliability_row
+from app.services.audit_line import KeyFiguresLine, ReliabilityRow, audit_line, detail, iso_utc, reliability_row
 from app.storage.tables import verdicts
 from app.storage.verdicts import NewVerdict, pack_detail
 
@@ -16,7 +16,9 @@ TIMES = ("window_start", "window_end", "audited_at")
 OF_LOOP = ("recording", "loop", "unit")
 KEY_FIGURES = "key_figures"
 OF_LOOP_NOW = ("unit",)  # what is asked of the loop when a row is sent, because it may have changed since the verdict
-FORM = hashlib.blake2b(json.dumps([1, FIELDS, OF_LOOP_NOW]).encode(), digest_size=8).hexdigest()
+FORM = hashlib.blake2b(
+    json.dumps([2, FIELDS, OF_LOOP_NOW, list(KeyFiguresLine.model_fields)]).encode(), digest_size=8
+).hexdigest()
 """Which fields a stored row has: rows that an older version wrote are made anew from their columns."""
 COLUMNS = frozenset(column.name for column in verdicts.columns)
 
@@ -47,7 +49,9 @@ def new_verdict(
     stored = columns | extra | {"tag": audit.recording, "audit_id": audit_id}
     columns["extra_json"] = compact({**extra, KEY_FIGURES: told[KEY_FIGURES]})
     swing = None if audit.swing is None else swings.as_json(audit.swing, origin.timestamp())
-    return NewVerdict(loop_id, audit_id, columns, pack_detail(told), fixed_part(as_row(stored)), FORM, swing)
+    figures = compact(told[KEY_FIGURES])
+    fixed = fixed_part(as_row(stored))
+    return NewVerdict(loop_id, audit_id, columns, pack_detail(told), fixed, figures, FORM, swing)
 
 
 def dated(line: dict[str, Any], origin: datetime) -> dict[str, Any]:
@@ -79,9 +83,10 @@ def fixed_part(row: dict[str, Any]) -> str:
     return compact({name: value for name, value in row.items() if name not in OF_LOOP_NOW})[1:-1]
 
 
-def sent(fixed: str, unit: str | None) -> str:
-    """A row as JSON: what its verdict fixed, and what the loop is now."""
-    return f'{{{fixed},"unit":{compact(unit)}}}'
+def sent(fixed: str, unit: str | None, figures: str = "{}") -> str:
+    """A row as JSON: what its verdict fixed, what the loop is now, and further fields (a JSON object)."""
+    further = "," + figures[1:-1] if len(figures) > len("{}") else ""
+    return f'{{{fixed},"unit":{compact(unit)}{further}}}'
 
 
 def as_row(stored: dict[str, Any]) -> dict[str, Any]:

@@ -214,10 +214,17 @@ newest_rows = Table(
     "newest_rows",
     metadata,
     Column("loop_id", Id, ForeignKey("loops.id", ondelete="CASCADE"), primary_key=True),
-    Column("audit_id", Id, nullable=False),
+    Column("audit_id", Id, ForeignKey("audits.id", ondelete="CASCADE"), nullable=False),
     Column("form", Text, nullable=False),  # which fields the row has, and how they are written
     Column("swing_json", Text),  # what is kept of an oscillation, to compare loops by
     Column("row_json", Text, nullable=False),  # a row of the reliability table without what its loop says of itself
+    Column("figures_json", Text, nullable=False, server_default="{}"),  # the key figures
+    Column("verdict", Text),  # of the verdict, what is filtered and sorted by most
+    Column("reliability", Text),
+    Column("likely_cause", Text),
+    Column("table2_reading", Text),
+    Column("stiction_probability", Float),
+    Column("health", Float),
 )
 
 explanations = Table(

@@ -1,7 +1,7 @@
 """Verdicts: written once a loop and run, read as the plant's table and as a loop's history."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +20,15 @@ SORTABLE = {column.name: column for column in ROW} | {
     "importance": loops.c.importance,
     "priority": (loops.c.importance * (100.0 - verdicts.c.health)).label("priority"),
 }
-ASKED_OF_LOOPS = frozenset(("loop", "unit", "type", "importance", "search"))
+OF_LOOPS = ("loop", "unit", "type", "importance")
+KEPT = ("verdict", "reliability", "likely_cause", "table2_reading", "stiction_probability", "health")
+QUICK = (
+    {name: SORTABLE[name] for name in OF_LOOPS}
+    | {name: newest_rows.c[name] for name in KEPT}
+    | {"priority": (loops.c.importance * (100.0 - newest_rows.c.health)).label("priority")}
+)
+"""What can be asked of loops and their newest rows alone: two small tables, however many nights there are."""
+MANY = 2000
 LONGEST_DETAIL = 64 << 20
 
 
@@ -60,6 +68,7 @@ class NewVerdict:
     columns: dict[str, Any]
     detail: bytes
     row_json: str
+    figures_json: str
     form: str
     swing_json: str | None = None
 
@@ -99,11 +108,15 @@ def _keep_rows(connection: Connection, new: Sequence[NewVerdict]) -> None:
     keeping = insert_for(connection, newest_rows)
     keeping = keeping.on_conflict_do_update(
         index_elements=["loop_id"],
-        set_={name: keeping.excluded[name] for name in ("audit_id", "form", "row_json", "swing_json")},
+        set_={column.name: keeping.excluded[column.name] for column in newest_rows.columns if column.name != "loop_id"},
         where=keeping.excluded.audit_id >= newest_rows.c.audit_id,
     )
-    kept = ("loop_id", "audit_id", "form", "row_json", "swing_json")
-    rows = [{name: getattr(v, name) for name in kept} for v in new]
+    rows = [
+        {"loop_id": v.loop_id, "audit_id": v.audit_id}
+        | {"form": v.form, "row_json": v.row_json, "figures_json": v.figures_json, "swing_json": v.swing_json}
+        | {name: v.columns[name] for name in KEPT}
+        for v in new
+    ]
     connection.execute(keeping, sorted(rows, key=lambda row: row["loop_id"]))
 
 
@@ -131,27 +144,36 @@ def table(
 def sent_rows(
     connection: Connection, limit: int, sort: str, descending: bool, wanted: RowFilter, after: After | None, form: str
 ) -> list[SentRow]:
-    """The rows of `table` over the newest verdicts, as they are sent. Verdicts are looked at only where the filter or
-    the order asks for one of their columns."""
-    column = SORTABLE[sort]
-    conditions = _conditions(wanted)
+    """The rows of `table` over the newest verdicts, as they are sent. Verdicts are looked at only where the order asks
+    for a column that is not kept beside the rows."""
+    column = QUICK.get(sort, SORTABLE[sort])
+    conditions = _conditions(wanted, QUICK)
     if after is not None:
         conditions.append(_beyond(column, descending, after))
-    asked = [name for name, value in vars(wanted).items() if value is not None] + [sort]
-    joined = loops if ASKED_OF_LOOPS.issuperset(asked) else _newest_of_loops()
-    stored = and_(
-        newest_rows.c.loop_id == loops.c.id,
-        newest_rows.c.audit_id == loops.c.newest_audit_id,
-        newest_rows.c.form == form,
-    )
-    query = (
-        select(loops.c.id, loops.c.tag, loops.c.unit, column, newest_rows.c.row_json)
-        .select_from(joined.outerjoin(newest_rows, stored))
-        .where(loops.c.newest_audit_id.is_not(None), *conditions)
-        .order_by((column.desc() if descending else column.asc()).nulls_last(), loops.c.tag)
-        .limit(limit)
-    )
-    return [SentRow(*row) for row in connection.execute(query)]
+    source = _newest_rows()
+    if sort not in QUICK:
+        source = source.join(verdicts, _is_newest())
+    ordered = (column.desc() if descending else column.asc()).nulls_last()
+    query = select(loops.c.id, loops.c.tag, loops.c.unit, column).select_from(source).where(*conditions)
+    found = connection.execute(query.order_by(ordered, loops.c.tag).limit(limit)).all()
+    # Sorted without their text: sorting is done in memory, and the texts are moved once.
+    texts = _texts(connection, [row[0] for row in found], form)
+    return [SentRow(*row, texts.get(row[0])) for row in found]
+
+
+def _texts(connection: Connection, loop_ids: Sequence[int], form: str) -> dict[int, str]:
+    query = select(newest_rows.c.loop_id, newest_rows.c.row_json).where(newest_rows.c.form == form)
+    if len(loop_ids) < MANY:
+        query = query.where(newest_rows.c.loop_id.in_(loop_ids))
+    return {loop_id: text for loop_id, text in connection.execute(query)}
+
+
+def sent_health(connection: Connection, tag: str, form: str) -> tuple[str, str, str | None] | None:
+    """Row and key figures of a loop's newest verdict as they are sent, and its unit; None where there is none in this
+    form."""
+    query = select(newest_rows.c.row_json, newest_rows.c.figures_json, loops.c.unit).select_from(_newest_rows())
+    row = connection.execute(query.where(loops.c.tag == tag, newest_rows.c.form == form)).one_or_none()
+    return None if row is None else (row[0], row[1], row[2])
 
 
 def newest_of(connection: Connection, loop_ids: Sequence[int]) -> dict[str, dict[str, Any]]:
@@ -162,8 +184,7 @@ def newest_of(connection: Connection, loop_ids: Sequence[int]) -> dict[str, dict
 
 def newest(connection: Connection, tag: str) -> tuple[int, dict[str, Any] | None] | None:
     """The key of the loop with this tag and its newest verdict, if it has one, in one query; None without the loop."""
-    newest_one = and_(verdicts.c.loop_id == loops.c.id, verdicts.c.audit_id == loops.c.newest_audit_id)
-    query = _select().add_columns(loops.c.id).select_from(loops.outerjoin(verdicts, newest_one))
+    query = _select().add_columns(loops.c.id).select_from(loops.outerjoin(verdicts, _is_newest()))
     row = connection.execute(query.where(loops.c.tag == tag)).mappings().one_or_none()
     if row is None:
         return None
@@ -213,8 +234,10 @@ def detail(connection: Connection, loop_id: int, audit_id: int) -> dict[str, Any
 
 def counts(connection: Connection, by: Sequence[str]) -> list[tuple[Any, ...]]:
     """How many loops share each set of newest values of the columns `by`: the values, then the count."""
-    columns = [SORTABLE[name] for name in by]
-    query = select(*columns, func.count()).select_from(_newest_of_loops()).group_by(*columns)
+    quick = set(by) <= set(QUICK)
+    columns = [QUICK[name] if quick else SORTABLE[name] for name in by]
+    source = _newest_rows() if quick else _newest_of_loops()
+    query = select(*columns, func.count()).select_from(source).group_by(*columns)
     return [tuple(row) for row in connection.execute(query)]
 
 
@@ -231,20 +254,28 @@ def _select() -> Select[Any]:
 
 
 def _newest_of_loops() -> Any:
-    newest_one = and_(verdicts.c.loop_id == loops.c.id, verdicts.c.audit_id == loops.c.newest_audit_id)
-    return loops.join(verdicts, newest_one)
+    return loops.join(verdicts, _is_newest())
 
 
-def _conditions(wanted: RowFilter) -> list[ColumnElement[bool]]:
+def _newest_rows() -> Any:
+    newest_one = and_(newest_rows.c.loop_id == loops.c.id, newest_rows.c.audit_id == loops.c.newest_audit_id)
+    return loops.join(newest_rows, newest_one)
+
+
+def _is_newest() -> ColumnElement[bool]:
+    return and_(verdicts.c.loop_id == loops.c.id, verdicts.c.audit_id == loops.c.newest_audit_id)
+
+
+def _conditions(wanted: RowFilter, columns: Mapping[str, Any] = SORTABLE) -> list[ColumnElement[bool]]:
     conditions: list[ColumnElement[bool]] = []
     if wanted.verdict is not None:
-        conditions.append(verdicts.c.verdict.in_(wanted.verdict))
+        conditions.append(columns["verdict"].in_(wanted.verdict))
     for name in ("reliability", "unit", "type", "likely_cause", "table2_reading"):
         value = getattr(wanted, name)
         if value is not None:
-            conditions.append(SORTABLE[name] == value)
+            conditions.append(columns[name] == value)
     if wanted.min_probability is not None:
-        conditions.append(verdicts.c.stiction_probability >= wanted.min_probability)
+        conditions.append(columns["stiction_probability"] >= wanted.min_probability)
     if wanted.search:
         conditions.append(loops.c.tag.icontains(wanted.search, autoescape=True))
     return conditions

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from sqlalchemy import update
 
+from app.api.models import HealthOut
 from app.errors import NotFoundError, RequestError
 from app.services import audits, chunks, loops, operations, reliability
 from app.services.audit_line import ReliabilityRow
@@ -121,6 +122,18 @@ def test_rows_are_sent_as_the_loop_is_now_and_in_the_present_form(untouched: Bac
     sent = json.loads(reliability.reliability_json(untouched))["rows"]
     assert sent == reliability.reliability_page(untouched).rows
     assert [row["unit"] for row in sent if row["loop"] == "FIC1"] == ['the "new" unit']
+
+
+def test_health_is_sent_as_the_model_says(untouched: Backend) -> None:
+    loops.patch_loop(untouched, "FIC1", {"unit": "U7"})
+    told = loops.loop_health(untouched, "FIC1")
+    assert json.loads(loops.loop_health_json(untouched, "FIC1")) == told
+    assert HealthOut.model_validate(told).model_dump(mode="json") == told
+    with untouched.database.write() as connection:
+        connection.execute(update(newest_rows).values(form="older"))
+    assert json.loads(loops.loop_health_json(untouched, "FIC1")) == told
+    with pytest.raises(NotFoundError):
+        loops.loop_health_json(untouched, "NEW1")
 
 
 def test_key_figures_of_verdicts_that_older_versions_wrote_come_from_their_detail(untouched: Backend) -> None:

@@ -26,7 +26,7 @@ FILL = (
     " SELECT l.id, a.id, now(), 1, 'stiction', 'reliable', '', 0, '', '', repeat('r', 200), repeat('t', 600)"
     " FROM audits a CROSS JOIN loops l",
     "INSERT INTO verdict_details SELECT loop_id, audit_id, repeat('p', 300)::bytea FROM verdicts",
-    "INSERT INTO newest_rows SELECT id, 1, 'f', repeat('x', 1500) FROM loops",
+    "INSERT INTO newest_rows (loop_id, audit_id, form, row_json) SELECT id, 20, 'f', repeat('x', 1500) FROM loops",
     "UPDATE loops SET newest_audit_id = (SELECT max(id) FROM audits)",
     "INSERT INTO audit_items (audit_id, loop_id, state) SELECT a.id, l.id, CASE WHEN a.id = "
     "(SELECT max(id) FROM audits) AND mod(l.id, 10) = 0 THEN 'open' ELSE 'done' END FROM audits a CROSS JOIN loops l",
@@ -79,9 +79,9 @@ def test_large_tables_are_read_by_index(plant: Database) -> None:
 
 
 def test_the_whole_table_reads_no_verdict(plant: Database) -> None:
-    """Rows come as they were written; in the order of tags no other table than the two small ones is touched."""
+    """Rows come as they were written; in the usual orders no other table than the two small ones is touched."""
     with plant.write() as connection:
-        ask = lambda c: verdicts.sent_rows(c, 20_000, "loop", False, RowFilter(), None, "f")  # noqa: E731
+        ask = lambda c: verdicts.sent_rows(c, 20_000, "stiction_probability", True, RowFilter(), None, "f")  # noqa: E731
         nodes = [node for plan in _plans(connection, ask) for node in _nodes(plan)]
     assert {node["Relation Name"] for node in nodes if "Relation Name" in node} == {"loops", "newest_rows"}
 

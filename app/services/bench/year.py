@@ -43,13 +43,15 @@ INDEXED = (
     "ALTER TABLE verdicts ADD CONSTRAINT pk_verdicts PRIMARY KEY (loop_id, audit_id)",
     "CREATE INDEX ix_verdicts_audit ON verdicts (audit_id)",
     "UPDATE loops SET newest_audit_id = (SELECT max(id) FROM audits)",
-    "CREATE TEMP TABLE twin_row AS SELECT t.kind, l.tag, t.audit_id, r.form, r.row_json"
+    "CREATE TEMP TABLE twin_row AS SELECT t.kind, l.tag, r.*"
     " FROM newest_rows r JOIN twin t ON t.loop_id = r.loop_id JOIN loops l ON l.id = r.loop_id",
     "DELETE FROM newest_rows",
 )
 ROWS = """
-INSERT INTO newest_rows (loop_id, audit_id, form, row_json)
-SELECT l.id, l.newest_audit_id, t.form, replace(
+INSERT INTO newest_rows (loop_id, audit_id, form, figures_json, verdict, reliability, likely_cause, table2_reading,
+    stiction_probability, health, row_json)
+SELECT l.id, l.newest_audit_id, t.form, t.figures_json, t.verdict, t.reliability, t.likely_cause, t.table2_reading,
+    t.stiction_probability, t.health, replace(
     replace(t.row_json, '"' || t.tag || '"', '"' || l.tag || '"'),
     '"audit_id":"' || t.audit_id || '"', '"audit_id":"' || l.newest_audit_id || '"')
 FROM loops l JOIN twin_row t ON t.kind = mod(l.id, (SELECT count(*) FROM twin_row))
