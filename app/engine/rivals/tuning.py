@@ -14,6 +14,7 @@ FOLLOWS_OP = 0.35
 """Share of PV that a linear process must explain from OP: a loop that rings is moved by its own controller."""
 IDLE = 0.2
 _FEWEST_CYCLES = 6.0
+_AGAINST_SLUGGISH = 1.0
 _RINGS = 0.25
 
 
@@ -84,4 +85,6 @@ def sluggish_controller(scene: Scene) -> Rival:
     text = f"PV does not ring, and moves along with OP by an idle index of {idle:.2f}"
     held = scene.features.named("held_linear")
     strength = rising(idle, 0.0, 2 * IDLE)
-    return Rival("sluggish_controller", strength, text, statistic=idle, threshold=IDLE, explained=held)
+    return Rival(
+        "sluggish_controller", strength, text, _AGAINST_SLUGGISH, statistic=idle, threshold=IDLE, explained=held
+    )
