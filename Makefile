@@ -48,15 +48,14 @@ lint: install
 # Each section beside its peers (SECTIONS="search audit" for some); the page keeps the figures of the others.
 POSTGRES ?= postgresql+psycopg://127.0.0.1/postgres
 REDIS ?= redis://127.0.0.1:6379/9
-audit-deps: install
-	@$(BIN)/python -c "import urllib.request; urllib.request.urlopen('https://pypi.org/pypi/pip/json', timeout=15)" 2>/dev/null \
-		|| { echo "no network: known holes are listed at pypi.org, which cannot be reached from here"; exit 1; }
-	$(BIN)/pip-audit --require-hashes --disable-pip --requirement requirements.lock
-
 bench: install
 	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-bench.lock || echo "without SIPPY: it cannot be installed here"
 	$(BIN)/loopaudit bench $(SECTIONS) --out docs/performance.json --page docs/PERFORMANCE.md --recordings $(RECORDINGS) \
 		--postgres $(POSTGRES) --redis $(REDIS)
+
+# Looks the pinned dependencies up in public lists of known holes, so it needs a network and says so where there is none.
+audit-deps: install
+	$(BIN)/pip-audit --require-hashes --disable-pip --requirement requirements.lock
 
 RECORDINGS ?= ../shared/recordings
 
@@ -64,12 +63,7 @@ RECORDINGS ?= ../shared/recordings
 evaluate: install
 	$(BIN)/python -m app.services.evaluation $(RECORDINGS) --reference $(WRITE)
 
-testaudit-deps: install
-	@$(BIN)/python -c "import urllib.request; urllib.request.urlopen('https://pypi.org/pypi/pip/json', timeout=15)" 2>/dev/null \
-		|| { echo "no network: known holes are listed at pypi.org, which cannot be reached from here"; exit 1; }
-	$(BIN)/pip-audit --require-hashes --disable-pip --requirement requirements.lock
-
-bench: install
+testbench: install
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m app.services.testbench --jobs $(or $(JOBS),1) --write docs
 
 # Blind cases with concealed physics: what explain names, what it accuses wrongly, how well it fits (COUNT=200 takes a quarter hour).
