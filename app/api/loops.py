@@ -3,9 +3,11 @@
 from datetime import datetime
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Query
+from starlette.requests import Request
 
 from app.api.backend import Cursor, Limit, Services
+from app.api.etags import tagged
 from app.api.models import HealthOut, LoopOut, LoopPage, LoopPatch, TrendOut, VerdictPage
 from app.api.paths import LoopTag
 from app.api.problems import responses
@@ -32,9 +34,9 @@ def loops(
 @router.get(
     "/loops/{tag:path}/health", response_model=HealthOut, responses=responses(404), summary="The newest verdict"
 )
-def health(backend: Services, tag: LoopTag) -> Any:
-    """The newest verdict of a loop and its key figures, flat, for dashboards."""
-    return Response(service.loop_health_json(backend, tag), media_type="application/json")
+def health(request: Request, backend: Services, tag: LoopTag) -> Any:
+    """The newest verdict of a loop and its key figures, flat, for dashboards; with an ETag."""
+    return tagged(request, service.loop_health_json(backend, tag), "application/json")
 
 
 @router.get(

@@ -111,6 +111,7 @@ class TrendOut(Read):
     tag: str = Field(description="Tag of the loop.")
     samples: int = Field(description="Samples in the stretch before thinning.")
     time: list[str] = Field(description="ISO 8601, UTC.")
+    time_ms: list[int] = Field(description="The same in milliseconds since 1970, UTC.")
     pv: list[float | None] = Field(description="Process output, in the unit of PV.")
     op: list[float | None] = Field(description="Controller output, in the unit of OP.")
     sp: list[float | None] | None = Field(description="Set point, in the unit of PV; null where it is not recorded.")

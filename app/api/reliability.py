@@ -5,9 +5,10 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
-from starlette.responses import Response
+from starlette.requests import Request
 
 from app.api.backend import Services
+from app.api.etags import tagged
 from app.api.models import ReliabilityPage
 from app.api.problems import responses
 from app.services import reliability as service
@@ -17,7 +18,10 @@ from app.services.spreadsheet import csv_lines
 
 LARGEST_PAGE = 20_000
 COLUMNS = tuple(ReliabilityRow.model_fields)
-CSV = {200: {"content": {"text/csv": {"schema": {"type": "string"}}}}}
+CSV: dict[int | str, dict[str, Any]] = {
+    200: {"content": {"text/csv": {"schema": {"type": "string"}}}},
+    304: {"description": "Nothing has changed since the answer whose ETag is in If-None-Match."},
+}
 
 router = APIRouter(tags=["reliability"])
 
@@ -63,12 +67,14 @@ Filters = Annotated[TableQuery, Query()]
     summary="The reliability table of the plant",
 )
 def reliability(
+    request: Request,
     backend: Services,
     query: Filters,
 ) -> Any:
     """One row a loop, its newest verdict. `next_cursor` is always there and null on the last page.
 
     As CSV, texts that a spreadsheet would calculate begin with an apostrophe; the cursor is in X-Next-Cursor.
+    Both have an ETag, which stays the same until a verdict or a loop changes.
     """
     wanted = {"limit": query.limit, "cursor": query.cursor, "sort": query.sort, "filters": query.filters()}
     if query.format is Format.csv:
@@ -78,6 +84,6 @@ def reliability(
             "X-Next-Cursor": page.next_cursor or "",
         }
         text = "".join(csv_lines(page.rows, COLUMNS))
-        return Response(text, media_type="text/csv; charset=utf-8", headers=headers)
+        return tagged(request, text, "text/csv; charset=utf-8", headers)
     # The rows are what the table's model made; checking 20,000 of them again would take longer than reading them.
-    return Response(service.reliability_json(backend, **wanted), media_type="application/json")
+    return tagged(request, service.reliability_json(backend, **wanted), "application/json")

@@ -167,6 +167,9 @@ class ReliabilityRow(FlatSize, AuditFields):
     window_start: str | None = Field(description="First audited sample, ISO 8601, UTC.")
     window_end: str | None = Field(description="Last audited sample, ISO 8601, UTC.")
     audited_at: str | None = Field(description="When the audit was made, ISO 8601, UTC.")
+    window_start_ms: int | None = Field(None, description="window_start in milliseconds since 1970, UTC.")
+    window_end_ms: int | None = Field(None, description="window_end in milliseconds since 1970, UTC.")
+    audited_at_ms: int | None = Field(None, description="audited_at in milliseconds since 1970, UTC.")
     audit_id: str | None = Field(description="The audit run that this row comes from.")
     reasons: str = Field(description="Codes of the reasons, separated by semicolons.")
     reasons_text: str = Field(description="The reasons as sentences.")
@@ -298,6 +301,9 @@ def reliability_row(
         window_start=iso_utc(window_start),
         window_end=iso_utc(window_end),
         audited_at=iso_utc(audited_at),
+        window_start_ms=epoch_ms(window_start),
+        window_end_ms=epoch_ms(window_end),
+        audited_at_ms=epoch_ms(audited_at),
         audit_id=audit_id,
         episodes=len(episodes),
         episode_start=newest["start"],
@@ -317,6 +323,11 @@ def iso_utc(moment: datetime | None) -> str | None:
         raise ValueError("a time without a zone cannot be told in UTC")
     utc = moment.astimezone(UTC).replace(tzinfo=None)
     return utc.isoformat(timespec="milliseconds" if utc.microsecond else "seconds") + "Z"
+
+
+def epoch_ms(moment: datetime | None) -> int | None:
+    """Milliseconds since 1970, UTC: what dashboards take for a time."""
+    return None if moment is None else round(moment.timestamp() * 1000)
 
 
 def detail(audit: Audit) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from app.storage.loops import count as count_loops
 from app.storage.verdicts import SORTABLE, After, RowFilter, SentRow
 
 MOST_ROWS = 20_000
+THE_SAME = {"audited_at_ms": "audited_at", "window_start_ms": "window_start", "window_end_ms": "window_end"}
 ANYTHING: tuple[type, ...] = (object,)
 
 __all__ = ["RowFilter", "checked", "plant_summary", "reliability_json", "reliability_page", "sortable"]
@@ -22,7 +23,7 @@ __all__ = ["RowFilter", "checked", "plant_summary", "reliability_json", "reliabi
 
 def sortable() -> tuple[str, ...]:
     """Names to sort by; a minus before one turns the order round."""
-    return tuple(sorted({*SORTABLE} - {"extra_json"}))
+    return tuple(sorted({*SORTABLE, *THE_SAME} - {"extra_json"}))
 
 
 def reliability_page(
@@ -95,6 +96,7 @@ def checked(limit: int, sort: str) -> str:
     if not 1 <= limit <= MOST_ROWS:
         raise RequestError("bad_limit", f"limit must be from 1 to {MOST_ROWS}, got {limit}")
     name = sort.removeprefix("-")
+    name = THE_SAME.get(name, name)
     if name not in SORTABLE:
         raise RequestError("bad_sort", f"cannot sort by {name!r}; there is {', '.join(sortable())}")
     return name

@@ -112,6 +112,7 @@ class TrendView:
     pv: list[float | None]
     op: list[float | None]
     sp: list[float | None] | None
+    time_ms: list[int] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,21 @@ from typing import Any
 
 from app.engine.audit import Audit
 from app.services import swings
-from app.services.audit_line import KeyFiguresLine, ReliabilityRow, audit_line, detail, iso_utc, reliability_row
+from app.services.audit_line import (
+    KeyFiguresLine,
+    ReliabilityRow,
+    audit_line,
+    detail,
+    epoch_ms,
+    iso_utc,
+    reliability_row,
+)
 from app.storage.tables import verdicts
 from app.storage.verdicts import NewVerdict, pack_detail
 
 FIELDS = tuple(ReliabilityRow.model_fields)
 TIMES = ("window_start", "window_end", "audited_at")
+TIMES_MS = tuple(f"{name}_ms" for name in TIMES)
 OF_LOOP = ("recording", "loop", "unit")
 KEY_FIGURES = "key_figures"
 OF_LOOP_NOW = ("unit",)  # what is asked of the loop when a row is sent, because it may have changed since the verdict
@@ -37,7 +46,7 @@ def new_verdict(
     line = dated(audit_line(audit, elapsed_s), origin)
     row = reliability_row(line)
     columns = {name: value for name, value in row.items() if name in COLUMNS and name != "audit_id"}
-    extra = {name: value for name, value in row.items() if name not in COLUMNS and name not in OF_LOOP}
+    extra = {name: value for name, value in row.items() if name not in COLUMNS and name not in (*OF_LOOP, *TIMES_MS)}
     columns |= {
         "audited_at": audited_at,
         "window_start": _instant(origin, line["window_start_s"]),
@@ -96,6 +105,7 @@ def as_row(stored: dict[str, Any]) -> dict[str, Any]:
     row["audit_id"] = str(stored["audit_id"])
     for name in TIMES:
         row[name] = iso_utc(stored[name])
+        row[f"{name}_ms"] = epoch_ms(stored[name])
     return row
 
 

@@ -45,7 +45,8 @@ def _thinned(tag: str, samples: Samples, points: int) -> TrendView:
     time = [iso_utc(moment_of(int(t))) or "" for t in samples.time_ns[kept]]
     pv, op, sp = (None if signal is None else numbers(signal[kept]) for signal in shown)
     missing: list[float | None] = [None] * len(kept)
-    return TrendView(tag, n, time, pv or missing, op or missing, sp)
+    time_ms: list[int] = (samples.time_ns[kept] // 1_000_000).tolist()
+    return TrendView(tag, n, time, pv or missing, op or missing, sp, time_ms)
 
 
 def extremes(signals: list[FloatArray], n: int, points: int) -> NDArray[np.int64]:
