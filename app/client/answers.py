@@ -1,0 +1,107 @@
+"""What the service answers, as types."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal, Self
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    raw: Mapping[str, Any] = field(repr=False, default_factory=dict)
+
+    @classmethod
+    def of(cls, sent: Mapping[str, Any]) -> Self:
+        """From the service's JSON; a field that an older service does not send is None."""
+        own = {f.name: sent.get(f.name) for f in fields(cls) if f.name != "raw"}
+        return cls(raw=sent, **own)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Loop(Answer):
+    tag: str
+    unit: str | None
+    type: str | None
+    description: str | None
+    importance: float
+    pv_unit: str | None
+    pv_low: float | None
+    pv_high: float | None
+    op_low: float | None
+    op_high: float | None
+    integrating: bool | None
+    samples_to: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row(Answer):
+    """A verdict: a row of the reliability table, of a loop's history, or its health with the key figures in `raw`."""
+
+    loop: str
+    unit: str | None
+    verdict: Literal["stiction", "no_stiction", "inconclusive", "not_auditable"]
+    stiction_probability: float | None
+    reliability: Literal["reliable", "not_reliable"]
+    health: float | None
+    likely_cause: str | None
+    reasons: str
+    reasons_text: str
+    yper_pct: float | None
+    hammerstein_d: float | None
+    hammerstein_S: float | None
+    hammerstein_J: float | None
+    stiction_band_pct_of_op_range: float | None
+    oscillation_period_s: float | None
+    samples: int
+    window_start: str | None
+    window_end: str | None
+    audited_at: str | None
+    audited_at_ms: int | None
+    audit_id: str | None
+    engine_version: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Upload(Answer):
+    id: str
+    state: Literal["received", "reading", "done", "failed"]
+    filename: str
+    size_bytes: int
+    fingerprint: str
+    reason: str | None
+    layout: str | None
+    loops: list[str]
+    rows_kept: int
+    rows_refused: int
+    samples_added: int
+
+    @property
+    def ended(self) -> bool:
+        return self.state in ("done", "failed")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Audit(Answer):
+    id: str
+    state: Literal["planned", "running", "done", "partial", "cancelled"]
+    trigger: str
+    created_at: str
+    ended_at: str | None
+    total: int
+    open: int
+    done: int
+    failed: int
+
+    @property
+    def ended(self) -> bool:
+        return self.state in ("done", "partial", "cancelled")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trend(Answer):
+    tag: str
+    samples: int
+    time: list[str]
+    time_ms: list[int]
+    pv: list[float | None]
+    op: list[float | None]
+    sp: list[float | None] | None

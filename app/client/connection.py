@@ -1,0 +1,184 @@
+"""The connection to a service: one method a route, pages followed to their end, busy servers asked again."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, Protocol, Self, TypeVar
+from urllib.parse import quote
+
+import httpx
+
+from app.client.answers import Answer, Audit, Loop, Row, Trend, Upload
+
+BUSY = (429, 503)
+LONGEST_WAIT_S = 60.0
+POLL_S = 1.0
+PAGE = 1000
+
+A = TypeVar("A", bound=Answer)
+
+
+class Endable(Protocol):
+    @property
+    def ended(self) -> bool: ...
+
+
+E = TypeVar("E", bound=Endable)
+
+
+class ServiceError(Exception):
+    """The service refused: `code` is stable, `detail` is for people (RFC 9457)."""
+
+    def __init__(self, status: int, code: str, detail: str) -> None:
+        super().__init__(f"{code}: {detail}")
+        self.status = status
+        self.code = code
+        self.detail = detail
+
+
+class Client:
+    """A connection. `tries`: how often a request is sent while the service says that it is busy."""
+
+    def __init__(
+        self,
+        url: str = "http://127.0.0.1:8000",
+        key: str | None = None,
+        *,
+        timeout_s: float = 60.0,
+        tries: int = 5,
+        transport: httpx.BaseTransport | None = None,
+    ) -> None:
+        headers = {"Authorization": f"Bearer {key}"} if key else {}
+        # Redirects are not followed: the key would go where the redirect leads.
+        self._http = httpx.Client(base_url=url, headers=headers, timeout=timeout_s, transport=transport)
+        self._tries = max(1, tries)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._http.close()
+
+    def loops(self, *, unit: str | None = None, search: str | None = None) -> Iterator[Loop]:
+        return self._pages(Loop, "/v1/loops", {"unit": unit, "search": search})
+
+    def loop(self, tag: str) -> Loop:
+        return Loop.of(self._get(_of_loop(tag)))
+
+    def change_loop(self, tag: str, **changes: Any) -> Loop:
+        """Sets what is named (unit, type, importance, spans, ...); None forgets it."""
+        return Loop.of(self._asked("PATCH", _of_loop(tag), json=changes))
+
+    def health(self, tag: str) -> Row:
+        """The newest verdict; its key figures are in `raw`."""
+        return Row.of(self._get(_of_loop(tag, "/health")))
+
+    def verdicts(self, tag: str) -> Iterator[Row]:
+        """The history, the newest first."""
+        return self._pages(Row, _of_loop(tag, "/verdicts"), {})
+
+    def trend(self, tag: str, *, points: int = 2000, start: str | None = None, end: str | None = None) -> Trend:
+        return Trend.of(self._get(_of_loop(tag, "/trend"), {"points": points, "start": start, "end": end}))
+
+    def reliability(self, *, sort: str = "loop", **filters: Any) -> Iterator[Row]:
+        """The plant's table; filters as in the API: verdict, reliability, unit, likely_cause, min_probability, ..."""
+        return self._pages(Row, "/v1/reliability", {"sort": sort, **filters})
+
+    def upload(self, file: Path | str) -> Upload:
+        """Sends an export; the same content again is the same upload."""
+        path = Path(file)
+        with path.open("rb") as stream:
+            return Upload.of(
+                self._asked(
+                    "POST",
+                    "/v1/uploads",
+                    params={"filename": path.name},
+                    headers={"Content-Type": "application/octet-stream"},
+                    body=stream,
+                )
+            )
+
+    def get_upload(self, upload_id: str) -> Upload:
+        return Upload.of(self._get(f"/v1/uploads/{quote(upload_id, safe='')}"))
+
+    def start_audit(self, *, tags: Sequence[str] | None = None, unit: str | None = None) -> Audit:
+        """Of the loops named, of a unit, or of the whole plant."""
+        wanted = {"tags": None if tags is None else list(tags), "unit": unit}
+        return Audit.of(self._asked("POST", "/v1/audits", json=_given(wanted)))
+
+    def get_audit(self, audit_id: str) -> Audit:
+        return Audit.of(self._get(f"/v1/audits/{quote(audit_id, safe='')}"))
+
+    def wait(self, ask: Callable[[], E], timeout_s: float = 3600.0) -> E:
+        """Asks until it has ended: `client.wait(lambda: client.get_audit(run.id))`. Raises TimeoutError."""
+        deadline = time.monotonic() + timeout_s
+        while not (found := ask()).ended:
+            if time.monotonic() > deadline:
+                raise TimeoutError(f"not ended after {timeout_s:g} s")
+            time.sleep(POLL_S)
+        return found
+
+    def _pages(self, kind: type[A], path: str, params: Mapping[str, Any]) -> Iterator[A]:
+        cursor: str | None = None
+        while True:
+            page = self._get(path, {**params, "limit": PAGE, "cursor": cursor})
+            yield from (kind.of(row) for row in page["rows"])
+            cursor = page["next_cursor"]
+            if cursor is None:
+                return
+
+    def _get(self, path: str, params: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        return self._asked("GET", path, params=_given(params or {}))
+
+    def _asked(
+        self,
+        method: str,
+        path: str,
+        *,
+        params: Mapping[str, Any] | None = None,
+        json: Any = None,
+        headers: Mapping[str, str] | None = None,
+        body: BinaryIO | None = None,
+    ) -> dict[str, Any]:
+        for left in range(self._tries - 1, -1, -1):
+            if body is not None:
+                body.seek(0)
+            answer = self._http.request(method, path, params=params, json=json, headers=headers, content=body)
+            if answer.status_code not in BUSY or not left:
+                break
+            time.sleep(_pause_s(answer))
+        if answer.is_success:
+            found: dict[str, Any] = answer.json()
+            return found
+        raise _refusal(answer)
+
+
+def _of_loop(tag: str, rest: str = "") -> str:
+    return f"/v1/loops/{quote(tag, safe='')}{rest}"
+
+
+def _given(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _pause_s(answer: httpx.Response) -> float:
+    told = answer.headers.get("Retry-After", "")
+    return min(float(told), LONGEST_WAIT_S) if told.isdigit() else POLL_S
+
+
+def _refusal(answer: httpx.Response) -> ServiceError:
+    """A proxy may answer with something else than problem details."""
+    try:
+        told = answer.json()
+    except ValueError:
+        told = None
+    told = told if isinstance(told, dict) else {}
+    return ServiceError(
+        answer.status_code, str(told.get("code", "no_problem_details")), str(told.get("detail", answer.reason_phrase))
+    )

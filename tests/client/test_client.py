@@ -1,0 +1,169 @@
+"""The client against the service as it is, and against a service that is busy or speaks otherwise."""
+
+import ast
+import dataclasses
+import sys
+from pathlib import Path
+
+import httpx
+import pytest
+
+import app.client
+from app.api.models import AuditOut, HealthOut, LoopOut, TrendOut, UploadOut
+from app.client import Audit, Client, Loop, Row, ServiceError, Trend, Upload
+from app.main import create_app
+from app.services.audit_line import ReliabilityRow
+from app.services.backend import Backend
+from app.services.operations import migrate
+from app.services.reading import read_upload
+from app.settings import Settings
+
+ROOM = Path(app.client.__file__).parent
+TAG = "AREA 1/FIC?#%2F"
+
+
+@pytest.fixture(scope="module")
+def backend(tmp_path_factory):
+    settings = Settings(data_dir=tmp_path_factory.mktemp("data"))
+    migrate(settings)
+    backend = Backend.open(settings)
+    yield backend
+    backend.close()
+
+
+@pytest.fixture(scope="module")
+def client(serve, backend):
+    with serve(create_app(backend.settings)) as connection, Client(str(connection.base_url)) as own:
+        yield own
+
+
+@pytest.fixture(scope="module")
+def upload(client, backend, tmp_path_factory):
+    file = tmp_path_factory.mktemp("exports") / "a.csv"
+    lines = [f"2026-01-01T00:{k // 60:02d}:{k % 60:02d}Z,{k % 7},{k % 5}" for k in range(300)]
+    file.write_text("\n".join([f"DateTime,{TAG}.PV,{TAG}.OP", *lines]) + "\n", encoding="utf-8")
+    sent = client.upload(file)
+    read_upload(backend, int(sent.id), owner="test")
+    return client.get_upload(sent.id)
+
+
+@pytest.mark.parametrize(
+    ("own", "served"),
+    [
+        (Loop, LoopOut),
+        (Row, ReliabilityRow),
+        (Row, HealthOut),
+        (Upload, UploadOut),
+        (Audit, AuditOut),
+        (Trend, TrendOut),
+    ],
+)
+def test_every_field_is_one_that_the_service_sends(own, served):
+    assert {f.name for f in dataclasses.fields(own)} - {"raw"} <= set(served.model_fields)
+
+
+def test_the_client_needs_nothing_of_the_server():
+    names = set()
+    for path in ROOM.glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                names.update(alias.name for alias in node.names)
+            elif isinstance(node, ast.ImportFrom):
+                names.add(node.module or "")
+    strangers = {n for n in names if n.split(".")[0] not in sys.stdlib_module_names and not n.startswith("app.client")}
+    assert strangers == {"httpx"}
+    assert (ROOM / "py.typed").is_file()
+
+
+def test_an_export_is_sent_and_its_loops_are_there(client, upload):
+    assert (upload.state, upload.ended, upload.loops) == ("done", True, [TAG])
+    assert [loop.tag for loop in client.loops()] == [TAG]
+    assert client.loop(TAG).tag == TAG
+    assert upload.raw["size_bytes"] == upload.size_bytes
+
+
+def test_a_loop_is_changed(client, upload):
+    assert client.change_loop(TAG, unit="area 2", importance=3).importance == 3.0
+    assert [loop.tag for loop in client.loops(unit="area 2")] == [TAG]
+    assert list(client.loops(unit="elsewhere")) == []
+
+
+def test_the_series_come_with_their_times(client, upload):
+    trend = client.trend(TAG, points=50)
+    assert trend.samples == 300
+    assert len(trend.time) == len(trend.time_ms) == len(trend.pv) == len(trend.op)
+
+
+def test_an_audit_is_started_and_waited_for(client, upload, monkeypatch):
+    run = client.start_audit(tags=[TAG])
+    assert (run.total, run.ended) == (1, False)
+    monkeypatch.setattr("app.client.connection.POLL_S", 0.01)
+    with pytest.raises(TimeoutError):
+        client.wait(lambda: client.get_audit(run.id), timeout_s=0.05)
+
+
+def test_a_refusal_has_the_code_of_the_service(client, upload):
+    with pytest.raises(ServiceError) as refusal:
+        client.health(TAG)
+    assert (refusal.value.status, refusal.value.code) == (404, "not_audited")
+    with pytest.raises(ServiceError) as refusal:
+        list(client.reliability(sort="nothing"))
+    assert refusal.value.code == "bad_sort"
+
+
+def answering(*answers: httpx.Response, asked: list[httpx.Request] | None = None) -> Client:
+    left = iter(answers)
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        if asked is not None:
+            asked.append(request)
+        return next(left)
+
+    return Client("http://server", key="la_read_x", tries=3, transport=httpx.MockTransport(answer))
+
+
+def test_pages_are_followed_and_the_key_is_in_the_header():
+    asked: list[httpx.Request] = []
+    pages = [{"rows": [{"loop": "A"}], "next_cursor": "c"}, {"rows": [{"loop": "B", "new": 1}], "next_cursor": None}]
+    with answering(*(httpx.Response(200, json=page) for page in pages), asked=asked) as client:
+        rows = list(client.reliability(verdict="stiction", unit=None))
+    assert [row.loop for row in rows] == ["A", "B"]
+    assert (rows[1].raw["new"], rows[0].health) == (1, None)
+    assert [request.url.params.get("cursor") for request in asked] == [None, "c"]
+    assert {request.headers["Authorization"] for request in asked} == {"Bearer la_read_x"}
+    assert all("la_read_x" not in str(request.url) and "unit" not in request.url.params for request in asked)
+
+
+def test_a_busy_service_is_asked_again_with_the_whole_body(tmp_path):
+    file = tmp_path / "a.csv"
+    file.write_bytes(b"time,PV,OP\n" * 10)
+    bodies = []
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        bodies.append(request.read())
+        busy = len(bodies) == 1
+        return httpx.Response(503, headers={"Retry-After": "0"}) if busy else httpx.Response(202, json={"id": "7"})
+
+    with Client("http://server", transport=httpx.MockTransport(answer)) as client:
+        assert client.upload(file).id == "7"
+    assert bodies == [file.read_bytes()] * 2
+
+
+def test_a_service_that_stays_busy_is_told_as_such():
+    busy = [httpx.Response(429, headers={"Retry-After": "0"}, json={"code": "slow_down", "detail": "d"})] * 3
+    with answering(*busy) as client, pytest.raises(ServiceError, match="slow_down"):
+        client.loop("A")
+
+
+def test_what_a_proxy_says_is_an_error_too():
+    with answering(httpx.Response(502, text="<html>")) as client, pytest.raises(ServiceError) as refusal:
+        client.loop("A")
+    assert (refusal.value.status, refusal.value.code) == (502, "no_problem_details")
+
+
+def test_a_redirect_does_not_take_the_key_elsewhere():
+    asked: list[httpx.Request] = []
+    moved = httpx.Response(302, headers={"Location": "http://elsewhere/"})
+    with answering(moved, asked=asked) as client, pytest.raises(ServiceError):
+        client.loop("A")
+    assert len(asked) == 1
