@@ -14,6 +14,7 @@ from app.engine.hammerstein import OneParameterResult, TwoParameterResult
 from app.engine.reliability import Rung
 from app.engine.rivals import Rival, runner_up, winner
 from app.engine.yper import YperResult
+from app.services.moments import epoch_ms
 from app.services.size_line import FlatSize, StictionSizeLine, flat_size, stiction_size_detail, stiction_size_line
 
 VerdictName = Literal["stiction", "no_stiction", "inconclusive", "not_auditable"]
@@ -323,11 +324,6 @@ def iso_utc(moment: datetime | None) -> str | None:
         raise ValueError("a time without a zone cannot be told in UTC")
     utc = moment.astimezone(UTC).replace(tzinfo=None)
     return utc.isoformat(timespec="milliseconds" if utc.microsecond else "seconds") + "Z"
-
-
-def epoch_ms(moment: datetime | None) -> int | None:
-    """Milliseconds since 1970, UTC: what dashboards take for a time."""
-    return None if moment is None else round(moment.timestamp() * 1000)
 
 
 def detail(audit: Audit) -> dict[str, Any]:

@@ -12,10 +12,10 @@ from app.services.audit_line import (
     ReliabilityRow,
     audit_line,
     detail,
-    epoch_ms,
     iso_utc,
     reliability_row,
 )
+from app.services.moments import epoch_ms
 from app.storage.tables import verdicts
 from app.storage.verdicts import NewVerdict, pack_detail
 

@@ -1,0 +1,84 @@
+"""The reference of fields and codes, from the models themselves: `python -m app.api.reference > docs/REFERENCE.md`."""
+
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from pydantic import BaseModel
+
+from app.api import models
+from app.api.permissions import ROUTES
+from app.services import audit_line, explanation_wording, wording
+
+TABLES: tuple[tuple[str, str, type[BaseModel]], ...] = (
+    (
+        "A row of the reliability table",
+        "`GET /v1/reliability`, `/v1/loops/{tag}/verdicts`, CSV",
+        audit_line.ReliabilityRow,
+    ),
+    ("Key figures", "with the row in `GET /v1/loops/{tag}/health`; over good samples only", audit_line.KeyFiguresLine),
+    ("Reasons", "`reasons` of `loopaudit audit --format jsonl`", audit_line.ReasonLine),
+    ("Parts of the health", "`health_parts` of `--format jsonl`", audit_line.HealthPartLine),
+    ("Identification", "`hammerstein` of `--format jsonl`", audit_line.HammersteinLine),
+    ("Rivals", "`rivals` of `--format jsonl`", audit_line.RivalLine),
+    ("Spells", "`episodes` of `--format jsonl`", audit_line.EpisodeLine),
+    ("A loop", "`GET /v1/loops`", models.LoopOut),
+    ("A trend", "`GET /v1/loops/{tag}/trend`", models.TrendOut),
+    ("An upload", "`GET /v1/uploads/{id}`", models.UploadOut),
+    ("A refused row", "`rejects` of an upload", models.RejectOut),
+    ("A run", "`GET /v1/audits/{id}`", models.AuditOut),
+    ("A failed loop", "`failures` of a run", models.FailureOut),
+    ("A group", "`GET /v1/groups`", models.GroupOut),
+    ("A member of a group", "`members` of a group", models.GroupMemberOut),
+    ("A row of the trail", "`GET /v1/trail`", models.TrailRowOut),
+)
+CODES: tuple[tuple[str, Mapping[str, str]], ...] = (
+    ("Verdicts", wording.VERDICT_WORDS),
+    ("Reliability", wording.RELIABILITY_WORDS),
+    ("Likely causes, and explanations that compete with stiction", wording.CAUSE_WORDS),
+    ("Verdicts of an explanation", explanation_wording.VERDICT_WORDS),
+    ("Effects that a simulation lacks", explanation_wording.EFFECT_WORDS),
+)
+
+
+def page() -> Iterator[str]:
+    yield "# Fields, codes and routes\n\n"
+    yield "Written by `python -m app.api.reference` from the models; `/openapi.json` says the same to machines.\n"
+    yield "Null means: not known, or not to be had from this record.\n"
+    for title, where, model in TABLES:
+        yield from section(title, where, described(model))
+    for title, words in CODES:
+        yield from section(title, "Stable codes, and what the pages say for them.", words.items())
+    yield from section("Routes", "`open`: without a key. A role may do what `read` may, and what names it.", roles())
+
+
+def section(title: str, where: str, rows: Iterable[tuple[str, str]]) -> Iterator[str]:
+    yield f"\n## {title}\n\n{where}\n\n| name | meaning |\n|---|---|\n"
+    for name, meaning in rows:
+        safe = meaning.replace("|", "\\|")
+        yield f"| `{name}` | {safe} |\n"
+
+
+def described(model: type[BaseModel]) -> Iterator[tuple[str, str]]:
+    for name, field in model.model_fields.items():
+        yield name, f"{field.description} ({shape(field.annotation)})"
+
+
+def shape(annotation: Any) -> str:
+    """number, text, ... as JSON calls it, from the type."""
+    text = getattr(annotation, "__name__", "") if isinstance(annotation, type) else str(annotation)
+    for part, word in (("list", "list"), ("tuple", "list"), ("dict", "object"), ("bool", "true or false"),
+                       ("float", "number"), ("int", "whole number"), ("str", "text"), ("Literal", "code")):  # fmt: skip
+        if part in text:
+            return word
+    return "object"
+
+
+def roles() -> Iterator[tuple[str, str]]:
+    for (method, path), permission in sorted(ROUTES.items(), key=lambda item: (item[0][1], item[0][0])):
+        needs = "open" if permission.needs is None else str(permission.needs.value)
+        yield f"{method} {path.replace(':path', '')}", needs
+
+
+if __name__ == "__main__":
+    sys.stdout.writelines(page())
