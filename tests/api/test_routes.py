@@ -341,7 +341,8 @@ def test_pages_carry_hostile_names_as_text(client, plant):
     loop = client.get(f"/loops/{quote(HOSTILE, safe='')}")
     assert loop.status_code == 200
     assert HOSTILE not in loop.text
-    assert f"/v1/loops/{quote(HOSTILE, safe='')}/trend" in loop.text
+    assert f"/loops/{quote(HOSTILE, safe='')}/charts" in loop.text
+    assert client.get(f"/loops/{quote(HOSTILE, safe='')}/charts").status_code == 200
 
 
 def test_pages_take_nothing_from_elsewhere(client, plant):
