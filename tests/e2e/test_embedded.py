@@ -114,12 +114,6 @@ def command_of(pid: int) -> str:
     return subprocess.run(["ps", "-o", "args=", "-p", str(pid)], capture_output=True, text=True).stdout.strip()
 
 
-def test_refuses_to_listen_beyond_loopback(service):
-    done = service.processes.run("serve", "--host", "0.0.0.0", "--port", "0")  # noqa: S104 - it must not
-    assert done.returncode == 2
-    assert "[open_access]" in done.stderr
-
-
 def test_a_port_in_use_is_told_in_one_line(service):
     done = service.processes.run("serve", "--port", str(service.client.base_url.port))
     assert done.returncode == 2
@@ -144,3 +138,13 @@ def test_children_end_when_the_service_is_killed(make_processes, ready_service, 
         server.kill()
         server.wait()
     wait_gone(family)
+
+
+def test_beyond_loopback_nobody_is_answered_without_a_key(make_processes, ready_service, free_port):
+    processes = make_processes()
+    server = processes.start(["serve", "--host", "0.0.0.0", "--port", str(free_port)])  # noqa: S104 - that is the case
+    with ready_service(processes, free_port) as reached:
+        refused = reached.client.get("/v1/loops")
+        assert (refused.status_code, refused.json()["code"]) == (401, "key_needed")
+        assert reached.client.post("/v1/uploads", content=b"time,PV,OP\n").status_code == 401
+    assert processes.stop(server) == 0, processes.logs()
