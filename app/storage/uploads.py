@@ -60,9 +60,10 @@ COLUMNS = [uploads.c[name] for name in UploadRow.__dataclass_fields__]
 
 def receive(connection: Connection, values: dict[str, Any]) -> tuple[UploadRow, bool]:
     """The upload of this content, and whether it is a new one."""
-    result = connection.execute(insert_new(connection, uploads), {**values, "received_at": now()})
+    inserting = insert_new(connection, uploads).values({**values, "received_at": now()}).returning(uploads.c.id)
+    created = connection.scalar(inserting) is not None  # PostgreSQL does not count the rows of such an insert
     query = select(*COLUMNS).where(uploads.c.content_key == values["content_key"])
-    return UploadRow(*connection.execute(query).one()), result.rowcount == 1
+    return UploadRow(*connection.execute(query).one()), created
 
 
 def by_id(connection: Connection, upload_id: int) -> UploadRow | None:

@@ -48,6 +48,18 @@ def test_an_export_becomes_loops_and_samples(backend: Backend) -> None:
     assert loops.get_loop(backend, "LIC2").samples_to == "2025-06-15T15:09:59Z"
 
 
+def test_a_new_upload_is_told_to_a_worker_at_once_and_the_same_again_is_not(backend, monkeypatch) -> None:
+    told: list[int] = []
+    monkeypatch.setattr(type(backend.queue), "read_upload", lambda self, upload: told.append(upload) or True)
+    made = []
+    for _ in range(2):
+        with uploads.receive(backend, filename="a.csv") as receiving:
+            receiving.write(export())
+            made.append(receiving.commit().created)
+    assert made == [True, False]
+    assert told == [1]
+
+
 def test_the_same_content_is_the_same_upload(backend: Backend) -> None:
     data = export()
     first = send(backend, data)
