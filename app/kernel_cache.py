@@ -29,21 +29,22 @@ def choose() -> None:
 
 def _source_digest() -> str:
     digest = hashlib.blake2b(digest_size=8)
-    for path in sorted(_compiled_from()):
+    for path, text in sorted(_compiled_from().items()):
         digest.update(path.relative_to(ENGINE).as_posix().encode())
-        digest.update(path.read_bytes())
+        digest.update(text.encode())
     return digest.hexdigest()
 
 
-def _compiled_from() -> set[Path]:
-    """The modules with kernels and what they import from the engine: their constants end up in machine code."""
-    reached: set[Path] = set()
-    waiting = [path for path in ENGINE.rglob("*.py") if "numba" in path.read_text("utf-8")]
+def _compiled_from() -> dict[Path, str]:
+    """The modules with kernels and what they import from the engine, because its constants end up in machine code."""
+    texts = {path: path.read_text("utf-8") for path in ENGINE.rglob("*.py")}
+    reached: dict[Path, str] = {}
+    waiting = [path for path, text in texts.items() if "numba" in text]
     while waiting:
         path = waiting.pop()
         if path not in reached:
-            reached.add(path)
-            waiting += [found for name in IMPORTED.findall(path.read_text("utf-8")) for found in _modules(name)]
+            reached[path] = texts[path]
+            waiting += [found for line in set(IMPORTED.findall(texts[path])) for found in _modules(line)]
     return reached
 
 
