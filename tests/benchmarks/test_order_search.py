@@ -6,7 +6,6 @@ one thread's processor time, so that other work on the machine disturbs them les
 
 import time
 import warnings
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ from app.engine.armax import Order, SearchSpace, polish, refine, search_orders
 from app.engine.hammerstein import HammersteinConfig, identify_one_parameter, identify_two_parameter
 from app.engine.recording import UniformRecord
 from app.engine.valve import one_parameter, two_parameter_he
+from app.services.bench.measure import median_s
 
 pytestmark = [pytest.mark.benchmark, pytest.mark.shared]
 
@@ -24,17 +24,6 @@ SPACE = SearchSpace(5, 5, 10, nc_min=0)
 
 SAMPLED_ORDERS = [Order(1, 1, 1), Order(2, 1, 2), Order(3, 2, 3), Order(4, 1, 4)]
 """Small ones of the 275, to be done within the minute: the ratio of the average order is larger."""
-
-
-def median_s(work: Callable[[], object], repeats: int = 25) -> float:
-    """The median processor time of `work` in seconds after one call to warm up."""
-    work()
-    times = []
-    for _ in range(repeats):
-        start = time.thread_time()
-        work()
-        times.append(time.thread_time() - start)
-    return float(np.median(times))
 
 
 @pytest.fixture(scope="module")
@@ -75,22 +64,22 @@ def gram_products(search, points):
 def products_a_second():
     """What one core reaches in a matrix product, from matrices too small for BLAS to share among threads."""
     a, b = np.random.default_rng(0).normal(size=(2, 64, 64))
-    return 100 * 64**3 / median_s(lambda: [a @ b for _ in range(100)])
+    return 100 * 64**3 / median_s(lambda: [a @ b for _ in range(100)], 25)
 
 
 def test_one_and_two_parameter_search(signals):
     pv, one, two = signals
     for name, v in (("one-parameter, 30 values of d", one), ("two-parameter, 100 points (S, J)", two)):
         fits = len(v) * SPACE.orders
-        seconds = median_s(lambda v=v: search_orders(pv, v, SPACE))
+        seconds = median_s(lambda v=v: search_orders(pv, v, SPACE), 25)
         search = search_orders(pv, v, SPACE)
         products = gram_products(search, len(v)) * len(pv)
         peak = products_a_second()
         print(
             f"\n{name} x {SPACE.orders} orders, N = {len(pv)}: {1e3 * seconds:.2f} ms, {fits} fits, "
             f"{1e9 * seconds / fits:.0f} ns a fit; with a third regression "
-            f"{1e3 * median_s(lambda v=v: search_orders(pv, v, SPACE, stages=3)):.2f} ms, three steps of refinement "
-            f"{1e3 * median_s(lambda v=v, s=search: polish(pv, v, s, 3)):.2f} ms"
+            f"{1e3 * median_s(lambda v=v: search_orders(pv, v, SPACE, stages=3), 25):.2f} ms, three refining steps "
+            f"{1e3 * median_s(lambda v=v, s=search: polish(pv, v, s, 3), 25):.2f} ms"
         )
         print(
             f"  the Gram matrices need {products / 1e6:.1f} M products: {1e3 * products / peak:.3f} ms at the "
@@ -101,7 +90,7 @@ def test_one_and_two_parameter_search(signals):
 def test_ratio_to_statsmodels(signals):
     pv, one, _ = signals
     search = search_orders(pv, one, SPACE)
-    a_fit = median_s(lambda: search_orders(pv, one, SPACE)) / (len(one) * SPACE.orders)
+    a_fit = median_s(lambda: search_orders(pv, one, SPACE), 25) / (len(one) * SPACE.orders)
     peers = []
     for order in SAMPLED_ORDERS:
         peer = statsmodels_fit_s(pv, one[0] - one[0].mean(), order, search.first_sample)
