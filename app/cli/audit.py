@@ -24,7 +24,7 @@ THREAD_LIMITS = (
     "NUMBA_NUM_THREADS",
     "POLARS_MAX_THREADS",
 )
-SUFFIXES = (".csv", ".txt", ".parquet")
+SUFFIXES = (".csv", ".txt", ".parquet", ".mat")
 PROCESSES_PAY_FROM_FILES = 8
 NO_SIGNALS = "unknown_layout"
 SHOWN_REJECTS = 3
@@ -49,7 +49,7 @@ class AuditedFile:
 
 
 def audit(
-    paths: Annotated[list[Path], typer.Argument(help="Files, or folders with *.csv, *.txt, *.parquet in them.")],
+    paths: Annotated[list[Path], typer.Argument(help="Files, or folders with *.csv, *.txt, *.parquet, *.mat in them.")],
     format_: Annotated[
         Format, typer.Option("--format", help="A table to read; jsonl or csv for machines.")
     ] = Format.table,

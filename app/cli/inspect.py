@@ -52,8 +52,8 @@ def facts(report: "InspectReport") -> Iterator[str]:
     summary = report.summary
     packed = ", compressed" if summary.compressed else ""
     yield f"{report.name}: {report.size_bytes:,} bytes{packed}"
-    signs = f"delimiter {summary.delimiter!r}, decimals {summary.decimal_mark!r}"
-    yield f"layout      {summary.layout}, {summary.encoding}, {signs}"
+    signs = f", delimiter {summary.delimiter!r}, decimals {summary.decimal_mark!r}" if summary.delimiter else ""
+    yield f"layout      {summary.layout}, {summary.encoding}{signs}"
     yield f"time        {summary.time_format}, zone {summary.time_zone}"
     yield f"rows        {summary.rows_read:,} read, {summary.rows_kept:,} kept, {summary.values_kept:,} values"
     yield f"tags        {summary.tags:,} in {len(report.loops):,} loops"

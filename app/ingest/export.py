@@ -13,6 +13,7 @@ from app.ingest.grouping import Grouping, TagMapping
 from app.ingest.head import Head, look, with_tail
 from app.ingest.layouts import recognise
 from app.ingest.long_table import LongTable
+from app.ingest.matlab import open_matlab
 from app.ingest.model import FileSummary, IngestOptions, LoopSamples, Rejects, SignalBlock
 from app.ingest.opening import TextFile
 from app.ingest.plans import Plan, WidePlan
@@ -36,7 +37,11 @@ class Export:
         self._log = RejectLog(options.max_rejects)
         self._tally = Tally()
         self.stem = stem_of(name)
-        source = open_frames(path, self.stem, options) or _open_text(path, self.stem, options)
+        source = (
+            open_frames(path, self.stem, options)
+            or open_matlab(path, self.stem, options)
+            or _open_text(path, self.stem, options)
+        )
         self._source = source
         self._grouping = Grouping(self.stem, mapping)
         self._plan: Plan = prepared(source.plan, self._grouping, source.head, options, self._log)

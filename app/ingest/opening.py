@@ -218,5 +218,6 @@ def _refuse_binary(head: str) -> None:
     doubtful = head.count("\N{REPLACEMENT CHARACTER}")
     if controls > 0.001 * len(sample) + 1 or doubtful > 0.1 * len(head):
         raise DataError(
-            "not_an_export", "this is binary, not an export; CSV or TSV text, gzip of it, parquet or xlsx is needed"
+            "not_an_export",
+            "this is binary, not an export; CSV or TSV text, gzip, parquet, xlsx or mat is needed",
         )

@@ -3,7 +3,9 @@
 import json
 import socket
 
+import numpy as np
 import pytest
+from scipy.io import savemat
 from typer.testing import CliRunner, Result
 
 from app.cli.main import main
@@ -40,6 +42,17 @@ def test_inspect_says_what_a_file_holds_and_what_would_be_refused(tmp_path):
     assert "no: PV and OP are needed" in text
     assert "line 62" in text
     assert "Bad Input" in text
+
+
+def test_a_matlab_file_is_inspected_and_audited(tmp_path):
+    time = np.arange(600.0)
+    loop = {"Ts": 2.0, "PV": np.sin(time / 9) ** 2, "OP": 40 + np.cos(time / 9), "SP": 50.0}
+    savemat(tmp_path / "isdb.mat", {"cdata": {"chemicals": {"loop7": loop, "loop8": loop}}})
+    text = " ".join(run("inspect", tmp_path / "isdb.mat").stdout.split())
+    assert "isdb_matlab, matlab" in text
+    assert "6 in 2 loops" in text
+    done = run("audit", tmp_path, "--format", "jsonl")
+    assert [json.loads(line)["loop"] for line in done.stdout.splitlines()] == ["CHEM7", "CHEM8"]
 
 
 def test_inspect_of_a_file_without_a_loop_is_2(tmp_path, monkeypatch, capsys):
