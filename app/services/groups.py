@@ -15,7 +15,7 @@ from app.storage import verdicts
 _found: dict[tuple[Any, ...], tuple[GroupView, ...]] = {}
 _finding = threading.Lock()
 KEPT = 8
-PATIENCE_S = 0.25
+PATIENCE_S = 0.1
 
 
 def plant_groups(backend: Backend) -> tuple[GroupView, ...]:

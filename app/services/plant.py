@@ -17,6 +17,8 @@ from app.storage.verdicts import After, RowFilter
 
 LISTED_CHANGES = 200
 WORST = 12
+MOST_TILES = 400  # what a browser lays out and paints at once
+LEAST_TILES = 3
 FILLED_MORE = 0.05
 FEWER_SAMPLES = 0.8
 Why = Literal["first", "method", "data", "loop"]
@@ -49,20 +51,18 @@ def overview(backend: Backend) -> Overview:
     with backend.database.read() as connection:
         known, counted = count_loops(connection), plant.counts(connection)
     verdict_count, reliable, refused = Counter[str](), Counter[str](), Counter[str]()
-    units: dict[str | None, list[Any]] = {}
     for row in counted:
         verdict_count[row.verdict] += row.loops
         reliable[row.verdict] += row.loops * (row.reliability == "reliable")
         if row.verdict == "not_auditable":
             refused[row.likely_cause or "data"] += row.loops
-        units.setdefault(row.unit, []).append(row)
     return Overview(
         loops=known,
         audited=verdict_count.total(),
         verdicts=dict(verdict_count),
         reliable=dict(reliable),
         refused=dict(refused.most_common()),
-        units=[_unit(unit, units[unit]) for unit in sorted(units, key=lambda unit: unit or "")],
+        units=_units(counted),
         health=_mean_health(counted),
     )
 
@@ -98,10 +98,23 @@ def table(
     return Page(shown, following)
 
 
-def tiles(backend: Backend) -> list[list[Any]]:
-    """For the treemap: tag, unit, importance, verdict, reliability and health of every audited loop."""
+def tiles(backend: Backend) -> dict[str, list[Any]]:
+    """For the treemap: units (name, loops, importance, health) and their worst loops (tag, unit, importance, verdict,
+    health), so many in all as can be drawn at once; `unit_tiles` has the others."""
     with backend.database.read() as connection:
-        return [list(row) for row in plant.tiles(connection)]
+        units = _units(plant.counts(connection))
+        each = max(LEAST_TILES, MOST_TILES // max(len(units), 1))
+        loops = plant.worst_of_units(connection, each)
+    return {
+        "units": [[unit.unit, unit.loops, unit.importance, unit.health] for unit in units],
+        "loops": [list(row) for row in loops],
+    }
+
+
+def unit_tiles(backend: Backend, unit: str | None) -> dict[str, list[Any]]:
+    """The worst loops of one unit (None: of those that name none), as `tiles` has them."""
+    with backend.database.read() as connection:
+        return {"loops": [list(row) for row in plant.worst_of_unit(connection, unit, MOST_TILES)]}
 
 
 def unit_names(backend: Backend) -> list[str]:
@@ -129,6 +142,13 @@ def run_figures(backend: Backend, audit_id: str) -> RunFigures:
         slowest = [(row.tag, row.elapsed_s) for row in plant.slowest(connection, int(run.id), 5)]
         counted = plant.verdict_counts(connection, int(run.id))
     return RunFigures(run, counted, took.loops, took.mean, took.longest, took.total, slowest)
+
+
+def _units(counted: list[Any]) -> list[UnitView]:
+    units: dict[str | None, list[Any]] = {}
+    for row in counted:
+        units.setdefault(row.unit, []).append(row)
+    return [_unit(unit, units[unit]) for unit in sorted(units, key=lambda unit: unit or "")]
 
 
 def _unit(unit: str | None, rows: list[Any]) -> UnitView:

@@ -2,32 +2,47 @@
 
 from typing import Any
 
-from sqlalchemy import Connection, and_, func, or_, select
+from sqlalchemy import Connection, Select, and_, func, or_, select
 
-from app.storage.tables import audits, loops, verdicts
+from app.storage.tables import audits, loops, newest_rows, verdicts
 
+rows = newest_rows
 newest = verdicts.alias("newest")
 before = verdicts.alias("earlier")
-_newest_one = and_(newest.c.loop_id == loops.c.id, newest.c.audit_id == loops.c.newest_audit_id)
+_NEWEST = loops.join(rows, and_(rows.c.loop_id == loops.c.id, rows.c.audit_id == loops.c.newest_audit_id))
+_PRIORITY = loops.c.importance * (100.0 - rows.c.health)
 
 
 def counts(connection: Connection) -> list[Any]:
     """Loops, sum of importances and sum of importance x health, by unit, verdict, reliability and likely cause."""
-    by = [loops.c.unit, newest.c.verdict, newest.c.reliability, newest.c.likely_cause]
+    by = [loops.c.unit, rows.c.verdict, rows.c.reliability, rows.c.likely_cause]
     figures = [
         func.count().label("loops"),
         func.sum(loops.c.importance).label("importance"),
-        func.sum(loops.c.importance * newest.c.health).label("weighted_health"),
+        func.sum(loops.c.importance * rows.c.health).label("weighted_health"),
     ]
-    return list(connection.execute(select(*by, *figures).select_from(loops.join(newest, _newest_one)).group_by(*by)))
+    return list(connection.execute(select(*by, *figures).select_from(_NEWEST).group_by(*by)))
 
 
-def tiles(connection: Connection) -> list[Any]:
-    """What a treemap shows of each audited loop: tag, unit, importance, verdict, reliability, health."""
-    query = select(
-        loops.c.tag, loops.c.unit, loops.c.importance, newest.c.verdict, newest.c.reliability, newest.c.health
-    )
-    return list(connection.execute(query.select_from(loops.join(newest, _newest_one)).order_by(loops.c.tag)))
+def worst_of_units(connection: Connection, each: int) -> list[Any]:
+    """Of each unit the loops at the head of its list by what is missing to full health x importance: tag, unit,
+    importance, verdict, health."""
+    place = func.row_number().over(partition_by=loops.c.unit, order_by=(_PRIORITY.desc().nulls_last(), loops.c.tag))
+    placed = _tiles().add_columns(place.label("place")).subquery()
+    query = select(placed.c.tag, placed.c.unit, placed.c.importance, placed.c.verdict, placed.c.health)
+    return list(connection.execute(query.where(placed.c.place <= each).order_by(placed.c.unit, placed.c.place)))
+
+
+def worst_of_unit(connection: Connection, unit: str | None, limit: int) -> list[Any]:
+    """The same of one unit (None: of the loops that name none)."""
+    mine = loops.c.unit.is_(None) if unit is None else loops.c.unit == unit
+    query = _tiles().where(mine).order_by(_PRIORITY.desc().nulls_last(), loops.c.tag)
+    return list(connection.execute(query.limit(limit)))
+
+
+def _tiles() -> Select[Any]:
+    shown = (loops.c.tag, loops.c.unit, loops.c.importance, rows.c.verdict, rows.c.health)
+    return select(*shown).select_from(_NEWEST)
 
 
 def last_whole_run(connection: Connection) -> Any:
@@ -51,33 +66,30 @@ def changes(connection: Connection, since_audit: int, limit: int) -> list[Any]:
 
     The worst of them first, by importance x health.
     """
-    earlier = (
-        select(func.max(before.c.audit_id))
-        .where(before.c.loop_id == newest.c.loop_id, before.c.audit_id < newest.c.audit_id)
-        .correlate(newest)
-        .scalar_subquery()
-    )
-    joined = loops.join(newest, _newest_one).outerjoin(
-        before, and_(before.c.loop_id == newest.c.loop_id, before.c.audit_id == earlier)
-    )
+    # A first verdict is news only where something is wrong.
+    first = and_(rows.c.verdict_before.is_(None), rows.c.verdict == "stiction")
+    news = or_(rows.c.verdict != rows.c.verdict_before, first)
+    listed = select(
+        *(loops.c.tag, loops.c.unit, _PRIORITY.label("priority"), rows.c.loop_id, rows.c.audit_id),
+        *(rows.c.before_audit_id, rows.c.verdict_before, rows.c.verdict, rows.c.health),
+    ).select_from(_NEWEST)
+    listed = listed.where(rows.c.audit_id >= since_audit, news)
+    # Verdicts are looked up for those that are listed: in a night of a new method every loop may be news.
+    found = listed.order_by(_PRIORITY.desc().nulls_last(), loops.c.tag).limit(limit).subquery()
+    joined = found.join(newest, and_(newest.c.loop_id == found.c.loop_id, newest.c.audit_id == found.c.audit_id))
     query = select(
-        loops.c.tag,
-        loops.c.unit,
-        before.c.verdict.label("verdict_before"),
-        newest.c.verdict,
-        newest.c.reasons_text,
-        newest.c.health,
+        *(found.c.tag, found.c.unit, found.c.verdict_before, found.c.verdict, found.c.health, newest.c.reasons_text),
         (newest.c.engine_version != before.c.engine_version).label("engine_changed"),
         (newest.c.config_fingerprint != before.c.config_fingerprint).label("config_changed"),
         (newest.c.filled_share - before.c.filled_share).label("filled_more"),
         (newest.c.samples * 1.0 / func.nullif(before.c.samples, 0)).label("samples_ratio"),
         (newest.c.sampling_interval_s / func.nullif(before.c.sampling_interval_s, 0.0)).label("interval_ratio"),
-    ).select_from(joined)
-    # A first verdict is news only where something is wrong.
-    news = or_(newest.c.verdict != before.c.verdict, and_(before.c.verdict.is_(None), newest.c.verdict == "stiction"))
-    priority = loops.c.importance * (100.0 - newest.c.health)
-    query = query.where(newest.c.audit_id >= since_audit, news)
-    return list(connection.execute(query.order_by(priority.desc().nulls_last(), loops.c.tag).limit(limit)))
+    ).select_from(
+        joined.outerjoin(
+            before, and_(before.c.loop_id == found.c.loop_id, before.c.audit_id == found.c.before_audit_id)
+        )
+    )
+    return list(connection.execute(query.order_by(found.c.priority.desc().nulls_last(), found.c.tag)))
 
 
 def durations(connection: Connection, audit_id: int) -> Any:

@@ -225,6 +225,14 @@ newest_rows = Table(
     Column("table2_reading", Text),
     Column("stiction_probability", Float),
     Column("health", Float),
+    Column("before_audit_id", Id),  # of the verdict that this one took the place of; its run may be gone
+    Column("verdict_before", Text),
+    # What the pages ask of all loops is read from here: 2 MB, not the hundred of rows with their texts.
+    Index(
+        "ix_newest_rows_board",
+        *("loop_id", "audit_id", "verdict", "reliability", "likely_cause", "stiction_probability", "health"),
+        *("verdict_before", "before_audit_id"),
+    ),
 )
 
 explanations = Table(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import zstandard
-from sqlalchemy import ColumnElement, Connection, Select, and_, func, or_, select, update
+from sqlalchemy import ColumnElement, Connection, Select, and_, case, func, or_, select, update
 
 from app.storage.series import insert_for, insert_new
 from app.storage.tables import loops, newest_rows, verdict_details, verdicts
@@ -106,9 +106,15 @@ def add(connection: Connection, new: Sequence[NewVerdict]) -> None:
 def _keep_rows(connection: Connection, new: Sequence[NewVerdict]) -> None:
     """One row a loop, that of its newest run."""
     keeping = insert_for(connection, newest_rows)
+    written = {column.name: keeping.excluded[column.name] for column in newest_rows.columns if column.name != "loop_id"}
+    newer = keeping.excluded.audit_id > newest_rows.c.audit_id
+    before = {
+        "before_audit_id": case((newer, newest_rows.c.audit_id), else_=newest_rows.c.before_audit_id),
+        "verdict_before": case((newer, newest_rows.c.verdict), else_=newest_rows.c.verdict_before),
+    }
     keeping = keeping.on_conflict_do_update(
         index_elements=["loop_id"],
-        set_={column.name: keeping.excluded[column.name] for column in newest_rows.columns if column.name != "loop_id"},
+        set_=written | before,
         where=keeping.excluded.audit_id >= newest_rows.c.audit_id,
     )
     rows = [
@@ -128,17 +134,23 @@ def table(
     connection: Connection, limit: int, sort: str, descending: bool, wanted: RowFilter, after: After | None
 ) -> list[dict[str, Any]]:
     """One row a loop, its newest verdict (or that of one run): sorted, unknown values last, after the row `after`."""
-    column = SORTABLE[sort]
-    query = _rows(wanted).where(*_conditions(wanted))
-    if after is not None:
-        query = query.where(_beyond(column, descending, after))
-    order = ((column.desc() if descending else column.asc()).nulls_last(), loops.c.tag)
+    quick = wanted.audit_id is None and sort in QUICK
+    columns, key_table = (QUICK, newest_rows) if quick else (SORTABLE, verdicts)
     # Keys are sorted alone: whole rows, with their texts, are fetched for those that are shown.
-    keys = query.with_only_columns(verdicts.c.loop_id, verdicts.c.audit_id).order_by(*order).limit(limit).subquery()
+    keys = select(key_table.c.loop_id, key_table.c.audit_id).where(*_conditions(wanted, columns))
+    keys = keys.select_from(_newest_rows() if quick else _rows_of(wanted))
+    if after is not None:
+        keys = keys.where(_beyond(columns[sort], descending, after))
+    page = keys.order_by(*_order(columns[sort], descending)).limit(limit).subquery()
     shown = verdicts.join(loops, loops.c.id == verdicts.c.loop_id)
-    mine = and_(keys.c.loop_id == verdicts.c.loop_id, keys.c.audit_id == verdicts.c.audit_id)
-    query = _select().select_from(keys.join(shown, mine)).order_by(*order)
+    mine = and_(page.c.loop_id == verdicts.c.loop_id, page.c.audit_id == verdicts.c.audit_id)
+    query = _select().select_from(page.join(shown, mine)).order_by(*_order(SORTABLE[sort], descending))
     return [_dict(row) for row in connection.execute(query).mappings()]
+
+
+def _order(column: ColumnElement[Any], descending: bool) -> tuple[Any, ...]:
+    """By value, unknown ones last, then by tag."""
+    return (column.desc() if descending else column.asc()).nulls_last(), loops.c.tag
 
 
 def sent_rows(
@@ -153,9 +165,8 @@ def sent_rows(
     source = _newest_rows()
     if sort not in QUICK:
         source = source.join(verdicts, _is_newest())
-    ordered = (column.desc() if descending else column.asc()).nulls_last()
     query = select(loops.c.id, loops.c.tag, loops.c.unit, column).select_from(source).where(*conditions)
-    found = connection.execute(query.order_by(ordered, loops.c.tag).limit(limit)).all()
+    found = connection.execute(query.order_by(*_order(column, descending)).limit(limit)).all()
     # Sorted without their text: sorting is done in memory, and the texts are moved once.
     texts = _texts(connection, [row[0] for row in found], form)
     return [SentRow(*row, texts.get(row[0])) for row in found]
@@ -178,7 +189,8 @@ def sent_health(connection: Connection, tag: str, form: str) -> tuple[str, str, 
 
 def newest_of(connection: Connection, loop_ids: Sequence[int]) -> dict[str, dict[str, Any]]:
     """The newest verdicts of these loops by tag; a loop without one is left out."""
-    found = connection.execute(_rows(RowFilter()).where(loops.c.id.in_(loop_ids))).mappings()
+    query = _select().select_from(_newest_of_loops()).where(loops.c.id.in_(loop_ids))
+    found = connection.execute(query).mappings()
     return {row["tag"]: _dict(row) for row in found}
 
 
@@ -241,11 +253,12 @@ def counts(connection: Connection, by: Sequence[str]) -> list[tuple[Any, ...]]:
     return [tuple(row) for row in connection.execute(query)]
 
 
-def _rows(wanted: RowFilter) -> Select[Any]:
-    if wanted.audit_id is not None:
-        joined = verdicts.join(loops, loops.c.id == verdicts.c.loop_id)
-        return _select().select_from(joined).where(verdicts.c.audit_id == wanted.audit_id)
-    return _select().select_from(_newest_of_loops())
+def _rows_of(wanted: RowFilter) -> Any:
+    """Loops with the verdict that is asked for: that of a run, or their newest one."""
+    if wanted.audit_id is None:
+        return _newest_of_loops()
+    mine = and_(loops.c.id == verdicts.c.loop_id, verdicts.c.audit_id == wanted.audit_id)
+    return verdicts.join(loops, mine)
 
 
 def _select() -> Select[Any]:

@@ -19,7 +19,7 @@ from app.web.columns import COLUMNS, USUAL, query_without
 from app.web.rendering import CHARTS, STATIC, page
 
 A_WEEK = {"Cache-Control": "public, max-age=604800"}
-ROWS_A_PAGE = 50
+ROWS_A_PAGE = 100
 
 router = APIRouter(include_in_schema=False)
 for module in (loop, runs, uploads):
@@ -66,8 +66,9 @@ def plant(backend: Services) -> HTMLResponse:
 
 
 @router.get("/plant/tiles")
-def tiles(backend: Services) -> JSONResponse:
-    return JSONResponse({"rows": plants.tiles(backend)})
+def tiles(backend: Services, unit: Annotated[str | None, Query(max_length=200)] = None) -> JSONResponse:
+    """Units with their worst loops; with `unit` (empty: the loops that name none) more of that one."""
+    return JSONResponse(plants.tiles(backend) if unit is None else plants.unit_tiles(backend, unit or None))
 
 
 @router.get("/table")

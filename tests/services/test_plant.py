@@ -13,7 +13,7 @@ from app.services.backend import Backend
 from app.services.chunks import audit_chunk
 from app.services.groups import groups_of, plant_groups
 from app.services.loops import loop_health, verdict_history
-from app.storage.tables import verdicts
+from app.storage.tables import newest_rows, verdicts
 
 AddLoops = Callable[..., dict[str, int]]
 
@@ -25,9 +25,13 @@ def audited(backend: Backend) -> int:
 
 
 def rewrite(backend: Backend, run: int, loop: int, **values: object) -> None:
+    """A verdict as if it had been another one, in the row of the verdict after it too."""
     mine = (verdicts.c.audit_id == run, verdicts.c.loop_id == loop)
+    after = (newest_rows.c.before_audit_id == run, newest_rows.c.loop_id == loop)
     with backend.database.write() as connection:
         connection.execute(update(verdicts).where(*mine).values(**values))
+        if "verdict" in values:
+            connection.execute(update(newest_rows).where(*after).values(verdict_before=values["verdict"]))
 
 
 @pytest.fixture

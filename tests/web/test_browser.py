@@ -20,6 +20,7 @@ PAGES = ["/", "/table", "/groups", "/glossary", "/runs", "/runs/1", "/uploads", 
 HOSTILE_PAGE = f"/loops/{tag_in_url(HOSTILE)}"
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 SERIOUS = ("serious", "critical")
+expect.set_options(timeout=20_000)  # a busy machine takes its time to parse the chart library
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +65,7 @@ def settled(page: Page, path: str) -> None:
     page.goto(path)
     for drawn in ("#treemap", "#charts"):
         if page.locator(drawn).count():
+            page.locator(drawn).scroll_into_view_if_needed()
             expect(page.locator(drawn)).to_have_attribute("data-drawn", "yes")
 
 

@@ -84,7 +84,11 @@ def test_the_plant_counts_its_loops(client):
     found = seen(client, "/")
     assert "3" in found.texts
     assert any("of 3 loops audited" in text for text in found.texts)
-    assert {row[0] for row in client.get("/plant/tiles").json()["rows"]} == {"FIC101", "LIC7", HOSTILE}
+    told = client.get("/plant/tiles").json()
+    assert {row[0] for row in told["loops"]} == {"FIC101", "LIC7", HOSTILE}
+    assert [unit[1] for unit in told["units"]] == [3]
+    assert client.get("/plant/tiles?unit=").json()["loops"] == told["loops"]
+    assert client.get("/plant/tiles?unit=elsewhere").json()["loops"] == []
 
 
 def test_the_table_is_filtered_sorted_and_shows_the_columns_that_were_chosen(client):

@@ -20,3 +20,10 @@ const load = async (url) => {
   if (!answer.ok) throw new Error(`the service answered ${answer.status}`);
   return answer.json();
 };
+const chartLibrary = () => new Promise((done, failed) => {
+  const script = document.createElement("script");
+  script.src = "/static/plotly.min.js";
+  script.onload = done;
+  script.onerror = () => failed(new Error("the chart library did not come"));
+  document.head.append(script);
+});

@@ -1,45 +1,80 @@
 // The treemap: units, and the loops of a unit once it is opened. A click on a loop opens its page.
+// The chart library is a hundred times the page: it is fetched when the treemap comes near the screen.
 "use strict";
 const treemap = document.getElementById("treemap");
 const WORDS = { stiction: "valve sticks", no_stiction: "no stiction", inconclusive: "cannot tell", not_auditable: "not auditable" };
 const SCALE = [[0, "#b3261e"], [0.6, "#e0a030"], [0.8, "#9bb84a"], [1, "#2f8f57"]];
+const LIGHT = 0.001; // so that a loop of no importance can be seen
+const safe = (text) => text.replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll(">", "&gt;");
+const known = (health) => (health === null ? "not known" : health.toFixed(0));
+const key = (unit) => `u:${unit ?? ""}`;
 
-function leaves(rows) {
-  const units = new Map();
+function nodes(units, loops) {
   const found = { ids: [], labels: [], parents: [], values: [], colours: [], texts: [] };
-  const add = (id, label, parent, value, colour, text) => {
-    found.ids.push(id); found.labels.push(label); found.parents.push(parent); found.values.push(value); found.colours.push(colour); found.texts.push(text);
+  const add = (id, label, parent, value, health, text) => {
+    found.ids.push(id); found.labels.push(safe(label)); found.parents.push(parent); found.values.push(value); found.colours.push(health ?? 50); found.texts.push(text);
   };
-  const safe = (text) => text.replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll(">", "&gt;");
-  for (const [tag, unit, importance, verdict, , health] of rows) {
-    const key = `u:${unit ?? ""}`;
-    const known = units.get(key) ?? { name: unit ?? "no unit named", weight: 0, health: 0, loops: 0 };
-    const weight = importance || 0.001;
-    known.weight += weight; known.health += weight * (health ?? 50); known.loops += 1;
-    units.set(key, known);
-    add(`l:${tag}`, safe(tag), key, weight, health ?? 50, `${WORDS[verdict]}<br>health ${health ?? "not known"}`);
+  const rest = new Map(units.map(([name, count, importance]) => [key(name), { count, weight: Math.max(importance, LIGHT * count), share: 0, shown: 0 }]));
+  for (const [tag, unit, importance, verdict, health] of loops) {
+    const mine = rest.get(key(unit));
+    if (!mine) continue;
+    const weight = Math.max(importance, LIGHT);
+    mine.share += weight; mine.shown += 1;
+    add(`l:${tag}`, tag, key(unit), weight, health, `${WORDS[verdict]}<br>health ${known(health)}`);
   }
-  for (const [key, unit] of units) add(key, safe(unit.name), "plant", unit.weight, unit.health / unit.weight, `${unit.loops} loops<br>health ${(unit.health / unit.weight).toFixed(0)}`);
-  const total = found.values.slice(rows.length).reduce((a, b) => a + b, 0);
-  add("plant", "Plant", "", total, null, `${rows.length} loops`);
+  let total = 0;
+  for (const [name, count, , health] of units) {
+    const { weight, share, shown } = rest.get(key(name));
+    const others = count - shown;
+    if (others > 0) add(`o:${name ?? ""}`, `${others} others`, key(name), Math.max(weight - share, LIGHT), health, "healthier ones");
+    const sum = others > 0 ? share + Math.max(weight - share, LIGHT) : share;
+    add(key(name), name ?? "no unit named", "plant", sum, health, `${count} loops<br>health ${known(health)}`);
+    total += sum;
+  }
+  add("plant", "Plant", "", total, null, `${units.reduce((sum, unit) => sum + unit[1], 0)} loops`);
   return found;
 }
 
-async function drawTreemap() {
-  const { rows } = await load(treemap.dataset.url);
-  const found = leaves(rows);
-  await Plotly.newPlot(treemap, [{
-    type: "treemap", ids: found.ids, labels: found.labels, parents: found.parents, values: found.values, text: found.texts,
-    branchvalues: "total", maxdepth: rows.length > 400 ? 2 : 3, hovertemplate: "%{label}<br>%{text}<extra></extra>", textinfo: "label+text",
+function traceOf(units, loops, level) {
+  const found = nodes(units, loops);
+  return {
+    type: "treemap", ids: found.ids, labels: found.labels, parents: found.parents, values: found.values, text: found.texts, level,
+    branchvalues: "total", maxdepth: units.length > 12 ? 2 : 3, hovertemplate: "%{label}<br>%{text}<extra></extra>", textinfo: "label+text",
     marker: { colors: found.colours, colorscale: SCALE, cmin: 0, cmax: 100, showscale: true, colorbar: { title: { text: "health" }, thickness: 12 }, line: { width: 1, color: paint("--paper") } },
     tiling: { pad: 2 }, pathbar: { visible: true },
-  }], layout({ height: 480, margin: { l: 4, r: 4, t: 26, b: 4 } }), options);
+  };
+}
+
+const opened = new Map();
+async function open(unit, told) {
+  if (!opened.has(unit)) {
+    opened.set(unit, (await load(`${treemap.dataset.url}?unit=${encodeURIComponent(unit)}`)).loops);
+  }
+  const loops = told.loops.filter((row) => (row[1] ?? "") !== unit).concat(opened.get(unit));
+  await Plotly.react(treemap, [traceOf(told.units, loops, `u:${unit}`)], treemap.layout, options);
+}
+
+async function drawTreemap() {
+  const [told] = await Promise.all([load(treemap.dataset.url), chartLibrary()]);
+  await Plotly.newPlot(treemap, [traceOf(told.units, told.loops)], layout({ height: 480, margin: { l: 4, r: 4, t: 26, b: 4 } }), options);
+  const whole = new Set(told.units.filter(([name, count]) => told.loops.filter((row) => row[1] === name).length === count).map(([name]) => name ?? ""));
   treemap.on("plotly_treemapclick", ({ points: [point] }) => {
-    if (!point.id.startsWith("l:")) return true;
-    location.assign(`/loops/${encodeURIComponent(point.id.slice(2))}`);
+    const [kind, name] = [point.id.slice(0, 2), point.id.slice(2)];
+    if (kind === "l:") location.assign(`/loops/${encodeURIComponent(name)}`);
+    else if (kind === "o:") location.assign(name ? `/table?unit=${encodeURIComponent(name)}` : "/table");
+    else if (kind === "u:" && !whole.has(name)) open(name, told).catch(failed);
+    else return true;
     return false;
   });
   treemap.dataset.drawn = "yes";
 }
 
-if (treemap) drawTreemap().catch((error) => tell(treemap, `The treemap could not be loaded: ${error.message}.`));
+const failed = (error) => tell(treemap, `The treemap could not be loaded: ${error.message}.`);
+if (treemap) {
+  const near = new IntersectionObserver((seen) => {
+    if (!seen.some((one) => one.isIntersecting)) return;
+    near.disconnect();
+    drawTreemap().catch(failed);
+  }, { rootMargin: "300px" });
+  near.observe(treemap);
+}
