@@ -15,6 +15,7 @@ from sqlalchemy import select
 from app.services import audits, reliability
 from app.services.backend import Backend
 from app.services.bench.bench import Bench, Figures, SkippedError
+from app.services.bench.browser import pages_open
 from app.services.bench.loops import records
 from app.services.bench.measure import Memory, Stopwatch, median_s, processor_s
 from app.services.bench.plant import load
@@ -40,6 +41,7 @@ def run(bench: Bench) -> Figures:
         with service(backend) as (url, pid), Memory(lambda: [pid]) as memory:
             paths = _paths(backend)
             found["idle"] = {name: _measured(url, pid, bench.sizes.load_s / 2, some) for name, some in paths.items()}
+            found["browser"] = pages_open(url)
             with workers(backend, 2), _auditing(backend, busy) as audited:
                 found["busy"] = {name: _measured(url, pid, bench.sizes.load_s, some) for name, some in paths.items()}
             found["audits_meanwhile"] = audited
@@ -63,6 +65,8 @@ def _paths(backend: Backend) -> dict[str, list[str]]:
         "loop history, 30 nights": [f"/v1/loops/{quote(str(tag), safe='')}/verdicts?limit=30" for tag in chosen],
         "table, a page of 100": ["/v1/reliability?limit=100", f"/v1/reliability?limit=100{later}"],
         "table, worst 100": ["/v1/reliability?limit=100&sort=-stiction_probability"],
+        "plant page": ["/"],
+        "table page": ["/table", "/table?verdict=stiction&sort=-stiction_probability"],
         "table, whole": ["/v1/reliability?limit=20000"],
         "table, whole, worst first": ["/v1/reliability?limit=20000&sort=-stiction_probability"],
     }

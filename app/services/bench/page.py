@@ -146,6 +146,8 @@ TARGETS: tuple[tuple[str, str, str, str, Callable[[float], bool]], ...] = (
     ("api", "loop health while an audit runs, p50 ms", "below 10", "busy.loop health.p50_ms", _most(10)),
     ("api", "loop health while an audit runs, p99 ms", "below 30", "busy.loop health.p99_ms", _most(30)),
     ("api", "whole table while an audit runs, p50 ms", "below 400", "busy.table, whole.p50_ms", _most(400)),
+    ("api", "plant page on the screen, ms", "below 1,000", "browser.plant page.painted_ms", _most(1000)),
+    ("api", "table page on the screen, ms", "below 1,000", "browser.table page.painted_ms", _most(1000)),
 )
 
 
@@ -264,6 +266,17 @@ def _plant(found: Figures) -> str:
     )
 
 
+def _browser(found: Figures) -> str:
+    if "skipped" in found:
+        return f"Pages in a browser: skipped, {found['skipped']}.\n\n"
+    head = ("page", "first paint, median", "slowest", "load event, median", "slowest")
+    rows = [
+        (name, *(number(it[key]) for key in ("painted_ms", "painted_max_ms", "loaded_ms", "loaded_max_ms")))
+        for name, it in found.items()
+    ]
+    return f"In headless Chromium, nothing cached, with nothing else to do; ms:\n\n{table(head, rows)}\n"
+
+
 API_FIGURES = ("requests_a_s", "first_ms", "p50_ms", "p90_ms", "p99_ms", "max_ms", "service_cpu_ms", "kb")
 
 
@@ -280,7 +293,9 @@ def _api(found: Figures) -> str:
             rows.append((request + (f" ({it['wrong']} refused)" if it["wrong"] else ""), *told))
         text += f"{label}:\n\n{table(head, rows)}\n"
     meanwhile = found["audits_meanwhile"]
-    return text + (
-        f"Meanwhile {meanwhile['loops']:,} loops were audited. The plant's summary takes {number(found['summary_ms'])} "
-        f"ms. Memory of the service: {number(found['peak_mb'])} MB at most.\n"
+    return (
+        text
+        + _browser(found.get("browser", {"skipped": "not measured yet"}))
+        + f"Meanwhile {meanwhile['loops']:,} loops were audited. The plant's summary takes "
+        f"{number(found['summary_ms'])} ms. Memory of the service: {number(found['peak_mb'])} MB at most.\n"
     )
