@@ -22,6 +22,7 @@ from app.services.backend import Backend
 from app.services.rates import Rates
 from app.settings import Settings
 from app.web import explanation, login, pages
+from app.web.errors import error_page
 
 DESCRIPTION = """Verdicts on valve stiction for every control loop of a plant, and which of them can be trusted.
 
@@ -53,6 +54,7 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
         generate_unique_id_function=operation_id,
     )
     app.state.rates = Rates(settings)
+    app.state.error_page = error_page
     problems.install(app)
     # Called from the last to the first.
     app.add_middleware(Guard, of=app, settings=settings, keys_required=keys_required)

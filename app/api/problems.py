@@ -2,6 +2,7 @@
 
 import errno
 import logging
+from collections.abc import Callable
 from http import HTTPStatus
 from typing import Any
 
@@ -42,7 +43,12 @@ CODE_BY_STATUS = {
     503: "unavailable",
 }
 
+# Addresses for machines: whoever asks is told in JSON, a browser too.
+FOR_MACHINES = ("/v1", "/healthz", "/readyz", "/metrics", "/openapi.json", "/static")
+
 AWAY = (*DATABASE_AWAY, HTTPException, ClientDisconnect)
+
+ErrorPage = Callable[[dict[str, Any]], Response]
 
 log = logging.getLogger("loopaudit.api")
 
@@ -100,7 +106,8 @@ def respond(
     *,
     headers: dict[str, str] | None = None,
     errors: list[dict[str, Any]] | None = None,
-) -> JSONResponse:
+) -> Response:
+    """A problem, or, for a browser that asked for a page, the page that `app.state.error_page` makes of it."""
     body = Problem(
         type=f"urn:loopaudit:problem:{code}",
         title=HTTPStatus(status).phrase,
@@ -108,10 +115,29 @@ def respond(
         code=code,
         detail=detail,
         instance=request.scope["path"][:LONGEST_ECHO],
-        request_id=request_id.get(),
+        request_id=name_of(request),
         errors=errors,
     ).model_dump(exclude_none=True)
+    page: ErrorPage | None = getattr(request.app.state, "error_page", None) if wants_page(request) else None
+    if page is not None:
+        answer = page(body)
+        answer.headers.update(headers or {})
+        return answer
     return JSONResponse(body, status_code=status, headers=headers, media_type=MEDIA_TYPE)
+
+
+def name_of(request: Request) -> str | None:
+    """The request's name, also where its context has ended already because a fault goes through it."""
+    named: str | None = request_id.get() or request.scope.get("state", {}).get("request_id")
+    return named
+
+
+def wants_page(request: Request) -> bool:
+    """Whether a browser asks for a page: scripts and clients take anything, or JSON."""
+    path = request.scope["path"]
+    if any(path == start or path.startswith(f"{start}/") for start in FOR_MACHINES):
+        return False
+    return "app" in request.scope and "text/html" in request.headers.get("accept", "").lower()
 
 
 async def answer_to(request: Request, error: Exception) -> Response:
@@ -186,6 +212,10 @@ async def _gone(request: Request, error: Exception) -> Response:
 
 
 async def _fault(request: Request, error: Exception) -> Response:
-    log.error("fault while answering %s %s", request.method, request.scope["path"][:LONGEST_ECHO], exc_info=error)
+    name = name_of(request)
+    told = {"request_id": name} if name else {}
+    where = request.scope["path"][:LONGEST_ECHO]
+    log.error("fault while answering %s %s", request.method, where, exc_info=error, extra=told)
     # The framework answers faults outside of all middleware, so the headers that it would set are set here.
-    return respond(request, 500, "internal_error", "a fault of the service; its log says which", headers=HEADERS)
+    headers = HEADERS | ({"X-Request-Id": name} if name else {})
+    return respond(request, 500, "internal_error", "a fault of the service; its log says which", headers=headers)

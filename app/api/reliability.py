@@ -11,6 +11,7 @@ from app.api.backend import Services
 from app.api.etags import tagged
 from app.api.models import ReliabilityPage
 from app.api.problems import responses
+from app.errors import RequestError
 from app.services import reliability as service
 from app.services.audit_line import ReadingName, ReliabilityName, ReliabilityRow, VerdictName
 from app.services.cursors import identifier
@@ -18,6 +19,7 @@ from app.services.spreadsheet import csv_lines
 
 LARGEST_PAGE = 20_000
 COLUMNS = tuple(ReliabilityRow.model_fields)
+CHOOSABLE = (*COLUMNS, *service.OF_LOOP)
 CSV: dict[int | str, dict[str, Any]] = {
     200: {"content": {"text/csv": {"schema": {"type": "string"}}}},
     304: {"description": "Nothing has changed since the answer whose ETag is in If-None-Match."},
@@ -40,6 +42,9 @@ class TableQuery(BaseModel):
     cursor: str | None = Field(None, max_length=2000, description="`next_cursor` of the page before.")
     sort: str = Field("loop", max_length=60, description="A column; `-` before it turns the order around.")
     format: Format = Field(Format.json, description="json or csv.")
+    columns: str | None = Field(
+        None, max_length=4000, description="For csv: columns in the order wanted, with commas between; none: all."
+    )
     verdict: list[VerdictName] = Field([], description="Only these verdicts; may be given several times.")
     reliability: ReliabilityName | None = Field(None, description="Only verdicts of this reliability.")
     table2_reading: ReadingName | None = Field(None, description="Only this reading of table 2.")
@@ -55,6 +60,20 @@ class TableQuery(BaseModel):
         given = {name: getattr(self, name) for name in names}
         run = None if self.audit_id is None else identifier(self.audit_id, "audit")
         return service.RowFilter(verdict=tuple(self.verdict) or None, audit_id=run, **given)
+
+    def wanted_columns(self) -> tuple[str, ...]:
+        """Raises RequestError where a column is not there, or where the answer is not CSV."""
+        if self.columns is None:
+            return COLUMNS
+        if self.format is not Format.csv:
+            raise RequestError("bad_columns", "columns can be chosen for format=csv; JSON has them all")
+        names = tuple(dict.fromkeys(name.strip() for name in self.columns.split(",")))
+        unknown = [name for name in names if name not in CHOOSABLE]
+        if unknown:
+            raise RequestError(
+                "bad_columns", f"no column is called {unknown[0][:60]!r}; there is {', '.join(CHOOSABLE)}"
+            )
+        return names
 
 
 Filters = Annotated[TableQuery, Query()]
@@ -76,14 +95,15 @@ def reliability(
     As CSV, texts that a spreadsheet would calculate begin with an apostrophe; the cursor is in X-Next-Cursor.
     Both have an ETag, which stays the same until a verdict or a loop changes.
     """
+    columns = query.wanted_columns()
     wanted = {"limit": query.limit, "cursor": query.cursor, "sort": query.sort, "filters": query.filters()}
     if query.format is Format.csv:
-        page = service.reliability_page(backend, **wanted)
+        page = service.reliability_page(backend, **wanted, of_loop=True)
         headers = {
             "Content-Disposition": 'attachment; filename="reliability.csv"',
             "X-Next-Cursor": page.next_cursor or "",
         }
-        text = "".join(csv_lines(page.rows, COLUMNS))
+        text = "".join(csv_lines(page.rows, columns))
         return tagged(request, text, "text/csv; charset=utf-8", headers)
     # The rows are what the table's model made; checking 20,000 of them again would take longer than reading them.
     return tagged(request, service.reliability_json(backend, **wanted), "application/json")

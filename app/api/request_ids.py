@@ -31,7 +31,7 @@ class RequestIds:
             return
         given = Headers(scope=scope).get(HEADER, "")
         name = given if GIVEN.fullmatch(given) else uuid.uuid4().hex
-
+        scope.setdefault("state", {})["request_id"] = name
         started_s, status = time.perf_counter(), 500
 
         async def named(message: Message) -> None:

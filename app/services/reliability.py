@@ -15,6 +15,7 @@ from app.storage.loops import count as count_loops
 from app.storage.verdicts import SORTABLE, After, RowFilter, SentRow
 
 MOST_ROWS = 20_000
+OF_LOOP = ("type", "importance", "priority")  # of the loop, not of its verdict
 THE_SAME = {"audited_at_ms": "audited_at", "window_start_ms": "window_start", "window_end_ms": "window_end"}
 ANYTHING: tuple[type, ...] = (object,)
 
@@ -32,8 +33,12 @@ def reliability_page(
     cursor: str | None = None,
     sort: str = "loop",
     filters: RowFilter | None = None,
+    of_loop: bool = False,
 ) -> Page[dict[str, Any]]:
-    """One row a loop, its newest verdict. `sort`: a name of `sortable()`, `-name` for descending; unknowns last."""
+    """One row a loop, its newest verdict. `sort`: a name of `sortable()`, `-name` for descending; unknowns last.
+
+    of_loop: with the loop's type and importance, and its priority.
+    """
     name = checked(limit, sort)
     with backend.database.read() as connection:
         after = _after(cursor, sort)
@@ -41,7 +46,8 @@ def reliability_page(
     more = len(rows) > limit
     last = rows[limit - 1] if more else None
     following = encode(sort, last["tag" if name == "loop" else name], last["tag"]) if last else None
-    return Page([as_row(row) for row in rows[:limit]], following)
+    besides = OF_LOOP if of_loop else ()
+    return Page([as_row(row) | {name: row[name] for name in besides} for row in rows[:limit]], following)
 
 
 def reliability_json(

@@ -14,6 +14,7 @@ from app.services import glossary, loops, notes
 from app.services.audits import LoopFilter, start_audit
 from app.services.charts import charts as charts_of
 from app.services.groups import groups_of
+from app.services.size_wording import size_in_words
 from app.web.explanation import newest_in_words
 from app.web.rendering import page, tag_in_url
 
@@ -37,10 +38,12 @@ def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
         row = loops.loop_health(backend, tag)
     except NotFoundError:
         return page("loop.html", row=None, **told)
+    detail = loops.verdict_detail(backend, tag)
     return page(
         "loop.html",
         row=row,
-        detail=loops.verdict_detail(backend, tag),
+        detail=detail,
+        size=size_in_words(row, detail),
         figures=[told for told in glossary.figures(row, found.pv_unit) if told[1] is not None],
         history=loops.verdict_history(backend, tag, limit=HISTORY_NIGHTS).rows,
         groups=groups_of(backend, tag),

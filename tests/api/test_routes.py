@@ -404,3 +404,17 @@ def test_a_data_base_that_is_away_is_503_and_nothing_of_it_is_told(serve, tmp_pa
         ready = client.get("/readyz")
         assert (ready.status_code, ready.json()["state"]) == (503, "not_ready")
         assert client.get("/healthz").status_code == 200
+
+
+def test_the_csv_has_the_columns_that_are_asked_for_in_their_order(client):
+    answer = client.get("/v1/reliability?format=csv&columns=verdict,loop,%20verdict&sort=-loop")
+    lines = list(csv.reader(io.StringIO(answer.text)))
+    assert lines[0] == ["verdict", "loop"]
+    assert {line[1] for line in lines[1:]} >= {"FIC101", "LIC7"}
+    assert all(len(line) == 2 for line in lines)
+
+
+@pytest.mark.parametrize("query", ["format=csv&columns=loop,colour", "format=csv&columns=", "columns=loop"])
+def test_columns_that_there_are_not_or_that_json_has_anyway_are_refused(client, query):
+    answer = client.get(f"/v1/reliability?{query}")
+    assert (answer.status_code, answer.json()["code"]) == (400, "bad_columns")

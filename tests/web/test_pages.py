@@ -7,6 +7,7 @@ import pytest
 from app.services.chunks import audit_chunk
 from app.services.reading import read_upload
 from app.services.uploads import list_uploads
+from app.web.columns import COLUMNS
 from app.web.rendering import tag_in_url
 
 HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
@@ -64,6 +65,10 @@ def test_hostile_names_stay_text(client, path):
     assert any(HOSTILE in text for text in seen(client, path).texts)
 
 
+def test_a_loop_says_how_large_its_stiction_is_or_why_not(client):
+    assert "How large is the stiction" in seen(client, "/loops/LIC7").texts
+
+
 def test_a_hostile_tag_has_a_page_and_charts(client):
     assert HOSTILE_PAGE in seen(client, "/table").links
     told = client.get(f"{HOSTILE_PAGE}/charts").json()
@@ -98,6 +103,25 @@ def test_the_table_is_filtered_sorted_and_shows_the_columns_that_were_chosen(cli
     assert "Yper, %" in found.texts
     assert "/v1/reliability?search=fic&sort=loop&format=csv&limit=20000" in found.links
     assert client.get("/v1/reliability?search=fic&sort=loop&format=csv&limit=20000").text.count("\n") == 2
+
+
+def test_what_is_seen_of_the_table_can_be_exported(client):
+    links = seen(client, "/table?search=fic&column=yper_pct&column=verdict&sort=-yper_pct").links
+    as_seen = next(link for link in links if "columns=" in link)
+    lines = client.get(as_seen).text.splitlines()
+    assert lines[0] == "loop,yper_pct,verdict"
+    assert len(lines) == 2
+    assert lines[1].startswith("FIC101,")
+
+
+def test_every_column_of_the_table_can_be_exported(client):
+    answer = client.get(f"/v1/reliability?format=csv&columns={','.join(COLUMNS)}")
+    assert answer.text.splitlines()[0] == ",".join(COLUMNS)
+    one = client.get("/v1/reliability?format=csv&columns=loop,importance,type,priority&search=LIC7").text.splitlines()[
+        1
+    ]
+    assert one.startswith("LIC7,1.0,,")
+    assert float(one.rpartition(",")[2]) > 0
 
 
 @pytest.mark.parametrize("query", ["sort=nonsense", "cursor=nonsense"])

@@ -1,0 +1,68 @@
+"""How large stiction is, in words that an operator understands, or why the record cannot tell."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+# What a record lacks, by the code of the check that it did not pass; the values are its statistic and the limit.
+LACKING = {
+    "size_regularity": "the swing is too irregular (regularity {0:.2g}, at least {1:.2g} is needed)",
+    "size_cycles": "the record holds only {0:.2g} swings, at least {1:.2g} are needed",
+    "size_samples_per_cycle": "the swing is sampled only {0:.2g} times, at least {1:.2g} times are needed",
+    "size_evidence": "a valve without stiction explains PV nearly as well",
+    "size_as_sampled": "the historian stored too few points and drew lines between them",
+    "size_width": "sizes too far apart explain PV equally well",
+}
+NOT_STUCK = {
+    "no_stiction": "Nothing to state: the valve is not said to stick.",
+    "not_auditable": "Not stated, because the record could not be audited.",
+}
+NO_SWING = (
+    "Not stated: PV and OP do not swing together in this record, so there is nothing to read a size from. "
+    "A record in which the loop cycles would tell."
+)
+NOT_TOLD = "The record cannot tell how large it is, so no number is stated."
+
+
+@dataclass(frozen=True)
+class SizeWords:
+    """headline: the size or that there is none. lines: what it means, or what the record lacks."""
+
+    headline: str
+    lines: tuple[str, ...] = ()
+
+
+def size_in_words(row: Mapping[str, Any], detail: Mapping[str, Any]) -> SizeWords:
+    """`row`: a row of the reliability table; `detail`: what was stored beside its verdict."""
+    if row["verdict"] in NOT_STUCK:
+        return SizeWords(NOT_STUCK[row["verdict"]])
+    if row["stiction_S"] is not None:
+        return SizeWords(stated(row), meaning(row))
+    size = detail.get("stiction_size")
+    if size is None:
+        return SizeWords(NO_SWING)
+    return SizeWords(NOT_TOLD, tuple(lacking(finding) for finding in size["findings"] if finding["outcome"] != "pass"))
+
+
+def stated(row: Mapping[str, Any]) -> str:
+    low, high = row["stiction_S_low"], row["stiction_S_high"]
+    share = row["stiction_S_pct_of_span"]
+    of = "OP's span" if share is not None else "the range that OP covers"
+    share = share if share is not None else row["stiction_S_pct_of_op_range"]
+    told = "" if share is None else f"; that is {share:.0f} % of {of}"
+    return f"S = {row['stiction_S']:.3g} units of OP, with 95 % certainty between {low:.3g} and {high:.3g}{told}."
+
+
+def meaning(row: Mapping[str, Any]) -> tuple[str, ...]:
+    low, high = row["stiction_S_low"], row["stiction_S_high"]
+    return (
+        f"After OP turns round it must travel about {row['stiction_S']:.3g} before the stem moves; "
+        "until then PV does not answer.",
+        f"To see it in the field: with the controller in manual, move OP by less than {low:.3g} against the last move, "
+        f"and PV should stand; by more than {high:.3g}, and it should follow.",
+    )
+
+
+def lacking(finding: Mapping[str, Any]) -> str:
+    words = LACKING.get(finding["code"], finding["text"])
+    return words.format(finding["statistic"], finding["threshold"])
