@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy import Connection, Select, func, select, update
 
-from app.storage.series import insert_new
+from app.storage.bulk import insert_new_rows
 from app.storage.tables import loops
 from app.storage.types import now
 
@@ -60,7 +60,7 @@ def ensure(connection: Connection, tags: Iterable[str]) -> dict[str, int]:
     ids = ids_of(connection, wanted)
     missing = [{"tag": tag, "created_at": now()} for tag in wanted if tag not in ids]
     if missing:
-        connection.execute(insert_new(connection, loops), missing)
+        insert_new_rows(connection, loops, missing)
         ids |= ids_of(connection, [row["tag"] for row in missing])
     return ids
 

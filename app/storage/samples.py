@@ -10,12 +10,15 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
+from app.storage.coding import AS_IT_IS, coded, decoded, shuffled, unshuffled, width
+
 FloatArray = NDArray[np.float64]
 TimeArray = NDArray[np.int64]
 
-FORMAT = 1
+FORMAT = 2
+FORMATS = (1, FORMAT)  # of format 1 the head is a list of names, and each signal stands as it is
 LEVEL = 3
-HEADER = struct.Struct("<BII")  # format, samples, length of the names
+HEADER = struct.Struct("<BII")  # format, samples, length of the head
 LONGEST_NAMES = 1 << 20
 
 
@@ -45,25 +48,30 @@ class Samples:
 
 
 def pack(samples: Samples) -> bytes:
-    """Times as differences, then each signal, bytes of equal weight side by side: what zstd presses best."""
-    names = json.dumps(list(samples.signals)).encode()
-    columns = [np.diff(samples.time_ns, prepend=0), *samples.signals.values()]
-    body = b"".join(_shuffled(column) for column in columns)
-    return HEADER.pack(FORMAT, len(samples), len(names)) + names + zstandard.ZstdCompressor(LEVEL).compress(body)
+    """Times as differences, then each signal in the fewest bytes that give its values again."""
+    columns = {name: coded(values) for name, values in samples.signals.items()}
+    head = json.dumps({name: coding for name, (coding, _) in columns.items()}).encode()
+    times = shuffled(np.diff(samples.time_ns, prepend=0))
+    body = zstandard.ZstdCompressor(LEVEL).compress(b"".join((times, *(raw for _, raw in columns.values()))))
+    return HEADER.pack(FORMAT, len(samples), len(head)) + head + body
 
 
 def unpack(packed: bytes) -> Samples:
     """The samples that `pack` was given. Raises ValueError where the bytes are not of a format this version knows."""
     version, n, length = HEADER.unpack_from(packed)
-    if version != FORMAT or length > LONGEST_NAMES:
-        raise ValueError(f"packed samples of format {version}, this version knows {FORMAT}")
+    if version not in FORMATS or length > LONGEST_NAMES:
+        raise ValueError(f"packed samples of format {version}, this version knows {FORMATS}")
     start = HEADER.size + length
-    names = json.loads(packed[HEADER.size : start])
-    size = 8 * n
-    body = zstandard.ZstdDecompressor().decompress(packed[start:], max_output_size=size * (len(names) + 1))
-    columns = [_unshuffled(body[i * size : (i + 1) * size]) for i in range(len(names) + 1)]
-    time_ns = np.cumsum(columns[0].view("<i8"))
-    return Samples(time_ns, {name: columns[i + 1].view("<f8") for i, name in enumerate(names)})
+    told = json.loads(packed[HEADER.size : start])
+    codings: dict[str, str] = told if version == FORMAT else dict.fromkeys(told, AS_IT_IS)
+    size = n * (8 + sum(map(width, codings.values())))
+    body = zstandard.ZstdDecompressor().decompress(packed[start:], max_output_size=size)
+    time_ns, end = np.cumsum(unshuffled(body[: 8 * n], "<i8")), 8 * n
+    signals = {}
+    for name, coding in codings.items():
+        begin, end = end, end + n * width(coding)
+        signals[name] = decoded(coding, body[begin:end])
+    return Samples(time_ns, signals)
 
 
 def merged(stretches: Sequence[Samples]) -> Samples:
@@ -95,11 +103,3 @@ def news(sent: Samples, stored: Samples) -> Samples:
         same = np.isnan(values) if before is None else np.isnan(values) | (values == before[places])
         fresh |= ~same
     return sent.part(fresh)
-
-
-def _shuffled(column: NDArray[np.generic]) -> bytes:
-    return np.ascontiguousarray(column).view(np.uint8).reshape(-1, 8).T.tobytes()
-
-
-def _unshuffled(part: bytes) -> NDArray[np.uint8]:
-    return np.ascontiguousarray(np.frombuffer(part, np.uint8).reshape(8, -1).T).reshape(-1)

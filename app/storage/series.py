@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy import Connection, Insert, bindparam, func, insert, select, tuple_, update
 from sqlalchemy.dialects import postgresql, sqlite
 
+from app.storage.bulk import columns_of, from_arrays, insert_new_rows
 from app.storage.samples import Samples, merged, news, pack, unpack
 from app.storage.tables import loops, series
 
@@ -37,7 +38,7 @@ def add(connection: Connection, stretches: Sequence[Stretch], upload_id: int | N
     rows = _rows(prints, _overlapped(connection, list(prints.values())), upload_id)
     rows.sort(key=lambda row: row["loop_id"])  # one order for all writers: none waits for another in a circle
     if rows:
-        connection.execute(insert_new(connection, series), rows)
+        insert_new_rows(connection, series, rows)
         _note_newest(connection, rows)
     return Added(len(rows), sum(row["samples"] for row in rows))
 
@@ -151,12 +152,19 @@ def _note_newest(connection: Connection, rows: list[dict[str, Any]]) -> None:
     newest: dict[int, int] = {}
     for row in rows:
         newest[row["loop_id"]] = max(newest.get(row["loop_id"], row["end_ns"]), row["end_ns"])
+    told = [{"id": loop_id, "newest_ns": end_ns} for loop_id, end_ns in sorted(newest.items())]
+    if connection.dialect.name == "postgresql":
+        sent = from_arrays(loops, ("id", "newest_ns")).subquery()
+        later = (loops.c.newest_ns.is_(None)) | (loops.c.newest_ns < sent.c.newest_ns)
+        raised = update(loops).where(loops.c.id == sent.c.id, later).values(newest_ns=sent.c.newest_ns)
+        connection.execute(raised, columns_of(told))
+        return
     connection.execute(
         update(loops)
         .where(loops.c.id == bindparam("loop"))
         .where((loops.c.newest_ns.is_(None)) | (loops.c.newest_ns < bindparam("newest"))),
         # `newest_ns` is set by name below: a bind of the same name as a column is refused.
-        [{"loop": loop_id, "newest": end_ns, "newest_ns": end_ns} for loop_id, end_ns in sorted(newest.items())],
+        [{"loop": row["id"], "newest": row["newest_ns"], "newest_ns": row["newest_ns"]} for row in told],
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from sqlalchemy import Connection, delete, insert, or_, select, update
 
+from app.storage.bulk import insert_new_rows
 from app.storage.series import insert_new
 from app.storage.tables import loops, rejects, upload_loops, uploads
 from app.storage.types import clock_s, now
@@ -118,7 +119,7 @@ def end(connection: Connection, claim: ReadingClaim, state: str, values: dict[st
 def note_loops(connection: Connection, upload_id: int, loop_ids: Iterable[int]) -> None:
     rows = [{"upload_id": upload_id, "loop_id": loop_id} for loop_id in sorted(loop_ids)]
     if rows:
-        connection.execute(insert_new(connection, upload_loops), rows)
+        insert_new_rows(connection, upload_loops, rows)
 
 
 def replace_rejects(connection: Connection, upload_id: int, listed: Sequence[RejectRow]) -> None:

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+import zstandard
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from app.storage.samples import Samples, merged, news, pack, unpack
+from app.storage.coding import coded, decoded, shuffled
+from app.storage.samples import HEADER, Samples, merged, news, pack, unpack
 
 SECOND = 1_000_000_000
 
@@ -36,7 +38,8 @@ def test_unpack_gives_what_pack_got(drawn: tuple[list[int], np.ndarray]) -> None
     before = Samples(np.array(times, np.int64), {"pv": both[0], "tag:FT 1": both[1]})
     after = unpack(pack(before))
     assert same(before, after)
-    assert before.fingerprint() == after.fingerprint()
+    again = unpack(pack(after))
+    assert again.fingerprint() == after.fingerprint()  # of the first, -0.0 and the bits of a NaN may differ
 
 
 def test_a_day_of_a_loop_is_small() -> None:
@@ -80,3 +83,33 @@ def test_laying_news_over_the_stored_is_laying_all_of_it(drawn: list[list[int]])
         if len(fresh):
             stored.append(fresh)
     assert same(merged(stored), merged(sent))
+
+
+@pytest.mark.parametrize(
+    ("values", "coding"),
+    [
+        ([1.0, 2.0, np.nan], "0"),
+        ([12.345, -0.1, 99.999, np.nan], "3"),
+        ([0.1, 1e300], "d"),
+        ([3e9, 1.5], "f"),
+        ([float(np.float32(0.1)), 7.0], "f"),
+        ([np.pi, 1.0], "d"),
+        ([np.inf, 1.0], "f"),
+        ([np.nan, np.nan], "0"),
+        ([0.1 + 0.2], "d"),
+    ],
+)
+def test_a_signal_is_written_in_the_fewest_bytes_that_give_it_again(values: list[float], coding: str) -> None:
+    given = np.array(values)
+    found, raw = coded(given)
+    assert found == coding
+    assert np.array_equal(decoded(found, raw), given, equal_nan=True)
+
+
+def test_samples_of_the_format_before_are_read() -> None:
+    time_ns, pv = np.array([5, 7, 11]), np.array([1.25, np.nan, 3.0])
+    names = b'["pv"]'
+    body = shuffled(np.diff(time_ns, prepend=0)) + shuffled(pv)
+    after = unpack(HEADER.pack(1, 3, len(names)) + names + zstandard.ZstdCompressor().compress(body))
+    assert after.time_ns.tolist() == [5, 7, 11]
+    assert np.array_equal(after.signals["pv"], pv, equal_nan=True)

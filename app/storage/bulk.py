@@ -1,0 +1,34 @@
+"""Many rows in one statement: PostgreSQL takes columns as arrays in one round trip; rows one by one cost one each."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
+
+from sqlalchemy import Connection, Insert, Select, Table, bindparam, func, select
+from sqlalchemy.dialects import postgresql, sqlite
+
+Rows = Sequence[dict[str, Any]]
+
+
+def insert_new_rows(connection: Connection, table: Table, rows: Rows) -> None:
+    """Inserts rows of the same columns; rows whose key is there already are left alone."""
+    if connection.dialect.name != "postgresql":
+        connection.execute(sqlite.insert(table).on_conflict_do_nothing(), list(rows))
+    else:
+        connection.execute(_insert(table, tuple(rows[0])), columns_of(rows))
+
+
+def from_arrays(table: Table, names: Sequence[str]) -> Select[Any]:
+    """The rows that `columns_of` was given, on PostgreSQL; their types are those of the table's columns."""
+    arrays = (bindparam(f"sent_{name}", type_=postgresql.ARRAY(table.c[name].type)) for name in names)
+    return select(*(func.unnest(array).label(name) for name, array in zip(names, arrays, strict=True)))
+
+
+def columns_of(rows: Rows) -> dict[str, list[Any]]:
+    return {f"sent_{name}": [row[name] for row in rows] for name in rows[0]}
+
+
+@lru_cache(maxsize=64)
+def _insert(table: Table, names: tuple[str, ...]) -> Insert:
+    statement = postgresql.insert(table).from_select(list(names), from_arrays(table, names))
+    return statement.on_conflict_do_nothing()
