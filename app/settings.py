@@ -1,19 +1,24 @@
 """Every setting of the service: an environment variable LOOPAUDIT_<NAME> each, with what it means."""
 
 import os
+import re
 from datetime import time
 from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 from zoneinfo import ZoneInfo
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "POLARS_MAX_THREADS")
 
 
 BROKERS = ("redis://", "rediss://", "folder://", "amqp://", "amqps://")
+
+
+def _listed(text: str) -> list[str]:
+    return [part.strip() for part in text.split(",") if part.strip()]
 
 
 class Settings(BaseSettings):
@@ -96,6 +101,27 @@ class Settings(BaseSettings):
     )
     keep_trail_days: int = Field(730, ge=0, description="Who did what is kept for this many days; 0: for ever.")
 
+    public_url: str = Field(
+        "", description="Address by which people reach the pages, for links in digests and reports; empty: no links."
+    )
+    digest_mail_to: str = Field("", description="Who gets the nightly digest by mail: addresses, commas between.")
+    digest_webhooks: str = Field("", description="Where the nightly digest is posted to: addresses, commas between.")
+    digest_webhook_secret: SecretStr = Field(
+        SecretStr(""), description="Secret that webhooks are signed with (HMAC-SHA256); needed for webhooks."
+    )
+    digest_private_webhooks: bool = Field(
+        False, description="Let webhooks go to private and loopback addresses, as in a closed network."
+    )
+    digest_smtp_host: str = Field("", description="Mail server of the digest; needed for mail.")
+    digest_smtp_port: int = Field(587, ge=1, le=65535, description="Port of the mail server.")
+    digest_smtp_user: str = Field("", description="User at the mail server; empty: no login.")
+    digest_smtp_password: SecretStr = Field(SecretStr(""), description="Password at the mail server.")
+    digest_smtp_starttls: bool = Field(True, description="Encrypt the way to the mail server (STARTTLS).")
+    digest_mail_from: str = Field("", description="Address that the digest's mail comes from; needed for mail.")
+    digest_attempts: int = Field(
+        8, ge=1, le=20, description="How often a digest is tried, later and later, before it is given up."
+    )
+
     max_upload_bytes: int = Field(4 << 30, ge=1, description="Greatest upload, in bytes as they come.")
     upload_deadline_s: float = Field(
         3600.0, gt=0, description="An upload must have arrived within this time, in seconds."
@@ -140,6 +166,29 @@ class Settings(BaseSettings):
             raise ValueError(f"BROKER_URL must begin with {', '.join(BROKERS)}; got {address[:40]!r}")
         return address
 
+    @field_validator("public_url")
+    @classmethod
+    def _address_of_pages(cls, address: str) -> str:
+        if address and not address.startswith(("http://", "https://")):
+            raise ValueError("PUBLIC_URL must begin with http:// or https://")
+        return address.rstrip("/")
+
+    @field_validator("digest_webhooks")
+    @classmethod
+    def _webhook_addresses(cls, addresses: str) -> str:
+        # The addresses themselves may hold secrets: they are not repeated.
+        if not all(address.startswith(("http://", "https://")) for address in _listed(addresses)):
+            raise ValueError("each of DIGEST_WEBHOOKS must begin with http:// or https://")
+        return addresses
+
+    @field_validator("digest_mail_to", "digest_mail_from")
+    @classmethod
+    def _mail_addresses(cls, addresses: str) -> str:
+        wrong = [address for address in _listed(addresses) if not re.fullmatch(r"[!-~]+@[!-~]+", address)]
+        if wrong:
+            raise ValueError(f"not an address of mail: {wrong[0][:80]!r}")
+        return addresses
+
     @model_validator(mode="after")
     def _lease_outlasts_a_loop(self) -> "Settings":
         if self.lease_s < 2 * self.loop_limit_s:
@@ -157,6 +206,12 @@ class Settings(BaseSettings):
     @property
     def allowed_host_names(self) -> frozenset[str]:
         return frozenset(name.strip().lower() for name in self.allowed_hosts.split(",") if name.strip())
+
+    @property
+    def digest_receivers(self) -> tuple[str, ...]:
+        """Addresses of receivers: mailto:..., http(s)://..."""
+        mails = (f"mailto:{address}" for address in _listed(self.digest_mail_to))
+        return tuple(dict.fromkeys((*mails, *_listed(self.digest_webhooks))))
 
     @property
     def embedded(self) -> bool:

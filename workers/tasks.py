@@ -4,8 +4,8 @@ import uuid
 
 from celery import shared_task
 
-from app.queue import AUDIT_CHUNK, EXPLAIN, READ_UPLOAD, SWEEP
-from app.services import chunks, explaining, operations, reading
+from app.queue import AUDIT_CHUNK, DELIVER, EXPLAIN, READ_UPLOAD, SWEEP
+from app.services import chunks, deliveries, explaining, operations, reading
 from workers.process import backend
 
 
@@ -22,6 +22,11 @@ def audit_chunk(audit_id: int) -> None:
 @shared_task(name=EXPLAIN)
 def explain() -> None:
     explaining.explain_next(backend(), owner=uuid.uuid4().hex, watchdog=True)
+
+
+@shared_task(name=DELIVER)
+def deliver() -> None:
+    deliveries.deliver_next(backend(), owner=uuid.uuid4().hex)
 
 
 @shared_task(name=SWEEP)

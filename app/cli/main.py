@@ -8,6 +8,7 @@ from app.cli import (
     audit,
     bench,
     demo,
+    digest,
     explain,
     inspect,
     keys,
@@ -52,6 +53,7 @@ cli.command("worker", rich_help_panel=RUN)(worker.worker)
 cli.command("beat", rich_help_panel=RUN)(worker.beat)
 cli.command("upload", rich_help_panel=RUN)(upload.upload)
 cli.command("nightly", rich_help_panel=RUN)(nightly.nightly)
+cli.command("digest", rich_help_panel=RUN)(digest.digest)
 cli.command("migrate", rich_help_panel=RUN)(migrate.migrate)
 cli.command("doctor", rich_help_panel=RUN)(upkeep.doctor)
 cli.command("backup", rich_help_panel=RUN)(upkeep.backup)

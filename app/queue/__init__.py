@@ -1,7 +1,7 @@
 """Names of jobs, and the only door to Celery. A message is a doorbell: what is to do stands in the data base."""
 
-from app.queue.jobs import AUDIT_CHUNK, EXPLAIN, READ_UPLOAD, SWEEP
+from app.queue.jobs import AUDIT_CHUNK, DELIVER, EXPLAIN, READ_UPLOAD, SWEEP
 from app.queue.publishing import Queue
 from app.queue.running import run_beat, run_worker
 
-__all__ = ["AUDIT_CHUNK", "EXPLAIN", "READ_UPLOAD", "SWEEP", "Queue", "run_beat", "run_worker"]
+__all__ = ["AUDIT_CHUNK", "DELIVER", "EXPLAIN", "READ_UPLOAD", "SWEEP", "Queue", "run_beat", "run_worker"]

@@ -6,11 +6,12 @@ from celery import Celery
 from kombu import Queue as KombuQueue
 from kombu.transport import TRANSPORT_ALIASES
 
-from app.queue.jobs import AUDIT_CHUNK, EXPLAIN, QUEUE_OF, QUEUES, READ_UPLOAD, SWEEP
+from app.queue.jobs import AUDIT_CHUNK, DELIVER, EXPLAIN, QUEUE_OF, QUEUES, READ_UPLOAD, SWEEP
 from app.settings import Settings
 
 FOLDER = "folder://"
 CHUNK_HARD_LIMIT_S = 600
+DELIVERY_HARD_LIMIT_S = 120
 READING_HARD_LIMIT_S = 4 * 3600
 VISIBILITY_TIMEOUT_S = 900
 
@@ -36,6 +37,7 @@ def celery_application(settings: Settings, *, works: bool = False) -> Celery:
         task_annotations={
             AUDIT_CHUNK: {"time_limit": CHUNK_HARD_LIMIT_S},
             EXPLAIN: {"time_limit": CHUNK_HARD_LIMIT_S},
+            DELIVER: {"time_limit": DELIVERY_HARD_LIMIT_S},
             READ_UPLOAD: {"time_limit": READING_HARD_LIMIT_S},
         },
         # A task that was cut off is not lost with its message: the data base has its work, and the sweeper looks.

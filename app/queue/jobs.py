@@ -3,7 +3,8 @@
 READ_UPLOAD = "loopaudit.read_upload"
 AUDIT_CHUNK = "loopaudit.audit_chunk"
 EXPLAIN = "loopaudit.explain"
+DELIVER = "loopaudit.deliver"
 SWEEP = "loopaudit.sweep"
 
-QUEUE_OF = {SWEEP: "control", READ_UPLOAD: "reading", AUDIT_CHUNK: "audit", EXPLAIN: "explain"}
+QUEUE_OF = {SWEEP: "control", READ_UPLOAD: "reading", AUDIT_CHUNK: "audit", EXPLAIN: "explain", DELIVER: "deliver"}
 QUEUES = tuple(QUEUE_OF.values())

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from kombu.exceptions import OperationalError
 
-from app.queue.jobs import AUDIT_CHUNK, EXPLAIN, READ_UPLOAD, SWEEP
+from app.queue.jobs import AUDIT_CHUNK, DELIVER, EXPLAIN, READ_UPLOAD, SWEEP
 from app.settings import Settings
 
 if TYPE_CHECKING:
@@ -29,6 +29,9 @@ class Queue:
 
     def explain(self, messages: int) -> bool:
         return all(self._send(EXPLAIN) for _ in range(messages))
+
+    def deliver(self, messages: int) -> bool:
+        return all(self._send(DELIVER) for _ in range(messages))
 
     def sweep(self) -> bool:
         return self._send(SWEEP)

@@ -14,7 +14,7 @@ from typing import Literal
 from sqlalchemy import select
 from sqlalchemy.exc import SQLAlchemyError
 
-from app.services import keys
+from app.services import deliveries, keys
 from app.services.backend import Backend
 from app.services.metrics import standstill_s
 from app.services.operations import LEAST_FREE_BYTES
@@ -197,6 +197,26 @@ def broker(backend: Backend) -> Check:
     return Check("broker", "problem", "does not answer", advice)
 
 
+def digests(backend: Backend) -> Check:
+    receivers = backend.settings.digest_receivers
+    if not receivers:
+        return Check("digest", "ok", "nobody gets one")
+    missing = list(deliveries.missing_settings(backend))
+    if missing:
+        return Check("digest", "problem", f"{len(receivers)} receivers, not set: {', '.join(missing)}", "set these")
+    failed = deliveries.newest_failed(backend)
+    if failed:
+        found = f"the newest was given up for {failed[0].receiver}: {failed[0].reason}"
+        return Check("digest", "warning", found, "try `loopaudit digest --send` once the reason is mended")
+    unsafe = backend.settings.digest_smtp_user and not backend.settings.digest_smtp_starttls
+    if unsafe:
+        return Check(
+            "digest", "warning", "the mail server's password travels in clear", "LOOPAUDIT_DIGEST_SMTP_STARTTLS"
+        )
+    links = "" if backend.settings.public_url else "; no links, because LOOPAUDIT_PUBLIC_URL is not set"
+    return Check("digest", "ok", f"{len(receivers)} receivers{links}")
+
+
 OF_THE_DATABASE: tuple[tuple[str, Callable[[Backend], Check]], ...] = (
     ("tables", tables),
     ("integrity", journal),
@@ -204,6 +224,7 @@ OF_THE_DATABASE: tuple[tuple[str, Callable[[Backend], Check]], ...] = (
     ("workers", workers),
     ("open work", oldest_work),
     ("keys", keys_of_the_plant),
+    ("digest", digests),
 )
 
 

@@ -8,6 +8,7 @@ from sqlalchemy.exc import OperationalError, SQLAlchemyError
 from app.errors import RequestError
 from app.services import audits as audit_runs
 from app.services.backend import Backend
+from app.services.deliveries import announce_digests
 from app.services.nightly import announce_explanations, nightly_if_due
 from app.services.results import Readiness, SweepReport
 from app.services.retention import retain_if_due
@@ -52,7 +53,7 @@ def sweep(backend: Backend) -> SweepReport:
         backend.queue.read_upload(upload_id)
     for audit_id in stalled:
         audit_runs.announce(backend, audit_id)
-    waiting = announce_explanations(backend)
+    waiting = announce_explanations(backend) + announce_digests(backend)
     run = nightly_if_due(backend)
     retain_if_due(backend)
     _drop_old_drafts(settings)

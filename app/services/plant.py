@@ -75,7 +75,7 @@ def changes(backend: Backend, limit: int = LISTED_CHANGES) -> Changes:
         found = plant.changes(connection, run.id, limit + 1) if compared else []
     if run is None:
         return Changes(None, None, [], False)
-    return Changes(str(run.id), iso_utc(run.created_at), [_change(row) for row in found[:limit]], len(found) > limit)
+    return Changes(str(run.id), iso_utc(run.created_at), [change_of(row) for row in found[:limit]], len(found) > limit)
 
 
 def worst(backend: Backend, limit: int = WORST) -> list[dict[str, Any]]:
@@ -165,7 +165,7 @@ def _mean_health(rows: list[Any]) -> float | None:
     return sum(row.weighted_health for row in told) / weight if weight else None
 
 
-def _change(row: Any) -> ChangeView:
+def change_of(row: Any) -> ChangeView:
     kind = _kind(row.verdict_before, row.verdict)
     return ChangeView(row.tag, row.unit, kind, row.verdict_before, row.verdict, _why(row), row.reasons_text, row.health)
 

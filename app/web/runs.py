@@ -6,6 +6,7 @@ from starlette.responses import RedirectResponse
 
 from app.api.backend import Identifier, Services
 from app.services.audits import failures, list_audits, start_audit
+from app.services.deliveries import deliveries_of
 from app.services.plant import run_figures
 from app.services.wording import VERDICT_RANK
 from app.web.rendering import page
@@ -30,4 +31,5 @@ def start(backend: Services) -> RedirectResponse:
 def run(backend: Services, audit_id: Identifier) -> HTMLResponse:
     figures = run_figures(backend, audit_id)
     failed = failures(backend, audit_id, SHOWN_FAILURES) if figures.run.failed else []
-    return page("run.html", run=figures.run, figures=figures, failures=failed, ranks=VERDICT_RANK)
+    sent = deliveries_of(backend, audit_id)
+    return page("run.html", deliveries=sent, run=figures.run, figures=figures, failures=failed, ranks=VERDICT_RANK)

@@ -1,0 +1,76 @@
+"""`loopaudit digest`: what a night came to, printed or sent."""
+
+import json
+import os
+import socket
+import sys
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from app.cli.keys import opened
+from app.cli.messages import ExitCode, say
+from app.errors import RequestError
+
+if TYPE_CHECKING:
+    from app.services.backend import Backend
+
+
+class Form(StrEnum):
+    text = "text"
+    html = "html"
+    json = "json"
+
+
+def digest(
+    audit: Annotated[str | None, typer.Option("--audit", help="The run; without it the newest nightly one.")] = None,
+    send: Annotated[
+        bool, typer.Option("--send/--dry-run", help="Send it to the receivers of the settings, or only print it.")
+    ] = False,
+    form: Annotated[Form, typer.Option("--format", help="What is printed.")] = Form.text,
+) -> None:
+    """Print the digest of a night: the five worst loops of each unit, and what changed; or send it now.
+
+    After each nightly audit it goes to LOOPAUDIT_DIGEST_MAIL_TO and LOOPAUDIT_DIGEST_WEBHOOKS by itself. Nobody gets
+    the digest of a run twice. Exit code 1: some receiver did not take it.
+
+    [bold]Examples[/bold]
+
+      loopaudit digest
+
+      loopaudit digest --audit 17 --send
+    """
+    from app.services.digest import as_html, as_json, as_text, digest_of, newest_run
+
+    with opened() as backend:
+        run = audit or newest_run(backend)
+        if send:
+            raise typer.Exit(sent(backend, run))
+        found = digest_of(backend, run)
+    if form is Form.json:
+        sys.stdout.write(json.dumps(as_json(found), ensure_ascii=False) + "\n")
+    else:
+        sys.stdout.write(as_text(found) if form is Form.text else as_html(found))
+    raise typer.Exit(ExitCode.DONE)
+
+
+def sent(backend: "Backend", run: str) -> ExitCode:
+    """Each receiver and what became of it, on stdout."""
+    from app.services.deliveries import deliver_next, deliveries_of, plan
+
+    if not backend.settings.digest_receivers:
+        raise RequestError(
+            "no_receiver", "nobody is to get it: set LOOPAUDIT_DIGEST_MAIL_TO or LOOPAUDIT_DIGEST_WEBHOOKS"
+        )
+    plan(backend, run)
+    owner = f"digest:{socket.gethostname()}:{os.getpid()}"
+    for _ in backend.settings.digest_receivers:  # each once: what failed is tried again by the service, later
+        deliver_next(backend, owner, run)
+    found = deliveries_of(backend, run)
+    for one in found:
+        again = " (is tried again later)" if one.state == "open" else ""
+        sys.stdout.write(f"{one.receiver}: {one.state}{again}{f': {one.reason}' if one.reason else ''}\n")
+    undone = sum(one.state != "done" for one in found)
+    say(f"loopaudit: the digest of run {run} is with {len(found) - undone} of {len(found)} receivers")
+    return ExitCode.SOME_FAILED if undone else ExitCode.DONE

@@ -1,0 +1,55 @@
+"""Templates of what leaves the service as a document of its own: mails, reports. What comes from a plant is escaped."""
+
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from app.services.wording import (
+    CHANGE_WORDS,
+    RELIABILITY_SHORT,
+    RELIABILITY_WORDS,
+    VERDICT_RANK,
+    VERDICT_WORDS,
+    WHY_WORDS,
+    cause_words,
+)
+
+
+def figure(value: float | None, digits: int) -> str:
+    """A number for people; a dash where there is none."""
+    return "–" if value is None else f"{value:.{digits}f}"
+
+
+def short_time(iso: str | None) -> str:
+    """2026-01-31T03:00:00Z as 2026-01-31 03:00."""
+    return (iso or "–")[:16].replace("T", " ")
+
+
+def loop_address(public_url: str, tag: str) -> str:
+    """Where people find the loop's page; empty where it is not known how they reach the service."""
+    return f"{public_url}/loops/{quote(tag, safe='')}" if public_url else ""
+
+
+def _environment() -> Environment:
+    folder = Path(__file__).parent / "templates"
+    templates = Environment(loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined)
+    templates.trim_blocks = templates.lstrip_blocks = True
+    templates.filters |= {"figure": figure, "short_time": short_time, "cause_words": cause_words}
+    templates.globals |= {
+        "verdict_words": VERDICT_WORDS,
+        "reliability_words": RELIABILITY_WORDS,
+        "reliability_short": RELIABILITY_SHORT,
+        "change_words": CHANGE_WORDS,
+        "why_words": WHY_WORDS,
+        "ranks": VERDICT_RANK,
+    }
+    return templates
+
+
+TEMPLATES = _environment()
+
+
+def document(name: str, **values: Any) -> str:
+    return TEMPLATES.get_template(name).render(**values)

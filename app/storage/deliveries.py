@@ -1,0 +1,128 @@
+"""Digests on their way: one row a run and receiver, claimed for a time, tried again later, then done or failed."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+from sqlalchemy import ColumnElement, Connection, Update, and_, or_, select, update
+
+from app.storage.items import Reopened
+from app.storage.series import insert_new
+from app.storage.tables import audits, deliveries
+from app.storage.types import clock_s, now
+
+
+@dataclass(frozen=True)
+class DeliveryRow:
+    audit_id: int
+    receiver: str
+    state: str
+    attempts: int
+    ended_at: datetime | None
+    error_text: str | None
+
+
+@dataclass(frozen=True)
+class DeliveryClaim:
+    """The right to send a digest and to say what became of it; `attempt` fences off whoever had it before."""
+
+    audit_id: int
+    receiver: str
+    attempt: int
+    owner: str
+
+
+COLUMNS = [deliveries.c[name] for name in DeliveryRow.__dataclass_fields__]
+
+
+def plan(connection: Connection, audit_id: int, receivers: Iterable[str]) -> None:
+    """A delivery to each receiver, where there is none of this run yet."""
+    rows = [{"audit_id": audit_id, "receiver": receiver} for receiver in receivers]
+    if rows:
+        connection.execute(insert_new(connection, deliveries), rows)
+
+
+def newest_nightly(connection: Connection, at_most_old: timedelta) -> int | None:
+    """The newest nightly run, where it has ended with what it could do, and that not long ago."""
+    newest = select(audits.c.id).where(audits.c.trigger == "nightly").order_by(audits.c.id.desc()).limit(1)
+    ended = and_(audits.c.state.in_(("done", "partial")), audits.c.ended_at > now() - at_most_old)
+    return connection.scalar(select(audits.c.id).where(audits.c.id == newest.scalar_subquery(), ended))
+
+
+def of_run(connection: Connection, audit_id: int) -> list[DeliveryRow]:
+    query = select(*COLUMNS).where(deliveries.c.audit_id == audit_id).order_by(deliveries.c.receiver)
+    return [DeliveryRow(*row) for row in connection.execute(query)]
+
+
+def newest_failed(connection: Connection, limit: int) -> list[DeliveryRow]:
+    """Those that were given up, of the newest run that was sent to anybody."""
+    newest = select(deliveries.c.audit_id).order_by(deliveries.c.audit_id.desc()).limit(1).scalar_subquery()
+    query = select(*COLUMNS).where(deliveries.c.audit_id == newest, deliveries.c.state == "failed")
+    return [DeliveryRow(*row) for row in connection.execute(query.order_by(deliveries.c.receiver).limit(limit))]
+
+
+def claim_next(connection: Connection, owner: str, lease_s: float, audit_id: int | None = None) -> DeliveryClaim | None:
+    """The delivery whose turn it is (of one run, whenever its turn is), for `lease_s` seconds by the data base's
+    clock; None: nothing is to be sent now. Those that were tried least come first."""
+    wanted = _due() if audit_id is None else and_(deliveries.c.state == "open", deliveries.c.audit_id == audit_id)
+    picked = connection.execute(
+        select(deliveries.c.audit_id, deliveries.c.receiver)
+        .where(wanted)
+        .order_by(deliveries.c.attempts, deliveries.c.audit_id, deliveries.c.receiver)
+        .limit(1)
+        .with_for_update(skip_locked=True)
+    ).one_or_none()
+    if picked is None:
+        return None
+    attempt = connection.execute(
+        update(deliveries)
+        .where(deliveries.c.audit_id == picked.audit_id, deliveries.c.receiver == picked.receiver)
+        .values(state="claimed", owner=owner, lease_until_s=clock_s() + lease_s, attempts=deliveries.c.attempts + 1)
+        .returning(deliveries.c.attempts)
+    ).scalar_one()
+    return DeliveryClaim(picked.audit_id, picked.receiver, attempt, owner)
+
+
+def end(connection: Connection, claim: DeliveryClaim, state: str, error_text: str | None) -> bool:
+    """Whether the claim still held, and the delivery has ended so."""
+    ended = {"state": state, "ended_at": now(), "error_text": error_text, "next_try_s": None}
+    return connection.execute(_held(claim).values(owner=None, lease_until_s=None, **ended)).rowcount == 1
+
+
+def try_later(connection: Connection, claim: DeliveryClaim, after_s: float, error_text: str) -> bool:
+    """Whether the claim still held, and the delivery waits for its next try."""
+    later = {"state": "open", "next_try_s": clock_s() + after_s, "error_text": error_text}
+    return connection.execute(_held(claim).values(owner=None, lease_until_s=None, **later)).rowcount == 1
+
+
+def reopen_expired(connection: Connection, max_attempts: int) -> Reopened:
+    """Takes deliveries back whose lease has ended: they may have been sent, and are sent again with the same id."""
+    expired = update(deliveries).where(deliveries.c.state == "claimed", deliveries.c.lease_until_s < clock_s())
+    lost = f"the worker was lost {max_attempts} times while it sent this digest"
+    given_up = {"state": "failed", "ended_at": now(), "error_text": lost, "next_try_s": None}
+    failed = connection.execute(
+        expired.where(deliveries.c.attempts >= max_attempts).values(owner=None, lease_until_s=None, **given_up)
+    )
+    reopened = connection.execute(expired.values(state="open", owner=None, lease_until_s=None, next_try_s=None))
+    return Reopened(reopened.rowcount, failed.rowcount)
+
+
+def due(connection: Connection) -> int:
+    """How many could be sent now."""
+    return len(connection.execute(select(deliveries.c.receiver).where(_due())).all())
+
+
+def _due() -> ColumnElement[bool]:
+    return and_(
+        deliveries.c.state == "open", or_(deliveries.c.next_try_s.is_(None), deliveries.c.next_try_s <= clock_s())
+    )
+
+
+def _held(claim: DeliveryClaim) -> Update:
+    return update(deliveries).where(
+        deliveries.c.audit_id == claim.audit_id,
+        deliveries.c.receiver == claim.receiver,
+        deliveries.c.state == "claimed",
+        deliveries.c.owner == claim.owner,
+        deliveries.c.attempts == claim.attempt,
+    )

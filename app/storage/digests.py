@@ -1,0 +1,57 @@
+"""What a digest tells of one run, whenever it is asked: later runs change nothing of it."""
+
+from typing import Any
+
+from sqlalchemy import Connection, and_, func, or_, select
+
+from app.storage.tables import loops, verdicts
+
+COMPLAINTS = ("stiction", "inconclusive")
+now = verdicts.alias("of_the_run")
+before = verdicts.alias("earlier")
+_PRIORITY = loops.c.importance * (100.0 - now.c.health)
+_OF_RUN = loops.join(now, now.c.loop_id == loops.c.id)
+
+
+def worst_of_units(connection: Connection, audit_id: int, each: int) -> list[Any]:
+    """Of each unit the loops that stick or may, at the head of its list by what is missing to health x importance."""
+    place = func.row_number().over(partition_by=loops.c.unit, order_by=(_PRIORITY.desc().nulls_last(), loops.c.tag))
+    shown = (
+        *(loops.c.tag, loops.c.unit, loops.c.importance, now.c.verdict, now.c.reliability),
+        *(now.c.stiction_probability, now.c.likely_cause, now.c.health, now.c.reasons_text),
+    )
+    placed = select(*shown, place.label("place")).select_from(_OF_RUN)
+    found = placed.where(now.c.audit_id == audit_id, now.c.verdict.in_(COMPLAINTS)).subquery()
+    return list(connection.execute(select(found).where(found.c.place <= each).order_by(found.c.unit, found.c.place)))
+
+
+def changes_of(connection: Connection, audit_id: int, limit: int) -> list[Any]:
+    """Loops whose verdict in this run is another one than their verdict before, the worst first; what is told is what
+    `plant.changes` tells."""
+    earlier = (
+        select(func.max(before.c.audit_id))
+        .where(before.c.loop_id == now.c.loop_id, before.c.audit_id < audit_id)
+        .correlate(now)
+        .scalar_subquery()
+    )
+    joined = _OF_RUN.outerjoin(before, and_(before.c.loop_id == now.c.loop_id, before.c.audit_id == earlier))
+    query = select(
+        *(loops.c.tag, loops.c.unit, before.c.verdict.label("verdict_before"), now.c.verdict, now.c.health),
+        now.c.reasons_text,
+        (now.c.engine_version != before.c.engine_version).label("engine_changed"),
+        (now.c.config_fingerprint != before.c.config_fingerprint).label("config_changed"),
+        (now.c.filled_share - before.c.filled_share).label("filled_more"),
+        (now.c.samples * 1.0 / func.nullif(before.c.samples, 0)).label("samples_ratio"),
+        (now.c.sampling_interval_s / func.nullif(before.c.sampling_interval_s, 0.0)).label("interval_ratio"),
+    ).select_from(joined)
+    news = or_(now.c.verdict != before.c.verdict, and_(before.c.verdict.is_(None), now.c.verdict == "stiction"))
+    query = query.where(now.c.audit_id == audit_id, news)
+    return list(connection.execute(query.order_by(_PRIORITY.desc().nulls_last(), loops.c.tag).limit(limit)))
+
+
+def counts_of(connection: Connection, audit_id: int) -> list[Any]:
+    """Loops of the run by verdict, reliability and likely cause."""
+    by = (now.c.verdict, now.c.reliability, now.c.likely_cause)
+    return list(
+        connection.execute(select(*by, func.count().label("loops")).where(now.c.audit_id == audit_id).group_by(*by))
+    )
