@@ -34,6 +34,7 @@ SPOILED_BY = {
 
 # Findings that show a historian's compression: what lies between the stored values is not the loop's.
 _REBUILT = frozenset({"pv_interpolated", "op_interpolated"})
+_AS_CONFIGURED = AuditConfig()  # one of it, because its fingerprint costs as much as a stage of the audit
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ def audit(recording: Recording, config: AuditConfig | None = None) -> Audit:
     "not_auditable" with the reasons, never an exception. Changing sign, scale or offset of PV or OP does not change the
     verdict.
     """
-    config = config or AuditConfig()
+    config = config or _AS_CONFIGURED
     fitness = assess(recording, config.fitness)
     oscillation = detect(fitness.record) if fitness.record is not None and fitness.auditable else None
     fitness = with_cycles(fitness, oscillation, config.fitness)
