@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help install browser demo test lint audit-deps bench evaluate testbench prove lock clean
+.PHONY: help install browser demo test lint audit-deps bench evaluate testbench prove fuzz coverage lock clean
 
 help:
 	@echo "make demo     set up, start the service on the embedded default, audit a demo plant, show the table"
@@ -14,6 +14,8 @@ help:
 	@echo "make evaluate the verdict on labelled recordings, leaving one valve out (RECORDINGS=folder with labels.csv)"
 	@echo "make testbench whole audits of simulated loops, one factor at a time (minutes; JOBS=processes)"
 	@echo "make prove    run explain blind over loops with concealed physics"
+	@echo "make fuzz     hostile requests to the API, files led by coverage to the readers (COUNT=requests, SECONDS=, SEED=)"
+	@echo "make coverage full branch coverage of the readers and of claim and finish, or it fails"
 	@echo "make lint     style and import rules"
 	@echo "make audit-deps  known holes in the pinned dependencies (needs a network)"
 	@echo "make lock     pin the dependencies anew"
@@ -70,6 +72,18 @@ testbench: install
 prove: install
 	PYTHONPATH=. OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python tests/proof/prove.py --count $(or $(COUNT),200)
 
+# Finds are written to .fuzz/found; the corpus of the readers stays in .fuzz/readers for the next search.
+fuzz: install
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-fuzz.lock
+	PYTHONPATH=. $(BIN)/python -W ignore tests/fuzz/api.py --requests $(or $(COUNT),100000) --seed $(or $(SEED),1) \
+		--schemathesis-seconds $(or $(SECONDS),300)
+	PYTHONPATH=. POLARS_MAX_THREADS=1 $(BIN)/python tests/fuzz/readers.py --seconds $(or $(SECONDS),300) --seed $(or $(SEED),1)
+
+# By hand and in a pipeline, beside `make test`: measuring costs what the tests of these parts cost once more.
+coverage: install
+	$(BIN)/coverage run -m pytest -q -p no:cacheprovider tests/ingest tests/storage
+	$(BIN)/coverage report
+
 # Hashes, markers for every supported Python, and no address of any registry.
 lock:
 	test -x .lock-venv/bin/uv || ($(PYTHON) -m venv .lock-venv && .lock-venv/bin/pip install --quiet uv)
@@ -78,6 +92,9 @@ lock:
 	echo sippy-unipi | .lock-venv/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
 		--constraint requirements.lock --no-emit-index-url --no-emit-find-links --no-header \
 		--output-file requirements-bench.lock -
+	printf 'atheris<3.1\nschemathesis\n' | .lock-venv/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
+		--constraint requirements.lock --no-emit-index-url --no-emit-find-links --no-header \
+		--output-file requirements-fuzz.lock -
 
 clean:
 	rm -rf $(VENV) .lock-venv .loopaudit .pytest_cache .ruff_cache .mypy_cache

@@ -13,7 +13,7 @@ from app.api import audits, explanations, groups, loops, operations, problems, r
 from app.api.bodies import LimitBodies
 from app.api.crowding import LimitCrowd
 from app.api.guard import Guard
-from app.api.headers import SecurityHeaders
+from app.api.headers import SecurityHeaders, WholeFiles
 from app.api.paths import KeepTagsEncoded
 from app.api.request_ids import RequestIds
 from app.api.schema import described
@@ -60,6 +60,7 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
     app.add_middleware(Guard, of=app, settings=settings, keys_required=keys_required)
     app.add_middleware(LimitBodies, settings=settings)
     app.add_middleware(LimitCrowd, settings=settings)
+    app.add_middleware(WholeFiles)
     app.add_middleware(SecurityHeaders)
     app.add_middleware(KeepTagsEncoded)
     app.add_middleware(RequestIds)

@@ -86,13 +86,14 @@ class Guard:
             current.reset(known)
 
     async def _admitted(self, scope: Scope, receive: Receive) -> tuple[Receive, Asked | None, Identity | None]:
-        """Raises Refusal; without a route there is nothing to guard, and the app says 404 or 405."""
+        """Raises Refusal; without a route there is nothing to guard, and the app says 404."""
         headers = Headers(scope=scope)
         if not host_allowed(headers.get("host", ""), self._hosts, keys_required=self._closed(scope)):
             text = "this service is not known by that name; LOOPAUDIT_ALLOWED_HOSTS lists the names it answers to"
             raise Refusal(421, "host_not_allowed", text)
         matched = self._match(scope)
         if matched is None:
+            self._refuse_method(scope)
             return receive, None, None
         if matched.permission is None:
             raise Refusal(403, "route_not_listed", f"{matched.path} has no entry in the table of permissions")
@@ -123,6 +124,13 @@ class Guard:
         if self._routes is None:
             self._routes = Routes(self._of)
         return self._routes.match(scope)
+
+    def _refuse_method(self, scope: Scope) -> None:
+        """The framework would name the methods of one route, where several share a path."""
+        taken = self._routes.methods(scope) if self._routes else set()
+        if taken:
+            text = f"this takes {' and '.join(sorted(taken))}"
+            raise Refusal(405, "method_not_allowed", text, headers={"Allow": ", ".join(sorted(taken))})
 
     async def _identified(self, asked: Asked) -> Identity | None:
         """Who asks; None: nobody said. A key or session that is not good is refused wherever one is needed."""

@@ -115,12 +115,17 @@ class Routes:
         self._routes = [(compile_path(path)[0], path, methods) for path, methods in listed(app)]
 
     def match(self, scope: Scope) -> Matched | None:
-        """None where no route answers: the app then says 404 or 405."""
+        """None where no route answers."""
         for pattern, path, methods in self._routes:
             found = pattern.match(scope["path"])
             if found and scope["method"] in methods:
                 return Matched(path, ROUTES.get((reading(scope["method"]), path)), found.groupdict())
         return None
+
+    def methods(self, scope: Scope) -> set[str]:
+        """All that the path takes, of whichever route; none where there is no such path."""
+        taking = (methods for pattern, _, methods in self._routes if pattern.match(scope["path"]))
+        return set().union(*taking)
 
 
 def listed(app: FastAPI) -> list[tuple[str, frozenset[str]]]:

@@ -40,6 +40,11 @@ class Rows:
         return (rows + self.first).tolist()
 
 
+def in_short(error: BaseException) -> str:
+    """What polars says, without the advice that follows on further lines."""
+    return str(error).partition("\n")[0][:200]
+
+
 def name_of(index: int) -> str:
     return f"c{index}"
 
@@ -84,7 +89,20 @@ class FrameReader:
     def texts(self, rows: Rows, columns: Sequence[int]) -> pl.DataFrame:
         """Columns of the rows as the text they were written in."""
         schema: dict[str, pl.DataType] = {name: pl.String() for name in self._schema}
-        return self._parse(rows.data, schema, sorted(columns))
+        try:
+            texts = self._parse(rows.data, schema, sorted(columns))
+            if texts.height == rows.frame.height:
+                return texts
+        except pl.exceptions.PolarsError:
+            pass  # as text polars is stricter about quotes than as numbers
+        return self._split(rows, sorted(columns))
+
+    def _split(self, rows: Rows, columns: Sequence[int]) -> pl.DataFrame:
+        """The same line by line, whatever the quotes are."""
+        lines = rows.data.decode("utf-8", "replace").split("\n")[: rows.frame.height]
+        fields = [split_line(line, self._dialect.delimiter) for line in lines]
+        taken = {name_of(i): [row[i] or None if i < len(row) else None for row in fields] for i in columns}
+        return pl.DataFrame(taken, schema=dict.fromkeys(taken, pl.String))
 
     def short_rows(self, rows: Rows, candidates: NDArray[np.int64]) -> NDArray[np.int64]:
         """Those of the candidates whose lines have too few fields."""
@@ -108,7 +126,7 @@ class FrameReader:
             frame = self._parse(data, self._schema, self._columns)
         except pl.exceptions.PolarsError as error:
             raise DataError(
-                "not_an_export", f"lines from {lines.first} on cannot be split into columns: {error}"
+                "not_an_export", f"lines from {lines.first} on cannot be split into columns: {in_short(error)}"
             ) from error
         if frame.height != height:
             raise DataError("not_an_export", f"lines from {lines.first} on cannot be split into rows")

@@ -128,7 +128,7 @@ class Place:
 def place(tag: str, stem: str) -> Place:
     """A tag's loop and signal by its name alone; a bare `PV` belongs to the loop that the file is named after."""
     name = _SERVER.sub("", tag.strip())
-    signal = _WORDS.get(_plain(re.sub(r"[\[(].*$", "", name)))
+    signal = _bare(re.sub(r"[\[(].*$", "", name))
     if signal is not None:
         return Place(tag, stem, signal)
     name = _UNIT.sub("", name) or name
@@ -136,6 +136,15 @@ def place(tag: str, stem: str) -> Place:
     if spelled:
         return Place(tag, name[: spelled.start()].rstrip(_SEPARATORS), _WORDS[_plain(spelled.group(1))])
     return _by_ending(tag, name) or _by_letters(tag, name) or _by_start(tag, name) or Place(tag, tag, "OTHER")
+
+
+def _bare(name: str) -> Signal | None:
+    """The signal that a name without a loop tells. A loop may be called by a number, or in other letters: 4711.PV."""
+    found = _ENDING.match(name)
+    loop = found["loop"] if found else ""
+    if not name.isascii() and any(letter.isalnum() for letter in name if not letter.isascii()):
+        return None
+    return None if _plain(loop) == "" and any(map(str.isdigit, loop)) else _WORDS.get(_plain(name))
 
 
 def _by_ending(tag: str, name: str) -> Place | None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import polars as pl
 
+from app.errors import DataError
 from app.ingest.grouping import Grouping, place
 from app.ingest.head import Head
 from app.ingest.model import IngestOptions, TimeArray
@@ -21,7 +22,9 @@ SPREAD_NOTE = "time stamps are cut and repeat: the rows were spread evenly insid
 def prepared(plan: Plan, grouping: Grouping, head: Head, options: IngestOptions, log: RejectLog) -> Plan:
     if not isinstance(plan, WidePlan):
         return plan
-    groups = tuple(_named(group, head, options, log) for group in plan.groups)
+    groups = tuple(group for group in (_named(group, options, log) for group in plan.groups) if group.values)
+    if not groups:
+        raise DataError("nothing_readable", f"every column has a name of more than {options.max_name} characters")
     plan = replace(plan, groups=groups)
     tags = [value.tag for group in groups for value in group.values]
     one_loop = any(place(tag, "").loop == "" for tag in tags)
@@ -32,7 +35,7 @@ def prepared(plan: Plan, grouping: Grouping, head: Head, options: IngestOptions,
     return replace(plan, one_loop=one_loop)
 
 
-def _named(group: TimedColumns, head: Head, options: IngestOptions, log: RejectLog) -> TimedColumns:
+def _named(group: TimedColumns, options: IngestOptions, log: RejectLog) -> TimedColumns:
     """Without columns whose names are too long; names that repeat are numbered."""
     seen: Counter[str] = Counter()
     values: list[ValueColumn] = []

@@ -10,7 +10,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from app.errors import DataError
-from app.ingest.frames import Rows, name_of
+from app.ingest.frames import Rows, in_short, name_of
 from app.ingest.head import HEAD_ROWS, Head, find_decimal_mark
 from app.ingest.layouts import recognise
 from app.ingest.model import IngestOptions
@@ -128,7 +128,7 @@ def _workbook(path: Path) -> Table:
         sheet = fastexcel.read_excel(path).load_sheet(0, header_row=None, dtypes="string")
         frame = sheet.to_polars()
     except fastexcel.FastExcelError as error:
-        raise DataError("not_an_export", f"the workbook cannot be read: {str(error)[:200]}") from error
+        raise DataError("not_an_export", f"the workbook cannot be read: {in_short(error)}") from error
     frame.columns = [name_of(index) for index in range(frame.width)]
     return Table(frame.width, frame.height, (), lambda offset, count: frame.slice(offset, count))
 

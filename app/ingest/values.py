@@ -21,8 +21,7 @@ def refuse_texts(texts: pl.Series, rows: NDArray[np.int64], lines: list[int], ta
     if np.any(bad):
         at = np.flatnonzero(bad)
         log.add_many("not_a_number", [lines[i] for i in at], (words[i] for i in at), tag)
-    numbers[bad] = np.nan
-    return numbers
+    return np.where(bad, np.nan, numbers)
 
 
 def is_sentinel(values: FloatArray) -> NDArray[np.bool_] | None:

@@ -418,3 +418,22 @@ def test_the_csv_has_the_columns_that_are_asked_for_in_their_order(client):
 def test_columns_that_there_are_not_or_that_json_has_anyway_are_refused(client, query):
     answer = client.get(f"/v1/reliability?{query}")
     assert (answer.status_code, answer.json()["code"]) == (400, "bad_columns")
+
+
+def test_a_wrong_method_is_told_every_method_of_the_path(client):
+    answer = client.delete("/v1/loops/FIC101")
+    assert (answer.status_code, answer.json()["code"]) == (405, "method_not_allowed")
+    assert {"GET", "PATCH"} <= set(answer.headers["allow"].split(", "))
+
+
+def test_a_part_of_a_file_is_not_asked_for_in_bare_text(client):
+    answer = client.get("/static/loopaudit.css", headers={"Range": "bytes=9-1"})
+    assert answer.status_code == 200
+    assert answer.headers["content-type"].startswith("text/css")
+
+
+def test_the_schema_says_where_a_key_is_needed(client):
+    paths = client.get("/openapi.json").json()["paths"]
+    assert paths["/v1/loops"]["get"]["security"]
+    assert {"401", "403", "429"} <= set(paths["/v1/loops/{tag}"]["patch"]["responses"])
+    assert "security" not in paths["/healthz"]["get"]

@@ -22,6 +22,8 @@ from app.ingest import LoopTags, TagMapping, group
         (["fic1.pv", "FIC1.OP"], LoopTags("fic1", "fic1.pv", "FIC1.OP")),
         (["2111FIC46005.MV", "2111FIC46005.PV"], LoopTags("2111FIC46005", "2111FIC46005.PV", "2111FIC46005.MV")),
         (["FIC1.PV (degC)", "FIC1.OP [%]"], LoopTags("FIC1", "FIC1.PV (degC)", "FIC1.OP [%]")),
+        (["4711.PV", "4711.OP"], LoopTags("4711", "4711.PV", "4711.OP")),
+        (["塔顶温度.PV", "塔顶温度.OP"], LoopTags("塔顶温度", "塔顶温度.PV", "塔顶温度.OP")),
         (["FIC1.PV", "FIC1.MEAS"], LoopTags("FIC1", "FIC1.PV", others=("FIC1.MEAS",))),
     ],
 )  # fmt: skip

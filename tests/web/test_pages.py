@@ -151,7 +151,10 @@ def test_before_and_after_a_repair(client):
     assert "stiction probability" in texts
 
 
-@pytest.mark.parametrize("note", [{}, {"text": "x" * 5000}, {"text": "x", "repaired_at": "yesterday"}])
+@pytest.mark.parametrize(
+    "note",
+    [{}, {"text": "x" * 5000}, {"text": "x", "repaired_at": "yesterday"}, {"repaired_at": "9999-12-31T23:59:59-14:00"}],
+)
 def test_notes_that_say_nothing_or_too_much_are_refused(client, note):
     assert client.post("/loops/FIC101/notes", data=note).status_code == 400
 

@@ -1,0 +1,68 @@
+"""A small plant that has something behind every route: loops with hostile names, verdicts, an explanation, keys."""
+
+import csv
+import io
+from dataclasses import dataclass
+from datetime import timedelta
+from pathlib import Path
+
+from app.services import keys
+from app.services.audits import LoopFilter, start_audit
+from app.services.backend import Backend
+from app.services.chunks import audit_chunk, warm_up
+from app.services.explaining import explain_next
+from app.services.explanations import Wanted, ask
+from app.services.identity import Role
+from app.services.operations import migrate
+from app.services.reading import read_upload
+from app.services.simulations import GivenSimulation
+from app.services.uploads import receive
+from app.settings import Settings
+
+HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
+TAGS = ("FIC101", "LIC7", "塔顶/T 1", HOSTILE)
+UNLIMITED = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Plant:
+    settings: Settings
+    backend: Backend
+    keys: dict[str, str]
+    tags: tuple[str, ...] = TAGS
+
+
+def wide(*tags: str, samples: int = 400) -> bytes:
+    """A wide export in which every loop swings, so that each can be audited; two rows cannot be read."""
+    text = io.StringIO()
+    rows = csv.writer(text)
+    rows.writerow(["DateTime", *(f"{tag}.{signal}" for tag in tags for signal in ("PV", "OP", "SP"))])
+    for k in range(samples):
+        minutes, seconds = divmod(k * 5, 60)
+        swing = (k % 40) / 20 - 1
+        pv = "Bad Input" if k in (7, 9) else 50 + swing**2 + k % 3 * 0.1
+        stamp = f"2026-01-01T{minutes // 60:02d}:{minutes % 60:02d}:{seconds:02d}Z"
+        rows.writerow([stamp, *(value for _ in tags for value in (pv, 40 + 5 * swing, 50))])
+    return text.getvalue().encode()
+
+
+def build(folder: Path) -> Plant:
+    settings = Settings(data_dir=folder, require_keys=True, key_recheck_s=0, max_upload_bytes=4_000_000)
+    migrate(settings)
+    warm_up()
+    backend = Backend.open(settings)
+    with receive(backend, filename="plant.csv") as receiving:
+        receiving.write(wide(*TAGS))
+        receipt = receiving.commit()
+    read_upload(backend, int(receipt.upload.id), "fuzz")
+    audit_chunk(backend, int(start_audit(backend, LoopFilter()).id), "fuzz")
+    ask(backend, TAGS[0], Wanted(None, None, None, GivenSimulation(None, None, None, None)), asked_by="fuzz")
+    while explain_next(backend, "fuzz"):
+        pass
+    made = {role.value: made_key(backend, role) for role in Role}
+    return Plant(settings, backend, made)
+
+
+def made_key(backend: Backend, role: Role) -> str:
+    day = timedelta(days=1)
+    return keys.create_key(backend, role.value, role, lifetime=day, requests_per_minute=UNLIMITED).text
