@@ -77,12 +77,12 @@ class Settings(BaseSettings):
         5, ge=0, le=1000, description="How many of a night's worst loops are explained; 0: none."
     )
     lease_s: float = Field(
-        45.0, gt=0, description="A claim that is not renewed is given to another worker after this time."
+        40.0, gt=0, description="A claim that is not renewed is given to another worker after this time."
     )
     max_attempts: int = Field(3, ge=1, description="How often a loop is tried that takes its worker down.")
     max_reading_attempts: int = Field(10, ge=1, description="How often an upload is tried that takes its worker down.")
     sweep_s: float = Field(
-        15.0, gt=0, description="How often lost messages and dead workers are looked for, in seconds."
+        5.0, gt=0, description="How often lost messages and dead workers are looked for, in seconds."
     )
     stalled_s: float = Field(20.0, gt=0, description="Open work that nobody claims for this time is announced again.")
 

@@ -143,7 +143,8 @@ def _swing(acf: FloatArray) -> _Swing | None:
     if period < _MIN_PERIOD_SAMPLES:
         return None
     # The first swing: it starts at the second crossing (from below to above) and ends at the third.
-    strength = float(np.max(acf[int(crossings[1]) : int(crossings[2]) + 2]))
+    # An estimate over fewer pairs at each lag may pass 1 by a little.
+    strength = min(float(np.max(acf[int(crossings[1]) : int(crossings[2]) + 2])), 1.0)
     if len(intervals) < 3:
         return _Swing(period, 0.3, strength)
     spread = float(np.std(intervals, ddof=1))

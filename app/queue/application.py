@@ -7,6 +7,7 @@ from kombu import Queue as KombuQueue
 from kombu.transport import TRANSPORT_ALIASES
 
 from app.queue.jobs import AUDIT_CHUNK, DELIVER, EXPLAIN, QUEUE_OF, QUEUES, READ_UPLOAD, SWEEP
+from app.queue.steady import Every
 from app.settings import Settings
 
 FOLDER = "folder://"
@@ -14,6 +15,8 @@ CHUNK_HARD_LIMIT_S = 600
 DELIVERY_HARD_LIMIT_S = 120
 READING_HARD_LIMIT_S = 4 * 3600
 VISIBILITY_TIMEOUT_S = 900
+SWEEP_EXPIRES_S = 3600.0
+"""By the clocks of two machines, which may differ: an hour's sweeps that nobody took are soon done."""
 
 TRANSPORT_ALIASES["folder"] = "app.queue.folder:Transport"
 
@@ -53,7 +56,7 @@ def celery_application(settings: Settings, *, works: bool = False) -> Celery:
         worker_hijack_root_logger=False,
         worker_redirect_stdouts=False,
         worker_pool_start_method="fork",  # the children share the compiled kernels of their parent
-        beat_scheduler="celery.beat:Scheduler",  # nothing to remember: the data base knows what is due
+        beat_scheduler="app.queue.steady:Scheduler",
         beat_max_loop_interval=5,
         beat_schedule={"sweep": _every(settings.sweep_s)},
     )
@@ -61,7 +64,7 @@ def celery_application(settings: Settings, *, works: bool = False) -> Celery:
 
 
 def _every(seconds: float) -> dict[str, Any]:
-    return {"task": SWEEP, "schedule": seconds, "options": {"expires": max(60.0, 4 * seconds)}}
+    return {"task": SWEEP, "schedule": Every(seconds), "options": {"expires": SWEEP_EXPIRES_S}}
 
 
 def _in_folder(settings: Settings) -> bool:

@@ -17,6 +17,7 @@ from app.logs import about
 from app.services.backend import Backend
 from app.services.limits import TimeLimitError, time_limit
 from app.services.loops import moment_of
+from app.services.patience import patiently
 from app.services.rows import new_verdict
 from app.storage import audits, items, loops, series, verdicts
 from app.storage.audits import AuditRow
@@ -54,20 +55,20 @@ def audit_chunk(backend: Backend, audit_id: int, owner: str, *, watchdog: bool =
 
     May run twice, late, or for a run that has ended: it then finds nothing to do.
     """
-    with backend.database.read() as connection:
-        run = audits.by_id(connection, audit_id)
+    lease_s = backend.settings.lease_s
+    run = patiently(lambda: _run(backend, audit_id), lease_s)
     if run is None or run.state not in audits.UNFINISHED:
         return 0
     config = AuditConfig.from_json(run.config_json)
     until = time.monotonic() + backend.settings.chunk_budget_s
     done = 0
     with about(run=audit_id):
-        while claims := _claim(backend, audit_id, owner):
+        while claims := patiently(lambda: _claim(backend, audit_id, owner), lease_s):
             _work_off(backend, run, config, claims, watchdog)
             done += len(claims)
             if time.monotonic() > until:
                 break
-        _settle(backend, audit_id)
+        patiently(lambda: _settle(backend, audit_id), lease_s)
         log.info("loops audited", extra={"loops": done})
     return done
 
@@ -79,10 +80,22 @@ def warm_up() -> None:
     pv = 20.0 + 2.0 * np.sin(steps / 6.0 - 0.8) + 0.1 * np.cos(steps * 2.3)
     sp = 20.0 + 0.5 * np.sign(np.sin(steps / 50.0))  # one that moves: some kernels run for no other
     audit(Recording("warm-up", steps.astype(float), pv, op, sp))
+    # A stem that sticks and jumps under a controller that integrates: what leaves doubt goes through the whole search.
+    sawtooth = np.abs(steps % 40 - 20.0) / 2.0
+    jumps = np.convolve(np.where((steps + 4) % 40 < 20, 2.0, -2.0), np.full(4, 0.25), "same")
+    noise = 0.05 * np.sin(steps * 1.7) + 0.03 * np.cos(steps * 2.3)
+    audit(Recording("warm-up", steps.astype(float), 20.0 + jumps + noise, 50.0 + sawtooth, sp))
+
+
+def _run(backend: Backend, audit_id: int) -> AuditRow | None:
+    with backend.database.read() as connection:
+        return audits.by_id(connection, audit_id)
 
 
 def _claim(backend: Backend, audit_id: int, owner: str) -> list[Claim]:
+    """Looks for loops of lost workers first: while workers are busy, no sweep has its turn."""
     with backend.database.write() as connection:
+        items.reopen_expired(connection, backend.settings.max_attempts, backend.settings.lease_s)
         claims = items.claim(connection, audit_id, owner, backend.settings.chunk_loops, backend.settings.lease_s)
         if claims:
             audits.set_running(connection, audit_id)
@@ -93,7 +106,7 @@ def _work_off(backend: Backend, run: AuditRow, config: AuditConfig, claims: Sequ
     """Writes what is done before the lease of the rest grows old, and renews the rest."""
     limit_s, lease_s = backend.settings.loop_limit_s, backend.settings.lease_s
     started, results = time.monotonic(), []
-    waiting = _load(backend, run, claims)
+    waiting = patiently(lambda: _load(backend, run, claims), lease_s)
     while waiting:
         results.append(_isolated(waiting.pop(), run, config, limit_s, watchdog))
         if time.monotonic() - started > lease_s / 4:
@@ -170,11 +183,15 @@ def _set_aside(work: Work, code: str, text: str) -> Result:
 def _write(backend: Backend, results: Sequence[Result], waiting: Sequence[Claim]) -> None:
     """Verdicts of claims that still hold, once; what was lost to another worker is left to it."""
     new = [result.verdict for result in results if result.verdict is not None]
-    with backend.database.write() as connection:
-        held = items.finish(connection, [result.claim for result in results if result.verdict is not None])
-        verdicts.add(connection, [verdict for verdict in new if verdict.loop_id in held])
-        items.fail(connection, [result.failure for result in results if result.failure is not None])
-        items.renew(connection, waiting, backend.settings.lease_s)
+
+    def write() -> None:
+        with backend.database.write() as connection:
+            held = items.finish(connection, [result.claim for result in results if result.verdict is not None])
+            verdicts.add(connection, [verdict for verdict in new if verdict.loop_id in held])
+            items.fail(connection, [result.failure for result in results if result.failure is not None])
+            items.renew(connection, waiting, backend.settings.lease_s)
+
+    patiently(write, backend.settings.lease_s)
 
 
 def _settle(backend: Backend, audit_id: int) -> None:

@@ -42,12 +42,12 @@ def sweep(backend: Backend) -> SweepReport:
     """
     settings = backend.settings
     with backend.database.write() as connection:
-        taken_back = items.reopen_expired(connection, settings.max_attempts)
-        explanations.reopen_expired(connection, settings.max_attempts)
+        taken_back = items.reopen_expired(connection, settings.max_attempts, settings.lease_s)
+        explanations.reopen_expired(connection, settings.max_attempts, settings.lease_s)
         ended = audits.end_if_complete(connection)
     with backend.database.write() as connection:
-        uploads.give_up(connection, settings.max_reading_attempts)
-        unread = uploads.to_announce(connection, settings.stalled_s)
+        uploads.give_up(connection, settings.max_reading_attempts, settings.lease_s)
+        unread = uploads.to_announce(connection, settings.stalled_s, settings.lease_s)
         stalled = audits.to_announce(connection, settings.stalled_s)
     for upload_id in unread:
         backend.queue.read_upload(upload_id)

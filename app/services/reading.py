@@ -1,14 +1,17 @@
 """Reading an upload: from its bytes to loops and series, in bounded memory; done twice, it has the same effect."""
 
+import errno
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from app.errors import LoopauditError
 from app.ingest import Export, IngestOptions, LoopSamples, LoopTags, Rejects, TagMapping, read_export
-from app.services.backend import Backend
+from app.services.backend import DATABASE_AWAY, Backend
 from app.services.heartbeat import Heartbeat
+from app.services.patience import patiently
 from app.services.uploads import path_of
 from app.storage import loops, series, uploads
 from app.storage.samples import Samples
@@ -18,6 +21,7 @@ from app.storage.uploads import ReadingClaim, RejectRow, UploadRow
 BATCH_LOOPS = 200
 LISTED_LOOPS = 20_000
 BATCH_VALUES = 2_000_000
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class ClaimLostError(Exception):
@@ -51,6 +55,8 @@ def _read_claimed(backend: Backend, row: UploadRow, claim: ReadingClaim) -> None
             result = _read_file(backend, row, claim)
     except ClaimLostError:
         return
+    except DATABASE_AWAY:
+        raise  # for too long: no fault of the file, and nothing can be written; it is read again when the lease is over
     except LoopauditError as error:
         _end(backend, claim, "failed", {"error_code": error.code, "error_text": error.message})
     except Exception as error:  # every fault of ours is told to who waits for the upload, and raised again for the log
@@ -65,7 +71,8 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
     mapping = TagMapping.from_bytes(reading["mapping"].encode()) if reading.get("mapping") else None
     options = _options(backend, reading)
     export = read_export(path_of(backend, row.fingerprint), filename=row.filename, mapping=mapping, options=options)
-    added = sum(_store(backend, claim, batch, mapping) for batch in _batches(export))
+    lease_s = backend.settings.lease_s
+    added = sum(patiently(partial(_store, backend, claim, batch, mapping), lease_s) for batch in _batches(export))
     summary, refused = export.summary(), export.rejects()
     told = {
         "layout": summary.layout,
@@ -148,15 +155,19 @@ def _attributes(mapping: TagMapping) -> dict[str, dict[str, Any]]:
 def _end(
     backend: Backend, claim: ReadingClaim, state: str, values: dict[str, Any], refused: Rejects | None = None
 ) -> None:
-    with backend.database.write() as connection:
-        held = uploads.end(connection, claim, state, values)
-        if held and refused is not None:
-            listed = [RejectRow(reject.line, reject.code, reject.text, reject.tag) for reject in refused.listed]
-            uploads.replace_rejects(connection, claim.upload_id, listed)
+    def write() -> None:
+        with backend.database.write() as connection:
+            held = uploads.end(connection, claim, state, values)
+            if held and refused is not None:
+                listed = [RejectRow(reject.line, reject.code, reject.text, reject.tag) for reject in refused.listed]
+                uploads.replace_rejects(connection, claim.upload_id, listed)
+
+    patiently(write, backend.settings.lease_s)
 
 
 def _stumble(backend: Backend, claim: ReadingClaim, error: Exception) -> None:
-    if claim.attempt >= backend.settings.max_attempts:
+    no_room = isinstance(error, OSError) and error.errno in DISK_FULL  # no fault of the file: it waits for room
+    if claim.attempt >= backend.settings.max_attempts and not no_room:
         text = f"reading this file failed by a fault of the service ({type(error).__name__}); the log has the details"
         _end(backend, claim, "failed", {"error_code": "fault", "error_text": text})
         return

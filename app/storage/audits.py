@@ -9,7 +9,7 @@ from sqlalchemy import Connection, and_, case, exists, func, insert, literal, or
 
 from app.storage.series import insert_new
 from app.storage.tables import audit_items, audits, loops
-from app.storage.types import clock_s, now
+from app.storage.types import clock_s, long_ago, now
 
 UNFINISHED = ("planned", "running")
 TO_DO = ("open", "claimed")
@@ -135,9 +135,9 @@ def to_announce(connection: Connection, stalled_s: float) -> list[int]:
     mine = audit_items.c.audit_id == audits.c.id
     waiting = exists().where(mine, audit_items.c.state == "open")
     worked_on = exists().where(mine, audit_items.c.state == "claimed")
-    quiet = or_(audits.c.announced_s.is_(None), audits.c.announced_s < clock_s() - stalled_s)
+    quiet = long_ago(audits.c.announced_s, stalled_s)
     # Where some workers are at it, the run is only announced again after a good while: others may have died.
-    very_quiet = or_(audits.c.announced_s.is_(None), audits.c.announced_s < clock_s() - 3 * stalled_s)
+    very_quiet = long_ago(audits.c.announced_s, 3 * stalled_s)
     stalled = or_(and_(~worked_on, quiet), very_quiet)
     found = connection.scalars(
         update(audits)

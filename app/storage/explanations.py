@@ -10,7 +10,7 @@ from sqlalchemy import ColumnElement, Connection, Update, and_, exists, func, in
 from app.storage.items import Reopened
 from app.storage.series import insert_new
 from app.storage.tables import audit_items, audits, explanations, loops, verdicts
-from app.storage.types import clock_s, now
+from app.storage.types import clock_s, long_ago, now, run_out
 
 WITH_A_VERDICT = ("stiction", "no_stiction", "inconclusive")
 REGULAR = 1.0
@@ -156,9 +156,10 @@ def end(connection: Connection, claim: ExplanationClaim, state: str, values: Map
     return connection.execute(ended).rowcount == 1
 
 
-def reopen_expired(connection: Connection, max_attempts: int) -> Reopened:
+def reopen_expired(connection: Connection, max_attempts: int, lease_s: float) -> Reopened:
     """Takes explanations back whose lease has ended; those that were tried too often are failed(worker_lost)."""
-    expired = update(explanations).where(explanations.c.state == "claimed", explanations.c.lease_until_s < clock_s())
+    ended = run_out(explanations.c.lease_until_s, lease_s)
+    expired = update(explanations).where(explanations.c.state == "claimed", ended)
     failed = connection.execute(
         expired.where(explanations.c.attempts >= max_attempts).values(
             state="failed",
@@ -175,7 +176,7 @@ def reopen_expired(connection: Connection, max_attempts: int) -> Reopened:
 
 def to_announce(connection: Connection, stalled_s: float) -> list[int]:
     """Explanations that could be worked on and that nobody was told of lately; they count as told from now on."""
-    quiet = or_(explanations.c.announced_s.is_(None), explanations.c.announced_s < clock_s() - stalled_s)
+    quiet = long_ago(explanations.c.announced_s, stalled_s)
     found = connection.scalars(
         update(explanations)
         .where(explanations.c.state == "open", _its_turn(), quiet)

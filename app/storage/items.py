@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import Connection, Select, Update, bindparam, select, tuple_, update
 
 from app.storage.tables import audit_items, audits, loops
-from app.storage.types import clock_s
+from app.storage.types import clock_s, run_out
 
 ITEM = tuple_(audit_items.c.loop_id, audit_items.c.attempts)
 
@@ -100,9 +100,10 @@ def release(connection: Connection, claims: Sequence[Claim]) -> None:
         )
 
 
-def reopen_expired(connection: Connection, max_attempts: int) -> Reopened:
+def reopen_expired(connection: Connection, max_attempts: int, lease_s: float) -> Reopened:
     """Takes loops back whose lease has ended; those that were tried too often are failed(worker_lost)."""
-    expired = update(audit_items).where(audit_items.c.state == "claimed", audit_items.c.lease_until_s < clock_s())
+    ended = run_out(audit_items.c.lease_until_s, lease_s)
+    expired = update(audit_items).where(audit_items.c.state == "claimed", ended)
     failed = connection.execute(
         expired.where(audit_items.c.attempts >= max_attempts).values(
             state="failed",

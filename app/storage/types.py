@@ -3,11 +3,14 @@
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import DateTime, Float
+from sqlalchemy import ColumnElement, DateTime, Float, or_
 from sqlalchemy.engine import Dialect
 from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.sql.expression import FunctionElement
 from sqlalchemy.types import TypeDecorator
+
+CLOCK_ROOM_S = 5.0
+"""A clock that is set right by less than this counts as the same clock."""
 
 
 class UtcDateTime(TypeDecorator[datetime]):
@@ -45,6 +48,17 @@ def _postgresql_clock(element: clock_s, compiler: Any, **options: Any) -> str:
 @compiles(clock_s, "sqlite")
 def _sqlite_clock(element: clock_s, compiler: Any, **options: Any) -> str:
     return "((julianday('now') - 2440587.5) * 86400.0)"
+
+
+def run_out(until_s: ColumnElement[float], longest_s: float) -> ColumnElement[bool]:
+    """Whether a lease of at most `longest_s` seconds has ended. One that ends later than it could was given before the
+    clock of the data base was put back: it would outlast its worker by as much."""
+    return or_(until_s < clock_s(), until_s > clock_s() + longest_s + CLOCK_ROOM_S)
+
+
+def long_ago(at_s: ColumnElement[float], seconds: float) -> ColumnElement[bool]:
+    """Whether it was never, or more than `seconds` ago, or ahead of the clock, which then was put back."""
+    return or_(at_s.is_(None), at_s < clock_s() - seconds, at_s > clock_s() + CLOCK_ROOM_S)
 
 
 def now() -> datetime:

@@ -6,15 +6,17 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Connection, delete, insert, or_, select, update
+from sqlalchemy import Connection, case, delete, insert, or_, select, update
 
 from app.storage.bulk import insert_new_rows
 from app.storage.series import insert_new
 from app.storage.tables import loops, rejects, upload_loops, uploads
-from app.storage.types import clock_s, now
+from app.storage.types import clock_s, long_ago, now, run_out
 
 UNREAD = ("received", "reading")
 OUR_FAULTS = ("reader_lost", "fault")
+BACK_OFF = range(3, 10)
+"""Attempts after which the pause to the next one doubles."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ def loops_of(connection: Connection, upload_id: int) -> list[str]:
 
 def claim(connection: Connection, upload_id: int, owner: str, lease_s: float, max_attempts: int) -> ReadingClaim | None:
     """The right to read, or None where somebody else has it or the upload has ended."""
-    free = or_(uploads.c.state == "received", uploads.c.lease_until_s < clock_s())
+    free = or_(uploads.c.state == "received", run_out(uploads.c.lease_until_s, lease_s))
     attempt = connection.scalar(
         update(uploads)
         .where(uploads.c.id == upload_id, uploads.c.state.in_(UNREAD), free, uploads.c.attempts < max_attempts)
@@ -129,11 +131,12 @@ def replace_rejects(connection: Connection, upload_id: int, listed: Sequence[Rej
         connection.execute(insert(rejects), rows)
 
 
-def give_up(connection: Connection, max_attempts: int) -> int:
+def give_up(connection: Connection, max_attempts: int, lease_s: float) -> int:
     """Uploads whose readers died too often become failed."""
     result = connection.execute(
         update(uploads)
-        .where(uploads.c.state == "reading", uploads.c.lease_until_s < clock_s(), uploads.c.attempts >= max_attempts)
+        .where(uploads.c.state == "reading", run_out(uploads.c.lease_until_s, lease_s))
+        .where(uploads.c.attempts >= max_attempts)
         .values(
             state="failed",
             ended_at=now(),
@@ -144,10 +147,15 @@ def give_up(connection: Connection, max_attempts: int) -> int:
     return result.rowcount
 
 
-def to_announce(connection: Connection, stalled_s: float) -> list[int]:
-    """Uploads that nobody reads, and that nobody was told of lately; they count as told from now on."""
-    quiet = or_(uploads.c.announced_s.is_(None), uploads.c.announced_s < clock_s() - stalled_s)
-    free = or_(uploads.c.state == "received", uploads.c.lease_until_s < clock_s())
+def to_announce(connection: Connection, stalled_s: float, lease_s: float) -> list[int]:
+    """Uploads that nobody reads, and that nobody was told of lately; they count as told from now on.
+
+    One that was tried in vain waits longer from the third time on: a full disk needs an hour, not three tries.
+    """
+    since = uploads.c.announced_s
+    longer = [(uploads.c.attempts == tries, long_ago(since, stalled_s * 2 ** (tries - 2))) for tries in BACK_OFF]
+    quiet = case(*longer, else_=long_ago(since, stalled_s))
+    free = or_(uploads.c.state == "received", run_out(uploads.c.lease_until_s, lease_s))
     found = connection.scalars(
         update(uploads)
         .where(uploads.c.state.in_(UNREAD), free, quiet)

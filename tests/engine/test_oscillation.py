@@ -72,3 +72,8 @@ def test_autocorrelation_of_a_sine_is_a_cosine_and_of_a_constant_zero():
     acf = autocorrelation(cycle(20))
     np.testing.assert_allclose(acf[:41:20], 1.0, atol=0.02)
     assert not autocorrelation(np.full(64, 5.0)).any()
+
+
+def test_the_strength_of_a_pure_cycle_is_one_and_not_more():
+    found = detect(record(cycle(20, 120), cycle(20, 120)))
+    assert found.strength == 1.0

@@ -114,7 +114,7 @@ def test_a_lost_worker_cannot_write_any_more(database: Database, ids: dict[str, 
     ask(database, ids["FIC0"])
     lost = claim(database, "a", lease_s=-1.0)
     with database.write() as connection:
-        assert explanations.reopen_expired(connection, max_attempts=3) == Reopened(1, 0)
+        assert explanations.reopen_expired(connection, max_attempts=3, lease_s=60.0) == Reopened(1, 0)
     again = claim(database, "b")
     assert again.attempt == 2
     with database.write() as connection:
@@ -132,18 +132,18 @@ def test_a_claim_that_is_renewed_is_not_taken_away(database: Database, ids: dict
     held = claim(database, "a", lease_s=-1.0)
     with database.write() as connection:
         assert explanations.renew(connection, held, 60.0)
-        assert explanations.reopen_expired(connection, max_attempts=3) == Reopened(0, 0)
+        assert explanations.reopen_expired(connection, max_attempts=3, lease_s=60.0) == Reopened(0, 0)
 
 
 def test_what_takes_its_workers_down_fails_and_holds_up_nobody(database: Database, ids: dict[str, int]) -> None:
     deadly, other = ask(database, ids["FIC0"]), ask(database, ids["FIC1"])
     assert claim(database, "a", lease_s=-1.0).explanation_id == deadly
     with database.write() as connection:
-        assert explanations.reopen_expired(connection, max_attempts=2) == Reopened(1, 0)
+        assert explanations.reopen_expired(connection, max_attempts=2, lease_s=60.0) == Reopened(1, 0)
     assert claim(database, "b").explanation_id == other
     assert claim(database, "c", lease_s=-1.0).explanation_id == deadly
     with database.write() as connection:
-        assert explanations.reopen_expired(connection, max_attempts=2) == Reopened(0, 1)
+        assert explanations.reopen_expired(connection, max_attempts=2, lease_s=60.0) == Reopened(0, 1)
     row = newest(database, ids["FIC0"])
     assert (row.state, row.error_code) == ("failed", "worker_lost")
     assert "2 times" in row.error_text

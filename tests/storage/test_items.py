@@ -83,7 +83,7 @@ def test_a_run_ends_once_nothing_is_left(database: Database, run: int) -> None:
 def test_a_lost_worker_cannot_write_any_more(database: Database, run: int) -> None:
     lost = claim(database, run, "a", 20, lease_s=-1.0)
     with database.write() as connection:
-        assert items.reopen_expired(connection, max_attempts=3) == Reopened(20, 0)
+        assert items.reopen_expired(connection, max_attempts=3, lease_s=60.0) == Reopened(20, 0)
     again = claim(database, run, "a", 20)
     with database.write() as connection:
         assert items.finish(connection, lost) == set()
@@ -96,7 +96,7 @@ def test_a_lost_worker_cannot_write_any_more(database: Database, run: int) -> No
 def test_a_loop_that_was_tried_before_is_claimed_alone(database: Database, run: int) -> None:
     claim(database, run, "a", 4, lease_s=-1.0)
     with database.write() as connection:
-        items.reopen_expired(connection, max_attempts=3)
+        items.reopen_expired(connection, max_attempts=3, lease_s=60.0)
     assert len(claim(database, run, "b", 20)) == 16
     alone = claim(database, run, "b", 20)
     assert [c.attempt for c in alone] == [2]
@@ -107,7 +107,7 @@ def test_a_loop_that_takes_its_worker_down_is_set_aside(database: Database, run:
         while claim(database, run, "a", 20, lease_s=-1.0):
             pass
         with database.write() as connection:
-            reopened = items.reopen_expired(connection, max_attempts=2)
+            reopened = items.reopen_expired(connection, max_attempts=2, lease_s=60.0)
     assert reopened == Reopened(0, 20)
     with database.write() as connection:
         assert audits.end_if_complete(connection) == 1

@@ -1,0 +1,33 @@
+"""Waits for a data base that is away, so that its restart costs a worker seconds and not the work in its hands."""
+
+import logging
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+from app.services.backend import DATABASE_AWAY
+
+FIRST_PAUSE_S = 0.1
+LONGEST_PAUSE_S = 5.0
+
+T = TypeVar("T")
+
+log = logging.getLogger("loopaudit.patience")
+
+
+def patiently(action: Callable[[], T], at_most_s: float) -> T:
+    """What `action` returns, tried again with growing pauses while the data base is away; then its exception.
+
+    `action` is one transaction, or only reads: done twice it must have the effect of once, because a connection that
+    breaks during the commit does not tell whether it was committed.
+    """
+    until, pause_s = time.monotonic() + at_most_s, FIRST_PAUSE_S
+    while True:
+        try:
+            return action()
+        except DATABASE_AWAY as error:
+            if time.monotonic() + pause_s > until:
+                raise
+            log.warning("data base away, trying again in %.1f s: %s", pause_s, type(error).__name__)
+        time.sleep(pause_s)
+        pause_s = min(2 * pause_s, LONGEST_PAUSE_S)

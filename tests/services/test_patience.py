@@ -1,0 +1,121 @@
+"""A data base that is away for a while costs time, and neither work nor attempts."""
+
+import errno
+from collections.abc import Callable
+
+import pytest
+from sqlalchemy.exc import OperationalError
+
+from app.services import audits, chunks, patience, reading, uploads
+from app.services.backend import Backend
+from app.services.patience import patiently
+
+
+class Away:
+    """An action that finds the data base away so many times."""
+
+    def __init__(self, times: int) -> None:
+        self.times = times
+        self.calls = 0
+
+    def __call__(self, *_: object) -> str:
+        self.calls += 1
+        if self.calls <= self.times:
+            raise OperationalError("SELECT 1", {}, Exception("the server is away"))
+        return "done"
+
+
+@pytest.fixture
+def pauses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The pauses that were made, on a clock that only they move."""
+    made: list[float] = []
+    monkeypatch.setattr(patience.time, "sleep", made.append)
+    monkeypatch.setattr(patience.time, "monotonic", lambda: sum(made))
+    return made
+
+
+def test_it_is_tried_again_with_growing_pauses(pauses: list[float]) -> None:
+    assert patiently(Away(8), at_most_s=40.0) == "done"
+    assert pauses == [0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 5.0, 5.0]
+
+
+def test_its_patience_ends(pauses: list[float]) -> None:
+    away = Away(100)
+    with pytest.raises(OperationalError):
+        patiently(away, at_most_s=10.0)
+    assert sum(pauses) <= 10.0
+    assert away.calls == len(pauses) + 1
+
+
+def test_another_fault_is_not_tried_again(pauses: list[float]) -> None:
+    with pytest.raises(ZeroDivisionError):
+        patiently(lambda: 1 / 0, at_most_s=10.0)
+    assert pauses == []
+
+
+def breaking(action: Callable[..., object], times: int) -> Callable[..., object]:
+    away = Away(times)
+
+    def broken(*arguments: object, **named: object) -> object:
+        away()
+        return action(*arguments, **named)
+
+    return broken
+
+
+def send(backend: Backend) -> str:
+    lines = ["time,FIC1.PV,FIC1.OP", *(f"{1_750_000_000 + 60 * i},{20 + i % 7},{50 + i % 5}" for i in range(200))]
+    with uploads.receive(backend, filename="plant.csv") as receiving:
+        receiving.write("\n".join(lines).encode())
+        return receiving.commit().upload.id
+
+
+def test_a_chunk_outlasts_an_outage_at_its_first_attempt(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch, pauses: list[float], warm_kernels: None
+) -> None:
+    reading.read_upload(backend, int(send(backend)), "reader")
+    run = audits.start_audit(backend)
+    for module, name in ((chunks.items, "claim"), (chunks.series, "windows"), (chunks.verdicts, "add")):
+        monkeypatch.setattr(module, name, breaking(getattr(module, name), 2))
+    assert chunks.audit_chunk(backend, int(run.id), "worker") == 1
+    assert audits.get_audit(backend, run.id).state == "done"
+    assert len(pauses) == 6
+
+
+def test_reading_outlasts_an_outage_at_its_first_attempt(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch, pauses: list[float]
+) -> None:
+    upload = send(backend)
+    for name in ("note_loops", "end"):
+        monkeypatch.setattr(reading.uploads, name, breaking(getattr(reading.uploads, name), 2))
+    reading.read_upload(backend, int(upload), "reader")
+    found = uploads.get_upload(backend, upload)
+    assert (found.state, found.rows_kept) == ("done", 200)
+    assert len(pauses) == 4
+
+
+def test_a_data_base_away_for_long_is_no_fault_of_the_file(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch, pauses: list[float]
+) -> None:
+    """It stays to be read, and is read once the lease of this attempt is over."""
+    upload = send(backend)
+    monkeypatch.setattr(reading.uploads, "note_loops", Away(1000))
+    with pytest.raises(OperationalError):
+        reading.read_upload(backend, int(upload), "reader")
+    assert uploads.get_upload(backend, upload).state == "reading"
+
+
+def test_a_full_disk_is_no_fault_of_the_file(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However often it is tried, the upload is read when there is room again."""
+    upload = send(backend)
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as spoiled:
+        spoiled.setattr(reading, "_read_file", full)
+        for _ in range(backend.settings.max_attempts + 2):
+            with pytest.raises(OSError, match="No space"):
+                reading.read_upload(backend, int(upload), "reader")
+    reading.read_upload(backend, int(upload), "reader")
+    assert uploads.get_upload(backend, upload).state == "done"
