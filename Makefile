@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help install browser demo test lint audit-deps bench evaluate testbench prove fuzz coverage lock clean
+.PHONY: help install browser demo test chaos lint audit-deps bench evaluate testbench prove fuzz coverage lock clean
 
 help:
 	@echo "make demo     set up, start the service on the embedded default, audit a demo plant, show the table"
@@ -13,6 +13,7 @@ help:
 	@echo "make bench    benchmarks, side by side with their peers"
 	@echo "make evaluate the verdict on labelled recordings, leaving one valve out (RECORDINGS=folder with labels.csv)"
 	@echo "make testbench whole audits of simulated loops, one factor at a time (minutes; JOBS=processes)"
+	@echo "make chaos    half an hour of faults on a service of its own, and what is left of its promises (SEED=number replays)"
 	@echo "make prove    run explain blind over loops with concealed physics"
 	@echo "make fuzz     hostile requests to the API, files led by coverage to the readers (COUNT=requests, SECONDS=, SEED=)"
 	@echo "make coverage full branch coverage of the readers and of claim and finish, or it fails"
@@ -83,6 +84,11 @@ fuzz: install
 coverage: install
 	$(BIN)/coverage run -m pytest -q -p no:cacheprovider tests/ingest tests/storage
 	$(BIN)/coverage report
+
+# Starts PostgreSQL, Redis, API, workers and schedule by itself, on ports of their own, and ends them all.
+# PAGE=docs/RELIABILITY.md writes the table into the page; MORE='--faults 20' and the like: python -m tests.chaos --help
+chaos: install
+	$(BIN)/python -m tests.chaos $(if $(SEED),--seed $(SEED)) $(if $(PAGE),--page $(PAGE)) $(MORE)
 
 # Hashes, markers for every supported Python, and no address of any registry.
 lock:

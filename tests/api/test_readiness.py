@@ -1,0 +1,53 @@
+"""/healthz and /readyz while the servers behind the API go away and come back."""
+
+import signal
+from pathlib import Path
+
+import httpx
+import pytest
+
+from app.main import create_app
+from app.services.operations import migrate
+from app.settings import Settings
+from tests.chaos.installation import MissingError, installed, until
+from tests.conftest import servers_required
+
+EXPORT = b"time,FIC1.PV,FIC1.OP\n1,2,3\n"
+
+
+def readiness(url: str) -> tuple[int, str]:
+    answer = httpx.get(f"{url}/readyz", timeout=30)
+    return answer.status_code, answer.json()["state"]
+
+
+@pytest.mark.timeout(300)
+def test_each_tells_the_truth_and_goes_back_to_ready_by_itself(tmp_path: Path) -> None:
+    try:
+        with installed(None, {}, only_api=True) as running:
+            until(running.ready, 120, running.logs())
+            assert readiness(running.url) == (200, "ready")
+
+            running.supervisor.kill("redis", signal.SIGKILL, away_s=1000)
+            until(lambda: readiness(running.url) == (200, "degraded"), 30, running.logs())
+            assert httpx.post(f"{running.url}/v1/uploads", content=EXPORT, timeout=30).status_code == 202
+
+            running.supervisor.kill("postgres", signal.SIGQUIT, away_s=6)
+            until(lambda: readiness(running.url) == (503, "not_ready"), 30, running.logs())
+            assert httpx.get(f"{running.url}/healthz", timeout=5).json() == {"state": "alive"}
+            refused = httpx.post(f"{running.url}/v1/uploads", content=EXPORT, timeout=30)
+            assert (refused.status_code, refused.json()["code"]) == (503, "database_away")
+            assert refused.headers["retry-after"]
+
+            until(lambda: readiness(running.url) == (200, "degraded"), 60, running.logs())
+    except MissingError as missing:
+        if servers_required():
+            raise
+        pytest.skip(str(missing))
+
+
+def test_an_older_schema_is_not_ready(serve, tmp_path: Path) -> None:
+    settings = Settings(data_dir=tmp_path)
+    with serve(create_app(settings)) as client:
+        assert client.get("/readyz").status_code == 503
+        migrate(settings)
+        assert client.get("/readyz").json()["state"] == "ready"
