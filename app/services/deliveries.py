@@ -48,7 +48,7 @@ def announce_digests(backend: Backend) -> int:
     """Plans the digest of the newest night once its run has ended, takes back what lost workers had, and rings for all
     that is due. A night that ended long ago is not told of: who sets a receiver up waits for the next one."""
     with backend.database.write() as connection:
-        deliveries.reopen_expired(connection, backend.settings.digest_attempts)
+        deliveries.reopen_expired(connection, backend.settings.digest_attempts, backend.settings.lease_s)
         run = deliveries.newest_nightly(connection, YOUNG)
         if run is not None:
             deliveries.plan(connection, run, backend.settings.digest_receivers)

@@ -9,7 +9,7 @@ from sqlalchemy import ColumnElement, Connection, Update, and_, or_, select, upd
 from app.storage.items import Reopened
 from app.storage.series import insert_new
 from app.storage.tables import audits, deliveries
-from app.storage.types import clock_s, now
+from app.storage.types import clock_s, now, run_out
 
 
 @dataclass(frozen=True)
@@ -95,9 +95,10 @@ def try_later(connection: Connection, claim: DeliveryClaim, after_s: float, erro
     return connection.execute(_held(claim).values(owner=None, lease_until_s=None, **later)).rowcount == 1
 
 
-def reopen_expired(connection: Connection, max_attempts: int) -> Reopened:
+def reopen_expired(connection: Connection, max_attempts: int, lease_s: float) -> Reopened:
     """Takes deliveries back whose lease has ended: they may have been sent, and are sent again with the same id."""
-    expired = update(deliveries).where(deliveries.c.state == "claimed", deliveries.c.lease_until_s < clock_s())
+    ended = run_out(deliveries.c.lease_until_s, lease_s)
+    expired = update(deliveries).where(deliveries.c.state == "claimed", ended)
     lost = f"the worker was lost {max_attempts} times while it sent this digest"
     given_up = {"state": "failed", "ended_at": now(), "error_text": lost, "next_try_s": None}
     failed = connection.execute(
