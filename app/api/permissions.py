@@ -62,6 +62,8 @@ ROUTES: dict[tuple[str, str], Permission] = {
     ("GET", "/v1/loops/{tag:path}/explanations/{explanation_id}"): READ,
     ("GET", "/v1/loops/{tag:path}/explanations/{explanation_id}/trace"): READ,
     ("GET", "/v1/loops/{tag:path}/explanations/{explanation_id}/plot"): READ,
+    ("GET", "/v1/loops/{tag:path}/report"): READ,
+    ("GET", "/v1/report"): READ,
     ("GET", "/v1/loops/{tag:path}"): READ,
     ("PATCH", "/v1/loops/{tag:path}"): audits("loop.change"),
     # The table, and audits

@@ -14,6 +14,7 @@ from app.cli import (
     keys,
     migrate,
     nightly,
+    report,
     serve,
     simulate,
     trail,
@@ -54,6 +55,7 @@ cli.command("beat", rich_help_panel=RUN)(worker.beat)
 cli.command("upload", rich_help_panel=RUN)(upload.upload)
 cli.command("nightly", rich_help_panel=RUN)(nightly.nightly)
 cli.command("digest", rich_help_panel=RUN)(digest.digest)
+cli.command("report", rich_help_panel=RUN)(report.report)
 cli.command("migrate", rich_help_panel=RUN)(migrate.migrate)
 cli.command("doctor", rich_help_panel=RUN)(upkeep.doctor)
 cli.command("backup", rich_help_panel=RUN)(upkeep.backup)

@@ -67,3 +67,40 @@ def windows_in_words(windows: Sequence[Sequence[float]]) -> str:
     shown = ", ".join(f"{start:.0f}–{end:.0f} s" for start, end in windows[:SHOWN_WINDOWS])
     left = len(windows) - SHOWN_WINDOWS
     return f"{shown} and {left} more" if left > 0 else shown
+
+
+def in_words(found: dict[str, Any]) -> dict[str, Any]:
+    """An explanation with what pages and reports say of it."""
+    return found | {
+        "verdict_words": VERDICT_WORDS.get(found["verdict"] or "", ""),
+        "simulation_words": SIMULATION_WORDS[found["simulation"]],
+        "told_effects": [effect_in_words(effect) for effect in found["effects"]],
+        "errors": errors(found["fit"]),
+        "reasons": [reason["text"] for reason in found["evidence"]],
+    }
+
+
+def effect_in_words(effect: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "code": effect["effect"],
+        "words": effect_words(effect["effect"]),
+        "alternatives": [effect_words(code) for code in effect["alternatives"]],
+        "probability": effect["probability"],
+        "block": effect["block"],
+        "condition": effect["condition"],
+        "parameters": parameters_in_words(effect["parameters"]),
+        "windows": windows_in_words(effect["windows"]),
+        "reasons": [reason["text"] for reason in effect["evidence"]],
+    }
+
+
+def errors(fit: dict[str, Any] | None) -> list[tuple[str, str, str]]:
+    """Free-run error and fit on the stretch that no fit has seen: as given, refitted, explained."""
+    if fit is None:
+        return []
+    names = {"given": "as given", "refitted": "its own parameters fitted", "explained": "with the missing physics"}
+    return [
+        (words, number(fit[f"rmse_{name}"]), number(fit[f"fit_pct_{name}"]))
+        for name, words in names.items()
+        if fit[f"rmse_{name}"] is not None
+    ]

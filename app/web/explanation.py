@@ -11,14 +11,7 @@ from app.api.paths import LoopTag
 from app.errors import LoopauditError
 from app.services import explanations
 from app.services.backend import Backend
-from app.services.explanation_wording import (
-    SIMULATION_WORDS,
-    VERDICT_WORDS,
-    effect_words,
-    number,
-    parameters_in_words,
-    windows_in_words,
-)
+from app.services.explanation_wording import in_words
 from app.web.rendering import page, tag_in_url
 
 router = APIRouter(include_in_schema=False)
@@ -49,36 +42,4 @@ def newest_in_words(backend: Backend, tag: str) -> dict[str, Any] | None:
     found = explanations.newest(backend, tag)
     if found is None:
         return None
-    return found | {
-        "verdict_words": VERDICT_WORDS.get(found["verdict"] or "", ""),
-        "simulation_words": SIMULATION_WORDS[found["simulation"]],
-        "told_effects": [effect_in_words(effect) for effect in found["effects"]],
-        "errors": errors(found["fit"]),
-        "reasons": [reason["text"] for reason in found["evidence"]],
-    }
-
-
-def effect_in_words(effect: dict[str, Any]) -> dict[str, Any]:
-    return {
-        "code": effect["effect"],
-        "words": effect_words(effect["effect"]),
-        "alternatives": [effect_words(code) for code in effect["alternatives"]],
-        "probability": effect["probability"],
-        "block": effect["block"],
-        "condition": effect["condition"],
-        "parameters": parameters_in_words(effect["parameters"]),
-        "windows": windows_in_words(effect["windows"]),
-        "reasons": [reason["text"] for reason in effect["evidence"]],
-    }
-
-
-def errors(fit: dict[str, Any] | None) -> list[tuple[str, str, str]]:
-    """Free-run error and fit on the stretch that no fit has seen: as given, refitted, explained."""
-    if fit is None:
-        return []
-    names = {"given": "as given", "refitted": "its own parameters fitted", "explained": "with the missing physics"}
-    return [
-        (words, number(fit[f"rmse_{name}"]), number(fit[f"fit_pct_{name}"]))
-        for name, words in names.items()
-        if fit[f"rmse_{name}"] is not None
-    ]
+    return in_words(found)

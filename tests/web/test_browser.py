@@ -162,3 +162,21 @@ def test_a_file_is_sent_read_and_its_tags_mapped_anew(opened: Page, web_backend)
     opened.wait_for_url(lambda url: not url.endswith(f"/{number}"))
     read_upload(web_backend, int(opened.url.rpartition("/")[2]), "test")
     expect(opened.get_by_label("Signal of NEW1.X")).to_have_value("SP")
+
+
+@pytest.mark.parametrize("path", ["/v1/report", f"/v1{HOSTILE_PAGE}/report"])
+def test_a_report_opens_from_disk_without_a_network(chromium: Browser, client, tmp_path, path: str):
+    file = tmp_path / "report.html"
+    file.write_bytes(client.get(path).content)
+    context = chromium.new_context(offline=True, viewport={"width": 360, "height": 740})
+    page = context.new_page()
+    told: list[str] = []
+    page.on("console", lambda message: told.append(message.text))
+    page.on("pageerror", lambda error: told.append(str(error)))
+    page.on("request", lambda asked: told.append(asked.url) if asked.url.startswith("http") else None)
+    page.goto(file.as_uri())
+    expect(page.get_by_role("heading", level=1)).to_be_visible()
+    assert told == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= 360
+    assert serious(page) == []
+    context.close()

@@ -1,0 +1,36 @@
+"""Reports to keep and to pass on: one HTML file each, which needs no network."""
+
+import re
+from datetime import UTC, datetime
+
+from fastapi import APIRouter
+from starlette.responses import HTMLResponse
+
+from app.api.backend import Services
+from app.api.paths import LoopTag
+from app.api.problems import responses
+from app.services import reports
+
+router = APIRouter(tags=["reports"])
+UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")
+
+
+@router.get(
+    "/loops/{tag:path}/report", response_class=HTMLResponse, responses=responses(404), summary="A loop's report"
+)
+def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
+    """What is known of a loop: verdict, evidence, charts, history, key figures with their sources; one HTML file."""
+    return _file(reports.loop_report(backend, tag), tag)
+
+
+@router.get("/report", response_class=HTMLResponse, responses=responses(404), summary="The plant's report")
+def plant(backend: Services) -> HTMLResponse:
+    """The plant: counts, changes, the worst loops of each unit, what could not be audited and why; one HTML file."""
+    return _file(reports.plant_report(backend), backend.settings.plant)
+
+
+def _file(html: str, name: str) -> HTMLResponse:
+    """To be saved, under a name that every file system takes."""
+    safe = UNSAFE.sub("-", name).strip("-.")[:80] or "report"
+    filename = f"{safe}-{datetime.now(UTC):%Y-%m-%d}.html"
+    return HTMLResponse(html, headers={"Content-Disposition": f'attachment; filename="{filename}"'})

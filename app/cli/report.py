@@ -1,0 +1,38 @@
+"""`loopaudit report`: what is known of a loop or of the plant, in one HTML file."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.cli.keys import opened
+from app.cli.messages import ExitCode, say
+from app.errors import RequestError
+
+
+def report(
+    loop: Annotated[str | None, typer.Option("--loop", help="Tag of a loop.")] = None,
+    plant: Annotated[bool, typer.Option("--plant", help="The whole plant.")] = False,
+    out: Annotated[Path | None, typer.Option("--out", help="File to write; without it stdout.")] = None,
+) -> None:
+    """Write a report of a loop or of the plant: one HTML file that opens anywhere, without network, and prints.
+
+    [bold]Examples[/bold]
+
+      loopaudit report --loop FIC101 --out FIC101.html
+
+      loopaudit report --plant --out plant.html
+    """
+    from app.services.reports import loop_report, plant_report
+
+    if (loop is None) == (not plant):
+        raise RequestError("which_report", "say either --loop TAG or --plant")
+    with opened() as backend:
+        html = plant_report(backend) if loop is None else loop_report(backend, loop)
+    if out is None:
+        sys.stdout.write(html)
+    else:
+        out.write_text(html, encoding="utf-8")
+        say(f"loopaudit: {out} written, {len(html) // 1000} kB")
+    raise typer.Exit(ExitCode.DONE)

@@ -1,0 +1,145 @@
+"""Reports as files of their own: they need nothing from elsewhere, and what a plant sends stays text."""
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from app.errors import NotFoundError, RequestError
+from app.services import reports
+from app.services.audits import start_audit
+from app.services.backend import Backend
+from app.services.chunks import audit_chunk
+from app.services.notes import add_note
+from app.services.report_svg import Ends, Line, chart, ticks
+from app.storage import loops
+from app.web.rendering import tag_in_url
+
+HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
+VOID = {"meta", "link", "br", "input", "hr", "img", "rect", "line", "path", "circle"}
+
+
+class Document(HTMLParser):
+    """Whether every element is closed in its turn, which elements there are, what they fetch, and the texts."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.open, self.tags, self.fetched, self.texts = [], set(), [], []
+        self.feed(html)
+        self.close()
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.add(tag)
+        self.fetched += [value for name, value in attributes if name in ("src", "href", "srcset", "data", "action")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attributes):
+        self.handle_starttag(tag, attributes)
+        if tag not in VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+
+@pytest.fixture(scope="module")
+def two_nights(web_backend):
+    add_note(web_backend, HOSTILE, "<b-evil>looked</b-evil> at it", "WO-1", None, "<i>somebody</i>")
+    audit_chunk(web_backend, int(start_audit(web_backend).id), "test")
+    return web_backend
+
+
+def of_loop(backend) -> str:
+    return reports.loop_report(backend, HOSTILE)
+
+
+@pytest.mark.parametrize("make", [of_loop, reports.plant_report])
+def test_a_report_is_whole_needs_nothing_and_runs_nothing(two_nights, make):
+    html = make(two_nights)
+    found = Document(html)
+    assert found.open == []
+    assert found.tags.isdisjoint({"script", "iframe", "object", "form", "b-evil", "i"})
+    assert found.fetched == ["data:,"]
+    assert not re.search(r"https?://|url\(|@import", html)
+    assert any(HOSTILE in text for text in found.texts)
+    assert len(html) < 400_000
+
+
+def test_a_loops_report_tells_what_its_page_tells(two_nights):
+    texts = " ".join(" ".join(Document(of_loop(two_nights)).texts).split())
+    for heading in ("Why", "How large is the stiction", "The record", "PV over OP", "Night by night", "Key figures"):
+        assert heading in texts
+    assert "<b-evil>looked</b-evil> at it" in texts
+    assert "10.1016/S0959-1524(02)00007-0" in texts
+
+
+def test_the_routes_send_files_to_keep(client, two_nights):
+    answer = client.get(f"/v1/loops/{tag_in_url(HOSTILE)}/report")
+    assert answer.headers["content-disposition"].startswith('attachment; filename="A-1-script-alert-x-script-2F-20')
+    assert answer.headers["content-type"] == "text/html; charset=utf-8"
+    assert client.get("/v1/report").headers["content-disposition"].startswith('attachment; filename="plant-20')
+    assert client.get("/v1/loops/nobody/report").status_code == 404
+
+
+@pytest.fixture
+def unaudited(settings) -> Iterator[Backend]:
+    """A plant with a loop that nobody has audited."""
+    backend = Backend.open(settings)
+    with backend.database.write() as connection:
+        loops.ensure(connection, ["NEW1"])
+    yield backend
+    backend.close()
+
+
+def test_what_was_not_audited_has_no_report(unaudited):
+    with pytest.raises(NotFoundError):
+        reports.plant_report(unaudited)
+    with pytest.raises(NotFoundError):
+        reports.loop_report(unaudited, "NEW1")
+
+
+def test_a_chart_is_a_picture_with_its_values_inside():
+    ends = Ends(0.0, 2.0, "<a>", "b", "x")
+    drawn = chart(
+        [0.0, 1.0, 2.0], [Line("<PV>", [1.0, None, 3.0], "#000", dots=True)], ends, title='"PV"', shaded=(-9, 1)
+    )
+    picture = ET.fromstring(drawn)  # noqa: S314 - our own
+    assert picture.get("aria-label") == '"PV"'
+    (path,) = picture.iter("path")
+    assert path.get("d").count("M") == 2  # a gap breaks the line
+    assert len(list(picture.iter("circle"))) == 2
+    assert "<a>" in [text.text for text in picture.iter("text")]
+    heights = [float(value) for value in re.findall(r"[ML][\d.]+ ([\d.]+)", path.get("d"))]
+    assert heights[0] > heights[1]  # greater values stand higher
+
+
+def test_nothing_to_draw_is_said():
+    assert "nothing to show" in chart([0.0], [Line("PV", [None], "#000")], Ends(0, 1, "", ""), title="PV")
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "expected"),
+    [(0.0, 10.0, [0, 5, 10]), (0.2, 0.9, [0.2, 0.4, 0.6, 0.8]), (-1e-3, 1e-3, [-0.001, -0.0005, 0.0, 0.0005, 0.001])],
+)
+def test_ticks_are_round(low, high, expected):
+    assert ticks(low, high) == pytest.approx(expected)
+
+
+def test_the_command_writes_one(two_nights, web_settings, tmp_path, monkeypatch):
+    from typer.testing import CliRunner
+
+    from app.cli.main import cli
+
+    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(web_settings.data_dir))
+    file = tmp_path / "report.html"
+    assert CliRunner().invoke(cli, ["report", "--loop", "FIC101", "--out", str(file)]).exit_code == 0
+    assert "<h1>FIC101" in Path(file).read_text(encoding="utf-8")
+    assert CliRunner().invoke(cli, ["report", "--plant"]).output.startswith("<!doctype html>")
+    assert isinstance(CliRunner().invoke(cli, ["report"]).exception, RequestError)
