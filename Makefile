@@ -71,7 +71,7 @@ testbench: install
 
 # Blind cases with concealed physics: what explain names, what it accuses wrongly, how well it fits (COUNT=200 takes a quarter hour).
 prove: install
-	PYTHONPATH=. OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python tests/proof/prove.py --count $(or $(COUNT),200)
+	PYTHONPATH=. OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python tests/proof/prove.py --count $(or $(COUNT),200) --jobs $(or $(JOBS),1)
 
 # Finds are written to .fuzz/found; the corpus of the readers stays in .fuzz/readers for the next search.
 fuzz: install

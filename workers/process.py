@@ -10,6 +10,7 @@ from typing import Any
 from celery import current_app, signals
 
 from app import logs
+from app.engine.mismatch import compile_kernels
 from app.services import chunks
 from app.services.backend import Backend
 
@@ -50,6 +51,7 @@ def _compile_aside() -> None:
         if aside == 0:
             try:
                 chunks.warm_up()
+                compile_kernels()  # explanations are rarer than audits: each process loads theirs when one comes
             finally:
                 os._exit(0)
         os.waitpid(aside, 0)

@@ -2,22 +2,27 @@
 where nothing is.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
 
-from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain, locate
+from app.engine.mismatch import Comparison, Explanation, LinearSimulation, closed_loop, compile_kernels, explain, locate
+from app.engine.mismatch import noise as noise_module
+from app.engine.mismatch import plant as plant_module
 from app.engine.mismatch.block import Context
 from app.engine.mismatch.closed_loop import close, close_again, identify_law
 from app.engine.mismatch.conclude import unseen_data_refuse
 from app.engine.mismatch.experiment import experiment
-from app.engine.mismatch.fitting import Given, fit_linear
+from app.engine.mismatch.fitting import GIVEN_DEVIATION, OWN_DEVIATION, Given, fit_linear
 from app.engine.mismatch.holdout import Fitness
 from app.engine.mismatch.noise import NoiseModel, coloured, fit_noise, whiten
 from app.engine.mismatch.patterns import find_patterns
+from app.engine.mismatch.physics import friction, two_tanks, valve_slew_limit
 from app.engine.mismatch.plant import Plant, run_process
+from app.engine.mismatch.report import CERTAIN, OWN_CERTAIN, probability_of
 from app.engine.mismatch.validation import simulate_again
 from app.engine.recording import FloatArray
 from app.engine.simulate.compression import keep, rebuild
@@ -311,3 +316,47 @@ def test_noise_is_coloured_as_it_was_whitened() -> None:
     model = NoiseModel((0.93, 0.4), (0.3, 0.0))
     e = np.random.default_rng(0).normal(size=500)
     assert whiten(coloured(e, model), np.ones(500, dtype=bool), model) == pytest.approx(e)
+
+
+KERNELS = (
+    (plant_module, "_process"),
+    (friction, "_place"),
+    (friction, "_speed"),
+    (valve_slew_limit, "_limited"),
+    (two_tanks, "_tanks"),
+    (noise_module, "_whiten"),
+    (noise_module, "_minimise"),
+    (noise_module, "_colour"),
+    (closed_loop, "_follow"),
+)
+
+
+def test_every_kernel_of_a_comparison_runs_once_when_a_worker_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that is left out is compiled within the first explanation that needs it, a minute late."""
+    ran = set()
+
+    def noting(module: ModuleType, name: str) -> Callable:
+        kernel = getattr(module, name)
+
+        def noted(*given: object) -> object:
+            ran.add((module, name))
+            return kernel(*given)
+
+        return noted
+
+    for module, name in KERNELS:
+        monkeypatch.setattr(module, name, noting(module, name))
+    compile_kernels()
+    assert ran == set(KERNELS)
+
+
+def test_a_name_found_without_a_simulation_is_never_nearly_certain() -> None:
+    """The linear model behind it is a guess from the same record."""
+
+    def told(deviation: float, margin: float) -> float:
+        rival = SimpleNamespace(score=40.0, fit=SimpleNamespace(given=Given(TRUE, deviation)))
+        return probability_of(SimpleNamespace(rival=rival, margin=margin))
+
+    assert told(GIVEN_DEVIATION, 40.0) == CERTAIN
+    assert told(OWN_DEVIATION, 40.0) == OWN_CERTAIN
+    assert told(OWN_DEVIATION, 0.2) == told(GIVEN_DEVIATION, 0.2) < OWN_CERTAIN

@@ -3,7 +3,6 @@ more.
 """
 
 import copy
-from collections.abc import Iterator
 
 import numpy as np
 from concealing import CONCEAL
@@ -164,9 +163,10 @@ def windows(marks: list, recorded: Run, loop: Loop) -> tuple[tuple[float, float]
     return tuple(found)
 
 
-def blind_set(seed: int, count: int, foreign: bool, clean_share: float, two_share: float) -> Iterator[Case]:
-    """`count` cases: some clean, some with two effects, the rest with one, every effect in turn."""
+def planned(seed: int, count: int, clean_share: float, two_share: float) -> list[tuple[int, tuple[str, ...]]]:
+    """Seed and effects of `count` cases: some clean, some with two effects, the rest with one, every effect in turn."""
     rng = np.random.default_rng(seed)
+    plans = []
     for k in range(count):
         draw = rng.random()
         if draw < clean_share:
@@ -175,7 +175,8 @@ def blind_set(seed: int, count: int, foreign: bool, clean_share: float, two_shar
             effects = two_of(rng)
         else:
             effects = (EFFECTS[k % len(EFFECTS)],)
-        yield make_case(seed * 100_000 + k, effects, foreign)
+        plans.append((seed * 100_000 + k, effects))
+    return plans
 
 
 def two_of(rng: Generator) -> tuple[str, ...]:

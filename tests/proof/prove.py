@@ -7,6 +7,8 @@ import json
 import sys
 import time
 from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,7 +16,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from cases import blind_set
+from cases import make_case, planned
 from generator import SAME, Case
 
 from app.engine.mismatch import Comparison, Explanation, explain
@@ -54,20 +56,25 @@ def judged(case: Case, said: Explanation, seconds: float) -> dict[str, object]:
     }  # fmt: skip
 
 
+def one(plan: tuple[int, tuple[str, ...]], foreign: bool, sim: bool) -> dict[str, object]:
+    case = make_case(*plan, foreign)
+    return judged(case, *answer(case, sim))
+
+
 def summary(lines: list[dict]) -> str:
     """Named right, accused, localisation, excess, seconds, confusions."""
-    one = [x for x in lines if len(x["true"]) == 1]
+    single = [x for x in lines if len(x["true"]) == 1]
     two = [x for x in lines if len(x["true"]) == 2]
     clean = [x for x in lines if not x["true"]]
-    said = [f"one effect: first name right {sum(x['first_right'] for x in one)}/{len(one)}"]
+    said = [f"one effect: first name right {sum(x['first_right'] for x in single)}/{len(single)}"]
     said.append(
         f"two effects: both named {sum(x['all_right'] for x in two)}/{len(two)}, "
         f"first right {sum(x['first_right'] for x in two)}"
     )
     said.append(f"clean accused {sum(bool(x['said']) for x in clean)}/{len(clean)}")
-    overlaps = [x["overlap"] for x in one if x["overlap"] is not None]
+    overlaps = [x["overlap"] for x in single if x["overlap"] is not None]
     said.append(f"localisation overlap mean {np.mean(overlaps) if overlaps else float('nan'):.3f} over {len(overlaps)}")
-    excess = [x["excess"] for x in one if x["excess"]]
+    excess = [x["excess"] for x in single if x["excess"]]
     said.append(
         f"held-out RMSE over the true model's noise: median {np.median(excess) if excess else float('nan'):.3f}"
     )
@@ -76,7 +83,7 @@ def summary(lines: list[dict]) -> str:
         f"most {max(x['seconds'] for x in lines):.2f}"
     )
     confusions = Counter(
-        (x["true"][0], x["said"][0][0] if x["said"] else "nothing") for x in one if not x["first_right"]
+        (x["true"][0], x["said"][0][0] if x["said"] else "nothing") for x in single if not x["first_right"]
     )
     said += [f"  {true} called {name}: {n}" for (true, name), n in confusions.most_common()]
     said += [f"  clean called {x['said'][0][0]} ({x['gains']})" for x in clean if x["said"]]
@@ -91,14 +98,18 @@ def main() -> None:
     options.add_argument("--no-simulation", action="store_true")
     options.add_argument("--clean", type=float, default=0.25)
     options.add_argument("--two", type=float, default=0.15)
+    options.add_argument("--jobs", type=int, default=1, help="processes, one thread each")
     options.add_argument("--out", type=Path)
     given = options.parse_args()
+    plans = planned(given.seed, given.count, given.clean, given.two)
+    asked = partial(one, foreign=not given.own_forms, sim=not given.no_simulation)
     lines = []
-    for case in blind_set(given.seed, given.count, not given.own_forms, given.clean, given.two):
-        lines.append(judged(case, *answer(case, not given.no_simulation)))
-        if given.out:
-            with given.out.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(lines[-1], default=str) + "\n")
+    with ProcessPoolExecutor(given.jobs) as pool:
+        for line in map(asked, plans) if given.jobs == 1 else pool.map(asked, plans):
+            lines.append(line)
+            if given.out:
+                with given.out.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(line, default=str) + "\n")
     print(summary(lines))
 
 

@@ -1,8 +1,18 @@
 """Where a simulation and a recording differ: located, named, modelled and judged on data that no fit has seen."""
 
 from app.engine.mismatch.comparison import Comparison, LinearSimulation, at_interval
+from app.engine.mismatch.compiling import compile_kernels
 from app.engine.mismatch.explain import explain, locate
 from app.engine.mismatch.result import Explanation
 from app.engine.mismatch.validation import simulate_again
 
-__all__ = ["Comparison", "Explanation", "LinearSimulation", "at_interval", "explain", "locate", "simulate_again"]
+__all__ = [
+    "Comparison",
+    "Explanation",
+    "LinearSimulation",
+    "at_interval",
+    "compile_kernels",
+    "explain",
+    "locate",
+    "simulate_again",
+]

@@ -46,7 +46,7 @@ class Context:
 
     @property
     def time_s(self) -> FloatArray:
-        return np.arange(self.record.samples) * self.record.sampling_interval_s
+        return self.record.time_s
 
 
 @dataclass(frozen=True, eq=False)

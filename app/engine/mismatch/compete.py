@@ -1,17 +1,19 @@
 """The competition: every block of the library fitted beside what was found so far, and the best taken while it pays."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context
-from app.engine.mismatch.fitting import Fit, descend, fit, polish, quiet_noise, start_at
+from app.engine.mismatch.block import Block, Context, Part
+from app.engine.mismatch.fitting import Fit, descend, finish, fit, make_task, polish, quiet_noise, start_at
 from app.engine.mismatch.noise import fit_noise
 from app.engine.mismatch.scan import Start, ground, scan, task_with
 from app.engine.recording import FloatArray
 
-ADMITTED, SECOND_ADMITTED = (9, 5), (7, 3)
+ADMITTED, SECOND_ADMITTED = (9, 5), (6, 3)
 HOPELESS = 0.35
+PURSUED = 2
+PURSUED_SHARE, PURSUED_WITHIN = 0.35, 25.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +42,31 @@ class Scanned:
     quiet_gain: float
 
 
-def rivals(found: Fit, blocks: tuple[Block, ...]) -> tuple[Rival, ...]:
-    """The blocks that a scan finds promising, fitted beside the fit so far, best score first."""
-    admitted = promising(survey(found, blocks), found)
-    return tuple(sorted((enter(scanned, found) for scanned in admitted), key=lambda rival: -rival.score))
+def rivals(found: Fit, blocks: tuple[Block, ...], carried: tuple[Part, ...] = ()) -> tuple[Rival, ...]:
+    """The blocks that a scan finds promising, fitted beside the fit so far, best score first; those `carried` from
+    another fit as well, from the values that they had there too.
+    """
+    surveyed = survey(found, blocks)
+    admitted = {scanned.block.name: scanned for scanned in promising(surveyed, found)}
+    scans = {scanned.block.name: scanned for scanned in surveyed}
+    for part in carried:
+        scanned = scans.get(part.block.name)
+        if scanned is not None:
+            starts = (*scanned.starts, Start(part.values, 0.0)) if part.block.name in admitted else ()
+            admitted[part.block.name] = replace(scanned, starts=starts or (Start(part.values, 0.0),))
+    begun = [(scanned.block, begin(scanned, found)) for scanned in admitted.values()]
+    scores = [fits[0].likelihood - block.penalty for block, fits in begun]
+    asked = pursued_from(max(scores, default=0.0) - found.likelihood) + found.likelihood
+    entered = []
+    for (block, fits), score in zip(begun, scores, strict=True):
+        best = pursue(block, fits) if score > asked else fits[0]
+        entered.append(Rival(block, best, best.likelihood - found.likelihood, found))
+    return tuple(sorted(entered, key=lambda rival: -rival.score))
+
+
+def pursued_from(best: float) -> float:
+    """The score (nat, after the first descents) from which a block is worth more of them, where this is the best."""
+    return min(PURSUED_SHARE * best, best - PURSUED_WITHIN)
 
 
 def survey(found: Fit, blocks: tuple[Block, ...]) -> tuple[Scanned, ...]:
@@ -52,7 +75,7 @@ def survey(found: Fit, blocks: tuple[Block, ...]) -> tuple[Scanned, ...]:
     context = Context(found.record, found.plant)
     surveyed = []
     for block in (b for b in blocks if b.suits is None or b.suits(context)):
-        first, second = scan(block, own), scan(block, quiet)
+        first, second = scan(block, (own, quiet))
         starts = (*finalists(first, block, context), *finalists(second, block, context))
         surveyed.append(Scanned(block, starts, first[0].gain, second[0].gain))
     return tuple(surveyed)
@@ -63,7 +86,7 @@ def glance(found: Fit, blocks: tuple[Block, ...]) -> tuple[Scanned, ...]:
     own, context = ground(found, found.noise), Context(found.record, found.plant)
     scanned = []
     for block in (b for b in blocks if b.suits is None or b.suits(context)):
-        starts = scan(block, own)
+        starts = scan(block, (own,))[0]
         scanned.append(Scanned(block, starts, starts[0].gain, 0.0))
     return tuple(scanned)
 
@@ -76,23 +99,33 @@ def promising(surveyed: tuple[Scanned, ...], found: Fit) -> tuple[Scanned, ...]:
     kept = [s for s in own[:admitted] if s.gain > HOPELESS * s.block.penalty]
     kept += [s for s in quiet[:admitted_quiet] if s.quiet_gain > s.block.penalty]
     # An integrator that ran over is far from any linear start: a scan beside that misleads.
-    kept += [s for s in surveyed if (s.block.code == "process.overflow" and integrating) or s.block.brings]
+    kept += [s for s in surveyed if s.block.code == "process.overflow" and integrating]
+    # One that stands for several effects is asked once, beside none.
+    kept += [s for s in surveyed if s.block.brings and not found.parts]
     return tuple(dict.fromkeys(kept))
 
 
-def enter(scanned: Scanned, found: Fit) -> Rival:
-    """The best fit of one block beside what was found, from its best starting points."""
+def begin(scanned: Scanned, found: Fit) -> list[Fit]:
+    """First descents of one block beside what was found, from its best starting points, the best first."""
     task = task_with(found, scanned.block)
     known = [part.values for part in found.parts]
-    fits = []
+    begun = []
     for start in scanned.starts:
         x = start_at(task, found.plant, np.concatenate((*known, start.values)))
         noise = fit_noise(found.record.pv_deviation - task.simulated(x), found.record.usable)
         x = descend(task, polish(task, x, noise), noise, scanned.block.steps)
-        fits.append(fit(task, x, noise, 1, 6))
+        residual = found.record.pv_deviation - task.simulated(x)
+        begun.append(finish(task, x, fit_noise(residual, found.record.usable, noise)))
+    return sorted(begun, key=lambda fitted: -fitted.likelihood)
+
+
+def pursue(block: Block, begun: list[Fit]) -> Fit:
+    """The best of the first descents fitted to their end."""
+    first = begun[0]
+    task = make_task(first.record, first.given, tuple(part.block for part in first.parts))
+    fits = [fit(task, fitted.x, fitted.noise, 1, 6) for fitted in begun[:PURSUED]]
     best = max(fits, key=lambda fitted: fitted.likelihood)
-    best = fit(task, best.x, None, 3, scanned.block.steps)
-    return Rival(scanned.block, best, best.likelihood - found.likelihood, found)
+    return fit(task, best.x, None, 3, block.steps)
 
 
 def finalists(starts: tuple[Start, ...], block: Block, context: Context) -> tuple[Start, ...]:

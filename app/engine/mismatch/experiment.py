@@ -1,6 +1,7 @@
 """What was recorded, as deviations from its means, and which samples may be compared with a simulation."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -35,6 +36,11 @@ class Experiment:
     @property
     def samples(self) -> int:
         return len(self.pv)
+
+    @cached_property
+    def time_s(self) -> FloatArray:
+        """(N,) seconds from the start; made once, because every simulation asks for it."""
+        return np.arange(self.samples) * self.sampling_interval_s
 
     @property
     def duration_s(self) -> float:

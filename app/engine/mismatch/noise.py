@@ -16,6 +16,7 @@ from app.engine.recording import BoolArray, FloatArray
 POLE_MAX = 0.9995
 ZERO_MAX = 0.97
 LONG_GAP = 4
+FIRST_STEPS, LAST_STEPS, PURSUED = 8, 17, 2
 STARTS = (
     (0.95, 0.0, 0.4, 0.0),
     (0.98, 0.8, 0.85, 0.0),
@@ -157,13 +158,21 @@ def fit_noise(r: FloatArray, usable: BoolArray, start: NoiseModel | None = None)
     """
     r = np.ascontiguousarray(r, dtype=np.float64)
     skip = settling_samples(len(r))
-    starts = STARTS if start is None else (tuple(start.shape),)
+    if start is not None:
+        shape = np.array(start.shape)
+        return model_of(shape, _minimise(r, usable, shape, skip, FIRST_STEPS), usable[skip:])
+    shapes = [np.array(candidate) for candidate in STARTS]
+    tried = [(_minimise(r, usable, shape, skip, FIRST_STEPS), k) for k, shape in enumerate(shapes)]
     best, best_cost = np.zeros(4), np.inf
-    for candidate in starts:
-        shape = np.array(candidate)
-        cost = _minimise(r, usable, shape, skip, 25 if start is None else 8)
+    for _, k in sorted(tried)[:PURSUED]:
+        cost = _minimise(r, usable, shapes[k], skip, LAST_STEPS)
         if cost < best_cost:
-            best, best_cost = shape, cost
-    count = max(int(np.sum(usable[skip:])), 1)
-    p1, p2, z1, z2 = best.tolist()
-    return NoiseModel((p1, p2), (z1, z2), float(np.sqrt(max(best_cost, 1e-300) / count)))
+            best, best_cost = shapes[k], cost
+    return model_of(best, best_cost, usable[skip:])
+
+
+def model_of(shape: FloatArray, cost: float, compared: BoolArray) -> NoiseModel:
+    """The model of a shape whose innovations have this sum of squares over the samples compared."""
+    p1, p2, z1, z2 = shape.tolist()
+    count = max(int(np.sum(compared)), 1)
+    return NoiseModel((p1, p2), (z1, z2), float(np.sqrt(max(cost, 1e-300) / count)))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Part
+from app.engine.mismatch.block import Block, Context, Parameter, Part
 from app.engine.mismatch.chain import simulate
 from app.engine.mismatch.fitting import Fit, Task, make_task, orthonormal, prior_rows, residual_rows, slopes
 from app.engine.mismatch.noise import NoiseModel, settling_samples, whiten
@@ -25,6 +25,8 @@ class Ground:
     innovations: FloatArray
     prior: FloatArray
     sensor_parts: bool
+    whitened: FloatArray
+    energy: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,37 +49,71 @@ def ground(fit: Fit, noise: NoiseModel) -> Ground:
     rows = at.rows - basis @ (basis.T @ at.rows)
     sensor = any(part.block.stage == "sensor" for part in fit.parts)
     innovations = whiten(fit.residual, fit.record.usable, fit.noise)
-    return Ground(fit, rows, basis, innovations, prior_rows(task, fit.x), sensor)
+    return Ground(fit, rows, basis, innovations, prior_rows(task, fit.x), sensor, at.rows, float(rows @ rows))
 
 
-def scan(block: Block, ground_: Ground) -> tuple[Start, ...]:
-    """The grid of a block's `starts`, the best first."""
-    context = Context(ground_.fit.record, ground_.fit.plant)
-    linear = [k for k, p in enumerate(block.parameters(context)) if p.linear]
-    rows = block.starts(context, ground_.innovations)
-    found = [solved(block, values, linear, ground_, context) for values in rows]
-    return tuple(sorted(found, key=lambda start: -start.gain))
-
-
-def solved(block: Block, values: FloatArray, linear: list[int], ground_: Ground, context: Context) -> Start:
-    """One point of the grid, its linear parameters by least squares."""
-    if not linear:
-        return Start(values, gained(ground_, whitened(ground_, with_block(ground_, block, values, context))))
+def scan(block: Block, grounds: tuple[Ground, ...]) -> tuple[tuple[Start, ...], ...]:
+    """The grid of a block's `starts` under each ground (of one fit, under several noise models), the best first."""
+    fit = grounds[0].fit
+    context = Context(fit.record, fit.plant)
     parameters = block.parameters(context)
+    linear = [k for k, p in enumerate(parameters) if p.linear]
+    known: dict[bytes, list[FloatArray]] = {}
+    found = []
+    for ground_ in grounds:
+        starts = []
+        for values in block.starts(context, ground_.innovations):
+            key = values.tobytes()
+            if key not in known:
+                known[key] = simulations(block, values, linear, parameters, ground_, context)
+            starts.append(solved(values, linear, parameters, ground_, known[key]))
+        found.append(tuple(sorted(starts, key=lambda start: -start.gain)))
+    return tuple(found)
+
+
+def simulations(
+    block: Block,
+    values: FloatArray,
+    linear: list[int],
+    parameters: tuple[Parameter, ...],
+    ground_: Ground,
+    context: Context,
+) -> list[FloatArray]:
+    """The simulations with the block at one point of the grid: one for each linear parameter moved by its scale, one in
+    all where none is linear.
+    """
+    if not linear:
+        return [with_block(ground_, block, values, context)]
+    moved = np.repeat(values[None, :], len(linear), axis=0)
+    for row, k in zip(moved, linear, strict=True):
+        row[k] += parameters[k].scale
+    return [with_block(ground_, block, row, context) for row in moved]
+
+
+def solved(
+    values: FloatArray,
+    linear: list[int],
+    parameters: tuple[Parameter, ...],
+    ground_: Ground,
+    simulated: list[FloatArray],
+) -> Start:
+    """One point of the grid, its linear parameters by least squares; the linear model follows by inner products with
+    its directions alone.
+    """
+    if not linear:
+        rows = whitened(ground_, simulated[0])
+        along = ground_.basis.T @ rows
+        return Start(values, gained(ground_, float(rows @ rows - along @ along)))
     # Where all linear parameters are zero the block does nothing.
-    at = ground_.rows
-    columns = []
-    for k in linear:
-        moved = values.copy()
-        moved[k] += parameters[k].scale
-        columns.append(whitened(ground_, with_block(ground_, block, moved, context)) - at)
-    basis = np.stack(columns, axis=1)
-    gram = basis.T @ basis
-    change = -np.linalg.solve(gram + 1e-10 * np.trace(gram) * np.eye(len(gram)) + 1e-300, basis.T @ at)
+    columns = np.stack([whitened(ground_, one) for one in simulated]) - ground_.whitened
+    along = columns @ ground_.basis
+    gram = columns @ columns.T - along @ along.T
+    slope = columns @ ground_.rows
+    change = -np.linalg.solve(gram + 1e-10 * np.trace(gram) * np.eye(len(gram)) + 1e-300, slope)
     best = values.copy()
     for k, step in zip(linear, change, strict=True):
         best[k] = np.clip(values[k] + step * parameters[k].scale, parameters[k].low, parameters[k].high)
-    return Start(best, gained(ground_, at + basis @ change))
+    return Start(best, gained(ground_, float(ground_.energy + 2.0 * change @ slope + change @ gram @ change)))
 
 
 def with_block(ground_: Ground, block: Block, values: FloatArray, context: Context) -> FloatArray:
@@ -88,18 +124,17 @@ def with_block(ground_: Ground, block: Block, values: FloatArray, context: Conte
     return simulate(fit.record, fit.plant, (*fit.parts, Part(block, values)))
 
 
-def gained(ground_: Ground, rows: FloatArray) -> float:
-    return 0.5 * len(rows) * float(np.log((ground_.rows @ ground_.rows) / max(rows @ rows, 1e-300)))
+def gained(ground_: Ground, energy: float) -> float:
+    """The gain in log-likelihood (nat) where this energy is left of the whitened residual."""
+    return 0.5 * len(ground_.rows) * float(np.log(ground_.energy / max(energy, 1e-300)))
 
 
 def whitened(ground_: Ground, simulated: FloatArray) -> FloatArray:
-    """Whitened residual of a simulation, what the linear model can follow taken out."""
+    """Whitened residual of a simulation over the noise's deviation, then the prior's rows."""
     fit = ground_.fit
-    e = whiten(fit.record.pv_deviation - simulated, fit.record.usable, fit.noise)[
-        settling_samples(fit.record.samples) :
-    ]
-    rows = np.concatenate((e / fit.noise.deviation, ground_.prior))
-    return rows - ground_.basis @ (ground_.basis.T @ rows)
+    e = whiten(fit.record.pv_deviation - simulated, fit.record.usable, fit.noise)
+    e /= fit.noise.deviation
+    return np.concatenate((e[settling_samples(fit.record.samples) :], ground_.prior))
 
 
 def task_with(fit: Fit, block: Block) -> Task:

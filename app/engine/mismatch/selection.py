@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context
+from app.engine.mismatch.block import Block, Context, Part
 from app.engine.mismatch.compete import Rival, rivals
 from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, by_free_run, fit, start_at
 from app.engine.mismatch.limits import limit_bonus
@@ -13,6 +13,7 @@ from app.engine.mismatch.scan import task_with
 from app.engine.mismatch.spikes import steady_gain, tail_penalty
 
 LEADERS = 3
+CARRIED = 3
 SECOND_MUST_GAIN = 4.0
 SECOND_SHARE, SECOND_ENOUGH = 0.06, 30.0
 INDISTINCT = 5.0
@@ -74,8 +75,9 @@ def makes_sense(rival: Rival) -> bool:
     return bool(after < NO_WORSE * before)
 
 
-def ranked(found: Fit, blocks: tuple[Block, ...]) -> tuple[Rival, ...]:
-    return tuple(sorted((reconciled(rival) for rival in rivals(found, blocks)), key=lambda rival: -worth(rival)))
+def ranked(found: Fit, blocks: tuple[Block, ...], carried: tuple[Part, ...] = ()) -> tuple[Rival, ...]:
+    competed = (reconciled(rival) for rival in rivals(found, blocks, carried))
+    return tuple(sorted(competed, key=lambda rival: -worth(rival)))
 
 
 def reconciled(rival: Rival) -> Rival:
@@ -111,20 +113,80 @@ def select(base: Fit, blocks: tuple[Block, ...], already: tuple[str, ...] = ()) 
         return Selection(base, (), first)
     names = best_of_each_code(first)
     single = Selection(first[0].fit, (believed(first[0], names),), first)
-    tried = leaders(first)
-    pairs = [pair for rival in tried for pair in with_second(rival, names, offered)]
-    best = max(pairs, key=lambda pair: pair.fit.score, default=single)
-    partner = partner_of(best, base, {rival.block.name for rival in tried})
+    beside = {rival.block.name: seconds(rival, names, offered) for rival in leaders(first)}
+    pairs = [pair for places in beside.values() for pair in places.pairs(names)]
+    if not pairs:
+        return single
+    partner = partner_of(max(pairs, key=together), base, set(beside))
     if partner is not None:
-        pairs += with_second(partner, names, offered)
-    return max(pairs, key=lambda pair: pair.fit.score, default=single)
+        places = beside[partner.block.name] = seconds(partner, names, offered)
+        pairs += places.pairs(names)
+    best = max(pairs, key=together)
+    effects = (first_of(best, beside.get(best.second.block.name)), believed(best.second, best.names))
+    return Selection(best.second.fit, tuple(sorted(effects, key=lambda effect: -effect.gain)), names)
 
 
-def partner_of(pair: Selection, base: Fit, tried: set[str]) -> Rival | None:
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """A second effect beside a first. first_gain: what the first gains beside the second (nat). names: all that
+    competed for the second place.
+    """
+
+    first: Rival
+    second: Rival
+    first_gain: float
+    names: tuple[Rival, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """A first effect, and what competed for the place beside it, the best first."""
+
+    first: Rival
+    ranking: tuple[Rival, ...]
+
+    def pairs(self, alone: tuple[Rival, ...]) -> tuple[Pair, ...]:
+        """The best second effect, where each of the two is worth having beside the other; `alone`: single effects."""
+        if not self.ranking or not pays_beside(self.ranking[0], self.first):
+            return ()
+        rival, best = self.first, self.ranking[0]
+        likeliest = max(r.fit.likelihood for r in alone)
+        other = max((r.fit.likelihood for r in alone if r.block.code == best.block.code), default=-np.inf)
+        first_gain = best.fit.likelihood - max(other, rival.fit.likelihood - rival.gain)
+        if (
+            best.fit.likelihood - likeliest < best.block.penalty + SECOND_MUST_GAIN
+            or first_gain < rival.block.penalty + SECOND_MUST_GAIN
+        ):
+            return ()
+        return (Pair(rival, best, first_gain, best_of_each_code(self.ranking)),)
+
+
+def together(pair: Pair) -> float:
+    """A pair's score, with what the quiet of its limited stretches says."""
+    fit = pair.second.fit
+    return fit.score + sum(limit_bonus(fit, part) for part in fit.parts)
+
+
+def first_of(pair: Pair, beside_second: Places | None) -> Believed:
+    """The first of a pair, with the names that come near it beside the second one."""
+    names = () if beside_second is None else best_of_each_code(beside_second.ranking)
+    again = next((r for r in names if r.block.code == pair.first.block.code), None)
+    alone = Believed(
+        pair.first.block.code,
+        twins_of(pair.first),
+        pair.first_gain,
+        worth(pair.first) / own_doubt(pair.first),
+        pair.first,
+    )
+    if again is None or worth(again) <= 0.0:
+        return alone
+    near = believed(again, names)
+    return replace(alone, alternatives=near.alternatives, margin=near.margin)
+
+
+def partner_of(pair: Pair, base: Fit, tried: set[str]) -> Rival | None:
     """The effect of a pair that was found second, alone: beside it the first may turn out to have another name."""
-    if len(pair.effects) < 2:
-        return None
-    part = pair.fit.parts[-1]
+    part = pair.second.fit.parts[-1]
     if part.block.name in tried:
         return None
     task = task_with(base, part.block)
@@ -142,28 +204,13 @@ def leaders(ranking: tuple[Rival, ...]) -> tuple[Rival, ...]:
     return (names[0], *close[: LEADERS - 1])
 
 
-def with_second(rival: Rival, names: tuple[Rival, ...], blocks: tuple[Block, ...]) -> tuple[Selection, ...]:
-    """A rival with the best second effect beside it, where each of the two is worth having beside the other."""
+def seconds(rival: Rival, alone: tuple[Rival, ...], blocks: tuple[Block, ...]) -> Places:
+    """What competes for the place beside a rival; names that did well alone begin from their values there too."""
     named = {rival.block.code, *TWINS.get(rival.block.code, ())}
     if rival.block.code in LIMITS:
         named |= LIMITS
-    second = ranked(rival.fit, tuple(block for block in blocks if block.code not in named))
-    if not second or not pays_beside(second[0], rival):
-        return ()
-    best = second[0]
-    alone = max(r.fit.likelihood for r in names)
-    other = max((r.fit.likelihood for r in names if r.block.code == best.block.code), default=-np.inf)
-    first_gain = best.fit.likelihood - max(other, rival.fit.likelihood - rival.gain)
-    if (
-        best.fit.likelihood - alone < best.block.penalty + SECOND_MUST_GAIN
-        or first_gain < rival.block.penalty + SECOND_MUST_GAIN
-    ):
-        return ()
-    effects = (
-        Believed(rival.block.code, twins_of(rival), first_gain, worth(rival) / own_doubt(rival), rival),
-        believed(best, best_of_each_code(second)),
-    )
-    return (Selection(best.fit, tuple(sorted(effects, key=lambda effect: -effect.gain)), names),)
+    carried = tuple(r.fit.parts[-1] for r in alone if r.block.code not in named and worth(r) > 0.0)[:CARRIED]
+    return Places(rival, ranked(rival.fit, tuple(block for block in blocks if block.code not in named), carried))
 
 
 def pays_beside(second: Rival, first: Rival) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from app.engine.mismatch.block import Block, Context, Parameter, grid
-from app.engine.mismatch.plant import Plant, delay
+from app.engine.mismatch.plant import Plant, delay, lag
 from app.engine.recording import BoolArray, FloatArray
 
 STEPS = 4
@@ -72,6 +72,11 @@ def _speed(u: FloatArray, drive: FloatArray, numbers: FloatArray, ts: float) -> 
 
 
 def run(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
+    """PV (N,) of the mass, behind the further lag that another block may have given the plant."""
+    return lag(moved(v, plant, values, context), plant.tau3, context.record.sampling_interval_s)
+
+
+def moved(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
     ts = context.record.sampling_interval_s
     u = delay(v, plant.theta, ts)
     dry, more = float(values[0]), 1.0 + float(values[1])

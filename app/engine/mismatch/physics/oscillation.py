@@ -1,5 +1,5 @@
-"""A periodic disturbance, for the whole record or for a stretch of it; its second form has a second harmonic and a
-third.
+"""A periodic disturbance, for the whole record or for a stretch of it: a sine, or with the odd harmonics that squares
+and triangles are made of.
 """
 
 import numpy as np
@@ -10,7 +10,9 @@ from app.engine.mismatch.physics.gain_drift import moment
 from app.engine.recording import BoolArray, FloatArray
 
 PERIODS_TRIED = 3
+ODD = (3, 5)
 WINDOWS = tuple((a / 14.0, b / 14.0) for a in range(14) for b in range(a + 1, 15))
+COARSE_WINDOWS = tuple((a / 5.0, b / 5.0) for a in range(5) for b in range(a + 1, 6))
 
 
 def parameters(context: Context) -> tuple[Parameter, ...]:
@@ -52,6 +54,34 @@ def wave(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray
     return signal + inside * (sine * np.sin(phase) + cosine * np.cos(phase))
 
 
+def shaped_parameters(context: Context) -> tuple[Parameter, ...]:
+    more = tuple(size(context, f"{name}_{order}") for order in ODD for name in ("sine", "cosine"))
+    return (*parameters(context), *more)
+
+
+def shaped_starts(context: Context, innovations: FloatArray) -> FloatArray:
+    duration = context.record.duration_s
+    rest = (0.0,) * (2 + 2 * len(ODD))
+    return np.array(
+        [
+            (a * duration, b * duration, p, *rest)
+            for p in likely_periods(context, innovations)
+            for a, b in COARSE_WINDOWS
+            if (b - a) * duration > 1.5 * p
+        ]
+    )
+
+
+def shaped_wave(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    begin, end, period = values[:3]
+    phase = 2.0 * np.pi * context.time_s / period
+    inside = (context.time_s >= begin) & (context.time_s < end)
+    wave = np.zeros_like(phase)
+    for k, order in enumerate((1, *ODD)):
+        wave += values[3 + 2 * k] * np.sin(order * phase) + values[4 + 2 * k] * np.cos(order * phase)
+    return signal + inside * wave
+
+
 def active(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
     return (context.time_s >= values[0]) & (context.time_s < values[1])
 
@@ -74,6 +104,20 @@ BLOCKS = (
         penalty=25.0,
         rough=True,
         finalists=3,
+        sensible=lasts,
+    ),
+    Block(
+        "disturbance.oscillation",
+        "disturbance",
+        "output",
+        "at one frequency",
+        shaped_parameters,
+        shaped_starts,
+        apply=shaped_wave,
+        active=active,
+        form="shaped",
+        penalty=32.0,
+        rough=True,
         sensible=lasts,
     ),
 )

@@ -6,6 +6,8 @@ from app.engine.mismatch.block import Block, Context, Parameter, grid
 from app.engine.mismatch.plant import Plant
 from app.engine.recording import FloatArray
 
+LEAST_ZERO = 0.1
+
 
 def slowness(context: Context) -> float:
     """The slowest time of the linear plant, s."""
@@ -82,6 +84,11 @@ def inverse(plant: Plant, values: FloatArray, _: Context) -> Plant:
     return plant.changed(zero=float(values[0]), tau3=float(np.hypot(plant.tau3, values[1])))
 
 
+def turns_back(values: FloatArray, context: Context) -> bool:
+    """A zero far below the lag beside it, or below the interval, turns nothing back: that is a lag."""
+    return bool(values[0] > max(LEAST_ZERO * values[1], 0.3 * context.record.sampling_interval_s))
+
+
 ALWAYS = "while OP moves"
 BLOCKS = (
     Block("process.dead_time", "process", "process", ALWAYS, extra_delay, delays, alter=later, penalty=13.0),
@@ -109,5 +116,6 @@ BLOCKS = (
         zeros_and_lags,
         alter=inverse,
         penalty=18.0,
+        sensible=turns_back,
     ),
 )

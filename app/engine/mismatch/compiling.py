@@ -1,0 +1,50 @@
+"""Short made-up records that run every kernel of a comparison once, so that the first real one compiles nothing."""
+
+import numpy as np
+
+from app.engine.mismatch.closed_loop import close_again
+from app.engine.mismatch.comparison import Comparison, LinearSimulation
+from app.engine.mismatch.experiment import experiment
+from app.engine.mismatch.explain import locate, prepare
+from app.engine.mismatch.patterns import find_patterns
+from app.engine.recording import FloatArray
+
+SAMPLES, INTERVAL_S = 240, 1.0
+GAIN, INTEGRAL = 0.4, 0.08
+STRUCTURES = (
+    LinearSimulation(1.0, (8.0,), 2.0),
+    LinearSimulation(1.0, (8.0, 3.0), 2.0),
+    LinearSimulation(0.1, (3.0,), 2.0, integrating=True),
+)
+
+
+def compile_kernels() -> None:
+    """Compiles the kernels of explanations, or loads them where they were compiled before: seconds, or a minute."""
+    sp, op, pv = closed_loop()
+    for simulation in STRUCTURES:
+        locate(Comparison("warm-up", INTERVAL_S, op, pv, sp, simulation=simulation))
+    find_patterns(experiment(INTERVAL_S, op, np.repeat(pv[::6], 6)[:SAMPLES]))
+    find_patterns(experiment(INTERVAL_S, op, np.interp(np.arange(SAMPLES), irregular(), pv[irregular()])))
+    # A speed that comes to rest has a kernel of its own; exactly at rest it would pass for the end of a range.
+    at_rest = np.maximum(pv - np.quantile(pv, 0.2), 0.0) + 1e-3 * np.cos(2.3 * np.arange(SAMPLES))
+    locate(Comparison("warm-up", INTERVAL_S, op, at_rest, sp, simulation=STRUCTURES[0]))
+    base = prepare(Comparison("warm-up", INTERVAL_S, op, pv, sp, simulation=STRUCTURES[0])).base
+    close_again(base, base, ())
+
+
+def irregular() -> np.ndarray:
+    """Instants that a historian might keep, samples."""
+    steps = np.tile((3, 5, 9, 4, 7), SAMPLES // 28 + 1)
+    kept = np.concatenate(([0], np.cumsum(steps)))
+    return np.concatenate((kept[kept < SAMPLES - 1], [SAMPLES - 1]))
+
+
+def closed_loop() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """SP, OP and PV (N,) of a PI loop around a lag, under a small periodic load."""
+    sp = 20.0 + 2.0 * np.sign(np.sin(np.arange(SAMPLES) / 25.0))
+    op, pv = np.full(SAMPLES, 50.0), np.full(SAMPLES, 20.0)
+    for t in range(1, SAMPLES):
+        pv[t] = pv[t - 1] + (op[t - 1] - 30.0 - pv[t - 1]) / 8.0 + 0.05 * np.sin(1.7 * t)
+        error, before = sp[t] - pv[t], sp[t - 1] - pv[t - 1]
+        op[t] = op[t - 1] + GAIN * (error - before) + INTEGRAL * error
+    return sp, op, pv
