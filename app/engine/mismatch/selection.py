@@ -178,9 +178,11 @@ def first_of(pair: Pair, beside_second: Places | None) -> Believed:
         worth(pair.first) / own_doubt(pair.first),
         pair.first,
     )
-    if again is None or worth(again) <= 0.0:
+    if again is None or beside_second is None:
         return alone
-    near = believed(again, names)
+    # The pair may stand better than the same two found in the other order.
+    standing = max(worth(again), together(pair) - beside_second.first.fit.score)
+    near = believed(again, names, standing)
     return replace(alone, alternatives=near.alternatives, margin=near.margin)
 
 
@@ -237,12 +239,15 @@ def twins_of(rival: Rival) -> tuple[str, ...]:
     return (*TWINS.get(code, ()), *CLOSE.get(code, ()), *(("valve.deadband",) if hardly_slips(rival) else ()))
 
 
-def believed(best: Rival, names: tuple[Rival, ...]) -> Believed:
-    """The best rival with the names that this record cannot tell from it."""
+def believed(best: Rival, names: tuple[Rival, ...], standing: float | None = None) -> Believed:
+    """The best rival with the names that this record cannot tell from it. standing: what it is worth, where that is
+    known from elsewhere.
+    """
+    standing = worth(best) if standing is None else standing
     twins = list(twins_of(best))
     others = [r for r in names if r.block.code != best.block.code and r.block.code not in twins]
     doubt = own_doubt(best)
-    margins = [(worth(best) - worth(r)) / doubt for r in others]
+    margins = [(standing - worth(r)) / doubt for r in others]
     close = [r.block.code for r, m in zip(others, margins, strict=True) if m < INDISTINCT and worth(r) > 0.0]
     close = [code for code in close if code != UNNAMED]
     nearest = min(margins, default=float(np.inf))
