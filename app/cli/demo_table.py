@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from app.cli.tables import VERDICT_STYLE, console_for, number
-from app.services.wording import VERDICT_WORDS, worst_first
+from app.services.wording import VERDICT_RANK, VERDICT_WORDS
 
 if TYPE_CHECKING:
     from app.services.demo import DemoLoop
@@ -32,20 +32,40 @@ class Judged:
         return ABSTAINED if self.row["verdict"] in ("inconclusive", "not_auditable") else MISS
 
 
-def print_demo(loops: Sequence["DemoLoop"], rows: Sequence[Mapping[str, Any]], stream: IO[str]) -> None:
-    """The table, worst first, and how often each condition was judged rightly."""
+LEGEND = (
+    "S: how much OP must travel after a turn before the valve moves, in units of OP, with its 95 % interval; "
+    "-: the record cannot tell. Health: 100 is best."
+)
+
+
+def print_demo(loops: Sequence["DemoLoop"], rows: Sequence[Mapping[str, Any]], stream: IO[str]) -> str:
+    """Prints the table, worst first, and how often each condition was judged rightly; gives the worst loop."""
     by_tag = {loop.tag: loop for loop in loops}
-    judged = [Judged(by_tag[row["loop"]], row) for row in worst_first(rows) if row["loop"] in by_tag]
+    judged = [Judged(by_tag[row["loop"]], row) for row in sorted(rows, key=_as_the_pages) if row["loop"] in by_tag]
     console = console_for(stream)
     console.print(_table(judged))
+    console.print(Text(LEGEND))
     console.print(_summary(judged))
     console.print(Text(_sentence(judged, len(loops))))
+    return judged[0].loop.tag
+
+
+def _as_the_pages(row: Mapping[str, Any]) -> tuple[int, float, str]:
+    """Sticky valves first, and among them what has the worst health, as on the plant's page."""
+    health = row["health"]
+    return VERDICT_RANK.index(row["verdict"]), 100.0 if health is None else health, row["loop"]
+
+
+def _size(row: Mapping[str, Any]) -> str:
+    if row["stiction_S"] is None:
+        return "-"
+    return f"{row['stiction_S']:.1f} ({row['stiction_S_low']:.1f} to {row['stiction_S_high']:.1f})"
 
 
 def _table(judged: Sequence[Judged]) -> Table:
     table = Table(title="Reliability table of the demo plant, beside the truth", box=box.SIMPLE_HEAD, pad_edge=False)
-    for header in ("loop", "unit", "verdict", "P(stiction)", "verdict is", "band % of OP", "Yper %", "truth", ""):
-        table.add_column(header, justify="right" if header in ("P(stiction)", "band % of OP", "Yper %") else "left")
+    for header in ("loop", "unit", "verdict", "P(stiction)", "verdict is", "health", "S (95 %)", "truth", ""):
+        table.add_column(header, justify="right" if header in ("P(stiction)", "health", "S (95 %)") else "left")
     for item in judged:
         row = item.row
         table.add_row(
@@ -54,8 +74,8 @@ def _table(judged: Sequence[Judged]) -> Table:
             Text(VERDICT_WORDS[row["verdict"]], style=VERDICT_STYLE[row["verdict"]]),
             number(row["stiction_probability"], 2),
             row["reliability"].replace("_", " "),
-            number(row["stiction_band_pct_of_op_range"], 1),
-            number(row["yper_pct"], 1),
+            number(row["health"], 0),
+            _size(row),
             Text(item.loop.truth),
             Text(item.outcome, style=STYLE[item.outcome]),
         )

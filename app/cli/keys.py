@@ -50,7 +50,12 @@ def create(
 
 @cli.command("list")
 def list_(as_json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False) -> None:
-    """Show all keys, without their secrets."""
+    """Show all keys, without their secrets.
+
+    [bold]Examples[/bold]
+
+      loopaudit keys list
+    """
     from rich.table import Table
     from rich.text import Text
 
@@ -73,7 +78,12 @@ def list_(as_json: Annotated[bool, typer.Option("--json", help="One JSON object 
 
 @cli.command("revoke")
 def revoke(key_id: KeyId) -> None:
-    """End a key now, and the logins made with it. A running service knows it LOOPAUDIT_KEY_RECHECK_S later."""
+    """End a key now, and the logins made with it. A running service knows it LOOPAUDIT_KEY_RECHECK_S later.
+
+    [bold]Examples[/bold]
+
+      loopaudit keys revoke k3j2h1
+    """
     from app.services import keys
 
     with opened() as backend:
@@ -89,7 +99,12 @@ def rotate(
         float, typer.Option("--overlap", min=0, help="Hours for which the old key goes on working.")
     ] = 24.0,
 ) -> None:
-    """Make a key like an old one, which ends after an overlap, so that its users can change over."""
+    """Make a key like an old one, which ends after an overlap, so that its users can change over.
+
+    [bold]Examples[/bold]
+
+      loopaudit keys rotate k3j2h1 --overlap 48
+    """
     from app.services import keys
 
     with opened() as backend:

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Iterator
 from contextlib import nullcontext
+from datetime import datetime, timedelta
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 PROCESS, CONTROLLER, VALVE, UPSETS = "Process", "Controller", "Valve", "What happens to the loop"
 EXPLAINED = "An explained model"
+STARTS = ["%Y-%m-%d", "%Y-%m-%dT%H:%M:%S"]
 
 
 class ValveModel(StrEnum):
@@ -63,6 +65,10 @@ def simulate(
         120.0, "--wave-period", min=0.001, help="Its period, seconds.", rich_help_panel=UPSETS
     ),
     step: float = typer.Option(0.0, "--sp-step", help="Set-point step in the middle, in PV.", rich_help_panel=UPSETS),
+    start: Annotated[
+        datetime | None,
+        typer.Option("--start", formats=STARTS, help="Write stamps from this instant on (UTC) instead of seconds."),
+    ] = None,
     seed: int = typer.Option(0, "--seed", min=0, help="The same seed gives the same noise."),
     model: Annotated[
         Path | None,
@@ -85,6 +91,8 @@ def simulate(
 
       loopaudit simulate --integrating --gain 0.002 --ti 600 --valve packed > level.csv
 
+      loopaudit simulate --valve he -S 5 -J 2 --start 2026-03-01 --out FIC101.csv
+
       loopaudit explain FIC101.csv --model FIC101.json; loopaudit simulate --model FIC101.json --recording FIC101.csv
     """
     if model is not None or recording is not None:
@@ -105,7 +113,7 @@ def simulate(
     )
     loop = simulate_loop(spec, samples * interval_s, interval_s, seed)
     with nullcontext(sys.stdout) if out is None else out.open("w", encoding="utf-8", newline="") as stream:
-        stream.writelines(_lines(loop, with_valve))
+        stream.writelines(_lines(loop, with_valve, start))
     say(f"{samples} samples of a loop with a {valve.value} valve" + (f" in {out}" if out else ""))
     raise typer.Exit(ExitCode.DONE)
 
@@ -157,8 +165,14 @@ def _load(step: float, amplitude: float, period_s: float) -> "Signal":
     return Signal(value=step, waves=(Wave(amplitude, period_s),) if amplitude else ())
 
 
-def _lines(loop: "SimulatedLoop", with_valve: bool) -> Iterator[str]:
+def _lines(loop: "SimulatedLoop", with_valve: bool, start: datetime | None) -> Iterator[str]:
     yield "time,SP,PV,OP" + (",V" if with_valve else "") + "\n"
-    columns = [loop.time_s, loop.sp, loop.pv, loop.op] + ([loop.v] if with_valve else [])
-    for row in zip(*columns, strict=True):
-        yield ",".join(f"{value:.8g}" for value in row) + "\n"
+    columns = [loop.sp, loop.pv, loop.op] + ([loop.v] if with_valve else [])
+    for time_s, *row in zip(loop.time_s, *columns, strict=True):
+        yield ",".join([_stamp(time_s, start), *(f"{value:.8g}" for value in row)]) + "\n"
+
+
+def _stamp(time_s: float, start: datetime | None) -> str:
+    if start is None:
+        return f"{time_s:.8g}"
+    return (start + timedelta(seconds=time_s)).isoformat(timespec="milliseconds") + "Z"

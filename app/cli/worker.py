@@ -44,6 +44,10 @@ def beat(until_parent_ends: UntilParentEnds = False) -> None:
     """Run the schedule: the nightly audit at LOOPAUDIT_NIGHTLY_AT, and the sweeper that sends again what was lost.
 
     One is enough; two do no harm.
+
+    [bold]Examples[/bold]
+
+      LOOPAUDIT_NIGHTLY_AT=03:30 LOOPAUDIT_TIME_ZONE=Europe/Berlin loopaudit beat
     """
     from app.queue.running import run_beat
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -48,6 +49,13 @@ class DemoLoop:
     def condition(self) -> str:
         """The truth without its figures."""
         return self.truth.split(",")[0]
+
+    @property
+    def what_it_is(self) -> dict[str, Any]:
+        """What a plant tells of a loop: unit, type and spans."""
+        low, high = self.spec.pv_limits
+        spans = {"pv_low": low, "pv_high": high, "op_low": OP_LIMITS[0], "op_high": OP_LIMITS[1]}
+        return {"unit": self.unit, "type": self.type, **spans}
 
 
 @dataclass(frozen=True)

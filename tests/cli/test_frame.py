@@ -3,8 +3,11 @@
 import resource
 import subprocess
 import sys
+from collections.abc import Iterator
 
+import click
 import pytest
+from typer.main import get_command
 from typer.testing import CliRunner
 
 from app.cli.main import cli
@@ -51,12 +54,21 @@ def test_help_lists_every_command_and_the_exit_codes():
     assert "0 done, 1 some inputs" in text
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_teaches(command):
-    result = CliRunner().invoke(cli, [command, "--help"])
+def every_command(of: click.Command, *names: str) -> Iterator[tuple[str, ...]]:
+    if hasattr(of, "commands"):
+        for name, command in of.commands.items():
+            yield from every_command(command, *names, name)
+    else:
+        yield names
+
+
+@pytest.mark.parametrize("command", list(every_command(get_command(cli))), ids=" ".join)
+def test_every_command_teaches_by_an_example_of_itself(command):
+    result = CliRunner().invoke(cli, [*command, "--help"])
     assert result.exit_code == 0
     assert "Usage" in result.output
-    assert command in ("beat", "migrate") or "Examples" in result.output
+    examples = " ".join(result.output.partition("Examples")[2].split())
+    assert f"loopaudit {' '.join(command)}" in examples
 
 
 @pytest.mark.parametrize(
