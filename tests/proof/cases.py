@@ -25,7 +25,7 @@ from plants import Process
 
 from app.engine.recording import FloatArray
 
-TRIES = 12
+TRIES, MOST_TRIES = 12, 200
 SEEN_IN_PV_ALONE = ("sensor.quantization", "sensor.stuck", "sensor.saturation")
 EXCITED_BY_SET_POINT = (
     "process.", "valve.characteristic", "valve.saturation", "valve.slew_limit", "sensor.lag", "sensor.saturation"
@@ -33,11 +33,11 @@ EXCITED_BY_SET_POINT = (
 
 
 def make_case(seed: int, effects: tuple[str, ...], foreign: bool) -> Case:
-    """The case of a seed: the first of some tries whose effects can be seen."""
+    """The case of a seed: the first of some tries whose effects can be seen; of many where few loops suit them."""
     rng = np.random.default_rng(seed)
     case = attempt(rng, effects, foreign, seed)
-    for _ in range(TRIES):
-        if case is not None and (not effects or case.truth.energy >= LEAST_ENERGY):
+    for tried in range(MOST_TRIES):
+        if case is not None and (tried >= TRIES or not effects or case.truth.energy >= LEAST_ENERGY):
             return case
         case = attempt(rng, effects, foreign, seed) or case
     if case is None:

@@ -12,7 +12,6 @@ from app.engine.recording import FloatArray
 
 ADMITTED, SECOND_ADMITTED = (9, 5), (6, 3)
 HOPELESS = 0.35
-PURSUED = 2
 PURSUED_SHARE, PURSUED_WITHIN = 0.35, 25.0
 
 
@@ -59,13 +58,15 @@ def rivals(found: Fit, blocks: tuple[Block, ...], carried: tuple[Part, ...] = ()
     asked = pursued_from(max(scores, default=0.0) - found.likelihood) + found.likelihood
     entered = []
     for (block, fits), score in zip(begun, scores, strict=True):
-        best = pursue(block, fits) if score > asked else fits[0]
+        best = pursue(block, fits) if score > asked or block.rough else fits[0]
         entered.append(Rival(block, best, best.likelihood - found.likelihood, found))
     return tuple(sorted(entered, key=lambda rival: -rival.score))
 
 
 def pursued_from(best: float) -> float:
-    """The score (nat, after the first descents) from which a block is worth more of them, where this is the best."""
+    """The score (nat, after the first descents) from which a smooth block is worth more of them, where this is the
+    best. The first descents of a rough one say little.
+    """
     return min(PURSUED_SHARE * best, best - PURSUED_WITHIN)
 
 
@@ -123,7 +124,7 @@ def pursue(block: Block, begun: list[Fit]) -> Fit:
     """The best of the first descents fitted to their end."""
     first = begun[0]
     task = make_task(first.record, first.given, tuple(part.block for part in first.parts))
-    fits = [fit(task, fitted.x, fitted.noise, 1, 6) for fitted in begun[:PURSUED]]
+    fits = [fit(task, fitted.x, fitted.noise, 1, 6) for fitted in begun[: block.finalists]]
     best = max(fits, key=lambda fitted: fitted.likelihood)
     return fit(task, best.x, None, 3, block.steps)
 
