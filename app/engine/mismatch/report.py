@@ -52,7 +52,8 @@ def probability_of(effect: Believed) -> float:
     """That the name, or one of its alternatives, is right: from the margin over the next name and over nothing at
     all.
     """
-    presence = 1.0 / (1.0 + np.exp(-np.clip(effect.rival.score, -30.0, 30.0)))
+    beyond = effect.gain - effect.rival.block.penalty  # beside its partner: alone it may have gained nothing
+    presence = 1.0 / (1.0 + np.exp(-np.clip(beyond, -30.0, 30.0)))
     name = 1.0 / (1.0 + np.exp(-np.clip(effect.margin, -30.0, 30.0)))
     own = effect.rival.fit.given.deviation >= OWN_DEVIATION
     return float(min(presence * name, OWN_CERTAIN if own else CERTAIN))
