@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from cases import make_case, planned
 from generator import SAME, Case
 
-from app.engine.mismatch import Comparison, Explanation, explain
+from app.engine.mismatch import Comparison, Explanation, compile_kernels, explain
 
 
 def overlap(found: list[tuple[float, float]], true: list[tuple[float, float]]) -> float:
@@ -103,6 +103,7 @@ def main() -> None:
     given = options.parse_args()
     plans = planned(given.seed, given.count, given.clean, given.two)
     asked = partial(one, foreign=not given.own_forms, sim=not given.no_simulation)
+    compile_kernels()  # else the first case pays for it
     lines = []
     with ProcessPoolExecutor(given.jobs) as pool:
         for line in map(asked, plans) if given.jobs == 1 else pool.map(asked, plans):

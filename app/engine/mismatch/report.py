@@ -16,7 +16,7 @@ from app.engine.mismatch.windows import Window, active_mask, windows_of
 from app.engine.recording import FloatArray
 
 CERTAIN = 0.995
-# Without a given simulation about two of three names of a competition were what the plant said (docs/PROOF.md).
+# Without a given simulation about two of three names of a competition were what the plant said (docs/EXPLAINED.md).
 OWN_CERTAIN = 0.7
 UNUSED_PLANT = Plant(K=1.0, tau=1.0, theta=0.0)  # what PV shows by itself asks nothing of the plant
 PLANT_UNITS = {"K": "PV/OP", "tau": "s", "tau2": "s", "theta": "s"}
