@@ -225,7 +225,18 @@ class Settings(BaseSettings):
     def prepare_folders(self) -> None:
         """The data folder with its parts, readable by the owner alone."""
         for folder in (self.data_dir, self.uploads_dir):
-            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if not folder.is_dir():
+                folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+                sync_folder(folder.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """The names in it are on disk when this returns: a file is only kept where its name is."""
+    opened = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(opened)
+    finally:
+        os.close(opened)
 
 
 @lru_cache(maxsize=1)

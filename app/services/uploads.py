@@ -16,6 +16,7 @@ from app.services.audit_line import iso_utc
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.results import Page, Receipt, RejectView, UploadView
+from app.settings import sync_folder
 from app.storage import uploads
 from app.storage.uploads import UploadRow
 
@@ -85,11 +86,7 @@ class Receiving:
         os.fsync(self._file.fileno())
         self._file.close()
         self._draft.rename(path_of(self._backend, fingerprint))
-        folder = os.open(self._backend.settings.uploads_dir, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+        sync_folder(self._backend.settings.uploads_dir)
 
     def __enter__(self) -> Self:
         return self

@@ -78,6 +78,22 @@ def test_a_killed_worker_and_a_deadly_loop_leave_a_run_that_ends(plant: Any, sma
     assert loops.loop_health(plant.backend, "FIC6")["audit_id"] == run.id
 
 
+def test_a_worker_that_is_told_to_stop_finishes_what_it_holds(plant: Any, small_export: bytes) -> None:
+    worker = plant.start("worker", SLOW_S="0.3")
+    read_in(plant, small_export)
+    run = audits.start_audit(plant.backend)
+    plant.wait("claims", lambda: _claimed(plant, run.id) > 0)
+    worker.terminate()
+    assert worker.wait(60) == 0
+    plant.running.remove(worker)
+    assert _claimed(plant, run.id) == 0
+    plant.backend.queue.audit_chunks(int(run.id), 1)
+    plant.start("worker")
+    plant.wait("the rest", lambda: ended(plant, run.id))
+    found = audits.get_audit(plant.backend, run.id)
+    assert found.done + found.failed == LOOPS
+
+
 def _claimed(plant: Any, audit_id: str) -> int:
     with plant.backend.database.read() as connection:
         mine = (audit_items.c.audit_id == int(audit_id), audit_items.c.state == "claimed")
