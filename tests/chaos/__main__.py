@@ -120,7 +120,7 @@ def run(options: argparse.Namespace) -> int:
     planned = schedule(options.seed, wanted.faults, wanted.kinds, wanted.pace)
     plant = Plant(wanted.loops, wanted.first_rows, 30, 20)
     began = time.monotonic()
-    with installed(options.port, {**wanted.settings, **far_night()}, options.logs) as installation:
+    with installed(options.port, {**wanted.settings, **far_night()}, options.logs, share=options.share) as installation:
         tell(f"seed {options.seed}: {len(planned)} faults in {planned[-1].at_s / 60:.1f} min")
         until(installation.ready, START_S, "not ready\n" + installation.logs())
         client = Client(installation.url, plant)
@@ -177,6 +177,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--audits", type=int, default=14_000, help="least loop audits to assert")
     parser.add_argument("--only", action="append", choices=list(BY_NAME), help="this kind of fault (may be repeated)")
     parser.add_argument("--short", action="store_true", help="a few kinds once each, on a small plant")
+    parser.add_argument("--share", type=int, help="on a machine that others load: precedence from 1 to 20 (root only)")
     parser.add_argument("--port", type=int, default=None, help="first of three ports; any free ones otherwise")
     parser.add_argument("--logs", type=Path, default=None, help="folder that keeps the processes' logs")
     parser.add_argument("--page", type=Path, default=None, help="page whose table is written anew")

@@ -228,7 +228,12 @@ def until(true: Callable[[], bool], seconds: float, otherwise: str) -> None:
 
 @contextmanager
 def installed(
-    first_port: int | None, settings: dict[str, str], keep: Path | None = None, *, only_api: bool = False
+    first_port: int | None,
+    settings: dict[str, str],
+    keep: Path | None = None,
+    *,
+    only_api: bool = False,
+    share: int | None = None,
 ) -> Iterator[Installation]:
     """A running installation; afterwards no process and no file of it is left (its logs, in the folder `keep`)."""
     programs = postgres_programs()
@@ -248,7 +253,7 @@ def installed(
     made = Installation(
         folder,
         ports,
-        Supervisor(),
+        Supervisor(share),
         environment,
         compiled(folder),
         own_disk,

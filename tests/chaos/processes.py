@@ -44,6 +44,7 @@ class Managed:
     log: Path
     user: str | None = None
     before: Callable[[], None] | None = None
+    share: int | None = None
     process: subprocess.Popen[bytes] | None = None
     pause_s: float = USUAL_PAUSE_S
     due_at: float = 0.0
@@ -68,6 +69,10 @@ class Managed:
                 cwd=Path(__file__).resolve().parents[2],
             )
         self.sessions.append(self.process.pid)
+        if self.share is not None:
+            # The kernel shares the processor out by session, whatever the niceness within.
+            with contextlib.suppress(OSError):
+                Path(f"/proc/{self.pid}/autogroup").write_text(str(-self.share))
         self.expected = False
 
     @property
@@ -91,7 +96,8 @@ class Managed:
 class Supervisor:
     """Starts what ends again after its pause, as a container's restart policy does; nothing else is done by hand."""
 
-    def __init__(self) -> None:
+    def __init__(self, share: int | None = None) -> None:
+        self.share = share
         self.managed: dict[str, Managed] = {}
         self.surprises: list[str] = []
         self._lock = threading.RLock()
@@ -104,6 +110,7 @@ class Supervisor:
     def add(self, one: Managed) -> Managed:
         with self._lock:
             self.managed[one.name] = one
+            one.share = self.share
             one.start()
         if not self._thread.is_alive():
             self._thread.start()
