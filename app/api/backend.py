@@ -1,8 +1,10 @@
 """What every route is given: the services' backend, opened once a process."""
 
-from typing import Annotated
+from datetime import datetime
+from typing import Annotated, Any
 
 from fastapi import Depends, Path, Query, Request
+from pydantic import BeforeValidator
 
 from app.services.backend import Backend
 from app.services.identity import ANYONE, Identity, current
@@ -17,6 +19,16 @@ def caller() -> Identity:
     return current.get() or ANYONE
 
 
+def no_bare_number(value: Any) -> Any:
+    """A number would be taken for seconds since 1970: 20240301 for a day in August 1970."""
+    try:
+        float(value)
+    except (TypeError, ValueError):
+        return value
+    raise ValueError("a time is written in ISO 8601, such as 2024-03-01T12:00:00Z")
+
+
+IsoTime = Annotated[datetime, BeforeValidator(no_bare_number)]
 Services = Annotated[Backend, Depends(opened)]
 Caller = Annotated[Identity, Depends(caller)]
 

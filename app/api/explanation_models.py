@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, Strict
 
+from app.api.backend import IsoTime
 from app.api.models import Name
 from app.services.simulations import LARGEST_TRACE
 
@@ -34,10 +35,10 @@ class ExplanationIn(BaseModel):
 
     model_config = ConfigDict(extra="forbid", populate_by_name=True)
 
-    start: datetime | None = Field(
+    start: IsoTime | None = Field(
         None, alias="from", description="Start of the window, ISO 8601; without an offset it is UTC."
     )
-    end: datetime | None = Field(None, alias="to", description="End of the window; left out: the newest sample.")
+    end: IsoTime | None = Field(None, alias="to", description="End of the window; left out: the newest sample.")
     window_h: float | None = Field(
         None, gt=0, le=87_600, description="Length of the window in hours, up to `to`; not together with `from`."
     )

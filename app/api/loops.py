@@ -1,12 +1,11 @@
 """The plant's loops: what they are, what was last said about each, and their series."""
 
-from datetime import datetime
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 from starlette.requests import Request
 
-from app.api.backend import Cursor, Limit, Services
+from app.api.backend import Cursor, IsoTime, Limit, Services
 from app.api.etags import tagged
 from app.api.models import HealthOut, LoopOut, LoopPage, LoopPatch, TrendOut, VerdictPage
 from app.api.paths import LoopTag
@@ -19,7 +18,7 @@ router = APIRouter(tags=["loops"])
 Search = Annotated[str | None, Query(max_length=200, description="Part of a tag.")]
 Unit = Annotated[str | None, Query(max_length=200, description="Plant unit.")]
 Points = Annotated[int, Query(ge=2, le=10000, description="About how many points are wanted.")]
-Instant = Annotated[datetime | None, Query(description="ISO 8601; without an offset it is UTC.")]
+Instant = Annotated[IsoTime | None, Query(description="ISO 8601; without an offset it is UTC.")]
 
 # The routes with more behind the tag come first: a tag may hold slashes.
 

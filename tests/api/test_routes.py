@@ -437,3 +437,10 @@ def test_the_schema_says_where_a_key_is_needed(client):
     assert paths["/v1/loops"]["get"]["security"]
     assert {"401", "403", "429"} <= set(paths["/v1/loops/{tag}"]["patch"]["responses"])
     assert "security" not in paths["/healthz"]["get"]
+
+
+@pytest.mark.parametrize("start", ["20240301", "0.5", "nan", "1e3"])
+def test_a_number_is_no_time(client, start):
+    answer = client.get("/v1/loops/FIC101/trend", params={"start": start})
+    assert (answer.status_code, answer.json()["code"]) == (422, "invalid_request")
+    assert client.post("/v1/loops/FIC101/explanations", json={"from": 20240301}).status_code == 422
