@@ -47,7 +47,7 @@ def wide(*tags: str, samples: int = 400) -> bytes:
 
 
 def build(folder: Path) -> Plant:
-    settings = Settings(data_dir=folder, require_keys=True, key_recheck_s=0, max_upload_bytes=4_000_000)
+    settings = Settings(data_dir=folder, require_keys=True, max_upload_bytes=4_000_000)
     migrate(settings)
     warm_up()
     backend = Backend.open(settings)
