@@ -46,6 +46,9 @@ class Settings(BaseSettings):
         "", description="Names by which the service may be called, with commas between; empty: see docs/SECURITY.md."
     )
     session_h: float = Field(12.0, gt=0, le=720, description="A login lasts at most this long, in hours.")
+    session_idle_min: float = Field(
+        120.0, ge=10, le=43_200, description="A login that is not used for this long ends before that, in minutes."
+    )
     key_recheck_s: float = Field(
         5.0,
         ge=0,

@@ -34,7 +34,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Session:
-    """A session that was opened; the token is known to the browser alone."""
+    """A session that was opened; the token is known to the browser alone, which forgets it at `expires_at`."""
 
     token: str
     expires_at: datetime
@@ -71,12 +71,22 @@ class Authenticator:
         return self._remember(text, _identity(row) if good and row is not None else None)
 
     def session(self, token: str) -> Identity | None:
-        """Whose session this is; it ends with its key."""
+        """Whose session this is; it ends with its key, by its age, or where it was not used for a while."""
         with self._backend.database.read() as connection:
-            found = keys.key_of_session(connection, hashed(token))
-        if found is None or state_of(found[0], now()) != "active":
+            found = keys.session(connection, hashed(token))
+        if found is None or state_of(found.key, now()) != "active":
             return self._remember(token, None)
-        return self._remember(token, _identity(found[0], token, found[1]))
+        ends = self._session_ends(found.created_at)
+        if ends - found.expires_at > timedelta(seconds=USE_NOTED_EVERY_S):
+            with self._backend.database.write() as connection:
+                keys.extend_session(connection, hashed(token), ends)
+        return self._remember(token, _identity(found.key, token, ends))
+
+    def _session_ends(self, created_at: datetime) -> datetime:
+        """When a session that is used now ends, unless it is used again."""
+        settings = self._backend.settings
+        idle, age = timedelta(minutes=settings.session_idle_min), timedelta(hours=settings.session_h)
+        return min(now() + idle, created_at + age)
 
     def open_session(self, text: str) -> Session | None:
         """A session for the owner of this key; None where the key is not good."""
@@ -84,10 +94,11 @@ class Authenticator:
         if owner is None or owner.key_id is None:
             return None
         token = secrets.token_urlsafe(32)
-        expires_at = now() + timedelta(hours=self._backend.settings.session_h)
+        opened_at = now()
         with self._backend.database.write() as connection:
-            keys.open_session(connection, hashed(token), owner.key_id, expires_at)
+            keys.open_session(connection, hashed(token), owner.key_id, self._session_ends(opened_at))
         identity = self.session(token)
+        expires_at = opened_at + timedelta(hours=self._backend.settings.session_h)
         return None if identity is None else Session(token, expires_at, identity)
 
     def close_session(self, token: str) -> None:

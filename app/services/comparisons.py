@@ -83,8 +83,8 @@ def seconds(table: pl.DataFrame) -> FloatArray:
     column = find(table, None, SYNONYMS["time"])
     if column is not None:
         if table[column].dtype == pl.String:
-            stamps = table[column].str.to_datetime(strict=False)
-            if stamps.null_count() < len(stamps):
+            stamps = _stamps(table[column])
+            if stamps is not None:
                 return (stamps.cast(pl.Datetime("us")).to_physical().cast(pl.Float64).to_numpy() - 0.0) / 1e6
         time = numbers(table, column)
         known = time[np.isfinite(time)]
@@ -93,6 +93,15 @@ def seconds(table: pl.DataFrame) -> FloatArray:
         if len(known) == 1 and known[0] > 0.0:
             return np.arange(len(time)) * known[0]
     return np.arange(table.height, dtype=np.float64)
+
+
+def _stamps(texts: pl.Series) -> pl.Series | None:
+    """Texts as instants; None where not one of them is."""
+    try:
+        stamps = texts.str.to_datetime(strict=False)
+    except pl.exceptions.PolarsError:  # polars guesses one form for all, and raises where it finds none
+        return None
+    return stamps if stamps.null_count() < len(stamps) else None
 
 
 def read_comparison(path: Path, columns: Columns, simulated: str | None) -> Comparison:

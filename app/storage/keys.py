@@ -70,15 +70,28 @@ def open_session(connection: Connection, token_hash: str, key_id: int, expires_a
     )
 
 
-def key_of_session(connection: Connection, token_hash: str) -> tuple[KeyRow, datetime] | None:
-    """The key that a session was opened with, and when the session ends; None where it has ended or never was."""
+@dataclass(frozen=True)
+class SessionRow:
+    key: KeyRow
+    created_at: datetime
+    expires_at: datetime
+
+
+def session(connection: Connection, token_hash: str) -> SessionRow | None:
+    """A session with the key that it was opened with; None where it has ended or never was."""
     query = (
-        select(*COLUMNS, sessions.c.expires_at)
+        select(*COLUMNS, sessions.c.created_at, sessions.c.expires_at)
         .join(sessions, sessions.c.key_id == keys.c.id)
         .where(sessions.c.token_hash == token_hash, sessions.c.expires_at > now())
     )
     row = connection.execute(query).one_or_none()
-    return None if row is None else (KeyRow(*row[:-1]), row[-1])
+    return None if row is None else SessionRow(KeyRow(*row[:-2]), *row[-2:])
+
+
+def extend_session(connection: Connection, token_hash: str, expires_at: datetime) -> None:
+    """Never brings back a session that was closed or has ended."""
+    going_on = (sessions.c.token_hash == token_hash, sessions.c.expires_at > now())
+    connection.execute(update(sessions).where(*going_on).values(expires_at=expires_at))
 
 
 def close_session(connection: Connection, token_hash: str) -> None:

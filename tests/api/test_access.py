@@ -10,12 +10,14 @@ from fastapi.routing import iter_route_contexts
 
 from app.api.permissions import READING, ROUTES, listed
 from app.main import create_app
-from app.services import key_text, keys
+from app.services import authentication, key_text, keys
 from app.services.backend import Backend
 from app.services.identity import INCLUDES, Role
 from app.services.operations import migrate
 from app.services.trail import list_trail
 from app.settings import Settings
+from app.storage import keys as stored_keys
+from app.storage.types import now
 
 ROLES = [None, *Role]
 EXAMPLES = {"explanation_id": "1", "upload_id": "7777", "audit_id": "7777", "tag": "FIC1", "path": "loopaudit.css"}
@@ -344,6 +346,34 @@ def test_a_session_ends_with_its_key(browser, backend):
     keys.revoke_key(backend, made.key.id)
     assert browser.get("/v1/loops").status_code == 401
     assert browser.get("/").status_code == 303
+
+
+def test_a_session_that_is_used_goes_on_and_an_idle_one_ends(browser, texts, backend, monkeypatch):
+    browser.post("/login", data={"key": texts[Role.read]})
+    idle = timedelta(minutes=backend.settings.session_idle_min)
+    for later in (0.9, 1.8, 2.7):
+        at(monkeypatch, now() + later * idle)
+        assert browser.get("/v1/loops").status_code == 200
+    at(monkeypatch, now() + 3.8 * idle)
+    assert browser.get("/v1/loops").status_code == 401
+
+
+def test_use_makes_no_session_older_than_it_may_become(browser, texts, backend, monkeypatch):
+    browser.post("/login", data={"key": texts[Role.read]})
+    settings = backend.settings
+    steps = int(settings.session_h * 60 / settings.session_idle_min * 2)
+    answers = []
+    for step in range(1, steps + 2):
+        at(monkeypatch, now() + step * timedelta(minutes=settings.session_idle_min / 2))
+        answers.append(browser.get("/v1/loops").status_code)
+    assert answers[: steps - 1] == [200] * (steps - 1)
+    assert answers[-1] == 401
+
+
+def at(monkeypatch, moment) -> None:
+    """The service's clock stands at `moment`; that of the test goes on."""
+    for module in (authentication, stored_keys):
+        monkeypatch.setattr(module, "now", lambda: moment)
 
 
 def test_a_session_has_the_role_of_its_key(browser, texts):

@@ -140,19 +140,22 @@ def faults(scope: Any, answer: dict[str, Any], elapsed_s: float) -> list[str]:
     return found
 
 
-async def hammer(app: Any, requests: Any, count: int, after: Any) -> None:
-    """Our own requests, some at once; `after(done)` is called now and then, away from the loop."""
+async def hammer(app: Any, requests: Any, count: int, ends_s: float, after: Any) -> int:
+    """Our own requests, some at once, until `ends_s`; `after(done)` is called now and then, away from the loop."""
     done = 0
 
     async def one_after_another(share: int) -> None:
         nonlocal done
         for _ in range(share):
+            if time.monotonic() > ends_s:
+                return
             await ask(app, requests.next())
             done += 1
             if done % READ_EVERY == 0:
                 await asyncio.to_thread(after, done)
 
     await asyncio.gather(*(one_after_another(count // AT_ONCE) for _ in range(AT_ONCE)))
+    return done
 
 
 async def ask(app: Any, asked: Any) -> None:
@@ -263,6 +266,7 @@ def measured(arguments: argparse.Namespace, cover: coverage.Coverage) -> int:
     folder = Path(tempfile.mkdtemp(prefix="fuzz-", dir=IN_MEMORY if IN_MEMORY.is_dir() else None))
     try:
         plant = plants.build(folder)
+        cover.start()
         app = create_app(plant.settings)
         app.state.backend, app.state.access = plant.backend, Authenticator(plant.backend)
         judge = Judge(app, Path(arguments.found))
@@ -284,8 +288,8 @@ def measured(arguments: argparse.Namespace, cover: coverage.Coverage) -> int:
             )
 
         started = time.monotonic()
-        asyncio.run(hammer(judge, requests, max(arguments.requests - by_schemathesis, 0), after))
-        after(max(arguments.requests - by_schemathesis, 0))
+        ends_s = started + 60 * arguments.minutes
+        after(asyncio.run(hammer(judge, requests, max(arguments.requests - by_schemathesis, 0), ends_s, after)))
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     cover.stop()
@@ -303,11 +307,14 @@ def main() -> None:
     parser.add_argument("--requests", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--schemathesis-seconds", type=int, default=300)
+    parser.add_argument("--minutes", type=float, default=120.0, help="our own requests end after this time")
     parser.add_argument("--found", default=".fuzz/found")
     arguments = parser.parse_args()
     os.environ["LOOPAUDIT_LOG_LEVEL"] = "error"
+    from app import kernel_cache
+
+    kernel_cache.choose()
     cover = coverage.Coverage(source=["app/api"], data_file=None, concurrency="thread")
-    cover.start()
     code = measured(arguments, cover)
     sys.stdout.flush()
     os._exit(code)  # threads that still look for groups of loops are not waited for

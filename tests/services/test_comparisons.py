@@ -3,13 +3,14 @@
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 
 from app.engine.mismatch import Comparison
 from app.engine.mismatch.result import ExplainedModel
 from app.engine.recording import Recording
 from app.errors import DataError, LoopauditError
-from app.services.comparisons import Columns, comparison_of, read_comparison, simulation_from_json
+from app.services.comparisons import Columns, comparison_of, read_comparison, seconds, simulation_from_json
 from app.services.explained_models import simulate_model
 
 
@@ -111,3 +112,15 @@ def test_a_model_runs_along_a_faster_recording_only_where_it_fits(tmp_path: Path
     with pytest.raises(DataError) as raised:
         simulate_model(model, Comparison("F1", 3.0, op, op))
     assert raised.value.code == "interval_differs"
+
+
+@pytest.mark.parametrize("stamps", [["first", "second", "third"], ["", "", ""], ["99/99/9999", "x", "1e400"]])
+def test_stamps_that_are_none_leave_the_order_of_rows(stamps):
+    assert seconds(pl.DataFrame({"time": stamps, "PV": [1.0, 2.0, 3.0]})).tolist() == [0.0, 1.0, 2.0]
+
+
+def test_a_stamp_that_is_none_among_others_is_not_known():
+    stamps = ["2024-03-01 00:00:00", "later", "2024-03-01 00:00:20"]
+    found = seconds(pl.DataFrame({"time": stamps, "PV": [1.0, 2.0, 3.0]}))
+    assert np.isnan(found[1])
+    assert found[2] - found[0] == 20.0
