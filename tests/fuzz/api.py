@@ -265,6 +265,7 @@ def measured(arguments: argparse.Namespace, cover: coverage.Coverage) -> int:
 
     folder = Path(tempfile.mkdtemp(prefix="fuzz-", dir=IN_MEMORY if IN_MEMORY.is_dir() else None))
     try:
+        cover.stop()
         plant = plants.build(folder)
         cover.start()
         app = create_app(plant.settings)
@@ -315,6 +316,7 @@ def main() -> None:
 
     kernel_cache.choose()
     cover = coverage.Coverage(source=["app/api"], data_file=None, concurrency="thread")
+    cover.start()
     code = measured(arguments, cover)
     sys.stdout.flush()
     os._exit(code)  # threads that still look for groups of loops are not waited for
