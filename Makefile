@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help install browser demo test chaos lint audit-deps bench evaluate testbench prove fuzz coverage lock clean
+.PHONY: help install browser demo test chaos lint audit-deps bench evaluate testbench prove fuzz coverage load lock clean
 
 help:
 	@echo "make demo     set up, start the service on the embedded default, audit a demo plant, show the table"
@@ -16,7 +16,8 @@ help:
 	@echo "make chaos    half an hour of faults on a service of its own, and what is left of its promises (SEED=number replays)"
 	@echo "make prove    run explain blind over loops with concealed physics"
 	@echo "make fuzz     hostile requests to the API, files led by coverage to the readers (COUNT=requests, SECONDS=, SEED=)"
-	@echo "make coverage full branch coverage of the readers and of claim and finish, or it fails"
+	@echo "make coverage branches: all of claim and finish, and no fewer of the readers than now, or it fails"
+	@echo "make load     many clients at once against a real API process"
 	@echo "make lint     style and import rules"
 	@echo "make audit-deps  known holes in the pinned dependencies (needs a network)"
 	@echo "make lock     pin the dependencies anew"
@@ -83,8 +84,13 @@ fuzz: install
 
 # By hand and in a pipeline, beside `make test`: measuring costs what the tests of these parts cost once more.
 coverage: install
-	$(BIN)/coverage run -m pytest -q -p no:cacheprovider tests/ingest tests/storage
-	$(BIN)/coverage report
+	$(BIN)/coverage run -m pytest -q -p no:cacheprovider tests/ingest tests/storage tests/services/test_uploads.py
+	$(BIN)/coverage report --include='app/storage/items.py,app/storage/uploads.py,app/storage/explanations.py' --fail-under=100
+	$(BIN)/coverage report --include='app/ingest/*'
+
+# 50 clients, ten uploads each, beside dashboards, audits and a slow client; a shorter cut is part of `make test`.
+load: install
+	LOAD_CLIENTS=50 LOAD_ROUNDS=10 $(BIN)/pytest -q -s --timeout 1800 tests/load
 
 # Starts PostgreSQL, Redis, API, workers and schedule by itself, on ports of their own, and ends them all.
 # PAGE=docs/RELIABILITY.md writes the table into the page; MORE='--faults 20' and the like: python -m tests.chaos --help

@@ -13,6 +13,7 @@ from app.services import loops, operations, reading, uploads
 from app.services.backend import Backend
 from app.services.results import UploadView
 from app.services.uploads import ReadingOptions
+from app.storage import uploads as stored
 from app.storage.tables import uploads as uploads_table
 
 WIDE = "time,FIC1.PV,FIC1.OP,FIC1.SP,LIC2.PV,LIC2.OP\n"
@@ -196,3 +197,9 @@ def test_the_shared_exports_are_read_whole(backend: Backend, shared_dir: Path) -
 def _expire(backend: Backend, upload: UploadView, **values: object) -> None:
     with backend.database.write() as connection:
         connection.execute(update(uploads_table).where(uploads_table.c.id == int(upload.id)).values(**values))
+
+
+def test_an_upload_without_loops_notes_none(backend: Backend) -> None:
+    with backend.database.write() as connection:
+        stored.note_loops(connection, 1, [])
+        assert stored.loops_of(connection, 1) == []

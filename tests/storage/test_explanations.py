@@ -229,3 +229,32 @@ def test_the_newest_come_first_page_by_page(database: Database, ids: dict[str, i
         first = explanations.page(connection, ids["FIC0"], 3)
         rest = explanations.page(connection, ids["FIC0"], 3, first[-1].id)
     assert [row.id for row in (*first, *rest)] == asked[::-1]
+
+
+def test_an_explanation_is_found_by_its_loop_and_in_pages(database: Database, ids: dict[str, int]) -> None:
+    asked = [ask(database, ids["FIC0"]) for _ in range(3)]
+    other = ask(database, ids["FIC1"])
+    with database.read() as connection:
+        page = explanations.page(connection, ids["FIC0"], 2)
+        assert [row.id for row in page] == asked[:0:-1]
+        assert [row.id for row in explanations.page(connection, ids["FIC0"], 2, page[-1].id)] == asked[:1]
+        assert explanations.by_id(connection, ids["FIC0"], other) is None
+        found = explanations.by_id(connection, ids["FIC1"], other)
+        assert found is not None
+        assert (found.state, found.ended) == ("open", False)
+        assert explanations.packed_answer(connection, other) is None
+        assert explanations.packed_simulation(connection, other) is None
+    held = claim(database)
+    assert held is not None
+    with database.read() as connection:
+        assert explanations.claimed(connection, held).state == "claimed"
+
+
+def test_a_claim_that_was_renewed_outlives_its_first_lease(database: Database, ids: dict[str, int]) -> None:
+    ask(database, ids["FIC0"])
+    held = claim(database, lease_s=-1.0)
+    assert held is not None
+    with database.write() as connection:
+        assert explanations.renew(connection, held, 60.0)
+        assert not explanations.renew(connection, ExplanationClaim(held.explanation_id, 99, held.owner), 60.0)
+        assert explanations.reopen_expired(connection, 3) == Reopened(0, 0)

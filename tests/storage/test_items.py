@@ -159,3 +159,13 @@ def test_claims_use_the_partial_index(database: Database, run: int) -> None:
             plan = str(connection.exec_driver_sql(f"EXPLAIN {query}").all())
         assert "ix_audit_items_open" in plan
         connection.execute(update(audit_items).values(state="open"))
+
+
+def test_nothing_claimed_is_nothing_to_renew_finish_fail_or_release(database: Database, run: int) -> None:
+    with database.write() as connection:
+        before = audits.progress(connection, [run])[run]
+        assert items.renew(connection, [], 60.0) == 0
+        assert items.finish(connection, []) == set()
+        items.fail(connection, [])
+        items.release(connection, [])
+        assert audits.progress(connection, [run])[run] == before
