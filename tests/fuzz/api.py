@@ -72,17 +72,17 @@ class Judge:
         try:
             await self._app(scope, got, seen)
         except Exception as error:  # noqa: BLE001 - whatever comes out of the app is a find
-            self._note(f"raised {where(error)}", scope, bytes(sent), traceback.format_exc())
+            self.note(f"raised {where(error)}", scope, bytes(sent), traceback.format_exc())
         if "status" not in answer:
-            self._note("no answer at all", scope, bytes(sent), "")
+            self.note("no answer at all", scope, bytes(sent), "")
             return
         self.statuses[answer["status"]] += 1
         for fault in faults(scope, answer, time.monotonic() - started):
-            self._note(fault, scope, bytes(sent), answer["body"].decode("utf-8", "replace")[:2000])
+            self.note(fault, scope, bytes(sent), answer["body"].decode("utf-8", "replace")[:2000])
         if answer["status"] >= 400 and b"problem+json" in answer["headers"].get(b"content-type", b""):
             self.codes[json.loads(answer["body"] or b"{}").get("code", "HEAD")] += 1
 
-    def _note(self, fault: str, scope: Any, body: bytes, told: str) -> None:
+    def note(self, fault: str, scope: Any, body: bytes, told: str) -> None:
         key = (
             f"{fault} {scope['method']} {re.sub('[0-9]+', '#', scope['path'])[:60]}"
             if not fault.startswith("raised")
@@ -149,7 +149,12 @@ async def hammer(app: Any, requests: Any, count: int, ends_s: float, after: Any)
         for _ in range(share):
             if time.monotonic() > ends_s:
                 return
-            await ask(app, requests.next())
+            asked = requests.next()
+            try:
+                await ask(app, asked)
+            except TimeoutError:
+                scope = {"method": asked.method, "path": asked.route, "raw_path": asked.path, "headers": []}
+                app.note(f"no answer in {2 * SLOWEST_S:g} s", {**scope, "query_string": asked.query}, asked.body, "")
             done += 1
             if done % READ_EVERY == 0:
                 await asyncio.to_thread(after, done)
@@ -315,7 +320,7 @@ def main() -> None:
     from app import kernel_cache
 
     kernel_cache.choose()
-    cover = coverage.Coverage(source=["app/api"], data_file=None, concurrency="thread")
+    cover = coverage.Coverage(source=["app/api"], data_file=None, config_file=False, concurrency="thread")
     cover.start()
     code = measured(arguments, cover)
     sys.stdout.flush()
