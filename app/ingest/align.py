@@ -11,7 +11,7 @@ except a step.
 `LoopSamples.resampled` names the signals that were treated so.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
@@ -20,6 +20,15 @@ from app.ingest.model import FloatArray, LoopSamples, SignalBlock, TimeArray
 
 SHARED_TIMES = 0.5  # of the rarer signal's times found among PV's: sampled together
 _STEPS = frozenset(("SP", "MODE"))
+
+
+def stretches(blocks: Iterable[SignalBlock]) -> Iterator[LoopSamples]:
+    """Each loop of blocks that hold all of their loops; a loop's blocks are let go when it is taken."""
+    loops: dict[str, list[SignalBlock]] = {}
+    for block in blocks:
+        loops.setdefault(block.loop, []).append(block)
+    while loops:
+        yield align(loops.pop(next(iter(loops))))
 
 
 def align(blocks: Sequence[SignalBlock]) -> LoopSamples:

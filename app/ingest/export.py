@@ -7,7 +7,7 @@ from zoneinfo import ZoneInfo
 import polars as pl
 
 from app.errors import DataError
-from app.ingest.assembling import Assembler
+from app.ingest.align import stretches
 from app.ingest.frames import Dialect, FrameReader, in_short
 from app.ingest.grouping import Grouping, TagMapping
 from app.ingest.head import Head, look, with_tail
@@ -53,9 +53,8 @@ class Export:
 
     def loops(self) -> Iterator[LoopSamples]:
         """Each loop once, signals side by side; memory stays below `options.buffered_values` values and a chunk."""
-        table = self._table(self._plan)
-        assembler = Assembler(self._options.buffered_values, self._options.spill_folder)
-        yield from assembler.stretches(self._batches(table), table.whole_loops)
+        for batch in self._batches(self._table(self._plan)):
+            yield from stretches(batch)
 
     def _batches(self, table: WideTable | LongTable) -> Iterator[list[SignalBlock]]:
         if self._taken:

@@ -52,7 +52,12 @@ def name_of(index: int) -> str:
 class RowReader(Protocol):
     """Gives a file's rows as frames; what the readers of tables ask of a file, be it text or typed."""
 
-    def rows(self, first_row: int) -> Iterator[Rows]: ...
+    @property
+    def most_columns(self) -> int | None:
+        """How many columns `rows` should be asked for at once, where it can give some without the others."""
+        ...
+
+    def rows(self, first_row: int, columns: Sequence[int] | None = None) -> Iterator[Rows]: ...
 
     def texts(self, rows: Rows, columns: Sequence[int]) -> pl.DataFrame: ...
 
@@ -62,6 +67,8 @@ class RowReader(Protocol):
 class FrameReader:
     """Reads the columns asked for, with their types, from a text file; counts ragged rows and open quotes."""
 
+    most_columns = None
+
     def __init__(self, file: TextFile, dialect: Dialect, types: dict[int, pl.DataType], log: RejectLog) -> None:
         self._file = file
         self._dialect = dialect
@@ -69,8 +76,8 @@ class FrameReader:
         self._columns = sorted(types)
         self._log = log
 
-    def rows(self, first_row: int) -> Iterator[Rows]:
-        """All rows from the given one (counted from 0) on."""
+    def rows(self, first_row: int, columns: Sequence[int] | None = None) -> Iterator[Rows]:
+        """All rows from the given one (counted from 0) on, with all columns: text holds them side by side."""
         for rows in ahead(self._parsed(first_row)):
             for code, text, line in rows.faults:
                 self._log.add(code, text, line)

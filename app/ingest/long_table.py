@@ -1,6 +1,6 @@
 """Reads a long table: a row a value of one tag. Rows are gathered as numbers and parted by tag, each loop whole."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import polars as pl
@@ -12,10 +12,11 @@ from app.ingest.grouping import Grouping, Place
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
 from app.ingest.modes import automatic_flags, flags_of_numbers
 from app.ingest.order import in_order, last_of_repeats
+from app.ingest.pieces import Gathered, Grid, Piece, as_piece, in_whole_instants, joined, joined_grid
 from app.ingest.plans import LongPlan
 from app.ingest.quality import Quality
 from app.ingest.rejecting import RejectLog
-from app.ingest.spilling import PARTS, Gathered, Spill, joined
+from app.ingest.spilling import PartOfLoop, Spill
 from app.ingest.stamps import NO_TIME, TimeReader, to_numbers
 from app.ingest.tally import Tally
 from app.ingest.values import SENTINELS, refuse_sentinels
@@ -28,8 +29,6 @@ MOST_CODES = 1 << 16
 class LongTable:
     """Turns rows into blocks of signals."""
 
-    whole_loops = True
-
     def __init__(
         self, plan: LongPlan, grouping: Grouping, options: IngestOptions, log: RejectLog, tally: Tally
     ) -> None:
@@ -40,7 +39,7 @@ class LongTable:
         self._quality_type = pl.Categorical(pl.Categories.random())
         self._places: list[Place | None] = []
         self._parts: list[int] = []
-        self._part_of_loop: dict[str, int] = {}
+        self._part_of_loop = PartOfLoop()
         self._modes = np.zeros(0, dtype=bool)
         self._known = np.zeros(0, dtype=bool)
         self._usable = np.zeros(0, dtype=bool)
@@ -64,16 +63,17 @@ class LongTable:
                 batch.append(self._gather(rows, reader))
                 if sum(map(len, batch)) >= BATCH_ROWS:
                     spill = spill or Spill(self._options.spill_folder)
-                    spill.add(joined(batch), self._part_of_code())
-                    batch = []
+                    whole, rest = in_whole_instants(joined(batch))
+                    spill.add(as_piece(whole), self._part_of_code())
+                    batch = [rest]
+            last = [as_piece(joined(batch))] if any(map(len, batch)) else []
             if spill is None:
-                yield list(self._parted(batch))
+                yield list(self._parted(last))
                 return
-            if batch:
-                spill.add(joined(batch), self._part_of_code())
-            batch = []
+            for piece in last:
+                spill.add(piece, self._part_of_code())
             for part in spill.parts():
-                yield list(self._parted([part]))
+                yield list(self._parted(part))
         finally:
             if spill is not None:
                 spill.close()
@@ -81,14 +81,13 @@ class LongTable:
     def _part_of_code(self) -> NDArray[np.uint8]:
         """Tags of one loop go into one part."""
         for place in self._places[len(self._parts) :]:
-            loop = "" if place is None else place.loop
-            self._parts.append(self._part_of_loop.setdefault(loop, len(self._part_of_loop) % PARTS))
+            self._parts.append(self._part_of_loop.of("" if place is None else place.loop))
         return np.array(self._parts, dtype=np.uint8)
 
     def _gather(self, rows: Rows, reader: RowReader) -> Gathered:
         frame = rows.frame
         tags = frame[name_of(self._plan.tag)]
-        codes = tags.to_physical().fill_null(0).to_numpy()
+        codes = _codes(tags)
         self._know(tags, codes)
         texts = joined_times(frame, self._plan.time)
         time_ns = self._read_times(texts)
@@ -157,8 +156,10 @@ class LongTable:
         return self._without_long_names(rows, tags, kept)
 
     def _without_long_names(self, rows: Rows, tags: pl.Series, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        codes = tags.to_physical().fill_null(0).to_numpy()
         known = self._usable
+        if known.all():
+            return kept
+        codes = _codes(tags)
         at = np.flatnonzero(kept & ~known[codes])
         if len(at):
             text = f"a tag of more than {self._options.max_name} characters"
@@ -168,10 +169,13 @@ class LongTable:
     def _values(self, rows: Rows, codes: NDArray[np.uint32], kept: NDArray[np.bool_], reader: RowReader) -> FloatArray:
         column = rows.frame[name_of(self._plan.value)]
         values = column.to_numpy(writable=True)
-        modes = self._modes[codes] if len(self._modes) else np.zeros(len(codes), dtype=bool)
+        modes = self._modes[codes] if self._modes.any() else np.zeros(len(codes), dtype=bool)
         if column.null_count():
             self._read_odd(rows, values, modes, kept, reader)
-        values[modes] = np.where(np.isnan(values[modes]), np.nan, flags_of_numbers(values[modes]))
+        if modes.any():
+            values[modes] = np.where(np.isnan(values[modes]), np.nan, flags_of_numbers(values[modes]))
+        if np.isfinite(values).all():
+            return values
         at = np.flatnonzero(kept & ~np.isfinite(values) & column.is_not_null().to_numpy())
         if len(at):
             self._refuse(rows, "not_finite", at, (f"{values[row]}" for row in at))
@@ -208,11 +212,31 @@ class LongTable:
         tags = rows.frame[name_of(self._plan.tag)]
         self._log.add_many(code, rows.lines(at), words, (tags[int(row)] for row in at))
 
-    def _parted(self, batch: list[Gathered]) -> Iterator[SignalBlock]:
+    def _parted(self, pieces: Sequence[Piece]) -> Iterator[SignalBlock]:
         """Blocks by tag, the rows of a tag in the order in which they came."""
-        if not batch or not any(map(len, batch)):
+        if not any(map(len, pieces)):
             return
-        rows = joined(batch)
+        grid = joined_grid(pieces)
+        if grid is not None:
+            yield from self._of_grid(grid)
+        else:
+            yield from self._of_rows(joined([p.rows() if isinstance(p, Grid) else p for p in pieces]))
+
+    def _of_grid(self, grid: Grid) -> Iterator[SignalBlock]:
+        """Blocks of tags that were sampled together: they share their times."""
+        doubtful = np.zeros(len(grid.codes), dtype=bool)
+        for sentinel in SENTINELS:
+            doubtful |= (grid.values == sentinel).any(axis=1)
+        self._tally.saw_times(grid.time_ns)
+        for row in np.argsort(grid.codes):
+            place, values = self._places[grid.codes[row]], grid.values[row]
+            if place is None:
+                continue
+            if doubtful[row]:
+                values = refuse_sentinels(values, grid.lines + grid.places[row], place.tag, self._log)
+            yield self._signal(place, grid.time_ns, values)
+
+    def _of_rows(self, rows: Gathered) -> Iterator[SignalBlock]:
         counts = np.bincount(rows.codes, minlength=len(self._places))
         bounds = np.concatenate(([0], np.cumsum(counts)))
         rows = rows.at(np.argsort(_few(rows.codes, counts), kind="stable"))
@@ -251,6 +275,11 @@ class LongTable:
         values = refuse_sentinels(values, lines, place.tag, self._log)
         time_ns, matrix = last_of_repeats(time_ns, values[:, None], lines, [place.tag], self._log)
         return self._signal(place, time_ns, matrix[:, 0])
+
+
+def _codes(tags: pl.Series) -> NDArray[np.uint32]:
+    codes = tags.to_physical()
+    return (codes.fill_null(0) if codes.null_count() else codes).to_numpy()
 
 
 def _few(codes: NDArray[np.uint32], counts: NDArray[np.int64]) -> NDArray[np.unsignedinteger]:

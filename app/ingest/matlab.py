@@ -5,7 +5,7 @@ doi 10.1007/978-1-84882-775-2: `cdata.<industry>.loop<N>` with comments, type, s
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -75,15 +75,14 @@ class MatlabSource:
     def reader(self, width: int, types: dict[int, pl.DataType], log: RejectLog) -> TableReader:
         return TableReader(self._table, types, False)
 
-    def _part(self, offset: int, count: int) -> pl.DataFrame:
+    def _part(self, offset: int, count: int, columns: Sequence[int]) -> pl.DataFrame:
         """Rows of all loops side by side; where a loop has ended its columns are empty."""
         count = max(0, min(count, self._table.height - offset))
         return pl.DataFrame(
             [
-                pl.Series(name_of(index), column[offset : offset + count], dtype=pl.Float64).extend_constant(
-                    None, count - len(column[offset : offset + count])
-                )
-                for index, column in enumerate(self._columns)
+                pl.Series(name_of(index), found, dtype=pl.Float64).extend_constant(None, count - len(found))
+                for index in columns
+                for found in (self._columns[index][offset : offset + count],)
             ]
         )
 

@@ -18,18 +18,20 @@ from app.ingest.plans import Plan
 from app.ingest.rejecting import RejectLog
 
 CELLS_A_CHUNK = 2_000_000
+MOST_COLUMNS = 1500  # of a wide table at a time: a day of minutes of them is a chunk
 WORKBOOK_BYTES = 1 << 30  # a workbook is unpacked whole
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A table in a file: `part(offset, count)` are rows of it, with columns c0, c1, ...; `head_rows` rows of names
-    stand before them."""
+    """A table in a file: `part(offset, count, columns)` are rows of it, of columns c0, c1, ... those with these
+    numbers. apart: columns are read without the others."""
 
     width: int
     height: int
     names: tuple[str, ...]
-    part: Callable[[int, int], pl.DataFrame]
+    part: Callable[[int, int, Sequence[int]], pl.DataFrame]
+    apart: bool = False
 
 
 class TableReader:
@@ -39,15 +41,18 @@ class TableReader:
         self._table, self._types, self._names_in_rows = table, types, names_in_rows
         self._original = pl.DataFrame()
 
-    def rows(self, first_row: int) -> Iterator[Rows]:
+    @property
+    def most_columns(self) -> int | None:
+        return MOST_COLUMNS if self._table.apart else None
+
+    def rows(self, first_row: int, columns: Sequence[int] | None = None) -> Iterator[Rows]:
         """All rows from the given one (counted from 0, names included) on."""
+        wanted = sorted(self._types if columns is None else self._types.keys() & set(columns))
         start = first_row if self._names_in_rows else max(first_row - 1, 0)
-        count = max(1000, CELLS_A_CHUNK // max(1, self._table.width))
+        count = max(1000, CELLS_A_CHUNK // max(1, len(wanted)))
         for offset in range(start, self._table.height, count):
-            self._original = self._table.part(offset, count)
-            frame = self._original.select(
-                [_as(self._original[name_of(i)], self._types[i]) for i in sorted(self._types)]
-            )
+            self._original = self._table.part(offset, count, wanted)
+            frame = self._original.select([_as(self._original[name_of(i)], self._types[i]) for i in wanted])
             yield Rows(frame, offset + 1, b"")
 
     def texts(self, rows: Rows, columns: Sequence[int]) -> pl.DataFrame:
@@ -99,8 +104,11 @@ def _parquet(path: Path, options: IngestOptions) -> Table:
         raise DataError(
             "decompressed_too_large", f"the table has {height} rows of {len(names)} columns; send it in parts"
         )
-    renamed = scan.rename({name: name_of(index) for index, name in enumerate(names)})
-    return Table(len(names), height, names, lambda offset, count: renamed.slice(offset, count).collect())
+
+    def part(offset: int, count: int, columns: Sequence[int]) -> pl.DataFrame:
+        return scan.slice(offset, count).select(pl.col(names[i]).alias(name_of(i)) for i in columns).collect()
+
+    return Table(len(names), height, names, part, apart=True)
 
 
 def _is_workbook(path: Path, options: IngestOptions) -> bool:
@@ -130,7 +138,11 @@ def _workbook(path: Path) -> Table:
     except fastexcel.FastExcelError as error:
         raise DataError("not_an_export", f"the workbook cannot be read: {in_short(error)}") from error
     frame.columns = [name_of(index) for index in range(frame.width)]
-    return Table(frame.width, frame.height, (), lambda offset, count: frame.slice(offset, count))
+
+    def part(offset: int, count: int, columns: Sequence[int]) -> pl.DataFrame:
+        return frame.slice(offset, count).select(name_of(i) for i in columns)
+
+    return Table(frame.width, frame.height, (), part)
 
 
 def _as(column: pl.Series, wanted: pl.DataType) -> pl.Series:
@@ -145,7 +157,8 @@ def _as(column: pl.Series, wanted: pl.DataType) -> pl.Series:
 
 
 def _head(table: Table, stem: str, names_in_rows: bool) -> Head:
-    frame = table.part(0, max(8, min(HEAD_ROWS, 200_000 // max(1, table.width))))
+    count = max(8, min(HEAD_ROWS, 200_000 // max(1, table.width)))
+    frame = table.part(0, count, range(table.width))
     columns = [_as_text(frame[name]).fill_null("").to_list() for name in frame.columns]
     rows = [tuple(text.strip() for text in row) for row in zip(*columns, strict=True)]
     rows = rows if names_in_rows else [table.names, *rows]

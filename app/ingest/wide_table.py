@@ -1,7 +1,8 @@
 """Reads a wide table: a row an instant, a column a tag. Columns of a chunk share one array of times."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import numpy as np
 import polars as pl
@@ -12,9 +13,11 @@ from app.ingest.grouping import Grouping
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
 from app.ingest.modes import automatic_flags
 from app.ingest.order import in_order, last_of_repeats, without_stutter
+from app.ingest.pieces import Grid, joined_grid
 from app.ingest.plans import TimedColumns, ValueColumn, WidePlan
 from app.ingest.quality import Quality
 from app.ingest.rejecting import RejectLog
+from app.ingest.spilling import PartOfLoop, Spill
 from app.ingest.spreading import Spreader
 from app.ingest.stamps import NO_TIME, TimeReader
 from app.ingest.tally import Tally
@@ -35,15 +38,17 @@ class Chunk:
 class WideTable:
     """Turns rows into blocks of signals."""
 
-    whole_loops = False
-
     def __init__(
         self, plan: WidePlan, grouping: Grouping, options: IngestOptions, log: RejectLog, tally: Tally
     ) -> None:
         self._plan, self._grouping, self._options, self._log, self._tally = plan, grouping, options, log, tally
         self._times = [TimeReader(group.form, options) for group in plan.groups]
-        self._spreaders = [Spreader(group.form.resolution_ns) for group in plan.groups] if plan.spread else []
+        self._spreaders: list[Spreader] = []
         self._places = {value.index: grouping.place(value.tag) for group in plan.groups for value in group.values}
+        part_of_loop = PartOfLoop()
+        self._part_of_column = np.zeros(1 + max(self._places, default=0), dtype=np.uint8)
+        for index, place in self._places.items():
+            self._part_of_column[index] = part_of_loop.of(place.loop)
 
     def types(self) -> dict[int, pl.DataType]:
         """The type in which each column is wanted from the text."""
@@ -59,18 +64,67 @@ class WideTable:
         return types
 
     def batches(self, reader: RowReader) -> Iterator[list[SignalBlock]]:
-        """Blocks of all signals over a stretch of rows, stretch by stretch."""
-        for rows in reader.rows(self._plan.first_row):
-            self._tally.rows_read += rows.frame.height
+        """Blocks, with all that the file holds of a loop in one batch."""
+        for number, groups in enumerate(self._passes(reader)):
+            yield from self._one_pass(reader, groups, first=number == 0)
+
+    def _passes(self, reader: RowReader) -> Iterator[list[TimedColumns]]:
+        """The groups with the columns of so many loops as the reader can give at once: all, unless it reads columns
+        apart from each other."""
+        most = reader.most_columns
+        if most is None or len(self._places) <= most:
+            yield list(self._plan.groups)
+            return
+        loops = list(dict.fromkeys(place.loop for place in self._places.values()))
+        each = max(1, most * len(loops) // len(self._places))
+        for start in range(0, len(loops), each):
+            own = set(loops[start : start + each])
+            yield [
+                replace(group, values=tuple(v for v in group.values if self._places[v.index].loop in own))
+                for group in self._plan.groups
+            ]
+
+    def _one_pass(self, reader: RowReader, groups: list[TimedColumns], first: bool) -> Iterator[list[SignalBlock]]:
+        """`first`: rows and their times are counted, and refused, once for all passes."""
+        spill: Spill | None = None
+        held: list[list[Grid]] = [[] for _ in groups]
+        try:
+            for number, chunk in self._chunks(reader, groups, first):
+                held[number].append(self._grid(chunk))
+                if sum(map(len, chain.from_iterable(held))) >= self._options.buffered_values:
+                    spill = spill or Spill(self._options.spill_folder)
+                    self._put_aside(spill, held)
+            if spill is None:
+                yield list(self._blocks(chain.from_iterable(held)))
+                return
+            self._put_aside(spill, held)
+            for part in spill.parts():
+                yield list(self._blocks(piece for piece in part if isinstance(piece, Grid)))
+        finally:
+            if spill is not None:
+                spill.close()
+
+    def _put_aside(self, spill: Spill, held: list[list[Grid]]) -> None:
+        for grids in held:
+            for grid in grids:
+                spill.add(grid, self._part_of_column)
+            grids.clear()
+
+    def _chunks(self, reader: RowReader, groups: list[TimedColumns], first: bool) -> Iterator[tuple[int, Chunk]]:
+        """Chunks of each group, with the group's number."""
+        spread = self._plan.spread
+        self._spreaders = [Spreader(group.form.resolution_ns) for group in groups] if spread else []
+        for rows in reader.rows(self._plan.first_row, _columns(groups)):
+            self._tally.rows_read += rows.frame.height if first else 0
             short = self._short_rows(rows, reader)
-            for number, group in enumerate(self._plan.groups):
-                chunk = self._chunk(rows, number, group, reader, short)
+            for number, group in enumerate(groups):
+                chunk = self._chunk(rows, number, group, reader, short, first) if group.values else None
                 if chunk is not None:
-                    yield list(self._signals(chunk, number))
+                    yield number, chunk
         for number, spreader in enumerate(self._spreaders):
             rest = spreader.rest()
             if rest is not None:
-                yield list(self._signals(rest, number, last=True))
+                yield number, rest
 
     def _is_mode(self, value: ValueColumn) -> bool:
         return self._places[value.index].signal == "MODE"
@@ -92,14 +146,20 @@ class WideTable:
         return rows.frame[name_of(time[0])].is_not_null().to_numpy()
 
     def _chunk(
-        self, rows: Rows, number: int, group: TimedColumns, reader: RowReader, short: NDArray[np.int64]
+        self,
+        rows: Rows,
+        number: int,
+        group: TimedColumns,
+        reader: RowReader,
+        short: NDArray[np.int64],
+        first: bool,
     ) -> Chunk | None:
         texts = joined_times(rows.frame, group.time)
         time_ns = self._times[number].read(texts)
         kept = time_ns != NO_TIME
         if len(short):
             kept[short] = False
-        if not np.all(kept):
+        if first and not np.all(kept):
             self._refuse_times(rows, texts, kept, short)
         if not np.any(kept):
             return None
@@ -107,7 +167,7 @@ class WideTable:
         at = np.flatnonzero(kept)
         if len(at) < len(time_ns):
             time_ns, matrix = time_ns[at], matrix[at]
-        if number == 0:
+        if number == 0 and first:
             self._tally.rows_kept += len(at)
         chunk = Chunk(time_ns, at + rows.first, matrix, group.values)
         return self._spreaders[number].take(chunk) if self._spreaders else chunk
@@ -228,7 +288,7 @@ class WideTable:
                 self._log.add_many(code, rows.lines(at), (words for _ in at), value.tag)
                 matrix[at, position] = np.nan
 
-    def _signals(self, chunk: Chunk, number: int, last: bool = False) -> Iterator[SignalBlock]:
+    def _grid(self, chunk: Chunk) -> Grid:
         time_ns, matrix, lines = chunk.time_ns, chunk.matrix, chunk.lines
         order = in_order(time_ns)
         if order is not None:
@@ -238,12 +298,35 @@ class WideTable:
         self._tally.stuttering += int(np.sum(steady != time_ns))
         time_ns, matrix = last_of_repeats(steady, matrix, lines, [value.tag for value in chunk.columns], self._log)
         self._tally.saw_times(time_ns)
-        finite = np.isfinite(matrix).sum(axis=0)
-        self._tally.values_kept += int(finite.sum())
-        for position, value in enumerate(chunk.columns):
-            if finite[position]:
-                place = self._places[value.index]
-                yield SignalBlock(place.tag, place.loop, place.signal, time_ns, matrix[:, position])
+        self._tally.values_kept += int(np.count_nonzero(np.isfinite(matrix)))
+        columns = np.array([value.index for value in chunk.columns], dtype=np.uint32)
+        no_lines = np.zeros(len(time_ns), dtype=np.uint32)  # nothing of these is refused any more
+        return Grid(columns, time_ns, np.ascontiguousarray(matrix.T), no_lines, columns)
+
+    def _blocks(self, grids: Iterable[Grid]) -> Iterator[SignalBlock]:
+        """Signals whole, or chunk by chunk where time goes back or some chunks have no value of them."""
+        by_columns: dict[int, list[Grid]] = {}
+        for grid in grids:
+            by_columns.setdefault(int(grid.codes[0]), []).append(grid)
+        for own in by_columns.values():
+            whole = joined_grid(own)
+            given = np.stack([np.isfinite(grid.values).any(axis=1) for grid in own])
+            everywhere = given.all(axis=0)
+            for row, column in enumerate(own[0].codes):
+                place = self._places[int(column)]
+                parts = [own[at] for at in np.flatnonzero(given[:, row])]
+                for grid in [whole] if whole is not None and everywhere[row] else parts:
+                    yield SignalBlock(place.tag, place.loop, place.signal, grid.time_ns, grid.values[row])
+
+
+def _columns(groups: Iterable[TimedColumns]) -> list[int]:
+    """All columns that the groups need."""
+    needed: set[int] = set()
+    for group in groups:
+        needed.update(group.time, (value.index for value in group.values))
+        for value in group.values:
+            needed.update(index for index in (value.off_line, value.quality) if index is not None)
+    return sorted(needed)
 
 
 def joined_times(frame: pl.DataFrame, time: tuple[int, ...]) -> pl.Series:
