@@ -11,7 +11,8 @@ from zoneinfo import ZoneInfo
 from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "POLARS_MAX_THREADS")
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+READING_THREADS = {"POLARS_MAX_THREADS": "2"}  # a plant's file comes alone, while no audit runs
 
 
 BROKERS = ("redis://", "rediss://", "folder://", "amqp://", "amqps://")
@@ -249,6 +250,9 @@ def load_settings() -> Settings:
 
 
 def use_one_thread() -> None:
-    """One thread a worker process, because the processes are what scales; to be called before numpy is imported."""
+    """One thread a worker process, because the processes are what scales, and two to take a text apart with; to be
+    called before numpy is imported."""
     for name in ONE_THREAD:
         os.environ.setdefault(name, "1")
+    for name, count in READING_THREADS.items():
+        os.environ.setdefault(name, count)

@@ -12,6 +12,7 @@ from app.ingest.model import IngestOptions
 
 HEAD_BYTES = 1 << 18
 HEAD_LINES = 12  # a row of 50,000 columns is half a megabyte
+WIDEST_CHUNKS = 2  # of a chunk's usual bytes
 ROWS_A_CHUNK = 256  # a chunk of very wide rows costs by its columns
 HEAD_LIMIT = 1 << 24
 STEP_BYTES = 1 << 18
@@ -45,7 +46,7 @@ class TextFile:
         self.encoding = detect_encoding(first)
         self._bare_returns = False
         longest = max(map(len, first.split(b"\n")))
-        self._chunk_bytes = max(options.chunk_bytes, min(4 * options.chunk_bytes, ROWS_A_CHUNK * longest))
+        self._chunk_bytes = max(options.chunk_bytes, min(WIDEST_CHUNKS * options.chunk_bytes, ROWS_A_CHUNK * longest))
         self.head = self._decode_head(first)
         _refuse_binary(self.head)
 

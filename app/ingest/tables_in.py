@@ -18,7 +18,7 @@ from app.ingest.plans import Plan
 from app.ingest.rejecting import RejectLog
 
 CELLS_A_CHUNK = 2_000_000
-MOST_COLUMNS = 1500  # of a wide table at a time: a day of minutes of them is a chunk
+MOST_COLUMNS = 1000  # of a wide table at a time: a day of minutes of them is a chunk
 WORKBOOK_BYTES = 1 << 30  # a workbook is unpacked whole
 
 

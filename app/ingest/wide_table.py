@@ -184,8 +184,7 @@ class WideTable:
     def _matrix(self, rows: Rows, group: TimedColumns, reader: RowReader, kept: NDArray[np.bool_]) -> FloatArray:
         """(n, columns) values; refused ones NaN. Odd columns are looked at one by one, the others not at all."""
         names = [name_of(value.index) for value in group.values]
-        by_name = dict(zip(rows.frame.columns, rows.frame.get_columns(), strict=True))
-        frame = pl.DataFrame([by_name[name] for name in names])
+        frame = rows.frame[names]
         modes = [position for position, value in enumerate(group.values) if self._is_mode(value)]
         if modes:
             flags = [pl.Series(names[i], automatic_flags(frame[names[i]]), dtype=pl.Float64) for i in modes]
@@ -228,7 +227,7 @@ class WideTable:
         kept: NDArray[np.bool_],
     ) -> None:
         """Fields that are no numbers to the fast reader are read again as text, only in the columns that have any."""
-        nulls = [column.null_count() for column in frame.get_columns()]
+        nulls = frame.null_count().row(0)
         odd = [i for i, count in enumerate(nulls) if count and not self._is_mode(group.values[i])]
         if not odd:
             return

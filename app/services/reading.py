@@ -3,6 +3,7 @@
 import errno
 import json
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -71,8 +72,7 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
     mapping = TagMapping.from_bytes(reading["mapping"].encode()) if reading.get("mapping") else None
     options = _options(backend, reading)
     export = read_export(path_of(backend, row.fingerprint), filename=row.filename, mapping=mapping, options=options)
-    lease_s = backend.settings.lease_s
-    added = sum(patiently(partial(_store, backend, claim, batch, mapping), lease_s) for batch in _batches(export))
+    added = _stored(backend, claim, _batches(export), mapping)
     summary, refused = export.summary(), export.rejects()
     told = {
         "layout": summary.layout,
@@ -112,6 +112,20 @@ def _batches(export: Export) -> Iterator[list[LoopSamples]]:
             batch, values = [], 0
     if batch:
         yield batch
+
+
+def _stored(
+    backend: Backend, claim: ReadingClaim, batches: Iterator[list[LoopSamples]], mapping: TagMapping | None
+) -> int:
+    """How many samples were new. A batch is written in a thread while the next one is read."""
+    added = 0
+    with ThreadPoolExecutor(1, thread_name_prefix="storing") as thread:
+        writing: Future[int] | None = None
+        for batch in batches:
+            added += 0 if writing is None else writing.result()
+            storing = partial(_store, backend, claim, batch, mapping)
+            writing = thread.submit(patiently, storing, backend.settings.lease_s)
+        return added + (0 if writing is None else writing.result())
 
 
 def _store(backend: Backend, claim: ReadingClaim, batch: list[LoopSamples], mapping: TagMapping | None) -> int:

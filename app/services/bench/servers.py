@@ -17,7 +17,7 @@ from app.services.backend import Backend
 from app.services.bench.bench import Bench, SkippedError
 from app.services.bench.measure import children_of
 from app.services.operations import migrate
-from app.settings import ONE_THREAD, Settings
+from app.settings import ONE_THREAD, READING_THREADS, Settings
 
 READY_WITHIN_S = 900.0
 
@@ -82,6 +82,7 @@ def process(backend: Backend, name: str, *arguments: str) -> Iterator["subproces
         "LOOPAUDIT_BROKER_URL": settings.resolved_broker_url,
         "LOOPAUDIT_DATA_DIR": str(settings.data_dir),
         **dict.fromkeys(ONE_THREAD, "1"),
+        **READING_THREADS,
     }
     log = settings.data_dir / f"{name}-{uuid.uuid4().hex[:6]}.log"
     with log.open("wb") as output:
