@@ -1,7 +1,7 @@
 """Answers that dashboards ask for again and again: sent only where they have changed."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from starlette.requests import Request
 from starlette.responses import Response
@@ -10,11 +10,22 @@ from starlette.responses import Response
 def tagged(request: Request, body: str, media_type: str, headers: Mapping[str, str] | None = None) -> Response:
     """The body with its ETag, or 304 where the asker has it: the same until a verdict or a loop changes."""
     content = body.encode()
-    tag = f'W/"{hashlib.blake2b(content, digest_size=16).hexdigest()}"'
+    return versioned(request, hashlib.sha256(content).hexdigest()[:32], lambda: content, media_type, headers)
+
+
+def versioned(
+    request: Request,
+    version: str,
+    write: Callable[[], bytes],
+    media_type: str,
+    headers: Mapping[str, str] | None = None,
+) -> Response:
+    """The same for a body that is written only where the asker does not have its `version`."""
+    tag = f'W/"{version}"'
     own = {**(headers or {}), "ETag": tag}
     if known(request.headers.get("If-None-Match", ""), tag):
         return Response(status_code=304, headers=own)
-    return Response(content, media_type=media_type, headers=own)
+    return Response(write(), media_type=media_type, headers=own)
 
 
 def known(if_none_match: str, tag: str) -> bool:

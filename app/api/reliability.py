@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.requests import Request
 
 from app.api.backend import Services
-from app.api.etags import tagged
+from app.api.etags import tagged, versioned
 from app.api.models import ReliabilityPage
 from app.api.problems import responses
 from app.errors import RequestError
@@ -106,4 +106,5 @@ def reliability(
         text = "".join(csv_lines(page.rows, columns))
         return tagged(request, text, "text/csv; charset=utf-8", headers)
     # The rows are what the table's model made; checking 20,000 of them again would take longer than reading them.
-    return tagged(request, service.reliability_json(backend, **wanted), "application/json")
+    answer = service.reliability_json(backend, **wanted)
+    return versioned(request, answer.version, answer.write, "application/json")

@@ -35,7 +35,7 @@ def bench(
 ) -> None:
     """Measure the order search, the audit, reading exports, a plant's night and the API, beside their peers.
 
-    Takes about a quarter of an hour on a machine that should do nothing else meanwhile, 10 GB of disk and 6 GB of
+    Takes about twenty minutes on a machine that should do nothing else meanwhile, 20 GB of disk and 6 GB of
     memory. Needs PostgreSQL and Redis for ingest, plant and api, and the packages of requirements-bench.lock for the
     comparison with SIPPY; what is missing is skipped and named.
 

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 import uuid
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from app.services.audit_line import iso_utc
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.results import Page, Receipt, RejectView, UploadView
+from app.services.synced import SyncedFile
 from app.settings import sync_folder
 from app.storage import uploads
 from app.storage.uploads import UploadRow
@@ -52,28 +52,24 @@ class Receiving:
     def __init__(self, backend: Backend, values: dict[str, Any]) -> None:
         self._backend = backend
         self._values = values
-        self._digest = hashlib.sha256()
-        self._size = 0
         self._draft = backend.settings.uploads_dir / f".part-{uuid.uuid4().hex}"
-        self._file = self._draft.open("xb")
+        self._file = SyncedFile(self._draft)
 
     def write(self, data: bytes) -> None:
         """Raises RequestError("upload_too_large") beyond the limit of the settings."""
-        self._size += len(data)
-        if self._size > self._backend.settings.max_upload_bytes:
-            most = self._backend.settings.max_upload_bytes
+        most = self._backend.settings.max_upload_bytes
+        if self._file.size + len(data) > most:
             raise RequestError("upload_too_large", f"an upload may have at most {most} bytes; send it in parts")
-        self._digest.update(data)
         self._file.write(data)
 
     def commit(self) -> Receipt:
         """Bytes and row are on disk when this returns. Raises RequestError("empty_upload") without any bytes."""
-        if self._size == 0:
+        if self._file.size == 0:
             raise RequestError("empty_upload", "the upload has no bytes")
-        fingerprint = self._digest.hexdigest()
+        fingerprint = self._file.sync()
         self._keep(fingerprint)
         key = hashlib.sha256(f"{fingerprint} {self._values['reading_json']}".encode()).hexdigest()
-        values = {**self._values, "content_key": key, "fingerprint": fingerprint, "size_bytes": self._size}
+        values = {**self._values, "content_key": key, "fingerprint": fingerprint, "size_bytes": self._file.size}
         with self._backend.database.write() as connection:
             row, created = uploads.receive(connection, values)
             again = uploads.try_again(connection, row.id)
@@ -82,8 +78,6 @@ class Receiving:
         return Receipt(get_upload(self._backend, str(row.id)), created)
 
     def _keep(self, fingerprint: str) -> None:
-        self._file.flush()
-        os.fsync(self._file.fileno())
         self._file.close()
         self._draft.rename(path_of(self._backend, fingerprint))
         sync_folder(self._backend.settings.uploads_dir)

@@ -3,7 +3,8 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import zstandard
 from sqlalchemy import ColumnElement, Connection, Select, and_, case, func, or_, select, update
@@ -73,15 +74,14 @@ class NewVerdict:
     swing_json: str | None = None
 
 
-@dataclass(frozen=True)
-class SentRow:
-    """A row of the table with its JSON as stored, None where there is none of the wanted form; `value` sorts it."""
+class SentRow(NamedTuple):
+    """A row of the table as it is known before its text is read; `value` sorts it."""
 
     loop_id: int
+    audit_id: int
     tag: str
     unit: str | None
     value: Any
-    row_json: str | None
 
 
 def add(connection: Connection, new: Sequence[NewVerdict]) -> None:
@@ -154,10 +154,10 @@ def _order(column: ColumnElement[Any], descending: bool) -> tuple[Any, ...]:
 
 
 def sent_rows(
-    connection: Connection, limit: int, sort: str, descending: bool, wanted: RowFilter, after: After | None, form: str
+    connection: Connection, limit: int, sort: str, descending: bool, wanted: RowFilter, after: After | None
 ) -> list[SentRow]:
-    """The rows of `table` over the newest verdicts, as they are sent. Verdicts are looked at only where the order asks
-    for a column that is not kept beside the rows."""
+    """The rows of `table` over the newest verdicts, without their texts. Verdicts are looked at only where the order
+    asks for a column that is not kept beside the rows."""
     column = QUICK.get(sort, SORTABLE[sort])
     conditions = _conditions(wanted, QUICK)
     if after is not None:
@@ -165,18 +165,34 @@ def sent_rows(
     source = _newest_rows()
     if sort not in QUICK:
         source = source.join(verdicts, _is_newest())
-    query = select(loops.c.id, loops.c.tag, loops.c.unit, column).select_from(source).where(*conditions)
-    found = connection.execute(query.order_by(*_order(column, descending)).limit(limit)).all()
-    # Sorted without their text: sorting is done in memory, and the texts are moved once.
-    texts = _texts(connection, [row[0] for row in found], form)
-    return [SentRow(*row, texts.get(row[0])) for row in found]
+    query = select(loops.c.id, newest_rows.c.audit_id, loops.c.tag, loops.c.unit, column).select_from(source)
+    found = connection.execute(query.where(*conditions).order_by(*_order(column, descending)).limit(limit))
+    return [SentRow._make(row) for row in found]
 
 
-def _texts(connection: Connection, loop_ids: Sequence[int], form: str) -> dict[int, str]:
+def texts(connection: Connection, loop_ids: Sequence[int], form: str) -> dict[int, bytes]:
+    """The stored JSON of the loops' newest rows, where it is of this form; of other loops too where many are asked
+    for. Bytes as they are stored: 40 MB of text are not taken apart and put together again."""
     query = select(newest_rows.c.loop_id, newest_rows.c.row_json).where(newest_rows.c.form == form)
     if len(loop_ids) < MANY:
         query = query.where(newest_rows.c.loop_id.in_(loop_ids))
-    return {loop_id: text for loop_id, text in connection.execute(query)}
+    if connection.dialect.name != "postgresql" or len(loop_ids) < MANY:
+        return {loop_id: text.encode() for loop_id, text in connection.execute(query)}
+    with connection.connection.cursor() as cursor:
+        cursor.adapters.register_loader("text", _as_bytes())
+        cursor.execute("SELECT loop_id, row_json FROM newest_rows WHERE form = %s", (form,))
+        return dict(cursor.fetchall())
+
+
+@lru_cache(maxsize=1)
+def _as_bytes() -> Any:
+    from psycopg.adapt import Loader  # an extra: there is no PostgreSQL without it
+
+    class AsBytes(Loader):
+        def load(self, data: Any) -> bytes:
+            return bytes(data)
+
+    return AsBytes
 
 
 def sent_health(connection: Connection, tag: str, form: str) -> tuple[str, str, str | None] | None:

@@ -111,7 +111,7 @@ def test_what_cannot_be_asked_is_refused(plant: Backend) -> None:
 def test_the_table_as_json_is_the_table(untouched: Backend, sort: str, filters: RowFilter) -> None:
     for limit in (3, 100):
         page = reliability.reliability_page(untouched, limit, None, sort, filters)
-        sent = json.loads(reliability.reliability_json(untouched, limit, None, sort, filters))
+        sent = json.loads(reliability.reliability_json(untouched, limit, None, sort, filters).write())
         assert sent == {"rows": page.rows, "next_cursor": page.next_cursor}
 
 
@@ -119,7 +119,7 @@ def test_rows_are_sent_as_the_loop_is_now_and_in_the_present_form(untouched: Bac
     loops.patch_loop(untouched, "FIC1", {"unit": 'the "new" unit'})
     with untouched.database.write() as connection:
         connection.execute(update(newest_rows).where(newest_rows.c.loop_id == 3).values(form="older"))
-    sent = json.loads(reliability.reliability_json(untouched))["rows"]
+    sent = json.loads(reliability.reliability_json(untouched).write())["rows"]
     assert sent == reliability.reliability_page(untouched).rows
     assert [row["unit"] for row in sent if row["loop"] == "FIC1"] == ['the "new" unit']
 

@@ -81,7 +81,7 @@ def test_large_tables_are_read_by_index(plant: Database) -> None:
 def test_the_whole_table_reads_no_verdict(plant: Database) -> None:
     """Rows come as they were written; in the usual orders no other table than the two small ones is touched."""
     with plant.write() as connection:
-        ask = lambda c: verdicts.sent_rows(c, 20_000, "stiction_probability", True, RowFilter(), None, "f")  # noqa: E731
+        ask = lambda c: verdicts.sent_rows(c, 20_000, "stiction_probability", True, RowFilter(), None)  # noqa: E731
         nodes = [node for plan in _plans(connection, ask) for node in _nodes(plan)]
     assert {node["Relation Name"] for node in nodes if "Relation Name" in node} == {"loops", "newest_rows"}
 

@@ -22,6 +22,7 @@ from app.services.results import UploadView
 
 LONGEST_S = 600.0
 KINDS = 500  # loops are simulated so often; the others are these again, each with noise of its own
+TARGETED = {"long CSV, by time": "by_time", "wide CSV": "wide"}
 POLARS = """
 import sys, time, resource, json
 import polars as pl
@@ -49,9 +50,11 @@ def run(bench: Bench) -> Figures:
         path = bench.folder / f"{uuid.uuid4().hex[:8]}.{suffix}"
         try:
             write(path, count)
+            os.sync()  # the disk is not busy with the file itself when it is received
             found["files"].append(_measured(bench, name, path, count))
-            if count == loops and write is _long_by_time:
-                found["by_time"] = found["files"][-1]
+            key = TARGETED.get(name)
+            if key is not None:
+                found[key] = found["files"][-1]
         finally:
             path.unlink(missing_ok=True)
     return found
@@ -72,6 +75,7 @@ def _measured(bench: Bench, name: str, path: Path, loops: int) -> Figures:
         raise SkippedError(f"{name} was not read: {state.reason}")
     values = loops * 1440 * len(SIGNALS)
     size = path.stat().st_size
+    whole_s = receiving.seconds + reading.seconds
     return {
         "file": name,
         "mb": size / 1e6,
@@ -81,13 +85,15 @@ def _measured(bench: Bench, name: str, path: Path, loops: int) -> Figures:
         "received_s": receiving.seconds,
         "read_s": reading.seconds,
         "processor_s": used,
-        "values_a_s": values / reading.seconds,
-        "mb_a_s": size / 1e6 / reading.seconds,
+        "whole_s": whole_s,
+        "values_a_s": values / whole_s,
+        "mb_a_s": size / 1e6 / whole_s,
         "polars_s": {str(threads): told["s"] for threads, told in alone.items()},
         "polars_cpu_s": alone[1]["cpu_s"],
         "polars_peak_mb": alone[2]["peak_mb"],
-        "share_of_polars_1": alone[1]["s"] / reading.seconds,
-        "share_of_polars_2": alone[2]["s"] / reading.seconds,
+        "share_of_polars_1": alone[1]["s"] / whole_s,
+        "share_of_polars_2": alone[2]["s"] / whole_s,
+        "reading_share_of_polars_2": alone[2]["s"] / reading.seconds,
         "peak_mb": memory.peak_mb,
         "before_mb": base,
     }
