@@ -158,8 +158,9 @@ def _as(column: pl.Series, wanted: pl.DataType) -> pl.Series:
 
 def _head(table: Table, stem: str, names_in_rows: bool) -> Head:
     count = max(8, min(HEAD_ROWS, 200_000 // max(1, table.width)))
-    frame = table.part(0, count, range(table.width))
-    columns = [_as_text(frame[name]).fill_null("").to_list() for name in frame.columns]
+    groups = (range(start, min(start + MOST_COLUMNS, table.width)) for start in range(0, table.width, MOST_COLUMNS))
+    frames = (table.part(0, count, group) for group in groups)
+    columns = [_as_text(column).fill_null("").to_list() for frame in frames for column in frame.get_columns()]
     rows = [tuple(text.strip() for text in row) for row in zip(*columns, strict=True)]
     rows = rows if names_in_rows else [table.names, *rows]
     return Head(stem, tuple("\t".join(row) for row in rows), tuple(rows), "", find_decimal_mark(tuple(rows), "\t"))

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 
 from app.ingest import IngestOptions, long_table, read_export
@@ -61,6 +62,25 @@ def test_each_loop_of_a_wide_file_put_aside_comes_once(tmp_path: Path) -> None:
         assert np.array_equal(loop.pv, whole[loop.loop].pv)
     assert len(whole) == 70
     assert [found.name for found in tmp_path.iterdir()] == ["night.csv"]
+
+
+def wide_parquet(path: Path, loops: int, instants: int) -> Path:
+    tags = [f"L{n}.{signal}" for n in range(loops) for signal in ("PV", "OP")]
+    values = np.arange(instants)[:, None] % 7 + np.arange(len(tags)) / 8
+    times = pl.datetime_range(pl.datetime(2026, 1, 1), pl.datetime(2026, 1, 31), "1m", eager=True)[:instants]
+    pl.DataFrame(values, schema=tags).insert_column(0, times.alias("DateTime")).write_parquet(path)
+    return path
+
+
+def test_memory_does_not_grow_with_the_columns_of_a_table(tmp_path: Path) -> None:
+    peaks = []
+    for name, loops in (("narrow.parquet", 600), ("wide.parquet", 2400)):
+        path = wide_parquet(tmp_path / name, loops, 1440)
+        told = subprocess.run([sys.executable, "-c", MEASURE, str(path)], capture_output=True, text=True, check=True)
+        samples, peak = map(int, told.stdout.split())
+        assert samples == 1440 * loops
+        peaks.append(peak)
+    assert peaks[1] < peaks[0] + 30_000  # kB; read whole, the wide one takes 80,000 more
 
 
 def test_memory_does_not_grow_with_the_file(tmp_path: Path) -> None:

@@ -1,0 +1,86 @@
+"""Scans of a whole plant are grids; whatever is missing or in another order is rows, with the same loops in the end."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.ingest import IngestOptions, long_table, read_export
+from app.ingest.pieces import Gathered, Grid, as_piece, in_whole_instants, joined_grid
+
+
+def rows(codes: list[int], times: list[int], first_line: int = 2) -> Gathered:
+    n = len(codes)
+    lines = np.arange(first_line, first_line + n, dtype=np.uint32)
+    return Gathered(np.array(codes, np.uint32), np.array(times), np.arange(n, dtype=float), lines)
+
+
+def test_whole_scans_are_a_grid_and_come_back_as_rows() -> None:
+    scans = rows([3, 1, 2] * 2, [10] * 3 + [20] * 3)
+    grid = as_piece(scans)
+    assert isinstance(grid, Grid)
+    assert grid.values.tolist() == [[0.0, 3.0], [1.0, 4.0], [2.0, 5.0]]
+    assert grid.time_ns.tolist() == [10, 20]
+    again = grid.rows()
+    for name in ("codes", "time_ns", "values", "lines"):
+        assert np.array_equal(getattr(again, name), getattr(scans, name)), name
+
+
+@pytest.mark.parametrize(
+    ("codes", "times"),
+    [
+        ([1, 2, 2, 1], [10, 10, 20, 20]),  # another order
+        ([1, 2, 1, 2], [10, 10, 20, 30]),  # another time in a scan
+        ([1, 1, 1, 1], [10, 10, 20, 20]),  # a tag twice
+        ([1, 2, 1], [10, 10, 20]),  # a part of a scan
+        ([1, 2, 3], [10, 20, 30]),  # tag after tag
+    ],
+)
+def test_anything_else_stays_rows(codes: list[int], times: list[int]) -> None:
+    assert isinstance(as_piece(rows(codes, times)), Gathered)
+
+
+def test_a_gap_in_the_lines_stays_rows() -> None:
+    scans = rows([1, 2] * 2, [10, 10, 20, 20])
+    gap = Gathered(scans.codes, scans.time_ns, scans.values, scans.lines + np.array([0, 0, 1, 1], np.uint32))
+    assert isinstance(as_piece(gap), Gathered)
+
+
+def test_rows_are_parted_where_their_last_instant_begins() -> None:
+    whole, rest = in_whole_instants(rows([1, 2, 1], [10, 10, 20]))
+    assert (len(whole), len(rest)) == (2, 1)
+    whole, rest = in_whole_instants(rows([1, 2], [10, 10]))
+    assert (len(whole), len(rest)) == (2, 0)
+
+
+def test_grids_are_joined_while_time_runs_forward() -> None:
+    first, second = as_piece(rows([1, 2] * 2, [10, 10, 20, 20])), as_piece(rows([1, 2] * 2, [30, 30, 40, 40]))
+    together = joined_grid([first, second])
+    assert together is not None
+    assert together.time_ns.tolist() == [10, 20, 30, 40]
+    assert joined_grid([second, first]) is None
+    assert joined_grid([first, rows([1], [50])]) is None
+
+
+def test_a_night_with_a_gap_a_sentinel_and_a_repeat_is_read_as_if_it_came_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines = ["Tagname,TimeStamp,Value"]
+    for k in range(60):
+        stamp = f"2026-01-31T00:{k:02d}:00Z"
+        lines += [f"L{n}.{s},{stamp},{n + k / 8}" for n in range(20) for s in ("PV", "OP") if (n, k) != (3, 20)]
+    lines[100] = lines[100].rpartition(",")[0] + ",-9999"
+    lines.append("L5.PV,2026-01-31T00:10:00Z,99")
+    path = tmp_path / "night.csv"
+    path.write_text("\n".join(lines) + "\n")
+    whole = read_export(path)
+    expected = {loop.loop: loop for loop in whole.loops()}
+    monkeypatch.setattr(long_table, "BATCH_ROWS", 300)
+    parted = read_export(path, options=IngestOptions(chunk_bytes=3000, spill_folder=tmp_path))
+    found = {loop.loop: loop for loop in parted.loops()}
+    assert found.keys() == expected.keys()
+    for tag, loop in found.items():
+        assert np.array_equal(loop.time_ns, expected[tag].time_ns)
+        assert np.array_equal(loop.pv, expected[tag].pv, equal_nan=True)
+    assert parted.rejects().counts == whole.rejects().counts == {"sentinel": 1, "duplicate_time": 1}
+    assert {(r.line, r.code) for r in parted.rejects().listed} == {(r.line, r.code) for r in whole.rejects().listed}
