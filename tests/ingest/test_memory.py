@@ -12,13 +12,14 @@ from app.ingest import IngestOptions, long_table, read_export
 from app.ingest.ahead import ahead
 
 MEASURE = """
-import resource, sys
+import sys
 from pathlib import Path
 from app.ingest import IngestOptions, long_table, read_export
 long_table.BATCH_ROWS = 20_000
 options = IngestOptions(chunk_bytes=1 << 20, buffered_values=60_000, spill_folder=Path(sys.argv[1]).parent)
 samples = sum(stretch.samples for stretch in read_export(Path(sys.argv[1]), options=options).loops())
-print(samples, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+# Not ru_maxrss, which begins with what the process that started this one holds.
+print(samples, *(line.split()[1] for line in open("/proc/self/status") if line.startswith("VmHWM")))
 """
 
 
@@ -80,7 +81,7 @@ def test_memory_does_not_grow_with_the_columns_of_a_table(tmp_path: Path) -> Non
         samples, peak = map(int, told.stdout.split())
         assert samples == 1440 * loops
         peaks.append(peak)
-    assert peaks[1] < peaks[0] + 30_000  # kB; read whole, the wide one takes 80,000 more
+    assert peaks[1] < 1.4 * peaks[0]
 
 
 def test_memory_does_not_grow_with_the_file(tmp_path: Path) -> None:
