@@ -31,6 +31,7 @@ START_S = 900.0
 # shared with others the workers get their share of it.
 SETTINGS = {"LOOPAUDIT_LOOP_LIMIT_S": "5", "LOOPAUDIT_WORKER_NICE": "0", "LOOPAUDIT_LOG_FORMAT": "json"}
 QUICK = {"LOOPAUDIT_LOOP_LIMIT_S": "2", "LOOPAUDIT_LEASE_S": "5", "LOOPAUDIT_SWEEP_S": "1", "LOOPAUDIT_STALLED_S": "2"}
+# The cut in `make test` judges what is lost, not the speed of the machine that runs all tests at once.
 SHORT_KINDS = (
     "kill -9 a worker whole",
     "kill -9 the API, unsynced writes lost",
@@ -52,12 +53,13 @@ class Extent:
     uploads_every_s: float
     settings: dict[str, str]
     pace: float = 1.0
+    longest_s: float = 60.0
 
 
 def extent(options: argparse.Namespace) -> Extent:
     if options.short:
         kinds = [BY_NAME[name] for name in SHORT_KINDS]
-        return Extent(len(kinds), kinds, 60, 200, 60, 0.5, {**SETTINGS, **QUICK}, pace=0.4)
+        return Extent(len(kinds), kinds, 60, 200, 60, 0.5, {**SETTINGS, **QUICK}, pace=0.4, longest_s=300.0)
     kinds = [BY_NAME[name] for name in options.only] if options.only else list(FAULTS)
     return Extent(options.faults, kinds, options.loops, 300, options.audits, 2.0, SETTINGS)
 
@@ -139,7 +141,7 @@ def run(options: argparse.Namespace) -> int:
         watch.end()
         found = judge(scene)
         rows = table(scene, found)
-        wrong = complaints(rows, found, wanted.audits)
+        wrong = complaints(rows, found, wanted.audits, wanted.longest_s)
         report(scene, rows, found, wrong)
         tell(f"{took_s / 60:.1f} min under faults, {(time.monotonic() - began) / 60:.1f} min in all")
         if wrong:
