@@ -112,8 +112,10 @@ def as_text(digest: Digest) -> str:
         f"Audit of {_line(digest.plant)}, {short_time(run.created_at)} UTC:",
         f"{run.done} of {run.total} loops have a verdict.",
     ]
-    lines += [f"  {digest.verdicts.get(name, 0):6d} {VERDICT_WORDS[name]}" for name in VERDICT_RANK]
-    lines += [f"         {count} of these: {cause_words(cause)}" for cause, count in digest.refused.items()]
+    for name in VERDICT_RANK:
+        lines.append(f"  {digest.verdicts.get(name, 0):6d} {VERDICT_WORDS[name]}")
+        if name == "not_auditable":
+            lines += [f"         {count} of these: {cause_words(cause)}" for cause, count in digest.refused.items()]
     lines += [f"  {run.failed:6d} failed"] if run.failed else []
     lines += ["", "WHAT CHANGED SINCE THE RUN BEFORE", ""]
     lines += [_change_line(change) for change in digest.changes] or [_no_change(digest)]

@@ -50,7 +50,7 @@ def chart(x: Sequence[float], lines: Sequence[Line], ends: Ends, *, title: str, 
         )
     body += [_path(place, x, line) for line in lines]
     body.append(_legend(lines, width))
-    head = f'<svg viewBox="0 0 {width} {height}" role="img" aria-label="{escape(title)}">'
+    head = f'<svg viewBox="0 0 {width} {height}" width="{width}" role="img" aria-label="{escape(title)}">'
     return Markup(f"{head}{''.join(body)}</svg>")  # noqa: S704 - every text in it is escaped
 
 

@@ -22,6 +22,7 @@ from app.services.size_wording import size_in_words
 from app.storage import loops as stored_loops
 from app.storage import plant as stored_plant
 from app.storage import verdicts
+from app.storage.digests import COMPLAINTS
 from app.storage.verdicts import RowFilter
 
 NIGHTS = 60
@@ -88,14 +89,10 @@ def _made(backend: Backend) -> dict[str, Any]:
 def _worst(backend: Backend) -> list[tuple[str | None, list[dict[str, Any]]]]:
     """Of each unit the worst loops that stick or may, with what their row says."""
     with backend.database.read() as connection:
-        placed = stored_plant.worst_of_units(connection, WORST_OF_UNIT)
+        placed = stored_plant.worst_of_units(connection, WORST_OF_UNIT, COMPLAINTS)
         ids = stored_loops.ids_of(connection, [row.tag for row in placed])
         rows = verdicts.newest_of(connection, list(ids.values()))
-    told = [
-        (row.unit, as_row(rows[row.tag]) | {"importance": row.importance})
-        for row in placed
-        if row.tag in rows and row.verdict in ("stiction", "inconclusive")
-    ]
+    told = [(row.unit, as_row(rows[row.tag]) | {"importance": row.importance}) for row in placed if row.tag in rows]
     return [(unit, [row for _, row in some]) for unit, some in groupby(told, lambda pair: pair[0])]
 
 

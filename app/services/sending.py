@@ -28,4 +28,4 @@ def shown(receiver: str) -> str:
     if receiver.startswith("mailto:"):
         return receiver
     parts = urlsplit(receiver)
-    return f"{parts.scheme}://{parts.hostname or '?'}/..."
+    return f"{parts.scheme}://{parts.netloc.rpartition('@')[2] or '?'}/..."

@@ -1,5 +1,6 @@
 """The plant as a whole: what its units come to, and whose verdict is another one than in the run before."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from sqlalchemy import Connection, Select, and_, func, or_, select
@@ -24,11 +25,12 @@ def counts(connection: Connection) -> list[Any]:
     return list(connection.execute(select(*by, *figures).select_from(_NEWEST).group_by(*by)))
 
 
-def worst_of_units(connection: Connection, each: int) -> list[Any]:
+def worst_of_units(connection: Connection, each: int, among: Sequence[str] | None = None) -> list[Any]:
     """Of each unit the loops at the head of its list by what is missing to full health x importance: tag, unit,
-    importance, verdict, health."""
+    importance, verdict, health. `among`: only loops with these verdicts."""
     place = func.row_number().over(partition_by=loops.c.unit, order_by=(_PRIORITY.desc().nulls_last(), loops.c.tag))
-    placed = _tiles().add_columns(place.label("place")).subquery()
+    tiles = _tiles() if among is None else _tiles().where(rows.c.verdict.in_(among))
+    placed = tiles.add_columns(place.label("place")).subquery()
     query = select(placed.c.tag, placed.c.unit, placed.c.importance, placed.c.verdict, placed.c.health)
     return list(connection.execute(query.where(placed.c.place <= each).order_by(placed.c.unit, placed.c.place)))
 

@@ -313,7 +313,7 @@ def test_a_name_that_leads_inside_is_refused(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_of_a_webhook_only_its_server_is_shown() -> None:
-    assert shown("https://user:pass@hooks.example:8443/T0/secret?token=1") == "https://hooks.example/..."
+    assert shown("https://user:pass@hooks.example:8443/T0/secret?token=1") == "https://hooks.example:8443/..."
 
 
 @pytest.mark.parametrize(

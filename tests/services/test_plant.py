@@ -94,6 +94,26 @@ def test_the_worst_come_first_by_importance(backend: Backend, add_loops: AddLoop
     assert rows[0]["priority"] == pytest.approx(9.0 * (100.0 - rows[0]["health"]))
 
 
+def test_the_treemap_has_the_worst_of_each_unit_and_more_of_one(
+    backend: Backend, add_loops: AddLoops, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add_loops("A", "B", "C", unit="U1", importance=1.0)
+    add_loops("D", importance=2.0)
+    audited(backend)
+    monkeypatch.setattr(plant, "MOST_TILES", 2)
+    monkeypatch.setattr(plant, "LEAST_TILES", 1)
+    told = plant.tiles(backend)
+    assert sorted((str(name), count, importance) for name, count, importance, _ in told["units"]) == [
+        ("None", 1, 2.0),
+        ("U1", 3, 3.0),
+    ]
+    assert sorted(str(unit) for _, unit, *_ in told["loops"]) == ["None", "U1"]
+    healths = [health for *_, health in plant.unit_tiles(backend, "U1")["loops"]]
+    assert len(healths) == 2
+    assert healths == sorted(healths)
+    assert [tag for tag, *_ in plant.unit_tiles(backend, None)["loops"]] == ["D"]
+
+
 def test_rows_say_what_their_health_is_made_of(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:
     row = loop_health(backend, "A")
     parts = dict(part.split(" ") for part in row["health_parts"].split(";"))

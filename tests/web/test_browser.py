@@ -8,6 +8,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Error, Page, expect, sync_playwright
 
+from app.services import plant
 from app.services.audits import list_audits
 from app.services.chunks import audit_chunk
 from app.services.reading import read_upload
@@ -85,6 +86,15 @@ def test_a_click_in_the_treemap_opens_the_loop(opened: Page):
     opened.locator("#treemap .slice", has_text="FIC101").first.click()
     expect(opened.get_by_role("heading", level=1)).to_have_text("FIC101")
     expect(opened.locator("#charts")).to_have_attribute("data-drawn", "yes")
+
+
+def test_of_a_large_unit_the_worst_are_drawn_and_the_others_lead_to_the_table(opened: Page, monkeypatch):
+    monkeypatch.setattr(plant, "MOST_TILES", 1)
+    monkeypatch.setattr(plant, "LEAST_TILES", 1)
+    settled(opened, "/")
+    opened.locator("#treemap .slice", has_text="no unit named").first.click(position={"x": 5, "y": 5})
+    opened.locator("#treemap .slice", has_text="others").last.click()
+    expect(opened.get_by_role("heading", level=1)).to_contain_text("Reliability")
 
 
 @pytest.mark.parametrize("path", [*PAGES, HOSTILE_PAGE])

@@ -22,16 +22,16 @@ function nodes(units, loops) {
     mine.share += weight; mine.shown += 1;
     add(`l:${tag}`, tag, key(unit), weight, health, `${WORDS[verdict]}<br>health ${known(health)}`);
   }
-  let total = 0;
+  let total = 0, weighed = 0;
   for (const [name, count, , health] of units) {
     const { weight, share, shown } = rest.get(key(name));
     const others = count - shown;
     if (others > 0) add(`o:${name ?? ""}`, `${others} others`, key(name), Math.max(weight - share, LIGHT), health, "healthier ones");
     const sum = others > 0 ? share + Math.max(weight - share, LIGHT) : share;
     add(key(name), name ?? "no unit named", "plant", sum, health, `${count} loops<br>health ${known(health)}`);
-    total += sum;
+    total += sum; weighed += sum * (health ?? 50);
   }
-  add("plant", "Plant", "", total, null, `${units.reduce((sum, unit) => sum + unit[1], 0)} loops`);
+  add("plant", "Plant", "", total, weighed / total, `${units.reduce((sum, unit) => sum + unit[1], 0)} loops`);
   return found;
 }
 
