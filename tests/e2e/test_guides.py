@@ -73,7 +73,7 @@ class Shell:
             env=self._environment,
             capture_output=True,
             text=True,
-            timeout=300,
+            timeout=900,
         )
         assert done.returncode == 0, f"{command}\n{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
         return done.stdout + done.stderr
@@ -99,6 +99,7 @@ class Shell:
             process.wait(30)
 
 
+@pytest.mark.timeout(1200)  # a dozen commands, of which one starts a service: a minute, and many on a busy machine
 @pytest.mark.parametrize("guide", GUIDES)
 def test_the_commands_of_a_guide_print_what_it_says(guide: str, shell: Shell) -> None:
     found = list(steps((DOCS / guide).read_text(encoding="utf-8")))
