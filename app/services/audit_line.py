@@ -1,7 +1,7 @@
 """The one place where an Audit becomes JSON: the audit line, its flat twin for tables, the arrays for storage."""
 
 from collections.abc import Iterable
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import Any, Literal
 
 import numpy as np
@@ -14,7 +14,7 @@ from app.engine.hammerstein import OneParameterResult, TwoParameterResult
 from app.engine.reliability import Rung
 from app.engine.rivals import Rival, runner_up, winner
 from app.engine.yper import YperResult
-from app.services.moments import epoch_ms
+from app.services.moments import epoch_ms, iso_utc
 from app.services.size_line import FlatSize, StictionSizeLine, flat_size, stiction_size_detail, stiction_size_line
 
 VerdictName = Literal["stiction", "no_stiction", "inconclusive", "not_auditable"]
@@ -314,16 +314,6 @@ def reliability_row(
         reasons=";".join(reason["code"] for reason in reasons),
         reasons_text=". ".join(reason["text"] for reason in reasons),
     ).model_dump(mode="json")
-
-
-def iso_utc(moment: datetime | None) -> str | None:
-    """2026-01-31T03:00:00Z, with milliseconds only where there are any."""
-    if moment is None:
-        return None
-    if moment.tzinfo is None:
-        raise ValueError("a time without a zone cannot be told in UTC")
-    utc = moment.astimezone(UTC).replace(tzinfo=None)
-    return utc.isoformat(timespec="milliseconds" if utc.microsecond else "seconds") + "Z"
 
 
 def detail(audit: Audit) -> dict[str, Any]:

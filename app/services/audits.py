@@ -7,9 +7,9 @@ from collections.abc import Iterator
 
 from app.engine.audit_config import AuditConfig
 from app.errors import NotFoundError, RequestError
-from app.services.audit_line import iso_utc
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
+from app.services.moments import iso_utc
 from app.services.results import AuditView, FailureView, Page
 from app.storage import audits, items, loops
 from app.storage.audits import AuditRow, LoopFilter, Progress

@@ -8,9 +8,9 @@ import numpy as np
 from app.engine import yper
 from app.engine.freerun import valve_position
 from app.errors import DataError
-from app.services.audit_line import iso_utc
 from app.services.backend import Backend
-from app.services.loops import find, moment_of, verdict_detail
+from app.services.loops import find, verdict_detail
+from app.services.moments import iso_utc, moment_of
 from app.services.trend import extremes, numbers
 from app.storage import series, verdicts
 from app.storage.samples import FloatArray, Samples

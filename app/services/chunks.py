@@ -16,7 +16,7 @@ from app.ingest import LoopSamples, to_recording
 from app.logs import about
 from app.services.backend import Backend
 from app.services.limits import TimeLimitError, time_limit
-from app.services.loops import moment_of
+from app.services.moments import moment_of
 from app.services.patience import patiently
 from app.services.rows import new_verdict
 from app.storage import audits, items, loops, series, verdicts

@@ -12,12 +12,12 @@ from datetime import timedelta
 
 from app.errors import LoopauditError
 from app.services import trail
-from app.services.audit_line import iso_utc
 from app.services.backend import Backend
 from app.services.cursors import identifier
 from app.services.digest import Digest, as_html, as_json, as_text, digest_of, subject
 from app.services.identity import SCHEDULE
 from app.services.mailing import send_mail
+from app.services.moments import iso_utc
 from app.services.sending import NotSentError, Outgoing, shown
 from app.services.webhooks import send_webhook
 from app.storage import deliveries

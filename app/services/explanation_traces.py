@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 
 from app.engine.recording import FloatArray
-from app.services.audit_line import iso_utc
 from app.services.backend import Backend
 from app.services.explanations import stored_answer
-from app.services.loops import moment_of
+from app.services.moments import iso_utc, moment_of
 from app.services.trend import NS_PER_S, extremes
 from app.storage.samples import Samples
 

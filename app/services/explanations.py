@@ -6,11 +6,11 @@ from datetime import datetime
 from typing import Any
 
 from app.errors import DataError, NotFoundError, RequestError
-from app.services.audit_line import iso_utc
 from app.services.backend import Backend
 from app.services.chunks import recording_of
 from app.services.cursors import decode, encode, identifier
-from app.services.loops import find, moment_of
+from app.services.loops import find
+from app.services.moments import iso_utc, moment_of
 from app.services.results import Page
 from app.services.simulations import GivenSimulation, comparison_with, kept, kind_of
 from app.services.trend import NS_PER_S, instant_ns

@@ -4,9 +4,8 @@ import threading
 from typing import Any
 
 from app.engine.plant_wide import Candidate, Group, groups
-from app.services.audit_line import iso_utc
 from app.services.backend import Backend
-from app.services.loops import moment_of
+from app.services.moments import iso_utc, moment_of
 from app.services.results import GroupMember, GroupView
 from app.services.swings import from_json
 from app.storage import verdicts

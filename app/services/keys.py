@@ -5,9 +5,9 @@ from datetime import datetime, timedelta
 
 from app.errors import NotFoundError, RequestError
 from app.services import key_text, trail
-from app.services.audit_line import iso_utc
 from app.services.backend import Backend
 from app.services.identity import COMMAND_LINE, Identity, Role
+from app.services.moments import iso_utc
 from app.services.results import KeyView
 from app.storage import keys
 from app.storage.types import now

@@ -2,13 +2,12 @@
 
 import math
 from collections.abc import Mapping
-from datetime import UTC, datetime
 from typing import Any
 
 from app.errors import NotFoundError, RequestError
-from app.services.audit_line import iso_utc
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
+from app.services.moments import iso_utc, moment_of
 from app.services.results import LoopView, Page
 from app.services.rows import FORM, KEY_FIGURES, as_row, compact, sent
 from app.storage import loops, verdicts
@@ -109,10 +108,6 @@ def find(backend: Backend, tag: str) -> LoopRow:
 
 def unknown(tag: str) -> NotFoundError:
     return NotFoundError("unknown_loop", f"there is no loop {tag!r}")
-
-
-def moment_of(time_ns: int) -> datetime:
-    return datetime.fromtimestamp(time_ns / 1e9, UTC)
 
 
 def _check_spans(wanted: Mapping[str, Any]) -> None:

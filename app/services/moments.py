@@ -1,8 +1,22 @@
-"""Times as machines take them."""
+"""Times as people and machines take them."""
 
-from datetime import datetime
+from datetime import UTC, datetime
 
 
 def epoch_ms(moment: datetime | None) -> int | None:
     """Milliseconds since 1970, UTC: what dashboards take for a time."""
     return None if moment is None else round(moment.timestamp() * 1000)
+
+
+def iso_utc(moment: datetime | None) -> str | None:
+    """2026-01-31T03:00:00Z, with milliseconds only where there are any."""
+    if moment is None:
+        return None
+    if moment.tzinfo is None:
+        raise ValueError("a time without a zone cannot be told in UTC")
+    utc = moment.astimezone(UTC).replace(tzinfo=None)
+    return utc.isoformat(timespec="milliseconds" if utc.microsecond else "seconds") + "Z"
+
+
+def moment_of(time_ns: int) -> datetime:
+    return datetime.fromtimestamp(time_ns / 1e9, UTC)

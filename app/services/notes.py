@@ -5,9 +5,9 @@ from datetime import datetime
 from typing import Any
 
 from app.errors import RequestError
-from app.services.audit_line import iso_utc
 from app.services.backend import Backend
 from app.services.loops import find, verdict_history
+from app.services.moments import iso_utc
 from app.services.results import NoteView
 from app.storage import notes
 from app.storage.notes import NoteRow

@@ -4,10 +4,10 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from app.services.audit_line import iso_utc
 from app.services.audits import get_audit
 from app.services.backend import Backend
 from app.services.cursors import decode, encode
+from app.services.moments import iso_utc
 from app.services.reliability import checked
 from app.services.results import AuditView, ChangeView, Page, UnitView
 from app.services.rows import as_row

@@ -9,12 +9,12 @@ from markupsafe import Markup
 
 from app.errors import NotFoundError
 from app.services import explanations, glossary, loops, notes, plant
-from app.services.audit_line import iso_utc
 from app.services.backend import Backend
 from app.services.charts import charts
 from app.services.explanation_wording import in_words
 from app.services.groups import groups_of
 from app.services.groups import soon as groups_soon
+from app.services.moments import iso_utc
 from app.services.rendering import document, loop_address, short_time
 from app.services.report_svg import WIDTH, Ends, Line, chart
 from app.services.rows import as_row

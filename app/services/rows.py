@@ -7,15 +7,8 @@ from typing import Any
 
 from app.engine.audit import Audit
 from app.services import swings
-from app.services.audit_line import (
-    KeyFiguresLine,
-    ReliabilityRow,
-    audit_line,
-    detail,
-    iso_utc,
-    reliability_row,
-)
-from app.services.moments import epoch_ms
+from app.services.audit_line import KeyFiguresLine, ReliabilityRow, audit_line, detail, reliability_row
+from app.services.moments import epoch_ms, iso_utc
 from app.storage.tables import verdicts
 from app.storage.verdicts import NewVerdict, pack_detail
 

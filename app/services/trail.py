@@ -3,10 +3,10 @@
 import json
 from typing import Any
 
-from app.services.audit_line import iso_utc
 from app.services.backend import Backend
 from app.services.cursors import decode, encode
 from app.services.identity import Identity, request_id
+from app.services.moments import iso_utc
 from app.services.results import Page, TrailView
 from app.storage import trail
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.errors import RequestError
-from app.services.audit_line import iso_utc
 from app.services.backend import Backend
-from app.services.loops import find, moment_of
+from app.services.loops import find
+from app.services.moments import iso_utc, moment_of
 from app.services.results import TrendView
 from app.storage import series
 from app.storage.samples import FloatArray, Samples

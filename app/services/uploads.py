@@ -11,9 +11,9 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from app.errors import NotFoundError, RequestError
 from app.ingest import TagMapping
-from app.services.audit_line import iso_utc
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
+from app.services.moments import iso_utc
 from app.services.results import Page, Receipt, RejectView, UploadView
 from app.services.synced import SyncedFile
 from app.settings import sync_folder

@@ -10,7 +10,8 @@ import pytest
 from app.engine.audit import audit
 from app.engine.audit_config import AuditConfig
 from app.engine.recording import Recording
-from app.services.audit_line import AuditLine, ReliabilityRow, audit_line, detail, iso_utc, reliability_row
+from app.services.audit_line import AuditLine, ReliabilityRow, audit_line, detail, reliability_row
+from app.services.moments import iso_utc
 
 CONTRACT = [
     "recording", "loop", "samples", "sampling_interval_s", "verdict", "stiction_probability", "reliability", "reasons",
