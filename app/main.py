@@ -17,9 +17,9 @@ from app.api.headers import SecurityHeaders, WholeFiles
 from app.api.paths import KeepTagsEncoded
 from app.api.request_ids import RequestIds
 from app.api.schema import described
-from app.services.authentication import Authenticator
+from app.services.access.authentication import Authenticator
+from app.services.access.rates import Rates
 from app.services.backend import Backend
-from app.services.rates import Rates
 from app.settings import Settings
 from app.web import explanation, login, pages
 from app.web.errors import error_page

@@ -18,9 +18,9 @@ from fastapi import FastAPI
 from sqlalchemy import create_engine, make_url
 from sqlalchemy.exc import OperationalError
 
-from app.services import chunks
+from app.services.auditing import chunks
 from app.services.backend import Backend
-from app.services.operations import migrate
+from app.services.upkeep.operations import migrate
 from app.settings import Settings
 from app.storage import Database
 from app.storage.tables import metadata

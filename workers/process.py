@@ -11,7 +11,7 @@ from celery import current_app, signals
 
 from app import logs
 from app.engine.mismatch import compile_kernels
-from app.services import chunks
+from app.services.auditing import chunks
 from app.services.backend import Backend
 
 ROOM_TO_WORK_MB = 150

@@ -5,7 +5,11 @@ import uuid
 from celery import shared_task
 
 from app.queue import AUDIT_CHUNK, DELIVER, EXPLAIN, READ_UPLOAD, SWEEP
-from app.services import chunks, deliveries, explaining, operations, reading
+from app.services.auditing import chunks
+from app.services.digests import deliveries
+from app.services.explaining import working as explaining
+from app.services.intake import reading
+from app.services.upkeep import operations
 from workers.process import backend
 
 

@@ -11,7 +11,7 @@ from starlette.responses import StreamingResponse
 from app.api.backend import Cursor, Identifier, Limit, Services
 from app.api.models import AuditIn, AuditOut, AuditPage
 from app.api.problems import responses
-from app.services import audits as service
+from app.services.auditing import audits as service
 
 LOOK_S = 0.5
 HEARTBEAT_EVERY = 20

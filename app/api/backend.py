@@ -6,8 +6,8 @@ from typing import Annotated, Any
 from fastapi import Depends, Path, Query, Request
 from pydantic import BeforeValidator
 
+from app.services.access.identity import ANYONE, Identity, current
 from app.services.backend import Backend
-from app.services.identity import ANYONE, Identity, current
 
 
 async def opened(request: Request) -> Backend:

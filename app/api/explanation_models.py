@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, Strict
 
 from app.api.backend import IsoTime
 from app.api.models import Name
-from app.services.simulations import LARGEST_TRACE
+from app.services.explaining.simulations import LARGEST_TRACE
 
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Span = Annotated[list[float], Field(min_length=2, max_length=2)]

@@ -10,9 +10,9 @@ from app.api.explanation_models import ExplanationIn, ExplanationOut, Explanatio
 from app.api.loops import Points
 from app.api.paths import LoopTag, tag_in_url
 from app.api.problems import responses
-from app.services import explanation_traces
-from app.services import explanations as service
-from app.services.simulations import GivenSimulation, GivenTrace
+from app.services.explaining import explanations as service
+from app.services.explaining import traces as explanation_traces
+from app.services.explaining.simulations import GivenSimulation, GivenTrace
 
 CSV = {200: {"content": {"text/csv": {"schema": {"type": "string"}}}}}
 

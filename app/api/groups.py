@@ -6,7 +6,7 @@ from fastapi import APIRouter
 
 from app.api.backend import Services
 from app.api.models import GroupPage
-from app.services.groups import plant_groups
+from app.services.plant.groups import plant_groups
 
 router = APIRouter(tags=["groups"])
 

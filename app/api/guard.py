@@ -17,11 +17,11 @@ from app.api.forms import carries_token
 from app.api.origins import crosses_sites, host_allowed, is_loopback
 from app.api.permissions import LOGIN, READING, Matched, Permission, Routes
 from app.api.problems import AWAY, Refusal, answer_to
-from app.services import trail
-from app.services.authentication import Authenticator
+from app.services.access import trail
+from app.services.access.authentication import Authenticator
+from app.services.access.identity import ANYONE, NOBODY, Identity, current
+from app.services.access.rates import Rates
 from app.services.backend import Backend
-from app.services.identity import ANYONE, NOBODY, Identity, current
-from app.services.rates import Rates
 from app.settings import Settings
 
 SESSION = "loopaudit_session"

@@ -10,8 +10,8 @@ from app.api.etags import tagged
 from app.api.models import HealthOut, LoopOut, LoopPage, LoopPatch, TrendOut, VerdictPage
 from app.api.paths import LoopTag
 from app.api.problems import responses
-from app.services import loops as service
-from app.services.trend import trend as thinned
+from app.services.plant import loops as service
+from app.services.plant.trend import trend as thinned
 
 router = APIRouter(tags=["loops"])
 

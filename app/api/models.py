@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from app.services.audit_line import KeyFiguresLine, ReliabilityRow, VerdictName
+from app.services.auditing.audit_line import KeyFiguresLine, ReliabilityRow, VerdictName
 
 MAX_NAME = 200
 

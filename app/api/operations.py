@@ -8,9 +8,9 @@ from starlette.responses import JSONResponse, PlainTextResponse
 
 from app.api.backend import Services
 from app.api.models import ReadyOut
-from app.services import operations as service
-from app.services.metrics import Metric
-from app.services.metrics import metrics as collected
+from app.services.upkeep import operations as service
+from app.services.upkeep.metrics import Metric
+from app.services.upkeep.metrics import metrics as collected
 
 PROMETHEUS = "text/plain; version=0.0.4; charset=utf-8"
 

@@ -11,7 +11,7 @@ from fastapi.routing import iter_route_contexts
 from starlette.routing import Mount, compile_path
 from starlette.types import Scope
 
-from app.services.identity import Role
+from app.services.access.identity import Role
 
 READING = ("GET", "HEAD")
 

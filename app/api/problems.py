@@ -15,8 +15,8 @@ from starlette.responses import JSONResponse, Response
 
 from app.api.headers import HEADERS
 from app.errors import DataError, LoopauditError, NotFoundError
+from app.services.access.identity import request_id
 from app.services.backend import DATABASE_AWAY
-from app.services.identity import request_id
 
 MEDIA_TYPE = "application/problem+json"
 LONGEST_ECHO = 200

@@ -8,7 +8,9 @@ from pydantic import BaseModel
 
 from app.api import models
 from app.api.permissions import ROUTES
-from app.services import audit_line, explanation_wording, wording
+from app.services import wording
+from app.services.auditing import audit_line
+from app.services.explaining import wording as explanation_wording
 
 TABLES: tuple[tuple[str, str, type[BaseModel]], ...] = (
     (

@@ -12,9 +12,9 @@ from app.api.etags import tagged, versioned
 from app.api.models import ReliabilityPage
 from app.api.problems import responses
 from app.errors import RequestError
-from app.services import reliability as service
-from app.services.audit_line import ReadingName, ReliabilityName, ReliabilityRow, VerdictName
+from app.services.auditing.audit_line import ReadingName, ReliabilityName, ReliabilityRow, VerdictName
 from app.services.cursors import identifier
+from app.services.plant import reliability as service
 from app.services.spreadsheet import csv_lines
 
 LARGEST_PAGE = 20_000

@@ -9,7 +9,7 @@ from starlette.responses import HTMLResponse
 from app.api.backend import Services
 from app.api.paths import LoopTag
 from app.api.problems import responses
-from app.services import reports
+from app.services.reports import documents as reports
 
 router = APIRouter(tags=["reports"])
 UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")

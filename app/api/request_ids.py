@@ -9,7 +9,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.logs import about
-from app.services.identity import request_id
+from app.services.access.identity import request_id
 
 HEADER = "X-Request-Id"
 READING = ("GET", "HEAD")

@@ -7,7 +7,7 @@ from fastapi import APIRouter, Query
 from app.api.backend import Cursor, Limit, Services
 from app.api.models import TrailPage
 from app.api.problems import responses
-from app.services import trail as service
+from app.services.access import trail as service
 
 router = APIRouter(tags=["trail"])
 

@@ -12,7 +12,7 @@ from app.api.backend import Cursor, Identifier, Limit, Services, caller
 from app.api.models import UploadOut, UploadPage
 from app.api.problems import responses
 from app.errors import RequestError
-from app.services import uploads as service
+from app.services.intake import uploads as service
 
 BLOCK_BYTES = 1 << 20
 LARGEST_MAPPING = 64 << 20

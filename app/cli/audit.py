@@ -152,7 +152,7 @@ def timed_line(recording: Any) -> dict[str, Any]:
     from time import perf_counter
 
     from app.engine.audit import audit as audit_recording
-    from app.services.audit_line import audit_line
+    from app.services.auditing.audit_line import audit_line
 
     started = perf_counter()
     result = audit_recording(recording)
@@ -198,7 +198,7 @@ def write_all(stream: IO[str], format_: Format, lines: list[dict[str, Any]]) -> 
     if not lines:
         return
     if format_ is Format.csv:
-        from app.services.audit_line import reliability_row
+        from app.services.auditing.audit_line import reliability_row
         from app.services.spreadsheet import csv_lines
 
         rows = [reliability_row(line) for line in lines]

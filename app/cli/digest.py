@@ -41,7 +41,7 @@ def digest(
 
       loopaudit digest --audit 17 --send
     """
-    from app.services.digest import as_html, as_json, as_text, digest_of, newest_run
+    from app.services.digests.digest import as_html, as_json, as_text, digest_of, newest_run
 
     with opened() as backend:
         run = audit or newest_run(backend)
@@ -57,7 +57,7 @@ def digest(
 
 def sent(backend: "Backend", run: str) -> ExitCode:
     """Each receiver and what became of it, on stdout."""
-    from app.services.deliveries import deliver_next, deliveries_of, plan
+    from app.services.digests.deliveries import deliver_next, deliveries_of, plan
 
     if not backend.settings.digest_receivers:
         raise RequestError(

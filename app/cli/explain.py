@@ -64,8 +64,8 @@ def explain(
 
     from app.engine.mismatch import explain as explain_comparison
     from app.engine.mismatch import locate
-    from app.services.comparisons import Columns, read_comparison, simulation_from_json
-    from app.services.explanation_line import explanation_line, located_line
+    from app.services.explaining.comparisons import Columns, read_comparison, simulation_from_json
+    from app.services.explaining.line import explanation_line, located_line
 
     started = perf_counter()
     comparison = read_comparison(file, Columns(op, pv, sp, loop), sim)
@@ -95,8 +95,8 @@ def as_json(line: dict[str, Any]) -> str:
 
 
 def write_files(explanation: "Explanation", comparison: "Comparison", trace: Path | None, plot: Path | None) -> None:
-    from app.services.explanation_plot import explanation_html, trace_rows
-    from app.services.explanation_svg import explanation_svg
+    from app.services.explaining.plot import explanation_html, trace_rows
+    from app.services.explaining.svg import explanation_svg
 
     if trace is not None:
         import numpy as np

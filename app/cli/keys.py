@@ -10,11 +10,11 @@ import typer
 
 from app.cli.configuration import load_settings
 from app.cli.messages import ExitCode, say, stdout_console
-from app.services.identity import Role
+from app.services.access.identity import Role
 
 if TYPE_CHECKING:
+    from app.services.access.keys import NewKey
     from app.services.backend import Backend
-    from app.services.keys import NewKey
 
 cli = typer.Typer(no_args_is_help=True, help="Keys of the service: create, list, revoke, rotate.")
 
@@ -40,7 +40,7 @@ def create(
 
       LOOPAUDIT_KEY=$(loopaudit keys create me --role admin --days 30)
     """
-    from app.services import keys
+    from app.services.access import keys
 
     with opened() as backend:
         lifetime = timedelta(days=days) if days else None
@@ -59,7 +59,7 @@ def list_(as_json: Annotated[bool, typer.Option("--json", help="One JSON object 
     from rich.table import Table
     from rich.text import Text
 
-    from app.services import keys
+    from app.services.access import keys
 
     with opened() as backend:
         found = keys.list_keys(backend)
@@ -84,7 +84,7 @@ def revoke(key_id: KeyId) -> None:
 
       loopaudit keys revoke k3j2h1
     """
-    from app.services import keys
+    from app.services.access import keys
 
     with opened() as backend:
         key = keys.revoke_key(backend, key_id)
@@ -105,7 +105,7 @@ def rotate(
 
       loopaudit keys rotate k3j2h1 --overlap 48
     """
-    from app.services import keys
+    from app.services.access import keys
 
     with opened() as backend:
         show(keys.rotate_key(backend, key_id, timedelta(hours=overlap_h)))
@@ -125,7 +125,7 @@ def opened() -> "Iterator[Backend]":
     """The data base of the settings, brought to this version's tables where it is the embedded one."""
     from app.errors import RequestError
     from app.services.backend import DATABASE_AWAY, Backend
-    from app.services.operations import migrate
+    from app.services.upkeep.operations import migrate
 
     settings = load_settings()
     if not settings.database_url:

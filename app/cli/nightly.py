@@ -37,12 +37,12 @@ def nightly(
     """
     from dataclasses import asdict
 
-    from app.services.audits import start_audit
+    from app.services.access.identity import COMMAND_LINE
+    from app.services.access.trail import record
+    from app.services.auditing.audits import start_audit
+    from app.services.auditing.nightly import nightly as start
     from app.services.backend import Backend
-    from app.services.identity import COMMAND_LINE
-    from app.services.nightly import nightly as start
-    from app.services.operations import migrate
-    from app.services.trail import record
+    from app.services.upkeep.operations import migrate
 
     settings = load_settings()
     if settings.embedded:
@@ -63,7 +63,7 @@ def nightly(
 
 
 def refuse_unready(backend: "Backend") -> None:
-    from app.services.operations import readiness
+    from app.services.upkeep.operations import readiness
 
     found = readiness(backend)
     if found.state == "not_ready":
@@ -73,11 +73,11 @@ def refuse_unready(backend: "Backend") -> None:
 
 def watched(backend: "Backend", run: "AuditView", timeout_s: float) -> "AuditView":
     """Shows the run's progress until it ends, and lends a hand where this process may be the only one to work."""
-    from app.services.audits import get_audit
+    from app.services.auditing.audits import get_audit
 
     deadline = time.monotonic() + timeout_s
     if backend.settings.embedded:
-        from app.services.chunks import warm_up
+        from app.services.auditing.chunks import warm_up
 
         warm_up()
     with progress("auditing", run.total) as advance:
@@ -99,7 +99,7 @@ def lend_a_hand(backend: "Backend", audit_id: str) -> None:
     if not backend.settings.embedded:
         time.sleep(LOOK_S)
         return
-    from app.services.chunks import audit_chunk
+    from app.services.auditing.chunks import audit_chunk
 
     if not audit_chunk(backend, int(audit_id), f"nightly:{socket.gethostname()}:{os.getpid()}"):
         time.sleep(LOOK_S)

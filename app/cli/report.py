@@ -24,7 +24,7 @@ def report(
 
       loopaudit report --plant --out plant.html
     """
-    from app.services.reports import loop_report, plant_report
+    from app.services.reports.documents import loop_report, plant_report
 
     if (loop is None) == (not plant):
         raise RequestError("which_report", "say either --loop TAG or --plant")

@@ -83,7 +83,7 @@ def run(settings: "Settings", listening: socket.socket, keys_required: bool) -> 
     from app.api.connections import LARGEST_HEAD_BYTES, HeadDeadline
     from app.cli.supervisor import Child, Supervisor
     from app.main import create_app
-    from app.services.operations import migrate
+    from app.services.upkeep.operations import migrate
 
     logs.configure(settings)
     if settings.embedded:
@@ -117,8 +117,8 @@ def run(settings: "Settings", listening: socket.socket, keys_required: bool) -> 
 
 def tell_of_keys(settings: "Settings") -> None:
     """Without any key the service runs, and answers nobody; what is missing is said once."""
+    from app.services.access.keys import any_active
     from app.services.backend import DATABASE_AWAY, Backend
-    from app.services.keys import any_active
 
     backend = Backend.open(settings)
     try:

@@ -122,8 +122,8 @@ def _simulate_explained(
     model: Path | None, recording: Path | None, columns: tuple[str | None, str | None], out: Path | None
 ) -> None:
     from app.errors import RequestError
-    from app.services.comparisons import Columns
-    from app.services.explained_models import simulate_files
+    from app.services.explaining.comparisons import Columns
+    from app.services.explaining.models import simulate_files
 
     if model is None or recording is None:
         raise RequestError("model_invalid", "--model and --recording belong together: a model needs an OP to drive it")

@@ -26,7 +26,7 @@ def trail(
 
       loopaudit trail --action session.open --json
     """
-    from app.services.trail import list_trail
+    from app.services.access.trail import list_trail
 
     with opened() as backend:
         rows = list_trail(backend, limit, who=who, action=action).rows

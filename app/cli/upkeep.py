@@ -10,7 +10,7 @@ from app.cli.configuration import load_settings
 from app.cli.messages import ExitCode, say, stdout_console
 
 if TYPE_CHECKING:
-    from app.services.doctor import Check
+    from app.services.upkeep.doctor import Check
 
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object a line.")]
 
@@ -26,7 +26,7 @@ def doctor(as_json: AsJson = False) -> None:
 
       LOOPAUDIT_DATABASE_URL=postgresql+psycopg://... LOOPAUDIT_BROKER_URL=redis://... loopaudit doctor --json
     """
-    from app.services.doctor import examine
+    from app.services.upkeep.doctor import examine
 
     checks = examine(load_settings())
     if as_json:
@@ -59,7 +59,7 @@ def backup(folder: Annotated[Path, typer.Argument(help="A new folder for the bac
 
       loopaudit backup /srv/backup/loopaudit-$(date +%F)
     """
-    from app.services.backup import backup as keep
+    from app.services.upkeep.backup import backup as keep
 
     done = keep(load_settings(), folder)
     say(f"loopaudit: {done.folder} holds {done.files} files, {done.bytes} bytes, tables of version {done.schema}")
@@ -78,7 +78,7 @@ def restore(
 
       loopaudit restore /srv/backup/loopaudit-2026-11-21
     """
-    from app.services.backup import restore as bring_back
+    from app.services.upkeep.backup import restore as bring_back
 
     done = bring_back(load_settings(), folder, force=force)
     say(f"loopaudit: restored {done.files} files, {done.bytes} bytes; the tables have version {done.schema}")

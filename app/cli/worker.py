@@ -66,7 +66,7 @@ def follow_parent(wanted: bool) -> None:
 def refuse_standstill(settings: "Settings") -> None:
     """A worker that hears nothing looks alive to everyone but the data base: work waits and nobody has taken any."""
     from app.services.backend import DATABASE_AWAY, Backend
-    from app.services.metrics import standstill_s
+    from app.services.upkeep.metrics import standstill_s
 
     backend = Backend.open(settings)
     try:

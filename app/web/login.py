@@ -7,9 +7,9 @@ from starlette.datastructures import FormData
 from starlette.responses import RedirectResponse, Response
 
 from app.api.guard import SECURE_SESSION, SESSION, session_of
-from app.services.authentication import Authenticator, Session
-from app.services.identity import current
-from app.services.rates import Rates
+from app.services.access.authentication import Authenticator, Session
+from app.services.access.identity import current
+from app.services.access.rates import Rates
 from app.web.rendering import page
 
 LONGEST_KEY = 200

@@ -10,11 +10,11 @@ from starlette.responses import JSONResponse, RedirectResponse
 from app.api.backend import Caller, Services
 from app.api.paths import LoopTag
 from app.errors import NotFoundError, RequestError
-from app.services import glossary, loops, notes
-from app.services.audits import LoopFilter, start_audit
-from app.services.charts import charts as charts_of
-from app.services.groups import groups_of
-from app.services.size_wording import size_in_words
+from app.services.auditing.audits import LoopFilter, start_audit
+from app.services.auditing.size_wording import size_in_words
+from app.services.plant import glossary, loops, notes
+from app.services.plant.charts import charts as charts_of
+from app.services.plant.groups import groups_of
 from app.web.explanation import newest_in_words
 from app.web.rendering import page, tag_in_url
 

@@ -9,10 +9,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import FileResponse, JSONResponse
 
 from app.api.backend import Services
-from app.services import groups as grouped
-from app.services import plant as plants
-from app.services.glossary import FIGURES
-from app.services.reliability import RowFilter
+from app.services.plant import groups as grouped
+from app.services.plant import overview as plants
+from app.services.plant.glossary import FIGURES
+from app.services.plant.reliability import RowFilter
 from app.services.wording import VERDICT_RANK
 from app.web import loop, runs, uploads
 from app.web.columns import COLUMNS, USUAL, query_without

@@ -9,7 +9,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
-from app.services.identity import Identity, Role, current
+from app.services.access.identity import Identity, Role, current
 from app.services.wording import (
     CHANGE_WORDS,
     RELIABILITY_SHORT,

@@ -5,9 +5,9 @@ from fastapi.responses import HTMLResponse
 from starlette.responses import RedirectResponse
 
 from app.api.backend import Identifier, Services
-from app.services.audits import failures, list_audits, start_audit
-from app.services.deliveries import deliveries_of
-from app.services.plant import run_figures
+from app.services.auditing.audits import failures, list_audits, start_audit
+from app.services.digests.deliveries import deliveries_of
+from app.services.plant.overview import run_figures
 from app.services.wording import VERDICT_RANK
 from app.web.rendering import page
 

@@ -8,7 +8,7 @@ from starlette.responses import RedirectResponse
 
 from app.api.backend import Caller, Identifier, Services
 from app.api.uploads import store
-from app.services import uploads as service
+from app.services.intake import uploads as service
 from app.web.rendering import page
 
 SHOWN = 50

@@ -10,11 +10,11 @@ from fastapi.routing import iter_route_contexts
 
 from app.api.permissions import READING, ROUTES, listed
 from app.main import create_app
-from app.services import authentication, key_text, keys
+from app.services.access import authentication, key_text, keys
+from app.services.access.identity import INCLUDES, Role
+from app.services.access.trail import list_trail
 from app.services.backend import Backend
-from app.services.identity import INCLUDES, Role
-from app.services.operations import migrate
-from app.services.trail import list_trail
+from app.services.upkeep.operations import migrate
 from app.settings import Settings
 from app.storage import keys as stored_keys
 from app.storage.types import now

@@ -8,14 +8,14 @@ from datetime import timedelta
 import pytest
 
 from app.main import create_app
-from app.services import keys
-from app.services.audits import start_audit
+from app.services.access import keys
+from app.services.access.identity import Role
+from app.services.auditing.audits import start_audit
+from app.services.auditing.chunks import audit_chunk, warm_up
 from app.services.backend import Backend
-from app.services.chunks import audit_chunk, warm_up
-from app.services.identity import Role
-from app.services.operations import migrate
-from app.services.reading import read_upload
-from app.services.uploads import receive
+from app.services.intake.reading import read_upload
+from app.services.intake.uploads import receive
+from app.services.upkeep.operations import migrate
 from app.settings import Settings
 
 sync_api = pytest.importorskip("playwright.sync_api")

@@ -11,11 +11,11 @@ from urllib.parse import parse_qsl, quote, urlsplit
 import pytest
 
 from app.main import create_app
+from app.services.auditing.chunks import audit_chunk, warm_up
 from app.services.backend import Backend
-from app.services.chunks import audit_chunk, warm_up
-from app.services.metrics import metrics
-from app.services.operations import migrate
-from app.services.reading import read_upload
+from app.services.intake.reading import read_upload
+from app.services.upkeep.metrics import metrics
+from app.services.upkeep.operations import migrate
 from app.settings import Settings
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

@@ -8,13 +8,13 @@ import pytest
 from app.cli.explain import as_json
 from app.engine.mismatch import explain
 from app.main import create_app
-from app.services import explanations
 from app.services.backend import Backend
-from app.services.comparisons import Columns, read_comparison
-from app.services.explaining import explain_next
-from app.services.explanation_line import explanation_line
-from app.services.operations import migrate
-from app.services.reading import read_upload
+from app.services.explaining import explanations
+from app.services.explaining.comparisons import Columns, read_comparison
+from app.services.explaining.line import explanation_line
+from app.services.explaining.working import explain_next
+from app.services.intake.reading import read_upload
+from app.services.upkeep.operations import migrate
 from app.settings import Settings
 
 TAG = 'AREA 1/<b>"TIC" 7%2F'

@@ -10,8 +10,8 @@ from sqlalchemy import func, select
 
 from app.main import create_app
 from app.services.backend import Backend
-from app.services.operations import migrate
-from app.services.reading import read_upload
+from app.services.intake.reading import read_upload
+from app.services.upkeep.operations import migrate
 from app.settings import Settings
 from app.storage.tables import loops, series
 from tests.fuzz.files import FILES, HEADER, NAMES, rows

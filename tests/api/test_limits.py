@@ -10,7 +10,7 @@ import pytest
 
 from app.api import connections
 from app.main import create_app
-from app.services.operations import migrate
+from app.services.upkeep.operations import migrate
 from app.settings import Settings
 
 
@@ -85,7 +85,7 @@ def test_above_the_limit_uploads_are_asked_to_come_again_and_others_go_on(client
 
 
 def test_a_full_disk_is_507_and_nothing_is_left(client, settings, monkeypatch):
-    from app.services.uploads import Receiving
+    from app.services.intake.uploads import Receiving
 
     written = Receiving.write
 
@@ -103,7 +103,7 @@ def test_a_full_disk_is_507_and_nothing_is_left(client, settings, monkeypatch):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
 def test_a_draft_on_a_really_full_device_is_taken_away(client, settings, monkeypatch):
-    from app.services import uploads
+    from app.services.intake import uploads
 
     opened = uploads.Receiving.__init__
 

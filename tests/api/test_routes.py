@@ -10,10 +10,10 @@ from urllib.parse import quote
 import pytest
 
 from app.main import create_app
+from app.services.auditing.chunks import audit_chunk, warm_up
 from app.services.backend import Backend
-from app.services.chunks import audit_chunk, warm_up
-from app.services.operations import migrate
-from app.services.reading import read_upload
+from app.services.intake.reading import read_upload
+from app.services.upkeep.operations import migrate
 from app.settings import Settings
 
 TAGS = ["FIC101", "LIC7", "=AREA 1/<b>\"FIC' 1</b>?&#%2F"]

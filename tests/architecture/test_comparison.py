@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from app.main import create_app
-from app.services.audit_line import ReliabilityRow
+from app.services.auditing.audit_line import ReliabilityRow
 from app.settings import Settings
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

@@ -15,7 +15,7 @@ ROOM_BYTES = 128 << 20
 
 
 def spoil() -> None:
-    from app.services import chunks
+    from app.services.auditing import chunks
 
     audit = chunks.audit
 

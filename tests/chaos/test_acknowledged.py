@@ -14,9 +14,9 @@ from tests.chaos.loss import compiled, power_cut
 EXPORT = b"time,FIC1.PV,FIC1.OP\n" + b"".join(b"%d,2,3\n" % second for second in range(1000))
 ACKNOWLEDGE = """if True:
     import os, signal, stat, sys
-    from app.services import uploads
+    from app.services.intake import uploads
     from app.services.backend import Backend
-    from app.services.operations import migrate
+    from app.services.upkeep.operations import migrate
     from app.settings import Settings
 
     forgotten, fsync = sys.argv[2], os.fsync

@@ -12,10 +12,10 @@ import app.client
 from app.api.models import AuditOut, HealthOut, LoopOut, TrendOut, UploadOut
 from app.client import Audit, Client, Loop, Row, ServiceError, Trend, Upload
 from app.main import create_app
-from app.services.audit_line import ReliabilityRow
+from app.services.auditing.audit_line import ReliabilityRow
 from app.services.backend import Backend
-from app.services.operations import migrate
-from app.services.reading import read_upload
+from app.services.intake.reading import read_upload
+from app.services.upkeep.operations import migrate
 from app.settings import Settings
 
 ROOM = Path(app.client.__file__).parent

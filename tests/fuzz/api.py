@@ -247,8 +247,8 @@ def schemathesis(url: str, key: str, seconds: int, seed: int) -> int:
 
 def settle_uploads(plant: Any, judge: Judge) -> None:
     """What a worker does: each upload ends as done, or failed with a code, and leaves no draft behind."""
-    from app.services.reading import read_upload
-    from app.services.uploads import list_uploads
+    from app.services.intake.reading import read_upload
+    from app.services.intake.uploads import list_uploads
 
     waiting = [upload for upload in list_uploads(plant.backend, 1000).rows if upload.state == "received"]
     for upload in waiting[:UPLOADS_READ]:
@@ -264,7 +264,7 @@ def settle_uploads(plant: Any, judge: Judge) -> None:
 
 def measured(arguments: argparse.Namespace, cover: coverage.Coverage) -> int:
     from app.main import create_app
-    from app.services.authentication import Authenticator
+    from app.services.access.authentication import Authenticator
     from tests.fuzz import plant as plants
     from tests.fuzz.requests import Requests
 

@@ -6,17 +6,17 @@ from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
 
-from app.services import keys
-from app.services.audits import LoopFilter, start_audit
+from app.services.access import keys
+from app.services.access.identity import Role
+from app.services.auditing.audits import LoopFilter, start_audit
+from app.services.auditing.chunks import audit_chunk, warm_up
 from app.services.backend import Backend
-from app.services.chunks import audit_chunk, warm_up
-from app.services.explaining import explain_next
-from app.services.explanations import Wanted, ask
-from app.services.identity import Role
-from app.services.operations import migrate
-from app.services.reading import read_upload
-from app.services.simulations import GivenSimulation
-from app.services.uploads import receive
+from app.services.explaining.explanations import Wanted, ask
+from app.services.explaining.simulations import GivenSimulation
+from app.services.explaining.working import explain_next
+from app.services.intake.reading import read_upload
+from app.services.intake.uploads import receive
+from app.services.upkeep.operations import migrate
 from app.settings import Settings
 
 HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"

@@ -19,9 +19,9 @@ import httpx
 import pytest
 
 from app.services.backend import Backend
-from app.services.operations import migrate
-from app.services.reading import read_upload
-from app.services.uploads import get_upload, path_of
+from app.services.intake.reading import read_upload
+from app.services.intake.uploads import get_upload, path_of
+from app.services.upkeep.operations import migrate
 from app.settings import Settings
 
 CLIENTS = int(os.environ.get("LOAD_CLIENTS", "50"))

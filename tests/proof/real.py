@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from app.engine.mismatch import Comparison, explain
-from app.services.comparisons import Columns, read_comparison
-from app.services.explanation_line import explanation_line
-from app.services.explanation_svg import explanation_svg
+from app.services.explaining.comparisons import Columns, read_comparison
+from app.services.explaining.line import explanation_line
+from app.services.explaining.svg import explanation_svg
 
 LOOPS = {
     "CHEM3": "quantisation",

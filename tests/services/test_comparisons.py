@@ -10,8 +10,8 @@ from app.engine.mismatch import Comparison
 from app.engine.mismatch.result import ExplainedModel
 from app.engine.recording import Recording
 from app.errors import DataError, LoopauditError
-from app.services.comparisons import Columns, comparison_of, read_comparison, seconds, simulation_from_json
-from app.services.explained_models import simulate_model
+from app.services.explaining.comparisons import Columns, comparison_of, read_comparison, seconds, simulation_from_json
+from app.services.explaining.models import simulate_model
 
 
 def write(path: Path, text: str) -> Path:

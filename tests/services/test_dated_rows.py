@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from app.engine.audit import audit
-from app.services.rows import FIELDS, new_verdict
+from app.services.auditing.rows import FIELDS, new_verdict
 from app.services.testbench.spells import spell
 
 ORIGIN = datetime(2026, 1, 1, tzinfo=UTC)

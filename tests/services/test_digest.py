@@ -18,15 +18,16 @@ from aiosmtpd.controller import Controller
 from sqlalchemy import update
 
 from app.errors import RequestError
-from app.services import deliveries, doctor, mailing, webhooks
-from app.services.audits import start_audit
+from app.services.access.trail import list_trail
+from app.services.auditing.audits import start_audit
+from app.services.auditing.chunks import audit_chunk
+from app.services.auditing.nightly import nightly
 from app.services.backend import Backend
-from app.services.chunks import audit_chunk
-from app.services.digest import Digest, as_html, as_text, digest_of, newest_run, subject
-from app.services.nightly import nightly
-from app.services.operations import sweep
-from app.services.sending import NotSentError, shown
-from app.services.trail import list_trail
+from app.services.digests import deliveries, mailing, webhooks
+from app.services.digests.digest import Digest, as_html, as_text, digest_of, newest_run, subject
+from app.services.digests.sending import NotSentError, shown
+from app.services.upkeep import doctor
+from app.services.upkeep.operations import sweep
 from app.settings import Settings
 from app.storage.tables import audits, verdicts
 from app.storage.tables import deliveries as delivered

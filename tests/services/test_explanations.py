@@ -11,12 +11,16 @@ from sqlalchemy import update
 
 from app.engine.mismatch import explain as engine_explain
 from app.errors import DataError, LoopauditError, NotFoundError, RequestError
-from app.services import audits, chunks, explaining, explanation_traces, explanations, operations
-from app.services import loops as loops_service
+from app.services.auditing import audits, chunks
 from app.services.backend import Backend
-from app.services.explanation_trigger import since_reversal
-from app.services.explanations import Wanted
-from app.services.simulations import GivenSimulation, GivenTrace
+from app.services.explaining import explanations
+from app.services.explaining import traces as explanation_traces
+from app.services.explaining import working as explaining
+from app.services.explaining.explanations import Wanted
+from app.services.explaining.simulations import GivenSimulation, GivenTrace
+from app.services.explaining.trigger import since_reversal
+from app.services.plant import loops as loops_service
+from app.services.upkeep import operations
 from app.settings import Settings
 from app.storage import explanations as stored
 from app.storage import loops, series
@@ -370,7 +374,7 @@ def test_travel_since_a_reversal() -> None:
 
 def test_the_watchdog_ends_before_the_task_does() -> None:
     from app.queue.application import CHUNK_HARD_LIMIT_S
-    from app.services.limits import WATCHDOG_AFTER
+    from app.services.auditing.limits import WATCHDOG_AFTER
 
     longest = next(m.le for m in Settings.model_fields["explanation_limit_s"].metadata if hasattr(m, "le"))
     assert WATCHDOG_AFTER * longest < CHUNK_HARD_LIMIT_S

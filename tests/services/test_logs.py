@@ -6,8 +6,8 @@ import logging
 import pytest
 
 from app import logs
-from app.services import key_text
-from app.services.identity import Role
+from app.services.access import key_text
+from app.services.access.identity import Role
 
 KEY = key_text.make(Role.admin).text
 PASSWORD = "hunter2-" + "x" * 8

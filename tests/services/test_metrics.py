@@ -5,10 +5,11 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import update
 
-from app.services import keys, uploads
-from app.services.audits import start_audit
-from app.services.identity import Role
-from app.services.metrics import metrics
+from app.services.access import keys
+from app.services.access.identity import Role
+from app.services.auditing.audits import start_audit
+from app.services.intake import uploads
+from app.services.upkeep.metrics import metrics
 from app.storage import tables
 
 

@@ -6,8 +6,10 @@ from collections.abc import Callable
 import pytest
 from sqlalchemy.exc import OperationalError
 
-from app.services import audits, chunks, patience, reading, uploads
+from app.services import patience
+from app.services.auditing import audits, chunks
 from app.services.backend import Backend
+from app.services.intake import reading, uploads
 from app.services.patience import patiently
 
 

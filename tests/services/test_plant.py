@@ -7,12 +7,13 @@ import pytest
 from sqlalchemy import update
 
 from app.engine.key_figures import KeyFigures
-from app.services import glossary, notes, plant
-from app.services.audits import start_audit
+from app.services.auditing.audits import start_audit
+from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
-from app.services.chunks import audit_chunk
-from app.services.groups import groups_of, plant_groups
-from app.services.loops import loop_health, verdict_history
+from app.services.plant import glossary, notes
+from app.services.plant import overview as plant
+from app.services.plant.groups import groups_of, plant_groups
+from app.services.plant.loops import loop_health, verdict_history
 from app.storage.tables import newest_rows, verdicts
 
 AddLoops = Callable[..., dict[str, int]]

@@ -10,12 +10,14 @@ from sqlalchemy import update
 
 from app.api.models import HealthOut
 from app.errors import NotFoundError, RequestError
-from app.services import audits, chunks, loops, operations, reliability
-from app.services.audit_line import ReliabilityRow
+from app.services.auditing import audits, chunks
+from app.services.auditing.audit_line import ReliabilityRow
+from app.services.auditing.rows import COLUMNS
 from app.services.backend import Backend
-from app.services.reliability import RowFilter
-from app.services.rows import COLUMNS
-from app.services.trend import trend
+from app.services.plant import loops, reliability
+from app.services.plant.reliability import RowFilter
+from app.services.plant.trend import trend
+from app.services.upkeep import operations
 from app.storage.tables import newest_rows, verdicts
 
 AddLoops = Callable[..., dict[str, int]]

@@ -11,10 +11,12 @@ from sqlalchemy import func, select, update
 from app.engine.audit import Audit, audit
 from app.engine.recording import Recording
 from app.errors import DataError, NotFoundError, RequestError
-from app.services import audits, chunks, loops, nightly, operations
-from app.services.audit_line import ReliabilityRow
-from app.services.audits import LoopFilter
+from app.services.auditing import audits, chunks, nightly
+from app.services.auditing.audit_line import ReliabilityRow
+from app.services.auditing.audits import LoopFilter
 from app.services.backend import Backend
+from app.services.plant import loops
+from app.services.upkeep import operations
 from app.storage import series as stored_series
 from app.storage.tables import audit_items, verdicts
 from app.storage.tables import loops as loops_table

@@ -11,15 +11,17 @@ import pytest
 from sqlalchemy import func, insert, select, update
 
 from app.errors import RequestError
-from app.services import backup as backups
-from app.services import doctor, keys, retention, trail, uploads
-from app.services.audits import get_audit, start_audit
+from app.services.access import keys, trail
+from app.services.access.identity import COMMAND_LINE, Role
+from app.services.auditing.audits import get_audit, start_audit
+from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
-from app.services.chunks import audit_chunk
-from app.services.identity import COMMAND_LINE, Role
-from app.services.loops import loop_health, verdict_history
-from app.services.operations import sweep
-from app.services.reading import read_upload
+from app.services.intake import uploads
+from app.services.intake.reading import read_upload
+from app.services.plant.loops import loop_health, verdict_history
+from app.services.upkeep import backup as backups
+from app.services.upkeep import doctor, retention
+from app.services.upkeep.operations import sweep
 from app.settings import Settings
 from app.storage import schema, tables
 from app.storage.tables import metadata

@@ -9,10 +9,12 @@ import pytest
 from sqlalchemy import update
 
 from app.errors import LoopauditError, NotFoundError
-from app.services import loops, operations, reading, uploads
 from app.services.backend import Backend
+from app.services.intake import reading, uploads
+from app.services.intake.uploads import ReadingOptions
+from app.services.plant import loops
 from app.services.results import UploadView
-from app.services.uploads import ReadingOptions
+from app.services.upkeep import operations
 from app.storage import uploads as stored
 from app.storage.tables import uploads as uploads_table
 

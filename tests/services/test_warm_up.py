@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.services import chunks
+from app.services.auditing import chunks
 
 
 def test_the_warm_up_goes_the_longest_way_through_the_engine(

@@ -4,7 +4,7 @@ import pytest
 from sqlalchemy import Table, update
 
 from app.services.backend import Backend
-from app.services.uploads import receive
+from app.services.intake.uploads import receive
 from app.storage import Database, audits, explanations, items, loops, uploads
 from app.storage.audits import LoopFilter, Progress
 from app.storage.items import Reopened

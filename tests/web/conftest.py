@@ -7,12 +7,12 @@ from collections.abc import Iterator
 import pytest
 
 from app.main import create_app
-from app.services.audits import LoopFilter, start_audit
+from app.services.auditing.audits import LoopFilter, start_audit
+from app.services.auditing.chunks import audit_chunk, warm_up
 from app.services.backend import Backend
-from app.services.chunks import audit_chunk, warm_up
-from app.services.operations import migrate
-from app.services.reading import read_upload
-from app.services.uploads import receive
+from app.services.intake.reading import read_upload
+from app.services.intake.uploads import receive
+from app.services.upkeep.operations import migrate
 from app.settings import Settings
 
 HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"

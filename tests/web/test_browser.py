@@ -8,10 +8,10 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Error, Page, expect, sync_playwright
 
-from app.services import plant
-from app.services.audits import list_audits
-from app.services.chunks import audit_chunk
-from app.services.reading import read_upload
+from app.services.auditing.audits import list_audits
+from app.services.auditing.chunks import audit_chunk
+from app.services.intake.reading import read_upload
+from app.services.plant import overview as plant
 from app.web.rendering import tag_in_url
 
 pytestmark = pytest.mark.browser

@@ -6,8 +6,8 @@ import httpx
 import pytest
 
 from app.main import create_app
-from app.services.identity import Role
-from app.services.keys import create_key
+from app.services.access.identity import Role
+from app.services.access.keys import create_key
 from app.web.errors import HEADINGS
 
 BROWSER = {"Accept": "text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8"}
@@ -65,7 +65,7 @@ def test_a_fault_names_the_request_and_not_its_cause(serve, web_settings, web_ba
     def fails(*_):
         raise RuntimeError("secret detail")
 
-    monkeypatch.setattr("app.services.plant.overview", fails)
+    monkeypatch.setattr("app.services.plant.overview.overview", fails)
     with serve(create_app(web_settings)) as client:
         text = told(client.get("/", headers=BROWSER | {"X-Request-Id": "asked-by-a-test"}), 500, "internal_error")
         assert "asked-by-a-test" in text

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from app.services.explanation_wording import effect_words, parameters_in_words, windows_in_words
+from app.services.explaining.wording import effect_words, parameters_in_words, windows_in_words
 from app.web.rendering import page
 
 HOSTILE = 'A/<script>alert(1)</script>"'

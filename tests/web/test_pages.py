@@ -4,9 +4,9 @@ from html.parser import HTMLParser
 
 import pytest
 
-from app.services.chunks import audit_chunk
-from app.services.reading import read_upload
-from app.services.uploads import list_uploads
+from app.services.auditing.chunks import audit_chunk
+from app.services.intake.reading import read_upload
+from app.services.intake.uploads import list_uploads
 from app.web.columns import COLUMNS
 from app.web.rendering import tag_in_url
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.services.audit_line import ReliabilityRow
+from app.services.auditing.audit_line import ReliabilityRow
 from app.services.wording import worst_first
 from app.web.columns import query_without
 from app.web.rendering import as_tags, cause_words, figure, first_reasons, other_way, short_time, shown

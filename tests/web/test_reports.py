@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 from app.errors import NotFoundError, RequestError
-from app.services import reports
-from app.services.audits import start_audit
+from app.services.auditing.audits import start_audit
+from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
-from app.services.chunks import audit_chunk
-from app.services.notes import add_note
-from app.services.report_svg import Ends, Line, chart, ticks
+from app.services.plant.notes import add_note
+from app.services.reports import documents as reports
+from app.services.reports.svg import Ends, Line, chart, ticks
 from app.storage import loops
 from app.web.rendering import tag_in_url
 

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.services import uploads
 from app.services.backend import Backend
-from app.services.operations import migrate
+from app.services.intake import uploads
 from app.services.results import UploadView
+from app.services.upkeep.operations import migrate
 from app.settings import Settings
 
 SCRIPT = Path(__file__).with_name("run_process.py")

@@ -13,7 +13,8 @@ from app.settings import load_settings, use_one_thread
 
 
 def spoil() -> None:
-    from app.services import chunks, explaining
+    from app.services.auditing import chunks
+    from app.services.explaining import working as explaining
 
     audit, slow_s, deadly = chunks.audit, float(os.environ.get("SPOILED_SLOW_S", "0")), os.environ.get("SPOILED_DEADLY")
 

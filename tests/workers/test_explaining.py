@@ -7,8 +7,9 @@ import pytest
 from sqlalchemy import select
 
 from app.queue import Queue
-from app.services import explanations, uploads
 from app.services.backend import Backend
+from app.services.explaining import explanations
+from app.services.intake import uploads
 from app.storage.tables import explanations as explained
 from app.storage.tables import loops
 

@@ -6,8 +6,10 @@ from typing import Any
 from sqlalchemy import func, select, update
 
 from app.queue import Queue
-from app.services import audits, loops, reliability, uploads
+from app.services.auditing import audits
 from app.services.backend import Backend
+from app.services.intake import uploads
+from app.services.plant import loops, reliability
 from app.storage.tables import audit_items, verdicts
 from app.storage.tables import loops as loops_table
 

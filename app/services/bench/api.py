@@ -12,7 +12,7 @@ from urllib.parse import quote
 import numpy as np
 from sqlalchemy import select
 
-from app.services import audits, reliability
+from app.services.auditing import audits
 from app.services.backend import Backend
 from app.services.bench.bench import Bench, Figures, SkippedError
 from app.services.bench.browser import pages_open
@@ -21,6 +21,7 @@ from app.services.bench.measure import Memory, Stopwatch, median_s, processor_s
 from app.services.bench.plant import load
 from app.services.bench.servers import plant_backend, service, workers
 from app.services.bench.year import fill
+from app.services.plant import reliability
 from app.storage.tables import loops as loops_table
 
 BUSY_LOOPS = 2_500

@@ -12,13 +12,15 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from app.services import chunks, operations, uploads
+from app.services.auditing import chunks
 from app.services.backend import Backend
 from app.services.bench.bench import Bench, Figures, SkippedError
 from app.services.bench.loops import SIGNALS, records, times_ns
 from app.services.bench.measure import Memory, Stopwatch, children_of, processor_s
 from app.services.bench.servers import plant_backend, workers
+from app.services.intake import uploads
 from app.services.results import UploadView
+from app.services.upkeep import operations
 
 LONGEST_S = 600.0
 KINDS = 500  # loops are simulated so often; the others are these again, each with noise of its own

@@ -7,8 +7,8 @@ from typing import Any
 
 from sqlalchemy import func, select
 
-from app.services import audits, chunks
-from app.services.audits import LoopFilter
+from app.services.auditing import audits, chunks
+from app.services.auditing.audits import LoopFilter
 from app.services.backend import Backend
 from app.services.bench.bench import Bench, Figures
 from app.services.bench.loops import SimulatedRecord, records, times_ns

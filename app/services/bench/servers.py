@@ -16,7 +16,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from app.services.backend import Backend
 from app.services.bench.bench import Bench, SkippedError
 from app.services.bench.measure import children_of
-from app.services.operations import migrate
+from app.services.upkeep.operations import migrate
 from app.settings import ONE_THREAD, READING_THREADS, Settings
 
 READY_WITHIN_S = 900.0

@@ -4,8 +4,8 @@ from datetime import UTC, datetime, timedelta
 
 from sqlalchemy import Connection, insert, select
 
-from app.services import audits, chunks
-from app.services.audits import LoopFilter
+from app.services.auditing import audits, chunks
+from app.services.auditing.audits import LoopFilter
 from app.services.backend import Backend
 from app.services.bench.plant import analyse
 from app.storage.tables import audits as audits_table

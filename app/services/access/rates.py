@@ -1,0 +1,67 @@
+"""How many requests a key may make in a minute, and how often an address may try keys that are wrong."""
+
+import logging
+import math
+import time
+from typing import TYPE_CHECKING
+
+from limits import RateLimitItem, RateLimitItemPerMinute
+from limits.storage import MemoryStorage, storage_from_string
+from limits.strategies import SlidingWindowCounterRateLimiter
+
+from app.services.access.identity import Identity
+from app.settings import Settings
+
+if TYPE_CHECKING:
+    from limits.storage import Storage
+
+REFUSALS_PER_MINUTE = 20
+WITHOUT_STORAGE_S = 5.0
+
+log = logging.getLogger("loopaudit.access")
+
+
+class Rates:
+    """Counts in this process, or in the Redis of `rate_limit_url`, where several processes serve one plant.
+
+    A Redis that is away is not asked for a few seconds; this process counts alone in the meantime.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._own = SlidingWindowCounterRateLimiter(MemoryStorage())
+        self.shared = bool(settings.rate_limit_url)
+        self._shared = SlidingWindowCounterRateLimiter(_storage(settings.rate_limit_url)) if self.shared else self._own
+        self._away_until_s = 0.0
+
+    def wait_s(self, identity: Identity) -> int:
+        """0 where this request is within the key's limit, otherwise the seconds until one is."""
+        if not identity.key_id or not identity.requests_per_minute:
+            return 0
+        return self._hit(RateLimitItemPerMinute(identity.requests_per_minute), f"key-{identity.key_id}")
+
+    def refusal_wait_s(self, address: str) -> int:
+        """Counts a wrong key from this address; 0, or the seconds for which it should stay away."""
+        return self._hit(RateLimitItemPerMinute(REFUSALS_PER_MINUTE), f"refused-{address}")
+
+    def _hit(self, item: RateLimitItem, name: str) -> int:
+        limiter = self._limiter()
+        try:
+            if limiter.hit(item, name):
+                return 0
+            return max(1, math.ceil(limiter.get_window_stats(item, name).reset_time - time.time()))
+        except _errors(limiter) as error:
+            log.warning("the storage of rate limits is away, this process counts alone: %s", type(error).__name__)
+            self._away_until_s = time.monotonic() + WITHOUT_STORAGE_S
+            return self._hit(item, name)
+
+    def _limiter(self) -> SlidingWindowCounterRateLimiter:
+        return self._own if time.monotonic() < self._away_until_s else self._shared
+
+
+def _storage(url: str) -> "Storage":
+    return storage_from_string(url, socket_timeout=0.5, socket_connect_timeout=0.5, key_prefix="loopaudit-rate")
+
+
+def _errors(limiter: SlidingWindowCounterRateLimiter) -> tuple[type[Exception], ...]:
+    errors = limiter.storage.base_exceptions
+    return errors if isinstance(errors, tuple) else (errors,)

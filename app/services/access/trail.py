@@ -1,0 +1,51 @@
+"""The trail of who did what, for those who have to account for it."""
+
+import json
+from typing import Any
+
+from app.services.access.identity import Identity, request_id
+from app.services.backend import Backend
+from app.services.cursors import decode, encode
+from app.services.moments import iso_utc
+from app.services.results import Page, TrailView
+from app.storage import trail
+
+LONGEST_SUBJECT = 500
+
+
+def record(backend: Backend, identity: Identity, action: str, subject: str, outcome: str, **detail: Any) -> None:
+    """Adds a row. `outcome` is done, refused or failed; `detail` holds nothing secret."""
+    values = {
+        "who": identity.who,
+        "key_id": identity.key_id,
+        "action": action,
+        "subject": subject[:LONGEST_SUBJECT],
+        "outcome": outcome,
+        "request_id": request_id.get(),
+    }
+    with backend.database.write() as connection:
+        trail.add(connection, values, {"via": identity.via, **detail})
+
+
+def list_trail(
+    backend: Backend, limit: int = 100, cursor: str | None = None, *, who: str | None = None, action: str | None = None
+) -> Page[TrailView]:
+    """What was done, the newest first."""
+    before = decode(cursor, (int,))
+    with backend.database.read() as connection:
+        rows = trail.page(connection, limit + 1, before[0] if before else None, who=who, action=action)
+    following = encode(rows[limit - 1].id) if len(rows) > limit else None
+    return Page([_view(row) for row in rows[:limit]], following)
+
+
+def _view(row: trail.TrailRow) -> TrailView:
+    return TrailView(
+        id=str(row.id),
+        at=iso_utc(row.at) or "",
+        who=row.who,
+        action=row.action,
+        subject=row.subject,
+        outcome=row.outcome,
+        request_id=row.request_id,
+        detail=json.loads(row.detail_json),
+    )

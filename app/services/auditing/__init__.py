@@ -1,0 +1,1 @@
+"""Audit runs from their plan to the stored verdict, and the audit line."""

@@ -1,0 +1,205 @@
+"""What a worker does for a run: claims loops by the chunk, audits each for itself, writes by the chunk."""
+
+import logging
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from app.engine.audit import audit
+from app.engine.audit_config import AuditConfig
+from app.engine.recording import Recording
+from app.errors import LoopauditError
+from app.ingest import LoopSamples, to_recording
+from app.logs import about
+from app.services.auditing.limits import TimeLimitError, time_limit
+from app.services.auditing.rows import new_verdict
+from app.services.backend import Backend
+from app.services.moments import moment_of
+from app.services.patience import patiently
+from app.storage import audits, items, loops, series, verdicts
+from app.storage.audits import AuditRow
+from app.storage.items import Claim, Failure
+from app.storage.loops import LoopRow
+from app.storage.samples import Samples
+from app.storage.types import now
+from app.storage.verdicts import NewVerdict
+
+WARM_UP_SAMPLES = 300
+
+log = logging.getLogger("loopaudit.audit")
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """A claimed loop with what the engine needs; `samples` is None where the loop has none."""
+
+    claim: Claim
+    loop: LoopRow
+    samples: Samples | None
+
+
+@dataclass(frozen=True)
+class Result:
+    """One of the two."""
+
+    claim: Claim
+    verdict: NewVerdict | None = None
+    failure: Failure | None = None
+
+
+def audit_chunk(backend: Backend, audit_id: int, owner: str, *, watchdog: bool = False) -> int:
+    """Audits open loops of the run for a while and rings for a successor where some are left; returns how many it did.
+
+    May run twice, late, or for a run that has ended: it then finds nothing to do.
+    """
+    lease_s = backend.settings.lease_s
+    run = patiently(lambda: _run(backend, audit_id), lease_s)
+    if run is None or run.state not in audits.UNFINISHED:
+        return 0
+    config = AuditConfig.from_json(run.config_json)
+    until = time.monotonic() + backend.settings.chunk_budget_s
+    done = 0
+    with about(run=audit_id):
+        while claims := patiently(lambda: _claim(backend, audit_id, owner), lease_s):
+            _work_off(backend, run, config, claims, watchdog)
+            done += len(claims)
+            if time.monotonic() > until:
+                break
+        patiently(lambda: _settle(backend, audit_id), lease_s)
+        log.info("loops audited", extra={"loops": done})
+    return done
+
+
+def warm_up() -> None:
+    """Compiles or loads the kernels: a first audit otherwise pays for it, out of the first loop's time limit."""
+    steps = np.arange(WARM_UP_SAMPLES)
+    op = 50.0 + 5.0 * np.sin(steps / 6.0) + np.sin(steps * 1.7)
+    pv = 20.0 + 2.0 * np.sin(steps / 6.0 - 0.8) + 0.1 * np.cos(steps * 2.3)
+    sp = 20.0 + 0.5 * np.sign(np.sin(steps / 50.0))  # one that moves: some kernels run for no other
+    audit(Recording("warm-up", steps.astype(float), pv, op, sp))
+    # A stem that sticks and jumps under a controller that integrates: what leaves doubt goes through the whole search.
+    sawtooth = np.abs(steps % 40 - 20.0) / 2.0
+    jumps = np.convolve(np.where((steps + 4) % 40 < 20, 2.0, -2.0), np.full(4, 0.25), "same")
+    noise = 0.05 * np.sin(steps * 1.7) + 0.03 * np.cos(steps * 2.3)
+    audit(Recording("warm-up", steps.astype(float), 20.0 + jumps + noise, 50.0 + sawtooth, sp))
+
+
+def _run(backend: Backend, audit_id: int) -> AuditRow | None:
+    with backend.database.read() as connection:
+        return audits.by_id(connection, audit_id)
+
+
+def _claim(backend: Backend, audit_id: int, owner: str) -> list[Claim]:
+    """Looks for loops of lost workers first: while workers are busy, no sweep has its turn."""
+    with backend.database.write() as connection:
+        items.reopen_expired(connection, backend.settings.max_attempts, backend.settings.lease_s)
+        claims = items.claim(connection, audit_id, owner, backend.settings.chunk_loops, backend.settings.lease_s)
+        if claims:
+            audits.set_running(connection, audit_id)
+    return claims
+
+
+def _work_off(backend: Backend, run: AuditRow, config: AuditConfig, claims: Sequence[Claim], watchdog: bool) -> None:
+    """Writes what is done before the lease of the rest grows old, and renews the rest."""
+    limit_s, lease_s = backend.settings.loop_limit_s, backend.settings.lease_s
+    started, results = time.monotonic(), []
+    waiting = patiently(lambda: _load(backend, run, claims), lease_s)
+    while waiting:
+        results.append(_isolated(waiting.pop(), run, config, limit_s, watchdog))
+        if time.monotonic() - started > lease_s / 4:
+            _write(backend, results, [work.claim for work in waiting])
+            started, results = time.monotonic(), []
+    _write(backend, results, [])
+
+
+def _load(backend: Backend, run: AuditRow, claims: Sequence[Claim]) -> list[Work]:
+    ids = [claim.loop_id for claim in claims]
+    with backend.database.read() as connection:
+        known = loops.by_ids(connection, ids)
+        samples = series.windows(connection, ids, run.window_h, run.window_samples)
+    return [Work(claim, known[claim.loop_id], samples.get(claim.loop_id)) for claim in claims]
+
+
+def _isolated(work: Work, run: AuditRow, config: AuditConfig, limit_s: float, watchdog: bool) -> Result:
+    """Whatever happens in a loop's audit stays with that loop."""
+    try:
+        with time_limit(limit_s, watchdog=watchdog):
+            return Result(work.claim, verdict=_audited(work, run, config))
+    except LoopauditError as error:
+        return _set_aside(work, error.code, error.message)
+    except TimeLimitError:
+        return _set_aside(work, "time_limit", f"the audit took longer than {limit_s:g} s")
+    except MemoryError:
+        return _set_aside(work, "memory", "the audit needed more memory than there is")
+    except Exception as error:  # noqa: BLE001 - one loop's fault must not take the run with it; it is stored and shown
+        return _set_aside(work, "fault", f"{type(error).__name__}: {error}")
+
+
+def _audited(work: Work, run: AuditRow, config: AuditConfig) -> NewVerdict:
+    samples = work.samples
+    if samples is None or not len(samples):
+        raise LoopauditError("no_samples", "the loop has no samples in the window")
+    started = time.perf_counter()
+    recording = recording_of(work.loop, samples)
+    found = audit(recording, config)
+    return new_verdict(
+        found,
+        loop_id=work.loop.id,
+        audit_id=run.id,
+        origin=moment_of(origin_ns(samples)),
+        audited_at=now(),
+        elapsed_s=time.perf_counter() - started,
+        input_ns=(int(samples.time_ns[0]), int(samples.time_ns[-1])),
+    )
+
+
+def recording_of(loop: LoopRow, samples: Samples) -> Recording:
+    """The engine's record of stored samples: the same that a file with these samples gives, with the loop's spans."""
+    signals = samples.signals
+    own = ("pv", "op", "sp", "automatic")
+    others: Mapping[str, np.ndarray] = {name.removeprefix("tag:"): signals[name] for name in signals if name not in own}
+    stretch = LoopSamples(
+        loop.tag, samples.time_ns, *(signals.get(name) for name in own), others=MappingProxyType(others)
+    )
+    recording = to_recording(stretch, loop.tag)
+    return replace(recording, pv_range=loop.pv_range, op_range=loop.op_range, integrating=loop.integrating)
+
+
+def origin_ns(samples: Samples) -> int:
+    """The instant of a recording's second 0: its first sample with PV or OP."""
+    missing = np.full(len(samples), np.nan)
+    given = np.isfinite(samples.signals.get("pv", missing)) | np.isfinite(samples.signals.get("op", missing))
+    return int(samples.time_ns[np.argmax(given)])
+
+
+def _set_aside(work: Work, code: str, text: str) -> Result:
+    log.warning("loop failed", extra={"loop": work.loop.tag, "code": code, "text": text})
+    return Result(work.claim, failure=Failure(work.claim, code, text))
+
+
+def _write(backend: Backend, results: Sequence[Result], waiting: Sequence[Claim]) -> None:
+    """Verdicts of claims that still hold, once; what was lost to another worker is left to it."""
+    new = [result.verdict for result in results if result.verdict is not None]
+
+    def write() -> None:
+        with backend.database.write() as connection:
+            held = items.finish(connection, [result.claim for result in results if result.verdict is not None])
+            verdicts.add(connection, [verdict for verdict in new if verdict.loop_id in held])
+            items.fail(connection, [result.failure for result in results if result.failure is not None])
+            items.renew(connection, waiting, backend.settings.lease_s)
+
+    patiently(write, backend.settings.lease_s)
+
+
+def _settle(backend: Backend, audit_id: int) -> None:
+    with backend.database.write() as connection:
+        ended = audits.end_if_complete(connection, audit_id)
+    if ended:
+        return
+    with backend.database.read() as connection:
+        left = audits.progress(connection, [audit_id])[audit_id].open
+    if left:
+        backend.queue.audit_chunks(audit_id, 1)

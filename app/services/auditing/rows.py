@@ -1,0 +1,106 @@
+"""Between an audit and the columns of a stored verdict, and back to the row that dashboards read."""
+
+import hashlib
+import json
+from datetime import datetime, timedelta
+from typing import Any
+
+from app.engine.audit import Audit
+from app.services.auditing import swings
+from app.services.auditing.audit_line import KeyFiguresLine, ReliabilityRow, audit_line, detail, reliability_row
+from app.services.moments import epoch_ms, iso_utc
+from app.storage.tables import verdicts
+from app.storage.verdicts import NewVerdict, pack_detail
+
+FIELDS = tuple(ReliabilityRow.model_fields)
+TIMES = ("window_start", "window_end", "audited_at")
+TIMES_MS = tuple(f"{name}_ms" for name in TIMES)
+OF_LOOP = ("recording", "loop", "unit")
+KEY_FIGURES = "key_figures"
+OF_LOOP_NOW = ("unit",)  # what is asked of the loop when a row is sent, because it may have changed since the verdict
+FORM = hashlib.blake2b(
+    json.dumps([2, FIELDS, OF_LOOP_NOW, list(KeyFiguresLine.model_fields)]).encode(), digest_size=8
+).hexdigest()
+"""Which fields a stored row has: rows that an older version wrote are made anew from their columns."""
+COLUMNS = frozenset(column.name for column in verdicts.columns)
+
+
+def new_verdict(
+    audit: Audit,
+    *,
+    loop_id: int,
+    audit_id: int,
+    origin: datetime,
+    audited_at: datetime,
+    elapsed_s: float,
+    input_ns: tuple[int, int],
+) -> NewVerdict:
+    """`origin`: the instant of the recording's second 0; `input_ns`: first and last sample given to the engine."""
+    line = dated(audit_line(audit, elapsed_s), origin)
+    row = reliability_row(line)
+    columns = {name: value for name, value in row.items() if name in COLUMNS and name != "audit_id"}
+    extra = {name: value for name, value in row.items() if name not in COLUMNS and name not in (*OF_LOOP, *TIMES_MS)}
+    columns |= {
+        "audited_at": audited_at,
+        "window_start": _instant(origin, line["window_start_s"]),
+        "window_end": _instant(origin, line["window_end_s"]),
+        "input_start_ns": input_ns[0],
+        "input_end_ns": input_ns[1],
+    }
+    told = {**detail(audit), "reasons": line["reasons"], "episodes": line["episodes"]}
+    stored = columns | extra | {"tag": audit.recording, "audit_id": audit_id}
+    columns["extra_json"] = compact({**extra, KEY_FIGURES: told[KEY_FIGURES]})
+    swing = None if audit.swing is None else swings.as_json(audit.swing, origin.timestamp())
+    figures = compact(told[KEY_FIGURES])
+    fixed = fixed_part(as_row(stored))
+    return NewVerdict(loop_id, audit_id, columns, pack_detail(told), fixed, figures, FORM, swing)
+
+
+def dated(line: dict[str, Any], origin: datetime) -> dict[str, Any]:
+    """The line with its episodes in calendar time, in the reasons too."""
+    episodes = [
+        episode | {side: iso_utc(_instant(origin, round(episode[f"{side}_s"]))) for side in ("start", "end")}
+        for episode in line["episodes"]
+    ]
+    reliable = iter([episode for episode in episodes if episode["reliability"] == "reliable"])
+    reasons = [
+        reason | {"text": f"{reason['text']}: {_stretch(next(reliable))}"}
+        if reason["code"] == "short_lived_stiction"
+        else reason
+        for reason in line["reasons"]
+    ]
+    return line | {"episodes": episodes, "reasons": reasons}
+
+
+def _stretch(episode: dict[str, Any]) -> str:
+    return f"{episode['start']} to {episode['end']}"
+
+
+def compact(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+
+
+def fixed_part(row: dict[str, Any]) -> str:
+    """The fields of a row that its verdict fixes, as the inside of a JSON object."""
+    return compact({name: value for name, value in row.items() if name not in OF_LOOP_NOW})[1:-1]
+
+
+def sent(fixed: str, unit: str | None, figures: str = "{}") -> str:
+    """A row as JSON: what its verdict fixed, what the loop is now, and further fields (a JSON object)."""
+    further = "," + figures[1:-1] if len(figures) > len("{}") else ""
+    return f'{{{fixed},"unit":{compact(unit)}{further}}}'
+
+
+def as_row(stored: dict[str, Any]) -> dict[str, Any]:
+    """A stored verdict as a row of the reliability table: each field of the contract, None where this row has none."""
+    row = {name: stored.get(name) for name in FIELDS}
+    row["recording"] = row["loop"] = stored["tag"]
+    row["audit_id"] = str(stored["audit_id"])
+    for name in TIMES:
+        row[name] = iso_utc(stored[name])
+        row[f"{name}_ms"] = epoch_ms(stored[name])
+    return row
+
+
+def _instant(origin: datetime, seconds: float | None) -> datetime | None:
+    return None if seconds is None else origin + timedelta(seconds=seconds)

@@ -1,0 +1,168 @@
+"""The nightly digest on its way: planned once a run and receiver, sent at least once, tried again, in the end given up.
+
+A receiver that is away costs its own row some tries, and nobody else anything.
+"""
+
+import hashlib
+import json
+import logging
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import timedelta
+
+from app.errors import LoopauditError
+from app.services.access import trail
+from app.services.access.identity import SCHEDULE
+from app.services.backend import Backend
+from app.services.cursors import identifier
+from app.services.digests.digest import Digest, as_html, as_json, as_text, digest_of, subject
+from app.services.digests.mailing import send_mail
+from app.services.digests.sending import NotSentError, Outgoing, shown
+from app.services.digests.webhooks import send_webhook
+from app.services.moments import iso_utc
+from app.storage import deliveries
+from app.storage.deliveries import DeliveryClaim, DeliveryRow
+
+FIRST_WAIT_S = 60.0
+LONGEST_WAIT_S = 3600.0
+YOUNG = timedelta(hours=24)
+LONGEST_ERROR = 500
+LISTED = 20
+ACTION = "digest.send"
+
+log = logging.getLogger("loopaudit.digest")
+
+
+@dataclass(frozen=True)
+class DeliveryView:
+    """`receiver` as it may be shown; `state` is open, claimed, done or failed, `reason` why it is not done."""
+
+    receiver: str
+    state: str
+    attempts: int
+    ended_at: str | None
+    reason: str | None
+
+
+def announce_digests(backend: Backend) -> int:
+    """Plans the digest of the newest night once its run has ended, takes back what lost workers had, and rings for all
+    that is due. A night that ended long ago is not told of: who sets a receiver up waits for the next one."""
+    with backend.database.write() as connection:
+        deliveries.reopen_expired(connection, backend.settings.digest_attempts, backend.settings.lease_s)
+        run = deliveries.newest_nightly(connection, YOUNG)
+        if run is not None:
+            deliveries.plan(connection, run, backend.settings.digest_receivers)
+        waiting = deliveries.due(connection)
+    backend.queue.deliver(min(waiting, backend.settings.fan_out))
+    return waiting
+
+
+def plan(backend: Backend, audit_id: str) -> None:
+    """For whoever sends a digest by hand: the digest of this run to every receiver that has not got it."""
+    digest_of(backend, audit_id)
+    with backend.database.write() as connection:
+        deliveries.plan(connection, identifier(audit_id, "audit"), backend.settings.digest_receivers)
+
+
+def deliver_next(backend: Backend, owner: str, audit_id: str | None = None) -> bool:
+    """Sends the digest whose turn it is; False where none is. Sent and not marked is sent again, with the same id."""
+    run = None if audit_id is None else identifier(audit_id, "audit")
+    with backend.database.write() as connection:
+        claim = deliveries.claim_next(connection, owner, backend.settings.lease_s, run)
+    if claim is None:
+        return False
+    try:
+        _send(backend, claim)
+    except NotSentError as error:
+        _not_sent(backend, claim, str(error), final=error.final)
+    except LoopauditError as error:
+        _not_sent(backend, claim, error.message, final=True)
+    except Exception as error:  # one receiver's fault must not hold up the others; it is logged and shown
+        log.exception("the digest of run %s was not sent to %s", claim.audit_id, shown(claim.receiver))
+        _not_sent(backend, claim, f"a fault of ours: {type(error).__name__}", final=False)
+    else:
+        _sent(backend, claim)
+    return True
+
+
+def deliveries_of(backend: Backend, audit_id: str) -> list[DeliveryView]:
+    with backend.database.read() as connection:
+        rows = deliveries.of_run(connection, identifier(audit_id, "audit"))
+    return [_view(row) for row in rows]
+
+
+def newest_failed(backend: Backend) -> list[DeliveryView]:
+    """Those that were given up, of the newest run that was sent to anybody."""
+    with backend.database.read() as connection:
+        rows = deliveries.newest_failed(connection, LISTED)
+    return [_view(row) for row in rows]
+
+
+def missing_settings(backend: Backend) -> Iterator[str]:
+    """Which settings the receivers that are named still need."""
+    settings = backend.settings
+    receivers = settings.digest_receivers
+    if any(receiver.startswith("mailto:") for receiver in receivers):
+        for name in ("digest_smtp_host", "digest_mail_from"):
+            if not getattr(settings, name):
+                yield f"LOOPAUDIT_{name.upper()}"
+    if settings.digest_webhooks and not settings.digest_webhook_secret.get_secret_value():
+        yield "LOOPAUDIT_DIGEST_WEBHOOK_SECRET"
+
+
+def outgoing(digest: Digest, receiver: str) -> Outgoing:
+    """The id is made of the run and the receiver: it is the same at every try, and in no other installation."""
+    run = digest.run
+    named = json.dumps([digest.plant, run.id, run.created_at, receiver])
+    delivery_id = f"digest-{run.id}-{hashlib.sha256(named.encode()).hexdigest()[:24]}"
+    body = json.dumps({"id": delivery_id} | as_json(digest), ensure_ascii=False).encode()
+    return Outgoing(delivery_id, subject(digest), as_text(digest), as_html(digest), body)
+
+
+def _send(backend: Backend, claim: DeliveryClaim) -> None:
+    if claim.receiver not in backend.settings.digest_receivers:
+        raise NotSentError("the receiver stands no longer in the settings", final=True)
+    missing = list(missing_settings(backend))
+    if missing:
+        raise NotSentError(f"not set: {', '.join(missing)}")
+    made = outgoing(digest_of(backend, str(claim.audit_id)), claim.receiver)
+    if claim.receiver.startswith("mailto:"):
+        send_mail(backend.settings, made, claim.receiver.removeprefix("mailto:"))
+    else:
+        send_webhook(backend.settings, made, claim.receiver)
+
+
+def _sent(backend: Backend, claim: DeliveryClaim) -> None:
+    with backend.database.write() as connection:
+        held = deliveries.end(connection, claim, "done", None)
+    if held:
+        log.info("digest sent", extra={"run": claim.audit_id, "receiver": shown(claim.receiver)})
+        _tell(backend, claim, "done")
+
+
+def _not_sent(backend: Backend, claim: DeliveryClaim, reason: str, *, final: bool) -> None:
+    given_up = final or claim.attempt >= backend.settings.digest_attempts
+    text = reason[:LONGEST_ERROR]
+    with backend.database.write() as connection:
+        if given_up:
+            deliveries.end(connection, claim, "failed", text)
+        else:
+            deliveries.try_later(connection, claim, wait_s(claim.attempt), text)
+    told = {"run": claim.audit_id, "receiver": shown(claim.receiver), "attempt": claim.attempt, "reason": text}
+    log.warning("digest given up" if given_up else "digest not sent, tried again later", extra=told)
+    if given_up:
+        _tell(backend, claim, "failed", reason=text)
+
+
+def wait_s(attempt: int) -> float:
+    """1, 2, 4 ... minutes, an hour at most."""
+    return min(FIRST_WAIT_S * 2 ** (attempt - 1), LONGEST_WAIT_S)
+
+
+def _view(row: DeliveryRow) -> DeliveryView:
+    return DeliveryView(shown(row.receiver), row.state, row.attempts, iso_utc(row.ended_at), row.error_text)
+
+
+def _tell(backend: Backend, claim: DeliveryClaim, outcome: str, **detail: str) -> None:
+    subject_ = f"/v1/audits/{claim.audit_id}"
+    trail.record(backend, SCHEDULE, ACTION, subject_, outcome, receiver=shown(claim.receiver), **detail)

@@ -1,0 +1,198 @@
+"""The digest of a run: the worst loops of each unit, and what changed, in words, for a mail or a webhook."""
+
+from collections import Counter
+from dataclasses import asdict, dataclass
+from itertools import groupby
+from typing import Any
+
+from app.errors import RequestError
+from app.services.auditing.audits import get_audit
+from app.services.backend import Backend
+from app.services.cursors import identifier
+from app.services.plant.overview import change_of
+from app.services.rendering import document, figure, loop_address, short_time
+from app.services.results import AuditView, ChangeView
+from app.services.wording import CHANGE_WORDS, RELIABILITY_SHORT, VERDICT_RANK, VERDICT_WORDS, WHY_WORDS, cause_words
+from app.storage import digests, plant
+
+TOP = 5
+CHANGES = 30
+LONGEST_WHY = 200
+
+
+@dataclass(frozen=True)
+class DigestLoop:
+    """A loop to look at; `why` is the weightiest reason, `address` its page (empty: not known how people reach it)."""
+
+    loop: str
+    verdict: str
+    reliability: str
+    stiction_probability: float | None
+    likely_cause: str | None
+    health: float | None
+    importance: float
+    why: str
+    address: str
+
+
+@dataclass(frozen=True)
+class Area:
+    unit: str | None
+    loops: list[DigestLoop]
+
+
+@dataclass(frozen=True)
+class Digest:
+    """What one run came to; the same whenever it is asked for."""
+
+    plant: str
+    run: AuditView
+    verdicts: dict[str, int]
+    refused: dict[str, int]
+    areas: list[Area]
+    changes: list[ChangeView]
+    more_changes: bool
+    compared: bool
+    public_url: str
+
+
+def newest_run(backend: Backend) -> str:
+    """The newest nightly run that has ended, or the newest ended one. Raises RequestError("no_run")."""
+    with backend.database.read() as connection:
+        found = plant.last_whole_run(connection)
+    if found is None:
+        raise RequestError("no_run", "no audit has ended yet; `loopaudit nightly` runs one")
+    return str(found.id)
+
+
+def digest_of(backend: Backend, audit_id: str) -> Digest:
+    """Raises NotFoundError("unknown_audit") and RequestError("run_goes_on")."""
+    run = get_audit(backend, audit_id)
+    if not run.ended:
+        raise RequestError("run_goes_on", f"the run {run.id} has not ended yet: {run.open} loops are open")
+    number = identifier(audit_id, "audit")
+    with backend.database.read() as connection:
+        counted = digests.counts_of(connection, number)
+        worst = digests.worst_of_units(connection, number, TOP)
+        # In a plant's first run every verdict is new: that is no news.
+        compared = plant.any_run_before(connection, number)
+        changed = digests.changes_of(connection, number, CHANGES + 1) if compared else []
+    verdicts, refused = Counter[str](), Counter[str]()
+    for row in counted:
+        verdicts[row.verdict] += row.loops
+        if row.verdict == "not_auditable":
+            refused[row.likely_cause or "data"] += row.loops
+    url = backend.settings.public_url
+    return Digest(
+        plant=backend.settings.plant,
+        run=run,
+        verdicts=dict(verdicts),
+        refused=dict(refused.most_common()),
+        areas=[Area(unit, [_loop(row, url) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
+        changes=[change_of(row) for row in changed[:CHANGES]],
+        more_changes=len(changed) > CHANGES,
+        compared=compared,
+        public_url=url,
+    )
+
+
+def subject(digest: Digest) -> str:
+    """One line whatever the plant is called: it becomes the head of a mail."""
+    words = _line(digest.plant)
+    new = sum(change.kind == "new" for change in digest.changes)
+    news = f", {new}{'+' if digest.more_changes else ''} new" if new else ""
+    return (
+        f"{words}: {digest.verdicts.get('stiction', 0)} valves stick{news} ({short_time(digest.run.created_at)[:10]})"
+    )
+
+
+def as_text(digest: Digest) -> str:
+    run = digest.run
+    lines = [
+        f"Audit of {_line(digest.plant)}, {short_time(run.created_at)} UTC:",
+        f"{run.done} of {run.total} loops have a verdict.",
+    ]
+    for name in VERDICT_RANK:
+        lines.append(f"  {digest.verdicts.get(name, 0):6d} {VERDICT_WORDS[name]}")
+        if name == "not_auditable":
+            lines += [f"         {count} of these: {cause_words(cause)}" for cause, count in digest.refused.items()]
+    lines += [f"  {run.failed:6d} failed"] if run.failed else []
+    lines += ["", "WHAT CHANGED SINCE THE RUN BEFORE", ""]
+    lines += [_change_line(change) for change in digest.changes] or [_no_change(digest)]
+    lines += ["  ... and more"] if digest.more_changes else []
+    for area in digest.areas:
+        lines += ["", f"WORST OF {_line(area.unit) if area.unit else 'THE LOOPS WITHOUT A UNIT'}", ""]
+        for place, loop in enumerate(area.loops, 1):
+            lines += _loop_lines(place, loop)
+    if not digest.areas:
+        lines += ["", "No valve sticks, as far as the records tell."]
+    lines += ["", f"The whole plant: {digest.public_url}/" if digest.public_url else "", "", HOW_TO_READ]
+    return "\n".join(lines) + "\n"
+
+
+def as_html(digest: Digest) -> str:
+    return document(
+        "digest.html",
+        digest=digest,
+        no_change=_no_change(digest),
+        how_to_read=HOW_TO_READ,
+        addresses=_addresses(digest),
+    )
+
+
+def as_json(digest: Digest) -> dict[str, Any]:
+    """What a webhook gets, flat where it can be."""
+    told = asdict(digest)
+    run = told.pop("run")
+    told.pop("public_url")
+    return (
+        {"type": "loopaudit.digest", "subject": subject(digest), "text": as_text(digest)}
+        | told
+        | {
+            "audit_id": run["id"],
+            "audited_at": run["created_at"],
+            "loops": run["total"],
+            "failed": run["failed"],
+            "address": digest.public_url,
+        }
+    )
+
+
+HOW_TO_READ = (
+    "In each unit those come first that lack most to full health, times their importance. "
+    "'Look first' means that the evidence disagrees: look at the loop before a valve is taken out."
+)
+
+
+def _loop(row: Any, url: str) -> DigestLoop:
+    why = row.reasons_text.split(". ")[0][:LONGEST_WHY]
+    shown = (row.verdict, row.reliability, row.stiction_probability, row.likely_cause, row.health, row.importance)
+    return DigestLoop(row.tag, *shown, why, loop_address(url, row.tag))
+
+
+def _loop_lines(place: int, loop: DigestLoop) -> list[str]:
+    sure = "rely on it" if loop.reliability == "reliable" else RELIABILITY_SHORT[loop.reliability]
+    told = f"{VERDICT_WORDS[loop.verdict]} (probability {figure(loop.stiction_probability, 2)}, {sure})"
+    head = f"  {place}. {_line(loop.loop)}: {told}, health {figure(loop.health, 0)}"
+    return [head, f"     {_line(loop.why)}", *([f"     {loop.address}"] if loop.address else [])]
+
+
+def _change_line(change: ChangeView) -> str:
+    before = VERDICT_WORDS[change.before] if change.before else "not audited"
+    words = f"{CHANGE_WORDS[change.kind]} ({before} -> {VERDICT_WORDS[change.now]})"
+    return f"  {_line(change.loop)}: {words}; {WHY_WORDS[change.why]}"
+
+
+def _no_change(digest: Digest) -> str:
+    if not digest.compared:
+        return "This is the first run: there is nothing to compare with."
+    return "No verdict is another one than in the run before."
+
+
+def _addresses(digest: Digest) -> dict[str, str]:
+    return {change.loop: loop_address(digest.public_url, change.loop) for change in digest.changes}
+
+
+def _line(text: str) -> str:
+    """A tag may hold anything, a line end too."""
+    return " ".join(text.split())

@@ -1,0 +1,53 @@
+"""A digest as a mail: plain text and HTML, by SMTP."""
+
+import smtplib
+import ssl
+from email.message import EmailMessage
+from email.policy import SMTP
+from email.utils import formatdate
+
+from app.services.digests.sending import NotSentError, Outgoing
+from app.settings import Settings
+
+TIMEOUT_S = 15.0
+GIVEN_UP = range(500, 600)
+
+
+def message(settings: Settings, outgoing: Outgoing, to: str) -> EmailMessage:
+    """The policy refuses line ends in heads; the subject is one line already."""
+    mail = EmailMessage(policy=SMTP)
+    mail["Subject"] = outgoing.subject
+    mail["From"] = settings.digest_mail_from
+    mail["To"] = to
+    mail["Date"] = formatdate()
+    mail["Message-ID"] = f"<{outgoing.id}@loopaudit>"
+    mail["Auto-Submitted"] = "auto-generated"
+    mail.set_content(outgoing.text)
+    mail.add_alternative(outgoing.html, subtype="html")
+    return mail
+
+
+def send_mail(settings: Settings, outgoing: Outgoing, to: str) -> None:
+    """Raises NotSentError with the server's own words; final where it will say the same again."""
+    mail = message(settings, outgoing, to)
+    try:
+        with smtplib.SMTP(settings.digest_smtp_host, settings.digest_smtp_port, timeout=TIMEOUT_S) as server:
+            if settings.digest_smtp_starttls:
+                server.starttls(context=ssl.create_default_context())
+            if settings.digest_smtp_user:
+                server.login(settings.digest_smtp_user, settings.digest_smtp_password.get_secret_value())
+            server.send_message(mail, settings.digest_mail_from, [to])
+    except smtplib.SMTPRecipientsRefused as error:
+        code, words = error.recipients[to]
+        raise NotSentError(f"the mail server refused {to}: {code} {_words(words)}", final=code in GIVEN_UP) from error
+    except smtplib.SMTPAuthenticationError as error:
+        raise NotSentError(f"the mail server refused the login: {error.smtp_code}") from error
+    except smtplib.SMTPResponseException as error:
+        raise NotSentError(f"the mail server answered {error.smtp_code} {_words(error.smtp_error)}") from error
+    except (smtplib.SMTPException, OSError) as error:
+        raise NotSentError(f"the mail server cannot be used: {type(error).__name__}: {error}") from error
+
+
+def _words(told: bytes | str) -> str:
+    text = told.decode("utf-8", "replace") if isinstance(told, bytes) else told
+    return " ".join(text.split())[:300]

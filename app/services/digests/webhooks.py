@@ -1,0 +1,98 @@
+"""A digest as a signed POST: by the scheme of Standard Webhooks, to no address that is not meant for it.
+
+https://github.com/standard-webhooks/standard-webhooks/blob/main/spec/standard-webhooks.md
+"""
+
+import base64
+import binascii
+import hashlib
+import hmac
+import ipaddress
+import socket
+import time
+
+import httpx
+
+from app.services.digests.sending import NotSentError, Outgoing
+from app.settings import Settings
+
+TIMEOUT = httpx.Timeout(10.0, connect=5.0)
+LATER = (408, 409, 425, 429)
+PREFIX = "whsec_"
+NAT64 = ipaddress.ip_network("64:ff9b::/96")
+
+
+def send_webhook(settings: Settings, outgoing: Outgoing, address: str) -> None:
+    """Raises NotSentError; final where the receiver says that it will never take it."""
+    timestamp = int(time.time())
+    headers = {
+        "Content-Type": "application/json",
+        "User-Agent": "loopaudit",
+        "webhook-id": outgoing.id,
+        "webhook-timestamp": str(timestamp),
+        "webhook-signature": signature(settings.digest_webhook_secret.get_secret_value(), outgoing, timestamp),
+    }
+    try:
+        url = httpx.URL(address)
+        target = checked_address(url, settings.digest_private_webhooks)
+        status = _post(url, target, headers, outgoing.body)
+    except (httpx.HTTPError, httpx.InvalidURL, OSError) as error:
+        # Their texts may hold the address, and that a secret.
+        raise NotSentError(f"the receiver cannot be reached: {type(error).__name__}") from error
+    if 300 <= status < 400:
+        raise NotSentError(f"the receiver answered {status}: redirects are not followed", final=True)
+    if not 200 <= status < 300:
+        raise NotSentError(f"the receiver answered {status}", final=400 <= status < 500 and status not in LATER)
+
+
+def signature(secret: str, outgoing: Outgoing, timestamp: int) -> str:
+    """`v1,` and the HMAC-SHA256 of id.timestamp.body in base64; a secret `whsec_...` is base64 itself."""
+    signed = f"{outgoing.id}.{timestamp}.".encode() + outgoing.body
+    return "v1," + base64.b64encode(hmac.new(key_of(secret), signed, hashlib.sha256).digest()).decode()
+
+
+def key_of(secret: str) -> bytes:
+    if secret.startswith(PREFIX):
+        try:
+            return base64.b64decode(secret.removeprefix(PREFIX), validate=True)
+        except binascii.Error:
+            pass
+    return secret.encode()
+
+
+def checked_address(url: httpx.URL, private: bool) -> str:
+    """The IP address to connect to. What the name resolves to is checked and then used, so that a name cannot mean
+    something else a moment later. Raises NotSentError for a private, loopback or otherwise special address."""
+    port = url.port or (443 if url.scheme == "https" else 80)
+    found = [str(entry[4][0]) for entry in socket.getaddrinfo(url.host, port, type=socket.SOCK_STREAM)]
+    if not private and not all(_public(address) for address in found):
+        text = f"{url.host} is a private or special address; LOOPAUDIT_DIGEST_PRIVATE_WEBHOOKS=true allows these"
+        raise NotSentError(text, final=True)
+    return found[0]
+
+
+def _public(address: str) -> bool:
+    """An IPv6 address that carries an IPv4 one is judged by that too."""
+    ip = ipaddress.ip_address(address.partition("%")[0])
+    carried = [ip]
+    if isinstance(ip, ipaddress.IPv6Address):
+        carried += [inner for inner in (ip.ipv4_mapped, ip.sixtofour) if inner]
+        carried += [ipaddress.IPv4Address(ip.packed[-4:])] if ip in NAT64 else []
+    return all(one.is_global and not one.is_multicast for one in carried)
+
+
+def _post(url: httpx.URL, target: str, headers: dict[str, str], body: bytes) -> int:
+    """The status. The answer's body is not read; the certificate is checked against the name."""
+    given = headers | {"Host": url.netloc.decode("ascii")}
+    with (
+        httpx.Client(timeout=TIMEOUT, follow_redirects=False, trust_env=False) as client,
+        client.stream(
+            "POST",
+            url.copy_with(host=target, userinfo=b""),
+            content=body,
+            headers=given,
+            auth=(url.username, url.password) if url.username else None,
+            extensions={"sni_hostname": url.host},
+        ) as answer,
+    ):
+        return answer.status_code

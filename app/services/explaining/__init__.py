@@ -1,0 +1,1 @@
+"""Recording against simulation: asked for, worked out by a worker, told as line, plot and words."""

@@ -1,0 +1,190 @@
+"""Explanations: a loop's recording against a simulation, asked for here, worked out by a worker, read here."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any
+
+from app.errors import DataError, NotFoundError, RequestError
+from app.services.auditing.chunks import recording_of
+from app.services.backend import Backend
+from app.services.cursors import decode, encode, identifier
+from app.services.explaining.simulations import GivenSimulation, comparison_with, kept, kind_of
+from app.services.moments import iso_utc, moment_of
+from app.services.plant.loops import find
+from app.services.plant.trend import NS_PER_S, instant_ns
+from app.services.results import Page
+from app.storage import explanations, series
+from app.storage.documents import Document, pack_document, unpack_document
+from app.storage.explanations import ExplanationRow
+from app.storage.loops import LoopRow
+from app.storage.samples import Samples
+
+NS_PER_H = 3600 * NS_PER_S
+LONGEST_WINDOW_H = 10 * 365 * 24.0
+MOST_UNPACKED = 5_000_000
+"""Samples of stretches that a window touches, at most: they are unpacked to find those inside."""
+LINE_FIELDS = (
+    "recording",
+    "verdict",
+    "effects",
+    "located",
+    "fit",
+    "validation",
+    "refit",
+    "evidence",
+    "closed_loop",
+    "model",
+    "engine_version",
+    "elapsed_s",
+)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Which stretch of the recording: from `start` to `end`, or `window_h` hours up to `end`; nothing: the newest."""
+
+    start: datetime | None = None
+    end: datetime | None = None
+    window_h: float | None = None
+    simulation: GivenSimulation = field(default_factory=GivenSimulation)
+
+
+def ask(backend: Backend, tag: str, wanted: Wanted | None = None, asked_by: str | None = None) -> dict[str, Any]:
+    """Asks for an explanation and wakes a worker. What can be known to be wrong with the request is told at once."""
+    wanted = wanted or Wanted()
+    loop = find(backend, tag)
+    samples = _window(backend, loop, wanted)
+    recording = recording_of(loop, samples)
+    simulation = kept(wanted.simulation, samples, recording, backend.settings.time_zone)
+    comparison_with(loop, samples, simulation)
+    values = {
+        "loop_id": loop.id,
+        "asked_by": asked_by,
+        "window_start_ns": int(samples.time_ns[0]),
+        "window_end_ns": int(samples.time_ns[-1]),
+        "simulation_packed": None if simulation is None else pack_document(simulation),
+    }
+    with backend.database.write() as connection:
+        explanation_id = explanations.ask(connection, values)
+    backend.queue.explain(1)
+    return get_explanation(backend, tag, str(explanation_id))
+
+
+def get_explanation(backend: Backend, tag: str, explanation_id: str) -> dict[str, Any]:
+    """The request and, as far as it is known, the answer: the fields of `loopaudit explain --format json`, flat."""
+    row = _row(backend, tag, explanation_id)
+    with backend.database.read() as connection:
+        packed = explanations.packed_answer(connection, row.id)
+        given = explanations.packed_simulation(connection, row.id)
+    simulation = None if given is None else unpack_document(given)
+    answer = {} if packed is None else unpack_document(packed).told
+    return summary(row, tag) | {"simulation": kind_of(simulation)} | _line(answer)
+
+
+def list_explanations(backend: Backend, tag: str, limit: int = 100, cursor: str | None = None) -> Page[dict[str, Any]]:
+    """A loop's explanations, the newest first, without their answers."""
+    loop = find(backend, tag)
+    before = decode(cursor, (int,))
+    with backend.database.read() as connection:
+        rows = explanations.page(connection, loop.id, limit + 1, before[0] if before else None)
+    following = encode(rows[limit - 1].id) if len(rows) > limit else None
+    return Page([summary(row, tag) for row in rows[:limit]], following)
+
+
+def newest(backend: Backend, tag: str) -> dict[str, Any] | None:
+    """A loop's newest explanation as `get_explanation` tells it; None where there is none."""
+    loop = find(backend, tag)
+    with backend.database.read() as connection:
+        rows = explanations.page(connection, loop.id, 1)
+    return get_explanation(backend, tag, str(rows[0].id)) if rows else None
+
+
+def summary(row: ExplanationRow, tag: str) -> dict[str, Any]:
+    return {
+        "id": str(row.id),
+        "loop": tag,
+        "state": "open" if row.state == "claimed" else row.state,
+        "asked_at": iso_utc(row.asked_at),
+        "asked_by": row.asked_by,
+        "ended_at": iso_utc(row.ended_at),
+        "audit_id": None if row.audit_id is None else str(row.audit_id),
+        "window_start": _iso(row.window_start_ns),
+        "window_end": _iso(row.window_end_ns),
+        "verdict": row.verdict,
+        "effect_codes": row.effects.split(";") if row.effects else [],
+        "error_code": row.error_code,
+        "error_text": row.error_text,
+    }
+
+
+def stored_answer(backend: Backend, tag: str, explanation_id: str) -> Document:
+    """The answer with its traces. Raises RequestError("not_explained") while there is none."""
+    row = _row(backend, tag, explanation_id)
+    with backend.database.read() as connection:
+        packed = explanations.packed_answer(connection, row.id) if row.state == "done" else None
+    if packed is None:
+        state = summary(row, tag)["state"]
+        raise NotFoundError("not_explained", f"explanation {explanation_id!r} of {tag!r} has no answer: it is {state}")
+    return unpack_document(packed)
+
+
+def newest_samples(samples: Samples, most: int) -> Samples:
+    return samples.part(slice(-most, None)) if len(samples) > most else samples
+
+
+def _line(answer: Mapping[str, Any]) -> dict[str, Any]:
+    """Every field of the contract, null while it is not known, and whatever else the answer has."""
+    line = answer.get("line", {})
+    first = {name: None for name in LINE_FIELDS if name != "verdict"}
+    return first | {"effects": [], "evidence": []} | dict(line)
+
+
+def _window(backend: Backend, loop: LoopRow, wanted: Wanted) -> Samples:
+    """The samples that are asked for. Raises where there are none, or more than are explained at a time."""
+    if loop.newest_ns is None:
+        raise DataError("no_samples", f"loop {loop.tag!r} has no samples")
+    start_ns, end_ns = _bounds(loop.newest_ns, wanted, backend.settings.window_h)
+    with backend.database.read() as connection:
+        stored = series.count_between(connection, loop.id, start_ns, end_ns)
+        samples = series.between(connection, loop.id, start_ns, end_ns) if stored <= MOST_UNPACKED else None
+    if stored > MOST_UNPACKED:
+        raise DataError("window_too_large", f"the window touches {stored} samples; take a shorter one")
+    if samples is None or not len(samples):
+        raise DataError("no_samples", f"loop {loop.tag!r} has no samples from {_iso(start_ns)} to {_iso(end_ns)}")
+    most = backend.settings.explanation_samples
+    if len(samples) > most and (wanted.start or wanted.window_h):
+        raise DataError(
+            "window_too_large",
+            f"the window has {len(samples)} samples, at most {most} are explained; take a shorter one",
+        )
+    return newest_samples(samples, most)
+
+
+def _bounds(newest_ns: int, wanted: Wanted, window_h: float) -> tuple[int, int]:
+    if wanted.start is not None and wanted.window_h is not None:
+        raise RequestError("bad_window", "a window has a start or a length, not both")
+    end_ns = newest_ns if wanted.end is None else instant_ns(wanted.end)
+    hours = window_h if wanted.window_h is None else wanted.window_h
+    if not 0.0 < hours <= LONGEST_WINDOW_H:
+        raise RequestError("bad_window", f"a window may be up to {LONGEST_WINDOW_H:.0f} hours long, got {hours}")
+    start_ns = int(end_ns - hours * NS_PER_H) if wanted.start is None else instant_ns(wanted.start)
+    if start_ns >= end_ns:
+        raise RequestError("bad_window", f"the window must end after it starts, got {_iso(start_ns)} to {_iso(end_ns)}")
+    return start_ns, end_ns
+
+
+def _row(backend: Backend, tag: str, explanation_id: str) -> ExplanationRow:
+    loop = find(backend, tag)
+    with backend.database.read() as connection:
+        row = explanations.by_id(connection, loop.id, identifier(explanation_id, "explanation"))
+    if row is None:
+        raise NotFoundError("unknown_explanation", f"loop {tag!r} has no explanation {explanation_id!r}")
+    return row
+
+
+def _iso(time_ns: int | None) -> str | None:
+    return None if time_ns is None else iso_utc(moment_of(time_ns))
+
+
+__all__ = ["Wanted", "ask", "get_explanation", "list_explanations", "newest", "stored_answer"]

@@ -1,0 +1,216 @@
+"""What people give as the simulation of a stored recording (a trace, a column, a model), kept until it is compared."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta, tzinfo
+from typing import Any, Literal
+from zoneinfo import ZoneInfo
+
+import numpy as np
+import polars as pl
+
+from app.engine.mismatch import Comparison
+from app.engine.mismatch.comparison import LEAST_SAMPLES, check
+from app.engine.recording import FloatArray, Recording
+from app.errors import DataError, RequestError
+from app.ingest import IngestOptions
+from app.ingest.stamps import NO_TIME, TimeReader, find_form
+from app.services.auditing.chunks import origin_ns, recording_of
+from app.services.explaining.comparisons import (
+    NOT_MEASURED,
+    SIMULATED,
+    SYNONYMS,
+    comparison_of,
+    find,
+    numbers,
+    onto,
+    parsed,
+    simulation_from_json,
+)
+from app.services.plant.trend import NS_PER_S
+from app.storage.documents import Document
+from app.storage.loops import LoopRow
+from app.storage.samples import Samples, TimeArray
+
+Kind = Literal["trace", "column", "model", "identified"]
+
+LARGEST_TRACE = 200_000
+EPOCH = datetime.fromtimestamp(0, UTC)
+FARTHEST_US = 9 * 10**15
+
+
+@dataclass(frozen=True, eq=False)
+class GivenTrace:
+    """values: a simulated PV, None where it has none. time: instants, or seconds, or None: a value a sample."""
+
+    values: Sequence[float | None]
+    time: Sequence[datetime] | Sequence[float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class GivenSimulation:
+    """At most one of them. None of them: a column of the recording with a usual name, or else our own linear loop.
+
+    csv: a table with a simulated PV and perhaps its times; column: a signal that was recorded with the loop; model:
+    gain, time constants, dead time, as `loopaudit explain --sim-model` takes it.
+    """
+
+    trace: GivenTrace | None = None
+    csv: str | None = None
+    column: str | None = None
+    model: Mapping[str, Any] | None = None
+
+
+def kept(given: GivenSimulation, samples: Samples, recording: Recording, zone: str) -> Document | None:
+    """What is stored with the request; None: our own linear loop. `zone` is that of stamps which name none.
+
+    Raises RequestError or DataError where more than one is given, or what is given cannot be used.
+    """
+    named = [name for name, value in vars(given).items() if value is not None]
+    if len(named) > 1:
+        raise RequestError("several_simulations", f"{' and '.join(named)} are given; one simulation can be compared")
+    if given.model is not None:
+        return Document({"kind": "model", "model": checked_model(given.model)})
+    options = IngestOptions(time_zone=zone, start_ns=origin_ns(samples))
+    if given.trace is not None:
+        return _kept_trace(given.trace, samples, recording, options)
+    if given.csv is not None:
+        return _kept_csv(given.csv, samples, recording, options)
+    column = _column(recording, given.column)
+    return None if column is None else Document({"kind": "column", "column": column})
+
+
+def comparison_with(loop: LoopRow, samples: Samples, simulation: Document | None) -> Comparison:
+    """A loop's stored samples against the simulation that was kept; checked, so that the engine can take it.
+
+    Raises DataError with the codes of the engine ("too_short", "signal_constant", ...) and of times that do not meet
+    ("no_overlap", "simulation_length").
+    """
+    recording = recording_of(loop, samples)
+    usable = int(np.sum(np.isfinite(recording.pv) & np.isfinite(recording.op)))
+    if usable < LEAST_SAMPLES:
+        raise DataError(
+            "too_short", f"the window has {usable} samples with PV and OP, at least {LEAST_SAMPLES} are needed"
+        )
+    told = {} if simulation is None else simulation.told
+    measured = _measured(recording, told.get("column"))
+    trace = None if simulation is None else _trace(recording, simulation, origin_ns(samples))
+    model = simulation_from_json(json.dumps(told["model"])) if told.get("kind") == "model" else None
+    found = comparison_of(measured, trace, model)
+    check(found)
+    return found
+
+
+def kind_of(simulation: Document | None) -> Kind:
+    return "identified" if simulation is None else simulation.told["kind"]
+
+
+def checked_model(model: Mapping[str, Any]) -> dict[str, Any]:
+    """The model as JSON. Raises RequestError("model_invalid") where it is none that can be simulated."""
+    try:
+        found = simulation_from_json(json.dumps(dict(model), allow_nan=False))
+    except ValueError as error:
+        raise RequestError("model_invalid", f"the model is not finite: {error}") from error
+    values = (found.gain, found.dead_time_s, *found.time_constants_s)
+    delays = (found.dead_time_s, *found.time_constants_s)
+    if not np.all(np.isfinite(values)) or found.gain == 0.0 or min(delays) < 0.0 or len(found.time_constants_s) > 2:
+        need = "a gain other than 0, up to two time constants and a dead time, finite and not negative, are needed"
+        got = f"gain {found.gain}, time constants {found.time_constants_s} s, dead time {found.dead_time_s} s"
+        raise RequestError("model_invalid", f"got {got}; {need}")
+    return dict(model)
+
+
+def _kept_csv(text: str, samples: Samples, recording: Recording, options: IngestOptions) -> Document:
+    """The simulated PV of a table at its times. Raises DataError where it is no table with numbers."""
+    try:
+        table = parsed(text)
+    except pl.exceptions.PolarsError as error:
+        raise DataError("not_a_table", f"the simulation cannot be read as CSV: {error}") from error
+    at = find(table, None, SYNONYMS["time"])
+    column = find(table, None, (*SIMULATED, *SYNONYMS["pv"])) or table.columns[-1]
+    if column == at:
+        raise DataError("no_simulation", "the CSV has a column of times only; a column PV_sim is needed")
+    times = None if at is None else _read_times(table[at], options)
+    return _placed(numbers(table, column), times, samples, recording)
+
+
+def _kept_trace(given: GivenTrace, samples: Samples, recording: Recording, options: IngestOptions) -> Document:
+    values = np.array([np.nan if value is None else value for value in given.values], dtype=np.float64)
+    if given.time is None:
+        return _placed(values, None, samples, recording)
+    if given.time and isinstance(given.time[0], datetime):
+        return _placed(values, _instants(given.time, ZoneInfo(options.time_zone)), samples, recording)  # type: ignore[arg-type]
+    return _placed(values, _read_times(pl.Series(given.time, dtype=pl.Float64), options), samples, recording)
+
+
+def _read_times(column: pl.Series, options: IngestOptions) -> TimeArray:
+    """(N,) ns since 1970; NO_TIME where there is none. As exports are read: stamps, seconds since 1970, or seconds."""
+    shown = column if column.dtype == pl.String else column.map_elements(lambda v: f"{v:f}", return_dtype=pl.String)
+    form = find_form(shown.drop_nulls().to_list(), column.name, options)
+    if form is None and len(column):
+        raise DataError(
+            "bad_times", f"the times of the simulation ({shown[0]!r}, ...) are not understood; ISO 8601 or s are needed"
+        )
+    return np.zeros(0, np.int64) if form is None else TimeReader(form, options).read(column)
+
+
+def _placed(values: FloatArray, at_ns: TimeArray | None, samples: Samples, recording: Recording) -> Document:
+    """Simulated values (N,) at their times, or one for each sample of the recording."""
+    if len(values) > LARGEST_TRACE:
+        raise RequestError(
+            "simulation_too_large", f"the simulation has {len(values)} samples, at most {LARGEST_TRACE} are taken"
+        )
+    if at_ns is None:
+        if len(values) != recording.samples:
+            raise DataError(
+                "simulation_length",
+                f"the simulation has {len(values)} samples and no times, the recording has {recording.samples}",
+            )
+        at_ns = origin_ns(samples) + np.round(recording.time_s * NS_PER_S).astype(np.int64)
+    if len(at_ns) != len(values):
+        raise DataError("simulation_length", f"{len(at_ns)} times were given for {len(values)} simulated values")
+    known = at_ns != NO_TIME
+    at_ns, once = np.unique(at_ns[known], return_index=True)
+    return Document({"kind": "trace"}, Samples(at_ns, {"simulation": values[known][once]}))
+
+
+def _instants(moments: Sequence[datetime], zone: tzinfo) -> TimeArray:
+    zoned = [moment if moment.tzinfo else moment.replace(tzinfo=zone) for moment in moments]
+    return np.array([_instant_ns(moment) for moment in zoned], dtype=np.int64)
+
+
+def _instant_ns(moment: datetime) -> int:
+    """Exact, as the recording's own times are; beyond what 64 bits hold it is their end."""
+    microseconds = (moment - EPOCH) // timedelta(microseconds=1)
+    return 1000 * max(-FARTHEST_US, min(FARTHEST_US, microseconds))
+
+
+def _column(recording: Recording, wanted: str | None) -> str | None:
+    """The signal of that name, or one with a usual name of a simulation. Raises where one that was named is missing."""
+    by_lower = {name.strip().lower(): name for name in recording.others}
+    if wanted is None:
+        return next((by_lower[name] for name in SIMULATED if name in by_lower), None)
+    found = by_lower.get(wanted.strip().lower())
+    if found is None:
+        there = ", ".join(recording.others) or "no further signals"
+        raise RequestError("no_such_column", f"nothing named {wanted!r} was recorded with the loop; it has {there}")
+    return found
+
+
+def _measured(recording: Recording, column: str | None) -> Recording:
+    """The recording without what is no measurement: simulations and marks."""
+    left_out = {*SIMULATED, *NOT_MEASURED, *(() if column is None else (column.strip().lower(),))}
+    others = {name: signal for name, signal in recording.others.items() if name.strip().lower() not in left_out}
+    own = {name: getattr(recording, name) for name in Recording.__dataclass_fields__}
+    return Recording(**(own | {"others": others}))
+
+
+def _trace(recording: Recording, simulation: Document, first_ns: int) -> FloatArray | None:
+    if simulation.told["kind"] == "column":
+        name = _column(recording, simulation.told["column"])
+        return recording.others[name or ""]
+    if simulation.signals is None:
+        return None
+    time_s = (simulation.signals.time_ns - first_ns) / NS_PER_S
+    return onto(recording.time_s, time_s, simulation.signals.signals["simulation"])

@@ -1,0 +1,111 @@
+"""The plot of an explanation as a small picture for documents: a window of the record, its residuals, and the residual
+against OP.
+"""
+
+import numpy as np
+
+from app.engine.mismatch import Explanation
+from app.engine.recording import FloatArray
+from app.services.explaining.plot import COLOURS
+
+WIDTH, HEIGHT = 860, 430
+LEFT, TOP, GAP = 62, 34, 40
+WIDE, SIDE = 540, 180
+PANEL = 150
+MOST_POINTS, MOST_DOTS = 700, 350
+
+
+def explanation_svg(explanation: Explanation, op: FloatArray) -> str:
+    """One SVG, its text as text. op: (N,) as recorded."""
+    t = explanation.traces
+    op = op[:: len(op) // len(t.pv)][: len(t.pv)]
+    lines = [("recording", t.pv), ("refitted", t.refitted), ("explained", t.explained)]
+    residuals = [(name, t.pv - signal) for name, signal in lines[1:]]
+    named = ", ".join(e.code for e in explanation.effects) or "nothing is missing"
+    fit = explanation.fit
+    title = f"{explanation.name}: {named}; held-out RMSE {fit.refitted.rmse:.3g} refitted, {fit.explained.rmse:.3g}"
+    body = [text(LEFT, 16, title + " explained", 13)]
+    marks = [(w.start_s, w.end_s) for w in explanation.located.windows[:60]]
+    body += panel((LEFT, TOP), (WIDE, PANEL), t.time_s, lines, "PV", marks)
+    held = [(w.start_s, w.end_s) for w in fit.held_out]
+    body += panel((LEFT, TOP + PANEL + GAP), (WIDE, PANEL), t.time_s, residuals, "residual; held out", held)
+    body += scatter((LEFT + WIDE + GAP, TOP + PANEL + GAP), (SIDE, PANEL), op, residuals)
+    body += legend(LEFT + WIDE + GAP, TOP + 12)
+    body.append(text(LEFT + WIDE / 2, HEIGHT - 8, "time [s]", 11))
+    body.append(text(LEFT + WIDE + GAP + 60, HEIGHT - 8, "residual against OP", 11))
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif">'
+    return "\n".join([head, f'<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>', *body, "</svg>"]) + "\n"
+
+
+def text(x: float, y: float, words: str, size: int) -> str:
+    safe = words.replace("&", "&amp;").replace("<", "&lt;")
+    return f'<text x="{x:.0f}" y="{y:.0f}" font-size="{size}" fill="#222">{safe}</text>'
+
+
+def panel(
+    at: tuple[float, float],
+    size: tuple[float, float],
+    time_s: FloatArray,
+    lines: list[tuple[str, FloatArray]],
+    label: str,
+    marks: list[tuple[float, float]],
+) -> list[str]:
+    """A frame with lines over time, its marked stretches shaded."""
+    low, high = limits([signal for _, signal in lines])
+    last = float(time_s[-1]) or 1.0
+    stride = max(len(time_s) // MOST_POINTS, 1)
+
+    def place(t: float, v: float) -> str:
+        return f"{at[0] + size[0] * t / last:.1f},{at[1] + size[1] * (1.0 - (v - low) / (high - low)):.1f}"
+
+    said = [
+        f'<rect x="{at[0] + size[0] * a / last:.1f}" y="{at[1]}" width="{size[0] * (min(b, last) - a) / last:.1f}" '
+        f'height="{size[1]}" fill="#0b6fb8" opacity="0.09"/>'
+        for a, b in marks
+    ]
+    said += frame(at, size, low, high, label)
+    for name, signal in lines:
+        clipped = np.clip(signal[::stride], low, high)
+        points = " ".join(place(float(t), float(v)) for t, v in zip(time_s[::stride], clipped, strict=True))
+        said.append(f'<polyline fill="none" stroke="{COLOURS[name]}" stroke-width="1" points="{points}"/>')
+    said.append(text(at[0] + size[0] - 40, at[1] + size[1] + 13, f"{last:.4g}", 10))
+    return said
+
+
+def scatter(
+    at: tuple[float, float], size: tuple[float, float], op: FloatArray, residuals: list[tuple[str, FloatArray]]
+) -> list[str]:
+    low, high = limits([signal for _, signal in residuals])
+    left, right = float(np.min(op)), float(np.max(op))
+    said = frame(at, size, low, high, "residual")
+    stride = max(len(op) // MOST_DOTS, 1)
+    for name, signal in residuals:
+        for u, v in zip(op[::stride], np.clip(signal[::stride], low, high), strict=True):
+            x = at[0] + size[0] * (u - left) / max(right - left, 1e-300)
+            y = at[1] + size[1] * (1.0 - (v - low) / (high - low))
+            said.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="1.2" fill="{COLOURS[name]}" opacity="0.5"/>')
+    said.append(text(at[0], at[1] + size[1] + 13, f"{left:.4g}", 10))
+    said.append(text(at[0] + size[0] - 36, at[1] + size[1] + 13, f"{right:.4g}", 10))
+    return said
+
+
+def frame(at: tuple[float, float], size: tuple[float, float], low: float, high: float, label: str) -> list[str]:
+    box = f'<rect x="{at[0]}" y="{at[1]}" width="{size[0]}" height="{size[1]}" fill="none" stroke="#999"/>'
+    ends = [text(at[0] - 50, at[1] + 9, f"{high:.4g}", 10), text(at[0] - 50, at[1] + size[1], f"{low:.4g}", 10)]
+    return [box, *ends, text(at[0] + 4, at[1] - 4, label, 11)]
+
+
+def legend(x: float, y: float) -> list[str]:
+    said = []
+    for k, name in enumerate(("recording", "refitted", "explained")):
+        row = y + 18 * k
+        said.append(f'<line x1="{x}" y1="{row}" x2="{x + 22}" y2="{row}" stroke="{COLOURS[name]}" stroke-width="2"/>')
+        said.append(text(x + 28, row + 4, name, 11))
+    return said
+
+
+def limits(signals: list[FloatArray]) -> tuple[float, float]:
+    low = min(float(np.quantile(signal, 0.002)) for signal in signals)
+    high = max(float(np.quantile(signal, 0.998)) for signal in signals)
+    margin = 0.05 * (high - low) or 1.0
+    return low - margin, high + margin

@@ -1,0 +1,66 @@
+"""The traces of a stored explanation: whole as CSV, thinned for a chart."""
+
+import io
+from typing import Any
+
+import numpy as np
+
+from app.engine.recording import FloatArray
+from app.services.backend import Backend
+from app.services.explaining.explanations import stored_answer
+from app.services.moments import iso_utc, moment_of
+from app.services.plant.trend import NS_PER_S, extremes
+from app.storage.samples import Samples
+
+SHOWN_WINDOWS = 200
+RESIDUAL = "residual_"
+
+
+def trace_csv(backend: Backend, tag: str, explanation_id: str) -> str:
+    """What `loopaudit explain --trace` writes. Raises NotFoundError("not_explained") while there is no answer."""
+    answer = stored_answer(backend, tag, explanation_id)
+    assert answer.signals is not None  # noqa: S101 - an answer that is done has its traces
+    header = answer.told["header"]
+    text = io.StringIO()
+    rows = np.stack([column(answer.signals, name) for name in header], axis=1)
+    np.savetxt(text, rows, fmt="%.8g", delimiter=",", header=",".join(header), comments="")
+    return text.getvalue()
+
+
+def plot(backend: Backend, tag: str, explanation_id: str, points: int = 2000) -> dict[str, Any]:
+    """Recording and simulations before and after, and the residuals against what triggers them."""
+    answer = stored_answer(backend, tag, explanation_id)
+    assert answer.signals is not None  # noqa: S101 - as above
+    signals, line = answer.signals, answer.told["line"]
+    n = len(signals)
+    shown = [signals.signals[name] for name in ("PV", "PV_refitted", "PV_explained")]
+    kept = np.arange(n) if n <= points else extremes(shown, n, points)
+    given = signals.signals["PV_given"]
+    some = np.arange(0, n, max(1, -(-n // points)))
+    return {
+        "start": iso_utc(moment_of(answer.told["start_ns"])),
+        "time_s": _numbers(column(signals, "time")[kept]),
+        "recording": _numbers(shown[0][kept]),
+        "given": None if np.all(np.isnan(given)) else _numbers(given[kept]),
+        "refitted": _numbers(shown[1][kept]),
+        "explained": _numbers(shown[2][kept]),
+        "trigger_label": answer.told["trigger"],
+        "trigger": _numbers(signals.signals["trigger"][some]),
+        "residual_before": _numbers(column(signals, "residual_refitted")[some]),
+        "residual_after": _numbers(column(signals, "residual_explained")[some]),
+        "windows": line["located"]["windows"][:SHOWN_WINDOWS],
+        "held_out": line["fit"]["held_out"][:SHOWN_WINDOWS],
+    }
+
+
+def column(signals: Samples, name: str) -> FloatArray:
+    """A column of the trace file, (N,): the time in s, a signal, or PV less a simulation."""
+    if name == "time":
+        return signals.time_ns / NS_PER_S
+    if name.startswith(RESIDUAL):
+        return signals.signals["PV"] - signals.signals["PV_" + name.removeprefix(RESIDUAL)]
+    return signals.signals[name]
+
+
+def _numbers(values: FloatArray) -> list[float | None]:
+    return [float(f"{value:.6g}") if np.isfinite(value) else None for value in values]

@@ -1,0 +1,147 @@
+"""What a worker does for an explanation: claims one, compares recording and simulation, writes if it still may."""
+
+import logging
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from sqlalchemy.exc import SQLAlchemyError
+
+from app.engine.mismatch import Comparison, Explanation, explain, locate
+from app.engine.mismatch.result import Location
+from app.errors import DataError, LoopauditError
+from app.services.auditing.limits import TimeLimitError, time_limit
+from app.services.backend import Backend
+from app.services.explaining.explanations import newest_samples
+from app.services.explaining.line import explanation_line, rounded, windows
+from app.services.explaining.plot import trace_rows
+from app.services.explaining.simulations import comparison_with
+from app.services.explaining.trigger import trigger_of
+from app.services.heartbeat import Heartbeat
+from app.services.plant.trend import NS_PER_S
+from app.storage import explanations, loops, series
+from app.storage.documents import Document, pack_document, unpack_document
+from app.storage.explanations import ExplanationClaim
+from app.storage.loops import LoopRow
+from app.storage.samples import Samples
+
+RESIDUAL = "residual_"
+LONGEST_TEXT = 2000
+
+log = logging.getLogger("loopaudit.explaining")
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A claimed explanation with what the engine needs; `simulation` is None for our own linear loop."""
+
+    claim: ExplanationClaim
+    loop: LoopRow
+    samples: Samples | None
+    simulation: Document | None
+
+
+@dataclass(frozen=True)
+class Ending:
+    state: str
+    values: dict[str, Any]
+
+
+def explain_next(backend: Backend, owner: str, *, watchdog: bool = False) -> bool:
+    """Works out the explanation whose turn it is and rings for a successor; False where none waits.
+
+    May run twice or late: it then finds nothing to do.
+    """
+    with backend.database.write() as connection:
+        claim = explanations.claim_next(connection, owner, backend.settings.lease_s)
+    if claim is None:
+        return False
+    with Heartbeat(backend, lambda connection, lease_s: explanations.renew(connection, claim, lease_s)):
+        ending = _isolated(backend, _load(backend, claim), watchdog)
+    with backend.database.write() as connection:
+        explanations.end(connection, claim, ending.state, ending.values)
+        more = explanations.any_waiting(connection)
+    if more:
+        backend.queue.explain(1)
+    return True
+
+
+def _load(backend: Backend, claim: ExplanationClaim) -> Task:
+    with backend.database.read() as connection:
+        row = explanations.claimed(connection, claim)
+        loop = loops.by_ids(connection, [row.loop_id])[row.loop_id]
+        samples = series.between(connection, loop.id, row.window_start_ns or 0, row.window_end_ns or 0)
+        packed = explanations.packed_simulation(connection, row.id)
+    newest = None if samples is None else newest_samples(samples, backend.settings.explanation_samples)
+    return Task(claim, loop, newest, None if packed is None else unpack_document(packed))
+
+
+def _isolated(backend: Backend, task: Task, watchdog: bool) -> Ending:
+    """How the explanation ends, whatever happens in it."""
+    limit_s = backend.settings.explanation_limit_s
+    try:
+        return _explained(backend, task, limit_s, watchdog)
+    except LoopauditError as error:
+        return _failed(error.code, error.message)
+    except TimeLimitError:
+        return _failed("time_limit", f"the explanation took longer than {limit_s:g} s; take a shorter window")
+    except MemoryError:
+        return _failed("memory", "the explanation needed more memory than there is")
+    except Exception as error:  # one explanation's fault must not take the worker with it; it is logged and shown
+        log.exception("explanation %s failed", task.claim.explanation_id)
+        return _failed("fault", f"{type(error).__name__}: {error}")
+
+
+def _explained(backend: Backend, task: Task, limit_s: float, watchdog: bool) -> Ending:
+    if task.samples is None or not len(task.samples):
+        raise DataError("no_samples", "the loop has no samples in the window")
+    started = time.perf_counter()
+    with time_limit(limit_s, watchdog=watchdog):
+        comparison = comparison_with(task.loop, task.samples, task.simulation)
+        first = locate(comparison)
+    _tell_first(backend, task.claim, first)
+    with time_limit(limit_s, watchdog=watchdog):
+        explanation = explain(comparison)
+    answer = answer_of(explanation, comparison, time.perf_counter() - started, _start_ns(task.samples))
+    codes = ";".join(effect.code for effect in explanation.effects)
+    values = {"verdict": explanation.verdict, "effects": codes, "packed": pack_document(answer)}
+    return Ending("done", values | {"error_code": None, "error_text": None})
+
+
+def _tell_first(backend: Backend, claim: ExplanationClaim, first: Location) -> None:
+    """Where the two differ, told before it is known why. Should it not arrive, the whole answer will."""
+    located = {
+        "block": first.block,
+        "windows": windows(first.windows),
+        "condition": first.condition,
+        "frequency_hz": rounded(first.frequency_hz),
+    }
+    packed = pack_document(Document({"line": {"located": located}}))
+    with suppress(SQLAlchemyError), backend.database.write() as connection:
+        explanations.note_first(connection, claim, packed)
+
+
+def answer_of(explanation: Explanation, comparison: Comparison, elapsed_s: float, start_ns: int) -> Document:
+    """The line, what the residual depends on, and the traces; residuals are left out, they are differences."""
+    header, rows = trace_rows(explanation)
+    columns = {name: rows[:, k] for k, name in enumerate(header) if name != "time" and not name.startswith(RESIDUAL)}
+    trigger = trigger_of(explanation, comparison)
+    time_ns = np.round(explanation.traces.time_s * NS_PER_S).astype(np.int64)
+    told = {
+        "line": explanation_line(explanation, elapsed_s),
+        "header": header,
+        "start_ns": start_ns,
+        "trigger": trigger.label,
+    }
+    return Document(told, Samples(time_ns, {**columns, "trigger": trigger.values}))
+
+
+def _start_ns(samples: Samples) -> int:
+    """The instant of an explanation's second 0: the first sample with PV and OP."""
+    return int(samples.time_ns[np.argmax(np.isfinite(samples.signals["pv"]) & np.isfinite(samples.signals["op"]))])
+
+
+def _failed(code: str, text: str) -> Ending:
+    return Ending("failed", {"error_code": code, "error_text": text[:LONGEST_TEXT], "packed": None})

@@ -1,0 +1,1 @@
+"""Exports as they come in: received and synced, then read by a worker."""

@@ -1,0 +1,189 @@
+"""Reading an upload: from its bytes to loops and series, in bounded memory; done twice, it has the same effect."""
+
+import errno
+import json
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from app.errors import LoopauditError
+from app.ingest import Export, IngestOptions, LoopSamples, LoopTags, Rejects, TagMapping, read_export
+from app.services.backend import DATABASE_AWAY, Backend
+from app.services.heartbeat import Heartbeat
+from app.services.intake.uploads import path_of
+from app.services.patience import patiently
+from app.storage import loops, series, uploads
+from app.storage.samples import Samples
+from app.storage.series import Stretch
+from app.storage.uploads import ReadingClaim, RejectRow, UploadRow
+
+BATCH_LOOPS = 200
+LISTED_LOOPS = 20_000
+BATCH_VALUES = 2_000_000
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
+
+
+class ClaimLostError(Exception):
+    """Another worker has the upload now; whatever it does stands."""
+
+
+@dataclass(frozen=True)
+class Read:
+    """What reading a file came to."""
+
+    summary: dict[str, Any]
+    rejects: Rejects
+
+
+def read_upload(backend: Backend, upload_id: int, owner: str) -> None:
+    """Reads the upload if it is still to be read, nobody else reads it, and its file can be seen from here."""
+    with backend.database.read() as connection:
+        row = uploads.by_id(connection, upload_id)
+    if row is None or not path_of(backend, row.fingerprint).is_file():
+        return
+    with backend.database.write() as connection:
+        most = backend.settings.max_reading_attempts
+        claim = uploads.claim(connection, upload_id, owner, backend.settings.lease_s, most)
+    if claim is not None:
+        _read_claimed(backend, row, claim)
+
+
+def _read_claimed(backend: Backend, row: UploadRow, claim: ReadingClaim) -> None:
+    try:
+        with Heartbeat(backend, lambda connection, lease_s: uploads.renew(connection, claim, lease_s)):
+            result = _read_file(backend, row, claim)
+    except ClaimLostError:
+        return
+    except DATABASE_AWAY:
+        raise  # for too long: no fault of the file, and nothing can be written; it is read again when the lease is over
+    except LoopauditError as error:
+        _end(backend, claim, "failed", {"error_code": error.code, "error_text": error.message})
+    except Exception as error:  # every fault of ours is told to who waits for the upload, and raised again for the log
+        _stumble(backend, claim, error)
+        raise
+    else:
+        _end(backend, claim, "done", {"summary_json": json.dumps(result.summary)}, result.rejects)
+
+
+def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
+    reading = json.loads(row.reading_json)
+    mapping = TagMapping.from_bytes(reading["mapping"].encode()) if reading.get("mapping") else None
+    options = _options(backend, reading)
+    export = read_export(path_of(backend, row.fingerprint), filename=row.filename, mapping=mapping, options=options)
+    added = _stored(backend, claim, _batches(export), mapping)
+    summary, refused = export.summary(), export.rejects()
+    told = {
+        "layout": summary.layout,
+        "rows_kept": summary.rows_kept,
+        "samples_added": added,
+        "reject_counts": dict(refused.counts),
+        "notes": list(summary.notes),
+        "tags": [_tags(loop) for loop in summary.loops[:LISTED_LOOPS]],
+    }
+    return Read(told, refused)
+
+
+def _tags(loop: LoopTags) -> dict[str, Any]:
+    return {"loop": loop.loop, "pv": loop.pv, "op": loop.op, "sp": loop.sp, "mode": loop.mode, "others": loop.others}
+
+
+def _options(backend: Backend, reading: dict[str, Any]) -> IngestOptions:
+    return IngestOptions(
+        time_zone=reading.get("time_zone") or backend.settings.time_zone,
+        max_rejects=backend.settings.max_rejects,
+        buffered_values=backend.settings.buffered_samples,
+        spill_folder=backend.settings.uploads_dir,
+    )
+
+
+def _batches(export: Export) -> Iterator[list[LoopSamples]]:
+    """Stretches with a signal of a loop, so many at a time as one transaction should write."""
+    batch: list[LoopSamples] = []
+    values = 0
+    for stretch in export.loops():
+        if all(signal is None for signal in (stretch.pv, stretch.op, stretch.sp)) or stretch.samples == 0:
+            continue
+        batch.append(stretch)
+        values += 4 * stretch.samples
+        if len(batch) >= BATCH_LOOPS or values >= BATCH_VALUES:
+            yield batch
+            batch, values = [], 0
+    if batch:
+        yield batch
+
+
+def _stored(
+    backend: Backend, claim: ReadingClaim, batches: Iterator[list[LoopSamples]], mapping: TagMapping | None
+) -> int:
+    """How many samples were new. A batch is written in a thread while the next one is read."""
+    added = 0
+    with ThreadPoolExecutor(1, thread_name_prefix="storing") as thread:
+        writing: Future[int] | None = None
+        for batch in batches:
+            added += 0 if writing is None else writing.result()
+            storing = partial(_store, backend, claim, batch, mapping)
+            writing = thread.submit(patiently, storing, backend.settings.lease_s)
+        return added + (0 if writing is None else writing.result())
+
+
+def _store(backend: Backend, claim: ReadingClaim, batch: list[LoopSamples], mapping: TagMapping | None) -> int:
+    """How many samples were new. Series are packed inside of the transaction: only then is it known what is new."""
+    with backend.database.write() as connection:
+        if not uploads.renew(connection, claim, backend.settings.lease_s):
+            raise ClaimLostError
+        ids = loops.ensure(connection, (stretch.loop for stretch in batch))
+        stretches = [Stretch(ids[stretch.loop], _samples(stretch)) for stretch in batch]
+        added = series.add(connection, stretches, claim.upload_id)
+        uploads.note_loops(connection, claim.upload_id, ids.values())
+        if mapping is not None:
+            loops.fill_in(connection, {ids[tag]: found for tag, found in _attributes(mapping).items() if tag in ids})
+    return added.samples
+
+
+def _samples(stretch: LoopSamples) -> Samples:
+    own = {"pv": stretch.pv, "op": stretch.op, "sp": stretch.sp, "automatic": stretch.automatic}
+    signals = {name: values for name, values in own.items() if values is not None}
+    return Samples(stretch.time_ns, {**signals, **{f"tag:{tag}": values for tag, values in stretch.others.items()}})
+
+
+def _attributes(mapping: TagMapping) -> dict[str, dict[str, Any]]:
+    """What a mapping says about loops, by tag: the spans and the unit of their signals, their type and plant unit."""
+    found: dict[str, dict[str, Any]] = {}
+    for entry in mapping.entries.values():
+        told = found.setdefault(entry.loop, {})
+        if entry.signal in ("PV", "OP"):
+            name = entry.signal.lower()
+            told[f"{name}_low"], told[f"{name}_high"] = entry.number("low"), entry.number("high")
+        if entry.signal == "PV":
+            told["pv_unit"] = entry.attributes.get("unit")
+        told.setdefault("type", entry.attributes.get("loop_type"))
+        told.setdefault("unit", entry.attributes.get("area"))
+        told.setdefault("description", entry.attributes.get("description"))
+    return {
+        loop: {name: value for name, value in told.items() if value not in (None, "")} for loop, told in found.items()
+    }
+
+
+def _end(
+    backend: Backend, claim: ReadingClaim, state: str, values: dict[str, Any], refused: Rejects | None = None
+) -> None:
+    def write() -> None:
+        with backend.database.write() as connection:
+            held = uploads.end(connection, claim, state, values)
+            if held and refused is not None:
+                listed = [RejectRow(reject.line, reject.code, reject.text, reject.tag) for reject in refused.listed]
+                uploads.replace_rejects(connection, claim.upload_id, listed)
+
+    patiently(write, backend.settings.lease_s)
+
+
+def _stumble(backend: Backend, claim: ReadingClaim, error: Exception) -> None:
+    no_room = isinstance(error, OSError) and error.errno in DISK_FULL  # no fault of the file: it waits for room
+    if claim.attempt >= backend.settings.max_attempts and not no_room:
+        text = f"reading this file failed by a fault of the service ({type(error).__name__}); the log has the details"
+        _end(backend, claim, "failed", {"error_code": "fault", "error_text": text})
+        return
+    with backend.database.write() as connection:
+        uploads.hand_back(connection, claim)

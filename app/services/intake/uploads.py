@@ -1,0 +1,186 @@
+"""Uploads: stored and synced before they are acknowledged, the same content once."""
+
+import hashlib
+import json
+import uuid
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+from app.errors import NotFoundError, RequestError
+from app.ingest import TagMapping
+from app.services.backend import Backend
+from app.services.cursors import decode, encode, identifier
+from app.services.intake.synced import SyncedFile
+from app.services.moments import iso_utc
+from app.services.results import Page, Receipt, RejectView, UploadView
+from app.settings import sync_folder
+from app.storage import uploads
+from app.storage.uploads import UploadRow
+
+COPY_BYTES = 1 << 20
+LONGEST_NAME = 255
+
+
+@dataclass(frozen=True)
+class ReadingOptions:
+    """How an export is to be read: `mapping` is a plant's tag mapping (CSV or JSON), `time_zone` an IANA name."""
+
+    time_zone: str | None = None
+    mapping: bytes | None = None
+
+    def as_json(self) -> str:
+        mapping = None if self.mapping is None else self.mapping.decode("utf-8-sig", "replace")
+        return json.dumps({"time_zone": self.time_zone, "mapping": mapping}, sort_keys=True)
+
+    def check(self) -> None:
+        """Raises LoopauditError where the options cannot be used, before the file is taken."""
+        if self.mapping is not None:
+            TagMapping.from_bytes(self.mapping)
+        if self.time_zone is not None:
+            try:
+                ZoneInfo(self.time_zone)
+            except (ZoneInfoNotFoundError, ValueError, OSError) as error:
+                raise RequestError("unknown_time_zone", f"{self.time_zone!r} is no IANA time zone") from error
+
+
+class Receiving:
+    """An upload that is coming in: `write` its bytes, then `commit`. Left without commit, nothing remains of it."""
+
+    def __init__(self, backend: Backend, values: dict[str, Any]) -> None:
+        self._backend = backend
+        self._values = values
+        self._draft = backend.settings.uploads_dir / f".part-{uuid.uuid4().hex}"
+        self._file = SyncedFile(self._draft)
+
+    def write(self, data: bytes) -> None:
+        """Raises RequestError("upload_too_large") beyond the limit of the settings."""
+        most = self._backend.settings.max_upload_bytes
+        if self._file.size + len(data) > most:
+            raise RequestError("upload_too_large", f"an upload may have at most {most} bytes; send it in parts")
+        self._file.write(data)
+
+    def commit(self) -> Receipt:
+        """Bytes and row are on disk when this returns. Raises RequestError("empty_upload") without any bytes."""
+        if self._file.size == 0:
+            raise RequestError("empty_upload", "the upload has no bytes")
+        fingerprint = self._file.sync()
+        self._keep(fingerprint)
+        key = hashlib.sha256(f"{fingerprint} {self._values['reading_json']}".encode()).hexdigest()
+        values = {**self._values, "content_key": key, "fingerprint": fingerprint, "size_bytes": self._file.size}
+        with self._backend.database.write() as connection:
+            row, created = uploads.receive(connection, values)
+            again = uploads.try_again(connection, row.id)
+        if created or again:
+            self._backend.queue.read_upload(row.id)
+        return Receipt(get_upload(self._backend, str(row.id)), created)
+
+    def _keep(self, fingerprint: str) -> None:
+        self._file.close()
+        self._draft.rename(path_of(self._backend, fingerprint))
+        sync_folder(self._backend.settings.uploads_dir)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        try:
+            self._file.close()  # which writes what is left, and may find the disk full
+        except OSError:
+            if error is None:
+                raise
+        finally:
+            self._draft.unlink(missing_ok=True)
+
+
+def receive(
+    backend: Backend,
+    *,
+    filename: str,
+    content_type: str | None = None,
+    reading: ReadingOptions | None = None,
+    received_by: str | None = None,
+) -> Receiving:
+    """Begins an upload; `filename` names the loop of a file that holds one loop without tags."""
+    reading = reading or ReadingOptions()
+    reading.check()
+    name = Path(filename.replace("\\", "/").replace("\x00", "")).name[-LONGEST_NAME:] or "upload.csv"
+    values = {
+        "filename": name,
+        "content_type": content_type,
+        "reading_json": reading.as_json(),
+        "received_by": received_by,
+    }
+    return Receiving(backend, values)
+
+
+def receive_file(backend: Backend, path: Path, reading: ReadingOptions | None = None) -> Receipt:
+    with receive(backend, filename=path.name, reading=reading) as receiving, path.open("rb") as file:
+        while part := file.read(COPY_BYTES):
+            receiving.write(part)
+        return receiving.commit()
+
+
+def read_again(backend: Backend, upload_id: str, mapping: bytes, received_by: str | None = None) -> Receipt:
+    """The bytes of an upload once more, with its tags mapped as `mapping` (CSV or JSON) says: an upload of its own."""
+    with backend.database.read() as connection:
+        row = uploads.by_id(connection, identifier(upload_id, "upload"))
+    if row is None:
+        raise NotFoundError("unknown_upload", f"there is no upload {upload_id!r}")
+    path = path_of(backend, row.fingerprint)
+    if not path.is_file():
+        raise NotFoundError("bytes_gone", "the file of this upload is no longer kept; send it again with its mapping")
+    reading = ReadingOptions(json.loads(row.reading_json).get("time_zone"), mapping)
+    with receive(backend, filename=row.filename, reading=reading, received_by=received_by) as receiving:
+        with path.open("rb") as file:
+            while part := file.read(COPY_BYTES):
+                receiving.write(part)
+        return receiving.commit()
+
+
+def get_upload(backend: Backend, upload_id: str) -> UploadView:
+    with backend.database.read() as connection:
+        row = uploads.by_id(connection, identifier(upload_id, "upload"))
+        if row is None:
+            raise NotFoundError("unknown_upload", f"there is no upload {upload_id!r}")
+        found = uploads.loops_of(connection, row.id)
+        refused = [RejectView(**vars(reject)) for reject in uploads.rejects_of(connection, row.id)]
+    return _view(row, found, refused)
+
+
+def list_uploads(backend: Backend, limit: int = 100, cursor: str | None = None) -> Page[UploadView]:
+    """Uploads, the newest first, without their loops and refused rows."""
+    before = decode(cursor, (int,))
+    with backend.database.read() as connection:
+        rows = uploads.page(connection, limit + 1, before[0] if before else None)
+    following = encode(rows[limit - 1].id) if len(rows) > limit else None
+    return Page([_view(row, [], []) for row in rows[:limit]], following)
+
+
+def path_of(backend: Backend, fingerprint: str) -> Path:
+    return backend.settings.uploads_dir / fingerprint
+
+
+def _view(row: UploadRow, found: list[str], refused: list[RejectView]) -> UploadView:
+    summary = row.summary
+    return UploadView(
+        id=str(row.id),
+        state=row.state,  # type: ignore[arg-type]  # the table allows no other
+        filename=row.filename,
+        size_bytes=row.size_bytes,
+        fingerprint=row.fingerprint,
+        received_at=iso_utc(row.received_at) or "",
+        ended_at=iso_utc(row.ended_at),
+        reason=row.error_text,
+        layout=summary.get("layout"),
+        loops=found,
+        rows_kept=summary.get("rows_kept", 0),
+        rows_refused=sum(summary.get("reject_counts", {}).values()),
+        samples_added=summary.get("samples_added", 0),
+        reject_counts=summary.get("reject_counts", {}),
+        rejects=refused,
+        notes=summary.get("notes", []),
+        tags=summary.get("tags", []),
+    )

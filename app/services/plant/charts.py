@@ -1,0 +1,164 @@
+"""What the charts of a loop show: made from the stored samples and the stored verdict when somebody looks."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from app.engine import yper
+from app.engine.freerun import valve_position
+from app.errors import DataError
+from app.services.backend import Backend
+from app.services.moments import iso_utc, moment_of
+from app.services.plant.loops import find, verdict_detail
+from app.services.plant.trend import extremes, numbers
+from app.storage import series, verdicts
+from app.storage.samples import FloatArray, Samples
+
+POINTS = 2400
+SCATTERED = 1500
+BINS = 41
+MARGIN = 0.05
+MOST_LINES = 1000
+NS_PER_S = 1_000_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class _Record:
+    """Stored samples about the audited window; inside: (n,) True in the window."""
+
+    samples: Samples
+    pv: FloatArray
+    op: FloatArray
+    sp: FloatArray | None
+    inside: np.ndarray
+
+
+def charts(backend: Backend, tag: str, audit_id: str | None = None) -> dict[str, Any]:
+    """Trend with the valve's estimated position, PV over OP, control errors, spectra, RMSE over d and over (S, J)."""
+    detail = verdict_detail(backend, tag, audit_id)
+    record, window = _record(backend, tag, audit_id)
+    valve = _valve(detail)
+    told: dict[str, Any] = {"window": window, "rmse_d": _curve(detail), "rmse_sj": _surface(detail), "valve": valve}
+    if record is None:
+        return told | {"trend": None, "pv_op": None, "errors": None, "spectra": detail.get("spectra")}
+    return told | {
+        "trend": _trend(record, valve),
+        "pv_op": _scatter(record),
+        "errors": _errors(record),
+        "spectra": detail.get("spectra") or _spectra(record),
+    }
+
+
+def _record(backend: Backend, tag: str, audit_id: str | None) -> tuple[_Record | None, list[str] | None]:
+    row = find(backend, tag)
+    with backend.database.read() as connection:
+        given = verdicts.input_of(connection, row.id, int(audit_id) if audit_id else row.newest_audit_id or 0)
+        if given is None or given.input_start_ns is None:
+            return None, None
+        margin = int(MARGIN * (given.input_end_ns - given.input_start_ns))
+        samples = series.between(connection, row.id, given.input_start_ns - margin, given.input_end_ns + margin)
+    window = None
+    if given.window_start is not None:
+        window = [iso_utc(given.window_start) or "", iso_utc(given.window_end) or ""]
+    if samples is None or len(samples) < 2:
+        return None, window
+    missing = np.full(len(samples), np.nan)
+    pv, op = samples.signals.get("pv", missing), samples.signals.get("op", missing)
+    return _Record(samples, pv, op, samples.signals.get("sp"), _inside(samples, given)), window
+
+
+def _inside(samples: Samples, given: Any) -> np.ndarray:
+    start_ns, end_ns = given.input_start_ns, given.input_end_ns
+    if given.window_start is not None:
+        start_ns = round(given.window_start.timestamp() * NS_PER_S)
+        end_ns = round(given.window_end.timestamp() * NS_PER_S)
+    return (samples.time_ns >= start_ns) & (samples.time_ns <= end_ns)
+
+
+def _valve(detail: dict[str, Any]) -> dict[str, float] | None:
+    """The S and J to show the valve with: the quantified size where there is one, else the best of the grid."""
+    size = detail.get("stiction_size") or {}
+    S, J = _value(size.get("S")), _value(size.get("J"))
+    if S is None and detail["rungs"] and detail["rungs"][-1]["two_parameter"]:
+        two = detail["rungs"][-1]["two_parameter"]
+        S, J = two["S"][two["best"]], two["J"][two["best"]]
+    return None if not S else {"S": S, "J": J or 0.0}
+
+
+def _value(told: Any) -> float | None:
+    return told.get("value") if isinstance(told, dict) else told
+
+
+def _trend(record: _Record, valve: dict[str, float] | None) -> dict[str, Any]:
+    position = None if valve is None else _position(record.op, valve)
+    shown = {"pv": record.pv, "op": record.op, "sp": record.sp, "valve": position}
+    given = {name: signal for name, signal in shown.items() if signal is not None}
+    n = len(record.samples)
+    kept = np.arange(n) if n <= POINTS else extremes(list(given.values()), n, POINTS)
+    time = [iso_utc(moment_of(int(t))) for t in record.samples.time_ns[kept]]
+    return {"time": time, **{name: numbers(signal[kept]) for name, signal in given.items()}}
+
+
+def _position(op: FloatArray, valve: dict[str, float]) -> FloatArray | None:
+    known = np.flatnonzero(np.isfinite(op))
+    if len(known) < 2:
+        return None
+    whole = np.interp(np.arange(len(op)), known, op[known])
+    return valve_position(whole, valve["S"], valve["J"])
+
+
+def _scatter(record: _Record) -> dict[str, Any]:
+    places = np.flatnonzero(record.inside & np.isfinite(record.pv) & np.isfinite(record.op))
+    # The newest ones in a row, not every tenth: it is the path from point to point that shows a sticking valve.
+    places = places[-SCATTERED:]
+    return {"op": numbers(record.op[places]), "pv": numbers(record.pv[places])}
+
+
+def _errors(record: _Record) -> dict[str, Any] | None:
+    if record.sp is None:
+        return None
+    error = (record.sp - record.pv)[record.inside]
+    error = error[np.isfinite(error)]
+    if len(error) < 2 or np.ptp(error) == 0.0:
+        return None
+    count, edges = np.histogram(error, BINS)
+    return {"middle": numbers((edges[1:] + edges[:-1]) / 2), "share_pct": numbers(100.0 * count / len(error))}
+
+
+def _spectra(record: _Record) -> dict[str, Any] | None:
+    """As the audit stores them, for a verdict that was reached without the published identification."""
+    places = np.flatnonzero(record.inside)
+    both = np.isfinite(record.pv[places]) & np.isfinite(record.op[places])
+    if both.sum() < 16:
+        return None
+    interval_s = float(np.median(np.diff(record.samples.time_ns[places]))) / NS_PER_S
+    whole = [np.interp(places, places[both], signal[places][both]) for signal in (record.pv, record.op)]
+    try:
+        found = yper.compute(whole[0], whole[1], interval_s)
+    except DataError:
+        return None
+    groups = np.unique(np.linspace(0, len(found.frequency_hz), MOST_LINES // 4, endpoint=False).astype(int))
+    amplitudes = (found.pv_amplitude, found.op_amplitude, found.threshold_amplitude)
+    pv, op, threshold = (numbers(np.maximum.reduceat(amplitude, groups)) for amplitude in amplitudes)
+    return {
+        "frequency_hz": numbers(found.frequency_hz[groups]),
+        "pv_amplitude": pv,
+        "op_amplitude": op,
+        "threshold_amplitude": threshold,
+        "significant": np.logical_or.reduceat(found.significant, groups).tolist(),
+    }
+
+
+def _curve(detail: dict[str, Any]) -> dict[str, Any] | None:
+    """RMSE over the stiction band, as the last rung of the ladder found it."""
+    if not detail["rungs"]:
+        return None
+    curve = detail["rungs"][-1]["one_parameter"]
+    return {name: curve[name] for name in ("d", "rmse", "best")}
+
+
+def _surface(detail: dict[str, Any]) -> dict[str, Any] | None:
+    if not detail["rungs"] or not detail["rungs"][-1]["two_parameter"]:
+        return None
+    return {name: detail["rungs"][-1]["two_parameter"][name] for name in ("S", "J", "rmse", "best")}

@@ -1,0 +1,124 @@
+"""The plant's loops, each with its newest verdict and its history."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from app.errors import NotFoundError, RequestError
+from app.services.auditing.rows import FORM, KEY_FIGURES, as_row, compact, sent
+from app.services.backend import Backend
+from app.services.cursors import decode, encode, identifier
+from app.services.moments import iso_utc, moment_of
+from app.services.results import LoopView, Page
+from app.storage import loops, verdicts
+from app.storage.loops import SETTABLE, LoopRow
+
+SPANS = (("pv_low", "pv_high"), ("op_low", "op_high"))
+
+
+def list_loops(
+    backend: Backend,
+    limit: int = 100,
+    cursor: str | None = None,
+    *,
+    unit: str | None = None,
+    search: str | None = None,
+) -> Page[LoopView]:
+    """Loops in the order of their tags; `search` is a part of the tag."""
+    after = decode(cursor, (str,))
+    with backend.database.read() as connection:
+        rows = loops.page(connection, limit + 1, after[0] if after else None, unit, search)
+    following = encode(rows[limit - 1].tag) if len(rows) > limit else None
+    return Page([_view(row) for row in rows[:limit]], following)
+
+
+def get_loop(backend: Backend, tag: str) -> LoopView:
+    return _view(find(backend, tag))
+
+
+def patch_loop(backend: Backend, tag: str, changes: Mapping[str, Any]) -> LoopView:
+    """Sets what `changes` names (None forgets it). Raises RequestError for an unknown field or a span that is none."""
+    row = find(backend, tag)
+    unknown = sorted(set(changes) - set(SETTABLE))
+    if unknown:
+        raise RequestError("unknown_field", f"a loop has no {unknown[0]!r} to set; it has {', '.join(SETTABLE)}")
+    wanted = {name: changes.get(name, getattr(row, name)) for name in SETTABLE}
+    if wanted["importance"] is None:
+        wanted["importance"] = 1.0
+    _check_spans(wanted)
+    with backend.database.write() as connection:
+        loops.change(connection, row.id, wanted)
+    return get_loop(backend, tag)
+
+
+def loop_health(backend: Backend, tag: str) -> dict[str, Any]:
+    """The newest verdict and the key figures, flat. Raises NotFoundError where the loop was never audited."""
+    with backend.database.read() as connection:
+        found = verdicts.newest(connection, tag)
+    if found is None:
+        raise unknown(tag)
+    loop_id, newest = found
+    if newest is None:
+        raise NotFoundError("not_audited", f"loop {tag!r} has not been audited yet")
+    figures = newest.get(KEY_FIGURES)
+    if figures is None:  # a verdict that an older version wrote
+        with backend.database.read() as connection:
+            figures = (verdicts.detail(connection, loop_id, newest["audit_id"]) or {}).get(KEY_FIGURES, {})
+    return as_row(newest) | figures
+
+
+def loop_health_json(backend: Backend, tag: str) -> str:
+    """`loop_health` as JSON, in most cases as it was written with the verdict."""
+    with backend.database.read() as connection:
+        written = verdicts.sent_health(connection, tag, FORM)
+    if written is None:
+        return compact(loop_health(backend, tag))
+    row, figures, unit = written
+    return sent(row, unit, figures)
+
+
+def verdict_history(backend: Backend, tag: str, limit: int = 100, cursor: str | None = None) -> Page[dict[str, Any]]:
+    """A loop's verdicts, the newest first."""
+    row = find(backend, tag)
+    before = decode(cursor, (int,))
+    with backend.database.read() as connection:
+        found = verdicts.history(connection, row.id, limit + 1, before[0] if before else None)
+    following = encode(found[limit - 1]["audit_id"]) if len(found) > limit else None
+    return Page([as_row(verdict) for verdict in found[:limit]], following)
+
+
+def verdict_detail(backend: Backend, tag: str, audit_id: str | None = None) -> dict[str, Any]:
+    """What a verdict rests on: findings, rungs with their curves, spectra. Without `audit_id`: the newest verdict."""
+    row = find(backend, tag)
+    run = row.newest_audit_id if audit_id is None else identifier(audit_id, "audit")
+    with backend.database.read() as connection:
+        found = verdicts.detail(connection, row.id, run or 0)
+    if found is None:
+        raise NotFoundError("not_audited", f"loop {tag!r} has no verdict from this run")
+    return found
+
+
+def find(backend: Backend, tag: str) -> LoopRow:
+    with backend.database.read() as connection:
+        row = loops.by_tag(connection, tag)
+    if row is None:
+        raise unknown(tag)
+    return row
+
+
+def unknown(tag: str) -> NotFoundError:
+    return NotFoundError("unknown_loop", f"there is no loop {tag!r}")
+
+
+def _check_spans(wanted: Mapping[str, Any]) -> None:
+    for low, high in SPANS:
+        ends = (wanted[low], wanted[high])
+        if any(end is not None and not math.isfinite(end) for end in ends):
+            raise RequestError("bad_span", f"{low} and {high} must be finite numbers")
+        if None not in ends and ends[0] >= ends[1]:
+            raise RequestError("bad_span", f"{low} must be below {high}, got {ends[0]} and {ends[1]}")
+
+
+def _view(row: LoopRow) -> LoopView:
+    own = {name: getattr(row, name) for name in ("tag", *SETTABLE)}
+    return LoopView(**own, samples_to=None if row.newest_ns is None else iso_utc(moment_of(row.newest_ns)))

@@ -1,0 +1,86 @@
+"""Notes and work orders on a loop, and what a repair changed."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from app.errors import RequestError
+from app.services.backend import Backend
+from app.services.moments import iso_utc
+from app.services.plant.loops import find, verdict_history
+from app.services.results import NoteView
+from app.storage import notes
+from app.storage.notes import NoteRow
+
+LONGEST_TEXT = 4000
+LONGEST_WORK_ORDER = 100
+SHOWN = 50
+COMPARED = (
+    "verdict",
+    "reliability",
+    "stiction_probability",
+    "health",
+    "oscillation_period_s",
+    "oscillation_strength",
+    "stiction_band_pct_of_op_range",
+    "yper_pct",
+)
+
+
+@dataclass(frozen=True)
+class Repair:
+    """A loop before and after it was repaired: the last verdict before, the newest one after (None: none yet)."""
+
+    repaired_at: str
+    before: dict[str, Any] | None
+    after: dict[str, Any] | None
+
+
+def add_note(
+    backend: Backend,
+    tag: str,
+    text: str,
+    work_order: str = "",
+    repaired_at: datetime | None = None,
+    written_by: str = "",
+) -> None:
+    """Raises RequestError where nothing is said, or too much."""
+    text, work_order = text.replace("\x00", "").strip(), work_order.replace("\x00", "").strip()
+    if not text and not work_order and repaired_at is None:
+        raise RequestError("empty_note", "a note needs a text, a work order or the time of a repair")
+    if len(text) > LONGEST_TEXT or len(work_order) > LONGEST_WORK_ORDER:
+        most = f"{LONGEST_TEXT} characters, a work order {LONGEST_WORK_ORDER}"
+        raise RequestError("note_too_long", f"a note may have at most {most}")
+    row = find(backend, tag)
+    with backend.database.write() as connection:
+        notes.add(connection, row.id, written_by, text, work_order, repaired_at)
+
+
+def list_notes(backend: Backend, tag: str) -> list[NoteView]:
+    """The newest first."""
+    row = find(backend, tag)
+    with backend.database.read() as connection:
+        return [_view(note) for note in notes.of_loop(connection, row.id, SHOWN)]
+
+
+def newest_repair(backend: Backend, tag: str) -> Repair | None:
+    """The newest repair with the verdicts on both sides of it, by the end of the audited window."""
+    row = find(backend, tag)
+    with backend.database.read() as connection:
+        at = notes.newest_repair(connection, row.id)
+    if at is None:
+        return None
+    moment = iso_utc(at) or ""
+    judged = [verdict for verdict in verdict_history(backend, tag, limit=1000).rows if _told(verdict)]
+    after = [verdict for verdict in judged if (verdict["window_start"] or verdict["audited_at"]) >= moment]
+    before = [verdict for verdict in judged if (verdict["window_end"] or verdict["audited_at"]) < moment]
+    return Repair(moment, before[0] if before else None, after[0] if after else None)
+
+
+def _told(verdict: dict[str, Any]) -> bool:
+    return bool(verdict["window_end"] or verdict["audited_at"])
+
+
+def _view(note: NoteRow) -> NoteView:
+    written, repaired = iso_utc(note.written_at) or "", iso_utc(note.repaired_at)
+    return NoteView(str(note.id), written, note.written_by, note.text, note.work_order, repaired)

@@ -1,0 +1,190 @@
+"""The plant on one page: counts, units, what changed since last night, and the worst loops."""
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from app.services.auditing.audits import get_audit
+from app.services.auditing.rows import as_row
+from app.services.backend import Backend
+from app.services.cursors import decode, encode
+from app.services.moments import iso_utc
+from app.services.plant.reliability import checked
+from app.services.results import AuditView, ChangeView, Page, UnitView
+from app.storage import plant, verdicts
+from app.storage.loops import count as count_loops
+from app.storage.verdicts import After, RowFilter
+
+LISTED_CHANGES = 200
+WORST = 12
+MOST_TILES = 400  # what a browser lays out and paints at once
+LEAST_TILES = 3
+FILLED_MORE = 0.05
+FEWER_SAMPLES = 0.8
+Why = Literal["first", "method", "data", "loop"]
+
+
+@dataclass(frozen=True)
+class Overview:
+    """Counts over the newest verdict of each loop; `refused` is why loops are not auditable, by likely cause."""
+
+    loops: int
+    audited: int
+    verdicts: dict[str, int]
+    reliable: dict[str, int]
+    refused: dict[str, int]
+    units: list[UnitView]
+    health: float | None
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What became of verdicts in the newest whole run (and since then), against each loop's verdict before."""
+
+    run_id: str | None
+    run_at: str | None
+    rows: list[ChangeView]
+    more: bool
+
+
+def overview(backend: Backend) -> Overview:
+    with backend.database.read() as connection:
+        known, counted = count_loops(connection), plant.counts(connection)
+    verdict_count, reliable, refused = Counter[str](), Counter[str](), Counter[str]()
+    for row in counted:
+        verdict_count[row.verdict] += row.loops
+        reliable[row.verdict] += row.loops * (row.reliability == "reliable")
+        if row.verdict == "not_auditable":
+            refused[row.likely_cause or "data"] += row.loops
+    return Overview(
+        loops=known,
+        audited=verdict_count.total(),
+        verdicts=dict(verdict_count),
+        reliable=dict(reliable),
+        refused=dict(refused.most_common()),
+        units=_units(counted),
+        health=_mean_health(counted),
+    )
+
+
+def changes(backend: Backend, limit: int = LISTED_CHANGES) -> Changes:
+    with backend.database.read() as connection:
+        run = plant.last_whole_run(connection)
+        # In a plant's first run every verdict is new: that is no news.
+        compared = run is not None and plant.any_run_before(connection, run.id)
+        found = plant.changes(connection, run.id, limit + 1) if compared else []
+    if run is None:
+        return Changes(None, None, [], False)
+    return Changes(str(run.id), iso_utc(run.created_at), [change_of(row) for row in found[:limit]], len(found) > limit)
+
+
+def worst(backend: Backend, limit: int = WORST) -> list[dict[str, Any]]:
+    """The loops at the head of the list by what is missing to full health x importance."""
+    return table(backend, limit, sort="-priority").rows
+
+
+def table(
+    backend: Backend, limit: int, cursor: str | None = None, sort: str = "-priority", filters: RowFilter | None = None
+) -> Page[dict[str, Any]]:
+    """Rows of the reliability table with what a page shows besides: importance and priority."""
+    name = checked(limit, sort)
+    after = decode(cursor, (str, object, str))
+    with backend.database.read() as connection:
+        place = After(after[1], after[2]) if after is not None and after[0] == sort else None
+        found = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), place)
+    last = found[limit - 1] if len(found) > limit else None
+    following = encode(sort, last["tag" if name == "loop" else name], last["tag"]) if last else None
+    shown = [as_row(row) | {name: row[name] for name in ("importance", "priority", "type")} for row in found[:limit]]
+    return Page(shown, following)
+
+
+def tiles(backend: Backend) -> dict[str, list[Any]]:
+    """For the treemap: units (name, loops, importance, health) and their worst loops (tag, unit, importance, verdict,
+    health), so many in all as can be drawn at once; `unit_tiles` has the others."""
+    with backend.database.read() as connection:
+        units = _units(plant.counts(connection))
+        each = max(LEAST_TILES, MOST_TILES // max(len(units), 1))
+        loops = plant.worst_of_units(connection, each)
+    return {
+        "units": [[unit.unit, unit.loops, unit.importance, unit.health] for unit in units],
+        "loops": [list(row) for row in loops],
+    }
+
+
+def unit_tiles(backend: Backend, unit: str | None) -> dict[str, list[Any]]:
+    """The worst loops of one unit (None: of those that name none), as `tiles` has them."""
+    with backend.database.read() as connection:
+        return {"loops": [list(row) for row in plant.worst_of_unit(connection, unit, MOST_TILES)]}
+
+
+def unit_names(backend: Backend) -> list[str]:
+    with backend.database.read() as connection:
+        return plant.units(connection)
+
+
+@dataclass(frozen=True)
+class RunFigures:
+    """What a run came to: verdicts by kind, and how long its loops took."""
+
+    run: AuditView
+    verdicts: dict[str, int]
+    loops: int
+    mean_s: float | None
+    longest_s: float | None
+    total_s: float | None
+    slowest: list[tuple[str, float]]
+
+
+def run_figures(backend: Backend, audit_id: str) -> RunFigures:
+    run = get_audit(backend, audit_id)
+    with backend.database.read() as connection:
+        took = plant.durations(connection, int(run.id))
+        slowest = [(row.tag, row.elapsed_s) for row in plant.slowest(connection, int(run.id), 5)]
+        counted = plant.verdict_counts(connection, int(run.id))
+    return RunFigures(run, counted, took.loops, took.mean, took.longest, took.total, slowest)
+
+
+def _units(counted: list[Any]) -> list[UnitView]:
+    units: dict[str | None, list[Any]] = {}
+    for row in counted:
+        units.setdefault(row.unit, []).append(row)
+    return [_unit(unit, units[unit]) for unit in sorted(units, key=lambda unit: unit or "")]
+
+
+def _unit(unit: str | None, rows: list[Any]) -> UnitView:
+    counted: Counter[str] = Counter()
+    for row in rows:
+        counted[row.verdict] += row.loops
+    return UnitView(unit, counted.total(), dict(counted), _mean_health(rows), sum(row.importance for row in rows))
+
+
+def _mean_health(rows: list[Any]) -> float | None:
+    """Weighted by importance; loops whose verdict has no health yet are left out."""
+    told = [row for row in rows if row.weighted_health is not None]
+    weight = sum(row.importance for row in told)
+    return sum(row.weighted_health for row in told) / weight if weight else None
+
+
+def change_of(row: Any) -> ChangeView:
+    kind = _kind(row.verdict_before, row.verdict)
+    return ChangeView(row.tag, row.unit, kind, row.verdict_before, row.verdict, _why(row), row.reasons_text, row.health)
+
+
+def _kind(before: str | None, now: str) -> Literal["new", "cured", "flipped"]:
+    """new: it is now said to stick. cured: it was, and now it is said not to. flipped: any other change."""
+    if now == "stiction":
+        return "new"
+    return "cured" if before == "stiction" and now == "no_stiction" else "flipped"
+
+
+def _why(row: Any) -> Why:
+    """Another engine or configuration is the method; a record that became much poorer or shorter is the data."""
+    if row.verdict_before is None:
+        return "first"
+    if row.engine_changed or row.config_changed:
+        return "method"
+    poorer = (row.filled_more or 0.0) > FILLED_MORE
+    shorter = row.samples_ratio is not None and not FEWER_SAMPLES <= row.samples_ratio <= 1 / FEWER_SAMPLES
+    resampled = row.interval_ratio is not None and not 0.99 <= row.interval_ratio <= 1.01
+    refused = "not_auditable" in (row.verdict_before, row.verdict)
+    return "data" if poorer or shorter or resampled or refused else "loop"

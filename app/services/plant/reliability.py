@@ -1,0 +1,159 @@
+"""The per-loop reliability table, and the plant in a few numbers."""
+
+import hashlib
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from app.errors import RequestError
+from app.services.auditing.audits import list_audits
+from app.services.auditing.rows import FORM, as_row, compact
+from app.services.backend import Backend
+from app.services.cursors import decode, encode
+from app.services.results import Page, PlantSummary
+from app.storage import verdicts
+from app.storage.loops import count as count_loops
+from app.storage.verdicts import SORTABLE, After, RowFilter, SentRow
+
+MOST_ROWS = 20_000
+OF_LOOP = ("type", "importance", "priority")  # of the loop, not of its verdict
+THE_SAME = {"audited_at_ms": "audited_at", "window_start_ms": "window_start", "window_end_ms": "window_end"}
+ANYTHING: tuple[type, ...] = (object,)
+
+__all__ = ["RowFilter", "checked", "plant_summary", "reliability_json", "reliability_page", "sortable"]
+
+
+def sortable() -> tuple[str, ...]:
+    """Names to sort by; a minus before one turns the order round."""
+    return tuple(sorted({*SORTABLE, *THE_SAME} - {"extra_json"}))
+
+
+def reliability_page(
+    backend: Backend,
+    limit: int = 1000,
+    cursor: str | None = None,
+    sort: str = "loop",
+    filters: RowFilter | None = None,
+    of_loop: bool = False,
+) -> Page[dict[str, Any]]:
+    """One row a loop, its newest verdict. `sort`: a name of `sortable()`, `-name` for descending; unknowns last.
+
+    of_loop: with the loop's type and importance, and its priority.
+    """
+    name = checked(limit, sort)
+    with backend.database.read() as connection:
+        after = _after(cursor, sort)
+        rows = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), after)
+    more = len(rows) > limit
+    last = rows[limit - 1] if more else None
+    following = encode(sort, last["tag" if name == "loop" else name], last["tag"]) if last else None
+    besides = OF_LOOP if of_loop else ()
+    return Page([as_row(row) | {name: row[name] for name in besides} for row in rows[:limit]], following)
+
+
+@dataclass(frozen=True)
+class TableAnswer:
+    """A page of the table as JSON, `{"rows": [...], "next_cursor": ...}`. `version` changes with what it says, and is
+    known before the page is written."""
+
+    version: str
+    write: Callable[[], bytes]
+
+
+def reliability_json(
+    backend: Backend,
+    limit: int = 1000,
+    cursor: str | None = None,
+    sort: str = "loop",
+    filters: RowFilter | None = None,
+) -> TableAnswer:
+    """The page with each row as it was written when its verdict was made."""
+    filters = filters or RowFilter()
+    if filters.audit_id is not None:
+        page = reliability_page(backend, limit, cursor, sort, filters)
+        body = _body((compact(row).encode() for row in page.rows), page.next_cursor)
+        return TableAnswer(_digest(body), lambda: body)
+    name = checked(limit, sort)
+    with backend.database.read() as connection:
+        after = _after(cursor, sort)
+        rows = verdicts.sent_rows(connection, limit + 1, name, sort.startswith("-"), filters, after)
+    last = rows[limit - 1] if len(rows) > limit else None
+    following = encode(sort, last.value, last.tag) if last else None
+    shown = rows[:limit]
+    said = [FORM, following, [(row.loop_id, row.audit_id, row.unit) for row in shown]]
+    return TableAnswer(_digest(compact(said).encode()), lambda: _written(backend, shown, following))
+
+
+def _digest(said: bytes) -> str:
+    return hashlib.sha256(said).hexdigest()[:32]
+
+
+def plant_summary(backend: Backend) -> PlantSummary:
+    """Counts over the newest verdict of each loop."""
+    with backend.database.read() as connection:
+        known = count_loops(connection)
+        counted = verdicts.counts(connection, ("unit", "verdict", "reliability", "likely_cause"))
+    totals: list[Counter[str]] = [Counter(), Counter(), Counter()]
+    units: dict[str | None, Counter[str]] = {}
+    for unit, verdict, reliability, cause, count in counted:
+        for total, value in zip(totals, (verdict, reliability, cause), strict=True):
+            if value is not None:
+                total[value] += count
+        units.setdefault(unit, Counter())[verdict] += count
+    newest = list_audits(backend, limit=1).rows
+    return PlantSummary(
+        loops=known,
+        audited=sum(totals[0].values()),
+        verdicts=dict(totals[0]),
+        reliability=dict(totals[1]),
+        likely_causes=dict(totals[2]),
+        units=[{"unit": unit, **verdict} for unit, verdict in sorted(units.items(), key=lambda u: u[0] or "")],
+        newest_audit=newest[0] if newest else None,
+    )
+
+
+def checked(limit: int, sort: str) -> str:
+    """The name to sort by, of an order that there is."""
+    if not 1 <= limit <= MOST_ROWS:
+        raise RequestError("bad_limit", f"limit must be from 1 to {MOST_ROWS}, got {limit}")
+    name = sort.removeprefix("-")
+    name = THE_SAME.get(name, name)
+    if name not in SORTABLE:
+        raise RequestError("bad_sort", f"cannot sort by {name!r}; there is {', '.join(sortable())}")
+    return name
+
+
+def _written(backend: Backend, rows: Sequence[SentRow], next_cursor: str | None) -> bytes:
+    """Each row's JSON as stored, else made from its columns; none where its verdict has been dropped meanwhile."""
+    with backend.database.read() as connection:
+        texts = verdicts.texts(connection, [row.loop_id for row in rows], FORM)
+        unwritten = [row.loop_id for row in rows if row.loop_id not in texts]
+        made = verdicts.newest_of(connection, unwritten) if unwritten else {}
+    units = {unit: f',"unit":{compact(unit)}}}'.encode() for unit in {row.unit for row in rows}}
+    pieces: list[bytes] = []  # put together once: 40 MB are not copied row by row before
+    for row in rows:
+        text = texts.get(row.loop_id)
+        if text is not None:
+            pieces += (b",{", text, units[row.unit])
+        elif row.tag in made:
+            pieces += (b",", compact(as_row(made[row.tag])).encode())
+    pieces[:1] = [piece.removeprefix(b",") for piece in pieces[:1]]
+    return b"".join((b'{"rows":[', *pieces, *_ending(next_cursor)))
+
+
+def _body(rows: Iterable[bytes], next_cursor: str | None) -> bytes:
+    return b"".join((b'{"rows":[', b",".join(rows), *_ending(next_cursor)))
+
+
+def _ending(next_cursor: str | None) -> tuple[bytes, ...]:
+    return b'],"next_cursor":', compact(next_cursor).encode(), b"}"
+
+
+def _after(cursor: str | None, sort: str) -> After | None:
+    values = decode(cursor, (str, ANYTHING, str))
+    if values is None:
+        return None
+    if values[0] != sort:
+        raise RequestError("bad_cursor", f"this cursor belongs to sort={values[0]!r}, not to sort={sort!r}")
+    return After(values[1], values[2])

@@ -1,0 +1,1 @@
+"""A loop or the plant as one document that opens anywhere."""

@@ -1,0 +1,153 @@
+"""Reports: what is known of a loop or of the plant, in one HTML file that needs neither network nor scripts."""
+
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from itertools import groupby
+from typing import Any
+
+from markupsafe import Markup
+
+from app.errors import NotFoundError
+from app.services.auditing.rows import as_row
+from app.services.auditing.size_wording import size_in_words
+from app.services.backend import Backend
+from app.services.explaining import explanations
+from app.services.explaining.wording import in_words
+from app.services.moments import iso_utc
+from app.services.plant import glossary, loops, notes
+from app.services.plant import overview as plant
+from app.services.plant.charts import charts
+from app.services.plant.groups import groups_of
+from app.services.plant.groups import soon as groups_soon
+from app.services.rendering import document, loop_address, short_time
+from app.services.reports.svg import WIDTH, Ends, Line, chart
+from app.storage import loops as stored_loops
+from app.storage import plant as stored_plant
+from app.storage import verdicts
+from app.storage.digests import COMPLAINTS
+from app.storage.verdicts import RowFilter
+
+NIGHTS = 60
+NOTES = 20
+WORST_OF_UNIT = 5
+REFUSED = 200
+PV, OP, SP, VALVE, GOOD = "#0b5394", "#b3261e", "#8a5a00", "#7a3fa0", "#1a6b3c"
+COLOURS = {"stiction": "#b3261e", "inconclusive": "#c98a1b", "not_auditable": "#8794a3", "no_stiction": "#2f8f57"}
+BAR_WIDTH = 180
+
+
+def loop_report(backend: Backend, tag: str) -> str:
+    """Raises NotFoundError for a loop that there is not, or that was never audited."""
+    found = loops.get_loop(backend, tag)
+    row = loops.loop_health(backend, tag)
+    detail = loops.verdict_detail(backend, tag)
+    history = loops.verdict_history(backend, tag, limit=NIGHTS).rows
+    drawn = charts(backend, tag)
+    explained = explanations.newest(backend, tag)
+    return document(
+        "loop_report.html",
+        it=found,
+        row=row,
+        detail=detail,
+        size=size_in_words(row, detail),
+        figures=[told for told in glossary.figures(row, found.pv_unit) if told[1] is not None],
+        history=history,
+        groups=groups_of(backend, tag),
+        repair=notes.newest_repair(backend, tag),
+        notes=notes.list_notes(backend, tag)[:NOTES],
+        explanation=in_words(explained) if explained and explained["state"] == "done" else None,
+        trend=_trend(drawn),
+        path=_path(drawn),
+        course=_course(history),
+        address=loop_address(backend.settings.public_url, tag),
+        **_made(backend),
+    )
+
+
+def plant_report(backend: Backend) -> str:
+    """Raises NotFoundError where nothing has been audited."""
+    seen = plant.overview(backend)
+    if not seen.audited:
+        raise NotFoundError("not_audited", "no loop of the plant has been audited yet")
+    refused = plant.table(backend, REFUSED, sort="loop", filters=RowFilter(verdict=("not_auditable",)))
+    return document(
+        "plant_report.html",
+        seen=seen,
+        bars={unit.unit: _bar(unit.verdicts) for unit in seen.units},
+        changed=plant.changes(backend),
+        worst=_worst(backend),
+        refused=refused.rows,
+        groups=[group for group in groups_soon(backend) or () if not group.by_chance],
+        public_url=backend.settings.public_url,
+        address_of=lambda tag: loop_address(backend.settings.public_url, tag),
+        **_made(backend),
+    )
+
+
+def _made(backend: Backend) -> dict[str, Any]:
+    return {"plant_name": backend.settings.plant, "made_at": iso_utc(datetime.now(UTC))}
+
+
+def _worst(backend: Backend) -> list[tuple[str | None, list[dict[str, Any]]]]:
+    """Of each unit the worst loops that stick or may, with what their row says."""
+    with backend.database.read() as connection:
+        placed = stored_plant.worst_of_units(connection, WORST_OF_UNIT, COMPLAINTS)
+        ids = stored_loops.ids_of(connection, [row.tag for row in placed])
+        rows = verdicts.newest_of(connection, list(ids.values()))
+    told = [(row.unit, as_row(rows[row.tag]) | {"importance": row.importance}) for row in placed if row.tag in rows]
+    return [(unit, [row for _, row in some]) for unit, some in groupby(told, lambda pair: pair[0])]
+
+
+def _trend(drawn: Mapping[str, Any]) -> list[Markup]:
+    trend = drawn["trend"]
+    if trend is None:
+        return []
+    x = [datetime.fromisoformat(stamp).timestamp() for stamp in trend["time"]]
+    ends = Ends(
+        x[0], x[-1], short_time(trend["time"][0]), short_time(trend["time"][-1]), "UTC; the audited window is shaded"
+    )
+    window = drawn["window"]
+    shaded = [datetime.fromisoformat(stamp).timestamp() for stamp in window] if window else None
+    above = [Line("PV", trend["pv"], PV), *([Line("SP", trend["sp"], SP)] if trend.get("sp") else [])]
+    valve = [Line("valve, estimated", trend["valve"], VALVE)] if trend.get("valve") else []
+    below = [Line("OP", trend["op"], OP), *valve]
+    return [
+        chart(x, above, ends, title="PV and SP over time", shaded=shaded),
+        chart(x, below, ends, title="OP over time", shaded=shaded),
+    ]
+
+
+def _path(drawn: Mapping[str, Any]) -> Markup | None:
+    path = drawn["pv_op"]
+    if path is None or len(path["op"]) < 2:
+        return None
+    low, high = min(path["op"]), max(path["op"])
+    ends = Ends(low, high, f"{low:.4g}", f"{high:.4g}", "OP")
+    return chart(
+        path["op"], [Line("PV over OP", path["pv"], PV)], ends, title="PV over OP", height=320, width=WIDTH // 2
+    )
+
+
+def _course(history: Sequence[Mapping[str, Any]]) -> Markup | None:
+    if len(history) < 2:
+        return None
+    nights = list(reversed(history))
+    x = [datetime.fromisoformat(night["audited_at"]).timestamp() for night in nights]
+    probability = [None if n["stiction_probability"] is None else 100.0 * n["stiction_probability"] for n in nights]
+    ends = Ends(x[0], x[-1], short_time(nights[0]["audited_at"]), short_time(nights[-1]["audited_at"]))
+    lines = [
+        Line("probability of stiction, %", probability, OP, dots=True),
+        Line("health", [night["health"] for night in nights], GOOD, dots=True),
+    ]
+    return chart(x, lines, ends, title="Probability of stiction and health, night by night", limits=(-3.0, 103.0))
+
+
+def _bar(counted: Mapping[str, int]) -> Markup:
+    """A unit's loops by verdict, as a bar; the numbers stand beside it."""
+    total, at, parts = sum(counted.values()) or 1, 0.0, []
+    for verdict, colour in COLOURS.items():
+        wide = BAR_WIDTH * counted.get(verdict, 0) / total
+        parts.append(Markup('<rect x="{:.1f}" width="{:.1f}" height="12" fill="{}"/>').format(at, wide, colour))
+        at += wide
+    whole = Markup('<svg viewBox="0 0 {0} 12" width="{0}" height="12" aria-hidden="true">{1}</svg>')
+    return whole.format(BAR_WIDTH, Markup("").join(parts))

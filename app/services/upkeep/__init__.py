@@ -1,0 +1,1 @@
+"""The service's own health: schema, sweeper, backup, retention, doctor, metrics."""

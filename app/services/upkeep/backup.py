@@ -1,0 +1,201 @@
+"""Backup and restore: the data base as it is at one instant, and the exports as they came."""
+
+import hashlib
+import json
+import os
+import shutil
+import sqlite3
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import URL
+
+from app.errors import RequestError
+from app.services.upkeep.operations import migrate
+from app.settings import Settings
+from app.storage import Database, schema
+from app.storage.types import now
+
+SQLITE, POSTGRESQL = "loopaudit.db", "loopaudit.dump"
+MANIFEST, UPLOADS = "manifest.json", "uploads"
+COPIED_PAGES = 2000
+BLOCK_BYTES = 1 << 20
+
+
+@dataclass(frozen=True)
+class BackupReport:
+    """`schema` is the version of the tables."""
+
+    folder: Path
+    schema: str
+    files: int
+    bytes: int
+
+
+def backup(settings: Settings, folder: Path) -> BackupReport:
+    """Writes a backup into `folder`, which must not be there yet; it appears whole or not at all.
+
+    The service may go on meanwhile. The data base comes first: an export is stored before the data base knows of it, so
+    every export that the copy knows is there to be copied.
+    """
+    if folder.exists():
+        raise RequestError("backup_there", f"{folder} is there already; a backup is written into a new folder")
+    draft = folder.with_name(f".{folder.name}.part")
+    shutil.rmtree(draft, ignore_errors=True)
+    draft.mkdir(mode=0o700, parents=True)
+    try:
+        kind, revision = _copy_database(settings, draft)
+        _copy_uploads(settings, draft / UPLOADS)
+        files = {path.relative_to(draft).as_posix(): _digest(path) for path in _files(draft)}
+        size = sum(path.stat().st_size for path in _files(draft))
+        told = {"database": kind, "schema": revision, "made_at": now().isoformat(), "files": files}
+        _write(draft / MANIFEST, json.dumps({**told, "loopaudit": version("loopaudit")}, indent=1, sort_keys=True))
+        draft.rename(folder)
+    except BaseException:
+        shutil.rmtree(draft, ignore_errors=True)
+        raise
+    return BackupReport(folder, revision, len(files), size)
+
+
+def restore(settings: Settings, folder: Path, *, force: bool = False) -> BackupReport:
+    """Brings a backup back, then to this version's tables. The service must be stopped.
+
+    Raises RequestError where a file of the backup is missing or changed, where it is of the other kind of data base,
+    or, unless `force`, where there are loops, uploads or keys already.
+    """
+    told = _checked_manifest(folder)
+    database = Database(settings.resolved_database_url)
+    try:
+        url, is_sqlite = database.url, database.is_sqlite
+        if told["database"] != (SQLITE if is_sqlite else POSTGRESQL):
+            raise RequestError("backup_kind", f"the backup holds {told['database']}, which this data base cannot take")
+        settings.prepare_folders()
+        if not force and _in_use(database):
+            raise RequestError("not_empty", "the data base is not empty; --force replaces what is in it")
+    finally:
+        database.close()
+    if is_sqlite:
+        _put_sqlite(folder / SQLITE, Path(url.database or ""))
+    else:
+        _run(
+            ["pg_restore", "--clean", "--if-exists", "--no-owner", "--single-transaction", "--exit-on-error"],
+            url,
+            folder / POSTGRESQL,
+        )
+    for file in _files(folder / UPLOADS):
+        _put(file, settings.uploads_dir / file.name)
+    return BackupReport(
+        folder, migrate(settings), len(told["files"]), sum(path.stat().st_size for path in _files(folder))
+    )
+
+
+def _copy_database(settings: Settings, draft: Path) -> tuple[str, str]:
+    database = Database(settings.resolved_database_url)
+    try:
+        revision = schema.current_revision(database)
+        if revision is None:
+            raise RequestError("no_tables", "the data base has no tables; there is nothing to keep")
+        if database.is_sqlite:
+            _copy_sqlite(Path(database.url.database or ""), draft / SQLITE)
+            return SQLITE, revision
+        _run(["pg_dump", "--format=custom", "--no-owner", f"--file={draft / POSTGRESQL}"], database.url)
+        return POSTGRESQL, revision
+    finally:
+        database.close()
+
+
+def _copy_sqlite(source: Path, target: Path) -> None:
+    """SQLite's own online backup: one instant, while others read and write."""
+    with sqlite3.connect(f"file:{source}?mode=ro", uri=True, timeout=30) as there, sqlite3.connect(target) as here:
+        there.backup(here, pages=COPIED_PAGES, sleep=0.01)
+    there.close()
+    here.close()
+
+
+def _put_sqlite(source: Path, target: Path) -> None:
+    check = sqlite3.connect(f"file:{source}?mode=ro", uri=True)
+    found = check.execute("PRAGMA quick_check").fetchone()[0]
+    check.close()
+    if found != "ok":
+        raise RequestError("backup_broken", f"the data base in the backup is damaged: {found}")
+    _put(source, target)
+    for rest in ("-wal", "-shm", "-journal"):
+        Path(f"{target}{rest}").unlink(missing_ok=True)
+
+
+def _copy_uploads(settings: Settings, target: Path) -> None:
+    target.mkdir(mode=0o700)
+    for file in sorted(settings.uploads_dir.glob("[!.]*")):
+        try:
+            _put(file, target / file.name)
+        except FileNotFoundError:
+            continue  # retention took it away in the meantime
+
+
+def _put(source: Path, target: Path) -> None:
+    """A copy that is there whole or not at all."""
+    draft = target.with_name(f".{target.name}.part")
+    shutil.copyfile(source, draft)
+    with draft.open("rb") as file:
+        os.fsync(file.fileno())
+    draft.replace(target)
+
+
+def _write(path: Path, text: str) -> None:
+    with path.open("w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    return (path for path in sorted(folder.rglob("*")) if path.is_file() and path.name != MANIFEST)
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _checked_manifest(folder: Path) -> dict[str, Any]:
+    try:
+        told: dict[str, Any] = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise RequestError("no_backup", f"{folder} holds no backup: {MANIFEST} cannot be read") from error
+    wrong = [name for name, digest in told["files"].items() if not _same(folder / name, digest)]
+    if wrong:
+        raise RequestError("backup_broken", f"missing or changed since the backup was made: {', '.join(wrong[:5])}")
+    return told
+
+
+def _same(path: Path, digest: str) -> bool:
+    return path.is_file() and _digest(path) == digest
+
+
+def _in_use(database: Database) -> bool:
+    if schema.current_revision(database) is None:
+        return False
+    with database.read() as connection:
+        return any(
+            connection.exec_driver_sql(f"SELECT 1 FROM {table} LIMIT 1").first()  # noqa: S608 - names of ours
+            for table in ("loops", "uploads", "keys")
+        )
+
+
+def _run(command: list[str], url: URL, *extra: Path) -> None:
+    """A program of PostgreSQL; the password goes by its environment, where other users of the machine cannot see it."""
+    program = shutil.which(command[0])
+    if program is None:
+        raise RequestError("no_program", f"{command[0]} is not installed; it comes with PostgreSQL's client programs")
+    given = {"PGHOST": url.host, "PGPORT": url.port, "PGUSER": url.username, "PGPASSWORD": url.password}
+    environment = {**os.environ, **{name: str(value) for name, value in given.items() if value is not None}}
+    name = f"--dbname={url.database}"
+    done = subprocess.run(  # noqa: S603 - a program of PostgreSQL with arguments of ours
+        [program, *command[1:], name, *map(str, extra)], env=environment, capture_output=True, text=True
+    )
+    if done.returncode != 0:
+        raise RequestError("backup_failed", f"{command[0]} ended with {done.returncode}: {done.stderr.strip()[-400:]}")

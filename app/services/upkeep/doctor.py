@@ -1,0 +1,248 @@
+"""The doctor: looks at an installation piece by piece; each is a row of evidence, with advice where it is unwell."""
+
+import os
+import shutil
+import sqlite3
+import stat
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Literal
+
+from sqlalchemy import select
+from sqlalchemy.exc import SQLAlchemyError
+
+from app.services.access import keys
+from app.services.backend import Backend
+from app.services.digests import deliveries
+from app.services.upkeep.metrics import standstill_s
+from app.services.upkeep.operations import LEAST_FREE_BYTES
+from app.settings import Settings
+from app.storage import figures, schema
+from app.storage.database import WAL_SAFE_FROM
+from app.storage.types import clock_s
+
+State = Literal["ok", "warning", "problem"]
+COMFORTABLE_FREE_BYTES = 5 << 30
+LARGEST_CLOCK_DIFFERENCE_S = 2.0
+SLOW_DATABASE_S = 0.5
+OLD_WORK_S = 6 * 3600
+SOON = timedelta(days=14)
+OTHERS = stat.S_IRWXG | stat.S_IRWXO
+
+
+@dataclass(frozen=True)
+class Check:
+    """`found` is what was seen, `advice` what to do about it (empty where all is well)."""
+
+    name: str
+    state: State
+    found: str
+    advice: str = ""
+
+
+def examine(settings: Settings) -> list[Check]:
+    """Every check that can be made; where the data base is away, those that need it say so."""
+    checks = [data_folder(settings), disk(settings), kernel_cache(), openness(settings), sqlite_version(settings)]
+    if any(check.name == "data folder" and check.state == "problem" for check in checks):
+        return checks
+    backend = Backend.open(settings)
+    try:
+        checks.append(reachable(backend))
+        if checks[-1].state != "problem":
+            checks += [_guarded(name, check, backend) for name, check in OF_THE_DATABASE]
+        checks.append(broker(backend))
+    finally:
+        backend.close()
+    return checks
+
+
+def data_folder(settings: Settings) -> Check:
+    folder = settings.data_dir
+    if not folder.is_dir():
+        return Check("data folder", "problem", f"{folder} is not there", "`loopaudit serve` or `migrate` makes it")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        return Check(
+            "data folder", "problem", f"{folder} cannot be written", f"give it to this user (uid {os.getuid()})"
+        )
+    open_to = [path for path in (folder, settings.uploads_dir, *_databases(folder)) if _open_to_others(path)]
+    if _open_to_others(folder):
+        names = ", ".join(str(path) for path in open_to)
+        return Check("data folder", "warning", f"others on this machine may read {names}", f"chmod 700 {folder}")
+    return Check("data folder", "ok", f"{folder}, for its owner alone")
+
+
+def disk(settings: Settings) -> Check:
+    there = next(path for path in (settings.data_dir, *settings.data_dir.parents) if path.exists())
+    free = shutil.disk_usage(there).free
+    found = f"{free / (1 << 30):.1f} GiB free at {there}"
+    if free < LEAST_FREE_BYTES:
+        return Check("disk", "problem", found, "make room: uploads are refused (507) and /readyz says not_ready")
+    if free < COMFORTABLE_FREE_BYTES:
+        return Check("disk", "warning", found, "a night of 14,000 loops needs some 0.3 GiB; make room in time")
+    return Check("disk", "ok", found)
+
+
+def kernel_cache() -> Check:
+    folder = os.environ.get("NUMBA_CACHE_DIR")
+    if folder is None:
+        advice = "set NUMBA_CACHE_DIR to a folder that can be written: every worker compiles for a minute otherwise"
+        return Check("kernel cache", "warning", "no folder that can be written", advice)
+    if not Path(folder).is_dir() or not os.access(folder, os.W_OK):
+        return Check("kernel cache", "warning", f"{folder} cannot be written", "make it writable, or name another one")
+    return Check("kernel cache", "ok", folder)
+
+
+def openness(settings: Settings) -> Check:
+    if settings.allow_open and not settings.require_keys:
+        advice = "unset LOOPAUDIT_ALLOW_OPEN unless the network itself keeps others out"
+        return Check("settings", "warning", "no key is asked for on any address", advice)
+    asked = "everywhere" if settings.require_keys else "everywhere but on loopback"
+    return Check("settings", "ok", f"keys are asked for {asked}")
+
+
+def sqlite_version(settings: Settings) -> Check:
+    if settings.database_url and not settings.database_url.startswith("sqlite"):
+        return Check("SQLite", "ok", "not used")
+    found = f"SQLite {sqlite3.sqlite_version}"
+    if sqlite3.sqlite_version_info < WAL_SAFE_FROM:
+        safe = ".".join(map(str, WAL_SAFE_FROM))
+        return Check("SQLite", "ok", f"{found}: journal mode TRUNCATE, because WAL may lose data before {safe}")
+    return Check("SQLite", "ok", f"{found}: journal mode WAL")
+
+
+def reachable(backend: Backend) -> Check:
+    started = time.perf_counter()
+    try:
+        with backend.database.read() as connection:
+            connection.exec_driver_sql("SELECT 1")
+    except SQLAlchemyError as error:
+        advice = "start it, or correct LOOPAUDIT_DATABASE_URL"
+        return Check("data base", "problem", f"{_where(backend)} does not answer: {type(error).__name__}", advice)
+    took_s = time.perf_counter() - started
+    found = f"{_where(backend)} answers in {1000 * took_s:.0f} ms"
+    return Check("data base", "ok" if took_s < SLOW_DATABASE_S else "warning", found, "" if took_s < 0.5 else "slow")
+
+
+def tables(backend: Backend) -> Check:
+    found, newest = schema.current_revision(backend.database), schema.newest_revision()
+    if found == newest:
+        return Check("tables", "ok", f"version {found}")
+    return Check("tables", "problem", f"version {found}, this program needs {newest}", "run `loopaudit migrate`")
+
+
+def journal(backend: Backend) -> Check:
+    if not backend.database.is_sqlite:
+        return Check("integrity", "ok", "PostgreSQL looks after it")
+    with backend.database.read() as connection:
+        mode = connection.exec_driver_sql("PRAGMA journal_mode").scalar()
+        broken = connection.exec_driver_sql("PRAGMA foreign_key_check").first()
+    unsafe = mode == "wal" and sqlite3.sqlite_version_info < WAL_SAFE_FROM
+    if unsafe or broken:
+        return Check("integrity", "problem", f"journal mode {mode}, broken reference: {broken}", "restore a backup")
+    return Check("integrity", "ok", f"journal mode {mode}, no broken reference")
+
+
+def clock(backend: Backend) -> Check:
+    with backend.database.read() as connection:
+        difference_s = abs(float(connection.scalar(select(clock_s())) or 0.0) - time.time())
+    found = f"{difference_s:.1f} s apart from the data base's"
+    if difference_s > LARGEST_CLOCK_DIFFERENCE_S:
+        return Check("clock", "warning", found, "let both keep time by NTP; leases follow the data base's clock")
+    return Check("clock", "ok", found)
+
+
+def workers(backend: Backend) -> Check:
+    """Alive is who gets on: a worker that hears nothing looks alive to everything but the data base."""
+    waited_s = standstill_s(backend)
+    if waited_s > 10 * backend.settings.stalled_s:
+        advice = "start `loopaudit worker` and `loopaudit beat`, or look at their logs"
+        return Check("workers", "problem", f"loops have waited for {waited_s:.0f} s and nobody took any", advice)
+    with backend.database.read() as connection:
+        found = figures.collect(connection)
+    open_, claimed = found.items.get("open", 0), found.items.get("claimed", 0)
+    return Check("workers", "ok", f"{claimed} loops in work, {open_} waiting" if open_ or claimed else "nothing to do")
+
+
+def oldest_work(backend: Backend) -> Check:
+    with backend.database.read() as connection:
+        found = figures.collect(connection)
+    text = f"oldest open run {found.oldest_open_s:.0f} s, oldest unread upload {found.oldest_unread_s:.0f} s"
+    if max(found.oldest_open_s, found.oldest_unread_s) > OLD_WORK_S:
+        return Check(
+            "open work", "warning", text, "more workers, or a look at what fails: GET /v1/audits, GET /v1/uploads"
+        )
+    return Check("open work", "ok", text)
+
+
+def keys_of_the_plant(backend: Backend) -> Check:
+    active = [key for key in keys.list_keys(backend) if key.state == "active"]
+    soon = (datetime.now(UTC) + SOON).isoformat()
+    ending = [key.name for key in active if key.expires_at and key.expires_at < soon]
+    if ending:
+        names = ", ".join(ending[:5])
+        return Check(
+            "keys", "warning", f"{len(active)} good; ending within two weeks: {names}", "`loopaudit keys rotate`"
+        )
+    if not active and backend.settings.require_keys:
+        return Check("keys", "problem", "keys are asked for and there is none", "`loopaudit keys create NAME`")
+    return Check("keys", "ok", f"{len(active)} good")
+
+
+def broker(backend: Backend) -> Check:
+    if backend.queue.reachable():
+        return Check("broker", "ok", "answers")
+    advice = "start it, or correct LOOPAUDIT_BROKER_URL; uploads are kept, and audits wait until then"
+    return Check("broker", "problem", "does not answer", advice)
+
+
+def digests(backend: Backend) -> Check:
+    receivers = backend.settings.digest_receivers
+    if not receivers:
+        return Check("digest", "ok", "nobody gets one")
+    missing = list(deliveries.missing_settings(backend))
+    if missing:
+        return Check("digest", "problem", f"{len(receivers)} receivers, not set: {', '.join(missing)}", "set these")
+    failed = deliveries.newest_failed(backend)
+    if failed:
+        found = f"the newest was given up for {failed[0].receiver}: {failed[0].reason}"
+        return Check("digest", "warning", found, "try `loopaudit digest --send` once the reason is mended")
+    unsafe = backend.settings.digest_smtp_user and not backend.settings.digest_smtp_starttls
+    if unsafe:
+        return Check(
+            "digest", "warning", "the mail server's password travels in clear", "LOOPAUDIT_DIGEST_SMTP_STARTTLS"
+        )
+    links = "" if backend.settings.public_url else "; no links, because LOOPAUDIT_PUBLIC_URL is not set"
+    return Check("digest", "ok", f"{len(receivers)} receivers{links}")
+
+
+OF_THE_DATABASE: tuple[tuple[str, Callable[[Backend], Check]], ...] = (
+    ("tables", tables),
+    ("integrity", journal),
+    ("clock", clock),
+    ("workers", workers),
+    ("open work", oldest_work),
+    ("keys", keys_of_the_plant),
+    ("digest", digests),
+)
+
+
+def _guarded(name: str, check: Callable[[Backend], Check], backend: Backend) -> Check:
+    try:
+        return check(backend)
+    except SQLAlchemyError as error:
+        return Check(name, "problem", f"cannot be looked at: {type(error).__name__}", "run `loopaudit migrate`")
+
+
+def _where(backend: Backend) -> str:
+    return backend.database.url.render_as_string(hide_password=True)
+
+
+def _databases(folder: Path) -> Iterator[Path]:
+    return folder.glob("*.db")
+
+
+def _open_to_others(path: Path) -> bool:
+    return path.exists() and bool(path.stat().st_mode & OTHERS)

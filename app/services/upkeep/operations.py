@@ -1,0 +1,102 @@
+"""Upkeep: the schema, the sweeper that finds lost work, and whether all is well."""
+
+import shutil
+import time
+
+from sqlalchemy.exc import OperationalError, SQLAlchemyError
+
+from app.errors import RequestError
+from app.services.auditing import audits as audit_runs
+from app.services.auditing.nightly import announce_explanations, nightly_if_due
+from app.services.backend import Backend
+from app.services.digests.deliveries import announce_digests
+from app.services.results import Readiness, SweepReport
+from app.services.upkeep.retention import retain_if_due
+from app.settings import Settings
+from app.storage import Database, audits, explanations, figures, items, schema, uploads
+from app.storage.figures import Figures
+
+LEAST_FREE_BYTES = 100 << 20
+DRAFT_LIFE_S = 24 * 3600
+
+__all__ = ["Figures", "metrics", "migrate", "readiness", "sweep"]
+
+
+def migrate(settings: Settings) -> str:
+    """Brings the data base to this version's tables; returns which version that is."""
+    settings.prepare_folders()
+    database = Database(settings.resolved_database_url)
+    try:
+        schema.migrate(database)
+        return schema.current_revision(database) or "none"
+    except OperationalError as error:
+        raise RequestError("database_away", f"the data base cannot be used: {error.orig}") from error
+    finally:
+        database.close()
+
+
+def sweep(backend: Backend) -> SweepReport:
+    """Gives the work of lost workers to others, ends runs that are complete, rings again for what nobody works on.
+
+    May run at any time, and twice at once.
+    """
+    settings = backend.settings
+    with backend.database.write() as connection:
+        taken_back = items.reopen_expired(connection, settings.max_attempts, settings.lease_s)
+        explanations.reopen_expired(connection, settings.max_attempts, settings.lease_s)
+        ended = audits.end_if_complete(connection)
+    with backend.database.write() as connection:
+        uploads.give_up(connection, settings.max_reading_attempts, settings.lease_s)
+        unread = uploads.to_announce(connection, settings.stalled_s, settings.lease_s)
+        stalled = audits.to_announce(connection, settings.stalled_s)
+    for upload_id in unread:
+        backend.queue.read_upload(upload_id)
+    for audit_id in stalled:
+        audit_runs.announce(backend, audit_id)
+    waiting = announce_explanations(backend) + announce_digests(backend)
+    run = nightly_if_due(backend)
+    retain_if_due(backend)
+    _drop_old_drafts(settings)
+    announced = len(unread) + len(stalled) + waiting
+    return SweepReport(taken_back.reopened, taken_back.failed, ended, announced, run.id if run else None)
+
+
+def metrics(backend: Backend) -> Figures:
+    with backend.database.read() as connection:
+        return figures.collect(connection)
+
+
+def readiness(backend: Backend) -> Readiness:
+    """Data base, schema and disk must be well; a broker that is away only slows things down."""
+    checks: dict[str, object] = {"database": _database(backend), "disk_free_bytes": _free(backend.settings)}
+    checks["schema"] = "current" if checks["database"] == "ok" and _schema_is_current(backend) else "not current"
+    checks["broker"] = "ok" if backend.queue.reachable() else "away"
+    well = checks["database"] == "ok" and checks["schema"] == "current"
+    if not well or _free(backend.settings) < LEAST_FREE_BYTES:
+        return Readiness("not_ready", checks)
+    return Readiness("ready" if checks["broker"] == "ok" else "degraded", checks)
+
+
+def _database(backend: Backend) -> str:
+    try:
+        with backend.database.read() as connection:
+            connection.exec_driver_sql("SELECT 1")
+    except SQLAlchemyError as error:
+        return f"away: {type(error).__name__}"
+    return "ok"
+
+
+def _schema_is_current(backend: Backend) -> bool:
+    return schema.current_revision(backend.database) == schema.newest_revision()
+
+
+def _free(settings: Settings) -> int:
+    return shutil.disk_usage(settings.data_dir).free
+
+
+def _drop_old_drafts(settings: Settings) -> None:
+    """What is left of uploads that broke off with their process."""
+    oldest = time.time() - DRAFT_LIFE_S
+    for draft in settings.uploads_dir.glob(".part-*"):
+        if draft.stat().st_mtime < oldest:
+            draft.unlink(missing_ok=True)

@@ -1,0 +1,89 @@
+"""Retention: what is older than the settings keep it is dropped, once a night, in small batches between other work."""
+
+import logging
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime, timedelta
+
+from sqlalchemy import Connection
+
+from app.services.access import trail
+from app.services.access.identity import SCHEDULE
+from app.services.auditing.nightly import latest_hour
+from app.services.backend import Backend
+from app.storage import retention
+from app.storage.types import now
+
+BATCH = 500
+BUDGET_S = 20.0
+ACTION = "retention.run"
+YOUNGEST_FILE_S = 24 * 3600
+
+Drop = Callable[[Connection], int]
+
+log = logging.getLogger("loopaudit.upkeep")
+
+
+def retain_if_due(backend: Backend, moment: datetime | None = None) -> dict[str, int] | None:
+    """A part of the night's work, at most `BUDGET_S` long; None where nothing is due. The next sweep goes on."""
+    with backend.database.read() as connection:
+        last = retention.last_done(connection, ACTION)
+    if last is not None and last >= latest_hour(backend, moment or datetime.now(UTC)):
+        return None
+    return retain(backend, BUDGET_S)
+
+
+def retain(backend: Backend, budget_s: float = float("inf"), batch: int = BATCH) -> dict[str, int]:
+    """Drops what is old until nothing is left or the time is up; how many rows of each kind."""
+    until = time.monotonic() + budget_s
+    dropped: Counter[str] = Counter()
+    for kind, drop in _drops(backend, batch):
+        while time.monotonic() < until:
+            with backend.database.write() as connection:
+                count = drop(connection)
+            dropped[kind] += count
+            if not count:
+                break
+        else:
+            return dict(dropped)
+    dropped["files"] = _drop_files(backend)
+    trail.record(backend, SCHEDULE, ACTION, "", "done", **dropped)
+    log.info("what was old is dropped", extra=dict(dropped))
+    return dict(dropped)
+
+
+def _drops(backend: Backend, batch: int) -> Iterator[tuple[str, Drop]]:
+    """For each kind that is not kept for ever (0 days): how a batch of it is dropped."""
+    kept = backend.settings
+
+    def older(days: int, drop: Callable[[Connection, datetime, int], int]) -> Drop:
+        return lambda connection: drop(connection, now() - timedelta(days=days), batch)
+
+    if kept.keep_series_days:
+        kept_h = max(24.0 * kept.keep_series_days, kept.window_h)  # never what the next audit would look at
+        yield "series", lambda connection: retention.drop_series(connection, kept_h, batch)
+    if kept.keep_details_days:
+        yield "details", older(kept.keep_details_days, retention.drop_details)
+    if kept.keep_verdicts_days:
+        yield "verdicts", older(kept.keep_verdicts_days, retention.drop_verdicts)
+    if kept.keep_explanations_days:
+        yield "explanations", older(kept.keep_explanations_days, retention.drop_explanations)
+    if kept.keep_trail_days:
+        yield "trail", older(kept.keep_trail_days, retention.drop_trail)
+    yield "sessions", lambda connection: retention.drop_sessions(connection, batch)
+
+
+def _drop_files(backend: Backend) -> int:
+    """Bytes of uploads that were read long ago, and bytes that no upload knows; what was found in them stays."""
+    days = backend.settings.keep_uploads_days
+    oldest = now() - timedelta(days=days) if days else None
+    with backend.database.read() as connection:
+        kept = retention.fingerprints_to_keep(connection, oldest)
+    dropped = 0
+    for file in backend.settings.uploads_dir.iterdir():
+        young = file.stat().st_mtime > time.time() - YOUNGEST_FILE_S
+        if not young and file.name not in kept and not file.name.startswith("."):
+            file.unlink(missing_ok=True)
+            dropped += 1
+    return dropped
