@@ -5,6 +5,7 @@ from app.engine.rivals.rival import Rival
 
 STICTION = "stiction"
 _HEARD = 0.25
+_STANDS = 0.5
 
 
 def contest(rivals: tuple[Rival, ...], probability: float, features: Features) -> tuple[Rival, ...]:
@@ -35,8 +36,11 @@ def runner_up(ranked: tuple[Rival, ...]) -> Rival | None:
 
 def _stiction(probability: float, features: Features) -> Rival:
     held, linear = features.named("held_sticky"), features.named("held_linear")
+    sticky_pct, linear_pct = 100 * max(held, 0.0), 100 * max(linear, 0.0)
     text = (
-        f"probability {probability:.2f}; in free run a sticky valve explains {100 * max(held, 0.0):.0f} % of PV on "
-        f"unseen cycles, a linear one {100 * max(linear, 0.0):.0f} %"
+        f"probability {probability:.2f}; in free run a sticky valve explains {sticky_pct:.0f} % of PV on unseen "
+        f"cycles, a linear one {linear_pct:.0f} %"
     )
-    return Rival(STICTION, probability, text, statistic=probability, threshold=0.5, explained=held)
+    if probability > _STANDS and sticky_pct <= linear_pct:
+        text += ": it is the shapes of PV and OP that speak for it, not this fit"
+    return Rival(STICTION, probability, text, statistic=probability, threshold=_STANDS, explained=held)
