@@ -7,8 +7,12 @@ or a package whose files all bear the same date, would go on running old machine
 import hashlib
 import os
 import re
+import shutil
+import time
+from contextlib import suppress
 from pathlib import Path
 
+KEPT_S = 30 * 86400.0  # since a source was last started
 ENGINE = Path(__file__).parent / "engine"
 IMPORTED = re.compile(r"^\s*(?:from|import) app\.engine([^\n(]*(?:\([^)]*\))?)", re.MULTILINE)
 
@@ -21,10 +25,20 @@ def choose() -> None:
     folder = root / "loopaudit" / "kernels" / _source_digest()
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        os.utime(folder)
     except OSError:
         return
     if os.access(folder, os.W_OK):
         os.environ["NUMBA_CACHE_DIR"] = str(folder)
+        _forget_old(folder)
+
+
+def _forget_old(own: Path) -> None:
+    """Drops the folders of sources that nobody has started for long. A process that runs has its kernels in memory."""
+    for other in own.parent.iterdir():
+        with suppress(OSError):  # another process may drop it at the same time
+            if other != own and time.time() - other.stat().st_mtime > KEPT_S:
+                shutil.rmtree(other)
 
 
 def _source_digest() -> str:

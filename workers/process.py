@@ -4,6 +4,8 @@ import fcntl
 import logging
 import os
 import resource
+import threading
+import time
 from functools import cache
 from typing import Any
 
@@ -15,6 +17,7 @@ from app.services.auditing import chunks
 from app.services.backend import Backend
 
 ROOM_TO_WORK_MB = 150
+LOOKS_EVERY_S = 1.0
 
 log = logging.getLogger("loopaudit.worker")
 
@@ -47,14 +50,22 @@ def _compile_aside() -> None:
     back, and every worker process would carry it. Of several workers that start at once, one compiles for all."""
     with (current_app.settings.data_dir / ".compiling").open("w") as one_at_a_time:
         fcntl.flock(one_at_a_time, fcntl.LOCK_EX)
-        aside = os.fork()
+        parent, aside = os.getpid(), os.fork()
         if aside == 0:
+            threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
             try:
                 chunks.warm_up()
                 compile_kernels()  # explanations are rarer than audits: each process loads theirs when one comes
             finally:
                 os._exit(0)
         os.waitpid(aside, 0)
+
+
+def _end_with(parent: int) -> None:
+    """Ends this process once its parent was killed: nobody waits for what it compiles any more."""
+    while os.getppid() == parent:
+        time.sleep(LOOKS_EVERY_S)
+    os._exit(1)
 
 
 @signals.worker_process_init.connect

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 from app import kernel_cache
@@ -54,3 +55,21 @@ def test_a_folder_in_the_users_cache_is_chosen_unless_one_was_named(tmp_path):
 def test_a_closed_home_leaves_the_choice_to_numba(tmp_path):
     (tmp_path / "file").write_text("")
     assert chosen(tmp_path / "file") == ""
+
+
+def test_folders_of_sources_that_nobody_starts_any_more_are_dropped(tmp_path):
+    kernels = tmp_path / "loopaudit" / "kernels"
+    for name, days in (("left", 31), ("used", 29)):
+        (kernels / name).mkdir(parents=True)
+        (kernels / name / "kernel.nbc").write_text("x")
+        then = time.time() - days * 86400
+        os.utime(kernels / name, (then, then))
+    own = Path(chosen(tmp_path))
+    assert sorted(path.name for path in kernels.iterdir()) == sorted((own.name, "used"))
+
+
+def test_a_start_counts_as_use(tmp_path):
+    own = Path(chosen(tmp_path))
+    os.utime(own, (0, 0))
+    assert Path(chosen(tmp_path)) == own
+    assert time.time() - own.stat().st_mtime < 3600
