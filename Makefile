@@ -60,7 +60,7 @@ bench: install
 
 # Looks the pinned dependencies up in public lists of known holes, so it needs a network and says so where there is none.
 audit-deps: install
-	$(BIN)/pip-audit --require-hashes --disable-pip --requirement requirements.lock
+	$(BIN)/pip-audit --strict --require-hashes --disable-pip --requirement requirements.lock
 
 RECORDINGS ?= ../shared/recordings
 
