@@ -112,19 +112,15 @@ def write_files(explanation: "Explanation", comparison: "Comparison", trace: Pat
         say(f"wrote {target}")
 
 
-VERDICTS = {
-    "missing_physics": "physics is missing from the simulation",
-    "consistent": "nothing is missing",
-    "inconclusive": "the record does not tell",
-}
-
-
 def as_text(line: dict[str, Any]) -> str:
-    said = [f"{line['recording']}: {VERDICTS[line['verdict']]}"]
+    from app.services.explaining.wording import VERDICT_WORDS
+
+    said = [f"{line['recording']}: {VERDICT_WORDS[line['verdict']]}"]
     for effect in line["effects"]:
         said += effect_in_words(effect)
     fit = line["fit"]
-    said.append("held-out RMSE  " + ", ".join(f"{k} {fit['rmse_' + k]}" for k in ("given", "refitted", "explained")))
+    known = [(k, fit["rmse_" + k]) for k in ("given", "refitted", "explained")]
+    said.append("held-out RMSE  " + ", ".join(f"{k} {rmse}" for k, rmse in known if rmse is not None))
     if line["validation"] is not None:
         said.append("validation     " + ", ".join(f"{k[5:]} {v}" for k, v in line["validation"].items()))
     if line["closed_loop"] is not None:

@@ -4,7 +4,13 @@ import re
 
 import pytest
 
-from app.services.explaining.wording import effect_words, parameters_in_words, windows_in_words
+from app.services.explaining.wording import (
+    NO_SIZE,
+    effect_in_words,
+    effect_words,
+    parameters_in_words,
+    windows_in_words,
+)
 from app.web.rendering import page
 
 HOSTILE = 'A/<script>alert(1)</script>"'
@@ -75,6 +81,21 @@ def test_words_for_effects_parameters_and_windows() -> None:
         "S": {"value": 4.1, "low": 3.9, "high": 4.3, "unit": "OP"},
         "start": {"value": 20, "low": 20, "high": 20, "unit": "s"},
     }
-    assert parameters_in_words(told) == ["S = 4.1 OP (3.9 to 4.3)", "start = 20 s"]
+    assert parameters_in_words(told) == ["S = 4.1 OP (3.9 to 4.3)", "start = 20 s (no interval)"]
     assert windows_in_words([[0, 10], [20, 30]]) == "0–10 s, 20–30 s"
     assert windows_in_words([[k, k + 1] for k in range(6)]).endswith("3–4 s and 2 more")
+
+
+def test_a_fitted_stiction_says_that_it_is_no_size():
+    effect = {
+        "effect": "valve.stiction",
+        "alternatives": [],
+        "probability": 0.9,
+        "block": "valve",
+        "condition": "always",
+        "parameters": {"S": {"value": 13.8, "low": 13.8, "high": 13.8, "unit": "OP"}},
+        "windows": [],
+        "evidence": [],
+    }
+    assert effect_in_words(effect)["parameters"] == ["S = 13.8 OP (no interval)", NO_SIZE]
+    assert effect_in_words(effect | {"effect": "sensor.drift"})["parameters"] == ["S = 13.8 OP (no interval)"]

@@ -26,5 +26,6 @@ def test_what_compiles_for_a_killed_worker_ends(tmp_path: Path) -> None:
     os.kill(worker.pid, signal.SIGKILL)
     worker.wait()
     closed, _, _ = select.select([worker.stdout], [], [], PATIENCE_S)  # the other end is the compiling process' own
-    assert closed and worker.stdout.read() == b""
+    assert closed
+    assert worker.stdout.read() == b""
     worker.stdout.close()

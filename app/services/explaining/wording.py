@@ -43,6 +43,8 @@ EFFECT_WORDS = {
     "unnamed": "something that fits no known physics",
 }
 SHOWN_WINDOWS = 4
+SIZED_ELSEWHERE = ("valve.stiction", "valve.deadband")
+NO_SIZE = "fitted to reproduce PV, not to measure the valve: its size, with an interval that was tried, is the audit's"
 
 
 def effect_words(code: str) -> str:
@@ -54,10 +56,10 @@ def number(value: float | None) -> str:
 
 
 def parameters_in_words(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """ "S = 4.1 OP (3.9 to 4.3)": value, unit and 95 % interval."""
+    """ "S = 4.1 OP (3.9 to 4.3)": value, unit and 95 % interval, where the fit has one."""
     return [
         f"{name} = {number(p['value'])} {p['unit']}"
-        + ("" if p["low"] == p["high"] else f" ({number(p['low'])} to {number(p['high'])})")
+        + (" (no interval)" if p["low"] == p["high"] else f" ({number(p['low'])} to {number(p['high'])})")
         for name, p in parameters.items()
     ]
 
@@ -81,6 +83,7 @@ def in_words(found: dict[str, Any]) -> dict[str, Any]:
 
 
 def effect_in_words(effect: dict[str, Any]) -> dict[str, Any]:
+    caveat = [NO_SIZE] if effect["effect"] in SIZED_ELSEWHERE and effect["parameters"] else []
     return {
         "code": effect["effect"],
         "words": effect_words(effect["effect"]),
@@ -88,7 +91,7 @@ def effect_in_words(effect: dict[str, Any]) -> dict[str, Any]:
         "probability": effect["probability"],
         "block": effect["block"],
         "condition": effect["condition"],
-        "parameters": parameters_in_words(effect["parameters"]),
+        "parameters": parameters_in_words(effect["parameters"]) + caveat,
         "windows": windows_in_words(effect["windows"]),
         "reasons": [reason["text"] for reason in effect["evidence"]],
     }
