@@ -44,7 +44,7 @@ demo: install
 
 test: install browser
 	$(BIN)/ruff check .
-	$(BIN)/pytest -n 2 --dist loadfile
+	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder --durations 25
 
 lint: install
 	$(BIN)/ruff check .
