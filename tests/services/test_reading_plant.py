@@ -41,8 +41,9 @@ def plant(backend: Backend, add_loops: AddLoops) -> Backend:
     _audit(backend)
     with backend.database.write() as connection:
         for tag, probability in zip(TAGS, PROBABILITIES, strict=True):
-            row = verdicts.c.loop_id == ids[tag]
-            connection.execute(update(verdicts).where(row).values(stiction_probability=probability))
+            for rows in (verdicts, newest_rows):
+                mine = rows.c.loop_id == ids[tag]
+                connection.execute(update(rows).where(mine).values(stiction_probability=probability))
     return backend
 
 
