@@ -6,19 +6,22 @@ from collections.abc import Iterator
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Error, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Error, Page, ViewportSize, expect, sync_playwright
 
-from app.services.auditing.audits import list_audits
+from app.services.auditing.audits import LoopFilter, list_audits, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.intake.reading import read_upload
+from app.services.intake.uploads import receive
 from app.services.plant import overview as plant
 from app.web.rendering import tag_in_url
+from tests.web.conftest import wide
 
 pytestmark = pytest.mark.browser
 
 HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
 PAGES = ["/", "/table", "/groups", "/glossary", "/runs", "/runs/1", "/uploads", "/uploads/1", "/loops/FIC101"]
 HOSTILE_PAGE = f"/loops/{tag_in_url(HOSTILE)}"
+NARROW: ViewportSize = {"width": 360, "height": 740}
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 SERIOUS = ("serious", "critical")
 expect.set_options(timeout=20_000)  # a busy machine takes its time to parse the chart library
@@ -43,15 +46,37 @@ def chromium() -> Iterator[Browser]:
         browser.close()
 
 
+@pytest.fixture(scope="module")
+def refused_page(web_backend) -> str:
+    """The page of a loop that was in manual and cannot be judged; 'not_in_automatic' is a word that does not break."""
+    head, *rows = wide("HAND9").decode().splitlines()
+    with receive(web_backend, filename="hand.csv") as receiving:
+        receiving.write("\n".join([f"{head},HAND9.MODE", *(f"{row},MAN" for row in rows)]).encode())
+        receipt = receiving.commit()
+    read_upload(web_backend, int(receipt.upload.id), "test")
+    audit_chunk(web_backend, int(start_audit(web_backend, LoopFilter(tags=("HAND9",))).id), "test")
+    return "/loops/HAND9"
+
+
 @pytest.fixture
 def opened(chromium: Browser, client) -> Iterator[Page]:
+    yield from silent(chromium, str(client.base_url), {"width": 1280, "height": 900})
+
+
+@pytest.fixture
+def narrow(chromium: Browser, client) -> Iterator[Page]:
+    """A page that is as narrow as a telephone from the start: what is drawn there is not what a shrunk page shows."""
+    yield from silent(chromium, str(client.base_url), NARROW)
+
+
+def silent(chromium: Browser, address: str, size: ViewportSize) -> Iterator[Page]:
     """A page whose console stays silent: no error of a script, nothing refused by the content policy."""
-    page = chromium.new_page(base_url=str(client.base_url), viewport={"width": 1280, "height": 900})
+    page = chromium.new_page(base_url=address, viewport=size)
     page.set_default_timeout(20_000)
     told: list[str] = []
     page.on("console", lambda message: told.append(message.text) if message.type in ("error", "warning") else None)
     page.on("pageerror", lambda error: told.append(str(error)))
-    page.on("request", lambda asked: told.append(asked.url) if not asked.url.startswith(str(client.base_url)) else None)
+    page.on("request", lambda asked: told.append(asked.url) if not asked.url.startswith(address) else None)
     yield page
     page.close()
     assert told == []
@@ -103,12 +128,64 @@ def test_axe_finds_nothing_serious_and_narrow_screens_need_no_sideways_scrolling
     assert serious(opened) == []
     opened.emulate_media(color_scheme="dark")
     assert serious(opened) == []
-    opened.set_viewport_size({"width": 360, "height": 740})
+    opened.set_viewport_size(NARROW)
     for _ in range(50):  # charts follow the width of the window after a moment
         if opened.evaluate("document.documentElement.scrollWidth") <= 360:
             break
         opened.wait_for_timeout(100)
     assert opened.evaluate("document.documentElement.scrollWidth") <= 360
+
+
+@pytest.mark.parametrize("path", [*PAGES, HOSTILE_PAGE])
+def test_a_page_that_is_opened_on_a_narrow_screen_fits_it(narrow: Page, path: str):
+    settled(narrow, path)
+    assert width(narrow) <= NARROW["width"]
+
+
+def test_the_page_of_a_loop_that_cannot_be_judged_fits_a_narrow_screen(narrow: Page, refused_page: str):
+    settled(narrow, refused_page)
+    expect(narrow.locator(".badge").first).to_have_text("not auditable")
+    narrow.evaluate("document.querySelectorAll('details').forEach((part) => { part.open = true; })")
+    expect(narrow.locator("main")).to_contain_text("not_in_automatic")
+    assert serious(narrow) == []
+    assert width(narrow) <= NARROW["width"]
+
+
+@pytest.mark.parametrize("size", [NARROW, {"width": 1280, "height": 900}])
+def test_nothing_in_the_trend_covers_anything_else(opened: Page, size: ViewportSize):
+    opened.set_viewport_size(size)
+    settled(opened, "/loops/LIC7")
+    drawn = opened.locator("#trend .main-svg").first.bounding_box()
+    plots = [box(opened, f"#trend .{name} .nsewdrag") for name in ("xy", "xy2")]
+    legend, title = box(opened, "#trend .legend"), box(opened, "#trend .xtitle")
+    stamps = [stamp.bounding_box() for stamp in opened.locator("#trend .xtick text").all()]
+    assert stamps
+    assert not any(overlap(legend, plot) for plot in plots)
+    assert not any(overlap(title, stamp) for stamp in stamps)
+    assert all(inside(part, drawn) for part in (legend, title, *stamps))
+
+
+def width(page: Page) -> int:
+    return page.evaluate("document.documentElement.scrollWidth")
+
+
+def box(page: Page, selector: str):
+    return page.locator(selector).first.bounding_box()
+
+
+def overlap(one, other) -> bool:
+    """Whether two boxes share more than a pixel's rim."""
+    return all(
+        min(one[at] + one[size], other[at] + other[size]) - max(one[at], other[at]) > 1.0
+        for at, size in (("x", "width"), ("y", "height"))
+    )
+
+
+def inside(one, other) -> bool:
+    return all(
+        one[at] >= other[at] - 1.0 and one[at] + one[size] <= other[at] + other[size] + 1.0
+        for at, size in (("x", "width"), ("y", "height"))
+    )
 
 
 def test_by_keyboard_alone(opened: Page):
@@ -178,7 +255,7 @@ def test_a_file_is_sent_read_and_its_tags_mapped_anew(opened: Page, web_backend)
 def test_a_report_opens_from_disk_without_a_network(chromium: Browser, client, tmp_path, path: str):
     file = tmp_path / "report.html"
     file.write_bytes(client.get(path).content)
-    context = chromium.new_context(offline=True, viewport={"width": 360, "height": 740})
+    context = chromium.new_context(offline=True, viewport=NARROW)
     page = context.new_page()
     told: list[str] = []
     page.on("console", lambda message: told.append(message.text))

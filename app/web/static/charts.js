@@ -1,10 +1,10 @@
 // What all charts share: the colours of the page (light or dark), axes, and how a failure is told.
 "use strict";
 const paint = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-const axis = (title, more) => ({ title: { text: title }, gridcolor: paint("--line"), zeroline: false, ...more });
+const axis = (title, more) => ({ title: { text: title, standoff: 8 }, automargin: true, gridcolor: paint("--line"), zeroline: false, ...more });
 const layout = (more) => ({
   margin: { l: 58, r: 16, t: 10, b: 44 }, paper_bgcolor: paint("--paper"), plot_bgcolor: paint("--paper"),
-  font: { family: "system-ui, sans-serif", size: 13, color: paint("--ink") }, legend: { orientation: "h", y: 1.12 },
+  font: { family: "system-ui, sans-serif", size: 13, color: paint("--ink") }, legend: { orientation: "h", y: 1.02, yanchor: "bottom" },
   hoverlabel: { namelength: -1 }, ...more,
 });
 const options = { responsive: true, displaylogo: false, displayModeBar: "hover" };
