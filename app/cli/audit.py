@@ -24,7 +24,7 @@ THREAD_LIMITS = (
     "NUMBA_NUM_THREADS",
     "POLARS_MAX_THREADS",
 )
-SUFFIXES = (".csv", ".txt", ".parquet", ".mat")
+FORMS = "CSV, text, parquet, Excel, MATLAB"
 PROCESSES_PAY_FROM_FILES = 8
 NO_SIGNALS = "unknown_layout"
 SHOWN_REJECTS = 3
@@ -49,7 +49,9 @@ class AuditedFile:
 
 
 def audit(
-    paths: Annotated[list[Path], typer.Argument(help="Files, or folders with *.csv, *.txt, *.parquet, *.mat in them.")],
+    paths: Annotated[
+        list[Path], typer.Argument(help="Files, or folders of exports: CSV, text, parquet, Excel, MATLAB.")
+    ],
     format_: Annotated[
         Format, typer.Option("--format", help="A table to read; jsonl or csv for machines.")
     ] = Format.table,
@@ -86,21 +88,21 @@ def audit(
 
 def recording_files(paths: list[Path]) -> list[Path]:
     """The files to read, folders in the order of their names; raises where a path is not there or nothing is left."""
+    from app.ingest import is_export_name
+
     files = []
     for path in paths:
         if path.is_dir():
-            files += sorted(file for file in path.iterdir() if is_recording_name(file.name) and file.is_file())
+            files += sorted(file for file in path.iterdir() if is_export_name(file.name) and file.is_file())
         elif path.exists():
             files.append(path)
         else:
             raise DataError("no_such_file", f"{path} is not there")
     if not files:
-        raise DataError("nothing_to_read", f"no {', '.join('*' + s for s in SUFFIXES)} in {', '.join(map(str, paths))}")
+        raise DataError(
+            "nothing_to_read", f"no exports (CSV, text, parquet, Excel, MATLAB) in {', '.join(map(str, paths))}"
+        )
     return files
-
-
-def is_recording_name(name: str) -> bool:
-    return name.lower().removesuffix(".gz").endswith(SUFFIXES) and not name.startswith(".")
 
 
 def audit_files(files: list[Path], jobs: int) -> Iterator[AuditedFile]:

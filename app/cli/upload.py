@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli.audit import recording_files
+from app.cli.audit import FORMS, recording_files
 from app.cli.messages import ExitCode, progress, say
 from app.errors import RequestError
 
@@ -17,7 +17,7 @@ DEFAULT_URL = "http://127.0.0.1:8000"
 
 
 def upload(
-    paths: Annotated[list[Path], typer.Argument(help="Files, or folders with *.csv, *.txt, *.parquet, *.mat in them.")],
+    paths: Annotated[list[Path], typer.Argument(help=f"Files, or folders of exports: {FORMS}.")],
     url: Annotated[str, typer.Option("--url", envvar="LOOPAUDIT_URL", help="Address of the service.")] = DEFAULT_URL,
     key: Annotated[
         str | None, typer.Option("--key", envvar="LOOPAUDIT_KEY", help="API key, if it asks for one.")

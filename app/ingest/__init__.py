@@ -38,7 +38,7 @@ bad_mapping, excel_not_installed, unknown_time_zone, matlab_version.
 """
 
 from app.ingest.align import align, merge
-from app.ingest.export import Export, read_export
+from app.ingest.export import Export, is_export_name, read_export
 from app.ingest.grouping import MappedTag, TagMapping, group
 from app.ingest.inspection import InspectReport, LoopReport, inspect
 from app.ingest.model import (
@@ -71,6 +71,7 @@ __all__ = [
     "align",
     "group",
     "inspect",
+    "is_export_name",
     "merge",
     "read_export",
     "read_recordings",

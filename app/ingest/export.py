@@ -165,6 +165,11 @@ def _open_text(path: Path, stem: str, options: IngestOptions) -> TextSource:
     return TextSource(file, plan, head, file.compressed)
 
 
+def is_export_name(name: str) -> bool:
+    """Whether a file of a folder is taken for an export by its name; hidden ones never are."""
+    return name.lower().removesuffix(".gz").endswith(SUFFIXES) and not name.startswith(".")
+
+
 def stem_of(name: str) -> str:
     """A file's name without its folder and the suffixes of exports: a tag's own dots stay."""
     stem = name.replace("\\", "/").rsplit("/", 1)[-1]

@@ -98,7 +98,8 @@ def test_a_wide_export_gives_a_line_a_loop(tmp_path):
 
 
 def test_names_in_a_folder_that_are_taken(tmp_path):
-    for name in ("b.CSV", "a.csv", "c.parquet", "d.csv.gz", ".hidden.csv", "e.xlsx", "f.md"):
+    for name in ("b.CSV", "a.csv", "c.parquet", "d.csv.gz", ".hidden.csv", "e.xlsx", "f.md", "g.mat", "h.TSV"):
         (tmp_path / name).write_bytes(b"x")
     (tmp_path / "folder.csv").mkdir()
-    assert [path.name for path in recording_files([tmp_path])] == ["a.csv", "b.CSV", "c.parquet", "d.csv.gz"]
+    taken = [path.name for path in recording_files([tmp_path])]
+    assert taken == ["a.csv", "b.CSV", "c.parquet", "d.csv.gz", "e.xlsx", "g.mat", "h.TSV"]
