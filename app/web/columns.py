@@ -28,7 +28,7 @@ COLUMNS: Mapping[str, Column] = {
     "priority": Column("Priority", "number", 0, "-priority"),
     "stiction_probability": Column("Probability of stiction", "number", 2, "-stiction_probability"),
     "stiction_band_pct_of_op_range": Column(
-        "Stiction band, % of OP range", "number", 1, "-stiction_band_pct_of_op_range"
+        "Band d of the published rule, % of OP range", "number", 1, "-stiction_band_pct_of_op_range"
     ),
     "likely_cause": Column("Likely cause", "cause"),
     "oscillation_period_s": Column("Period, s", "number", 0),

@@ -67,7 +67,7 @@ FIGURES = (
     ),
     Figure("harris_horizon_samples", "Dead time the Harris index assumes", "samples", 0, HARRIS),
     Figure("yper_pct", "Yper", "%", 1, YPER, "A measure of how far the identification can be trusted, no detector."),
-    Figure("stiction_band_pct_of_op_range", "Stiction band", "% of OP's range", 1, YPER),
+    Figure("stiction_band_pct_of_op_range", "Band d of the published rule (not the size)", "% of OP's range", 1, YPER),
 )
 
 
