@@ -28,7 +28,7 @@ class RejectOut(Read):
 class UploadOut(Read):
     """An export as it came, and what became of it."""
 
-    id: str = Field(description="Identifier of the upload; the same content always has the same.")
+    id: str = Field(description="Identifier of the upload; the same content under the same name always has the same.")
     state: UploadState = Field(description="received -> reading -> done or failed.")
     filename: str = Field(description="Name under which it was sent.")
     size_bytes: int = Field(description="Size as it came, in bytes.")

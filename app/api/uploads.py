@@ -69,7 +69,8 @@ async def receive(
 ) -> Any:
     """Takes an export as raw body, or as multipart `file` (with the plant's tag `mapping`, where there is one).
 
-    gzip is told by the content. 202 means that the bytes are stored. The same content again is the same upload.
+    gzip is told by the content. 202 means that the bytes are stored.
+    The same content under the same name again is the same upload.
     """
     refuse_encodings(request)
     receipt = await store(request, backend, filename, time_zone)

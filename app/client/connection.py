@@ -91,7 +91,7 @@ class Client:
         return self._pages(Row, "/v1/reliability", {"sort": sort, **filters})
 
     def upload(self, file: Path | str) -> Upload:
-        """Sends an export; the same content again is the same upload."""
+        """Sends an export; the same content under the same name is the same upload."""
         path = Path(file)
         with path.open("rb") as stream:
             return Upload.of(

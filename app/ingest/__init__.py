@@ -38,7 +38,7 @@ bad_mapping, excel_not_installed, unknown_time_zone, matlab_version.
 """
 
 from app.ingest.align import align, merge
-from app.ingest.export import Export, is_export_name, read_export
+from app.ingest.export import Export, is_export_name, read_export, stem_of
 from app.ingest.grouping import MappedTag, TagMapping, group
 from app.ingest.inspection import InspectReport, LoopReport, inspect
 from app.ingest.model import (
@@ -75,5 +75,6 @@ __all__ = [
     "merge",
     "read_export",
     "read_recordings",
+    "stem_of",
     "to_recording",
 ]

@@ -118,9 +118,11 @@ class Export:
             notes.append(
                 f"{self._tally.stuttering} stamps repeated the one before; their rows went into the missing step"
             )
-        if not any(loop.pv or loop.op or loop.sp for loop in self._grouping.loops()):
-            shown = ", ".join(tag for loop in self._grouping.loops()[:5] for tag in loop.others[:5])
-            notes.append(f"no tag is named like PV, OP or SP of a loop, a mapping can say it; here is {shown}")
+        loops = self._grouping.loops()
+        if not any(loop.pv or loop.op or loop.sp for loop in loops):
+            shown = ", ".join([tag for loop in loops for tag in loop.others[:5]][:25])
+            unknown = f"no tag is named like PV, OP or SP of a loop, a mapping can say it; here is {shown}"
+            notes.append(unknown if shown else "of its loops the file has the mode alone")
         if self._grouping.second:
             shown = ", ".join(self._grouping.second[:5])
             notes.append(

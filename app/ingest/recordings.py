@@ -73,7 +73,7 @@ def to_recording(samples: LoopSamples, name: str) -> Recording:
         pv[given],
         op[given],
         sp=None if samples.sp is None else samples.sp[given],
-        automatic=None if automatic is None or np.all(np.isnan(automatic)) else _flags(automatic[given]),
+        automatic=None if automatic is None or np.all(np.isnan(automatic)) else _flags(automatic)[given],
         others=MappingProxyType({tag: values[given] for tag, values in samples.others.items()}),
     )
 
@@ -83,10 +83,10 @@ def _or_missing(signal: np.ndarray | None, samples: LoopSamples) -> np.ndarray:
 
 
 def _flags(automatic: np.ndarray) -> np.ndarray:
-    """Where the mode is not known the last known one goes on, and before the first the first."""
+    """Where the mode is not known the last known one goes on, and before the first the first; somewhere it is known."""
     known = np.flatnonzero(np.isfinite(automatic))
     at = np.searchsorted(known, np.arange(len(automatic)), side="right") - 1
-    return automatic[known[np.maximum(at, 0)]] != 0 if len(known) else np.ones(len(automatic), dtype=bool)
+    return automatic[known[np.maximum(at, 0)]] != 0
 
 
 __all__ = ["RecordingsRead", "SignalBlock", "align", "read_recordings", "to_recording"]

@@ -51,7 +51,7 @@ class UploadView:
 
 @dataclass(frozen=True)
 class Receipt:
-    """The bytes are stored and synced. `created` is False where the same content had been sent before."""
+    """The bytes are stored and synced. `created` is False where this content had been sent under this name before."""
 
     upload: UploadView
     created: bool

@@ -42,7 +42,7 @@ uploads = Table(
     "uploads",
     metadata,
     Column("id", Id, primary_key=True),
-    Column("content_key", Text, nullable=False, unique=True),  # of the bytes and how they are to be read
+    Column("content_key", Text, nullable=False, unique=True),  # of bytes, name and how to read them
     Column("fingerprint", Text, nullable=False),  # SHA-256 of the bytes as they came
     Column("filename", Text, nullable=False),
     Column("content_type", Text),

@@ -245,3 +245,8 @@ def test_a_signal_is_not_taken_for_the_time(read: Read) -> None:
 def test_tags_of_no_loop_are_told(read: Read) -> None:
     notes = read("time,temp,pressure\n" + "2024-03-01 00:00:00,1,10\n2024-03-01 00:01:00,2,20\n").summary.notes
     assert any("no tag is named like PV" in note and "temp" in note for note in notes)
+
+
+def test_a_file_of_modes_is_told(read: Read) -> None:
+    notes = read("time,FIC1.MODE\n2024-03-01 00:00:00,0\n2024-03-01 00:01:00,1\n").summary.notes
+    assert notes == ("of its loops the file has the mode alone",)

@@ -2,6 +2,8 @@
 
 import gzip
 import time
+from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from sqlalchemy import update
 
 from app.errors import LoopauditError, NotFoundError
+from app.services.auditing import audits, chunks
 from app.services.backend import Backend
 from app.services.intake import reading, uploads
 from app.services.intake.uploads import ReadingOptions
@@ -28,6 +31,12 @@ def export(rows: int = 200, start: int = 1_750_000_000, spoiled: bool = False) -
     if spoiled:
         lines[5] = f"{start + 4},Bad Input,40,50,1,1\n"
     return "".join(lines).encode()
+
+
+def of_one_tag(values: Sequence[str], shift_s: int = 0) -> bytes:
+    """A file without a row of names, a value a minute: its tag is its name."""
+    start = datetime(2026, 3, 1, tzinfo=UTC) + timedelta(seconds=shift_s)
+    return "".join(f"{start + timedelta(minutes=i):%Y-%m-%d %H:%M:%S},{v}\n" for i, v in enumerate(values)).encode()
 
 
 def send(backend: Backend, data: bytes, name: str = "night.csv", options: ReadingOptions | None = None) -> UploadView:
@@ -64,14 +73,59 @@ def test_a_new_upload_is_told_to_a_worker_at_once_and_the_same_again_is_not(back
     assert told == [1]
 
 
-def test_the_same_content_is_the_same_upload(backend: Backend) -> None:
+def test_the_same_content_under_the_same_name_is_the_same_upload(backend: Backend) -> None:
     data = export()
     first = send(backend, data)
-    with uploads.receive(backend, filename="other name.csv") as receiving:
+    with uploads.receive(backend, filename="C:\\exports\\night.CSV") as receiving:
         receiving.write(data)
         receipt = receiving.commit()
     assert (receipt.upload.id, receipt.created) == (first.id, False)
     assert len(list(backend.settings.uploads_dir.iterdir())) == 1
+
+
+def test_content_that_names_its_tags_adds_nothing_under_another_name(backend: Backend) -> None:
+    first = read(backend, send(backend, export()))
+    again = read(backend, send(backend, export(), name="other name.csv"))
+    assert again.id != first.id
+    assert (again.state, again.loops, again.samples_added) == ("done", first.loops, 0)
+    assert len(list(backend.settings.uploads_dir.iterdir())) == 1
+
+
+def test_the_same_bytes_are_another_tag_under_another_name(backend: Backend) -> None:
+    same = of_one_tag(["50.0"] * 60)
+    done = [read(backend, send(backend, same, name=f"{loop}.SP.csv")) for loop in ("FIC201", "FIC202")]
+    assert [(upload.loops, upload.samples_added) for upload in done] == [(["FIC201"], 60), (["FIC202"], 60)]
+
+
+@pytest.mark.parametrize("last", ["MODE", "PV"])
+@pytest.mark.parametrize("modes", [["0"] * 300, ["MAN"]], ids=["every_scan", "when_it_changes"])
+def test_a_mode_in_a_file_of_its_own_counts_in_the_audit(
+    backend: Backend, warm_kernels: None, modes: list[str], last: str
+) -> None:
+    steps = np.arange(300)
+    signals = {
+        "PV": (50 + 2 * np.sin(steps / 6 - 0.8)).astype(str),
+        "OP": (40 + 5 * np.sin(steps / 6)).astype(str),
+        "MODE": modes,
+    }
+    for name in sorted(signals, key=last.__eq__):
+        shift_s = -7 if len(signals[name]) == 1 else 0
+        sent = send(backend, of_one_tag(signals[name], shift_s), name=f"FIC204.{name}.csv")
+        done = read(backend, sent)
+        assert (done.loops, done.samples_added) == (["FIC204"], len(signals[name]))
+    run = audits.start_audit(backend)
+    chunks.audit_chunk(backend, int(run.id), "w")
+    line = loops.loop_health(backend, "FIC204")
+    assert (line["verdict"], line["automatic_share"]) == ("not_auditable", 0.0)
+    assert line["reasons"] == "not_in_automatic"
+
+
+def test_a_loop_of_which_only_the_mode_was_sent_is_not_auditable(backend: Backend) -> None:
+    read(backend, send(backend, of_one_tag(["AUTO"] * 60), name="FIC204.MODE.csv"))
+    run = audits.start_audit(backend)
+    chunks.audit_chunk(backend, int(run.id), "w")
+    assert audits.get_audit(backend, run.id).failed == 0
+    assert loops.loop_health(backend, "FIC204")["verdict"] == "not_auditable"
 
 
 def test_the_same_samples_in_other_bytes_change_nothing(backend: Backend) -> None:

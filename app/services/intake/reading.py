@@ -103,7 +103,8 @@ def _batches(export: Export) -> Iterator[list[LoopSamples]]:
     batch: list[LoopSamples] = []
     values = 0
     for stretch in export.loops():
-        if all(signal is None for signal in (stretch.pv, stretch.op, stretch.sp)) or stretch.samples == 0:
+        own = (stretch.pv, stretch.op, stretch.sp, stretch.automatic)
+        if all(signal is None for signal in own) or stretch.samples == 0:
             continue
         batch.append(stretch)
         values += 4 * stretch.samples

@@ -1,4 +1,4 @@
-"""Uploads: stored and synced before they are acknowledged, the same content once."""
+"""Uploads: stored and synced before they are acknowledged, the same content under the same name once."""
 
 import hashlib
 import json
@@ -10,7 +10,7 @@ from typing import Any, Self
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from app.errors import NotFoundError, RequestError
-from app.ingest import TagMapping
+from app.ingest import TagMapping, stem_of
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.intake.synced import SyncedFile
@@ -68,8 +68,12 @@ class Receiving:
             raise RequestError("empty_upload", "the upload has no bytes")
         fingerprint = self._file.sync()
         self._keep(fingerprint)
-        key = hashlib.sha256(f"{fingerprint} {self._values['reading_json']}".encode()).hexdigest()
-        values = {**self._values, "content_key": key, "fingerprint": fingerprint, "size_bytes": self._file.size}
+        values = {
+            **self._values,
+            "content_key": _content_key(fingerprint, self._values["reading_json"], self._values["filename"]),
+            "fingerprint": fingerprint,
+            "size_bytes": self._file.size,
+        }
         with self._backend.database.write() as connection:
             row, created = uploads.receive(connection, values)
             again = uploads.try_again(connection, row.id)
@@ -103,7 +107,7 @@ def receive(
     reading: ReadingOptions | None = None,
     received_by: str | None = None,
 ) -> Receiving:
-    """Begins an upload; `filename` names the loop of a file that holds one loop without tags."""
+    """Begins an upload; `filename` names the loop, or the one tag, of a file that names none itself."""
     reading = reading or ReadingOptions()
     reading.check()
     name = Path(filename.replace("\\", "/").replace("\x00", "")).name[-LONGEST_NAME:] or "upload.csv"
@@ -161,6 +165,12 @@ def list_uploads(backend: Backend, limit: int = 100, cursor: str | None = None) 
 
 def path_of(backend: Backend, fingerprint: str) -> Path:
     return backend.settings.uploads_dir / fingerprint
+
+
+def _content_key(fingerprint: str, reading_json: str, filename: str) -> str:
+    """The name is part of it, because it is the tag where the content names none: FIC201.SP.csv may have the bytes of
+    FIC202.SP.csv. Content that names its tags adds no samples when it is read under another name."""
+    return hashlib.sha256(f"{fingerprint} {reading_json} {stem_of(filename)}".encode()).hexdigest()
 
 
 def _view(row: UploadRow, found: list[str], refused: list[RejectView]) -> UploadView:
