@@ -109,8 +109,8 @@ def test_a_draft_on_a_really_full_device_is_taken_away(client, settings, monkeyp
 
     def onto_full(self, backend, values) -> None:
         opened(self, backend, values)
-        self._file.close()
-        self._file = open("/dev/full", "wb")  # noqa: SIM115 - closed by what is tested
+        self._file._file.close()
+        self._file._file = open("/dev/full", "wb", buffering=0)  # noqa: SIM115 - closed by what is tested
 
     monkeypatch.setattr(uploads.Receiving, "__init__", onto_full)
     answer = client.post("/v1/uploads", content=b"x" * 3_000_000)
