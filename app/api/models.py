@@ -189,7 +189,9 @@ class GroupOut(Read):
     in_step: bool = Field(description="Amplitude and phase wander together; false: only period and spectrum are alike.")
     by_chance: bool = Field(description="So many loops may share a period by chance; false: they hardly do.")
     chance_probability: float = Field(description="Probability that so many loops share a period by chance, 0 to 1.")
-    source: str | None = Field(description="The likeliest source; null where no member probably sticks.")
+    source: str | None = Field(
+        description="The likeliest source; null where no member probably sticks, or chance_probability is above 0.1."
+    )
     members: list[GroupMemberOut] = Field(description="The likeliest source first.")
 
 

@@ -16,6 +16,10 @@ IN_STEP = 0.7
 CHANCE = 0.01
 """A group counts as shown where chance would bring so many loops together with less than this probability."""
 
+UNNAMED = 0.1
+"""Above this probability of chance no source is named: nothing need shake such loops together, so none of them should
+be looked at first for the others' sake. Below it a pair of a real plant that is known to interact has 0.03."""
+
 ALIKE = 0.8
 """Likeness of the spectra from which loops of the same unit and period are grouped though they are not in step."""
 
@@ -66,8 +70,8 @@ class Group:
     in_step: amplitude and phase wander together; False: same unit, period and spectrum.
     chance_probability: that so many of the candidates share a period by chance, if periods are spread evenly (in their
     logarithm) over what the candidates have, at least a factor of 20. Pairs among many loops mostly are chance.
-    source: tag of the likeliest source; None where no member is likelier to stick than not: the source is then
-    outside of the loops that were judged.
+    source: tag of the likeliest source; None where the loops share their period by chance with more than UNNAMED,
+    and where no member is likelier to stick than not: the source is then outside of the loops that were judged.
     """
 
     period_s: float
@@ -82,7 +86,8 @@ class Group:
     @property
     def source(self) -> str | None:
         best = self.suspects[0]
-        return best.tag if (best.stiction_probability or 0.0) > _NOTHING_STICKS else None
+        sticks = (best.stiction_probability or 0.0) > _NOTHING_STICKS
+        return best.tag if sticks and self.chance_probability <= UNNAMED else None
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,15 +1,17 @@
 """Times as people and machines take them."""
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
+
+EPOCH = datetime.fromtimestamp(0, UTC)
 
 
 def epoch_ms(moment: datetime | None) -> int | None:
-    """Milliseconds since 1970, UTC: what dashboards take for a time."""
-    return None if moment is None else round(moment.timestamp() * 1000)
+    """Whole milliseconds since 1970, UTC, those that `iso_utc` tells: what dashboards take for a time."""
+    return None if moment is None else (moment - EPOCH) // timedelta(milliseconds=1)
 
 
 def iso_utc(moment: datetime | None) -> str | None:
-    """2026-01-31T03:00:00Z, with milliseconds only where there are any."""
+    """2026-01-31T03:00:00Z, with milliseconds only where there are any; what is below them is cut."""
     if moment is None:
         return None
     if moment.tzinfo is None:

@@ -193,7 +193,8 @@ class GroupMember:
 class GroupView:
     """Loops that oscillate together, the likeliest source first. `source` is None where no member probably sticks.
 
-    `by_chance`: so many loops may share a period without having anything to do with each other.
+    `by_chance`: so many loops may share a period without having anything to do with each other; where that is likelier
+    than `app.engine.plant_wide.UNNAMED`, no source is named.
     """
 
     id: str

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from datetime import datetime
 
-from sqlalchemy import Connection, func, insert, select
+from sqlalchemy import Connection, insert, select
 
 from app.storage.tables import notes
 from app.storage.types import now
@@ -36,5 +36,7 @@ def of_loop(connection: Connection, loop_id: int, limit: int) -> list[NoteRow]:
     return [NoteRow(*row) for row in connection.execute(query)]
 
 
-def newest_repair(connection: Connection, loop_id: int) -> datetime | None:
-    return connection.scalar(select(func.max(notes.c.repaired_at)).where(notes.c.loop_id == loop_id))
+def repair_stated_last(connection: Connection, loop_id: int) -> datetime | None:
+    """Of the newest note that states one, be it earlier than another note's: so a wrong time can be put right."""
+    stated = (notes.c.loop_id == loop_id) & notes.c.repaired_at.is_not(None)
+    return connection.scalar(select(notes.c.repaired_at).where(stated).order_by(notes.c.id.desc()).limit(1))

@@ -95,7 +95,7 @@ def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLRespons
 @router.get("/groups")
 def groups(backend: Services) -> HTMLResponse:
     found = grouped.soon(backend)
-    return page("groups.html", groups=found or (), known=found is not None)
+    return page("groups.html", unnamed=grouped.unnamed, groups=found or (), known=found is not None)
 
 
 @router.get("/glossary")

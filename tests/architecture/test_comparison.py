@@ -4,7 +4,9 @@ import re
 from pathlib import Path
 
 import pytest
+from typer.main import get_command
 
+from app.cli.main import cli
 from app.main import create_app
 from app.services.auditing.audit_line import ReliabilityRow
 from app.settings import Settings
@@ -74,5 +76,8 @@ def test_what_is_claimed_of_this_project_is_there():
     fields = re.findall(r"`(hammerstein_\w+|health\w*|stiction_band\w+)`", TEXT)
     assert fields
     assert set(fields) <= set(ReliabilityRow.model_fields)
+    settings = {f"LOOPAUDIT_{name.upper()}" for name in Settings.model_fields}
+    assert set(re.findall(r"`(LOOPAUDIT_\w+)`", TEXT)) <= settings
+    assert set(re.findall(r"`loopaudit ([a-z]+)", TEXT)) <= set(get_command(cli).commands)
     for link in re.findall(r"\]\(([\w.]+)\)", TEXT):
         assert (DOCS / link).is_file()

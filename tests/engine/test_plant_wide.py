@@ -148,6 +148,14 @@ def test_a_pair_among_many_loops_may_be_chance():
     assert all(group.by_chance for group in pair)
 
 
+def test_no_source_is_named_where_the_period_may_be_shared_by_chance():
+    many = [wave("L" * (number + 3), 150.0 * 1.06**number) for number in range(30)]
+    sticky = [replace(wave("A", 300.0), stiction_probability=0.9), wave("BB", 300.0, phase=1.0)]
+    assert [group.source for group in groups(sticky)] == ["A"]
+    crowded = [group for group in groups([*sticky, *many]) if "A" in {suspect.tag for suspect in group.suspects}]
+    assert [group.source for group in crowded] == [None]
+
+
 def test_too_few_cycles_make_no_group():
     assert groups([wave("A", 900.0), wave("BB", 900.0)]) == ()
 

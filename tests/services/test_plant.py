@@ -1,12 +1,13 @@
 """What changed in the plant and why, what a repair changed, and which loops swing together."""
 
 from collections.abc import Callable
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 import pytest
 from sqlalchemy import update
 
 from app.engine.key_figures import KeyFigures
+from app.errors import RequestError
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
@@ -144,6 +145,26 @@ def test_a_repair_parts_the_verdicts(backend: Backend, two_runs: tuple[dict[str,
     (note,) = notes.list_notes(backend, "A")
     assert (note.text, note.work_order, note.written_by) == ("packing renewed", "WO-1", "somebody")
     assert len(verdict_history(backend, "A").rows) == 2
+
+
+def test_a_repair_is_not_still_to_come(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:
+    now = datetime.now(UTC)
+    with pytest.raises(RequestError) as refused:
+        notes.add_note(backend, "B", "packing renewed", repaired_at=now + timedelta(hours=1))
+    assert refused.value.code == "bad_repair_time"
+    assert notes.list_notes(backend, "B") == []
+    notes.add_note(backend, "B", "by a clock that is fast", repaired_at=now + timedelta(minutes=1))
+
+
+def test_a_wrong_time_of_a_repair_is_mended_by_a_further_note(
+    backend: Backend, two_runs: tuple[dict[str, int], int]
+) -> None:
+    for day in (20, 2):
+        notes.add_note(backend, "C", "packing renewed", repaired_at=datetime(2026, 1, day, tzinfo=UTC))
+    notes.add_note(backend, "C", "runs well")
+    repair = notes.newest_repair(backend, "C")
+    assert repair is not None
+    assert repair.repaired_at == "2026-01-02T00:00:00Z"
 
 
 def test_every_key_figure_is_defined() -> None:

@@ -13,7 +13,7 @@ from app.services.auditing.chunks import audit_chunk
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import receive
 from app.services.plant import overview as plant
-from app.web.rendering import tag_in_url
+from app.web.rendering import figure, tag_in_url
 from tests.web.conftest import wide
 
 pytestmark = pytest.mark.browser
@@ -111,6 +111,12 @@ def test_a_click_in_the_treemap_opens_the_loop(opened: Page):
     opened.locator("#treemap .slice", has_text="FIC101").first.click()
     expect(opened.get_by_role("heading", level=1)).to_have_text("FIC101")
     expect(opened.locator("#charts")).to_have_attribute("data-drawn", "yes")
+
+
+def test_the_treemap_rounds_health_as_the_tables_do(opened: Page):
+    settled(opened, "/")
+    healths = [0.5, 1.5, 38.49, 38.5, 38.51, 39.5, 99.96, 100.0]
+    assert opened.evaluate("(healths) => healths.map(known)", healths) == [figure(health, 0) for health in healths]
 
 
 def test_of_a_large_unit_the_worst_are_drawn_and_the_others_lead_to_the_table(opened: Page, monkeypatch):

@@ -7,6 +7,9 @@ import pytest
 from app.services.auditing.chunks import audit_chunk
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import list_uploads
+from app.services.plant import groups
+from app.services.plant.groups import plant_groups
+from app.services.results import GroupView
 from app.web.columns import COLUMNS
 from app.web.rendering import tag_in_url
 
@@ -153,7 +156,13 @@ def test_before_and_after_a_repair(client):
 
 @pytest.mark.parametrize(
     "note",
-    [{}, {"text": "x" * 5000}, {"text": "x", "repaired_at": "yesterday"}, {"repaired_at": "9999-12-31T23:59:59-14:00"}],
+    [
+        {},
+        {"text": "x" * 5000},
+        {"text": "x", "repaired_at": "yesterday"},
+        {"repaired_at": "9999-12-31T23:59:59-14:00"},
+        {"text": "x", "repaired_at": "2126-01-01T06:00"},
+    ],
 )
 def test_notes_that_say_nothing_or_too_much_are_refused(client, note):
     assert client.post("/loops/FIC101/notes", data=note).status_code == 400
@@ -208,6 +217,15 @@ def test_groups_are_listed_for_machines(client):
     tags = {member["loop"] for group in told["rows"] for member in group["members"]}
     assert tags <= {"FIC101", "LIC7", HOSTILE}
     assert len(tags) == 3  # the three carry one and the same swing
+
+
+def test_no_source_is_named_of_loops_that_may_share_a_period_by_chance(client, web_backend, monkeypatch):
+    crowded = GroupView("1", 300.0, True, True, 0.84, None, plant_groups(web_backend)[0].members)
+    monkeypatch.setattr(groups, "plant_groups", lambda backend: (crowded,))
+    told = " ".join(seen(client, "/groups").texts)
+    assert "by chance (probability 0.84): no source is named" in told
+    assert "Likeliest source:" not in told
+    assert "No member probably sticks" not in told
 
 
 def test_the_glossary_defines_every_figure_of_a_loop(client):

@@ -19,7 +19,7 @@ OF_LOOP = ("recording", "loop", "unit")
 KEY_FIGURES = "key_figures"
 OF_LOOP_NOW = ("unit",)  # what is asked of the loop when a row is sent, because it may have changed since the verdict
 FORM = hashlib.blake2b(
-    json.dumps([2, FIELDS, OF_LOOP_NOW, list(KeyFiguresLine.model_fields)]).encode(), digest_size=8
+    json.dumps([3, FIELDS, OF_LOOP_NOW, list(KeyFiguresLine.model_fields)]).encode(), digest_size=8
 ).hexdigest()
 """Which fields a stored row has: rows that an older version wrote are made anew from their columns."""
 COLUMNS = frozenset(column.name for column in verdicts.columns)

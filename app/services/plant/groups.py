@@ -3,7 +3,7 @@
 import threading
 from typing import Any
 
-from app.engine.plant_wide import Candidate, Group, groups
+from app.engine.plant_wide import UNNAMED, Candidate, Group, groups
 from app.services.auditing.swings import from_json
 from app.services.backend import Backend
 from app.services.moments import iso_utc, moment_of
@@ -46,6 +46,11 @@ def soon(backend: Backend, wait_s: float = PATIENCE_S) -> tuple[GroupView, ...] 
 def groups_of(backend: Backend, tag: str) -> list[GroupView]:
     """Those that the loop belongs to, as far as they are known by now."""
     return [group for group in soon(backend) or () if any(member.loop == tag for member in group.members)]
+
+
+def unnamed(group: GroupView) -> bool:
+    """Whether no source is named because the loops may well share their period by chance."""
+    return group.chance_probability > UNNAMED
 
 
 def _view(number: int, group: Group, units: dict[str, str | None]) -> GroupView:

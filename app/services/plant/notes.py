@@ -1,7 +1,7 @@
 """Notes and work orders on a loop, and what a repair changed."""
 
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from app.errors import RequestError
@@ -15,6 +15,8 @@ from app.storage.notes import NoteRow
 LONGEST_TEXT = 4000
 LONGEST_WORK_ORDER = 100
 SHOWN = 50
+CLOCKS_DIFFER = timedelta(minutes=5)
+"""A repair may be ahead of our clock by so much: the clock of who writes it may be fast."""
 COMPARED = (
     "verdict",
     "reliability",
@@ -44,13 +46,16 @@ def add_note(
     repaired_at: datetime | None = None,
     written_by: str = "",
 ) -> None:
-    """Raises RequestError where nothing is said, or too much."""
+    """Raises RequestError where nothing is said, too much, or a repair that is still to come."""
     text, work_order = text.replace("\x00", "").strip(), work_order.replace("\x00", "").strip()
     if not text and not work_order and repaired_at is None:
         raise RequestError("empty_note", "a note needs a text, a work order or the time of a repair")
     if len(text) > LONGEST_TEXT or len(work_order) > LONGEST_WORK_ORDER:
         most = f"{LONGEST_TEXT} characters, a work order {LONGEST_WORK_ORDER}"
         raise RequestError("note_too_long", f"a note may have at most {most}")
+    if repaired_at is not None and repaired_at > datetime.now(UTC) + CLOCKS_DIFFER:
+        told = f"{iso_utc(repaired_at)} is still to come; a repair is written down once it is done, in UTC"
+        raise RequestError("bad_repair_time", told)
     row = find(backend, tag)
     with backend.database.write() as connection:
         notes.add(connection, row.id, written_by, text, work_order, repaired_at)
@@ -64,10 +69,13 @@ def list_notes(backend: Backend, tag: str) -> list[NoteView]:
 
 
 def newest_repair(backend: Backend, tag: str) -> Repair | None:
-    """The newest repair with the verdicts on both sides of it, by the end of the audited window."""
+    """The repair that was stated last with the verdicts on both sides of it, by the end of the audited window.
+
+    A wrong time is mended by a further note with the right one.
+    """
     row = find(backend, tag)
     with backend.database.read() as connection:
-        at = notes.newest_repair(connection, row.id)
+        at = notes.repair_stated_last(connection, row.id)
     if at is None:
         return None
     moment = iso_utc(at) or ""

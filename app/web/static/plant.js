@@ -6,7 +6,8 @@ const WORDS = { stiction: "valve sticks", no_stiction: "no stiction", inconclusi
 const SCALE = [[0, "#b3261e"], [0.6, "#e0a030"], [0.8, "#9bb84a"], [1, "#2f8f57"]];
 const LIGHT = 0.001; // so that a loop of no importance can be seen
 const safe = (text) => text.replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll(">", "&gt;");
-const known = (health) => (health === null ? "not known" : health.toFixed(0));
+const WHOLE = new Intl.NumberFormat("en", { maximumFractionDigits: 0, roundingMode: "halfEven" }); // as the tables round: 38.5 is 38
+const known = (health) => (health === null ? "not known" : WHOLE.format(health));
 const key = (unit) => `u:${unit ?? ""}`;
 
 function nodes(units, loops) {
