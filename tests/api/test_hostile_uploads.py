@@ -59,7 +59,8 @@ def ended(client, backend, answer: httpx.Response) -> dict:
 @pytest.mark.parametrize("name", SENT)
 def test_a_hostile_file_ends_as_done_or_failed_and_in_nothing_between(client, backend, name):
     file, before = FILES[name], stored(backend)
-    found = ended(client, backend, client.post("/v1/uploads", content=file.make(), params={"filename": file.name}))
+    content = file.make()  # once: gzip writes the time into its header
+    found = ended(client, backend, client.post("/v1/uploads", content=content, params={"filename": file.name}))
     assert found["state"] in ("done", "failed")
     if found["state"] == "done":
         assert found["rows_kept"] >= file.kept
@@ -68,7 +69,7 @@ def test_a_hostile_file_ends_as_done_or_failed_and_in_nothing_between(client, ba
         assert file.refused
         assert found["reason"]
         assert stored(backend) == before
-    again = client.post("/v1/uploads", content=file.make(), params={"filename": file.name})
+    again = client.post("/v1/uploads", content=content, params={"filename": file.name})
     assert again.json()["id"] == found["id"]
 
 
