@@ -10,6 +10,7 @@ from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
 from app.services.access.identity import Identity, Role, current
+from app.services.rendering import figure, short_time
 from app.services.wording import (
     CHANGE_WORDS,
     RELIABILITY_SHORT,
@@ -26,18 +27,8 @@ CHARTS = Path(plotly.__file__).parent / "package_data" / "plotly.min.js"
 SIGNALS = ("pv", "op", "sp", "mode")
 
 
-def figure(value: float | None, digits: int) -> str:
-    """A number for people; a dash where there is none."""
-    return "–" if value is None else f"{value:.{digits}f}"
-
-
 def tag_in_url(tag: str) -> str:
     return quote(tag, safe="")
-
-
-def short_time(iso: str) -> str:
-    """2026-01-31T03:00:00Z as 2026-01-31 03:00."""
-    return iso[:16].replace("T", " ")
 
 
 def first_reasons(text: str, count: int = 2) -> str:

@@ -13,7 +13,8 @@ from app.services.auditing.chunks import audit_chunk
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import receive
 from app.services.plant import overview as plant
-from app.web.rendering import figure, tag_in_url
+from app.services.rendering import figure
+from app.web.rendering import tag_in_url
 from tests.web.conftest import wide
 
 pytestmark = pytest.mark.browser

@@ -3,9 +3,10 @@
 import pytest
 
 from app.services.auditing.audit_line import ReliabilityRow
+from app.services.rendering import figure, short_time
 from app.services.wording import worst_first
 from app.web.columns import query_without
-from app.web.rendering import as_tags, cause_words, figure, first_reasons, other_way, short_time, shown
+from app.web.rendering import as_tags, cause_words, first_reasons, other_way, shown
 
 
 def row(**changes) -> dict:
