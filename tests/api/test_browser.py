@@ -89,6 +89,7 @@ def test_a_person_logs_in_looks_and_logs_out_and_no_page_breaks_the_policy(page,
     assert page.evaluate("document.cookie") == ""
 
     page.goto(address + "/")
+    page.wait_for_load_state("networkidle")  # what is still on its way when a page is left counts as refused
     page.click("form.who button")
     page.wait_for_url("**/login")
     page.goto(address + "/")

@@ -257,4 +257,4 @@ def test_a_claim_that_was_renewed_outlives_its_first_lease(database: Database, i
     with database.write() as connection:
         assert explanations.renew(connection, held, 60.0)
         assert not explanations.renew(connection, ExplanationClaim(held.explanation_id, 99, held.owner), 60.0)
-        assert explanations.reopen_expired(connection, 3) == Reopened(0, 0)
+        assert explanations.reopen_expired(connection, 3, 60.0) == Reopened(0, 0)
