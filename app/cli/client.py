@@ -1,7 +1,8 @@
 """What the command line says to a running service over HTTP."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from io import FileIO
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -10,12 +11,24 @@ import httpx
 
 from app.errors import DataError, RequestError
 
-CHUNK_BYTES = 256 * 1024
 POLL_S = 0.5
 PATIENCE_S = 60.0
 MEDIA_TYPES = {".csv": "text/csv", ".parquet": "application/vnd.apache.parquet", ".gz": "application/gzip"}
 
 Sent = Callable[[int], None]
+
+
+class TellingFile(FileIO):
+    """A file that tells how many bytes are taken of it."""
+
+    def __init__(self, path: Path, sent: Sent) -> None:
+        super().__init__(path)
+        self._sent = sent
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        part = super().read(-1 if size is None else size)
+        self._sent(len(part))
+        return part
 
 
 class ServiceClient:
@@ -34,18 +47,12 @@ class ServiceClient:
     ) -> None:
         self._http.close()
 
-    def upload(self, path: Path, sent: Sent) -> dict[str, Any]:
-        """Streams the file; the answer is the upload as the service keeps it."""
-        media_type = MEDIA_TYPES.get(path.suffix.lower(), "text/plain")
+    def upload(self, path: Path, sent: Sent, mapping: bytes | None = None) -> dict[str, Any]:
+        """Streams the file, with a mapping of its tags; the answer is the upload as the service keeps it."""
         deadline = time.monotonic() + PATIENCE_S
         while True:
-            answer = self._send(
-                "POST",
-                "/v1/uploads",
-                params={"filename": path.name},
-                headers={"Content-Type": media_type},
-                content=_chunks(path, sent),
-            )
+            with TellingFile(path, sent) as file:
+                answer = self._send("POST", "/v1/uploads", params={"filename": path.name}, **_body(file, path, mapping))
             if answer.status_code not in (429, 503) or time.monotonic() > deadline:
                 return _checked(answer)
             time.sleep(min(float(answer.headers.get("Retry-After", 1)), PATIENCE_S))
@@ -98,11 +105,11 @@ class ServiceClient:
             raise DataError("url", f"{self.url} is not an address: {error}") from error
 
 
-def _chunks(path: Path, sent: Sent) -> Iterator[bytes]:
-    with path.open("rb") as file:
-        while chunk := file.read(CHUNK_BYTES):
-            yield chunk
-            sent(len(chunk))
+def _body(file: FileIO, path: Path, mapping: bytes | None) -> dict[str, Any]:
+    media_type = MEDIA_TYPES.get(path.suffix.lower(), "text/plain")
+    if mapping is None:
+        return {"headers": {"Content-Type": media_type}, "content": file}
+    return {"files": {"file": (path.name, file, media_type), "mapping": ("mapping", mapping)}}
 
 
 def _checked(answer: httpx.Response) -> dict[str, Any]:

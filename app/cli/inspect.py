@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from app.cli.mapping import MappingOption, mapping_bytes
 from app.cli.messages import ExitCode
 from app.errors import DataError
 
@@ -22,6 +23,7 @@ SHOWN_LOOPS = 200
 def inspect(
     file: Annotated[Path, typer.Argument(help="An export or a recording.")],
     time_zone: Annotated[str, typer.Option("--time-zone", help="Zone of time stamps that name none (IANA).")] = "UTC",
+    mapping: MappingOption = None,
 ) -> None:
     """Say what a file holds, before anything is sent: layout, loops, times, and what would be refused and why.
 
@@ -30,14 +32,18 @@ def inspect(
       loopaudit inspect export.csv
 
       loopaudit inspect night.csv.gz --time-zone Europe/Berlin
+
+      loopaudit inspect export.csv --mapping tags.csv
     """
     from app.cli.tables import console_for
-    from app.ingest import IngestOptions
+    from app.ingest import IngestOptions, TagMapping
     from app.ingest import inspect as look
 
     if not file.is_file():
         raise DataError("no_such_file", f"{file} is not there or not a file")
-    report = look(file, options=IngestOptions(time_zone=time_zone))
+    tags = mapping_bytes(mapping)
+    mapped = None if tags is None else TagMapping.from_bytes(tags)
+    report = look(file, mapping=mapped, options=IngestOptions(time_zone=time_zone))
     console = console_for(sys.stdout)
     for line in facts(report):
         console.print(line, markup=False)

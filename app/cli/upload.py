@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.audit import FORMS, recording_files
+from app.cli.mapping import MappingOption, mapping_bytes
 from app.cli.messages import ExitCode, progress, say
 from app.errors import RequestError
 
@@ -26,6 +27,7 @@ def upload(
         bool, typer.Option("--wait", help="Wait until the files are read, and say what was in them.")
     ] = False,
     timeout_s: Annotated[float, typer.Option("--timeout", min=1, help="Seconds to wait for a file.")] = 600.0,
+    mapping: MappingOption = None,
 ) -> None:
     """Send export files to a running service. The same file again changes nothing.
 
@@ -34,15 +36,18 @@ def upload(
       loopaudit upload export.csv --wait
 
       loopaudit upload exports/ --url http://plant-server:8000 --key la_upload_...
+
+      loopaudit upload export.csv --mapping tags.csv --wait
     """
     from app.cli.client import ServiceClient
 
     files = recording_files(paths)
+    tags = mapping_bytes(mapping)
     failures = 0
     with ServiceClient(url, key) as client:
         for file in files:
             try:
-                report(file, send(client, file, timeout_s if wait else None))
+                report(file, send(client, file, tags, timeout_s if wait else None))
             except RequestError as error:
                 if error.code == "no_service":
                     raise
@@ -53,10 +58,10 @@ def upload(
     raise typer.Exit(ExitCode.SOME_FAILED if failures else ExitCode.DONE)
 
 
-def send(client: "ServiceClient", file: Path, wait_s: float | None) -> dict[str, Any]:
+def send(client: "ServiceClient", file: Path, mapping: bytes | None, wait_s: float | None) -> dict[str, Any]:
     """Uploads one file and, if asked, waits until it is read; raises RequestError where it could not be used."""
     with progress(file.name, file.stat().st_size, bytes_=True) as advance:
-        state = client.upload(file, advance)
+        state = client.upload(file, advance, mapping)
     if wait_s is not None:
         state = client.until(f"/v1/uploads/{state['id']}", lambda s: s["state"] in ENDED, lambda s: None, wait_s)
     if state["state"] == "failed":

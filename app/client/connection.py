@@ -90,19 +90,15 @@ class Client:
         """The plant's table; filters as in the API: verdict, reliability, unit, likely_cause, min_probability, ..."""
         return self._pages(Row, "/v1/reliability", {"sort": sort, **filters})
 
-    def upload(self, file: Path | str) -> Upload:
-        """Sends an export; the same content under the same name is the same upload."""
+    def upload(self, file: Path | str, *, mapping: Path | str | None = None) -> Upload:
+        """Sends an export; the same content under the same name and mapping is the same upload.
+
+        mapping: a file (CSV or JSON) that says which tag is which signal of which loop.
+        """
         path = Path(file)
+        tags = None if mapping is None else Path(mapping).read_bytes()
         with path.open("rb") as stream:
-            return Upload.of(
-                self._asked(
-                    "POST",
-                    "/v1/uploads",
-                    params={"filename": path.name},
-                    headers={"Content-Type": "application/octet-stream"},
-                    body=stream,
-                )
-            )
+            return Upload.of(self._asked("POST", "/v1/uploads", params={"filename": path.name}, **_body(stream, tags)))
 
     def get_upload(self, upload_id: str) -> Upload:
         return Upload.of(self._get(f"/v1/uploads/{quote(upload_id, safe='')}"))
@@ -144,12 +140,15 @@ class Client:
         params: Mapping[str, Any] | None = None,
         json: Any = None,
         headers: Mapping[str, str] | None = None,
-        body: BinaryIO | None = None,
+        content: BinaryIO | None = None,
+        files: Mapping[str, Any] | None = None,
     ) -> dict[str, Any]:
         for left in range(self._tries - 1, -1, -1):
-            if body is not None:
-                body.seek(0)
-            answer = self._http.request(method, path, params=params, json=json, headers=headers, content=body)
+            if content is not None:
+                content.seek(0)  # of `files` httpx takes each from its beginning
+            answer = self._http.request(
+                method, path, params=params, json=json, headers=headers, content=content, files=files
+            )
             if answer.status_code not in BUSY or not left:
                 break
             time.sleep(_pause_s(answer))
@@ -157,6 +156,12 @@ class Client:
             found: dict[str, Any] = answer.json()
             return found
         raise _refusal(answer)
+
+
+def _body(stream: BinaryIO, mapping: bytes | None) -> dict[str, Any]:
+    if mapping is None:
+        return {"headers": {"Content-Type": "application/octet-stream"}, "content": stream}
+    return {"files": {"file": stream, "mapping": ("mapping", mapping)}}
 
 
 def _of_loop(tag: str, rest: str = "") -> str:

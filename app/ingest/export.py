@@ -123,6 +123,9 @@ class Export:
             shown = ", ".join([tag for loop in loops for tag in loop.others[:5]][:25])
             unknown = f"no tag is named like PV, OP or SP of a loop, a mapping can say it; here is {shown}"
             notes.append(unknown if shown else "of its loops the file has the mode alone")
+        if self._grouping.unmapped:
+            shown = ", ".join(self._grouping.unmapped[:5])
+            notes.append(f"the mapping names none of the tags of this file; here is {shown}")
         if self._grouping.second:
             shown = ", ".join(self._grouping.second[:5])
             notes.append(

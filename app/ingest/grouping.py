@@ -63,11 +63,13 @@ class TagMapping:
     def from_bytes(cls, data: bytes) -> "TagMapping":
         """From CSV or JSON with the columns tag, loop, signal[, unit, low, high, loop_type, ...].
 
-        Raises DataError("bad_mapping") where a row has no tag, no loop or no known signal.
+        Raises DataError("bad_mapping") where a row has no tag, no loop or no known signal, or where no row is.
         """
         text = data.decode("utf-8-sig", "replace")
         rows = _json_rows(text) if text.lstrip()[:1] in ("[", "{") else _csv_rows(text)
         mapped = [_mapped(number, row) for number, row in enumerate(rows, start=1)]
+        if not mapped:
+            raise DataError("bad_mapping", "the mapping names no tag; it needs rows of tag, loop and signal")
         return cls(MappingProxyType({entry.tag.casefold(): entry for entry in mapped}))
 
     def find(self, tag: str) -> MappedTag | None:
@@ -214,6 +216,12 @@ class Grouping:
     @property
     def tags(self) -> int:
         return len(self._places)
+
+    @property
+    def unmapped(self) -> list[str]:
+        """The tags, where there is a mapping and it names none of them."""
+        mapping = self._mapping
+        return [] if mapping is None or any(map(mapping.find, self._places)) else list(self._places)
 
     def loops(self) -> tuple[LoopTags, ...]:
         names = dict.fromkeys([loop for loop, _ in self._taken] + list(self._others))

@@ -2,6 +2,7 @@
 
 import ast
 import dataclasses
+import json
 import sys
 from pathlib import Path
 
@@ -167,3 +168,14 @@ def test_a_redirect_does_not_take_the_key_elsewhere():
     with answering(moved, asked=asked) as client, pytest.raises(ServiceError):
         client.loop("A")
     assert len(asked) == 1
+
+
+def test_an_export_is_sent_with_its_mapping(client, backend, tmp_path):
+    export, tags = tmp_path / "m.csv", tmp_path / "tags.json"
+    export.write_text("DateTime,TI-7,ZT-7\n2026-01-01T00:00:00Z,1,2\n2026-01-01T00:00:05Z,2,3\n")
+    named = {"TI-7": "PV", "ZT-7": "OP"}
+    tags.write_text(json.dumps([{"tag": tag, "loop": "TIC7", "signal": signal} for tag, signal in named.items()]))
+    sent = client.upload(export, mapping=tags)
+    read_upload(backend, int(sent.id), owner="test")
+    assert client.get_upload(sent.id).loops == ["TIC7"]
+    assert client.upload(export).id != sent.id

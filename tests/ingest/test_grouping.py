@@ -53,7 +53,17 @@ def test_mapping_comes_first_and_carries_spans() -> None:
 
 
 @pytest.mark.parametrize(
-    "data", [b"tag,loop,signal\nT1,,PV\n", b"tag,loop,signal\nT1,F,what\n", b"[1]", b"{", b"[" * 5000]
+    "data",
+    [
+        b"",
+        b"[]",
+        b"tag,loop,signal\n",
+        b"tag,loop,signal\nT1,,PV\n",
+        b"tag,loop,signal\nT1,F,what\n",
+        b"[1]",
+        b"{",
+        b"[" * 5000,
+    ],
 )
 def test_a_mapping_that_cannot_be_used(data: bytes) -> None:
     with pytest.raises(DataError, match="mapping"):
