@@ -85,7 +85,7 @@ fuzz: install
 # By hand and in a pipeline, beside `make test`: measuring costs what the tests of these parts cost once more.
 coverage: install
 	$(BIN)/coverage run -m pytest -q -p no:cacheprovider tests/ingest tests/storage tests/services/test_uploads.py
-	$(BIN)/coverage report --include='app/storage/items.py,app/storage/uploads.py,app/storage/explanations.py' --fail-under=100
+	$(BIN)/coverage report --include='app/storage/leases.py,app/storage/items.py,app/storage/uploads.py,app/storage/explanations.py' --fail-under=100
 	$(BIN)/coverage report --include='app/ingest/*'
 
 # 50 clients, ten uploads each, beside dashboards, audits and a slow client; a shorter cut is part of `make test`.

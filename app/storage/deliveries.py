@@ -6,10 +6,10 @@ from datetime import datetime, timedelta
 
 from sqlalchemy import ColumnElement, Connection, Update, and_, or_, select, update
 
-from app.storage.items import Reopened
+from app.storage.leases import Reopened, take_back
 from app.storage.series import insert_new
 from app.storage.tables import audits, deliveries
-from app.storage.types import clock_s, now, run_out
+from app.storage.types import clock_s, now
 
 
 @dataclass(frozen=True)
@@ -97,15 +97,9 @@ def try_later(connection: Connection, claim: DeliveryClaim, after_s: float, erro
 
 def reopen_expired(connection: Connection, max_attempts: int, lease_s: float) -> Reopened:
     """Takes deliveries back whose lease has ended: they may have been sent, and are sent again with the same id."""
-    ended = run_out(deliveries.c.lease_until_s, lease_s)
-    expired = update(deliveries).where(deliveries.c.state == "claimed", ended)
     lost = f"the worker was lost {max_attempts} times while it sent this digest"
-    given_up = {"state": "failed", "ended_at": now(), "error_text": lost, "next_try_s": None}
-    failed = connection.execute(
-        expired.where(deliveries.c.attempts >= max_attempts).values(owner=None, lease_until_s=None, **given_up)
-    )
-    reopened = connection.execute(expired.values(state="open", owner=None, lease_until_s=None, next_try_s=None))
-    return Reopened(reopened.rowcount, failed.rowcount)
+    failed = {"ended_at": now(), "error_text": lost, "next_try_s": None}
+    return take_back(connection, deliveries, max_attempts, lease_s, failed, {"next_try_s": None})
 
 
 def due(connection: Connection) -> int:

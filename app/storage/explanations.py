@@ -7,10 +7,10 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, Update, and_, exists, func, insert, literal, or_, select, update
 
-from app.storage.items import Reopened
+from app.storage.leases import Reopened, take_back
 from app.storage.series import insert_new
 from app.storage.tables import audit_items, audits, explanations, loops, verdicts
-from app.storage.types import clock_s, long_ago, now, run_out
+from app.storage.types import clock_s, long_ago, now
 
 WITH_A_VERDICT = ("stiction", "no_stiction", "inconclusive")
 REGULAR = 1.0
@@ -158,20 +158,9 @@ def end(connection: Connection, claim: ExplanationClaim, state: str, values: Map
 
 def reopen_expired(connection: Connection, max_attempts: int, lease_s: float) -> Reopened:
     """Takes explanations back whose lease has ended; those that were tried too often are failed(worker_lost)."""
-    ended = run_out(explanations.c.lease_until_s, lease_s)
-    expired = update(explanations).where(explanations.c.state == "claimed", ended)
-    failed = connection.execute(
-        expired.where(explanations.c.attempts >= max_attempts).values(
-            state="failed",
-            ended_at=now(),
-            owner=None,
-            lease_until_s=None,
-            error_code="worker_lost",
-            error_text=f"the worker was lost {max_attempts} times while it worked on this explanation",
-        )
-    )
-    reopened = connection.execute(expired.values(state="open", owner=None, lease_until_s=None, announced_s=None))
-    return Reopened(reopened.rowcount, failed.rowcount)
+    lost = f"the worker was lost {max_attempts} times while it worked on this explanation"
+    failed = {"ended_at": now(), "error_code": "worker_lost", "error_text": lost}
+    return take_back(connection, explanations, max_attempts, lease_s, failed, {"announced_s": None})
 
 
 def to_announce(connection: Connection, stalled_s: float) -> list[int]:

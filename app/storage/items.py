@@ -6,8 +6,9 @@ from typing import Any
 
 from sqlalchemy import Connection, Select, Update, bindparam, select, tuple_, update
 
+from app.storage.leases import Reopened, take_back
 from app.storage.tables import audit_items, audits, loops
-from app.storage.types import clock_s, run_out
+from app.storage.types import clock_s
 
 ITEM = tuple_(audit_items.c.loop_id, audit_items.c.attempts)
 
@@ -34,14 +35,6 @@ class FailureRow:
     tag: str
     code: str
     text: str
-
-
-@dataclass(frozen=True)
-class Reopened:
-    """What was taken back from lost workers: given out again, or given up."""
-
-    reopened: int
-    failed: int
 
 
 def claim(connection: Connection, audit_id: int, owner: str, count: int, lease_s: float) -> list[Claim]:
@@ -102,19 +95,8 @@ def release(connection: Connection, claims: Sequence[Claim]) -> None:
 
 def reopen_expired(connection: Connection, max_attempts: int, lease_s: float) -> Reopened:
     """Takes loops back whose lease has ended; those that were tried too often are failed(worker_lost)."""
-    ended = run_out(audit_items.c.lease_until_s, lease_s)
-    expired = update(audit_items).where(audit_items.c.state == "claimed", ended)
-    failed = connection.execute(
-        expired.where(audit_items.c.attempts >= max_attempts).values(
-            state="failed",
-            owner=None,
-            lease_until_s=None,
-            code="worker_lost",
-            text=f"the worker was lost {max_attempts} times while it audited this loop",
-        )
-    )
-    reopened = connection.execute(expired.values(state="open", owner=None, lease_until_s=None))
-    return Reopened(reopened.rowcount, failed.rowcount)
+    lost = f"the worker was lost {max_attempts} times while it audited this loop"
+    return take_back(connection, audit_items, max_attempts, lease_s, {"code": "worker_lost", "text": lost})
 
 
 def failures(connection: Connection, audit_id: int, limit: int) -> list[FailureRow]:

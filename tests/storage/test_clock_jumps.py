@@ -7,7 +7,7 @@ from app.services.backend import Backend
 from app.services.intake.uploads import receive
 from app.storage import Database, audits, explanations, items, loops, uploads
 from app.storage.audits import LoopFilter, Progress
-from app.storage.items import Reopened
+from app.storage.leases import Reopened
 from app.storage.tables import audit_items
 from app.storage.tables import audits as runs
 from app.storage.tables import explanations as explained

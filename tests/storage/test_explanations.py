@@ -9,7 +9,7 @@ from app.engine.audit_config import AuditConfig
 from app.storage import Database, audits, explanations, items, loops
 from app.storage.audits import LoopFilter
 from app.storage.explanations import ExplanationClaim, ExplanationRow
-from app.storage.items import Reopened
+from app.storage.leases import Reopened
 from app.storage.tables import audits as audits_table
 from app.storage.tables import explanations as explanations_table
 from app.storage.tables import loops as loops_table

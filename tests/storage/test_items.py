@@ -8,7 +8,8 @@ from sqlalchemy import update
 from app.engine.audit_config import AuditConfig
 from app.storage import Database, audits, items, loops
 from app.storage.audits import LoopFilter, Progress
-from app.storage.items import Claim, Failure, Reopened
+from app.storage.items import Claim, Failure
+from app.storage.leases import Reopened
 from app.storage.tables import audit_items
 from app.storage.tables import loops as loops_table
 

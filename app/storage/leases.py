@@ -1,0 +1,34 @@
+"""Work that a lost worker held: given out again once its lease has ended, or given up after too many attempts."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from sqlalchemy import Connection, Table, update
+
+from app.storage.types import run_out
+
+
+@dataclass(frozen=True)
+class Reopened:
+    """What was taken back from lost workers: given out again, or given up."""
+
+    reopened: int
+    failed: int
+
+
+def take_back(
+    connection: Connection,
+    work: Table,
+    max_attempts: int,
+    lease_s: float,
+    failed: Mapping[str, object],
+    opened: Mapping[str, object] | None = None,
+) -> Reopened:
+    """Rows of `work` whose lease has ended: those tried `max_attempts` times become `failed`, the others open again."""
+    expired = update(work).where(work.c.state == "claimed", run_out(work.c.lease_until_s, lease_s))
+    nobody = {"owner": None, "lease_until_s": None}
+    given_up = connection.execute(
+        expired.where(work.c.attempts >= max_attempts).values(state="failed", **nobody, **failed)
+    )
+    given_out = connection.execute(expired.values(state="open", **nobody, **(opened or {})))
+    return Reopened(given_out.rowcount, given_up.rowcount)
