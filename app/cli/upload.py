@@ -47,7 +47,7 @@ def upload(
     with ServiceClient(url, key) as client:
         for file in files:
             try:
-                report(file, send(client, file, tags, timeout_s if wait else None))
+                report(file, send(client, file, timeout_s if wait else None, tags))
             except RequestError as error:
                 if error.code == "no_service":
                     raise
@@ -58,7 +58,7 @@ def upload(
     raise typer.Exit(ExitCode.SOME_FAILED if failures else ExitCode.DONE)
 
 
-def send(client: "ServiceClient", file: Path, mapping: bytes | None, wait_s: float | None) -> dict[str, Any]:
+def send(client: "ServiceClient", file: Path, wait_s: float | None, mapping: bytes | None = None) -> dict[str, Any]:
     """Uploads one file and, if asked, waits until it is read; raises RequestError where it could not be used."""
     with progress(file.name, file.stat().st_size, bytes_=True) as advance:
         state = client.upload(file, advance, mapping)
