@@ -12,7 +12,8 @@ import pytest
 from app.engine.mismatch import Comparison, Explanation, LinearSimulation, closed_loop, compile_kernels, explain, locate
 from app.engine.mismatch import noise as noise_module
 from app.engine.mismatch import plant as plant_module
-from app.engine.mismatch.block import Context
+from app.engine.mismatch.block import Context, Part
+from app.engine.mismatch.chain import simulate
 from app.engine.mismatch.closed_loop import close, close_again, identify_law
 from app.engine.mismatch.conclude import unseen_data_refuse
 from app.engine.mismatch.experiment import experiment
@@ -20,7 +21,7 @@ from app.engine.mismatch.fitting import GIVEN_DEVIATION, OWN_DEVIATION, Given, f
 from app.engine.mismatch.holdout import Fitness
 from app.engine.mismatch.noise import NoiseModel, coloured, fit_noise, whiten
 from app.engine.mismatch.patterns import find_patterns
-from app.engine.mismatch.physics import friction, two_tanks, valve_slew_limit
+from app.engine.mismatch.physics import friction, library, two_tanks, valve_slew_limit
 from app.engine.mismatch.plant import Plant, run_process
 from app.engine.mismatch.report import CERTAIN, OWN_CERTAIN, probability_of
 from app.engine.mismatch.validation import simulate_again
@@ -149,6 +150,34 @@ def test_patterns_of_pv_are_read_off_pv() -> None:
     assert pattern_codes(np.minimum(pv, 53.0)) == {"sensor.saturation"}
     kept = np.arange(0, N, 9)
     assert pattern_codes(np.interp(np.arange(N), kept, pv[kept])) == {"sensor.compression"}
+
+
+@pytest.mark.parametrize("theta", [0.0, 0.4 * TS])
+def test_no_physics_answers_op_at_the_instant_at_which_a_controller_set_it(theta: float) -> None:
+    op, at = moves(), N // 2
+    record = experiment(TS, 40.0 + op, recorded(op))
+    plant = replace(TRUE, theta=theta)
+    context = Context(record, plant)
+    later = record.with_op(record.op + (np.arange(N) >= at))
+    for block in library(record):
+        for values in block.starts(context, noise())[:3]:
+            parts = (Part(block, values + np.where([p.linear for p in block.parameters(context)], 0.3, 0.0)),)
+            before, after = simulate(record, plant, parts), simulate(later, plant, parts)
+            np.testing.assert_array_equal(before[: at + 1], after[: at + 1], err_msg=block.name)
+
+
+def test_a_controller_that_answers_noise_at_once_is_no_missing_physics() -> None:
+    rng = np.random.default_rng(8)
+    pv, op, x, summed = np.empty(N), np.empty(N), 0.0, 0.0
+    load = noise(9)
+    for t in range(N):
+        pv[t] = x + 0.02 * load[t] + rng.normal()
+        summed -= 0.0004 * pv[t]
+        op[t] = summed - 0.05 * pv[t]
+        x += TS * 0.06 * (op[t - 1] if t else 0.0)
+    model = LinearSimulation(gain=0.062, dead_time_s=0.4 * TS, integrating=True)
+    said = explain(Comparison("loop", TS, 40.0 + op, 50.0 + pv, simulation=model))
+    assert said.effects == ()
 
 
 def test_coloured_noise_is_whitened() -> None:

@@ -38,6 +38,11 @@ class Experiment:
         return len(self.pv)
 
     @cached_property
+    def op_range(self) -> float:
+        """From the lowest to the highest OP, its unit; never zero."""
+        return float(max(np.ptp(self.op), self.op_span))
+
+    @cached_property
     def time_s(self) -> FloatArray:
         """(N,) seconds from the start; made once, because every simulation asks for it."""
         return np.arange(self.samples) * self.sampling_interval_s

@@ -27,10 +27,20 @@ def zeros(count: int) -> FloatArray:
     return np.zeros((1, count))
 
 
+def acting(u: FloatArray, context: Context) -> FloatArray:
+    """A drive u (N,) as it reaches PV: after the dead time, and a sample later than it was set.
+
+    A controller sets OP from the PV of the same sample. A term that answers at once undoes the controller's law and
+    copies PV, noise included.
+    """
+    ts = context.record.sampling_interval_s
+    return delay(u, context.plant.theta + ts, ts)
+
+
 def dynamic(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """Four lags of OP beside the model: whatever linear memory it lacks."""
     ts, u = context.record.sampling_interval_s, context.record.op_deviation / context.record.op_span
-    late = delay(u, context.plant.theta, ts)
+    late = acting(u, context)
     out = signal
     for value, speed in zip(values, SPEEDS, strict=True):
         out = out + value * lag(late, speed * slowness(context), ts)
@@ -42,7 +52,7 @@ def static(signal: FloatArray, values: FloatArray, context: Context) -> FloatArr
     ts, u = context.record.sampling_interval_s, context.record.op_deviation / context.record.op_span
     out = signal
     for value, power in zip(values, POWERS, strict=True):
-        out = out + value * lag(delay(u**power, context.plant.theta, ts), slowness(context), ts)
+        out = out + value * lag(acting(u**power, context), slowness(context), ts)
     return out
 
 

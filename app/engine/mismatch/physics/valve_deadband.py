@@ -8,8 +8,9 @@ from app.engine.valve import two_parameter_he
 
 
 def parameters(context: Context) -> tuple[Parameter, ...]:
+    """The band within the range over which OP moved: in a wider one the stem would have stood still."""
     span = context.record.op_span
-    return (Parameter("band", "OP", 0.003 * span, 2.0 * span, span, log=True),)
+    return (Parameter("band", "OP", 0.003 * span, context.record.op_range, span, log=True),)
 
 
 def starts(context: Context, _: FloatArray) -> FloatArray:

@@ -10,9 +10,12 @@ from app.engine.valve import two_parameter_choudhury, two_parameter_he
 
 
 def parameters(context: Context) -> tuple[Parameter, ...]:
+    """S within the range over which OP moved: behind a wider band no reversal of the record could have moved the stem.
+    J is a share of S, and with it within that range.
+    """
     span = context.record.op_span
     return (
-        Parameter("S", "OP", 0.003 * span, 2.0 * span, span, log=True),
+        Parameter("S", "OP", 0.003 * span, context.record.op_range, span, log=True),
         Parameter("share", "J/S", 0.0, 1.0, 1.0),
     )
 
