@@ -21,7 +21,7 @@ from app.engine.mismatch.fitting import GIVEN_DEVIATION, OWN_DEVIATION, Given, f
 from app.engine.mismatch.holdout import Fitness
 from app.engine.mismatch.noise import NoiseModel, coloured, fit_noise, whiten
 from app.engine.mismatch.patterns import find_patterns
-from app.engine.mismatch.physics import friction, library, two_tanks, valve_slew_limit
+from app.engine.mismatch.physics import friction, library, two_tanks, valve_deadband, valve_slew_limit, valve_stiction
 from app.engine.mismatch.plant import Plant, run_process
 from app.engine.mismatch.report import CERTAIN, OWN_CERTAIN, probability_of
 from app.engine.mismatch.validation import simulate_again
@@ -178,6 +178,15 @@ def test_a_controller_that_answers_noise_at_once_is_no_missing_physics() -> None
     model = LinearSimulation(gain=0.062, dead_time_s=0.4 * TS, integrating=True)
     said = explain(Comparison("loop", TS, 40.0 + op, 50.0 + pv, simulation=model))
     assert said.effects == ()
+
+
+@pytest.mark.parametrize("module", [valve_stiction, valve_deadband])
+def test_no_valve_sticks_over_more_than_op_moved(module: ModuleType) -> None:
+    op = moves()
+    context = Context(experiment(TS, 40.0 + op, recorded(op)), TRUE)
+    for block in module.BLOCKS:
+        band = block.parameters(context)[0]
+        assert band.low < band.high == pytest.approx(np.ptp(op))
 
 
 def test_coloured_noise_is_whitened() -> None:

@@ -11,6 +11,8 @@ from app.engine.mismatch.windows import active_mask
 from app.engine.recording import FloatArray
 
 QUIETED = ("process.overflow", "sensor.saturation")
+LIMITED = (*QUIETED, "valve.saturation")
+NEARLY_ALWAYS = 0.9
 LEAST_SAMPLES = 25
 MOST = 5.0
 SENSOR_LETS_THROUGH = 0.35
@@ -19,6 +21,15 @@ SENSOR_FAULT = 6.0
 
 def spread(values: FloatArray) -> float:
     return float(np.median(np.abs(values - np.median(values))) / 0.6745) + 1e-300
+
+
+def limits_always(fit: Fit, part: Part) -> bool:
+    """Whether a limit acts nearly all the time: a signal that never leaves it shows no limit, but that it does not
+    answer.
+    """
+    if part.block.code not in LIMITED:
+        return False
+    return bool(np.mean(active_mask(fit, part)[fit.record.usable]) > NEARLY_ALWAYS)
 
 
 def limit_bonus(fit: Fit, part: Part) -> float:

@@ -6,9 +6,10 @@ import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Part
 from app.engine.mismatch.compete import Rival, rivals
-from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, by_free_run, fit, start_at
-from app.engine.mismatch.limits import limit_bonus
+from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, by_free_run, fit, make_task, start_at
+from app.engine.mismatch.limits import limit_bonus, limits_always
 from app.engine.mismatch.physics import CLOSE, TWINS
+from app.engine.mismatch.richer_noise import taken_by_noise
 from app.engine.mismatch.scan import task_with
 from app.engine.mismatch.spikes import steady_gain, tail_penalty
 
@@ -51,15 +52,17 @@ class Selection:
 
 def worth(rival: Rival) -> float:
     """A rival's score: what it gains beyond its penalty, spikes aside, and what the quiet of its limited stretches
-    says.
+    says; below 0 where richer noise would have taken as much.
     """
     part = rival.fit.parts[-1]
     if not makes_sense(rival):
         return -np.inf
     if part.block.abrupt:
-        return rival.score - tail_penalty(rival.fit)
-    own = min(rival.score, steady_gain(rival) - STEADY_SHARE * rival.block.penalty)
-    return own + limit_bonus(rival.fit, part) if own > 0.0 else own
+        own = rival.score - tail_penalty(rival.fit)
+    else:
+        own = min(rival.score, steady_gain(rival) - STEADY_SHARE * rival.block.penalty)
+        own += limit_bonus(rival.fit, part) if own > 0.0 else 0.0
+    return own if own <= 0.0 or own > (taken := taken_by_noise(rival)) else own - taken
 
 
 def makes_sense(rival: Rival) -> bool:
@@ -72,7 +75,7 @@ def makes_sense(rival: Rival) -> bool:
     ):
         return False
     before, after = (np.std(fit.residual[usable]) for fit in (rival.over, rival.fit))
-    return bool(after < NO_WORSE * before)
+    return bool(after < NO_WORSE * before) and not limits_always(rival.fit, part)
 
 
 def ranked(found: Fit, blocks: tuple[Block, ...], carried: tuple[Part, ...] = ()) -> tuple[Rival, ...]:
@@ -122,6 +125,9 @@ def select(base: Fit, blocks: tuple[Block, ...], already: tuple[str, ...] = ()) 
         places = beside[partner.block.name] = seconds(partner, names, offered)
         pairs += places.pairs(names)
     best = max(pairs, key=together)
+    alone = first_from_pair(best)
+    if alone is not None:
+        return Selection(alone.fit, (believed(alone, names),), first)
     effects = (first_of(best, beside.get(best.second.block.name)), believed(best.second, best.names))
     return Selection(best.second.fit, tuple(sorted(effects, key=lambda effect: -effect.gain)), names)
 
@@ -159,6 +165,22 @@ class Places:
         ):
             return ()
         return (Pair(rival, best, first_gain, best_of_each_code(self.ranking)),)
+
+
+def first_from_pair(pair: Pair) -> Rival | None:
+    """The first of a pair fitted alone from where the pair stands, if that leaves the second too little: what a better
+    start of the first gains is nothing that the second explains.
+    """
+    first, found = pair.first, pair.second.fit
+    task = make_task(found.record, found.given, tuple(part.block for part in first.fit.parts))
+    known = [part.values for part in found.parts[: len(first.fit.parts)]]
+    alone = fit(task, start_at(task, found.plant, np.concatenate(known)), found.noise, 2, 6)
+    better = alone.likelihood - first.fit.likelihood
+    if better <= 0.0:
+        return None
+    again = replace(first, fit=alone, gain=first.gain + better)
+    second = replace(pair.second, over=alone, gain=pair.second.gain - better)
+    return None if pays_beside(second, again) else again
 
 
 def together(pair: Pair) -> float:

@@ -1,0 +1,34 @@
+"""What a richer noise model would have explained as well: two poles and two zeros are few, and under feedback OP
+carries the noise, so that a block which answers OP may take what the noise model lacks.
+"""
+
+import numpy as np
+from scipy.linalg import solve_toeplitz
+
+from app.engine.mismatch.compete import Rival
+from app.engine.mismatch.fitting import Fit
+from app.engine.mismatch.spikes import innovations
+
+ORDER = 8
+RIDGE = 1e-9
+
+
+def taken_by_noise(rival: Rival) -> float:
+    """The part of a rival's gain (nat, not below 0) that noise alone would have had, were its model richer by an
+    autoregression of the innovations.
+    """
+    return max(predictable(rival.over) - predictable(rival.fit), 0.0)
+
+
+def predictable(fit: Fit) -> float:
+    """The log-likelihood (nat) that an autoregression of ORDER lags gains over white innovations, by the equations of
+    Yule and Walker. Source: Box, Jenkins, Reinsel, Ljung, doi 10.1002/9781118619193, chapter 3.
+    """
+    e = innovations(fit)
+    if len(e) <= 2 * ORDER:
+        return 0.0
+    covariances = np.array([e[lag:] @ e[: len(e) - lag] for lag in range(ORDER + 1)])
+    covariances[0] *= 1.0 + RIDGE
+    weights = solve_toeplitz(covariances[:-1], covariances[1:])
+    left = 1.0 - float(weights @ covariances[1:]) / float(covariances[0])
+    return -0.5 * len(e) * float(np.log(max(left, RIDGE)))
