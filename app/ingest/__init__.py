@@ -37,7 +37,7 @@ bad_mapping, excel_not_installed, unknown_time_zone, matlab_version.
 `read_recordings(path)` gives recordings for the engine, `inspect(path)` a report on a file.
 """
 
-from app.ingest.align import align, merge
+from app.ingest.align import align, carried, merge
 from app.ingest.export import Export, is_export_name, read_export, stem_of
 from app.ingest.grouping import MappedTag, TagMapping, group
 from app.ingest.inspection import InspectReport, LoopReport, inspect
@@ -69,6 +69,7 @@ __all__ = [
     "SignalBlock",
     "TagMapping",
     "align",
+    "carried",
     "group",
     "inspect",
     "is_export_name",

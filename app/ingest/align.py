@@ -147,6 +147,15 @@ def _placed(block: SignalBlock, time_ns: TimeArray, resample: bool) -> FloatArra
     return placed
 
 
+def carried(values: FloatArray) -> FloatArray:
+    """(n,) with the last known value in the place of each missing one; NaN before the first."""
+    known = np.isfinite(values)
+    if np.all(known) or not np.any(known):
+        return values
+    at = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+    return np.where(at >= 0, values[np.maximum(at, 0)], np.nan)
+
+
 def _held(block: SignalBlock, time_ns: TimeArray) -> FloatArray:
     given = np.isfinite(block.value)
     times, values = block.time_ns[given], block.value[given]

@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from app.engine.recording import Recording
-from app.ingest.align import align, merge
+from app.ingest.align import align, carried, merge
 from app.ingest.export import read_export
 from app.ingest.grouping import TagMapping
 from app.ingest.model import NANOSECONDS, IngestOptions, LoopSamples, Reject, SignalBlock
@@ -61,7 +61,10 @@ def _skipped(loops: Mapping[str, LoopSamples], audited: Mapping[str, LoopSamples
 
 
 def to_recording(samples: LoopSamples, name: str) -> Recording:
-    """A loop's samples as the engine takes them: seconds from the first sample, rows without any value left out."""
+    """A loop's samples as the engine takes them: seconds from the first sample, rows without PV and OP left out.
+
+    Set point and mode hold until their next known value.
+    """
     pv, op = _or_missing(samples.pv, samples), _or_missing(samples.op, samples)
     given = np.isfinite(pv) | np.isfinite(op)
     time_ns = samples.time_ns[given]
@@ -72,7 +75,7 @@ def to_recording(samples: LoopSamples, name: str) -> Recording:
         (time_ns - start) / NANOSECONDS,
         pv[given],
         op[given],
-        sp=None if samples.sp is None else samples.sp[given],
+        sp=None if samples.sp is None else carried(samples.sp)[given],
         automatic=None if automatic is None or np.all(np.isnan(automatic)) else _flags(automatic)[given],
         others=MappingProxyType({tag: values[given] for tag, values in samples.others.items()}),
     )
@@ -84,9 +87,9 @@ def _or_missing(signal: np.ndarray | None, samples: LoopSamples) -> np.ndarray:
 
 def _flags(automatic: np.ndarray) -> np.ndarray:
     """Where the mode is not known the last known one goes on, and before the first the first; somewhere it is known."""
-    known = np.flatnonzero(np.isfinite(automatic))
-    at = np.searchsorted(known, np.arange(len(automatic)), side="right") - 1
-    return automatic[known[np.maximum(at, 0)]] != 0
+    first = automatic[np.argmax(np.isfinite(automatic))]
+    held = carried(automatic)
+    return np.where(np.isnan(held), first, held) != 0
 
 
 __all__ = ["RecordingsRead", "SignalBlock", "align", "read_recordings", "to_recording"]

@@ -10,6 +10,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 
 from app.storage.bulk import columns_of, from_arrays, insert_new_rows
 from app.storage.samples import Samples, merged, news, pack, unpack
+from app.storage.steps import last_known, led_in
 from app.storage.tables import loops, series
 
 NS_PER_H = 3_600_000_000_000
@@ -46,7 +47,7 @@ def add(connection: Connection, stretches: Sequence[Stretch], upload_id: int | N
 def windows(connection: Connection, loop_ids: Iterable[int], window_h: float, most_samples: int) -> dict[int, Samples]:
     """The newest samples of each loop, at most `window_h` hours back from its newest one and `most_samples` of them.
 
-    One query for all loops; a loop without samples is left out.
+    A set point and a mode that were known before are given to the first sample. A loop without samples is left out.
     """
     since = loops.c.newest_ns - int(window_h * NS_PER_H)
     query = (
@@ -60,11 +61,16 @@ def windows(connection: Connection, loop_ids: Iterable[int], window_h: float, mo
     for row in connection.execute(query):
         found[row.loop_id].append(unpack(row.packed))
         since_ns[row.loop_id] = row.since_ns
-    return {loop_id: _cut(merged(parts), since_ns[loop_id], most_samples) for loop_id, parts in found.items()}
+    whole = {loop_id: merged(parts) for loop_id, parts in found.items()}
+    cut = {loop_id: _cut(samples, since_ns[loop_id], most_samples) for loop_id, samples in whole.items()}
+    return led_in(connection, cut, whole, since)
 
 
 def between(connection: Connection, loop_id: int, start_ns: int, end_ns: int) -> Samples | None:
-    """A loop's samples from `start_ns` to `end_ns`, both included; None where there is no stretch at all."""
+    """A loop's samples from `start_ns` to `end_ns`, both included; None where there is no stretch at all.
+
+    A set point and a mode that were known before are given to the first sample.
+    """
     query = (
         select(series.c.packed)
         .where(series.c.loop_id == loop_id, series.c.end_ns >= start_ns, series.c.start_ns <= end_ns)
@@ -74,7 +80,8 @@ def between(connection: Connection, loop_id: int, start_ns: int, end_ns: int) ->
     if not parts:
         return None
     samples = merged(parts)
-    return samples.part((samples.time_ns >= start_ns) & (samples.time_ns <= end_ns))
+    inside = samples.part((samples.time_ns >= start_ns) & (samples.time_ns <= end_ns))
+    return led_in(connection, {loop_id: inside}, {loop_id: samples}, start_ns)[loop_id]
 
 
 def count_between(connection: Connection, loop_id: int, start_ns: int, end_ns: int) -> int:
@@ -143,6 +150,7 @@ def _rows(
                     "fingerprint": fingerprint,
                     "upload_id": upload_id,
                     "packed": pack(fresh),
+                    **last_known(fresh),
                 }
             )
     return rows

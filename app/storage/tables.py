@@ -34,7 +34,7 @@ Id = BigInteger().with_variant(Integer(), "sqlite")
 
 
 def _partial(name: str, *columns: str, where: str) -> Index:
-    """An index over few of the rows: those that are still to do."""
+    """An index over few of the rows: those that are still to do, or that have what is asked for."""
     return Index(name, *columns, postgresql_where=text(where), sqlite_where=text(where))
 
 
@@ -112,8 +112,14 @@ series = Table(
     Column("fingerprint", Text, nullable=False),  # of the stretch as it was sent
     Column("upload_id", Id, ForeignKey("uploads.id", ondelete="SET NULL")),
     Column("packed", LargeBinary, nullable=False),
+    Column("sp_ns", BigInteger),  # the last known set point of the stretch, and its time
+    Column("sp_last", Float),
+    Column("mode_ns", BigInteger),
+    Column("mode_last", Float),
     UniqueConstraint("loop_id", "fingerprint"),
     Index("ix_series_loop_end", "loop_id", "end_ns"),
+    _partial("ix_series_sp", "loop_id", "sp_ns", where="sp_ns IS NOT NULL"),
+    _partial("ix_series_mode", "loop_id", "mode_ns", where="mode_ns IS NOT NULL"),
 )
 
 audits = Table(

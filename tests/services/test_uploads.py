@@ -10,14 +10,18 @@ import numpy as np
 import pytest
 from sqlalchemy import update
 
+from app.engine.recording import Recording
 from app.errors import LoopauditError, NotFoundError
 from app.services.auditing import audits, chunks
 from app.services.backend import Backend
 from app.services.intake import reading, uploads
 from app.services.intake.uploads import ReadingOptions
 from app.services.plant import loops
+from app.services.plant.trend import trend
 from app.services.results import UploadView
 from app.services.upkeep import operations
+from app.storage import loops as stored_loops
+from app.storage import series
 from app.storage import uploads as stored
 from app.storage.tables import uploads as uploads_table
 
@@ -118,6 +122,42 @@ def test_a_mode_in_a_file_of_its_own_counts_in_the_audit(
     line = loops.loop_health(backend, "FIC204")
     assert (line["verdict"], line["automatic_share"]) == ("not_auditable", 0.0)
     assert line["reasons"] == "not_in_automatic"
+
+
+def stored_record(backend: Backend, tag: str, hours: float) -> Recording:
+    with backend.database.read() as connection:
+        row = stored_loops.by_tag(connection, tag)
+        samples = series.windows(connection, [row.id], hours, 100_000)[row.id]
+    return chunks.recording_of(row, samples)
+
+
+@pytest.mark.parametrize("last", ["SP", "PV"])
+def test_a_set_point_stored_when_it_changes_holds_over_uploads(backend: Backend, last: str) -> None:
+    changes = f"{of_one_tag(['48'], -86_400 * 90).decode()}{of_one_tag(['50'], 30).decode()}".encode()
+    files = {"SP": changes, "PV": of_one_tag(["1.5"] * 120), "OP": of_one_tag(["2.5"] * 120)}
+    for name in sorted(files, key=last.__eq__):
+        read(backend, send(backend, files[name], name=f"FIC7.{name}.csv"))
+    record = stored_record(backend, "FIC7", 24.0)
+    assert record.sp is not None
+    assert record.sp.tolist() == [48.0] + [50.0] * 119
+    assert stored_record(backend, "FIC7", 1.0).sp.tolist() == [50.0] * 61
+
+
+def test_a_mode_that_changed_long_before_the_window_is_known(backend: Backend, warm_kernels: None) -> None:
+    steps = np.arange(300)
+    read(backend, send(backend, of_one_tag(["AUTO", "MAN"], -86_400 * 30), name="FIC8.MODE.csv"))
+    read(backend, send(backend, of_one_tag((50 + np.sin(steps / 6)).astype(str)), name="FIC8.PV.csv"))
+    read(backend, send(backend, of_one_tag((40 + np.cos(steps / 6)).astype(str)), name="FIC8.OP.csv"))
+    run = audits.start_audit(backend)
+    chunks.audit_chunk(backend, int(run.id), "w")
+    line = loops.loop_health(backend, "FIC8")
+    assert (line["verdict"], line["reasons"], line["automatic_share"]) == ("not_auditable", "not_in_automatic", 0.0)
+
+
+def test_a_trend_shows_the_set_point_that_holds(backend: Backend) -> None:
+    read(backend, send(backend, of_one_tag(["48"], -86_400 * 90), name="FIC9.SP.csv"))
+    read(backend, send(backend, of_one_tag(["1.5"] * 5), name="FIC9.PV.csv"))
+    assert trend(backend, "FIC9", points=100).sp == [48.0] * 5
 
 
 def test_a_loop_of_which_only_the_mode_was_sent_is_not_auditable(backend: Backend) -> None:

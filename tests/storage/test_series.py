@@ -1,6 +1,7 @@
 """Series in the data base: sending again and overlapping windows change nothing; windows are read for many loops."""
 
 import numpy as np
+import pytest
 from sqlalchemy import func, select
 
 from app.storage import Database, loops, series
@@ -73,6 +74,63 @@ def test_a_loop_knows_its_newest_sample(database: Database) -> None:
     add(database, "FIC1", ramp(0, 50))
     with database.read() as connection:
         assert loops.by_tag(connection, "FIC1").newest_ns == (START + 199) * SECOND
+
+
+def steps(name: str, *changes: tuple[int, float]) -> Samples:
+    """A signal of its own that is stored when it changes: (second, value)."""
+    seconds, values = zip(*changes, strict=True)
+    return Samples((START + np.array(seconds, dtype=np.int64)) * SECOND, {name: np.array(values, dtype=float)})
+
+
+def first(samples: Samples, name: str) -> float:
+    return float(samples.signals[name][0])
+
+
+@pytest.mark.parametrize("name", ["sp", "automatic"])
+def test_a_window_begins_with_what_held_then(database: Database, name: str) -> None:
+    add(database, "FIC1", steps(name, (-9_000_000, 0.0), (-8_000_000, 1.0)))
+    add(database, "FIC1", ramp(0, 4000))
+    add(database, "FIC1", steps(name, (-8_500_000, 0.0)))  # sent later, but older
+    found = window(database, "FIC1", hours=0.5)
+    assert first(found, name) == 1.0
+    assert np.isnan(found.signals[name][1:]).all()
+
+
+def test_what_held_is_found_in_a_stretch_that_reaches_into_the_window(database: Database) -> None:
+    add(database, "FIC1", steps("sp", (-900, 40.0), (100, 41.0), (3900, 42.0)), ramp(0, 4000))
+    add(database, "FIC1", steps("sp", (-500, 40.5)))
+    assert first(window(database, "FIC1", hours=0.5), "sp") == 41.0
+    assert first(window(database, "FIC1", most=3950), "sp") == 40.5
+    assert first(window(database, "FIC1", most=50), "sp") == 42.0
+
+
+def test_a_value_of_its_own_is_not_replaced_and_what_comes_later_holds_only_later(database: Database) -> None:
+    known = ramp(0, 100)
+    add(database, "FIC1", steps("sp", (-10, 1.0)))
+    add(database, "FIC1", Samples(known.time_ns, {**known.signals, "sp": np.full(100, 7.0)}))
+    add(database, "FIC2", ramp(0, 100), steps("sp", (50, 3.0)))
+    assert (window(database, "FIC1", hours=99 / 3600).signals["sp"] == 7.0).all()
+    assert np.isnan(first(window(database, "FIC2"), "sp"))
+    assert "automatic" not in window(database, "FIC2").signals
+
+
+def test_of_two_values_for_one_time_the_later_one_held(database: Database) -> None:
+    add(database, "FIC1", steps("sp", (-9000, 1.0)))
+    add(database, "FIC1", steps("sp", (-9000, 2.0)))
+    add(database, "FIC1", ramp(0, 100))
+    assert first(window(database, "FIC1", hours=0.02), "sp") == 2.0
+
+
+def test_a_stretch_that_is_asked_for_begins_with_what_held_then(database: Database) -> None:
+    add(database, "FIC1", steps("sp", (-9000, 5.0)), ramp(0, 100))
+    with database.read() as connection:
+        loop_id = loops.ids_of(connection, ["FIC1"])["FIC1"]
+        found = series.between(connection, loop_id, (START + 20) * SECOND, (START + 30) * SECOND)
+        before = series.between(connection, loop_id, (START - 10_000) * SECOND, (START - 9500) * SECOND)
+    assert found is not None
+    assert first(found, "sp") == 5.0
+    assert len(found) == 11
+    assert before is None
 
 
 def test_windows_are_found_by_index(database: Database) -> None:

@@ -4,15 +4,18 @@ import datetime
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 from alembic.script import ScriptDirectory
 from sqlalchemy import Boolean, DateTime, Float, Integer, LargeBinary, MetaData, Table, insert, inspect, select, text
 from sqlalchemy.schema import Column
 
 from app.storage import Database, schema
+from app.storage.samples import Samples, pack
 
 RELEASED = ["0001"]
 ROWS = 3
+STRETCH = {"id": 1, "loop_id": 1, "start_ns": 10, "end_ns": 30, "samples": 3, "fingerprint": "f"}
 WORDS = {"state": "done", "role": "read"}
 
 
@@ -116,3 +119,16 @@ def test_a_filled_data_base_goes_down_to_nothing_and_up(empty: Database) -> None
         assert connection.execute(text("SELECT count(*) FROM alembic_version")).scalar() == 0
     schema.migrate(empty)
     fill(empty)
+
+
+def test_what_held_is_taken_from_stretches_that_an_older_version_stored(empty: Database) -> None:
+    samples = Samples(np.array([10, 20, 30]), {"sp": np.array([1.0, 2.0, np.nan]), "pv": np.array([1.0, 2.0, 3.0])})
+    schema.migrate(empty, "0009")
+    at = {"moment": "2026-01-01 00:00:00+00:00"}
+    with empty.write() as connection:
+        connection.execute(text("INSERT INTO loops (id, tag, created_at) VALUES (1, 'FIC1', :moment)"), at)
+        connection.execute(insert(found(empty)["series"]), [{**STRETCH, "packed": pack(samples)}])
+    schema.migrate(empty)
+    with empty.read() as connection:
+        told = connection.execute(text("SELECT sp_ns, sp_last, mode_ns, mode_last FROM series")).one()
+    assert tuple(told) == (20, 2.0, None, None)

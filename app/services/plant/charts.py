@@ -8,6 +8,7 @@ import numpy as np
 from app.engine import yper
 from app.engine.freerun import valve_position
 from app.errors import DataError
+from app.ingest import carried
 from app.services.backend import Backend
 from app.services.moments import iso_utc, moment_of
 from app.services.plant.loops import find, verdict_detail
@@ -65,7 +66,8 @@ def _record(backend: Backend, tag: str, audit_id: str | None) -> tuple[_Record |
         return None, window
     missing = np.full(len(samples), np.nan)
     pv, op = samples.signals.get("pv", missing), samples.signals.get("op", missing)
-    return _Record(samples, pv, op, samples.signals.get("sp"), _inside(samples, given)), window
+    sp = samples.signals.get("sp")
+    return _Record(samples, pv, op, None if sp is None else carried(sp), _inside(samples, given)), window
 
 
 def _inside(samples: Samples, given: Any) -> np.ndarray:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.errors import RequestError
+from app.ingest import carried
 from app.services.backend import Backend
 from app.services.moments import iso_utc, moment_of
 from app.services.plant.loops import find
@@ -40,13 +41,14 @@ def trend(
 
 def _thinned(tag: str, samples: Samples, points: int) -> TrendView:
     n = len(samples)
-    shown = [samples.signals.get(name) for name in ("pv", "op", "sp")]
+    sp = samples.signals.get("sp")
+    shown = [samples.signals.get("pv"), samples.signals.get("op"), None if sp is None else carried(sp)]
     kept = np.arange(n) if n <= points else extremes([s for s in shown if s is not None], n, points)
     time = [iso_utc(moment_of(int(t))) or "" for t in samples.time_ns[kept]]
-    pv, op, sp = (None if signal is None else numbers(signal[kept]) for signal in shown)
+    pv, op, set_point = (None if signal is None else numbers(signal[kept]) for signal in shown)
     missing: list[float | None] = [None] * len(kept)
     time_ms: list[int] = (samples.time_ns[kept] // 1_000_000).tolist()
-    return TrendView(tag, n, time, pv or missing, op or missing, sp, time_ms)
+    return TrendView(tag, n, time, pv or missing, op or missing, set_point, time_ms)
 
 
 def extremes(signals: list[FloatArray], n: int, points: int) -> NDArray[np.int64]:

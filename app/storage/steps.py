@@ -1,0 +1,91 @@
+"""Set points and modes hold until they change: what was known of them before a window begins.
+
+A historian that stores them only when they change has their last change anywhere in the past, and maybe in another
+file than PV. Each stored stretch names its last known set point and mode, so that looking back unpacks nothing.
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from sqlalchemy import ColumnElement, Connection, select
+
+from app.storage.samples import Samples
+from app.storage.tables import loops, series
+
+HOLDING = {"sp": "sp", "automatic": "mode"}
+"""Signals that hold, and how their columns begin."""
+
+
+class Known(NamedTuple):
+    """A value and its time."""
+
+    time_ns: int
+    value: float
+
+
+def last_known(samples: Samples) -> dict[str, Any]:
+    """The columns of a stretch's row that name the last value of each signal that holds; None where it has none."""
+    columns: dict[str, Any] = {}
+    for name, begin in HOLDING.items():
+        known = _last(samples, name)
+        columns[f"{begin}_ns"], columns[f"{begin}_last"] = (None, None) if known is None else known
+    return columns
+
+
+def led_in(
+    connection: Connection, cut: Mapping[int, Samples], whole: Mapping[int, Samples], since: ColumnElement[int] | int
+) -> dict[int, Samples]:
+    """Windows by loop, with what held when they began at their first sample, where that has no value of its own.
+
+    whole: what was read of each loop: everything from `since` on, and maybe more.
+    """
+    found = dict(cut)
+    for name, begin in HOLDING.items():
+        unknown = [loop_id for loop_id, samples in found.items() if _begins_unknown(samples, name)]
+        older = _older(connection, unknown, begin, since)
+        for loop_id in unknown:
+            read = whole[loop_id]
+            inside = _last(read.part(read.time_ns < found[loop_id].time_ns[0]), name)
+            known = [one for one in (older.get(loop_id), inside) if one is not None]
+            if known:
+                found[loop_id] = _beginning(found[loop_id], name, max(known).value)
+    return found
+
+
+def _last(samples: Samples, name: str) -> Known | None:
+    values = samples.signals.get(name)
+    known = () if values is None else np.flatnonzero(np.isfinite(values))
+    if values is None or not len(known):
+        return None
+    return Known(int(samples.time_ns[known[-1]]), float(values[known[-1]]))
+
+
+def _begins_unknown(samples: Samples, name: str) -> bool:
+    return len(samples) > 0 and (name not in samples.signals or bool(np.isnan(samples.signals[name][0])))
+
+
+def _older(
+    connection: Connection, loop_ids: Iterable[int], begin: str, since: ColumnElement[int] | int
+) -> dict[int, Known]:
+    """The last value before `since`, by loop; of two for one time the one that came later."""
+    ids = list(loop_ids)
+    if not ids:
+        return {}
+    other = series.alias()
+    at = other.c[f"{begin}_ns"]
+    newest = select(other.c.id).where(other.c.loop_id == loops.c.id, at < since)
+    newest = newest.order_by(at.desc(), other.c.id.desc()).limit(1).correlate(loops)
+    query = (
+        select(loops.c.id, series.c[f"{begin}_ns"], series.c[f"{begin}_last"])
+        .select_from(loops.join(series, series.c.id == newest.scalar_subquery()))
+        .where(loops.c.id.in_(ids))
+    )
+    return {row[0]: Known(row[1], row[2]) for row in connection.execute(query)}
+
+
+def _beginning(samples: Samples, name: str, value: float) -> Samples:
+    values = samples.signals.get(name)
+    values = np.full(len(samples), np.nan) if values is None else values.copy()
+    values[0] = value
+    return Samples(samples.time_ns, {**samples.signals, name: values})
