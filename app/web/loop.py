@@ -11,6 +11,7 @@ from app.api.backend import Caller, Services
 from app.api.paths import LoopTag
 from app.errors import NotFoundError, RequestError
 from app.services.auditing.audits import LoopFilter, start_audit
+from app.services.auditing.rival_wording import why_first
 from app.services.auditing.size_wording import size_in_words
 from app.services.plant import glossary, loops, notes
 from app.services.plant.charts import charts as charts_of
@@ -44,6 +45,7 @@ def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
         row=row,
         detail=detail,
         size=size_in_words(row, detail),
+        why_first=why_first(detail.get("rivals", ()), row["rival_winner"]),
         figures=[told for told in glossary.figures(row, found.pv_unit) if told[1] is not None],
         history=loops.verdict_history(backend, tag, limit=HISTORY_NIGHTS).rows,
         groups=groups_of(backend, tag),

@@ -7,7 +7,7 @@ import pytest
 from app.services.auditing.chunks import audit_chunk
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import list_uploads
-from app.services.plant import groups
+from app.services.plant import groups, loops
 from app.services.plant.groups import plant_groups
 from app.services.results import GroupView
 from app.web.columns import COLUMNS
@@ -237,3 +237,19 @@ def test_the_glossary_defines_every_figure_of_a_loop(client):
 @pytest.mark.parametrize("path", ["/loops/nothing", "/runs/99", "/uploads/99", "/loops/nothing/charts"])
 def test_what_is_not_there_is_not_found(client, path):
     assert client.get(path).status_code == 404
+
+
+def test_a_winner_with_the_lower_score_is_explained(client, monkeypatch):
+    detail, health = loops.verdict_detail, loops.loop_health
+
+    def told(backend, tag):
+        rivals = [
+            {"code": "saturated_op", "score": 0.6, "applies": True, "text": "a"},
+            {"code": "external_oscillation", "score": 0.9, "applies": True, "text": "b"},
+        ]
+        return detail(backend, tag) | {"rivals": rivals}
+
+    monkeypatch.setattr(loops, "verdict_detail", told)
+    monkeypatch.setattr(loops, "loop_health", lambda b, t: health(b, t) | {"rival_winner": "saturated_op"})
+    assert "wins although “shaken from outside” scored higher" in client.get("/loops/FIC101").text
+    assert "wins although" in client.get("/v1/loops/FIC101/report").text

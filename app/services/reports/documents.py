@@ -8,6 +8,7 @@ from typing import Any
 from markupsafe import Markup
 
 from app.errors import NotFoundError
+from app.services.auditing.rival_wording import why_first
 from app.services.auditing.rows import as_row
 from app.services.auditing.size_wording import size_in_words
 from app.services.backend import Backend
@@ -50,6 +51,7 @@ def loop_report(backend: Backend, tag: str) -> str:
         row=row,
         detail=detail,
         size=size_in_words(row, detail),
+        why_first=why_first(detail.get("rivals", ()), row["rival_winner"]),
         figures=[told for told in glossary.figures(row, found.pv_unit) if told[1] is not None],
         history=history,
         groups=groups_of(backend, tag),

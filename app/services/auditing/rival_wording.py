@@ -1,0 +1,32 @@
+"""Why an explanation comes first although another one has the higher score, in words."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from app.services.wording import cause_words
+
+STICTION = "stiction"
+LEFT = (
+    "its score is the probability that is left once what the others tell against it has been taken off; the other "
+    "scores say how clearly each was seen, and all of them can be seen on a sticky loop too."
+)
+NEAREST = (
+    "all of them stand out (a score from 0.50 on), and then the cause nearest to the loop's own instruments wins, "
+    "because it can bring about what the farther ones show and not the other way round."
+)
+
+
+def why_first(rivals: Sequence[Mapping[str, Any]], winner: str | None) -> str | None:
+    """None where nothing needs to be said. `rivals`: the explanations as a verdict's detail has them, ranked."""
+    first = next((rival for rival in rivals if rival["code"] == winner), None)
+    if first is None:
+        return None
+    above = [rival for rival in rivals if rival["applies"] and rival["score"] > first["score"]]
+    if not above:
+        return None
+    names = _listed([f"“{cause_words(rival['code'])}”" for rival in above])
+    return f"“{cause_words(winner)}” wins although {names} scored higher: {LEFT if winner == STICTION else NEAREST}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
