@@ -9,7 +9,19 @@ from typing import Any
 from fastapi import APIRouter, FastAPI
 from fastapi.concurrency import run_in_threadpool
 
-from app.api import audits, explanations, groups, loops, operations, problems, reliability, reports, trail, uploads
+from app.api import (
+    audits,
+    explanations,
+    groups,
+    loops,
+    notes,
+    operations,
+    problems,
+    reliability,
+    reports,
+    trail,
+    uploads,
+)
 from app.api.bodies import LimitBodies
 from app.api.crowding import LimitCrowd
 from app.api.guard import Guard
@@ -76,7 +88,7 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
 
 def api() -> APIRouter:
     router = APIRouter(prefix="/v1")
-    for module in (uploads, explanations, reports, loops, reliability, audits, groups, trail):
+    for module in (uploads, explanations, reports, notes, loops, reliability, audits, groups, trail):
         router.include_router(module.router)
     return router
 

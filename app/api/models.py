@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from app.api.backend import IsoTime
 from app.services.auditing.audit_line import KeyFiguresLine, ReliabilityRow, VerdictName
 
 MAX_NAME = 200
@@ -83,6 +84,36 @@ class LoopPatch(BaseModel):
     op_low: Finite | None = Field(None, description="Low end of OP's span, in the unit of OP.")
     op_high: Finite | None = Field(None, description="High end of OP's span, in the unit of OP.")
     integrating: bool | None = Field(None, description="Whether the process integrates.")
+
+
+class NoteIn(BaseModel):
+    """What to write about a loop: at least one of the three."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    text: Annotated[str, Field(max_length=4000)] = Field("", description="What there is to say.")
+    work_order: Annotated[str, Field(max_length=100)] = Field("", description="Number of the work order.")
+    repaired_at: IsoTime | None = Field(
+        None, description="When the loop was repaired; ISO 8601, without an offset it is UTC."
+    )
+
+
+class NoteOut(Read):
+    """A note on a loop."""
+
+    id: str = Field(description="Identifier of the note.")
+    written_at: str = Field(description="ISO 8601, UTC.")
+    written_by: str = Field(description="Name of the key, or `anyone on this machine`.")
+    text: str = Field(description="What was said.")
+    work_order: str = Field(description="Number of the work order; empty: none.")
+    repaired_at: str | None = Field(description="The repair that it states; verdicts before and after are compared.")
+    withdrawn_at: str | None = Field(description="Since when that repair counts no longer; null: it stands.")
+    withdrawn_by: str | None = Field(description="Who withdrew it.")
+
+
+class NotePage(Read):
+    rows: list[NoteOut] = Field(description="Notes, the newest first.")
+    next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
 
 
 class UploadPage(Read):

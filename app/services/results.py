@@ -208,7 +208,7 @@ class GroupView:
 
 @dataclass(frozen=True)
 class NoteView:
-    """What people wrote about a loop; `repaired_at` parts its verdicts into before and after."""
+    """What people wrote about a loop; `repaired_at` parts its verdicts into before and after, until it is withdrawn."""
 
     id: str
     written_at: str
@@ -216,6 +216,8 @@ class NoteView:
     text: str
     work_order: str
     repaired_at: str | None
+    withdrawn_at: str | None = None
+    withdrawn_by: str | None = None
 
 
 @dataclass(frozen=True)

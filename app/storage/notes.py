@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from datetime import datetime
 
-from sqlalchemy import Connection, insert, select
+from sqlalchemy import Connection, insert, select, update
 
 from app.storage.tables import notes
 from app.storage.types import now
@@ -17,6 +17,8 @@ class NoteRow:
     text: str
     work_order: str
     repaired_at: datetime | None
+    withdrawn_at: datetime | None
+    withdrawn_by: str
 
 
 COLUMNS = [notes.c[name] for name in NoteRow.__dataclass_fields__]
@@ -30,13 +32,29 @@ def add(
     return connection.scalar(writing) or 0
 
 
-def of_loop(connection: Connection, loop_id: int, limit: int) -> list[NoteRow]:
+def of_loop(connection: Connection, loop_id: int, limit: int, before_id: int | None = None) -> list[NoteRow]:
     """The newest first."""
     query = select(*COLUMNS).where(notes.c.loop_id == loop_id).order_by(notes.c.id.desc()).limit(limit)
+    if before_id is not None:
+        query = query.where(notes.c.id < before_id)
     return [NoteRow(*row) for row in connection.execute(query)]
 
 
+def by_id(connection: Connection, loop_id: int, note_id: int) -> NoteRow | None:
+    """The note, where it is of this loop."""
+    mine = (notes.c.loop_id == loop_id, notes.c.id == note_id)
+    row = connection.execute(select(*COLUMNS).where(*mine)).one_or_none()
+    return None if row is None else NoteRow(*row)
+
+
+def withdraw(connection: Connection, note_id: int, withdrawn_by: str) -> None:
+    """The note's repair counts no longer; who withdrew it first stays."""
+    standing = (notes.c.id == note_id, notes.c.withdrawn_at.is_(None))
+    connection.execute(update(notes).where(*standing).values(withdrawn_at=now(), withdrawn_by=withdrawn_by))
+
+
 def repair_stated_last(connection: Connection, loop_id: int) -> datetime | None:
-    """Of the newest note that states one, be it earlier than another note's: so a wrong time can be put right."""
-    stated = (notes.c.loop_id == loop_id) & notes.c.repaired_at.is_not(None)
-    return connection.scalar(select(notes.c.repaired_at).where(stated).order_by(notes.c.id.desc()).limit(1))
+    """Of the newest note that states one that stands, be it earlier than another note's: so a wrong time can be put
+    right."""
+    stated = (notes.c.loop_id == loop_id, notes.c.repaired_at.is_not(None), notes.c.withdrawn_at.is_(None))
+    return connection.scalar(select(notes.c.repaired_at).where(*stated).order_by(notes.c.id.desc()).limit(1))

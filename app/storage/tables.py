@@ -320,6 +320,8 @@ notes = Table(
     Column("text", Text, nullable=False, server_default=""),
     Column("work_order", Text, nullable=False, server_default=""),
     Column("repaired_at", UtcDateTime),  # verdicts before and after it are compared
+    Column("withdrawn_at", UtcDateTime),  # since when the repair does not count
+    Column("withdrawn_by", Text, nullable=False, server_default=""),
     Index("ix_notes_loop", "loop_id", "id"),
 )
 

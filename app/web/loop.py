@@ -1,13 +1,13 @@
 """The page of a loop, and what can be done on it."""
 
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Form
 from fastapi.responses import HTMLResponse
 from starlette.responses import JSONResponse, RedirectResponse
 
-from app.api.backend import Caller, Services
+from app.api.backend import Caller, Identifier, Services
 from app.api.paths import LoopTag
 from app.errors import NotFoundError, RequestError
 from app.services.auditing.audits import LoopFilter, start_audit
@@ -74,6 +74,12 @@ def note(
     return back_to(tag, "notes")
 
 
+@router.post("/loops/{tag:path}/notes/{note_id}/withdraw")
+def withdraw(backend: Services, caller: Caller, tag: LoopTag, note_id: Identifier) -> RedirectResponse:
+    notes.withdraw_repair(backend, tag, note_id, caller.who)
+    return back_to(tag, "notes")
+
+
 @router.post("/loops/{tag:path}/settings")
 def settings(
     backend: Services,
@@ -110,11 +116,10 @@ def number(name: str, text: str) -> float | None:
 
 
 def instant(text: str) -> datetime | None:
-    """What a date field of a browser sends, taken as UTC as all times of the pages are."""
+    """What a date field of a browser sends."""
     if not text.strip():
         return None
     try:
-        moment = datetime.fromisoformat(text.strip())
-        return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
-    except (ValueError, OverflowError):
+        return datetime.fromisoformat(text.strip())
+    except ValueError:
         raise RequestError("bad_time", f"the time of the repair must be like 2026-01-31T12:00, got {text!r}") from None

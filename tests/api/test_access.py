@@ -20,7 +20,10 @@ from app.storage import keys as stored_keys
 from app.storage.types import now
 
 ROLES = [None, *Role]
-EXAMPLES = {"explanation_id": "1", "upload_id": "7777", "audit_id": "7777", "tag": "FIC1", "path": "loopaudit.css"}
+EXAMPLES = {
+    **{"explanation_id": "1", "note_id": "1", "upload_id": "7777", "audit_id": "7777"},
+    **{"tag": "FIC1", "path": "loopaudit.css"},
+}
 CASES = [(method, path, role) for method, path in ROUTES for role in ROLES]
 
 

@@ -11,7 +11,7 @@ from app.api.reference import CODES, TABLES, page, shape
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "REFERENCE.md").read_text(encoding="utf-8")
 AGAIN = "write it anew: .venv/bin/python -m app.api.reference > docs/REFERENCE.md"
-BODIES = {"HealthOut", "Read", "LoopPatch", "AuditIn", "ReadyOut"}
+BODIES = {"HealthOut", "Read", "LoopPatch", "NoteIn", "AuditIn", "ReadyOut"}
 
 
 def test_the_page_is_what_the_models_say():

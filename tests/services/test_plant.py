@@ -7,7 +7,7 @@ import pytest
 from sqlalchemy import update
 
 from app.engine.key_figures import KeyFigures
-from app.errors import RequestError
+from app.errors import NotFoundError, RequestError
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
@@ -165,6 +165,43 @@ def test_a_wrong_time_of_a_repair_is_mended_by_a_further_note(
     repair = notes.newest_repair(backend, "C")
     assert repair is not None
     assert repair.repaired_at == "2026-01-02T00:00:00Z"
+
+
+def test_a_withdrawn_repair_counts_no_longer_and_its_note_stays(
+    backend: Backend, two_runs: tuple[dict[str, int], int]
+) -> None:
+    real = notes.add_note(backend, "D", "packing", repaired_at=datetime(2026, 1, 2, tzinfo=UTC))
+    wrong = notes.add_note(backend, "D", "another loop was meant", repaired_at=datetime(2026, 1, 9, tzinfo=UTC))
+    done = notes.withdraw_repair(backend, "D", wrong.id, "me")
+    assert done.withdrawn_at is not None
+    assert notes.withdraw_repair(backend, "D", wrong.id, "somebody else") == done
+    repair = notes.newest_repair(backend, "D")
+    assert repair is not None
+    assert repair.repaired_at == "2026-01-02T00:00:00Z"
+    notes.withdraw_repair(backend, "D", real.id, "me")
+    assert notes.newest_repair(backend, "D") is None
+    assert [(n.text, n.withdrawn_by) for n in notes.list_notes(backend, "D")] == [
+        ("another loop was meant", "me"),
+        ("packing", "me"),
+    ]
+
+
+def test_only_a_repair_of_that_loop_can_be_withdrawn(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:
+    repair = notes.add_note(backend, "A", repaired_at=datetime(2026, 1, 2, tzinfo=UTC), text="")
+    plain = notes.add_note(backend, "A", "runs well")
+    for tag, note_id in (("B", repair.id), ("A", plain.id), ("A", "nonsense"), ("A", "77777"), ("NOWHERE", repair.id)):
+        with pytest.raises(NotFoundError):
+            notes.withdraw_repair(backend, tag, note_id)
+    assert notes.newest_repair(backend, "A") is not None
+
+
+def test_notes_come_page_by_page(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:
+    for number in range(5):
+        notes.add_note(backend, "A", f"note {number}")
+    first = notes.note_page(backend, "A", 3)
+    rest = notes.note_page(backend, "A", 3, first.next_cursor)
+    assert [note.text for note in (*first.rows, *rest.rows)] == [f"note {number}" for number in (4, 3, 2, 1, 0)]
+    assert rest.next_cursor is None
 
 
 def test_every_key_figure_is_defined() -> None:

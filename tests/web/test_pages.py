@@ -154,6 +154,35 @@ def test_before_and_after_a_repair(client):
     assert "stiction probability" in texts
 
 
+def test_a_repair_is_withdrawn_on_the_page_and_the_trail_keeps_it(client):
+    client.post("/loops/FIC101/notes", data={"repaired_at": "2025-12-30T00:00", "text": "not this loop"})
+    note_id = client.get("/v1/loops/FIC101/notes").json()["rows"][0]["id"]
+    form = f"/loops/FIC101/notes/{note_id}/withdraw"
+    assert form in client.get("/loops/FIC101").text
+    answer = client.post(form)
+    assert (answer.status_code, answer.headers["location"]) == (303, "/loops/FIC101#notes")
+    page = client.get("/loops/FIC101").text
+    assert form not in page
+    assert "Before and after the repair of 2025-12-30 00:00" not in page
+    assert "not this loop" in page
+    assert "by anyone on this machine" in page
+    row = client.get("/v1/trail?action=repair.withdraw").json()["rows"][0]
+    assert (row["who"], row["outcome"]) == ("anyone on this machine", "done")
+
+
+def test_notes_are_written_and_repairs_withdrawn_over_the_api(client):
+    path = f"/v1{HOSTILE_PAGE}/notes"
+    said = {"text": "packing", "work_order": "WO-2", "repaired_at": "2025-12-30T06:00:00"}
+    wrote = client.post(path, json=said)
+    assert (wrote.status_code, wrote.json()["repaired_at"]) == (201, "2025-12-30T06:00:00Z")
+    withdrawn = client.delete(f"{path}/{wrote.json()['id']}/repair").json()
+    assert withdrawn["withdrawn_by"] == "anyone on this machine"
+    assert client.get(path).json()["rows"][0] == withdrawn
+    assert client.delete(f"{path}/nonsense/repair").json()["code"] == "no_such_repair"
+    far = client.post(path, json={"repaired_at": "9999-12-31T23:59:59-14:00"})
+    assert (far.status_code, far.json()["code"]) == (400, "bad_time")
+
+
 @pytest.mark.parametrize(
     "note",
     [

@@ -4,11 +4,12 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from app.errors import RequestError
+from app.errors import NotFoundError, RequestError
 from app.services.backend import Backend
+from app.services.cursors import decode, encode, identifier
 from app.services.moments import iso_utc
 from app.services.plant.loops import find, verdict_history
-from app.services.results import NoteView
+from app.services.results import NoteView, Page
 from app.storage import notes
 from app.storage.notes import NoteRow
 
@@ -45,7 +46,7 @@ def add_note(
     work_order: str = "",
     repaired_at: datetime | None = None,
     written_by: str = "",
-) -> None:
+) -> NoteView:
     """Raises RequestError where nothing is said, too much, or a repair that is still to come."""
     text, work_order = text.replace("\x00", "").strip(), work_order.replace("\x00", "").strip()
     if not text and not work_order and repaired_at is None:
@@ -53,25 +54,49 @@ def add_note(
     if len(text) > LONGEST_TEXT or len(work_order) > LONGEST_WORK_ORDER:
         most = f"{LONGEST_TEXT} characters, a work order {LONGEST_WORK_ORDER}"
         raise RequestError("note_too_long", f"a note may have at most {most}")
+    repaired_at = None if repaired_at is None else _in_utc(repaired_at)
     if repaired_at is not None and repaired_at > datetime.now(UTC) + CLOCKS_DIFFER:
         told = f"{iso_utc(repaired_at)} is still to come; a repair is written down once it is done, in UTC"
         raise RequestError("bad_repair_time", told)
     row = find(backend, tag)
     with backend.database.write() as connection:
-        notes.add(connection, row.id, written_by, text, work_order, repaired_at)
+        note_id = notes.add(connection, row.id, written_by, text, work_order, repaired_at)
+        return _view(notes.by_id(connection, row.id, note_id))
+
+
+def withdraw_repair(backend: Backend, tag: str, note_id: str, withdrawn_by: str = "") -> NoteView:
+    """The repair that a note states counts no longer; the note stays, and the repair stated before counts again.
+
+    Withdrawn once more, nothing changes. Raises NotFoundError where the loop has no such note, or it states none.
+    """
+    row = find(backend, tag)
+    key = identifier(note_id, "note")
+    with backend.database.write() as connection:
+        note = notes.by_id(connection, row.id, key)
+        if note is None or note.repaired_at is None:
+            raise NotFoundError("no_such_repair", f"no note {note_id[:40]!r} of loop {tag!r} states a repair")
+        notes.withdraw(connection, key, withdrawn_by)
+        return _view(notes.by_id(connection, row.id, key))
 
 
 def list_notes(backend: Backend, tag: str) -> list[NoteView]:
+    """The newest `SHOWN`, the newest first."""
+    return note_page(backend, tag, SHOWN).rows
+
+
+def note_page(backend: Backend, tag: str, limit: int = 100, cursor: str | None = None) -> Page[NoteView]:
     """The newest first."""
-    row = find(backend, tag)
+    row, before = find(backend, tag), decode(cursor, (int,))
     with backend.database.read() as connection:
-        return [_view(note) for note in notes.of_loop(connection, row.id, SHOWN)]
+        found = notes.of_loop(connection, row.id, limit + 1, before[0] if before else None)
+    following = encode(found[limit - 1].id) if len(found) > limit else None
+    return Page([_view(note) for note in found[:limit]], following)
 
 
 def newest_repair(backend: Backend, tag: str) -> Repair | None:
     """The repair that was stated last with the verdicts on both sides of it, by the end of the audited window.
 
-    A wrong time is mended by a further note with the right one.
+    A wrong time is mended by a further note with the right one; a repair that never was is withdrawn.
     """
     row = find(backend, tag)
     with backend.database.read() as connection:
@@ -85,10 +110,28 @@ def newest_repair(backend: Backend, tag: str) -> Repair | None:
     return Repair(moment, before[0] if before else None, after[0] if after else None)
 
 
+def _in_utc(moment: datetime) -> datetime:
+    """Without an offset it is UTC, as all times of the pages are."""
+    try:
+        return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
+    except OverflowError:
+        raise RequestError("bad_time", f"{moment} is beyond the years that there are") from None
+
+
 def _told(verdict: dict[str, Any]) -> bool:
     return bool(verdict["window_end"] or verdict["audited_at"])
 
 
-def _view(note: NoteRow) -> NoteView:
-    written, repaired = iso_utc(note.written_at) or "", iso_utc(note.repaired_at)
-    return NoteView(str(note.id), written, note.written_by, note.text, note.work_order, repaired)
+def _view(note: NoteRow | None) -> NoteView:
+    if note is None:
+        raise RuntimeError("a note that was there in this transaction is gone")
+    return NoteView(
+        id=str(note.id),
+        written_at=iso_utc(note.written_at) or "",
+        written_by=note.written_by,
+        text=note.text,
+        work_order=note.work_order,
+        repaired_at=iso_utc(note.repaired_at),
+        withdrawn_at=iso_utc(note.withdrawn_at),
+        withdrawn_by=note.withdrawn_by or None,
+    )

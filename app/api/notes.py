@@ -1,0 +1,42 @@
+"""What people write about a loop: notes, work orders, repairs, and repairs withdrawn."""
+
+from typing import Any
+
+from fastapi import APIRouter
+
+from app.api.backend import Caller, Cursor, Identifier, Limit, Services
+from app.api.models import NoteIn, NoteOut, NotePage
+from app.api.paths import LoopTag
+from app.api.problems import responses
+from app.services.plant import notes as service
+
+router = APIRouter(tags=["notes"])
+
+
+@router.get(
+    "/loops/{tag:path}/notes", response_model=NotePage, responses=responses(400, 404, 422), summary="A loop's notes"
+)
+def notes(backend: Services, tag: LoopTag, limit: Limit = 100, cursor: Cursor = None) -> Any:
+    return service.note_page(backend, tag, limit, cursor)
+
+
+@router.post(
+    "/loops/{tag:path}/notes",
+    status_code=201,
+    response_model=NoteOut,
+    responses=responses(400, 404, 422),
+    summary="Write a note, a work order or a repair",
+)
+def write(backend: Services, caller: Caller, tag: LoopTag, said: NoteIn) -> Any:
+    return service.add_note(backend, tag, said.text, said.work_order, said.repaired_at, caller.who)
+
+
+@router.delete(
+    "/loops/{tag:path}/notes/{note_id}/repair",
+    response_model=NoteOut,
+    responses=responses(404),
+    summary="Withdraw a repair",
+)
+def withdraw(backend: Services, caller: Caller, tag: LoopTag, note_id: Identifier) -> Any:
+    """The repair that this note states counts no longer; the note stays and says who withdrew it."""
+    return service.withdraw_repair(backend, tag, note_id, caller.who)
