@@ -44,6 +44,9 @@ def send_mail(settings: Settings, outgoing: Outgoing, to: str) -> None:
         raise NotSentError(f"the mail server refused the login: {error.smtp_code}") from error
     except smtplib.SMTPResponseException as error:
         raise NotSentError(f"the mail server answered {error.smtp_code} {_words(error.smtp_error)}") from error
+    except ssl.SSLCertVerificationError as error:
+        host = settings.digest_smtp_host
+        raise NotSentError(f"the certificate of the mail server {host} is refused: {error.verify_message}") from error
     except (smtplib.SMTPException, OSError) as error:
         raise NotSentError(f"the mail server cannot be used: {type(error).__name__}: {error}") from error
 
