@@ -16,7 +16,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from app.api.forms import carries_token
 from app.api.origins import crosses_sites, host_allowed, is_loopback
 from app.api.permissions import LOGIN, READING, Matched, Permission, Routes
-from app.api.problems import AWAY, Refusal, answer_to
+from app.api.problems import AWAY, LONGEST_ECHO, Refusal, answer_to
 from app.services.access import trail
 from app.services.access.authentication import Authenticator
 from app.services.access.identity import ANYONE, NOBODY, Identity, current
@@ -67,6 +67,9 @@ class Guard:
         self._noting: set[asyncio.Task[None]] = set()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "websocket":  # none is listed: the server answers 403
+            await send({"type": "websocket.close", "code": 1008})
+            return
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -76,25 +79,21 @@ class Guard:
             response = await answer_to(Request(scope), error)
             await response(scope, receive, send)
             return
-        if asked is None or identity is None:
-            await self._app(scope, receive, send)
-            return
         known = current.set(identity)
         try:
             await self._answered(asked, identity, receive, send)
         finally:
             current.reset(known)
 
-    async def _admitted(self, scope: Scope, receive: Receive) -> tuple[Receive, Asked | None, Identity | None]:
-        """Raises Refusal; without a route there is nothing to guard, and the app says 404."""
+    async def _admitted(self, scope: Scope, receive: Receive) -> tuple[Receive, Asked, Identity]:
+        """Raises Refusal, also where no route is known here: what was not looked up is not let through."""
         headers = Headers(scope=scope)
         if not host_allowed(headers.get("host", ""), self._hosts, keys_required=self._closed(scope)):
             text = "this service is not known by that name; LOOPAUDIT_ALLOWED_HOSTS lists the names it answers to"
             raise Refusal(421, "host_not_allowed", text)
         matched = self._match(scope)
         if matched is None:
-            self._refuse_method(scope)
-            return receive, None, None
+            raise self._no_route(scope)
         if matched.permission is None:
             raise Refusal(403, "route_not_listed", f"{matched.path} has no entry in the table of permissions")
         asked = Asked(scope, headers, matched, matched.permission)
@@ -125,12 +124,14 @@ class Guard:
             self._routes = Routes(self._of)
         return self._routes.match(scope)
 
-    def _refuse_method(self, scope: Scope) -> None:
+    def _no_route(self, scope: Scope) -> Refusal:
         """The framework would name the methods of one route, where several share a path."""
         taken = self._routes.methods(scope) if self._routes else set()
-        if taken:
-            text = f"this takes {' and '.join(sorted(taken))}"
-            raise Refusal(405, "method_not_allowed", text, headers={"Allow": ", ".join(sorted(taken))})
+        if not taken:
+            return Refusal(404, "no_such_route", f"no route {scope['method']} {scope['path'][:LONGEST_ECHO]}")
+        allowed = sorted(taken)
+        text = f"this takes {' and '.join(allowed)}"
+        return Refusal(405, "method_not_allowed", text, headers={"Allow": ", ".join(allowed)})
 
     async def _identified(self, asked: Asked) -> Identity | None:
         """Who asks; None: nobody said. A key or session that is not good is refused wherever one is needed."""

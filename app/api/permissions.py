@@ -8,12 +8,13 @@ from typing import Any
 
 from fastapi import FastAPI
 from fastapi.routing import iter_route_contexts
-from starlette.routing import Mount, compile_path
+from starlette.routing import Mount, compile_path, get_route_path
 from starlette.types import Scope
 
 from app.services.access.identity import Role
 
 READING = ("GET", "HEAD")
+UNGUARDED = frozenset({"websocket or the like"})
 
 
 @dataclass(frozen=True)
@@ -123,14 +124,14 @@ class Routes:
     def match(self, scope: Scope) -> Matched | None:
         """None where no route answers."""
         for pattern, path, methods in self._routes:
-            found = pattern.match(scope["path"])
+            found = pattern.match(get_route_path(scope))
             if found and scope["method"] in methods:
                 return Matched(path, ROUTES.get((reading(scope["method"]), path)), found.groupdict())
         return None
 
     def methods(self, scope: Scope) -> set[str]:
         """All that the path takes, of whichever route; none where there is no such path."""
-        taking = (methods for pattern, _, methods in self._routes if pattern.match(scope["path"]))
+        taking = (methods for pattern, _, methods in self._routes if pattern.match(get_route_path(scope)))
         return set().union(*taking)
 
 
@@ -143,7 +144,7 @@ def described(context: Any) -> tuple[str, frozenset[str]]:
     path: str = context.path
     if isinstance(context.original_route, Mount):
         return f"{path}/{{path:path}}", frozenset(READING)
-    return path, frozenset(context.methods or ())
+    return path, frozenset(context.methods or UNGUARDED)
 
 
 def reading(method: str) -> str:

@@ -1,14 +1,16 @@
 """Who may call what: every route with every role, sessions and their forms, keys that end, and other sites."""
 
+import asyncio
 import re
 from collections.abc import Iterator
 from datetime import timedelta
 
 import httpx
 import pytest
+from fastapi import WebSocket
 from fastapi.routing import iter_route_contexts
 
-from app.api.permissions import READING, ROUTES, listed
+from app.api.permissions import READING, ROUTES, UNGUARDED, listed
 from app.main import create_app
 from app.services.access import authentication, key_text, keys
 from app.services.access.identity import INCLUDES, Role
@@ -156,6 +158,56 @@ def test_a_route_that_is_not_listed_is_refused(serve, settings, texts):
     with serve(app) as client:
         answer = client.get("/v1/forgotten", headers=bearer(texts[Role.admin]))
     assert (answer.status_code, answer.json()["code"]) == (403, "route_not_listed")
+
+
+async def from_app(app, scope) -> list[dict]:
+    """What the app sends to one request without a body, straight from the protocol."""
+    sent: list[dict] = []
+
+    async def receive() -> dict:
+        return {"type": "http.request", "body": b"", "more_body": False}
+
+    async def send(message) -> None:
+        sent.append(message)
+
+    given = {"headers": [(b"host", b"127.0.0.1")], "query_string": b"", "server": ("127.0.0.1", 80), "client": None}
+    async with app.router.lifespan_context(app):
+        await app(given | {"http_version": "1.1", "scheme": "http"} | scope, receive, send)
+    return sent
+
+
+@pytest.mark.parametrize("prefix", ["/plant", "/loops", "/static"])
+@pytest.mark.parametrize(("method", "path"), [("GET", "/v1/trail"), ("POST", "/v1/audits"), ("GET", "/")])
+def test_below_a_prefix_of_another_server_it_is_as_closed(settings, prefix, method, path):
+    app = create_app(settings)
+    scope = {"type": "http", "method": method, "path": prefix + path, "root_path": prefix}
+    start = asyncio.run(from_app(app, scope | {"raw_path": scope["path"].encode()}))[0]
+    assert start["status"] == (303 if path == "/" else 401)
+
+
+def test_what_the_guard_did_not_look_up_is_not_let_through(settings):
+    """A route that is added while the service runs, as by a plug-in: the guard has read its table by then."""
+    app = create_app(settings)
+
+    async def answers() -> list[int]:
+        scope = {"type": "http", "method": "GET", "path": "/v1/late", "raw_path": b"/v1/late", "root_path": ""}
+        first = (await from_app(app, scope))[0]["status"]
+        app.add_api_route("/v1/late", lambda: "secret")
+        return [first, (await from_app(app, scope))[0]["status"]]
+
+    assert asyncio.run(answers()) == [404, 404]
+
+
+def test_a_websocket_is_a_route_that_nobody_listed(settings):
+    app = create_app(settings)
+
+    @app.websocket("/v1/live")
+    async def live(socket: WebSocket) -> None:
+        await socket.accept()
+
+    assert ("/v1/live", UNGUARDED) in listed(app)
+    sent = asyncio.run(from_app(app, {"type": "websocket", "path": "/v1/live", "scheme": "ws", "root_path": ""}))
+    assert [message["type"] for message in sent] == ["websocket.close"]
 
 
 @pytest.mark.parametrize(
