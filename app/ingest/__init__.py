@@ -17,13 +17,10 @@ beyond the caps,
   nothing readable). Nothing else is raised by any bytes.
 * Memory is bounded, and each loop comes once: what is more than `options.buffered_values` values is put aside in files
 without a name in
-  `options.spill_folder`. `merge(earlier, later)` puts stretches of several files together: union of times, NaN never
-  overwrites a value,
-  where both have one the later stands. Sending a file again therefore changes nothing.
+  `options.spill_folder`.
 * `for block in export` gives the raw signals tag by tag instead (SignalBlock); `align(blocks)` makes LoopSamples of
 one loop's blocks.
-* A file of relative seconds is anchored at `options.start_ns` (1970-01-01 UTC), its loop is named by the file
-(`export.one_loop`).
+* A file of relative seconds is anchored at `options.start_ns` (1970-01-01 UTC), its loop is named by the file.
 * `mapping.find(tag)` has what the plant's mapping says besides: `.attributes` (unit, low, high, loop_type, ...),
 `.number("low")`.
 
@@ -37,7 +34,7 @@ bad_mapping, excel_not_installed, unknown_time_zone, matlab_version.
 `read_recordings(path)` gives recordings for the engine, `inspect(path)` a report on a file.
 """
 
-from app.ingest.align import align, carried, merge
+from app.ingest.align import align, carried
 from app.ingest.export import Export, is_export_name, read_export, stem_of
 from app.ingest.grouping import MappedTag, TagMapping, group
 from app.ingest.inspection import InspectReport, LoopReport, inspect
@@ -73,7 +70,6 @@ __all__ = [
     "group",
     "inspect",
     "is_export_name",
-    "merge",
     "read_export",
     "read_recordings",
     "stem_of",

@@ -58,41 +58,6 @@ def align(blocks: Sequence[SignalBlock]) -> LoopSamples:
     )
 
 
-def merge(earlier: LoopSamples, later: LoopSamples) -> LoopSamples:
-    """Two stretches of one loop as one: the union of their times; where both give a value the later stretch's
-    stands."""
-    if not len(earlier.time_ns) or _same(earlier.time_ns, later.time_ns):
-        time_ns = later.time_ns
-    else:
-        time_ns = np.union1d(earlier.time_ns, later.time_ns)
-
-    def both(first: FloatArray | None, second: FloatArray | None) -> FloatArray | None:
-        if first is None and second is None:
-            return None
-        merged = np.full(len(time_ns), np.nan)
-        for times, values in ((earlier.time_ns, first), (later.time_ns, second)):
-            if values is not None:
-                given = np.isfinite(values)
-                merged[np.searchsorted(time_ns, times[given])] = values[given]
-        return merged
-
-    others: dict[str, FloatArray] = {}
-    for tag in dict.fromkeys((*earlier.others, *later.others)):
-        signal = both(earlier.others.get(tag), later.others.get(tag))
-        if signal is not None:
-            others[tag] = signal
-    return LoopSamples(
-        later.loop,
-        time_ns,
-        both(earlier.pv, later.pv),
-        both(earlier.op, later.op),
-        both(earlier.sp, later.sp),
-        both(earlier.automatic, later.automatic),
-        MappingProxyType(others),
-        tuple(dict.fromkeys((*earlier.resampled, *later.resampled))),
-    )
-
-
 def _joined(parts: list[SignalBlock]) -> SignalBlock:
     if len(parts) == 1:
         return parts[0]

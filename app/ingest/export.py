@@ -72,11 +72,6 @@ class Export:
             return WideTable(plan, self._grouping, self._options, self._log, self._tally)
         return LongTable(plan, self._grouping, self._options, self._log, self._tally)
 
-    @property
-    def one_loop(self) -> bool:
-        """Whether the file holds one loop without tags, named by the file."""
-        return isinstance(self._plan, WidePlan) and self._plan.one_loop
-
     def rejects(self) -> Rejects:
         return self._log.result()
 

@@ -2,6 +2,7 @@
 read again."""
 
 import io
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -10,11 +11,13 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from app.errors import DataError
 from app.ingest.ahead import ahead
 from app.ingest.head import split_line
 from app.ingest.opening import Lines, TextFile
 from app.ingest.rejecting import RejectLog
+
+# polars says so of odd quotes on the standard error of whoever reads; such a chunk is read again line by line, and told
+warnings.filterwarnings("ignore", "CSV malformed", UserWarning)
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,11 @@ class Rows:
 
     def lines(self, rows: NDArray[np.int64]) -> list[int]:
         return (rows + self.first).tolist()
+
+
+def _quotes_close(data: bytes) -> bool:
+    """Whether each line closes the quotes that it opens; polars lets one left open run on into further lines."""
+    return b'"' not in data or all(line.count(b'"') % 2 == 0 for line in data.split(b"\n"))
 
 
 def in_short(error: BaseException) -> str:
@@ -121,23 +129,15 @@ class FrameReader:
         return np.array([row for row in candidates if lines[row].count(delimiter) < need], dtype=np.int64)
 
     def _read(self, lines: Lines) -> Rows:
-        height = lines.count
-        try:
-            frame = self._parse(lines.data, self._schema, self._columns)
-            if frame.height == height:
-                return Rows(frame, lines.first, lines.data)
-        except pl.exceptions.PolarsError:
-            pass  # the chunk has odd rows: they are found line by line
+        if _quotes_close(lines.data):
+            try:
+                frame = self._parse(lines.data, self._schema, self._columns)
+                if frame.height == lines.count:
+                    return Rows(frame, lines.first, lines.data)
+            except pl.exceptions.PolarsError:
+                pass  # the chunk has odd rows: they are found line by line
         data, faults = self._cleaned(lines)
-        try:
-            frame = self._parse(data, self._schema, self._columns)
-        except pl.exceptions.PolarsError as error:
-            raise DataError(
-                "not_an_export", f"lines from {lines.first} on cannot be split into columns: {in_short(error)}"
-            ) from error
-        if frame.height != height:
-            raise DataError("not_an_export", f"lines from {lines.first} on cannot be split into rows")
-        return Rows(frame, lines.first, data, faults)
+        return Rows(self._parse(data, self._schema, self._columns), lines.first, data, faults)
 
     def _parse(self, data: bytes, schema: dict[str, pl.DataType], columns: list[int]) -> pl.DataFrame:
         return pl.read_csv(

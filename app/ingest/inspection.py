@@ -41,14 +41,8 @@ def inspect(
 ) -> InspectReport:
     """Reads the whole file and keeps nothing of it but the report. Raises DataError where it is no export."""
     export = read_export(path, filename=filename, mapping=mapping, options=options)
-    loops: dict[str, LoopReport] = {}
-    for stretch in export.loops():
-        found = _report(stretch)
-        known = loops.get(stretch.loop)
-        loops[stretch.loop] = found if known is None else _together(known, found)
-    return InspectReport(
-        filename or path.name, path.stat().st_size, export.summary(), tuple(loops.values()), export.rejects()
-    )
+    loops = tuple(_report(samples) for samples in export.loops())
+    return InspectReport(filename or path.name, path.stat().st_size, export.summary(), loops, export.rejects())
 
 
 def _report(samples: LoopSamples) -> LoopReport:
@@ -67,18 +61,4 @@ def _report(samples: LoopSamples) -> LoopReport:
         bool(interval is not None and np.all(np.abs(steps - interval) <= 0.01 * interval)),
         max(missing, default=0.0),
         samples.resampled,
-    )
-
-
-def _together(first: LoopReport, second: LoopReport) -> LoopReport:
-    return LoopReport(
-        first.loop,
-        first.samples + second.samples,
-        tuple(dict.fromkeys((*first.signals, *second.signals))),
-        min(first.first_time_ns, second.first_time_ns),
-        max(first.last_time_ns, second.last_time_ns),
-        first.sampling_interval_s if first.sampling_interval_s is not None else second.sampling_interval_s,
-        first.even and second.even,
-        max(first.missing_share, second.missing_share),
-        tuple(dict.fromkeys((*first.resampled, *second.resampled))),
     )

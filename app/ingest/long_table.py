@@ -24,6 +24,7 @@ from app.ingest.wide_table import joined_times
 
 BATCH_ROWS = 1_000_000  # more than these are parted in files
 MOST_CODES = 1 << 16
+NOWHERE = Place("", "", "OTHER")  # of tags whose rows are refused
 
 
 class LongTable:
@@ -37,7 +38,7 @@ class LongTable:
         self._quality = Quality(options.drop_uncertain, plan.zero_is_good)
         self._tag_type = pl.Categorical(pl.Categories.random())
         self._quality_type = pl.Categorical(pl.Categories.random())
-        self._places: list[Place | None] = []
+        self._places: list[Place] = []
         self._parts: list[int] = []
         self._part_of_loop = PartOfLoop()
         self._modes = np.zeros(0, dtype=bool)
@@ -81,7 +82,7 @@ class LongTable:
     def _part_of_code(self) -> NDArray[np.uint8]:
         """Tags of one loop go into one part."""
         for place in self._places[len(self._parts) :]:
-            self._parts.append(self._part_of_loop.of("" if place is None else place.loop))
+            self._parts.append(self._part_of_loop.of(place.loop))
         return np.array(self._parts, dtype=np.uint8)
 
     def _gather(self, rows: Rows, reader: RowReader) -> Gathered:
@@ -104,19 +105,18 @@ class LongTable:
         """Places tags that were not seen before."""
         top = int(codes.max(initial=0)) + 1
         if top > len(self._places):
-            self._places.extend([None] * (top - len(self._places)))
+            self._places.extend([NOWHERE] * (top - len(self._places)))
             self._known = np.append(self._known, np.zeros(top - len(self._known), dtype=bool))
-        new = np.flatnonzero(~self._known[codes])
+        new = np.flatnonzero(~self._known[codes] & tags.is_not_null().to_numpy())
         if not len(new):
             return
         _, first = np.unique(codes[new], return_index=True)
         for row in new[np.sort(first)]:
             tag, code = tags[int(row)], int(codes[row])
-            if tag is not None:
-                self._known[code] = True
-                self._place(code, tag)
-        self._usable = np.array([place is not None for place in self._places], dtype=bool)
-        self._modes = np.array([place is not None and place.signal == "MODE" for place in self._places], dtype=bool)
+            self._known[code] = True
+            self._place(code, tag)
+        self._usable = np.array([place is not NOWHERE for place in self._places], dtype=bool)
+        self._modes = np.array([place.signal == "MODE" for place in self._places], dtype=bool)
 
     def _place(self, code: int, tag: str) -> None:
         if self._grouping.tags >= self._options.max_signals:
@@ -230,8 +230,6 @@ class LongTable:
         self._tally.saw_times(grid.time_ns)
         for row in np.argsort(grid.codes):
             place, values = self._places[grid.codes[row]], grid.values[row]
-            if place is None:
-                continue
             if doubtful[row]:
                 values = refuse_sentinels(values, grid.lines + grid.places[row], place.tag, self._log)
             yield self._signal(place, grid.time_ns, values)
@@ -246,8 +244,6 @@ class LongTable:
         for code in np.flatnonzero(counts):
             part = slice(int(bounds[code]), int(bounds[code + 1]))
             place = self._places[code]
-            if place is None:
-                continue
             if odd[code]:
                 yield self._block(place, time_ns[part], values[part], lines[part])
             else:

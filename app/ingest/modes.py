@@ -53,8 +53,6 @@ MANUAL = frozenset(
 def automatic_flags(texts: pl.Series) -> FloatArray:
     """(n,) 1 for automatic or cascade, 0 for manual, NaN where nothing or nothing known stands there. A number is
     automatic unless 0."""
-    if texts.dtype != pl.String:
-        return flags_of_numbers(texts.cast(pl.Float64).to_numpy())
     numbers = to_numbers(texts)
     flags = flags_of_numbers(numbers)
     rest = np.isnan(flags)
@@ -67,7 +65,3 @@ def automatic_flags(texts: pl.Series) -> FloatArray:
 
 def flags_of_numbers(numbers: FloatArray) -> FloatArray:
     return np.where(np.isfinite(numbers), (numbers != 0).astype(np.float64), np.nan)
-
-
-def flag_of(text: str) -> float:
-    return float(automatic_flags(pl.Series([text], dtype=pl.String))[0])

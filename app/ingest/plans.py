@@ -1,7 +1,7 @@
 """What a layout says about a file: where its columns are. The readers of tables do the rest, so a new layout is a new
 description."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from app.ingest.stamps import TimeForm
 
@@ -34,7 +34,6 @@ class WidePlan:
     first_row: int
     width: int
     groups: tuple[TimedColumns, ...]
-    one_loop: bool = False
     spread: bool = False
     notes: tuple[str, ...] = field(default=())
 
@@ -61,7 +60,3 @@ class LongPlan:
 
 
 Plan = WidePlan | LongPlan
-
-
-def renamed(plan: WidePlan, layout: str) -> WidePlan:
-    return replace(plan, layout=layout)

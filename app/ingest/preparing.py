@@ -27,12 +27,11 @@ def prepared(plan: Plan, grouping: Grouping, head: Head, options: IngestOptions,
         raise DataError("nothing_readable", f"every column has a name of more than {options.max_name} characters")
     plan = replace(plan, groups=groups)
     tags = [value.tag for group in groups for value in group.values]
-    one_loop = any(place(tag, "").loop == "" for tag in tags)
-    if one_loop:
+    if any(place(tag, "").loop == "" for tag in tags):
         grouping.attach_bare(tags)
     if _cut(plan, head):
         plan = replace(plan, spread=True, notes=(*plan.notes, SPREAD_NOTE))
-    return replace(plan, one_loop=one_loop)
+    return plan
 
 
 def _named(group: TimedColumns, options: IngestOptions, log: RejectLog) -> TimedColumns:

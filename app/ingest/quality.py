@@ -25,11 +25,10 @@ OPC_GOOD, OPC_UNCERTAIN = 192.0, 64.0
 
 
 class Quality:
-    """Judges texts of a quality column; each distinct text once."""
+    """Judges texts of a quality column; each distinct text of a chunk once."""
 
     def __init__(self, drop_uncertain: bool, zero_is_good: bool = False) -> None:
         self._drop_uncertain, self._zero_is_good = drop_uncertain, zero_is_good
-        self._known: dict[str, bool] = {}
 
     def bad(self, texts: pl.Series) -> NDArray[np.bool_]:
         """(n,) True where a value cannot be used; an empty quality says nothing against it."""
@@ -53,14 +52,7 @@ class Quality:
         return bad[codes]
 
     def is_bad(self, text: str) -> bool:
-        known = self._known.get(text)
-        if known is None:
-            known = self._judge(text.strip(' "').lower().replace(" ", ""))
-            if len(self._known) < 100_000:
-                self._known[text] = known
-        return known
-
-    def _judge(self, word: str) -> bool:
+        word = text.strip(' "').lower().replace(" ", "")
         if not word:
             return False
         try:

@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from app.engine.recording import Recording
-from app.ingest.align import align, carried, merge
+from app.ingest.align import align, carried
 from app.ingest.export import read_export
 from app.ingest.grouping import TagMapping
 from app.ingest.model import NANOSECONDS, IngestOptions, LoopSamples, Reject, SignalBlock
@@ -35,10 +35,7 @@ def read_recordings(
     Raises DataError where the file is no export at all.
     """
     export = read_export(path, filename=filename, mapping=mapping, options=options)
-    loops: dict[str, LoopSamples] = {}
-    for stretch in export.loops():
-        known = loops.get(stretch.loop)
-        loops[stretch.loop] = stretch if known is None else merge(known, stretch)
+    loops = {samples.loop: samples for samples in export.loops()}
     audited = {loop: samples for loop, samples in loops.items() if samples.pv is not None and samples.op is not None}
     single = len(audited) == 1
     recordings = tuple(

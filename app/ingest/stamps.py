@@ -297,8 +297,6 @@ def _rounded(nanoseconds: FloatArray) -> TimeArray:
 
 
 def to_numbers(texts: pl.Series) -> FloatArray:
-    if texts.dtype != pl.String:
-        return texts.cast(pl.Float64).to_numpy()
     return texts.str.strip_chars(' "').str.replace(",", ".", literal=True).cast(pl.Float64, strict=False).to_numpy()
 
 

@@ -57,7 +57,8 @@ class TableReader:
 
     def texts(self, rows: Rows, columns: Sequence[int]) -> pl.DataFrame:
         """Columns of the rows read last as text."""
-        return self._original.select([pl.col(name_of(index)).cast(pl.String) for index in sorted(columns)])
+        wanted = (self._original[name_of(index)] for index in sorted(columns))
+        return pl.DataFrame([_as(column, pl.String()).cast(pl.String) for column in wanted])
 
     def short_rows(self, rows: Rows, candidates: NDArray[np.int64]) -> NDArray[np.int64]:
         """None: a table has no ragged rows."""
@@ -146,13 +147,13 @@ def _workbook(path: Path) -> Table:
 
 
 def _as(column: pl.Series, wanted: pl.DataType) -> pl.Series:
-    """A column in the type wanted; times stay times."""
+    """A column in the type wanted; times stay times, and lists or bytes are no values."""
     if column.dtype == wanted or (wanted == pl.String and isinstance(column.dtype, pl.Datetime)):
         return column
+    if column.dtype.is_nested() or column.dtype == pl.Binary:
+        return pl.Series(column.name, [None] * len(column), dtype=wanted)
     if isinstance(wanted, pl.Categorical):
         return column.cast(pl.String, strict=False).cast(wanted)
-    if column.dtype.is_nested() or column.dtype in (pl.Binary, pl.Object):
-        return pl.Series(column.name, [None] * len(column), dtype=wanted)
     return column.cast(wanted, strict=False)
 
 

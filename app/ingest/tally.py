@@ -19,9 +19,7 @@ class Tally:
     last_time_ns: int | None = None
 
     def saw_times(self, time_ns: TimeArray) -> None:
-        """`time_ns` is in order."""
-        if not len(time_ns):
-            return
+        """`time_ns` is in order, and not empty."""
         first, last = int(time_ns[0]), int(time_ns[-1])
         self.first_time_ns = first if self.first_time_ns is None else min(first, self.first_time_ns)
         self.last_time_ns = last if self.last_time_ns is None else max(last, self.last_time_ns)

@@ -58,14 +58,3 @@ def refuse_sentinels(values: FloatArray, lines: NDArray[np.int64], tag: str, log
         tag,
     )
     return np.where(found, np.nan, values)
-
-
-def refuse_infinite(
-    values: FloatArray, given: NDArray[np.bool_], lines: NDArray[np.int64], tag: str, log: RejectLog
-) -> FloatArray:
-    """NaN and infinite numbers that were written as such (`given`: a field was there)."""
-    bad = given & ~np.isfinite(values)
-    if not np.any(bad):
-        return values
-    log.add_many("not_finite", [int(line) for line in lines[bad]], (f"{value}" for value in values[bad]), tag)
-    return np.where(bad, np.nan, values)

@@ -184,8 +184,8 @@ class WideTable:
     def _matrix(self, rows: Rows, group: TimedColumns, reader: RowReader, kept: NDArray[np.bool_]) -> FloatArray:
         """(n, columns) values; refused ones NaN. Odd columns are looked at one by one, the others not at all."""
         names = [name_of(value.index) for value in group.values]
-        frame = rows.frame[names]
         modes = [position for position, value in enumerate(group.values) if self._is_mode(value)]
+        frame = rows.frame[names].cast({names[i]: pl.String() for i in modes})  # a table may hold times there
         if modes:
             flags = [pl.Series(names[i], automatic_flags(frame[names[i]]), dtype=pl.Float64) for i in modes]
             frame_numbers = frame.with_columns(flags)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from app.ingest import FileSummary, IngestOptions, LoopSamples, Rejects, TagMapping, merge, read_export
+from app.ingest import FileSummary, IngestOptions, LoopSamples, Rejects, TagMapping, read_export
 
 
 @dataclass(frozen=True)
@@ -32,10 +32,9 @@ def read(tmp_path: Path) -> Read:
         path = tmp_path / "stored"
         path.write_bytes(data.encode() if isinstance(data, str) else data)
         export = read_export(path, filename=name, mapping=mapping, options=options)
-        loops: dict[str, LoopSamples] = {}
-        for stretch in export.loops():
-            known = loops.get(stretch.loop)
-            loops[stretch.loop] = stretch if known is None else merge(known, stretch)
-        return Content(loops, export.rejects(), export.summary())
+        loops = list(export.loops())
+        by_name = {samples.loop: samples for samples in loops}
+        assert len(by_name) == len(loops), "a loop came twice"
+        return Content(by_name, export.rejects(), export.summary())
 
     return read_it

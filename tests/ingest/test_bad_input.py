@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from app.errors import DataError
-from app.ingest import IngestOptions, read_export
+from app.ingest import IngestOptions, TagMapping, read_export
 
 from .conftest import Read
 
@@ -37,8 +37,38 @@ def test_binary(read: Read, data: bytes) -> None:
     assert code_of(read, data) == "not_an_export"
 
 
-def test_words(read: Read) -> None:
-    assert code_of(read, "Dear all,\nplease find the file attached.\n") == "unknown_layout"
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Dear all,\nplease find the file attached.\n",
+        "date,time,A.PV\n2024-03-01,soon,1\n2024-03-02,later,2\n",
+        "time,id\n2024-03-01 00:00:00,1\n2024-03-01 00:01:00,2\n",
+        "#NAMES\nt_stamp,A.OP\n#TYPES\nD,D\n#ROWS,2\nsoon,2\n",
+        "PROCESSDATA\tFIC7 Data\n8\t10\ntagname\tFIC7.MV\tFIC7.PV\ndesc\ta\tb\nfsMax=1\nsoon\t1\t2\n",
+    ],
+    ids=["a letter", "a date without its time", "no signals", "Ignition without times", "a loop monitor without times"],
+)
+def test_text_without_times_or_signals(read: Read, text: str) -> None:
+    assert code_of(read, text) == "unknown_layout"
+
+
+def test_rows_of_which_none_can_be_used(read: Read) -> None:
+    assert code_of(read, "Tagname,TimeStamp,Value\n,2024-03-01 00:00:00,1\n,2024-03-01 00:01:00,2\n") == (
+        "nothing_readable"
+    )
+
+
+def test_a_time_zone_that_is_none(read: Read) -> None:
+    assert code_of(read, HEADER + GOOD, options=IngestOptions(time_zone="Mars/Base")) == "unknown_time_zone"
+
+
+def test_an_export_is_read_once(tmp_path: Path) -> None:
+    path = tmp_path / "night.csv"
+    path.write_text(HEADER + GOOD)
+    export = read_export(path)
+    assert len(list(export)) == 2
+    with pytest.raises(RuntimeError, match="read once"):
+        list(export.loops())
 
 
 def test_odd_values_are_counted_with_their_lines(read: Read) -> None:
@@ -75,6 +105,48 @@ def test_ragged_and_unquoted_rows(read: Read) -> None:
     assert {reject.line for reject in content.rejects.listed} == {6, 7, 8}
 
 
+def test_a_quote_left_open_in_the_last_line_is_refused(read: Read) -> None:
+    """Its comma once made a decimal of two fields: 6.6."""
+    content = read(HEADER + GOOD + '2024-03-01 00:05:00,"6,60\n')
+    assert content.loops["A"].pv.tolist() == [1, 2, 3, 4]
+    assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(6, "unbalanced_quote")]
+
+
+def test_quoted_fields_beside_a_row_that_is_refused(read: Read) -> None:
+    content = read(
+        HEADER
+        + GOOD
+        + '2024-03-01 00:04:00,"5","5,5"\n2024-03-01 00:05:00,6,60,,\n2024-03-01 00:06:00,"7,70\n'
+        + '2024-03-01 00:07:00,"no ""data""",80\n'
+    )
+    loop = content.loops["A"]
+    np.testing.assert_array_equal(loop.pv, [1, 2, 3, 4, 5, 6, np.nan])
+    assert loop.op.tolist() == [10, 20, 30, 40, 5.5, 60, 80]
+    assert [(reject.line, reject.code) for reject in content.rejects.listed] == [
+        (8, "unbalanced_quote"), (9, "not_a_number")
+    ]  # fmt: skip
+
+
+def test_a_comma_in_quotes_that_do_not_begin_the_field(read: Read) -> None:
+    content = read(HEADER + GOOD + '2024-03-01 00:04:00,5 "5,5",50\n2024-03-01 00:05:00,6,60\n')
+    assert content.loops["A"].pv.tolist() == [1, 2, 3, 4, 6]
+    assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(6, "ragged_row")]
+    content = read(HEADER + GOOD + '2024-03-01 00:04:00,x","y\n2024-03-01 00:05:00,6,60\n')
+    np.testing.assert_array_equal(content.loops["A"].pv, [1, 2, 3, 4, np.nan, 6])
+    assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(6, "not_a_number")] * 2
+
+
+def test_a_quoted_field_longer_than_any(read: Read) -> None:
+    content = read(HEADER + GOOD + '2024-03-01 00:04:00,"' + "x" * 140_000 + '",50\n')
+    assert content.loops["A"].op.tolist() == [10, 20, 30, 40, 50]
+    assert dict(content.rejects.counts) == {"not_a_number": 1}
+
+
+def test_a_line_without_an_end(read: Read) -> None:
+    options = IngestOptions(max_line_bytes=1000, chunk_bytes=500)
+    assert code_of(read, HEADER + GOOD + "x" * 3000, options=options) == "line_too_long"
+
+
 def test_blank_lines_keep_the_numbers_of_lines(read: Read) -> None:
     content = read("\n\n" + HEADER + "\n" + GOOD + "\n\nnever,1,2\n\n")
     assert content.loops["A"].samples == 4
@@ -99,6 +171,12 @@ def test_a_repeated_time_keeps_what_the_later_row_does_not_give(read: Read) -> N
     assert content.loops["A"].op.tolist()[0] == 11
 
 
+def test_a_file_of_one_instant(read: Read) -> None:
+    content = read(HEADER + "".join(f"2024-03-01 00:00:00,{i},10\n" for i in range(4)))
+    assert content.loops["A"].pv.tolist() == [3]
+    assert dict(content.rejects.counts) == {"duplicate_time": 3}
+
+
 def test_time_backward_is_sorted_and_said(read: Read) -> None:
     content = read(HEADER + "".join(reversed(GOOD.splitlines(keepends=True))))
     assert content.loops["A"].pv.tolist() == [1, 2, 3, 4]
@@ -121,6 +199,20 @@ def test_a_truncated_gzip_keeps_what_came(read: Read) -> None:
     assert any("damaged" in note for note in content.summary.notes)
 
 
+def test_a_gzip_damaged_inside_keeps_what_came(read: Read) -> None:
+    rng = np.random.default_rng(1)
+    rows = "".join(
+        f"2024-03-01 {i // 3600:02d}:{i // 60 % 60:02d}:{i % 60:02d},{rng.normal()},{i}\n" for i in range(40_000)
+    )
+    packed = bytearray(gzip.compress((HEADER + rows).encode()))
+    packed[-8] ^= 1  # of the checksum
+    content = read(bytes(packed))
+    assert 30_000 < content.loops["A"].samples < 40_000
+    assert any("damaged after" in note for note in content.summary.notes)
+    packed[10:1000] = b"\xff" * 990
+    assert code_of(read, bytes(packed)) == "not_an_export"
+
+
 def test_bombs_are_stopped(read: Read) -> None:
     packer = zlib.compressobj(9, zlib.DEFLATED, 31)
     bomb = (
@@ -136,6 +228,20 @@ def test_packed_twice_or_an_archive(read: Read) -> None:
     assert code_of(read, gzip.compress(gzip.compress((HEADER + GOOD).encode()))) == "not_an_export"
     assert code_of(read, gzip.compress(b"PK\x03\x04" + bytes(500))) == "not_an_export"
     assert code_of(read, b"PK\x03\x04" + bytes(500)) == "not_an_export"
+
+
+def test_a_column_of_nothing_but_the_word_for_no_data(read: Read) -> None:
+    content = read(HEADER + "2024-03-01 00:00:00,-9999,10\n2024-03-01 00:01:00,-9999,20\n")
+    assert content.loops["A"].pv is None
+    assert dict(content.rejects.counts) == {"sentinel": 2}
+
+
+def test_a_word_that_is_no_mode(read: Read) -> None:
+    content = read("time,A.PV,A.MODE\n2024-03-01 00:00:00,1,AUTO\n2024-03-01 00:01:00,2,strange\n")
+    np.testing.assert_array_equal(content.loops["A"].automatic, [1, np.nan])
+    assert [(r.line, r.code, r.text, r.tag) for r in content.rejects.listed] == [
+        (3, "unknown_mode", "strange", "A.MODE")
+    ]
 
 
 def test_hostile_names_are_data(read: Read) -> None:
@@ -173,6 +279,24 @@ def test_rejects_are_counted_all_and_listed_some(read: Read) -> None:
     content = read(HEADER + rows, options=IngestOptions(max_rejects=10))
     assert content.rejects.counts["not_a_number"] == 500
     assert len(content.rejects.listed) == 10
+
+
+def test_what_is_refused_after_the_list_is_full_is_counted(read: Read) -> None:
+    content = read(HEADER + "2024-03-01 00:00:00,x,y\n2024-03-01 00:01:00,2,20\n", options=IngestOptions(max_rejects=1))
+    assert content.rejects.counts["not_a_number"] == 2
+    assert [reject.tag for reject in content.rejects.listed] == ["A.PV"]
+
+
+def test_a_signal_that_some_chunks_lack(read: Read) -> None:
+    rows = "".join(f"2024-03-01 00:{i:02d}:00,{i},{'' if 10 < i < 50 else i}\n" for i in range(60))
+    whole, parts = (read(HEADER + rows, options=IngestOptions(chunk_bytes=size)).loops["A"] for size in (1 << 20, 200))
+    np.testing.assert_array_equal(parts.op, whole.op)
+    assert np.isnan(parts.op).sum() == 39
+
+
+def test_a_file_that_ends_with_its_chunk(read: Read) -> None:
+    text = HEADER + GOOD + "\n" * (len(HEADER + GOOD) % 2)
+    assert read(text, options=IngestOptions(chunk_bytes=len(text) // 2)).loops["A"].pv.tolist() == [1, 2, 3, 4]
 
 
 def test_chunks_of_any_size_give_the_same(read: Read) -> None:
@@ -245,6 +369,13 @@ def test_a_signal_is_not_taken_for_the_time(read: Read) -> None:
 def test_tags_of_no_loop_are_told(read: Read) -> None:
     notes = read("time,temp,pressure\n" + "2024-03-01 00:00:00,1,10\n2024-03-01 00:01:00,2,20\n").summary.notes
     assert any("no tag is named like PV" in note and "temp" in note for note in notes)
+
+
+def test_a_mapping_of_other_tags_is_told(read: Read) -> None:
+    mapping = TagMapping.from_bytes(b"tag,loop,signal\nX1,X,PV\n")
+    content = read(HEADER + GOOD, mapping=mapping)
+    assert content.loops["A"].pv.tolist() == [1, 2, 3, 4]
+    assert any("the mapping names none of the tags" in note and "A.PV" in note for note in content.summary.notes)
 
 
 def test_a_file_of_modes_is_told(read: Read) -> None:

@@ -24,6 +24,8 @@ from app.ingest import LoopTags, TagMapping, group
         (["FIC1.PV (degC)", "FIC1.OP [%]"], LoopTags("FIC1", "FIC1.PV (degC)", "FIC1.OP [%]")),
         (["4711.PV", "4711.OP"], LoopTags("4711", "4711.PV", "4711.OP")),
         (["塔顶温度.PV", "塔顶温度.OP"], LoopTags("塔顶温度", "塔顶温度.PV", "塔顶温度.OP")),
+        (["FIC1 Set Point", "FIC1.controller output", "FIC1-process value"], LoopTags("FIC1", "FIC1-process value",
+        "FIC1.controller output", "FIC1 Set Point")),
         (["FIC1.PV", "FIC1.MEAS"], LoopTags("FIC1", "FIC1.PV", others=("FIC1.MEAS",))),
     ],
 )  # fmt: skip
@@ -47,6 +49,7 @@ def test_mapping_comes_first_and_carries_spans() -> None:
     entry = mapping.find("t1")
     assert entry is not None
     assert (entry.attributes["unit"], entry.number("high")) == ("t/h", 12.5)
+    assert (entry.number("unit"), entry.number("loop_type")) == (None, None)
     assert group(["T1"], TagMapping.from_bytes(b'[{"tag": "T1", "loop": "X", "signal": "sp"}]')) == (
         LoopTags("X", sp="T1"),
     )
@@ -63,6 +66,7 @@ def test_mapping_comes_first_and_carries_spans() -> None:
         b"[1]",
         b"{",
         b"[" * 5000,
+        b'tag,loop,signal\n"' + b"x" * 140_000 + b'",A,PV\n',
     ],
 )
 def test_a_mapping_that_cannot_be_used(data: bytes) -> None:

@@ -245,3 +245,119 @@ def test_local_time_through_the_doubled_hour(read: Read) -> None:
 def test_forms_of_time(read: Read, stamp: str, seconds: float) -> None:
     loop = read(f"Time,A.PV,A.OP\n{stamp},1,2\n").loops["A"]
     assert loop.time_ns.tolist() == [round(seconds * 1000) * 10**6]
+
+
+PAIRS = "".join(f"01-Mar-24 00:0{i}:00,{50 + i},01-Mar-24 00:0{i}:30,{40 + i}\n" for i in range(6))
+
+
+def test_pi_datalink_pairs_without_names_are_numbered(read: Read) -> None:
+    for names in ("", "time,value,time,value\n"):
+        assert list(read(names + PAIRS, name="unit1.csv").loops) == ["unit1.1", "unit1.2"]
+    named = read("time,value,time,value\n,A.PV,,A.OP\n" + PAIRS, name="unit1.csv")
+    assert named.loops["A"].pv.tolist() == [50, 51, 52, 53, 54, 55]
+
+
+def test_signals_of_different_days_are_not_brought_together(read: Read) -> None:
+    apart = "".join(f"01-Mar-24 00:0{i}:00,{50 + i},02-Mar-24 00:0{i}:00,{40 + i}\n" for i in range(6))
+    loop = read("A.PV,,A.OP,\n" + apart).loops["A"]
+    assert loop.resampled == ()
+    np.testing.assert_array_equal(loop.pv, [50, 51, 52, 53, 54, 55, *[np.nan] * 6])
+    np.testing.assert_array_equal(loop.op, [*[np.nan] * 6, 40, 41, 42, 43, 44, 45])
+
+
+def test_signals_at_their_own_times_without_a_value_stay_empty(read: Read) -> None:
+    rows = "".join(f"A.PV,2024-03-01 00:0{i}:00,{i},Good\nA.OP,2024-03-01 00:0{i}:30,{i},Bad\n" for i in range(6))
+    content = read("Tagname,TimeStamp,Value,DataQuality\n" + rows + "A.SP,2024-03-01 00:00:30,5,Bad\n")
+    loop = content.loops["A"]
+    assert loop.pv.tolist() == [0, 1, 2, 3, 4, 5]
+    assert np.isnan(loop.op).all()
+    assert np.isnan(loop.sp).all()
+    assert dict(content.rejects.counts) == {"bad_quality": 7}
+
+
+QUALITIES = (
+    "time,A.PV,A.PV_Quality,A.OP,A.OP Status\n2024-03-01 00:00:00,1,Good,10,192\n"
+    '2024-03-01 00:01:00,2,Bad,20,0\n2024-03-01 00:02:00,3,Uncertain,30,"  "\n'
+)
+
+
+@pytest.mark.parametrize("drop", [False, True])
+def test_wide_with_a_quality_beside_each_signal(read: Read, drop: bool) -> None:
+    content = read(QUALITIES, options=IngestOptions(drop_uncertain=drop))
+    assert list(content.loops) == ["A"]
+    loop = content.loops["A"]
+    assert not loop.others
+    np.testing.assert_array_equal(loop.pv, [1, np.nan, np.nan if drop else 3])
+    np.testing.assert_array_equal(loop.op, [10, np.nan, 30])
+    assert dict(content.rejects.counts) == {"bad_quality": 3 if drop else 2}
+
+
+def test_aveva_without_opc_counts_from_zero_is_good(read: Read) -> None:
+    rows = "".join(f"2024-03-01 00:0{i}:00,A.PV,{i},{i},{quality},1\n" for i, quality in enumerate((0, 1, 133, 0)))
+    content = read("DateTime,TagName,Value,vValue,Quality,wwTagKey\n" + rows)
+    np.testing.assert_array_equal(content.loops["A"].pv, [0, np.nan, np.nan, 3])
+    assert dict(content.rejects.counts) == {"bad_quality": 2}
+
+
+def test_a_second_tag_of_one_signal_is_kept_beside_it_and_told(read: Read) -> None:
+    content = read("time,A.PV,A.MEAS\n2024-03-01 00:00:00,1,10\n2024-03-01 00:01:00,2,20\n")
+    assert content.loops["A"].others["A.MEAS"].tolist() == [10, 20]
+    assert any("A.MEAS" in note and "already" in note for note in content.summary.notes)
+
+
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+def test_utf16_without_a_mark(read: Read, encoding: str) -> None:
+    content = read("time,A.PV,A.OP\n2024-03-01 00:00:00,1,10\n".encode(encoding))
+    assert content.summary.encoding == encoding
+    assert content.loops["A"].op.tolist() == [10]
+
+
+MINUTES = [f"13/07/24 0:{44 + i // 60},6.5,{i},25\n" for i in range(600)]
+
+
+def test_minute_stamps_are_spread_across_chunks(read: Read) -> None:
+    whole, parts = (
+        read("Time,SP,PV,OP\n" + "".join(MINUTES), options=IngestOptions(chunk_bytes=size)).loops["export"]
+        for size in (1 << 20, 4000)
+    )
+    np.testing.assert_array_equal(np.diff(parts.time_ns), 10**9)
+    np.testing.assert_array_equal(parts.time_ns, whole.time_ns)
+    assert parts.pv.tolist() == list(range(600))
+
+
+def test_minute_stamps_that_go_back_are_sorted(read: Read) -> None:
+    content = read("Time,SP,PV,OP\n" + "".join(MINUTES) + "13/07/24 0:44,6.5,99,25\n")
+    loop = content.loops["export"]
+    assert loop.samples == 600
+    assert loop.pv[0] == 99
+    assert dict(content.rejects.counts) == {"duplicate_time": 1}
+    assert any("sorted" in note for note in content.summary.notes)
+
+
+def test_days_since_1900(read: Read) -> None:
+    rows = "".join(f"{45352 + i / 1440:.8f},{i},1\n" for i in range(4))
+    loop = read("Date,A.PV,A.OP\n" + rows).loops["A"]
+    np.testing.assert_allclose(loop.time_ns - START, MINUTE * np.arange(4), atol=10**6)
+
+
+@pytest.mark.parametrize(("unit", "nanoseconds"), [("ms", 10**6), ("min", MINUTE), ("h", 60 * MINUTE), ("us", 1000)])
+def test_relative_times_in_the_unit_of_their_name(read: Read, unit: str, nanoseconds: int) -> None:
+    content = read(f"Time [{unit}],A.PV,A.OP\n0,1,2\n1,2,3\n2,3,4\n")
+    assert np.diff(content.loops["A"].time_ns).tolist() == [nanoseconds] * 2
+    assert any(f"times are in {unit}" in note for note in content.summary.notes)
+
+
+@pytest.mark.parametrize(("day_first", "days_apart"), [(True, 1), (False, 31)])
+def test_the_order_of_day_and_month_can_be_said(read: Read, day_first: bool, days_apart: int) -> None:
+    text = "Time,A.PV,A.OP\n03/04/2024 00:00,1,10\n04/04/2024 00:00,2,20\n"
+    content = read(text, options=IngestOptions(day_first=day_first))
+    assert np.diff(content.loops["A"].time_ns).tolist() == [days_apart * 1440 * MINUTE]
+    assert content.summary.notes == ()
+
+
+def test_an_offset_among_local_times(read: Read) -> None:
+    stamps = ("2024-03-01 00:00:00", "2024-03-01 00:01:00", "2024-03-01 00:02:00+01:00", "2024-02-29 23:03:00Z")
+    rows = "".join(f"{stamp},{i},{10 * i}\n" for i, stamp in enumerate(stamps, start=1))
+    content = read("Time,A.PV,A.OP\n" + rows, options=IngestOptions(time_zone="Europe/Berlin"))
+    assert content.loops["A"].pv.tolist() == [1, 2, 3, 4]
+    assert np.diff(content.loops["A"].time_ns).tolist() == [MINUTE] * 3

@@ -5,8 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.errors import DataError
 from app.ingest import IngestOptions, long_table, read_export
 from app.ingest.pieces import Gathered, Grid, as_piece, in_whole_instants, joined_grid
+
+from .conftest import Read
 
 
 def rows(codes: list[int], times: list[int], first_line: int = 2) -> Gathered:
@@ -84,3 +87,65 @@ def test_a_night_with_a_gap_a_sentinel_and_a_repeat_is_read_as_if_it_came_whole(
         assert np.array_equal(loop.pv, expected[tag].pv, equal_nan=True)
     assert parted.rejects().counts == whole.rejects().counts == {"sentinel": 1, "duplicate_time": 1}
     assert {(r.line, r.code) for r in parted.rejects().listed} == {(r.line, r.code) for r in whole.rejects().listed}
+
+
+HEADER = "Tagname,TimeStamp,Value\n"
+
+
+def test_scans_and_single_rows_with_modes_and_odd_numbers(read: Read) -> None:
+    rows = "".join(
+        f"A.PV,2024-03-01 00:0{i}:00,{pv}\nA.MODE,2024-03-01 00:0{i}:00,{mode}\n"
+        for i, (pv, mode) in enumerate([("1", "1"), ("nan", "0"), ("1e400", "AUTO"), ("-9999", "odd"), ("5", "7")])
+    )
+    for single in ("", "B.PV,2024-03-01 00:09:00,1\n"):
+        content = read(HEADER + rows + single)
+        loop = content.loops["A"]
+        np.testing.assert_array_equal(loop.pv, [1, np.nan, np.nan, np.nan, 5])
+        np.testing.assert_array_equal(loop.automatic, [1, 0, 1, np.nan, 1])
+        assert {(reject.line, reject.code, reject.tag) for reject in content.rejects.listed} == {
+            (4, "not_finite", "A.PV"), (6, "not_finite", "A.PV"), (8, "sentinel", "A.PV"),
+            (9, "unknown_mode", "A.MODE"),
+        }  # fmt: skip
+
+
+def test_tags_too_long_or_missing_leave_the_others(read: Read) -> None:
+    rows = [f"{tag},2024-03-01 00:0{i}:00,{i}\n" for i in range(3) for tag in ("A.PV", "x" * 300 + ".PV", "")]
+    rows += [f"A.PV,2024-03-01 00:{i}:00,{i}\n" for i in range(10, 60)]
+    for options in (IngestOptions(), IngestOptions(chunk_bytes=250)):
+        content = read(HEADER + "".join(rows), options=options)
+        assert list(content.loops) == ["A"]
+        assert content.loops["A"].samples == 53
+        assert dict(content.rejects.counts) == {"name_too_long": 3, "no_tag": 3}
+
+
+@pytest.mark.parametrize("line", ["", "* from the historian", ",2024-03-01 00:00:00,7", 'B.PV,2024-03-01 00:00:00,"7'])
+def test_a_line_without_a_tag_before_the_first_one(read: Read, line: str) -> None:
+    """It once took the code of the first tag, whose rows were then refused as of a name too long."""
+    content = read(HEADER + line + "\nA.PV,2024-03-01 00:00:00,1\nA.PV,2024-03-01 00:01:00,2\n")
+    assert content.loops["A"].pv.tolist() == [1, 2]
+    assert "name_too_long" not in content.rejects.counts
+
+
+@pytest.mark.parametrize("odd", ['x",x"', 'x", x" '])
+def test_quotes_inside_of_fields(read: Read, odd: str) -> None:
+    rows = "".join(f"A.PV,2024-03-01 00:0{i}:00,{i},Good\n" for i in range(4))
+    last = "A.PV,2024-03-01 00:09:00,9,Good\n"
+    content = read(HEADER[:-1] + ",DataQuality\n" + rows + f"A.PV,2024-03-01 00:04:00,{odd}\n" + last)
+    np.testing.assert_array_equal(content.loops["A"].pv, [0, 1, 2, 3, np.nan, 9])
+    assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(6, "not_a_number")]
+
+
+def test_more_tags_than_any_plant_has_are_refused(read: Read) -> None:
+    rows = "".join(f"L{n}.PV,2024-03-01 00:00:00,1\n" for n in range(3))
+    with pytest.raises(DataError, match="more than 2 tags") as refused:
+        read(HEADER + rows, options=IngestOptions(max_signals=2))
+    assert refused.value.code == "too_many_tags"
+
+
+def test_tag_after_tag_in_one_night(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(long_table, "MOST_CODES", 1)
+    stamps = [f"2024-03-01 {i // 60:02d}:{i % 60:02d}:00" for i in range(700)]
+    rows = "".join(f"{tag},{stamp},{i}\n" for tag in ("A.PV", "A.OP") for i, stamp in enumerate(stamps))
+    loop = read(HEADER + rows).loops["A"]
+    assert loop.pv.tolist() == loop.op.tolist() == list(range(700))
+    np.testing.assert_array_equal(np.diff(loop.time_ns), 60 * 10**9)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.ingest import inspect, read_recordings
+from app.ingest import inspect, is_export_name, read_recordings
 
 
 def test_one_loop_is_named_by_its_file(tmp_path: Path) -> None:
@@ -55,3 +55,11 @@ def test_the_exports_go_in_whole(shared_dir: Path) -> None:
     (found,) = report.loops
     assert (found.samples, found.sampling_interval_s, found.even) == (7201, 1.0, True)
     assert found.last_time_ns - found.first_time_ns == 7200 * 10**9
+
+
+@pytest.mark.parametrize(
+    ("name", "taken"),
+    [("night.csv", True), ("FIC1.PV.CSV.gz", True), ("night.xlsx", True), (".night.csv", False), ("notes.pdf", False)],
+)
+def test_files_of_a_folder_that_are_taken(name: str, taken: bool) -> None:
+    assert is_export_name(name) is taken

@@ -1,10 +1,12 @@
 """Parquet and workbooks."""
 
 import io
+import sys
 import zipfile
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 
@@ -17,9 +19,9 @@ TIMES = [datetime(2024, 3, 1, 0, minute) for minute in range(4)]
 START = 1709251200 * 10**9
 
 
-def parquet(frame: pl.DataFrame) -> bytes:
+def parquet(frame: pl.DataFrame, row_group_size: int | None = None) -> bytes:
     target = io.BytesIO()
-    frame.write_parquet(target)
+    frame.write_parquet(target, row_group_size=row_group_size)
     return target.getvalue()
 
 
@@ -72,6 +74,59 @@ def test_damaged_tables(read: Read, keep: int) -> None:
     assert codes <= {"not_an_export", "unknown_layout", "nothing_readable", "none"}
 
 
+def test_a_page_damaged_behind_the_head(read: Read) -> None:
+    n = 5000
+    times = [TIMES[0] + timedelta(seconds=i) for i in range(n)]
+    values = np.random.default_rng(1).normal(size=(n, 2))
+    data = bytearray(
+        parquet(pl.DataFrame({"t": times, "A.PV": values[:, 0], "A.OP": values[:, 1]}), row_group_size=1000)
+    )
+    at = len(data) * 7 // 10
+    data[at : at + 3000] = b"\xff" * 3000
+    assert code_of(read, bytes(data)) == "not_an_export"
+
+
+def test_a_table_without_times_and_one_that_is_too_large(read: Read) -> None:
+    assert code_of(read, parquet(pl.DataFrame({"x": ["a", "b"], "y": ["c", "d"]}))) == "unknown_layout"
+    with pytest.raises(DataError, match="4 rows of 2 columns") as refused:
+        read(parquet(pl.DataFrame({"t": TIMES, "A.PV": [1.0, 2.0, 3.0, 4.0]})), options=IngestOptions(max_bytes=50))
+    assert refused.value.code == "decompressed_too_large"
+
+
+def test_columns_that_hold_no_numbers_leave_the_others(read: Read) -> None:
+    frame = pl.DataFrame(
+        {"t": TIMES, "A.PV": [1.0, 2.0, 3.0, 4.0], "A.OP": [[1.0]] * 4, "A.SP": [b"\xff"] * 4, "A.MODE": TIMES}
+    )
+    content = read(parquet(frame))
+    loop = content.loops["A"]
+    assert loop.pv.tolist() == [1, 2, 3, 4]
+    assert (loop.op, loop.sp, loop.automatic) == (None, None, None)
+    assert dict(content.rejects.counts) == {"unknown_mode": 4}
+
+
+def test_more_columns_than_are_read_at_once(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.ingest.tables_in.MOST_COLUMNS", 3)
+    frame = pl.DataFrame({"t": TIMES, **{f"L{n}.{s}": [n + 0.0] * 4 for n in range(5) for s in ("PV", "OP")}})
+    content = read(parquet(frame))
+    assert {name: (loop.pv.tolist(), loop.op.tolist()) for name, loop in content.loops.items()} == {
+        f"L{n}": ([n] * 4, [n] * 4) for n in range(5)
+    }
+    assert (content.summary.rows_read, content.summary.values_kept) == (4, 40)
+
+
+def test_archives_that_are_no_workbook(read: Read) -> None:
+    assert code_of(read, archive({"night.csv": "time,A.PV\n2024-03-01 00:00:00,1\n"})) == "not_an_export"
+    pytest.importorskip("fastexcel", reason="the extra 'excel' is not installed")
+    assert code_of(read, archive({"xl/workbook.xml": "nothing"})) == "not_an_export"
+
+
+def test_a_workbook_without_the_extra_says_which(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "fastexcel", None)
+    with pytest.raises(DataError, match=r"loopaudit\[excel\]") as refused:
+        read(workbook([["Time", "A.PV"], ["2024-03-01 00:00:00", "1"]]))
+    assert refused.value.code == "excel_not_installed"
+
+
 def code_of(read: Read, data: bytes) -> str:
     try:
         read(data)
@@ -103,10 +158,14 @@ def workbook(rows: list[list[str]]) -> bytes:
         "xl/_rels/workbook.xml.rels": relation("worksheet", "worksheets/sheet1.xml"),
         "xl/worksheets/sheet1.xml": f'<worksheet xmlns="{MAIN}"><sheetData>{cells}</sheetData></worksheet>',
     }
+    return archive(parts)
+
+
+def archive(parts: dict[str, str]) -> bytes:
     target = io.BytesIO()
-    with zipfile.ZipFile(target, "w") as archive:
+    with zipfile.ZipFile(target, "w") as packed:
         for name, text in parts.items():
-            archive.writestr(name, text)
+            packed.writestr(name, text)
     return target.getvalue()
 
 
