@@ -18,7 +18,7 @@ from app.engine.mismatch.closed_loop import close, close_again, identify_law
 from app.engine.mismatch.conclude import unseen_data_refuse
 from app.engine.mismatch.experiment import experiment
 from app.engine.mismatch.fitting import GIVEN_DEVIATION, OWN_DEVIATION, Given, fit_linear
-from app.engine.mismatch.holdout import Fitness
+from app.engine.mismatch.holdout import Fitness, unseen_gain
 from app.engine.mismatch.noise import NoiseModel, coloured, fit_noise, whiten
 from app.engine.mismatch.patterns import find_patterns
 from app.engine.mismatch.physics import friction, library, two_tanks, valve_deadband, valve_slew_limit, valve_stiction
@@ -26,6 +26,7 @@ from app.engine.mismatch.plant import Plant, run_process
 from app.engine.mismatch.report import CERTAIN, OWN_CERTAIN, probability_of
 from app.engine.mismatch.validation import simulate_again
 from app.engine.recording import FloatArray
+from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
 from app.engine.simulate.compression import keep, rebuild
 from app.errors import DataError
 
@@ -312,8 +313,21 @@ def test_a_record_that_tells_too_little_clears_nothing() -> None:
 def test_names_that_unseen_data_refuse_do_not_stand(with_backlash: Explanation) -> None:
     worse = replace(with_backlash.fit, explained=Fitness(2.0 * with_backlash.fit.refitted.rmse, 0.0))
     selection = SimpleNamespace(effects=with_backlash.effects)
-    assert unseen_data_refuse(selection, with_backlash.fit) == ()
-    assert unseen_data_refuse(selection, worse)[0].code == "held_out_disagrees"
+    assert unseen_data_refuse(selection, with_backlash.fit, -1.0) == ()
+    assert unseen_data_refuse(selection, worse, 1.0) == ()
+    assert unseen_data_refuse(selection, worse, -1.0)[0].code == "held_out_disagrees"
+
+
+def test_unseen_samples_are_judged_beside_their_noise() -> None:
+    op = moves()
+    record = experiment(TS, 40.0 + op, recorded(op))
+    right, held = fit_linear(record, Given(TRUE)), np.arange(N) >= N * 7 // 10
+    wrong = replace(right, simulated=0.7 * right.simulated)
+    assert unseen_gain(right, right, held) == 0.0
+    assert unseen_gain(wrong, right, held) > 10.0
+    shifted = replace(right, simulated=right.simulated + 0.3)
+    assert np.std(right.residual[held]) > 0.05
+    assert abs(unseen_gain(shifted, right, held)) < unseen_gain(wrong, right, held)
 
 
 def test_a_long_record_is_thinned_for_the_competition_and_fitted_whole() -> None:
@@ -398,3 +412,24 @@ def test_a_name_found_without_a_simulation_is_never_nearly_certain() -> None:
     assert told(GIVEN_DEVIATION, 40.0) == CERTAIN
     assert told(OWN_DEVIATION, 40.0) == OWN_CERTAIN
     assert told(OWN_DEVIATION, 0.2) == told(GIVEN_DEVIATION, 0.2) < OWN_CERTAIN
+
+
+def test_a_second_effect_is_not_paid_for_a_better_start_of_the_first() -> None:
+    spec = LoopSpec(
+        plant=first_order(1.2, 12.0, 5.0),
+        controller=Pid(0.55, 15.0),
+        valve=TwoParameterValve(6.0, 3.0),
+        load=Signal(value=2.7, noise_sd=0.15, noise_tau_s=300.0),
+        noise=Signal(noise_sd=0.12),
+        pv_start=62.0,
+        op_start=47.0,
+        pv_limits=(0.0, 120.0),
+        op_limits=(0.0, 100.0),
+        settle_s=3600.0,
+    )
+    loop = simulate_loop(spec, 7200.0, 5.0, 20151 + 129)
+    answer = explain(Comparison("flow", 5.0, loop.op, loop.pv, loop.sp))
+    assert [effect.code for effect in answer.effects] == ["valve.stiction"]
+    S, J = answer.effects[0].parameters
+    assert pytest.approx(6.0, rel=0.15) == S.value
+    assert pytest.approx(3.0, rel=0.35) == J.value

@@ -1,5 +1,5 @@
 """Runs the explain engine blind over generated cases and prints what it named: `python prove.py [--count N]
-[--foreign] ...`.
+[--forms own] ...`.
 """
 
 import argparse
@@ -20,6 +20,9 @@ from cases import make_case, planned
 from generator import SAME, Case
 
 from app.engine.mismatch import Comparison, Explanation, compile_kernels, explain
+
+# The shares of clean loops and of loops with two effects in a set.
+SHARES = {"all": (0.25, 0.15), "clean": (1.0, 0.0), "one": (0.0, 0.0), "two": (0.0, 1.0)}
 
 
 def overlap(found: list[tuple[float, float]], true: list[tuple[float, float]]) -> float:
@@ -94,15 +97,14 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--count", type=int, default=200)
     options.add_argument("--seed", type=int, default=7)
-    options.add_argument("--own-forms", action="store_true", help="the engine's own forms, first-order plants, 1 s")
+    options.add_argument("--forms", choices=("foreign", "own"), default="foreign", help="own: the engine's equations")
+    options.add_argument("--kinds", choices=sorted(SHARES), default="all", help="which cases: the shares of the set")
     options.add_argument("--no-simulation", action="store_true")
-    options.add_argument("--clean", type=float, default=0.25)
-    options.add_argument("--two", type=float, default=0.15)
     options.add_argument("--jobs", type=int, default=1, help="processes, one thread each")
     options.add_argument("--out", type=Path)
     given = options.parse_args()
-    plans = planned(given.seed, given.count, given.clean, given.two)
-    asked = partial(one, foreign=not given.own_forms, sim=not given.no_simulation)
+    plans = planned(given.seed, given.count, *SHARES[given.kinds])
+    asked = partial(one, foreign=given.forms == "foreign", sim=not given.no_simulation)
     compile_kernels()  # else the first case pays for it
     lines = []
     with ProcessPoolExecutor(given.jobs) as pool:

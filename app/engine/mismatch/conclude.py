@@ -37,9 +37,11 @@ def conclude(
     return Conclusion("inconclusive" if doubts else "consistent", (), doubts)
 
 
-def unseen_data_refuse(selection: Selection, fit: Improvement) -> tuple[Reason, ...]:
-    """Names whose model follows the kept-out stretch worse than the bare refit does are no explanation."""
-    if not selection.effects or not fit.explained.rmse > WORSE_UNSEEN * fit.refitted.rmse:
+def unseen_data_refuse(selection: Selection, fit: Improvement, gain: float) -> tuple[Reason, ...]:
+    """Names whose model follows the kept-out stretch worse than the bare refit does are no explanation: by its free
+    run, and by what it gains there beside the noise (`gain`, nat).
+    """
+    if not selection.effects or gain > 0.0 or not fit.explained.rmse > WORSE_UNSEEN * fit.refitted.rmse:
         return ()
     names = ", ".join(" or ".join((effect.code, *effect.alternatives)) for effect in selection.effects)
     text = (

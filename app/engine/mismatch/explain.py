@@ -14,7 +14,7 @@ from app.engine.mismatch.conclude import conclude, unseen_data_refuse
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, Given, fit_linear, make_task, settle, start_at
 from app.engine.mismatch.given import behind_trace, identify
-from app.engine.mismatch.holdout import judge, kept_out, refit_without
+from app.engine.mismatch.holdout import judge, kept_out, refit_without, unseen_gain
 from app.engine.mismatch.locate import quick_location
 from app.engine.mismatch.patterns import Pattern, find_patterns
 from app.engine.mismatch.physics import library
@@ -162,7 +162,7 @@ def assemble(
         held,
     )
     improvement = improvement_of(traces, comparison)
-    doubts = unseen_data_refuse(selection, improvement)
+    doubts = unseen_data_refuse(selection, improvement, unseen_gain(base_seen, final_seen, held))
     if doubts:
         return assemble(comparison, prepared, Selection(prepared.base, (), selection.ranking), doubts)
     conclusion = conclude(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.mismatch.fitting import Fit, fit, make_task, settle
+from app.engine.mismatch.noise import whiten
 from app.engine.mismatch.windows import active_mask
 from app.engine.recording import BoolArray, FloatArray
 
@@ -61,6 +62,20 @@ def seen_outside(mask: BoolArray, held: BoolArray) -> bool:
         return False
     few = np.flatnonzero(np.diff(mask.astype(np.int8)))
     return len(few) > 6 or not held[few].any()
+
+
+def unseen_gain(before: Fit, after: Fit, held: BoolArray) -> float:
+    """By how much (nat) one model predicts the samples `held` (N,) better than another, either under its own noise.
+
+    A free run under noise as slow as the stretch is long stands high or low in it by chance; its innovations do not.
+    """
+    return unseen_likelihood(after, held) - unseen_likelihood(before, held)
+
+
+def unseen_likelihood(found: Fit, held: BoolArray) -> float:
+    record = found.record
+    e = whiten(found.residual, record.usable | held, found.noise)[held] / found.noise.deviation
+    return -len(e) * float(np.log(found.noise.deviation)) - 0.5 * float(e @ e)
 
 
 def refit_without(found: Fit, held: BoolArray) -> Fit:

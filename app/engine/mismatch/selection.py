@@ -156,13 +156,10 @@ class Places:
         if not self.ranking or not pays_beside(self.ranking[0], self.first):
             return ()
         rival, best = self.first, self.ranking[0]
-        likeliest = max(r.fit.likelihood for r in alone)
+        strongest = max(r.fit.score for r in alone)  # what says least must explain most: by scores, not likelihoods
         other = max((r.fit.likelihood for r in alone if r.block.code == best.block.code), default=-np.inf)
         first_gain = best.fit.likelihood - max(other, rival.fit.likelihood - rival.gain)
-        if (
-            best.fit.likelihood - likeliest < best.block.penalty + SECOND_MUST_GAIN
-            or first_gain < rival.block.penalty + SECOND_MUST_GAIN
-        ):
+        if best.fit.score - strongest < SECOND_MUST_GAIN or first_gain < rival.block.penalty + SECOND_MUST_GAIN:
             return ()
         return (Pair(rival, best, first_gain, best_of_each_code(self.ranking)),)
 
