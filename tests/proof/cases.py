@@ -163,8 +163,13 @@ def windows(marks: list, recorded: Run, loop: Loop) -> tuple[tuple[float, float]
     return tuple(found)
 
 
-def planned(seed: int, count: int, clean_share: float, two_share: float) -> list[tuple[int, tuple[str, ...]]]:
-    """Seed and effects of `count` cases: some clean, some with two effects, the rest with one, every effect in turn."""
+def planned(
+    seed: int, count: int, clean_share: float, two_share: float, foreign: bool
+) -> list[tuple[int, tuple[str, ...]]]:
+    """Seed and effects of `count` cases: some clean, some with two effects, the rest with one, every effect in turn.
+    The library's own plants are of first order and move no mass.
+    """
+    offered = EFFECTS if foreign else tuple(effect for effect in EFFECTS if effect not in NEED_A_MASS)
     rng = np.random.default_rng(seed)
     plans = []
     for k in range(count):
@@ -172,17 +177,17 @@ def planned(seed: int, count: int, clean_share: float, two_share: float) -> list
         if draw < clean_share:
             effects: tuple[str, ...] = ()
         elif draw < clean_share + two_share:
-            effects = two_of(rng)
+            effects = two_of(rng, offered)
         else:
-            effects = (EFFECTS[k % len(EFFECTS)],)
+            effects = (offered[k % len(offered)],)
         plans.append((seed * 100_000 + k, effects))
     return plans
 
 
-def two_of(rng: Generator) -> tuple[str, ...]:
+def two_of(rng: Generator, offered: tuple[str, ...]) -> tuple[str, ...]:
     """Two effects of different places, neither hidden by the other's sensor fault."""
     while True:
-        a, b = (str(e) for e in rng.choice(EFFECTS, 2, replace=False))
+        a, b = (str(e) for e in rng.choice(offered, 2, replace=False))
         together = {a, b}
         apart = a.split(".")[0] != b.split(".")[0] and b not in SAME.get(a, ())
         stages = {"sensor.drift", "sensor.step", "disturbance.oscillation", "disturbance.coupling"}

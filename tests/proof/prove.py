@@ -103,8 +103,9 @@ def main() -> None:
     options.add_argument("--jobs", type=int, default=1, help="processes, one thread each")
     options.add_argument("--out", type=Path)
     given = options.parse_args()
-    plans = planned(given.seed, given.count, *SHARES[given.kinds])
-    asked = partial(one, foreign=given.forms == "foreign", sim=not given.no_simulation)
+    foreign = given.forms == "foreign"
+    plans = planned(given.seed, given.count, *SHARES[given.kinds], foreign)
+    asked = partial(one, foreign=foreign, sim=not given.no_simulation)
     compile_kernels()  # else the first case pays for it
     lines = []
     with ProcessPoolExecutor(given.jobs) as pool:
