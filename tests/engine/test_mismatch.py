@@ -9,12 +9,22 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
-from app.engine.mismatch import Comparison, Explanation, LinearSimulation, closed_loop, compile_kernels, explain, locate
+from app.engine.mismatch import (
+    Comparison,
+    Explanation,
+    LinearSimulation,
+    closed_loop,
+    compile_kernels,
+    explain,
+    locate,
+    selection,
+)
 from app.engine.mismatch import noise as noise_module
 from app.engine.mismatch import plant as plant_module
 from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.chain import simulate
 from app.engine.mismatch.closed_loop import close, close_again, identify_law
+from app.engine.mismatch.compete import Rival
 from app.engine.mismatch.conclude import unseen_data_refuse
 from app.engine.mismatch.experiment import experiment
 from app.engine.mismatch.fitting import GIVEN_DEVIATION, OWN_DEVIATION, Given, fit_linear
@@ -24,6 +34,7 @@ from app.engine.mismatch.patterns import find_patterns
 from app.engine.mismatch.physics import friction, library, two_tanks, valve_deadband, valve_slew_limit, valve_stiction
 from app.engine.mismatch.plant import Plant, run_process
 from app.engine.mismatch.report import CERTAIN, OWN_CERTAIN, probability_of
+from app.engine.mismatch.richer_noise import predictable, taken_by_noise
 from app.engine.mismatch.validation import simulate_again
 from app.engine.recording import FloatArray
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
@@ -433,3 +444,28 @@ def test_a_second_effect_is_not_paid_for_a_better_start_of_the_first() -> None:
     S, J = answer.effects[0].parameters
     assert pytest.approx(6.0, rel=0.15) == S.value
     assert pytest.approx(3.0, rel=0.35) == J.value
+
+
+def test_what_richer_noise_would_take_is_no_gain() -> None:
+    op = moves()
+    record = experiment(TS, 40.0 + op, recorded(op))
+    fitted = fit_linear(record, Given(TRUE))
+    poor = replace(fitted, noise=NoiseModel(deviation=float(np.std(fitted.residual))))
+    block = valve_deadband.BLOCKS[0]
+    assert predictable(fitted) < 15.0 < predictable(poor)
+    assert taken_by_noise(Rival(block, fitted, 20.0, poor)) == pytest.approx(predictable(poor) - predictable(fitted))
+    assert taken_by_noise(Rival(block, poor, 20.0, fitted)) == 0.0
+
+
+@pytest.mark.parametrize(("likelihood", "pairs"), [(85.0, 1), (110.0, 0)])
+def test_a_pair_is_compared_with_what_says_nothing_by_score(
+    monkeypatch: pytest.MonkeyPatch, likelihood: float, pairs: int
+) -> None:
+    def rival(code: str, penalty: float, found: float, already: float = 0.0) -> SimpleNamespace:
+        fit = SimpleNamespace(likelihood=found, score=found - penalty - already)
+        return SimpleNamespace(block=SimpleNamespace(code=code, penalty=penalty), gain=found, fit=fit)
+
+    monkeypatch.setattr(selection, "pays_beside", lambda *_: True)
+    first, unnamed = rival("process.inverse_response", 18.0, 60.0), rival("unnamed", 42.0, likelihood)
+    places = selection.Places(first, (rival("sensor.drift", 16.0, 95.0, 18.0),))
+    assert len(places.pairs((unnamed, first))) == pairs
