@@ -133,18 +133,23 @@ def pack_detail(detail: dict[str, Any]) -> bytes:
 def table(
     connection: Connection, limit: int, sort: str, descending: bool, wanted: RowFilter, after: After | None
 ) -> list[dict[str, Any]]:
-    """One row a loop, its newest verdict (or that of one run): sorted, unknown values last, after the row `after`."""
+    """One row a loop, its newest verdict (or that of one run): sorted, unknown values last, after the row `after`.
+
+    `sorted_by` of a row is the value that it was sorted by, which a newer verdict may have replaced in the row itself.
+    """
     quick = wanted.audit_id is None and sort in QUICK
     columns, key_table = (QUICK, newest_rows) if quick else (SORTABLE, verdicts)
     # Keys are sorted alone: whole rows, with their texts, are fetched for those that are shown.
-    keys = select(key_table.c.loop_id, key_table.c.audit_id).where(*_conditions(wanted, columns))
+    keys = select(key_table.c.loop_id, key_table.c.audit_id, columns[sort].label("sorted_by"))
+    keys = keys.where(*_conditions(wanted, columns))
     keys = keys.select_from(_newest_rows() if quick else _rows_of(wanted))
     if after is not None:
         keys = keys.where(_beyond(columns[sort], descending, after))
     page = keys.order_by(*_order(columns[sort], descending)).limit(limit).subquery()
     shown = verdicts.join(loops, loops.c.id == verdicts.c.loop_id)
     mine = and_(page.c.loop_id == verdicts.c.loop_id, page.c.audit_id == verdicts.c.audit_id)
-    query = _select().select_from(page.join(shown, mine)).order_by(*_order(SORTABLE[sort], descending))
+    query = _select().add_columns(page.c.sorted_by).select_from(page.join(shown, mine))
+    query = query.order_by(*_order(page.c.sorted_by, descending))
     return [_dict(row) for row in connection.execute(query).mappings()]
 
 

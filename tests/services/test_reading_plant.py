@@ -14,10 +14,11 @@ from app.services.auditing import audits, chunks
 from app.services.auditing.audit_line import ReliabilityRow
 from app.services.auditing.rows import COLUMNS
 from app.services.backend import Backend
-from app.services.plant import loops, reliability
+from app.services.plant import loops, overview, reliability
 from app.services.plant.reliability import RowFilter
 from app.services.plant.trend import trend
 from app.services.upkeep import operations
+from app.storage import loops as stored_loops
 from app.storage.tables import newest_rows, verdicts
 
 AddLoops = Callable[..., dict[str, int]]
@@ -53,6 +54,7 @@ def pages(backend: Backend, sort: str, limit: int, filters: RowFilter | None = N
         page = reliability.reliability_page(backend, limit, cursor, sort, filters)
         assert len(page.rows) <= limit
         tags += [row["loop"] for row in page.rows]
+        assert len(tags) <= len(set(tags)), "the pages go round"
         cursor = page.next_cursor
         if cursor is None:
             return tags
@@ -71,6 +73,27 @@ def pages(backend: Backend, sort: str, limit: int, filters: RowFilter | None = N
 )
 def test_pages_follow_each_other_without_gap(plant: Backend, sort: str, order: list[int], limit: int) -> None:
     assert pages(plant, sort, limit) == [TAGS[i] for i in order]
+
+
+@pytest.mark.parametrize("sort", ["stiction_probability", "-stiction_probability", "-priority"])
+def test_pages_end_where_a_kept_row_is_not_its_verdict(plant: Backend, sort: str) -> None:
+    """As while a newer verdict is being written: the order is that of the kept rows, and so are the cursors."""
+    with plant.database.write() as connection:
+        connection.execute(update(verdicts).values(stiction_probability=0.5, health=50.0))
+        for rank, tag in enumerate(TAGS):
+            mine = newest_rows.c.loop_id == stored_loops.ids_of(connection, [tag])[tag]
+            kept = {"stiction_probability": rank / 10, "health": 10.0 * rank}
+            connection.execute(update(newest_rows).where(mine).values(**kept))
+    order = TAGS[::-1] if sort == "-stiction_probability" else TAGS
+    assert pages(plant, sort, 2) == order
+    rows, cursor = [], None
+    for _ in TAGS:
+        page = overview.table(plant, 2, cursor, sort)
+        rows += [row["loop"] for row in page.rows]
+        cursor = page.next_cursor
+        if cursor is None:
+            break
+    assert rows == order
 
 
 def test_every_field_of_the_row_that_has_a_column_can_be_sorted_by(plant: Backend) -> None:

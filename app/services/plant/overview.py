@@ -7,9 +7,9 @@ from typing import Any, Literal
 from app.services.auditing.audits import get_audit
 from app.services.auditing.rows import as_row
 from app.services.backend import Backend
-from app.services.cursors import decode, encode
+from app.services.cursors import decode
 from app.services.moments import iso_utc
-from app.services.plant.reliability import checked
+from app.services.plant.reliability import checked, following
 from app.services.results import AuditView, ChangeView, Page, UnitView
 from app.storage import plant, verdicts
 from app.storage.loops import count as count_loops
@@ -92,10 +92,8 @@ def table(
     with backend.database.read() as connection:
         place = After(after[1], after[2]) if after is not None and after[0] == sort else None
         found = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), place)
-    last = found[limit - 1] if len(found) > limit else None
-    following = encode(sort, last["tag" if name == "loop" else name], last["tag"]) if last else None
     shown = [as_row(row) | {name: row[name] for name in ("importance", "priority", "type")} for row in found[:limit]]
-    return Page(shown, following)
+    return Page(shown, following(found, limit, sort))
 
 
 def tiles(backend: Backend) -> dict[str, list[Any]]:

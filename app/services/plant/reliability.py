@@ -2,7 +2,7 @@
 
 import hashlib
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,7 +21,7 @@ OF_LOOP = ("type", "importance", "priority")  # of the loop, not of its verdict
 THE_SAME = {"audited_at_ms": "audited_at", "window_start_ms": "window_start", "window_end_ms": "window_end"}
 ANYTHING: tuple[type, ...] = (object,)
 
-__all__ = ["RowFilter", "checked", "plant_summary", "reliability_json", "reliability_page", "sortable"]
+__all__ = ["RowFilter", "checked", "following", "plant_summary", "reliability_json", "reliability_page", "sortable"]
 
 
 def sortable() -> tuple[str, ...]:
@@ -45,11 +45,10 @@ def reliability_page(
     with backend.database.read() as connection:
         after = _after(cursor, sort)
         rows = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), after)
-    more = len(rows) > limit
-    last = rows[limit - 1] if more else None
-    following = encode(sort, last["tag" if name == "loop" else name], last["tag"]) if last else None
     besides = OF_LOOP if of_loop else ()
-    return Page([as_row(row) | {name: row[name] for name in besides} for row in rows[:limit]], following)
+    return Page(
+        [as_row(row) | {name: row[name] for name in besides} for row in rows[:limit]], following(rows, limit, sort)
+    )
 
 
 @dataclass(frozen=True)
@@ -79,10 +78,10 @@ def reliability_json(
         after = _after(cursor, sort)
         rows = verdicts.sent_rows(connection, limit + 1, name, sort.startswith("-"), filters, after)
     last = rows[limit - 1] if len(rows) > limit else None
-    following = encode(sort, last.value, last.tag) if last else None
+    behind = encode(sort, last.value, last.tag) if last else None
     shown = rows[:limit]
-    said = [FORM, following, [(row.loop_id, row.audit_id, row.unit) for row in shown]]
-    return TableAnswer(_digest(compact(said).encode()), lambda: _written(backend, shown, following))
+    said = [FORM, behind, [(row.loop_id, row.audit_id, row.unit) for row in shown]]
+    return TableAnswer(_digest(compact(said).encode()), lambda: _written(backend, shown, behind))
 
 
 def _digest(said: bytes) -> str:
@@ -111,6 +110,12 @@ def plant_summary(backend: Backend) -> PlantSummary:
         units=[{"unit": unit, **verdict} for unit, verdict in sorted(units.items(), key=lambda u: u[0] or "")],
         newest_audit=newest[0] if newest else None,
     )
+
+
+def following(rows: Sequence[Mapping[str, Any]], limit: int, sort: str) -> str | None:
+    """The cursor behind the first `limit` rows of `verdicts.table`; None where these are all."""
+    last = rows[limit - 1] if len(rows) > limit else None
+    return encode(sort, last["sorted_by"], last["tag"]) if last else None
 
 
 def checked(limit: int, sort: str) -> str:
