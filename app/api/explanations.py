@@ -8,8 +8,9 @@ from starlette.responses import PlainTextResponse
 from app.api.backend import Caller, Cursor, Identifier, Limit, Services
 from app.api.explanation_models import ExplanationIn, ExplanationOut, ExplanationPage, PlotOut
 from app.api.loops import Points
-from app.api.paths import LoopTag, tag_in_url
+from app.api.paths import LoopTag
 from app.api.problems import responses
+from app.services.addresses import tag_in_url
 from app.services.explaining import explanations as service
 from app.services.explaining import traces as explanation_traces
 from app.services.explaining.simulations import GivenSimulation, GivenTrace

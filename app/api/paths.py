@@ -1,7 +1,7 @@
 """Tags in paths as they are: /v1/loops/{tag}/health works for a tag with slashes, encoded or not."""
 
 from typing import Annotated
-from urllib.parse import quote, unquote
+from urllib.parse import unquote
 
 from fastapi import Depends, Path
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -33,10 +33,6 @@ async def decoded_tag(tag: Annotated[str, Path(description="Tag of the loop, per
     if "\x00" in decoded or len(decoded) > LONGEST_TAG:
         raise NotFoundError("no_such_loop", f"no tag has a zero byte or more than {LONGEST_TAG} characters")
     return decoded
-
-
-def tag_in_url(tag: str) -> str:
-    return quote(tag, safe="")
 
 
 LoopTag = Annotated[str, Depends(decoded_tag)]

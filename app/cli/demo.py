@@ -10,12 +10,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
-from urllib.parse import quote
 
 import typer
 
 from app.cli.messages import ExitCode, progress, say
 from app.errors import RequestError
+from app.services.addresses import tag_in_url
 
 if TYPE_CHECKING:
     from app.cli.client import ServiceClient
@@ -69,7 +69,7 @@ def demo(
 def where_to_look(url: str, worst: str) -> tuple[str, ...]:
     return (
         f"loopaudit: now open {url}/ in a browser: the plant, worst loop first",
-        f"loopaudit: why the worst one is accused: {url}/loops/{quote(worst, safe='')}",
+        f"loopaudit: why the worst one is accused: {url}/loops/{tag_in_url(worst)}",
         "loopaudit: Ctrl-C stops the service and removes the demo",
     )
 
@@ -132,7 +132,7 @@ def audited(
         state = send(client, export.path, READ_WITHIN_S)
         say(f"loopaudit: uploaded {export.path.name}: {len(state['loops'])} loops")
     for loop in loops:
-        client.patch(f"/v1/loops/{quote(loop.tag, safe='')}", loop.what_it_is)
+        client.patch(f"/v1/loops/{tag_in_url(loop.tag)}", loop.what_it_is)
     run = client.post("/v1/audits", {})
     with progress("auditing", len(loops)) as advance:
         client.until(

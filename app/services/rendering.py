@@ -2,7 +2,6 @@
 
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
@@ -25,11 +24,6 @@ def figure(value: float | None, digits: int) -> str:
 def short_time(iso: str | None) -> str:
     """2026-01-31T03:00:00Z as 2026-01-31 03:00."""
     return (iso or "–")[:16].replace("T", " ")
-
-
-def loop_address(public_url: str, tag: str) -> str:
-    """Where people find the loop's page; empty where it is not known how they reach the service."""
-    return f"{public_url}/loops/{quote(tag, safe='')}" if public_url else ""
 
 
 def _environment() -> Environment:

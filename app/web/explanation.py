@@ -9,10 +9,11 @@ from starlette.responses import RedirectResponse, Response
 from app.api.backend import Caller, Services
 from app.api.paths import LoopTag
 from app.errors import LoopauditError
+from app.services.addresses import tag_in_url
 from app.services.backend import Backend
 from app.services.explaining import explanations
 from app.services.explaining.wording import in_words
-from app.web.rendering import page, tag_in_url
+from app.web.rendering import page
 
 router = APIRouter(include_in_schema=False)
 

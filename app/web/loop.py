@@ -10,6 +10,7 @@ from starlette.responses import JSONResponse, RedirectResponse
 from app.api.backend import Caller, Identifier, Services
 from app.api.paths import LoopTag
 from app.errors import NotFoundError, RequestError
+from app.services.addresses import tag_in_url
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.rival_wording import why_first
 from app.services.auditing.size_wording import size_in_words
@@ -17,7 +18,7 @@ from app.services.plant import glossary, loops, notes
 from app.services.plant.charts import charts as charts_of
 from app.services.plant.groups import groups_of
 from app.web.explanation import newest_in_words
-from app.web.rendering import page, tag_in_url
+from app.web.rendering import page
 
 HISTORY_NIGHTS = 60
 SEE_OTHER = 303

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 import plotly
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -10,6 +9,7 @@ from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
 from app.services.access.identity import Identity, Role, current
+from app.services.addresses import tag_in_url
 from app.services.rendering import figure, short_time
 from app.services.wording import (
     CHANGE_WORDS,
@@ -25,10 +25,6 @@ HERE = Path(__file__).parent
 STATIC = HERE / "static"
 CHARTS = Path(plotly.__file__).parent / "package_data" / "plotly.min.js"
 SIGNALS = ("pv", "op", "sp", "mode")
-
-
-def tag_in_url(tag: str) -> str:
-    return quote(tag, safe="")
 
 
 def first_reasons(text: str, count: int = 2) -> str:

@@ -8,13 +8,13 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Error, Page, ViewportSize, expect, sync_playwright
 
+from app.services.addresses import tag_in_url
 from app.services.auditing.audits import LoopFilter, list_audits, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import receive
 from app.services.plant import overview as plant
 from app.services.rendering import figure
-from app.web.rendering import tag_in_url
 from tests.web.conftest import wide
 
 pytestmark = pytest.mark.browser

@@ -4,6 +4,7 @@ from html.parser import HTMLParser
 
 import pytest
 
+from app.services.addresses import tag_in_url
 from app.services.auditing.chunks import audit_chunk
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import list_uploads
@@ -11,7 +12,6 @@ from app.services.plant import groups, loops
 from app.services.plant.groups import plant_groups
 from app.services.results import GroupView
 from app.web.columns import COLUMNS
-from app.web.rendering import tag_in_url
 
 HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
 HOSTILE_PAGE = f"/loops/{tag_in_url(HOSTILE)}"

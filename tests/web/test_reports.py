@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from app.errors import NotFoundError, RequestError
+from app.services.addresses import tag_in_url
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
@@ -16,7 +17,6 @@ from app.services.plant.notes import add_note
 from app.services.reports import documents as reports
 from app.services.reports.svg import Ends, Line, chart, ticks
 from app.storage import loops
-from app.web.rendering import tag_in_url
 
 HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
 VOID = {"meta", "link", "br", "input", "hr", "img", "rect", "line", "path", "circle"}

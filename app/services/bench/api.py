@@ -12,6 +12,7 @@ from urllib.parse import quote
 import numpy as np
 from sqlalchemy import select
 
+from app.services.addresses import tag_in_url
 from app.services.auditing import audits
 from app.services.backend import Backend
 from app.services.bench.bench import Bench, Figures, SkippedError
@@ -62,8 +63,8 @@ def _paths(backend: Backend) -> dict[str, list[str]]:
     cursor = reliability.reliability_page(backend, 100).next_cursor
     later = f"&cursor={quote(cursor)}" if cursor else ""
     return {
-        "loop health": [f"/v1/loops/{quote(str(tag), safe='')}/health" for tag in chosen],
-        "loop history, 30 nights": [f"/v1/loops/{quote(str(tag), safe='')}/verdicts?limit=30" for tag in chosen],
+        "loop health": [f"/v1/loops/{tag_in_url(str(tag))}/health" for tag in chosen],
+        "loop history, 30 nights": [f"/v1/loops/{tag_in_url(str(tag))}/verdicts?limit=30" for tag in chosen],
         "table, a page of 100": ["/v1/reliability?limit=100", f"/v1/reliability?limit=100{later}"],
         "table, worst 100": ["/v1/reliability?limit=100&sort=-stiction_probability"],
         "plant page": ["/"],

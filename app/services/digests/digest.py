@@ -6,11 +6,12 @@ from itertools import groupby
 from typing import Any
 
 from app.errors import RequestError
+from app.services.addresses import loop_address
 from app.services.auditing.audits import get_audit
 from app.services.backend import Backend
 from app.services.cursors import identifier
 from app.services.plant.overview import change_of
-from app.services.rendering import document, figure, loop_address, short_time
+from app.services.rendering import document, figure, short_time
 from app.services.results import AuditView, ChangeView
 from app.services.wording import CHANGE_WORDS, RELIABILITY_SHORT, VERDICT_RANK, VERDICT_WORDS, WHY_WORDS, cause_words
 from app.storage import digests, plant

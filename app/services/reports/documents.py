@@ -8,6 +8,7 @@ from typing import Any
 from markupsafe import Markup
 
 from app.errors import NotFoundError
+from app.services.addresses import loop_address
 from app.services.auditing.rival_wording import why_first
 from app.services.auditing.rows import as_row
 from app.services.auditing.size_wording import size_in_words
@@ -20,7 +21,7 @@ from app.services.plant import overview as plant
 from app.services.plant.charts import charts
 from app.services.plant.groups import groups_of
 from app.services.plant.groups import soon as groups_soon
-from app.services.rendering import document, loop_address, short_time
+from app.services.rendering import document, short_time
 from app.services.reports.svg import WIDTH, Ends, Line, chart
 from app.storage import loops as stored_loops
 from app.storage import plant as stored_plant
