@@ -274,3 +274,44 @@ def test_a_report_opens_from_disk_without_a_network(chromium: Browser, client, t
     assert page.evaluate("document.documentElement.scrollWidth") <= 360
     assert serious(page) == []
     context.close()
+
+
+@pytest.fixture(params=[NARROW, {"width": 1280, "height": 900}], ids=["narrow", "wide"])
+def refused(request: pytest.FixtureRequest, chromium: Browser, client) -> Iterator[Page]:
+    """A page that may be refused: of every answer from 400 on Chromium itself writes an error to the console."""
+    page = chromium.new_page(base_url=str(client.base_url), viewport=request.param)
+    page.set_default_timeout(20_000)
+    yield page
+    page.close()
+
+
+@pytest.mark.parametrize(
+    ("path", "status", "code"),
+    [
+        ("/nowhere", 404, "no_such_route"),
+        ("/loops/nothing", 404, "unknown_loop"),
+        ("/table?sort=nonsense", 400, "bad_sort"),
+        ("/table?search=" + "x" * 300, 422, "invalid_request"),
+    ],
+)
+def test_axe_finds_nothing_serious_on_an_error_page_and_it_fits(refused: Page, path: str, status: int, code: str):
+    answer = refused.goto(path)
+    assert answer is not None
+    assert answer.status == status
+    told_well(refused, code)
+
+
+def test_axe_finds_nothing_serious_where_a_form_is_refused(refused: Page, client):
+    refused.set_content(f'<form method="post" action="{client.base_url}/runs"><button>Send</button></form>')
+    with refused.expect_navigation() as sent:
+        refused.get_by_role("button").click()
+    assert sent.value.status == 403
+    told_well(refused, "cross_site")
+
+
+def told_well(page: Page, code: str) -> None:
+    expect(page.locator("main code").first).to_have_text(code)
+    for scheme in ("dark", "light"):
+        page.emulate_media(color_scheme=scheme)
+        assert serious(page) == []
+    assert width(page) <= page.viewport_size["width"]
