@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help install browser demo test chaos lint audit-deps bench evaluate testbench prove fuzz coverage load lock clean
+.PHONY: help install browser demo test chaos lint audit-deps bench evaluate testbench prove fuzz coverage load pictures lock clean
 
 help:
 	@echo "make demo     set up, start the service on the embedded default, audit a demo plant, show the table"
@@ -18,6 +18,7 @@ help:
 	@echo "make fuzz     hostile requests to the API, files led by coverage to the readers (COUNT=requests, SECONDS=, SEED=)"
 	@echo "make coverage every branch of claim and finish and of the readers, or it fails"
 	@echo "make load     many clients at once against a real API process"
+	@echo "make pictures the README's pictures, of the demo plant in Chromium"
 	@echo "make lint     style and import rules"
 	@echo "make audit-deps  known holes in the pinned dependencies (needs a network)"
 	@echo "make lock     pin the dependencies anew"
@@ -97,6 +98,9 @@ load: install
 # PAGE=docs/RELIABILITY.md writes the table into the page; MORE='--faults 20' and the like: python -m tests.chaos --help
 chaos: install
 	$(BIN)/python -m tests.chaos $(if $(SEED),--seed $(SEED)) $(if $(PAGE),--page $(PAGE)) $(MORE)
+
+pictures: install browser
+	$(BIN)/python -m tests.web.pictures docs/images
 
 # Hashes, markers for every supported Python, and no address of any registry.
 lock:

@@ -22,8 +22,10 @@ function drawRmse({ rmse_d: curve, rmse_sj: surface }) {
     line(curve.d, curve.rmse, "RMSE", "--pv", { mode: "lines+markers", marker: { size: 5 } }),
     { x: [curve.d[curve.best]], y: [curve.rmse[curve.best]], name: "chosen", mode: "markers", marker: { size: 11, color: paint("--op") } },
   ], { height: 320, xaxis: axis("d, units of OP"), yaxis: axis("RMSE, units of PV") }, notIdentified);
+  // One hopeless pair of S and J would make all others one colour: the worst tenth has the colour of its best.
+  const ranked = surface ? surface.rmse.filter(Number.isFinite).sort((one, other) => one - other) : [];
   draw("rmse-sj", surface && [
-    { x: surface.S, y: surface.J, mode: "markers", name: "RMSE", text: surface.rmse.map((v) => `RMSE ${v}`), marker: { size: 12, symbol: "square", color: surface.rmse, colorscale: "Viridis", showscale: true, colorbar: { title: { text: "RMSE" } } } },
+    { x: surface.S, y: surface.J, mode: "markers", name: "RMSE", text: surface.rmse.map((v) => `RMSE ${v}`), marker: { size: 12, symbol: "square", color: surface.rmse, cmin: ranked[0], cmax: ranked[Math.floor(0.9 * (ranked.length - 1))], colorscale: "Viridis", showscale: true, colorbar: { title: { text: "RMSE" } } } },
     { x: [surface.S[surface.best]], y: [surface.J[surface.best]], name: "chosen", mode: "markers", marker: { size: 16, symbol: "circle-open", color: paint("--op"), line: { width: 3 } } },
   ], { height: 320, showlegend: false, xaxis: axis("S, units of OP"), yaxis: axis("J, units of OP") }, notIdentified);
 }
