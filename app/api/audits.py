@@ -8,7 +8,7 @@ from fastapi import APIRouter, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from starlette.responses import StreamingResponse
 
-from app.api.backend import Cursor, Identifier, Limit, Services
+from app.api.backend import Caller, Cursor, Identifier, Limit, Services
 from app.api.models import AuditIn, AuditOut, AuditPage
 from app.api.problems import responses
 from app.services.auditing import audits as service
@@ -23,9 +23,9 @@ router = APIRouter(tags=["audits"])
 @router.post(
     "/audits", status_code=202, response_model=AuditOut, responses=responses(400, 422), summary="Start an audit"
 )
-def start(response: Response, backend: Services, wanted: AuditIn) -> Any:
+def start(response: Response, backend: Services, caller: Caller, wanted: AuditIn) -> Any:
     """Audits the plant, or the loops that the body names. 202: the run is stored; workers do it."""
-    run = service.start_audit(backend, loop_filter(wanted), trigger="request")
+    run = service.start_audit(backend, loop_filter(wanted), trigger="request", started_by=caller.who)
     response.headers["Location"] = f"/v1/audits/{run.id}"
     return run
 

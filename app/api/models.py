@@ -170,6 +170,9 @@ class AuditOut(Read):
     id: str = Field(description="Identifier of the run.")
     state: AuditState = Field(description="planned -> running -> done, or partial where loops failed, or cancelled.")
     trigger: str = Field(description="What started it: request, nightly, ...")
+    started_by: str | None = Field(
+        description="Name of the key, `command line`, `schedule`, or `anyone on this machine`; null: not known."
+    )
     created_at: str = Field(description="ISO 8601, UTC.")
     ended_at: str | None = Field(description="ISO 8601, UTC; null while it runs.")
     total: int = Field(description="Loops in the run.")

@@ -50,9 +50,9 @@ def nightly(
     backend = Backend.open(settings)
     try:
         refuse_unready(backend)
-        run = start(backend)
+        run = start(backend, started_by=COMMAND_LINE.who)
         if run.ended:  # this night's run is done; whoever asks again wants another one
-            run = start_audit(backend, trigger="nightly")
+            run = start_audit(backend, trigger="nightly", started_by=COMMAND_LINE.who)
         record(backend, COMMAND_LINE, "audit.start", f"/v1/audits/{run.id}", "done")
         if wait:
             run = watched(backend, run, timeout_s)

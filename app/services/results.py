@@ -96,6 +96,7 @@ class AuditView:
     done: int
     failed: int
     failures: list[FailureView]
+    started_by: str | None = None
 
     @property
     def ended(self) -> bool:

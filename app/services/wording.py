@@ -55,6 +55,14 @@ STATE_WORDS = {
 }
 
 
+STARTERS = {"schedule": "the nightly schedule", "command line": "the command line"}
+
+
+def starter_words(started_by: str | None) -> str:
+    """Who started a run: as the trail has it, but for what is no one's name."""
+    return "not known" if started_by is None else STARTERS.get(started_by, started_by)
+
+
 def cause_words(code: str | None) -> str:
     return "not known" if code is None else CAUSE_WORDS.get(code, code.replace("_", " "))
 

@@ -28,6 +28,7 @@ class AuditRow:
     created_at: datetime
     ended_at: datetime | None
     total: int
+    started_by: str
 
 
 @dataclass(frozen=True)

@@ -139,6 +139,7 @@ audits = Table(
     Column("ended_at", UtcDateTime),
     Column("total", Integer, nullable=False),
     Column("announced_s", Float),
+    Column("started_by", Text, nullable=False, server_default=""),
     CheckConstraint("state IN ('planned', 'running', 'done', 'partial', 'cancelled')", name="state"),
     UniqueConstraint("plant", "nightly_for"),
     _partial("ix_audits_unfinished", "id", where="state IN ('planned', 'running')"),

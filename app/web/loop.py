@@ -57,8 +57,9 @@ def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
 
 
 @router.post("/loops/{tag:path}/audit")
-def audit_again(backend: Services, tag: LoopTag) -> RedirectResponse:
-    run = start_audit(backend, LoopFilter(tags=(loops.get_loop(backend, tag).tag,)), trigger="request")
+def audit_again(backend: Services, caller: Caller, tag: LoopTag) -> RedirectResponse:
+    wanted = LoopFilter(tags=(loops.get_loop(backend, tag).tag,))
+    run = start_audit(backend, wanted, trigger="request", started_by=caller.who)
     return RedirectResponse(f"/runs/{run.id}", SEE_OTHER)
 
 

@@ -19,6 +19,7 @@ from app.services.wording import (
     VERDICT_WORDS,
     WHY_WORDS,
     cause_words,
+    starter_words,
 )
 
 HERE = Path(__file__).parent
@@ -66,6 +67,7 @@ def environment() -> Environment:
         "short_time": short_time,
         "first_reasons": first_reasons,
         "cause_words": cause_words,
+        "starter_words": starter_words,
         "words": words,
         "shown": shown,
         "other_way": other_way,

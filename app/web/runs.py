@@ -4,7 +4,7 @@ from fastapi import APIRouter
 from fastapi.responses import HTMLResponse
 from starlette.responses import RedirectResponse
 
-from app.api.backend import Identifier, Services
+from app.api.backend import Caller, Identifier, Services
 from app.services.auditing.audits import failures, list_audits, start_audit
 from app.services.digests.deliveries import deliveries_of
 from app.services.plant.overview import run_figures
@@ -23,8 +23,9 @@ def runs(backend: Services, cursor: str = "") -> HTMLResponse:
 
 
 @router.post("/runs")
-def start(backend: Services) -> RedirectResponse:
-    return RedirectResponse(f"/runs/{start_audit(backend, trigger='request').id}", 303)
+def start(backend: Services, caller: Caller) -> RedirectResponse:
+    run_started = start_audit(backend, trigger="request", started_by=caller.who)
+    return RedirectResponse(f"/runs/{run_started.id}", 303)
 
 
 @router.get("/runs/{audit_id}")

@@ -6,6 +6,7 @@ import pytest
 
 from app.services.addresses import tag_in_url
 from app.services.auditing.chunks import audit_chunk
+from app.services.auditing.nightly import nightly
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import list_uploads
 from app.services.plant import groups, loops
@@ -282,3 +283,21 @@ def test_a_winner_with_the_lower_score_is_explained(client, monkeypatch):
     monkeypatch.setattr(loops, "loop_health", lambda b, t: health(b, t) | {"rival_winner": "saturated_op"})
     assert "wins although “shaken from outside” scored higher" in client.get("/loops/FIC101").text
     assert "wins although" in client.get("/v1/loops/FIC101/report").text
+
+
+def test_runs_say_who_started_them_in_the_words_of_the_trail(client, web_backend):
+    run = client.post("/v1/audits", json={"tags": ["FIC101"]}).json()
+    again = client.post("/loops/FIC101/audit").headers["location"]
+    whole = client.post("/runs").headers["location"]
+    who = client.get("/v1/trail?action=audit.start").json()["rows"][0]["who"]
+    assert run["started_by"] == who == "anyone on this machine"
+    for address in (f"/runs/{run['id']}", again, whole):
+        assert "by anyone on this machine" in " ".join(client.get(address).text.split())
+    night = nightly(web_backend)
+    assert night.started_by == "schedule"
+    assert "by the nightly schedule" in client.get(f"/runs/{night.id}").text
+    assert " by " not in client.get("/runs/1").text.partition("</p>")[0].partition("Started")[2]
+    texts = seen(client, "/runs").texts
+    assert {"anyone on this machine", "the nightly schedule", "not known"} <= set(texts)
+    for ended in (run["id"], again.rpartition("/")[2], whole.rpartition("/")[2], night.id):
+        audit_chunk(web_backend, int(ended), "test")

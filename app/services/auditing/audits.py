@@ -25,6 +25,7 @@ def start_audit(
     *,
     trigger: str = "request",
     nightly_for: str | None = None,
+    started_by: str = "",
     config: AuditConfig | None = None,
 ) -> AuditView:
     """Plans a run over the loops with samples that fit the filter, and wakes the workers.
@@ -39,6 +40,7 @@ def start_audit(
         "trigger": trigger,
         "plant": settings.plant,
         "nightly_for": nightly_for,
+        "started_by": started_by,
         "filter_json": json.dumps(vars(wanted)),
         "config_json": config.canonical_json(),
         "config_fingerprint": config.fingerprint(),
@@ -134,4 +136,5 @@ def _view(row: AuditRow, progress: Progress, failed: list[FailureView]) -> Audit
         done=progress.done,
         failed=progress.failed,
         failures=failed,
+        started_by=row.started_by or None,
     )

@@ -11,10 +11,10 @@ from app.services.results import AuditView
 from app.storage import audits, explanations, loops
 
 
-def nightly(backend: Backend, day: date | None = None) -> AuditView:
+def nightly(backend: Backend, day: date | None = None, started_by: str = SCHEDULE.who) -> AuditView:
     """The run of the night `day` (today in the plant's zone): planned now, or the one that was planned before."""
     day = day or datetime.now(ZoneInfo(backend.settings.time_zone)).date()
-    return start_audit(backend, trigger="nightly", nightly_for=day.isoformat())
+    return start_audit(backend, trigger="nightly", nightly_for=day.isoformat(), started_by=started_by)
 
 
 def nightly_if_due(backend: Backend, now: datetime | None = None) -> AuditView | None:
