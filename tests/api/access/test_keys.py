@@ -1,0 +1,104 @@
+"""Keys: their form, how they are sent, how they end, and how often they may ask."""
+
+import re
+from datetime import timedelta
+
+import pytest
+
+from app.services.access import key_text, keys
+from app.services.access.identity import Role
+from tests.api.access.conftest import bearer
+
+
+@pytest.mark.parametrize("role", Role)
+def test_a_key_has_the_announced_form(role):
+    made = key_text.make(role)
+    assert re.fullmatch(rf"la_{role}_[a-z2-7]{{10}}_[0-9A-Za-z]{{49}}", made.text)
+    assert key_text.parse(made.text) == made
+
+
+def test_a_typing_error_is_told_by_the_check_sum():
+    text = key_text.make(Role.read).text
+    for place in range(20, len(text)):
+        wrong = text[:place] + ("x" if text[place] != "x" else "y") + text[place + 1 :]
+        assert key_text.parse(wrong) is None
+
+
+def test_a_key_that_claims_another_role_is_no_key(client, texts):
+    body = texts[Role.read].replace("la_read_", "la_admin_")[: -key_text.CRC_LENGTH]
+    forged = body + key_text._crc(body)
+    assert key_text.parse(forged) is not None
+    assert client.get("/v1/trail", headers=bearer(forged)).json()["code"] == "invalid_key"
+
+
+@pytest.mark.parametrize("header", ["Authorization", "X-API-Key"])
+def test_both_headers_carry_a_key(client, texts, header):
+    value = texts[Role.read] if header == "X-API-Key" else f"bearer {texts[Role.read]}"
+    assert client.get("/v1/loops", headers={header: value}).status_code == 200
+
+
+def test_a_key_in_an_address_is_not_looked_at(client, texts):
+    assert client.get("/v1/loops", params={"key": texts[Role.read]}).status_code == 401
+
+
+@pytest.mark.parametrize("key", ["la_read_x", "x" * 5000, "la_read_aaaaaaaaaa_" + "0" * 49, "ünïcödé".encode()])
+def test_wrong_keys_are_401(client, key):
+    value = b"Bearer " + (key if isinstance(key, bytes) else key.encode())
+    answer = client.get("/v1/loops", headers={"Authorization": value})
+    assert (answer.status_code, answer.json()["code"]) == (401, "invalid_key")
+    assert 'error="invalid_token"' in answer.headers["www-authenticate"]
+
+
+def test_only_the_hash_is_kept(backend, texts):
+    with backend.database.read() as connection:
+        stored = str(connection.exec_driver_sql("SELECT * FROM keys").fetchall())
+    for text in texts.values():
+        assert text[-49:] not in stored
+
+
+def test_a_revoked_key_is_refused_at_the_next_look(client, backend):
+    made = keys.create_key(backend, "leaver", Role.read, lifetime=None)
+    assert client.get("/v1/loops", headers=bearer(made.text)).status_code == 200
+    keys.revoke_key(backend, made.key.id)
+    assert client.get("/v1/loops", headers=bearer(made.text)).status_code == 401
+
+
+def test_an_expired_key_is_refused(client, backend):
+    made = keys.create_key(backend, "guest", Role.read, lifetime=timedelta(seconds=-1))
+    assert client.get("/v1/loops", headers=bearer(made.text)).status_code == 401
+    assert next(key for key in keys.list_keys(backend) if key.id == made.key.id).state == "expired"
+
+
+def test_rotation_lets_both_work_for_the_overlap_and_then_the_new_one(client, backend):
+    old = keys.create_key(backend, "historian", Role.upload, lifetime=timedelta(days=30), requests_per_minute=77)
+    new = keys.rotate_key(backend, old.key.id, timedelta(hours=1))
+    assert (new.key.role, new.key.name, new.key.requests_per_minute) == ("upload", "historian", 77)
+    for text in (old.text, new.text):
+        assert client.get("/v1/loops", headers=bearer(text)).status_code == 200
+    last = keys.rotate_key(backend, new.key.id, timedelta(0))
+    assert client.get("/v1/loops", headers=bearer(new.text)).status_code == 401
+    assert client.get("/v1/loops", headers=bearer(last.text)).status_code == 200
+
+
+def test_the_last_use_is_noted(client, backend):
+    made = keys.create_key(backend, "user", Role.read, lifetime=None)
+    assert client.get("/v1/loops", headers=bearer(made.text)).status_code == 200
+
+    def last_used() -> str | None:
+        return next(key.last_used_at for key in keys.list_keys(backend) if key.id == made.key.id)
+
+    for _ in range(200):
+        if first := last_used():
+            break
+    assert first
+    client.get("/v1/loops", headers=bearer(made.text))
+    assert last_used() == first  # written at most once a minute
+
+
+def test_too_many_requests_of_a_key_are_429_and_only_its_own(client, backend, texts):
+    made = keys.create_key(backend, "eager", Role.read, lifetime=None, requests_per_minute=5)
+    statuses = [client.get("/v1/loops", headers=bearer(made.text)) for _ in range(7)]
+    assert [answer.status_code for answer in statuses] == [200] * 5 + [429] * 2
+    assert statuses[-1].json()["code"] == "too_many_requests"
+    assert 1 <= int(statuses[-1].headers["retry-after"]) <= 60
+    assert client.get("/v1/loops", headers=bearer(texts[Role.read])).status_code == 200

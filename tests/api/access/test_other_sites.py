@@ -1,0 +1,86 @@
+"""What other sites may do in a browser that reaches this service, and under which names it answers."""
+
+from collections.abc import Iterator
+
+import httpx
+import pytest
+
+from app.main import create_app
+from app.services.access import key_text
+from app.services.access.identity import Role
+from app.services.upkeep.operations import migrate
+from app.settings import Settings
+from tests.api.access.conftest import bearer
+
+OTHER_SITES = [
+    {"Sec-Fetch-Site": "cross-site"},
+    {"Sec-Fetch-Site": "same-site"},
+    {"Origin": "https://evil.example"},
+    {"Origin": "null"},
+    {"Origin": "http://127.0.0.1:1"},
+]
+
+
+@pytest.fixture(scope="module")
+def open_client(serve, tmp_path_factory) -> Iterator[httpx.Client]:
+    """Without keys, as on loopback."""
+    settings = Settings(data_dir=tmp_path_factory.mktemp("open"))
+    migrate(settings)
+    with serve(create_app(settings)) as connection:
+        yield connection
+
+
+@pytest.mark.parametrize("headers", OTHER_SITES)
+def test_other_sites_change_nothing_even_where_no_key_is_asked(open_client, headers):
+    answer = open_client.post("/v1/audits", json={}, headers=headers)
+    assert (answer.status_code, answer.json()["code"]) == (403, "cross_site")
+
+
+def test_own_pages_and_other_programs_do(open_client):
+    own = {"Origin": str(open_client.base_url).rstrip("/"), "Sec-Fetch-Site": "same-origin"}
+    for headers in ({}, own):
+        assert open_client.post("/v1/audits", json={}, headers=headers).status_code == 202
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:8000", "127.0.0.1.evil.example", "localhost.evil.example", ""]
+)
+def test_a_name_that_others_may_point_at_us_is_refused(open_client, host):
+    answer = open_client.get("/v1/loops", headers={"Host": host})
+    assert (answer.status_code, answer.json()["code"]) == (421, "host_not_allowed")
+
+
+@pytest.mark.parametrize("host", ["localhost", "LOCALHOST:8000", "127.0.0.1", "[::1]:8000", "127.8.0.1"])
+def test_names_of_this_machine_are_taken(open_client, host):
+    assert open_client.get("/v1/loops", headers={"Host": host}).status_code == 200
+
+
+def test_with_allowed_hosts_only_these_are_taken(serve, settings, texts):
+    with serve(create_app(settings.model_copy(update={"allowed_hosts": "plant.example, other.example"}))) as client:
+        for host, status in (
+            ("plant.example", 200),
+            ("Other.Example:443", 200),
+            ("evil.example", 421),
+            ("127.0.0.1", 421),
+        ):
+            assert client.get("/v1/loops", headers={"Host": host, **bearer(texts[Role.read])}).status_code == status
+
+
+def test_what_does_not_listen_on_loopback_asks_for_keys(serve, tmp_path):
+    settings = Settings(data_dir=tmp_path)
+    migrate(settings)
+    with serve(create_app(settings, keys_required=True)) as client:
+        assert client.get("/v1/loops").status_code == 401
+        assert client.get("/healthz").status_code == 200
+
+
+def test_while_the_data_base_is_away_nobody_gets_in_and_it_is_told_as_503(serve, tmp_path):
+    address = "postgresql+psycopg://who:secret@127.0.0.1:1/none"
+    settings = Settings(data_dir=tmp_path, database_url=address, require_keys=True)
+    with serve(create_app(settings)) as client:
+        for headers in (bearer(key_text.make(Role.admin).text), {"Cookie": "loopaudit_session=abc"}):
+            answer = client.get("/v1/loops", headers=headers)
+            assert (answer.status_code, answer.json()["code"]) == (503, "database_away")
+            assert answer.headers["retry-after"]
+            assert "secret" not in answer.text
+        assert client.get("/healthz", headers=headers).status_code == 200

@@ -1,0 +1,57 @@
+"""The trail: who did what, without secrets, for administrators."""
+
+
+
+from app.main import create_app
+from app.services.access import key_text
+from app.services.access.identity import Role
+from app.services.access.trail import list_trail
+from tests.api.access.conftest import bearer, logged_in
+
+
+def test_the_trail_tells_who_did_what(client, backend, texts):
+    answer = client.post(
+        "/v1/uploads?filename=t.csv", content=b"time,PV,OP\n0,3,4\n", headers=bearer(texts[Role.upload])
+    )
+    rows = list_trail(backend, who="the upload", action="upload.receive").rows
+    assert (rows[0].subject, rows[0].outcome) == (answer.headers["location"], "done")
+    assert rows[0].request_id == answer.headers["x-request-id"]
+    refused = client.post("/v1/audits", json={"tags": ["NOWHERE"]}, headers=bearer(texts[Role.audit]))
+    assert refused.status_code == 400
+    assert client.post("/v1/audits", json={}, headers=bearer(texts[Role.read])).status_code == 403
+    assert list_trail(backend, who="the read", action="audit.start").rows[0].detail["status"] == 403
+    assert list_trail(backend, who="the audit", action="audit.start").rows[0].outcome == "refused"
+
+
+def test_the_trail_keeps_logins_and_wrong_keys_without_their_secrets(client, browser, backend, texts):
+    logged_in(browser, texts[Role.read])
+    wrong = key_text.make(Role.admin).text
+    browser.cookies.clear()
+    browser.post("/login", data={"key": wrong})
+    rows = list_trail(backend, action="session.open").rows
+    assert [(row.who, row.outcome) for row in rows[:2]] == [("nobody", "refused"), ("the read", "done")]
+    assert wrong[-49:] not in str(list_trail(backend, 1000).rows)
+
+
+def test_the_trail_is_for_administrators_page_by_page(client, texts):
+    first = client.get("/v1/trail", params={"limit": 2}, headers=bearer(texts[Role.admin])).json()
+    assert len(first["rows"]) == 2
+    after = client.get(
+        "/v1/trail", params={"limit": 2, "cursor": first["next_cursor"]}, headers=bearer(texts[Role.admin])
+    ).json()
+    assert int(after["rows"][0]["id"]) < int(first["rows"][1]["id"])
+
+
+def test_uploads_say_who_sent_them(client, backend, texts):
+    client.post("/v1/uploads?filename=w.csv", content=b"time,PV,OP\n0,5,6\n", headers=bearer(texts[Role.upload]))
+    with backend.database.read() as connection:
+        who = connection.exec_driver_sql("SELECT received_by FROM uploads ORDER BY id DESC LIMIT 1").scalar()
+    assert who == "the upload"
+
+
+def test_wrong_keys_from_one_address_are_slowed_down_and_good_ones_are_not(serve, settings, texts):
+    with serve(create_app(settings)) as client:
+        answers = [client.get("/v1/loops", headers=bearer("wrong")) for _ in range(25)]
+        assert [answer.status_code for answer in answers] == [401] * 20 + [429] * 5
+        assert answers[-1].headers["retry-after"]
+        assert client.get("/v1/loops", headers=bearer(texts[Role.read])).status_code == 200
