@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from io import FileIO
 from pathlib import Path
 from types import TracebackType
@@ -16,6 +17,14 @@ PATIENCE_S = 60.0
 MEDIA_TYPES = {".csv": "text/csv", ".parquet": "application/vnd.apache.parquet", ".gz": "application/gzip"}
 
 Sent = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How the service is to read a file: the plant's tag mapping, and the zone of stamps that name none."""
+
+    mapping: bytes | None = None
+    time_zone: str | None = None
 
 
 class TellingFile(FileIO):
@@ -47,12 +56,14 @@ class ServiceClient:
     ) -> None:
         self._http.close()
 
-    def upload(self, path: Path, sent: Sent, mapping: bytes | None = None) -> dict[str, Any]:
-        """Streams the file, with a mapping of its tags; the answer is the upload as the service keeps it."""
+    def upload(self, path: Path, sent: Sent, how: Reading | None = None) -> dict[str, Any]:
+        """Streams the file; the answer is the upload as the service keeps it."""
+        how = how or Reading()
+        told = {"filename": path.name} | ({} if how.time_zone is None else {"time_zone": how.time_zone})
         deadline = time.monotonic() + PATIENCE_S
         while True:
             with TellingFile(path, sent) as file:
-                answer = self._send("POST", "/v1/uploads", params={"filename": path.name}, **_body(file, path, mapping))
+                answer = self._send("POST", "/v1/uploads", params=told, **_body(file, path, how.mapping))
             if answer.status_code not in (429, 503) or time.monotonic() > deadline:
                 return _checked(answer)
             time.sleep(min(float(answer.headers.get("Retry-After", 1)), PATIENCE_S))

@@ -11,7 +11,7 @@ from app.cli.messages import ExitCode, progress, say
 from app.errors import RequestError
 
 if TYPE_CHECKING:
-    from app.cli.client import ServiceClient
+    from app.cli.client import Reading, ServiceClient
 
 ENDED = ("done", "failed")
 DEFAULT_URL = "http://127.0.0.1:8000"
@@ -28,6 +28,10 @@ def upload(
     ] = False,
     timeout_s: Annotated[float, typer.Option("--timeout", min=1, help="Seconds to wait for a file.")] = 600.0,
     mapping: MappingOption = None,
+    time_zone: Annotated[
+        str | None,
+        typer.Option("--time-zone", help="Zone of time stamps that name none (IANA); without it, the service's."),
+    ] = None,
 ) -> None:
     """Send export files to a running service. The same file again changes nothing.
 
@@ -37,17 +41,17 @@ def upload(
 
       loopaudit upload exports/ --url http://plant-server:8000 --key la_upload_...
 
-      loopaudit upload export.csv --mapping tags.csv --wait
+      loopaudit upload export.csv --mapping tags.csv --time-zone Europe/Berlin --wait
     """
-    from app.cli.client import ServiceClient
+    from app.cli.client import Reading, ServiceClient
 
     files = recording_files(paths)
-    tags = mapping_bytes(mapping)
+    how = Reading(mapping_bytes(mapping), time_zone)
     failures = 0
     with ServiceClient(url, key) as client:
         for file in files:
             try:
-                report(file, send(client, file, timeout_s if wait else None, tags))
+                report(file, send(client, file, timeout_s if wait else None, how))
             except RequestError as error:
                 if error.code == "no_service":
                     raise
@@ -58,10 +62,10 @@ def upload(
     raise typer.Exit(ExitCode.SOME_FAILED if failures else ExitCode.DONE)
 
 
-def send(client: "ServiceClient", file: Path, wait_s: float | None, mapping: bytes | None = None) -> dict[str, Any]:
+def send(client: "ServiceClient", file: Path, wait_s: float | None, how: "Reading | None" = None) -> dict[str, Any]:
     """Uploads one file and, if asked, waits until it is read; raises RequestError where it could not be used."""
     with progress(file.name, file.stat().st_size, bytes_=True) as advance:
-        state = client.upload(file, advance, mapping)
+        state = client.upload(file, advance, how)
     if wait_s is not None:
         state = client.until(f"/v1/uploads/{state['id']}", lambda s: s["state"] in ENDED, lambda s: None, wait_s)
     if state["state"] == "failed":

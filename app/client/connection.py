@@ -90,15 +90,17 @@ class Client:
         """The plant's table; filters as in the API: verdict, reliability, unit, likely_cause, min_probability, ..."""
         return self._pages(Row, "/v1/reliability", {"sort": sort, **filters})
 
-    def upload(self, file: Path | str, *, mapping: Path | str | None = None) -> Upload:
-        """Sends an export; the same content under the same name and mapping is the same upload.
+    def upload(self, file: Path | str, *, mapping: Path | str | None = None, time_zone: str | None = None) -> Upload:
+        """Sends an export; the same content under the same name, read in the same way, is the same upload.
 
-        mapping: a file (CSV or JSON) that says which tag is which signal of which loop.
+        mapping: a file (CSV or JSON) that says which tag is which signal of which loop. time_zone: of stamps that name
+        none (IANA).
         """
         path = Path(file)
         tags = None if mapping is None else Path(mapping).read_bytes()
         with path.open("rb") as stream:
-            return Upload.of(self._asked("POST", "/v1/uploads", params={"filename": path.name}, **_body(stream, tags)))
+            told = _given({"filename": path.name, "time_zone": time_zone})
+            return Upload.of(self._asked("POST", "/v1/uploads", params=told, **_body(stream, tags)))
 
     def get_upload(self, upload_id: str) -> Upload:
         return Upload.of(self._get(f"/v1/uploads/{quote(upload_id, safe='')}"))

@@ -138,6 +138,21 @@ def test_an_upload_takes_its_mapping_along(strange, serve, tmp_path):
         assert run("upload", export, "--mapping", tags, "--url", url).stdout.split("\t")[1] == upload_id
 
 
+def test_an_upload_is_read_in_the_zone_that_is_named(serve, tmp_path):
+    export = tmp_path / "local.csv"
+    export.write_text("DateTime,FIC1.PV,FIC1.OP\n" + "".join(f"2026-01-01 12:00:{k:02d},{k},{k}\n" for k in range(60)))
+    settings = Settings(data_dir=tmp_path / "data")
+    migrate(settings)
+    with serve(create_app(settings)) as connection:
+        done = run("upload", export, "--time-zone", "Europe/Berlin", "--url", connection.base_url)
+        backend = Backend.open(settings)
+        read_upload(backend, int(done.stdout.split("\t")[1]), owner="test")
+        backend.close()
+        assert connection.get("/v1/loops/FIC1").json()["samples_to"] == "2026-01-01T11:00:59Z"
+        refused = run("upload", export, "--time-zone", "Mars/Base", "--url", connection.base_url)
+        assert (refused.exit_code, "[unknown_time_zone]" in refused.stderr) == (2, True)
+
+
 def test_upload_without_a_service_is_2_and_says_where_it_looked(tmp_path, monkeypatch, capsys):
     (tmp_path / "plant.csv").write_text(WIDE)
     with socket.socket() as closed:
