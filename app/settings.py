@@ -165,9 +165,10 @@ class Settings(BaseSettings):
     @field_validator("broker_url")
     @classmethod
     def _known_broker(cls, address: str) -> str:
-        # Celery takes what it does not know for a host of RabbitMQ, and tries to reach it for ever.
+        # Celery takes what it does not know for a host of RabbitMQ, and tries to reach it for ever. What follows the
+        # first colon may hold a password: it is not repeated.
         if address and not address.startswith(BROKERS):
-            raise ValueError(f"BROKER_URL must begin with {', '.join(BROKERS)}; got {address[:40]!r}")
+            raise ValueError(f"BROKER_URL must begin with {', '.join(BROKERS)}; got {address.partition(':')[0][:20]!r}")
         return address
 
     @field_validator("public_url")

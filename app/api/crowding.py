@@ -10,12 +10,15 @@ from app.api.problems import respond
 from app.settings import Settings
 
 ALWAYS = "/healthz"
+OPEN = ("/login", "/static/")  # whoever has no key may send a body or leave an answer unread here, and nowhere else
+VISITORS = 50
 RETRY_AFTER_S = 2
 SLOWEST_READER_S = 60.0
 
 
 class LimitCrowd:
-    """503 with Retry-After above the limits of the settings; requests, uploads and event streams count apart."""
+    """503 with Retry-After above the limits of the settings; requests, uploads, event streams and those
+    without a key count apart, so that none of them can take the places of the others."""
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self.app = app
@@ -23,6 +26,7 @@ class LimitCrowd:
             "requests": settings.max_requests,
             "uploads": settings.max_uploads,
             "streams": settings.max_streams,
+            "visitors": VISITORS,
         }
         self._now: Counter[str] = Counter()
 
@@ -44,6 +48,8 @@ class LimitCrowd:
 
 
 def kind_of(scope: Scope) -> str:
+    if scope["path"].startswith(OPEN):
+        return "visitors"
     if scope["path"].endswith("/events"):
         return "streams"
     return "uploads" if scope["method"] == "POST" and scope["path"].endswith("/uploads") else "requests"

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 cli = typer.Typer(no_args_is_help=True, help="Keys of the service: create, list, revoke, rotate.")
 
+LONGEST_DAYS = 36_500
+MOST_A_MINUTE = 1_000_000
+
 KeyId = Annotated[str, typer.Argument(metavar="ID", help="The id of the key, as `keys list` shows it.")]
 
 
@@ -28,9 +31,12 @@ def create(
         Role, typer.Option("--role", help="read; upload and audit may read too; admin may do everything.")
     ] = Role.read,
     days: Annotated[
-        float, typer.Option("--days", min=0, help="For how many days it is good; 0: until it is revoked.")
+        float,
+        typer.Option("--days", min=0, max=LONGEST_DAYS, help="For how many days it is good; 0: until it is revoked."),
     ] = 365.0,
-    per_minute: Annotated[int, typer.Option("--per-minute", min=1, help="Requests that it may make a minute.")] = 1200,
+    per_minute: Annotated[
+        int, typer.Option("--per-minute", min=1, max=MOST_A_MINUTE, help="Requests that it may make a minute.")
+    ] = 1200,
 ) -> None:
     """Make a key. It is shown once, on stdout; only its hash is kept.
 
@@ -96,7 +102,8 @@ def revoke(key_id: KeyId) -> None:
 def rotate(
     key_id: KeyId,
     overlap_h: Annotated[
-        float, typer.Option("--overlap", min=0, help="Hours for which the old key goes on working.")
+        float,
+        typer.Option("--overlap", min=0, max=24 * LONGEST_DAYS, help="Hours for which the old key goes on working."),
     ] = 24.0,
 ) -> None:
     """Make a key like an old one, which ends after an overlap, so that its users can change over.

@@ -2,19 +2,24 @@
 
 import csv
 import io
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")  # also in full width
+# Where a semicolon parts cells (Excel in many languages), quotes around a cell of ours protect nothing in it.
+AFTER_SEPARATOR = re.compile(r"([;\t\r\n]\s*)(?=[=+\-@\uff1d\uff0b\uff0d\uff20])")
 
 
 def safe_cell(value: Any) -> Any:
-    """Numbers stay numbers, None is empty; a text that a spreadsheet would calculate gets an apostrophe."""
+    """Numbers stay numbers, None is empty; a text that a spreadsheet would calculate gets an apostrophe, also where it
+    would begin a cell because the spreadsheet parts cells by semicolons, tabs or lines."""
     if value is None:
         return ""
-    if isinstance(value, str) and value.startswith(FORMULA_STARTS):
-        return "'" + value
-    return value
+    if not isinstance(value, str):
+        return value
+    parted = AFTER_SEPARATOR.sub(r"\1'", value)
+    return "'" + parted if value.startswith(FORMULA_STARTS) else parted
 
 
 def csv_lines(rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> Iterator[str]:

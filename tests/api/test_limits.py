@@ -1,5 +1,6 @@
 """Slow senders, crowds and full disks: told in time, and nothing is left of what was turned away."""
 
+import asyncio
 import errno
 import socket
 import threading
@@ -8,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from app.api import connections
+from app.api import connections, crowding
 from app.main import create_app
 from app.services.upkeep.operations import migrate
 from app.settings import Settings
@@ -82,6 +83,34 @@ def test_above_the_limit_uploads_are_asked_to_come_again_and_others_go_on(client
     while client.post("/v1/uploads", content=b"time,PV,OP\n0,1,2\n").status_code == 503:
         assert time.monotonic() < deadline
         time.sleep(0.05)
+
+
+@pytest.mark.parametrize(
+    "request_", [head("/login", 1000, "application/x-www-form-urlencoded") + b"key=", head("/static/x", 1000) + b"x"]
+)
+def test_whoever_has_no_key_takes_no_place_of_those_who_have_one(client, settings, monkeypatch, request_):
+    monkeypatch.setattr(crowding, "read_in_time", held_back)
+    places = settings.max_requests + 1
+    held = [socket.create_connection((client.base_url.host, client.base_url.port)) for _ in range(places)]
+    try:
+        for connection in held:
+            connection.sendall(request_)
+        time.sleep(0.1)
+        assert client.get("/v1/loops").status_code == 200
+    finally:
+        for connection in held:
+            connection.close()
+
+
+def held_back(send):
+    """As if whoever asked did not read the answer; what the test itself asks is answered."""
+
+    async def send_late(message) -> None:
+        if message.get("status") not in (None, 200):
+            await asyncio.sleep(0.5)
+        await send(message)
+
+    return send_late
 
 
 def test_a_full_disk_is_507_and_nothing_is_left(client, settings, monkeypatch):

@@ -214,6 +214,14 @@ def test_keys_are_made_shown_once_listed_and_revoked(monkeypatch, capsys, tmp_pa
     assert as_program(monkeypatch, capsys, "keys", "revoke", "nonsense")[0] == 2
 
 
+@pytest.mark.parametrize("too_much", [("--days", "1e9"), ("--days", "9e6"), ("--per-minute", "9" * 20)])
+def test_a_key_for_longer_or_more_than_can_be_kept_is_refused_in_words(monkeypatch, capsys, tmp_path, too_much):
+    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path))
+    code, made, said = as_program(monkeypatch, capsys, "keys", "create", "me", *too_much)
+    assert (code, made) == (2, "")
+    assert "Invalid value" in said
+
+
 @pytest.mark.parametrize("place", ["nowhere/verdicts.jsonl", "."])
 def test_a_place_that_cannot_be_written_is_one_line(tmp_path, monkeypatch, capsys, place):
     export = tmp_path / "plant.csv"

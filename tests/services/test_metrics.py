@@ -5,11 +5,12 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import update
 
+from app.api.operations import exposition
 from app.services.access import keys
 from app.services.access.identity import Role
 from app.services.auditing.audits import start_audit
 from app.services.intake import uploads
-from app.services.upkeep.metrics import metrics
+from app.services.upkeep.metrics import Metric, Sample, metrics
 from app.storage import tables
 
 
@@ -57,6 +58,12 @@ def test_a_run_that_ended_tells_how_long_it_took_and_what_failed(backend, add_lo
     assert found["last_run_duration_seconds", ""] == 420
     assert found["last_run_ended_timestamp_seconds", ""] == (began + timedelta(minutes=7)).timestamp()
     assert found["failed_items", "time_limit"] == 1
+
+
+def test_prometheus_is_told_all_digits():
+    metric = Metric("a_seconds", "gauge", "A time.", (Sample(1_795_283_999.25), Sample(12_345_678), Sample(0.1)))
+    lines = "".join(exposition([metric])).splitlines()
+    assert lines[2:] == ["a_seconds 1795283999.25", "a_seconds 12345678", "a_seconds 0.1"]
 
 
 def test_keys_that_ended_are_not_counted(backend):
