@@ -16,6 +16,8 @@ from app.ingest.head import split_line
 from app.ingest.opening import Lines, TextFile
 from app.ingest.rejecting import RejectLog
 
+NUMBERED = pl.Categorical()  # text that repeats: a number a text, by themselves in each chunk
+
 # polars says so of odd quotes on the standard error of whoever reads; such a chunk is read again line by line, and told
 warnings.filterwarnings("ignore", "CSV malformed", UserWarning)
 
@@ -80,7 +82,7 @@ class FrameReader:
     def __init__(self, file: TextFile, dialect: Dialect, types: dict[int, pl.DataType], log: RejectLog) -> None:
         self._file = file
         self._dialect = dialect
-        self._schema = {name_of(index): types.get(index, pl.String()) for index in range(dialect.width)}
+        self._types = {name_of(index): types.get(index, pl.String()) for index in range(dialect.width)}
         self._columns = sorted(types)
         self._log = log
 
@@ -103,7 +105,7 @@ class FrameReader:
 
     def texts(self, rows: Rows, columns: Sequence[int]) -> pl.DataFrame:
         """Columns of the rows as the text they were written in."""
-        schema: dict[str, pl.DataType] = {name: pl.String() for name in self._schema}
+        schema: dict[str, pl.DataType] = {name: pl.String() for name in self._types}
         try:
             texts = self._parse(rows.data, schema, sorted(columns))
             if texts.height == rows.frame.height:
@@ -128,16 +130,30 @@ class FrameReader:
         need = self._dialect.width - 1
         return np.array([row for row in candidates if lines[row].count(delimiter) < need], dtype=np.int64)
 
+    def _schema(self) -> dict[str, pl.DataType]:
+        """Of one chunk: the numbers of its texts are let go with it."""
+        return {
+            name: pl.Categorical(pl.Categories.random()) if kind is NUMBERED else kind
+            for name, kind in self._types.items()
+        }
+
     def _read(self, lines: Lines) -> Rows:
+        rows = self._read_chunk(lines)
+        for name in rows.frame.columns:
+            if self._types[name] is NUMBERED and rows.frame[name].n_unique() > rows.frame.height // 2:
+                self._types[name] = pl.String()  # it hardly repeats: numbering costs more than it saves
+        return rows
+
+    def _read_chunk(self, lines: Lines) -> Rows:
         if _quotes_close(lines.data):
             try:
-                frame = self._parse(lines.data, self._schema, self._columns)
+                frame = self._parse(lines.data, self._schema(), self._columns)
                 if frame.height == lines.count:
                     return Rows(frame, lines.first, lines.data)
             except pl.exceptions.PolarsError:
                 pass  # the chunk has odd rows: they are found line by line
         data, faults = self._cleaned(lines)
-        return Rows(self._parse(data, self._schema, self._columns), lines.first, data, faults)
+        return Rows(self._parse(data, self._schema(), self._columns), lines.first, data, faults)
 
     def _parse(self, data: bytes, schema: dict[str, pl.DataType], columns: list[int]) -> pl.DataFrame:
         return pl.read_csv(

@@ -7,7 +7,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from app.errors import DataError
-from app.ingest.frames import RowReader, Rows, name_of
+from app.ingest.frames import NUMBERED, RowReader, Rows, name_of
 from app.ingest.grouping import Grouping, Place
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
 from app.ingest.modes import automatic_flags, flags_of_numbers
@@ -47,7 +47,8 @@ class LongTable:
 
     def types(self) -> dict[int, pl.DataType]:
         """The type in which each column is wanted from the text."""
-        types: dict[int, pl.DataType] = dict.fromkeys(self._plan.time, pl.String())
+        time = self._plan.time
+        types: dict[int, pl.DataType] = dict.fromkeys(time, NUMBERED if len(time) == 1 else pl.String())
         types[self._plan.tag] = self._tag_type
         types[self._plan.value] = pl.Float64()
         if self._plan.quality is not None:
@@ -107,6 +108,8 @@ class LongTable:
         if top > len(self._places):
             self._places.extend([NOWHERE] * (top - len(self._places)))
             self._known = np.append(self._known, np.zeros(top - len(self._known), dtype=bool))
+        if self._known.all():
+            return
         new = np.flatnonzero(~self._known[codes] & tags.is_not_null().to_numpy())
         if not len(new):
             return

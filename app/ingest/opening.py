@@ -1,11 +1,15 @@
 """From a file to chunks of whole UTF-8 lines: gzip in bounded steps, the encoding found, line ends made one."""
 
 import codecs
+import os
 import re
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
+
+import numpy as np
 
 from app.errors import DataError
 from app.ingest.model import IngestOptions
@@ -17,6 +21,8 @@ ROWS_A_CHUNK = 256  # a chunk of very wide rows costs by its columns
 HEAD_LIMIT = 1 << 24
 STEP_BYTES = 1 << 18
 TAIL_BYTES = 1 << 16
+PROBED_BYTES = 1 << 18
+COUNTED_BYTES = 1 << 18
 RATIO_FREE_BYTES = 64 << 20  # below this a high ratio is a quiet plant, not a bomb
 _BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 _DOUBLE_BYTES = re.compile(rb"[\x80-\xff]{2,}")
@@ -87,9 +93,10 @@ class TextFile:
                 carry += piece
                 self._check_line(carry)
                 continue
-            data = b"".join((carry, memoryview(piece)[: end + 1]))
+            whole = not carry and end + 1 == len(piece)
+            data = piece if whole else b"".join((carry, memoryview(piece)[: end + 1]))
             carry = piece[end + 1 :]
-            lines = Lines(data, number, data.count(b"\n"))
+            lines = Lines(data, number, count_lines(data))
             yield lines
             number += lines.count
         if carry:
@@ -136,8 +143,10 @@ class TextFile:
         with self._path.open("rb") as stream:
             packed = stream.read(2) == b"\x1f\x8b"
             stream.seek(0)
-            raw = iter(lambda: stream.read(STEP_BYTES if packed else step), b"")
-            yield from self._unpacked(raw) if packed else raw
+            if packed:
+                yield from self._unpacked(iter(lambda: stream.read(STEP_BYTES), b""))
+            else:
+                yield from iter(lambda: stream.read(_to_line_end(stream, step)), b"")
 
     def _unpacked(self, raw: Iterator[bytes]) -> Iterator[bytes]:
         """Members of a gzip file one after the other; a damaged end keeps what came before it."""
@@ -179,6 +188,19 @@ class TextFile:
                 "decompressed_too_large",
                 f"unpacks to more than {self._options.max_ratio:g} times its size; no export does",
             )
+
+
+def count_lines(data: bytes) -> int:
+    """Line feeds, counted without Python's lock: several times as fast as `bytes.count`."""
+    text = np.frombuffer(data, np.uint8)
+    pieces = (text[start : start + COUNTED_BYTES] for start in range(0, len(text), COUNTED_BYTES))
+    return sum(int(np.count_nonzero(piece == ord("\n"))) for piece in pieces)
+
+
+def _to_line_end(stream: IO[bytes], step: int) -> int:
+    """How many bytes to read, `step` or some more, so that they end where a line does: what is read so needs no
+    joining."""
+    return step + os.pread(stream.fileno(), PROBED_BYTES, stream.tell() + step).find(b"\n") + 1
 
 
 def detect_encoding(first: bytes) -> str:

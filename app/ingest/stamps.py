@@ -226,12 +226,28 @@ class TimeReader:
         """(n,) ns since 1970 UTC, NO_TIME where a row has no readable time."""
         if isinstance(texts.dtype, pl.Datetime):
             return self._typed(texts)
+        if isinstance(texts.dtype, pl.Categorical) and len(texts):
+            return self._repeated(texts)
+        return self._in_utc(self._as_written(texts))
+
+    def _repeated(self, texts: pl.Series) -> TimeArray:
+        """Texts that have numbers: each is read once, and goes to UTC in the order of the rows."""
+        numbers = texts.to_physical()
+        numbers = (numbers.fill_null(int(numbers.max() or 0) + 1) if numbers.null_count() else numbers).to_numpy()
+        starts = np.flatnonzero(np.concatenate(([True], numbers[1:] != numbers[:-1])))  # of runs of one text
+        row_of = np.zeros(int(numbers.max()) + 1, dtype=np.intp)
+        row_of[numbers[starts]] = starts
+        each = self._as_written(texts[row_of].cast(pl.String))
+        return np.repeat(self._in_utc(each[numbers[starts]]), np.diff(starts, append=len(numbers)))
+
+    def _as_written(self, texts: pl.Series) -> TimeArray:
         if self.form.kind == "epoch_pair":
             return _pairs(texts)
-        if self.form.kind != "text":
-            return self._numbers(texts)
-        times = self._texts(texts)
-        return times if self.form.zoned else to_utc(times, self._options.time_zone)
+        return self._texts(texts) if self.form.kind == "text" else self._numbers(texts)
+
+    def _in_utc(self, times: TimeArray) -> TimeArray:
+        local = self.form.kind == "text" and not self.form.zoned
+        return to_utc(times, self._options.time_zone) if local else times
 
     def _typed(self, times: pl.Series) -> TimeArray:
         """A column that holds times already (parquet)."""

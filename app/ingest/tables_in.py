@@ -10,7 +10,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from app.errors import DataError
-from app.ingest.frames import Rows, in_short, name_of
+from app.ingest.frames import NUMBERED, Rows, in_short, name_of
 from app.ingest.head import HEAD_ROWS, Head, find_decimal_mark
 from app.ingest.layouts import recognise
 from app.ingest.model import IngestOptions
@@ -82,7 +82,8 @@ class TableSource:
         self.plan: Plan = plan
 
     def reader(self, width: int, types: dict[int, pl.DataType], log: RejectLog) -> TableReader:
-        known = {index: kind for index, kind in types.items() if index < self._table.width}
+        width = self._table.width
+        known = {index: pl.String() if kind is NUMBERED else kind for index, kind in types.items() if index < width}
         return TableReader(self._table, known, self._names_in_rows)
 
 

@@ -1,10 +1,10 @@
 """Many rows in one statement: PostgreSQL takes columns as arrays in one round trip; rows one by one cost one each."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Any
 
-from sqlalchemy import Connection, Insert, Select, Table, bindparam, func, select
+from sqlalchemy import Column, ColumnElement, Connection, Insert, Select, Table, any_, bindparam, func, select
 from sqlalchemy.dialects import postgresql, sqlite
 
 Rows = Sequence[dict[str, Any]]
@@ -16,6 +16,14 @@ def insert_new_rows(connection: Connection, table: Table, rows: Rows) -> None:
         connection.execute(sqlite.insert(table).on_conflict_do_nothing(), list(rows))
     else:
         connection.execute(_insert(table, tuple(rows[0])), columns_of(rows))
+
+
+def among(connection: Connection, column: Column[Any], values: Iterable[Any]) -> ColumnElement[bool]:
+    """Whether the column has one of the values, which PostgreSQL takes as one array, however many there are."""
+    listed = list(values)
+    if connection.dialect.name != "postgresql":
+        return column.in_(listed)
+    return column == any_(bindparam(None, listed, type_=postgresql.ARRAY(column.type), unique=True))
 
 
 def from_arrays(table: Table, names: Sequence[str]) -> Select[Any]:

@@ -94,13 +94,15 @@ def _sqlite(url: URL, *, writes: bool) -> Engine:
 
 
 def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes: bool) -> Engine:
+    from psycopg.types.array import ListBinaryDumper
+
     options = (
         f"-c statement_timeout={int(statement_timeout_s * 1000)} -c timezone=UTC"
         " -c idle_in_transaction_session_timeout=60000"
     )
     if not writes:
         options += " -c default_transaction_read_only=on"
-    return create_engine(
+    engine = create_engine(
         url,
         # A reader sees what is committed at each statement, with or without a transaction around it; without one, a
         # query costs one round trip instead of three.
@@ -111,3 +113,10 @@ def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes:
         pool_pre_ping=True,
         connect_args={"options": options, "connect_timeout": 5, "application_name": "loopaudit"},
     )
+
+    @event.listens_for(engine, "connect")
+    def prepare(connection: Any, _: Any) -> None:
+        # Bytes as text are two digits each, escaped twice in an array: a twentieth of the time without that.
+        connection.adapters.register_dumper(list, ListBinaryDumper)
+
+    return engine

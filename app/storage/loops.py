@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy import Connection, Select, func, select, update
 
-from app.storage.bulk import insert_new_rows
+from app.storage.bulk import among, insert_new_rows
 from app.storage.tables import loops
 from app.storage.types import now
 
@@ -66,7 +66,7 @@ def ensure(connection: Connection, tags: Iterable[str]) -> dict[str, int]:
 
 
 def ids_of(connection: Connection, tags: Sequence[str]) -> dict[str, int]:
-    found = connection.execute(select(loops.c.tag, loops.c.id).where(loops.c.tag.in_(tags)))
+    found = connection.execute(select(loops.c.tag, loops.c.id).where(among(connection, loops.c.tag, tags)))
     return {row.tag: row.id for row in found}
 
 

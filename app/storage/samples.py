@@ -3,8 +3,10 @@
 import hashlib
 import json
 import struct
+import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import zstandard
@@ -20,6 +22,7 @@ FORMATS = (1, FORMAT)  # of format 1 the head is a list of names, and each signa
 LEVEL = 3
 HEADER = struct.Struct("<BII")  # format, samples, length of the head
 LONGEST_NAMES = 1 << 20
+_own = threading.local()
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +30,8 @@ class Samples:
     """A stretch of one loop's samples on one time base.
 
     time_ns: (n,) increasing, ns since 1970 UTC. signals: (n,) each, NaN where missing; by name: "pv", "op", "sp",
-    "automatic" (1, 0, NaN), further signals by their tag.
+    "automatic" (1, 0, NaN), further signals by their tag. Neither is changed once its fingerprint or its packed bytes
+    were asked for: they are made once.
     """
 
     time_ns: TimeArray
@@ -36,12 +40,21 @@ class Samples:
     def __len__(self) -> int:
         return len(self.time_ns)
 
+    @cached_property
     def fingerprint(self) -> str:
         digest = hashlib.blake2b(np.ascontiguousarray(self.time_ns, dtype="<i8").tobytes(), digest_size=20)
         for name in sorted(self.signals):
             digest.update(name.encode())
             digest.update(np.ascontiguousarray(self.signals[name], dtype="<f8").tobytes())
         return digest.hexdigest()
+
+    @cached_property
+    def packed(self) -> bytes:
+        return pack(self)
+
+    def prepare(self) -> None:
+        """Makes both now, so that they are there when they are asked for."""
+        _ = self.fingerprint, self.packed
 
     def part(self, where: slice | NDArray[np.bool_]) -> "Samples":
         return Samples(self.time_ns[where], {name: values[where] for name, values in self.signals.items()})
@@ -52,8 +65,15 @@ def pack(samples: Samples) -> bytes:
     columns = {name: coded(values) for name, values in samples.signals.items()}
     head = json.dumps({name: coding for name, (coding, _) in columns.items()}).encode()
     times = shuffled(np.diff(samples.time_ns, prepend=0))
-    body = zstandard.ZstdCompressor(LEVEL).compress(b"".join((times, *(raw for _, raw in columns.values()))))
+    body = _compressor().compress(b"".join((times, *(raw for _, raw in columns.values()))))
     return HEADER.pack(FORMAT, len(samples), len(head)) + head + body
+
+
+def _compressor() -> zstandard.ZstdCompressor:
+    """One a thread: making it costs as much as it takes to press a day."""
+    if not hasattr(_own, "compressor"):
+        _own.compressor = zstandard.ZstdCompressor(LEVEL)
+    return _own.compressor
 
 
 def unpack(packed: bytes) -> Samples:

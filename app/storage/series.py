@@ -5,11 +5,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Connection, Insert, bindparam, func, insert, select, tuple_, update
+from sqlalchemy import Connection, Insert, and_, bindparam, func, insert, select, tuple_, update
 from sqlalchemy.dialects import postgresql, sqlite
 
-from app.storage.bulk import columns_of, from_arrays, insert_new_rows
-from app.storage.samples import Samples, merged, news, pack, unpack
+from app.storage.bulk import among, columns_of, from_arrays, insert_new_rows
+from app.storage.samples import Samples, merged, news, unpack
 from app.storage.steps import last_known, led_in
 from app.storage.tables import loops, series
 
@@ -33,7 +33,7 @@ class Added:
 def add(connection: Connection, stretches: Sequence[Stretch], upload_id: int | None) -> Added:
     """Stores what is new in the stretches. An identical stretch, and samples that are there already, change nothing;
     where a value differs from the stored one at its time, the later one holds."""
-    prints = {(s.loop_id, s.samples.fingerprint()): s for s in stretches if len(s.samples)}
+    prints = {(s.loop_id, s.samples.fingerprint): s for s in stretches if len(s.samples)}
     for known in _known(connection, list(prints)):
         del prints[known]
     rows = _rows(prints, _overlapped(connection, list(prints.values())), upload_id)
@@ -110,9 +110,16 @@ def insert_new(connection: Connection, table: Any) -> Insert:
 
 
 def _known(connection: Connection, keys: list[tuple[int, str]]) -> list[tuple[int, str]]:
-    key = tuple_(series.c.loop_id, series.c.fingerprint)
-    query = select(series.c.loop_id, series.c.fingerprint).where(key.in_(keys))
-    return [(row.loop_id, row.fingerprint) for row in connection.execute(query)]
+    if not keys:
+        return []
+    names = ("loop_id", "fingerprint")
+    key = [series.c[name] for name in names]
+    if connection.dialect.name != "postgresql":
+        return [tuple(row) for row in connection.execute(select(*key).where(tuple_(*key).in_(keys)))]
+    sent = from_arrays(series, names).subquery()
+    query = select(*key).join(sent, and_(*(series.c[name] == sent.c[name] for name in names)))
+    asked = columns_of([dict(zip(names, values, strict=True)) for values in keys])
+    return [tuple(row) for row in connection.execute(query, asked)]
 
 
 def _overlapped(connection: Connection, stretches: list[Stretch]) -> dict[int, Samples]:
@@ -123,7 +130,7 @@ def _overlapped(connection: Connection, stretches: list[Stretch]) -> dict[int, S
     last = max(int(s.samples.time_ns[-1]) for s in stretches)
     query = (
         select(series.c.loop_id, series.c.packed)
-        .where(series.c.loop_id.in_({s.loop_id for s in stretches}))
+        .where(among(connection, series.c.loop_id, {s.loop_id for s in stretches}))
         .where(series.c.end_ns >= first, series.c.start_ns <= last)
         .order_by(series.c.id)
     )
@@ -149,7 +156,7 @@ def _rows(
                     "samples": len(fresh),
                     "fingerprint": fingerprint,
                     "upload_id": upload_id,
-                    "packed": pack(fresh),
+                    "packed": fresh.packed,
                     **last_known(fresh),
                 }
             )

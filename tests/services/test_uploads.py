@@ -1,6 +1,7 @@
 """Uploads: acknowledged only when stored, the same content once, read with the same effect however often."""
 
 import gzip
+import threading
 import time
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
@@ -21,7 +22,7 @@ from app.services.plant.trend import trend
 from app.services.results import UploadView
 from app.services.upkeep import operations
 from app.storage import loops as stored_loops
-from app.storage import series
+from app.storage import samples, series
 from app.storage import uploads as stored
 from app.storage.tables import uploads as uploads_table
 
@@ -53,6 +54,20 @@ def send(backend: Backend, data: bytes, name: str = "night.csv", options: Readin
 def read(backend: Backend, upload: UploadView, owner: str = "w") -> UploadView:
     reading.read_upload(backend, int(upload.id), owner)
     return uploads.get_upload(backend, upload.id)
+
+
+def test_samples_are_packed_before_the_transaction_that_stores_them(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    packing = []
+    pack = samples.pack
+    monkeypatch.setattr(samples, "pack", lambda one: packing.append(threading.current_thread().name) or pack(one))
+    assert read(backend, send(backend, export())).samples_added == 400
+    assert len(packing) == 2
+    assert not any(name.startswith("storing") for name in packing)
+    later = read(backend, send(backend, export(300), "later.csv"))  # of a part that is stored already
+    assert later.samples_added == 200
+    assert sum(name.startswith("storing") for name in packing) == 2
 
 
 def test_an_export_becomes_loops_and_samples(backend: Backend) -> None:

@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
-from sqlalchemy import func, select
+from psycopg.adapt import PyFormat, Transformer
+from psycopg.pq import Format
+from sqlalchemy import func, select, text
 
+from app.settings import Settings
 from app.storage import Database, loops, series
 from app.storage.samples import Samples
 from app.storage.series import Stretch
@@ -143,3 +146,26 @@ def test_windows_are_found_by_index(database: Database) -> None:
         )
         plan = str(connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {query}").all())
     assert "ix_series_loop_end (loop_id=? AND end_ns>?)" in plan
+
+
+def test_no_loop_and_no_stretch_is_nothing_found(database: Database) -> None:
+    with database.write() as connection:
+        assert loops.ids_of(connection, []) == {}
+        assert series.add(connection, [], None) == series.Added(0, 0)
+
+
+def test_bytes_go_to_postgresql_as_bytes(settings: Settings) -> None:
+    database = Database(settings.resolved_database_url)
+    if database.is_sqlite:
+        pytest.skip("how PostgreSQL is sent arrays")
+    try:
+        with database.write() as connection:
+            own = connection.connection.driver_connection
+            assert Transformer(own).get_dumper([b"packed"], PyFormat.AUTO).format == Format.BINARY
+            casts = "(CAST(:b AS bytea[]))[1], CAST(:i AS bigint[]), CAST(:x AS float8[]), CAST(:n AS bigint[])"
+            sent = text(f"SELECT {casts}")
+            given = {"b": [b"\0\xff\\", None], "i": [1, None, 2**40], "x": [0.1, None], "n": [None, None]}
+            told = (b"\0\xff\\", [1, None, 2**40], [0.1, None], [None, None])
+            assert connection.execute(sent, given).one() == told
+    finally:
+        database.close()

@@ -25,6 +25,14 @@ BATCH_VALUES = 2_000_000
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
+@dataclass(frozen=True)
+class Prepared:
+    """Samples of a loop with all that can be made of them before the data base is asked."""
+
+    loop: str
+    samples: Samples
+
+
 class ClaimLostError(Exception):
     """Another worker has the upload now; whatever it does stands."""
 
@@ -72,7 +80,7 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
     mapping = TagMapping.from_bytes(reading["mapping"].encode()) if reading.get("mapping") else None
     options = _options(backend, reading)
     export = read_export(path_of(backend, row.fingerprint), filename=row.filename, mapping=mapping, options=options)
-    added = _stored(backend, claim, _batches(export), mapping)
+    added = _stored(backend, claim, map(_prepared, _batches(export)), mapping)
     summary, refused = export.summary(), export.rejects()
     told = {
         "layout": summary.layout,
@@ -116,9 +124,9 @@ def _batches(export: Export) -> Iterator[list[LoopSamples]]:
 
 
 def _stored(
-    backend: Backend, claim: ReadingClaim, batches: Iterator[list[LoopSamples]], mapping: TagMapping | None
+    backend: Backend, claim: ReadingClaim, batches: Iterator[list[Prepared]], mapping: TagMapping | None
 ) -> int:
-    """How many samples were new. A batch is written in a thread while the next one is read."""
+    """How many samples were new. A batch is written in a thread while the next one is read and prepared."""
     added = 0
     with ThreadPoolExecutor(1, thread_name_prefix="storing") as thread:
         writing: Future[int] | None = None
@@ -129,13 +137,22 @@ def _stored(
         return added + (0 if writing is None else writing.result())
 
 
-def _store(backend: Backend, claim: ReadingClaim, batch: list[LoopSamples], mapping: TagMapping | None) -> int:
-    """How many samples were new. Series are packed inside of the transaction: only then is it known what is new."""
+def _prepared(batch: list[LoopSamples]) -> list[Prepared]:
+    """Fingerprints and packed bytes are made before the transaction, which stays short; samples of which a part is
+    stored already are packed anew in it: only then is it known what is new."""
+    ready = [Prepared(stretch.loop, _samples(stretch)) for stretch in batch]
+    for it in ready:
+        it.samples.prepare()
+    return ready
+
+
+def _store(backend: Backend, claim: ReadingClaim, batch: list[Prepared], mapping: TagMapping | None) -> int:
+    """How many samples were new."""
     with backend.database.write() as connection:
         if not uploads.renew(connection, claim, backend.settings.lease_s):
             raise ClaimLostError
         ids = loops.ensure(connection, (stretch.loop for stretch in batch))
-        stretches = [Stretch(ids[stretch.loop], _samples(stretch)) for stretch in batch]
+        stretches = [Stretch(ids[stretch.loop], stretch.samples) for stretch in batch]
         added = series.add(connection, stretches, claim.upload_id)
         uploads.note_loops(connection, claim.upload_id, ids.values())
         if mapping is not None:
