@@ -313,6 +313,9 @@ def _rounded(nanoseconds: FloatArray) -> TimeArray:
 
 
 def to_numbers(texts: pl.Series) -> FloatArray:
+    """(n,) numbers of texts, NaN where there is none; numbers stay what they are."""
+    if texts.dtype != pl.String:
+        return texts.cast(pl.Float64).to_numpy()
     return texts.str.strip_chars(' "').str.replace(",", ".", literal=True).cast(pl.Float64, strict=False).to_numpy()
 
 

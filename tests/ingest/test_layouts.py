@@ -3,9 +3,11 @@
 import gzip
 
 import numpy as np
+import polars as pl
 import pytest
 
 from app.ingest import IngestOptions
+from app.ingest.stamps import NO_TIME, TimeForm, TimeReader
 
 from .conftest import Read
 
@@ -353,6 +355,12 @@ def test_the_order_of_day_and_month_can_be_said(read: Read, day_first: bool, day
     content = read(text, options=IngestOptions(day_first=day_first))
     assert np.diff(content.loops["A"].time_ns).tolist() == [days_apart * 1440 * MINUTE]
     assert content.summary.notes == ()
+
+
+def test_times_that_are_numbers_already() -> None:
+    seconds = pl.Series([1709251200.5, None, np.inf], dtype=pl.Float64)
+    times_ns = TimeReader(TimeForm("epoch"), IngestOptions()).read(seconds)
+    assert times_ns.tolist() == [START + 5 * 10**8, NO_TIME, NO_TIME]
 
 
 def test_an_offset_among_local_times(read: Read) -> None:
