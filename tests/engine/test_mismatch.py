@@ -4,6 +4,8 @@ where nothing is.
 
 from collections.abc import Callable
 from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -463,9 +465,19 @@ def test_a_pair_is_compared_with_what_says_nothing_by_score(
 ) -> None:
     def rival(code: str, penalty: float, found: float, already: float = 0.0) -> SimpleNamespace:
         fit = SimpleNamespace(likelihood=found, score=found - penalty - already)
-        return SimpleNamespace(block=SimpleNamespace(code=code, penalty=penalty), gain=found, fit=fit)
+        base, block = SimpleNamespace(score=0.0), SimpleNamespace(code=code, penalty=penalty)
+        return SimpleNamespace(block=block, gain=found, fit=fit, over=base)
 
     monkeypatch.setattr(selection, "pays_beside", lambda *_: True)
     first, unnamed = rival("process.inverse_response", 18.0, 60.0), rival("unnamed", 42.0, likelihood)
     places = selection.Places(first, (rival("sensor.drift", 16.0, 95.0, 18.0),))
     assert len(places.pairs((unnamed, first))) == pairs
+
+
+def test_two_effects_neither_of_which_pays_alone_are_both_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "proof"))
+    case = import_module("cases").make_case(3_100_009, ("disturbance.ramp", "valve.deadband"), foreign=False)
+    answer = explain(Comparison("hidden", case.ts, case.op, case.pv, case.sp, case.measured, trace=case.trace))
+    assert [effect.code for effect in answer.effects] == ["sensor.drift", "valve.deadband"]
+    assert "disturbance.ramp" in answer.effects[0].alternatives
+    assert answer.fit.explained.rmse < 0.2 * answer.fit.refitted.rmse

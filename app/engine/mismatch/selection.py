@@ -17,6 +17,7 @@ LEADERS = 3
 CARRIED = 3
 SECOND_MUST_GAIN = 4.0
 SECOND_SHARE, SECOND_ENOUGH = 0.06, 30.0
+HIDDEN_SHARE, HIDDEN_NEARER, MOST_HIDDEN = 0.6, 0.8, 2
 INDISTINCT = 5.0
 MOST_ALTERNATIVES = 2
 SMALL_SLIP = 0.35
@@ -112,11 +113,11 @@ def select(base: Fit, blocks: tuple[Block, ...], already: tuple[str, ...] = ()) 
     offered = tuple(block for block in blocks if block.code not in already)
     first = ranked(base, offered)
     asked = SECOND_MUST_GAIN if already else 0.0
-    if not first or worth(first[0]) <= asked:
-        return Selection(base, (), first)
     names = best_of_each_code(first)
-    single = Selection(first[0].fit, (believed(first[0], names),), first)
-    beside = {rival.block.name: seconds(rival, names, offered) for rival in leaders(first)}
+    pays = bool(first) and worth(first[0]) > asked
+    single = Selection(first[0].fit, (believed(first[0], names),), first) if pays else Selection(base, (), first)
+    begun = leaders(first) if pays else hidden(names)
+    beside = {rival.block.name: seconds(rival, names, offered) for rival in begun}
     pairs = [pair for places in beside.values() for pair in places.pairs(names)]
     if not pairs:
         return single
@@ -127,7 +128,7 @@ def select(base: Fit, blocks: tuple[Block, ...], already: tuple[str, ...] = ()) 
     best = max(pairs, key=together)
     alone = first_from_pair(best)
     if alone is not None:
-        return Selection(alone.fit, (believed(alone, names),), first)
+        return Selection(alone.fit, (believed(alone, names),), first) if pays else single
     effects = (first_of(best, beside.get(best.second.block.name)), believed(best.second, best.names))
     return Selection(best.second.fit, tuple(sorted(effects, key=lambda effect: -effect.gain)), names)
 
@@ -156,7 +157,8 @@ class Places:
         if not self.ranking or not pays_beside(self.ranking[0], self.first):
             return ()
         rival, best = self.first, self.ranking[0]
-        strongest = max(r.fit.score for r in alone)  # what says least must explain most: by scores, not likelihoods
+        # What says least must explain most: by scores, not likelihoods.
+        strongest = max(rival.over.score, *(r.fit.score for r in alone))
         other = max((r.fit.likelihood for r in alone if r.block.code == best.block.code), default=-np.inf)
         first_gain = best.fit.likelihood - max(other, rival.fit.likelihood - rival.gain)
         if best.fit.score - strongest < SECOND_MUST_GAIN or first_gain < rival.block.penalty + SECOND_MUST_GAIN:
@@ -214,6 +216,19 @@ def partner_of(pair: Pair, base: Fit, tried: set[str]) -> Rival | None:
     known = [known.values for known in base.parts]
     alone = fit(task, start_at(task, base.plant, np.concatenate((*known, part.values))), None, 2, 6)
     return Rival(part.block, alone, alone.likelihood - base.likelihood, base)
+
+
+def hidden(names: tuple[Rival, ...]) -> tuple[Rival, ...]:
+    """Names that do not pay alone but bring the free run much nearer to PV: one of two effects that the noise hides as
+    long as the other is missing.
+    """
+    near = [r for r in names if r.gain > HIDDEN_SHARE * r.block.penalty and makes_sense(r) and nearer(r)]
+    return tuple(near[:MOST_HIDDEN])
+
+
+def nearer(rival: Rival) -> bool:
+    usable = rival.fit.record.usable
+    return bool(np.std(rival.fit.residual[usable]) < HIDDEN_NEARER * np.std(rival.over.residual[usable]))
 
 
 def leaders(ranking: tuple[Rival, ...]) -> tuple[Rival, ...]:
