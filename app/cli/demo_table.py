@@ -32,9 +32,23 @@ class Judged:
         return ABSTAINED if self.row["verdict"] in ("inconclusive", "not_auditable") else MISS
 
 
+@dataclass(frozen=True)
+class Column:
+    """A column of the table; `narrow`: on a narrow terminal too."""
+
+    header: str
+    narrow: bool = True
+
+
+COLUMNS = (
+    *(Column("loop"), Column("unit", narrow=False), Column("verdict"), Column("P(stiction)", narrow=False)),
+    *(Column("verdict is"), Column("health", narrow=False), Column("S (95 %)"), Column("truth"), Column("")),
+)
+FIGURES = ("P(stiction)", "health", "S (95 %)")
+WIDE = 120
 LEGEND = (
-    "S: how much OP must travel after a turn before the valve moves, in units of OP, with its 95 % interval; "
-    "-: the record cannot tell. Health: 100 is best."
+    "S: how much OP must travel after a turn before the valve moves, in units of OP, with its 95 % interval where "
+    "there is room; -: the record cannot tell. Health: 100 is best."
 )
 
 
@@ -43,7 +57,7 @@ def print_demo(loops: Sequence["DemoLoop"], rows: Sequence[Mapping[str, Any]], s
     by_tag = {loop.tag: loop for loop in loops}
     judged = [Judged(by_tag[row["loop"]], row) for row in sorted(rows, key=_as_the_pages) if row["loop"] in by_tag]
     console = console_for(stream)
-    console.print(_table(judged))
+    console.print(_table(judged, wide=console.width >= WIDE))
     console.print(Text(LEGEND))
     console.print(_summary(judged))
     console.print(Text(_sentence(judged, len(loops))))
@@ -62,24 +76,32 @@ def _size(row: Mapping[str, Any]) -> str:
     return f"{row['stiction_S']:.1f} ({row['stiction_S_low']:.1f} to {row['stiction_S_high']:.1f})"
 
 
-def _table(judged: Sequence[Judged]) -> Table:
+def _table(judged: Sequence[Judged], wide: bool) -> Table:
+    """A line a loop. A narrow terminal goes without unit, probability, health and the interval of S."""
     table = Table(title="Reliability table of the demo plant, beside the truth", box=box.SIMPLE_HEAD, pad_edge=False)
-    for header in ("loop", "unit", "verdict", "P(stiction)", "verdict is", "health", "S (95 %)", "truth", ""):
-        table.add_column(header, justify="right" if header in ("P(stiction)", "health", "S (95 %)") else "left")
+    shown = COLUMNS if wide else tuple(column for column in COLUMNS if column.narrow)
+    for column in shown:
+        right = column.header in FIGURES
+        table.add_column(column.header, justify="right" if right else "left", no_wrap=column.header != "truth")
     for item in judged:
-        row = item.row
-        table.add_row(
-            Text(row["loop"]),
-            Text(row["unit"] or ""),
-            Text(VERDICT_WORDS[row["verdict"]], style=VERDICT_STYLE[row["verdict"]]),
-            number(row["stiction_probability"], 2),
-            row["reliability"].replace("_", " "),
-            number(row["health"], 0),
-            _size(row),
-            Text(item.loop.truth),
-            Text(item.outcome, style=STYLE[item.outcome]),
-        )
+        cells = _cells(item, wide)
+        table.add_row(*(cells[column.header] for column in shown))
     return table
+
+
+def _cells(item: Judged, wide: bool) -> dict[str, Text | str]:
+    row = item.row
+    return {
+        "loop": Text(row["loop"]),
+        "unit": Text(row["unit"] or ""),
+        "verdict": Text(VERDICT_WORDS[row["verdict"]], style=VERDICT_STYLE[row["verdict"]]),
+        "P(stiction)": number(row["stiction_probability"], 2),
+        "verdict is": row["reliability"].replace("_", " "),
+        "health": number(row["health"], 0),
+        "S (95 %)": _size(row) if wide else number(row["stiction_S"], 1),
+        "truth": Text(item.loop.truth),
+        "": Text(item.outcome, style=STYLE[item.outcome]),
+    }
 
 
 def _summary(judged: Sequence[Judged]) -> Table:
