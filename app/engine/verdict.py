@@ -63,14 +63,18 @@ def weigh(record: UniformRecord, oscillation: Oscillation, model: ShapeModel | N
 
 def weigh_features(features: Features, rivals: tuple[Rival, ...], model: ShapeModel) -> Weighing:
     """The same from features and rivals already at hand."""
-    against = sum(rival.counts for rival in rivals if rival.stands_out)
     return Weighing(
-        log_odds=float(model.log_odds(features.values)) - against,
+        log_odds=float(model.log_odds(features.values)) - counted_against(rivals),
         window_spread=float(np.std(model.log_odds(features.table))),
         contributions=model.contributions(features.values),
         features=features,
         rivals=rivals,
     )
+
+
+def counted_against(rivals: tuple[Rival, ...]) -> float:
+    """What the rivals that stand out take from the log-odds of stiction."""
+    return sum(rival.counts for rival in rivals if rival.stands_out)
 
 
 def judge(

@@ -50,9 +50,20 @@ def test_platt_finds_the_slope_that_was_taken_out():
     rng = np.random.default_rng(0)
     log_odds = rng.normal(scale=2.0, size=4000)
     sticky = (rng.random(4000) < 1 / (1 + np.exp(-log_odds))).astype(int)
-    slope, intercept = platt(log_odds / 0.5, sticky, np.ones(4000))
+    slope, intercept = platt(log_odds / 0.5, sticky, np.ones(4000), np.zeros(4000))
     assert slope == pytest.approx(0.5, rel=0.15)
     assert intercept == pytest.approx(0.0, abs=0.15)
+
+
+def test_platt_makes_up_for_what_rivals_take():
+    rng = np.random.default_rng(1)
+    log_odds = rng.normal(scale=2.0, size=4000)
+    sticky = (rng.random(4000) < 1 / (1 + np.exp(-log_odds))).astype(int)
+    against = np.where(rng.random(4000) < 0.3, 2.0, 0.0)
+    slope, intercept = platt(log_odds, sticky, np.ones(4000), against)
+    stated = 1 / (1 + np.exp(-(slope * log_odds + intercept - against)))
+    assert intercept > 0.3
+    assert stated.mean() == pytest.approx(sticky.mean(), abs=0.01)
 
 
 def test_figures_by_hand():

@@ -20,11 +20,11 @@ from app.engine.recording import FloatArray
 from app.engine.rivals import compete
 from app.engine.shape_model import ShapeModel
 from app.engine.unanswered import unanswered
-from app.engine.verdict import conclude, weigh_features
+from app.engine.verdict import conclude, counted_against, weigh_features
 from app.engine.verdict_config import VerdictConfig
 from app.services.evaluation import parameters, report, scoring
 from app.services.evaluation.components import component_scores
-from app.services.evaluation.fitting import FitConfig, Samples, TextArray, fit, platt, valve_weights
+from app.services.evaluation.fitting import FitConfig, IntArray, Samples, TextArray, fit, platt, valve_weights
 from app.services.evaluation.leave_one_out import Table, simulated_samples
 from app.services.evaluation.recordings import Labelled, labelled
 
@@ -43,9 +43,11 @@ def main(arguments: list[str] | None = None) -> int:
     simulated = simulated_samples(options.simulated, options.seed, table.values)
     models = _models_without_each_valve(table, simulated, config)
     raw = np.array([float(models[v].raw_log_odds(x)) for v, x in zip(table.valves, table.values, strict=True)])
-    calibration = platt(raw, table.sticky, valve_weights(table.valves, table.sticky))
-    judged = [_judged(loop, models, calibration) for loop in loops]
+    against = np.array([_against(loop) for loop in usable])
+    calibration = _calibration(table, raw, against)
+    judged = _judged_all(loops, models, dict.fromkeys(models, calibration))
     _print(loops, judged, models, options.reference)
+    _print_nested(loops, table, raw, against, models)
     if options.verdicts:
         options.verdicts.write_text("".join(_line(loop, j) for loop, j in zip(loops, judged, strict=True)))
     if options.write:
@@ -81,21 +83,39 @@ def _models_without_each_valve(table: Table, simulated: Samples, config: FitConf
     return {str(v): fit(whole.part(table.valves != v), simulated, config) for v in valves}
 
 
-def _judged(loop: Labelled, models: dict[str, ShapeModel], calibration: tuple[float, float]) -> Judgement:
+def _against(loop: Labelled) -> float:
+    if loop.features is None or loop.oscillation is None or loop.fitness.record is None:
+        return 0.0
+    return counted_against(compete(loop.fitness.record, loop.oscillation, loop.features))
+
+
+def _calibration(table: Table, raw: FloatArray, against: FloatArray, without: str | None = None) -> tuple[float, float]:
+    """From the raw log-odds of all valves, or of all but one."""
+    kept = table.valves != without if without is not None else np.ones(len(raw), dtype=bool)
+    valves, sticky = table.valves[kept], table.sticky[kept]
+    return platt(raw[kept], sticky, valve_weights(valves, sticky), against[kept])
+
+
+def _judged_all(
+    loops: list[Labelled], models: dict[str, ShapeModel], calibrations: dict[str, tuple[float, float]]
+) -> list[Judgement]:
+    calibrated = {valve: replace(model, calibration=calibrations[valve]) for valve, model in models.items()}
+    return [_judged(loop, calibrated) for loop in loops]
+
+
+def _judged(loop: Labelled, models: dict[str, ShapeModel]) -> Judgement:
     """What the engine would say of the loop, with a model that has not seen its valve."""
     config = VerdictConfig()
     if loop.features is None or loop.oscillation is None or loop.fitness.record is None:
         flat = {finding.code for finding in loop.fitness.refusals} == {"pv_flat"}
         return unanswered(loop.recording) if flat else Judgement("not_auditable", None, "not_reliable", (), None)
     rivals = compete(loop.fitness.record, loop.oscillation, loop.features)
-    model = replace(models[loop.valve], calibration=calibration)
-    weighing = weigh_features(loop.features, rivals, model)
+    weighing = weigh_features(loop.features, rivals, models[loop.valve])
     return conclude(weighing, loop.oscillation, loop.fitness, None, config)
 
 
 def _print(loops: list[Labelled], judged: list[Judgement], models: dict[str, ShapeModel], reference: bool) -> None:
-    valves: TextArray = np.array([loop.valve for loop in loops])
-    sticky = np.array([loop.sticky for loop in loops], dtype=np.int64)
+    valves, sticky = _labels(loops)
     stated = [0.5 if j.stiction_probability is None else j.stiction_probability for j in judged]
     probability: FloatArray = np.array(stated)
     label = scoring.valve_labels(valves, sticky)
@@ -108,6 +128,19 @@ def _print(loops: list[Labelled], judged: list[Judgement], models: dict[str, Sha
     _say("\nEach component alone\n\n" + report.components(valves, sticky, [("verdict", probability), *scores]))
     names = [loop.recording.name for loop in loops]
     _say("\nOn the wrong side\n\n" + report.failures(names, [loop.cause for loop in loops], sticky, judged))
+
+
+def _print_nested(
+    loops: list[Labelled], table: Table, raw: FloatArray, against: FloatArray, models: dict[str, ShapeModel]
+) -> None:
+    """The same with calibrations that have not seen the valve either."""
+    own = {valve: _calibration(table, raw, against, without=valve) for valve in models}
+    found = scoring.figures(*_labels(loops), _judged_all(loops, models, own))
+    _say(f"\nWith the calibration nested too: AUC {found.auc:.3f}, forced balanced accuracy {found.forced:.3f}")
+
+
+def _labels(loops: list[Labelled]) -> tuple[TextArray, IntArray]:
+    return np.array([loop.valve for loop in loops]), np.array([loop.sticky for loop in loops], dtype=np.int64)
 
 
 def _line(loop: Labelled, judgement: Judgement) -> str:

@@ -115,21 +115,25 @@ def fit(real: Samples, simulated: Samples, config: FitConfig, seed: int = 0) -> 
     )
 
 
-def platt(log_odds: FloatArray, sticky: IntArray, weight: FloatArray) -> tuple[float, float]:
-    """Slope and intercept of the calibrated log-odds (Platt 1999), a little ridge keeping the slope finite."""
-    slope, intercept = _logistic(log_odds[:, None], sticky, weight, 0.5, free=False)
+def platt(log_odds: FloatArray, sticky: IntArray, weight: FloatArray, against: FloatArray) -> tuple[float, float]:
+    """Slope and intercept of the calibrated log-odds (Platt 1999), a little ridge keeping the slope finite.
+
+    against: (n,) what rivals take from the calibrated log-odds. The stated probability has lost it, so that it is
+    what has to be calibrated: without, sticky valves come out less likely than they are.
+    """
+    slope, intercept = _logistic(log_odds[:, None], sticky, weight, 0.5, free=False, offset=-against)
     return float(slope[0]), intercept
 
 
 def _logistic(
-    z: FloatArray, sticky: IntArray, weight: FloatArray, ridge: float, *, free: bool
+    z: FloatArray, sticky: IntArray, weight: FloatArray, ridge: float, *, free: bool, offset: FloatArray | float = 0.0
 ) -> tuple[FloatArray, float]:
-    """Ridge logistic; without `free` no slope is negative."""
+    """Ridge logistic; without `free` no slope is negative. offset: (n,) added to the log-odds, not fitted."""
     weight = weight / weight.sum() * _WEIGHT_OF_ALL
     columns = np.column_stack((z, np.ones(len(z))))
 
     def loss(b: FloatArray) -> tuple[float, FloatArray]:
-        e = columns @ b
+        e = columns @ b + offset
         probability = 1.0 / (1.0 + np.exp(-np.clip(e, -40, 40)))
         gradient = columns.T @ (weight * (probability - sticky))
         gradient[:-1] += ridge * b[:-1]
