@@ -14,7 +14,7 @@ from starlette.responses import RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.api.forms import carries_token
-from app.api.origins import crosses_sites, host_allowed, is_loopback
+from app.api.origins import crosses_sites, host_allowed, is_forwarded, is_loopback
 from app.api.permissions import LOGIN, READING, Matched, Permission, Routes
 from app.api.problems import AWAY, LONGEST_ECHO, Refusal, answer_to
 from app.services.access import trail
@@ -88,7 +88,7 @@ class Guard:
     async def _admitted(self, scope: Scope, receive: Receive) -> tuple[Receive, Asked, Identity]:
         """Raises Refusal, also where no route is known here: what was not looked up is not let through."""
         headers = Headers(scope=scope)
-        if not host_allowed(headers.get("host", ""), self._hosts, keys_required=self._closed(scope)):
+        if not host_allowed(headers.get("host", ""), self._hosts, keys_required=self._closed(scope, headers)):
             text = "this service is not known by that name; LOOPAUDIT_ALLOWED_HOSTS lists the names it answers to"
             raise Refusal(421, "host_not_allowed", text)
         matched = self._match(scope)
@@ -111,13 +111,14 @@ class Guard:
             raise
         return receive, asked, identity or NOBODY
 
-    def _closed(self, scope: Scope) -> bool:
-        """Whether a key is asked for."""
-        if self._keys_required is not None:
-            return self._keys_required
-        server = scope.get("server")
-        local = is_loopback(server[0] if server else None)
-        return self._settings.require_keys or not (local or self._settings.allow_open)
+    def _closed(self, scope: Scope, headers: Headers) -> bool:
+        """Whether a key is asked for. A proxy on this machine comes in over loopback, and who is behind it does not."""
+        required = self._keys_required
+        if required is None:
+            server = scope.get("server")
+            local = is_loopback(server[0] if server else None)
+            required = self._settings.require_keys or not (local or self._settings.allow_open)
+        return required or (is_forwarded(headers) and not self._settings.allow_open)
 
     def _match(self, scope: Scope) -> Matched | None:
         if self._routes is None:
@@ -151,7 +152,7 @@ class Guard:
             identity = found.identity if found else await run_in_threadpool(access.session, token)
             if identity is not None:
                 return identity
-        return None if self._closed(asked.scope) else ANYONE
+        return None if self._closed(asked.scope, asked.headers) else ANYONE
 
     async def _with_token(self, asked: Asked, identity: Identity | None, receive: Receive) -> Receive:
         """Raises Refusal where a session changes something without the token of its forms. The login needs none: it

@@ -6,6 +6,7 @@ from urllib.parse import urlsplit
 
 SAME_SITE = ("same-origin", "none")  # none: typed in or bookmarked by the user
 LOCAL_NAMES = ("localhost",)
+FORWARDED = ("forwarded", "via", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto", "x-real-ip")
 
 
 def host_allowed(host_header: str, allowed: Collection[str], *, keys_required: bool) -> bool:
@@ -41,6 +42,11 @@ def is_loopback(name: str | None) -> bool:
         return ipaddress.ip_address(name or "").is_loopback
     except ValueError:
         return False
+
+
+def is_forwarded(headers: Mapping[str, str]) -> bool:
+    """Whether a proxy says that it passes on what somebody else asked."""
+    return any(name in headers for name in FORWARDED)
 
 
 def crosses_sites(headers: Mapping[str, str]) -> bool:

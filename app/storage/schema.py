@@ -25,6 +25,21 @@ def downgrade(database: Database, revision: str) -> None:
         command.downgrade(config, revision)
 
 
+def bring_to(database: Database, revision: str) -> None:
+    """Up or down to `revision`, one that is known; a data base without tables stays as it is."""
+    versions = _versions()
+    current = current_revision(database)
+    if current is None or current == revision:
+        return
+    step = migrate if current in versions and versions.index(current) < versions.index(revision) else downgrade
+    step(database, revision)
+
+
+def is_known(revision: str) -> bool:
+    """Whether this program has the migration that makes these tables."""
+    return revision in _versions()
+
+
 def current_revision(database: Database) -> str | None:
     with database.read() as connection:
         return MigrationContext.configure(connection).get_current_revision()
@@ -50,6 +65,11 @@ def _prepare(connection: Connection) -> None:
         connection.exec_driver_sql("SET LOCAL lock_timeout = '60s'")
         connection.exec_driver_sql("SELECT pg_advisory_xact_lock(705161)")
         connection.exec_driver_sql("SET LOCAL lock_timeout = '5s'")
+
+
+def _versions() -> list[str]:
+    """All revisions, the oldest first."""
+    return [script.revision for script in ScriptDirectory.from_config(_config()).walk_revisions()][::-1]
 
 
 def _config() -> Config:

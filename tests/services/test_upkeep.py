@@ -3,12 +3,13 @@
 import json
 import os
 import shutil
+import subprocess
 import time
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
-from sqlalchemy import func, insert, select, update
+from sqlalchemy import func, insert, make_url, select, update
 
 from app.errors import RequestError
 from app.services.access import keys, trail
@@ -21,7 +22,7 @@ from app.services.intake.reading import read_upload
 from app.services.plant.loops import loop_health, verdict_history
 from app.services.upkeep import backup as backups
 from app.services.upkeep import doctor, retention
-from app.services.upkeep.operations import sweep
+from app.services.upkeep.operations import migrate, sweep
 from app.settings import Settings
 from app.storage import schema, tables
 from app.storage.tables import metadata
@@ -240,6 +241,49 @@ def test_a_backup_that_was_changed_is_refused(plant, tmp_path):
         backups.restore(plant.settings, tmp_path, force=True)
 
 
+def test_a_backup_of_an_older_version_comes_back_after_an_upgrade(plant, tmp_path):
+    before = contents(plant)
+    schema.downgrade(plant.database, "0006")
+    backups.backup(plant.settings, tmp_path / "kept")
+    schema.migrate(plant.database)
+    with plant.database.write() as connection:
+        connection.execute(tables.keys.delete())
+    plant.database.close()
+    assert backups.restore(plant.settings, tmp_path / "kept", force=True).schema == schema.newest_revision()
+    again = Backend.open(plant.settings)
+    try:
+        assert contents(again)["keys"] == before["keys"]
+        assert schema.current_revision(again.database) == schema.newest_revision()
+    finally:
+        again.close()
+
+
+def test_a_backup_of_a_newer_version_is_refused_before_anything_is_touched(plant, tmp_path):
+    before = contents(plant)
+    backups.backup(plant.settings, tmp_path / "kept")
+    manifest = tmp_path / "kept" / backups.MANIFEST
+    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"schema": "9999"}))
+    with pytest.raises(RequestError, match="9999, which is newer"):
+        backups.restore(plant.settings, tmp_path / "kept", force=True)
+    assert contents(plant) == before
+
+
+def test_what_the_address_says_of_tls_holds_for_a_backup_too(monkeypatch, tmp_path):
+    told: list[tuple[list[str], dict[str, str]]] = []
+
+    def run(command, *, env, **_: object) -> subprocess.CompletedProcess:
+        told.append((command, env))
+        return subprocess.CompletedProcess(command, 0, "", "")
+
+    monkeypatch.setattr(backups.subprocess, "run", run)
+    monkeypatch.setattr(backups.shutil, "which", lambda name: f"/usr/bin/{name}")
+    url = make_url("postgresql+psycopg://who:hunter2@db:5433/plant?sslmode=verify-full")
+    backups._run(["pg_dump", "--format=custom"], url, tmp_path)
+    command, environment = told[0]
+    assert command[2] == "--dbname=postgresql://who@db:5433/plant?sslmode=verify-full"
+    assert environment["PGPASSWORD"] == "hunter2"
+
+
 def test_nothing_is_left_of_a_backup_that_failed(plant, tmp_path, monkeypatch):
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
@@ -304,6 +348,24 @@ def test_a_data_base_of_an_older_version_is_a_problem(plant):
         assert found["tables"] == "problem"
     finally:
         schema.migrate(plant.database)
+
+
+@pytest.mark.parametrize(("at", "name"), [(0, "data base"), (8 * 4096, "integrity")])
+def test_a_damaged_sqlite_file_is_found_and_a_backup_advised(tmp_path, at, name):
+    settings = Settings(data_dir=tmp_path)
+    migrate(settings)
+    with (tmp_path / "loopaudit.db").open("r+b") as file:
+        file.seek(at)
+        file.write(b"\xff" * 3 * 4096)
+    found = next(check for check in doctor.examine(settings) if check.name == name)
+    assert found.state == "problem"
+    assert "loopaudit restore" in found.advice
+
+
+def test_names_that_others_may_use_without_a_key_are_warned_of(tmp_path):
+    settings = Settings(data_dir=tmp_path, allowed_hosts="plant.example")
+    assert doctor.openness(settings).state == "warning"
+    assert doctor.openness(settings.model_copy(update={"require_keys": True})).state == "ok"
 
 
 def test_a_data_base_that_is_away_is_a_problem_and_its_password_is_not_told(tmp_path):

@@ -64,8 +64,8 @@ def backup(settings: Settings, folder: Path) -> BackupReport:
 def restore(settings: Settings, folder: Path, *, force: bool = False) -> BackupReport:
     """Brings a backup back, then to this version's tables. The service must be stopped.
 
-    Raises RequestError where a file of the backup is missing or changed, where it is of the other kind of data base,
-    or, unless `force`, where there are loops, uploads or keys already.
+    Raises RequestError where a file of the backup is missing or changed, where it is of the other kind of data base or
+    of a newer version, or, unless `force`, where there are loops, uploads or keys already.
     """
     told = _checked_manifest(folder)
     database = Database(settings.resolved_database_url)
@@ -73,9 +73,15 @@ def restore(settings: Settings, folder: Path, *, force: bool = False) -> BackupR
         url, is_sqlite = database.url, database.is_sqlite
         if told["database"] != (SQLITE if is_sqlite else POSTGRESQL):
             raise RequestError("backup_kind", f"the backup holds {told['database']}, which this data base cannot take")
+        if not schema.is_known(told["schema"]):
+            text = f"the backup has tables of version {told['schema']}, which is newer than {schema.newest_revision()}"
+            raise RequestError("backup_newer", f"{text}; restore it with the version of loopaudit that made it")
         settings.prepare_folders()
         if not force and _in_use(database):
             raise RequestError("not_empty", "the data base is not empty; --force replaces what is in it")
+        if not is_sqlite:
+            # What is restored replaces tables of its own version only: newer ones would stay, and hold on to it.
+            schema.bring_to(database, told["schema"])
     finally:
         database.close()
     if is_sqlite:
@@ -187,13 +193,16 @@ def _in_use(database: Database) -> bool:
 
 
 def _run(command: list[str], url: URL, *extra: Path) -> None:
-    """A program of PostgreSQL; the password goes by its environment, where other users of the machine cannot see it."""
+    """A program of PostgreSQL, with all that the address says (TLS too); the password goes by its environment, where
+    other users of the machine cannot see it."""
     program = shutil.which(command[0])
     if program is None:
         raise RequestError("no_program", f"{command[0]} is not installed; it comes with PostgreSQL's client programs")
-    given = {"PGHOST": url.host, "PGPORT": url.port, "PGUSER": url.username, "PGPASSWORD": url.password}
-    environment = {**os.environ, **{name: str(value) for name, value in given.items() if value is not None}}
-    name = f"--dbname={url.database}"
+    password = url.password or url.query.get("password")
+    environment = os.environ if password is None else {**os.environ, "PGPASSWORD": str(password)}
+    shown = URL.create("postgresql", url.username, None, url.host, url.port, url.database, url.query)
+    shown = shown.difference_update_query(["password"])
+    name = f"--dbname={shown.render_as_string()}"
     done = subprocess.run(  # noqa: S603 - a program of PostgreSQL with arguments of ours
         [program, *command[1:], name, *map(str, extra)], env=environment, capture_output=True, text=True
     )

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 from sqlalchemy import select
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.exc import DatabaseError, SQLAlchemyError
 
 from app.services.access import keys
 from app.services.backend import Backend
@@ -99,6 +99,9 @@ def openness(settings: Settings) -> Check:
     if settings.allow_open and not settings.require_keys:
         advice = "unset LOOPAUDIT_ALLOW_OPEN unless the network itself keeps others out"
         return Check("settings", "warning", "no key is asked for on any address", advice)
+    if settings.allowed_hosts and not settings.require_keys:
+        advice = "set LOOPAUDIT_REQUIRE_KEYS=true where a proxy on this machine passes requests of others on"
+        return Check("settings", "warning", "other names are answered, and on loopback no key is asked for", advice)
     asked = "everywhere" if settings.require_keys else "everywhere but on loopback"
     return Check("settings", "ok", f"keys are asked for {asked}")
 
@@ -120,6 +123,8 @@ def reachable(backend: Backend) -> Check:
             connection.exec_driver_sql("SELECT 1")
     except SQLAlchemyError as error:
         advice = "start it, or correct LOOPAUDIT_DATABASE_URL"
+        if _is_damaged(backend, error):
+            advice = "restore a backup: `loopaudit restore`"
         return Check("data base", "problem", f"{_where(backend)} does not answer: {type(error).__name__}", advice)
     took_s = time.perf_counter() - started
     found = f"{_where(backend)} answers in {1000 * took_s:.0f} ms"
@@ -138,7 +143,10 @@ def journal(backend: Backend) -> Check:
         return Check("integrity", "ok", "PostgreSQL looks after it")
     with backend.database.read() as connection:
         mode = connection.exec_driver_sql("PRAGMA journal_mode").scalar()
-        broken = connection.exec_driver_sql("PRAGMA foreign_key_check").first()
+        damaged = connection.exec_driver_sql("PRAGMA quick_check(1)").scalar()
+        broken = connection.exec_driver_sql("PRAGMA foreign_key_check").first() if damaged == "ok" else None
+    if damaged != "ok":
+        return Check("integrity", "problem", f"the file is damaged: {damaged}", "restore a backup: `loopaudit restore`")
     unsafe = mode == "wal" and sqlite3.sqlite_version_info < WAL_SAFE_FROM
     if unsafe or broken:
         return Check("integrity", "problem", f"journal mode {mode}, broken reference: {broken}", "restore a backup")
@@ -233,7 +241,13 @@ def _guarded(name: str, check: Callable[[Backend], Check], backend: Backend) -> 
     try:
         return check(backend)
     except SQLAlchemyError as error:
-        return Check(name, "problem", f"cannot be looked at: {type(error).__name__}", "run `loopaudit migrate`")
+        advice = "restore a backup: `loopaudit restore`" if _is_damaged(backend, error) else "run `loopaudit migrate`"
+        return Check(name, "problem", f"cannot be looked at: {type(error).__name__}", advice)
+
+
+def _is_damaged(backend: Backend, error: SQLAlchemyError) -> bool:
+    """Whether SQLite says that its file is none, or is broken: that is no data base that is merely away."""
+    return backend.database.is_sqlite and type(error) is DatabaseError
 
 
 def _where(backend: Backend) -> str:

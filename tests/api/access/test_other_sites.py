@@ -84,3 +84,25 @@ def test_while_the_data_base_is_away_nobody_gets_in_and_it_is_told_as_503(serve,
             assert answer.headers["retry-after"]
             assert "secret" not in answer.text
         assert client.get("/healthz", headers=headers).status_code == 200
+
+
+FORWARDED = [
+    {"X-Forwarded-For": "203.0.113.9"},
+    {"X-Real-IP": "203.0.113.9"},
+    {"Forwarded": "for=203.0.113.9"},
+    {"Via": "1.1 proxy"},
+]
+
+
+@pytest.mark.parametrize("headers", FORWARDED)
+def test_what_a_proxy_on_this_machine_passes_on_needs_a_key(open_client, headers):
+    answer = open_client.get("/v1/loops", headers=headers)
+    assert (answer.status_code, answer.json()["code"]) == (401, "key_needed")
+    assert open_client.get("/healthz", headers=headers).status_code == 200
+
+
+def test_what_is_forwarded_is_open_where_that_is_wanted(serve, tmp_path):
+    settings = Settings(data_dir=tmp_path, allow_open=True)
+    migrate(settings)
+    with serve(create_app(settings)) as client:
+        assert client.get("/v1/loops", headers=FORWARDED[0]).status_code == 200
