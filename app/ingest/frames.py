@@ -16,6 +16,8 @@ from app.ingest.head import split_line
 from app.ingest.opening import Lines, TextFile
 from app.ingest.rejecting import RejectLog
 
+BLOCK_COLUMNS = 200  # from so many on, numbers are read side by side: a column costs more than its numbers
+FIELD, BETWEEN_FIELDS = "v", "\x1f"
 NUMBERED = pl.Categorical()  # text that repeats: a number a text, by themselves in each chunk
 
 # polars says so of odd quotes on the standard error of whoever reads; such a chunk is read again line by line, and told
@@ -34,20 +36,44 @@ class Dialect:
 @dataclass(frozen=True, eq=False)
 class Rows:
     """Rows of a file. Row i of `frame` is line `first + i`; a line that could not be split is a row of nulls. `data`
-    is the text."""
+    is the text. Of a table of many columns the numbers are in `block` (rows, width), not in `frame`."""
 
     frame: pl.DataFrame
     first: int
     data: bytes
     faults: tuple[tuple[str, str, int], ...] = ()  # code, text and line of each line that could not be split
+    block: "Numbers | None" = None
 
     def lines(self, rows: NDArray[np.int64]) -> list[int]:
         return (rows + self.first).tolist()
+
+    def numbers(self, columns: Sequence[int]) -> "Numbers":
+        """Columns of numbers, to be written to."""
+        if self.block is not None:
+            return self.block.of(columns)
+        frame = self.frame.select(name_of(index) for index in columns)
+        missing = frame.select(pl.all().is_null()).to_numpy()
+        return Numbers(frame.to_numpy(order="fortran", writable=True), missing)
 
 
 def _quotes_close(data: bytes) -> bool:
     """Whether each line closes the quotes that it opens; polars lets one left open run on into further lines."""
     return b'"' not in data or all(line.count(b'"') % 2 == 0 for line in data.split(b"\n"))
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """`values` (rows, columns), NaN where `missing` says that no number could be read."""
+
+    values: NDArray[np.float64]
+    missing: NDArray[np.bool_]
+
+    def of(self, columns: Sequence[int]) -> "Numbers":
+        """Some columns; no copy where they stand side by side."""
+        at: slice | Sequence[int] = columns
+        if len(columns) and list(columns) == list(range(columns[0], columns[-1] + 1)):
+            at = slice(columns[0], columns[-1] + 1)
+        return Numbers(self.values[:, at], self.missing[:, at])
 
 
 def in_short(error: BaseException) -> str:
@@ -84,6 +110,8 @@ class FrameReader:
         self._dialect = dialect
         self._types = {name_of(index): types.get(index, pl.String()) for index in range(dialect.width)}
         self._columns = sorted(types)
+        self._texts = [index for index in self._columns if types[index] != pl.Float64]
+        self._blocks = len(self._columns) - len(self._texts) >= BLOCK_COLUMNS
         self._log = log
 
     def rows(self, first_row: int, columns: Sequence[int] | None = None) -> Iterator[Rows]:
@@ -144,7 +172,29 @@ class FrameReader:
                 self._types[name] = pl.String()  # it hardly repeats: numbering costs more than it saves
         return rows
 
+    def _read_block(self, lines: Lines) -> Rows | None:
+        """A chunk of plain rows, all of full length: its fields are one column of numbers to polars, and only the
+        columns of text are parted. None where it is no such chunk."""
+        delimiter, width = self._dialect.delimiter.encode(), self._dialect.width
+        if b'"' in lines.data or not _all_have(lines, delimiter, width - 1):
+            return None
+        try:
+            fields = self._parse(lines.data.replace(delimiter, b"\n"), {FIELD: pl.Float64()}, [0], BETWEEN_FIELDS)
+            frame = self._parse(lines.data, self._schema(), self._texts)
+        except pl.exceptions.PolarsError:
+            return None
+        if frame.height != lines.count or fields.height != lines.count * width:
+            return None
+        shape = (lines.count, width)
+        column = fields[FIELD]
+        missing = column.is_null().to_numpy().reshape(shape)
+        block = Numbers(column.to_numpy(writable=True).reshape(shape), missing)
+        return Rows(frame, lines.first, lines.data, block=block)
+
     def _read_chunk(self, lines: Lines) -> Rows:
+        rows = self._read_block(lines) if self._blocks else None
+        if rows is not None:
+            return rows
         if _quotes_close(lines.data):
             try:
                 frame = self._parse(lines.data, self._schema(), self._columns)
@@ -155,13 +205,15 @@ class FrameReader:
         data, faults = self._cleaned(lines)
         return Rows(self._parse(data, self._schema(), self._columns), lines.first, data, faults)
 
-    def _parse(self, data: bytes, schema: dict[str, pl.DataType], columns: list[int]) -> pl.DataFrame:
+    def _parse(
+        self, data: bytes, schema: dict[str, pl.DataType], columns: list[int], separator: str = ""
+    ) -> pl.DataFrame:
         return pl.read_csv(
             io.BytesIO(data),
             has_header=False,
             schema=schema,
             columns=None if len(columns) == len(schema) else columns,
-            separator=self._dialect.delimiter,
+            separator=separator or self._dialect.delimiter,
             decimal_comma=self._dialect.decimal_mark == "," and self._dialect.delimiter != ",",
             quote_char='"' if b'"' in data else None,
             ignore_errors=True,
@@ -199,3 +251,14 @@ class FrameReader:
         return delimiter.join(
             f'"{text.replace(chr(34), chr(39))}"' if delimiter in text or '"' in text else text for text in fields
         )
+
+
+def _all_have(lines: Lines, delimiter: bytes, count: int) -> bool:
+    """Whether the delimiter stands in each line so often."""
+    start = 0
+    for _ in range(lines.count):
+        end = lines.data.find(b"\n", start)
+        if lines.data.count(delimiter, start, end) != count:
+            return False
+        start = end + 1
+    return True

@@ -16,8 +16,6 @@ from app.ingest.model import IngestOptions
 
 HEAD_BYTES = 1 << 18
 HEAD_LINES = 12  # a row of 50,000 columns is half a megabyte
-WIDEST_CHUNKS = 2  # of a chunk's usual bytes
-ROWS_A_CHUNK = 256  # a chunk of very wide rows costs by its columns
 HEAD_LIMIT = 1 << 24
 STEP_BYTES = 1 << 18
 TAIL_BYTES = 1 << 16
@@ -51,8 +49,6 @@ class TextFile:
             raise DataError("empty_file", "the file holds nothing; an export with a time column and signals is needed")
         self.encoding = detect_encoding(first)
         self._bare_returns = False
-        longest = max(map(len, first.split(b"\n")))
-        self._chunk_bytes = max(options.chunk_bytes, min(WIDEST_CHUNKS * options.chunk_bytes, ROWS_A_CHUNK * longest))
         self.head = self._decode_head(first)
         _refuse_binary(self.head)
 
@@ -130,10 +126,10 @@ class TextFile:
     def _large_pieces(self) -> Iterator[bytes]:
         taken: list[bytes] = []
         size = 0
-        for piece in self._bytes(self._chunk_bytes):
+        for piece in self._bytes(self._options.chunk_bytes):
             taken.append(piece)
             size += len(piece)
-            if size >= self._chunk_bytes:
+            if size >= self._options.chunk_bytes:
                 yield b"".join(taken)
                 taken, size = [], 0
         if taken:

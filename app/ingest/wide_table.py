@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from app.ingest.frames import RowReader, Rows, name_of
+from app.ingest.frames import Numbers, RowReader, Rows, name_of
 from app.ingest.grouping import Grouping
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
 from app.ingest.modes import automatic_flags
@@ -183,32 +183,39 @@ class WideTable:
 
     def _matrix(self, rows: Rows, group: TimedColumns, reader: RowReader, kept: NDArray[np.bool_]) -> FloatArray:
         """(n, columns) values; refused ones NaN. Odd columns are looked at one by one, the others not at all."""
-        names = [name_of(value.index) for value in group.values]
         modes = [position for position, value in enumerate(group.values) if self._is_mode(value)]
-        frame = rows.frame[names].cast({names[i]: pl.String() for i in modes})  # a table may hold times there
-        if modes:
-            flags = [pl.Series(names[i], automatic_flags(frame[names[i]]), dtype=pl.Float64) for i in modes]
-            frame_numbers = frame.with_columns(flags)
+        if not modes:
+            numbers = rows.numbers([value.index for value in group.values])
         else:
-            frame_numbers = frame
-        matrix = frame_numbers.to_numpy(order="fortran", writable=True)
-        self._refuse_modes(rows, group, frame, matrix, modes, kept)
-        self._refuse_texts(rows, group, frame, matrix, reader, kept)
-        self._refuse_odd_numbers(rows, group, frame, matrix, kept)
-        self._refuse_quality(rows, group, matrix, kept)
-        return matrix
+            numbers = self._with_modes(rows, group, modes)
+            self._refuse_modes(rows, group, numbers.values, modes, kept)
+        self._refuse_texts(rows, group, numbers, reader, kept)
+        self._refuse_odd_numbers(rows, group, numbers, kept)
+        self._refuse_quality(rows, group, numbers.values, kept)
+        return numbers.values
+
+    def _with_modes(self, rows: Rows, group: TimedColumns, modes: list[int]) -> Numbers:
+        """Columns of modes as flags among the columns of numbers."""
+        plain = [position for position, value in enumerate(group.values) if not self._is_mode(value)]
+        shape = (rows.frame.height, len(group.values))
+        values, missing = np.empty(shape, order="F"), np.zeros(shape, dtype=bool, order="F")
+        if plain:
+            found = rows.numbers([group.values[position].index for position in plain])
+            values[:, plain], missing[:, plain] = found.values, found.missing
+        for position in modes:
+            values[:, position] = automatic_flags(_texts(rows, group.values[position]))
+        return Numbers(values, missing)
 
     def _refuse_modes(
         self,
         rows: Rows,
         group: TimedColumns,
-        frame: pl.DataFrame,
         matrix: FloatArray,
         modes: list[int],
         kept: NDArray[np.bool_],
     ) -> None:
         for position in modes:
-            texts = frame[name_of(group.values[position].index)]
+            texts = _texts(rows, group.values[position])
             bad = np.isnan(matrix[:, position]) & kept & texts.is_not_null().to_numpy()
             at = np.flatnonzero(bad & (texts.str.strip_chars().str.len_bytes().fill_null(0) > 0).to_numpy())
             if len(at):
@@ -221,39 +228,33 @@ class WideTable:
         self,
         rows: Rows,
         group: TimedColumns,
-        frame: pl.DataFrame,
-        matrix: FloatArray,
+        numbers: Numbers,
         reader: RowReader,
         kept: NDArray[np.bool_],
     ) -> None:
         """Fields that are no numbers to the fast reader are read again as text, only in the columns that have any."""
-        nulls = frame.null_count().row(0)
-        odd = [i for i, count in enumerate(nulls) if count and not self._is_mode(group.values[i])]
+        odd = np.flatnonzero(numbers.missing.any(axis=0)).tolist()
         if not odd:
             return
         texts = reader.texts(rows, [group.values[i].index for i in odd])
         filled = texts.null_count().row(0)
         for position, count in zip(odd, filled, strict=True):
             value = group.values[position]
-            if count == frame.height:
+            if count == texts.height:
                 continue
             column = texts[name_of(value.index)]
-            at = np.flatnonzero(
-                frame[name_of(value.index)].is_null().to_numpy() & column.is_not_null().to_numpy() & kept
-            )
+            at = np.flatnonzero(numbers.missing[:, position] & column.is_not_null().to_numpy() & kept)
             if len(at):
-                matrix[at, position] = refuse_texts(column[at], at, rows.lines(at), value.tag, self._log)
+                numbers.values[at, position] = refuse_texts(column[at], at, rows.lines(at), value.tag, self._log)
 
-    def _refuse_odd_numbers(
-        self, rows: Rows, group: TimedColumns, frame: pl.DataFrame, matrix: FloatArray, kept: NDArray[np.bool_]
-    ) -> None:
+    def _refuse_odd_numbers(self, rows: Rows, group: TimedColumns, numbers: Numbers, kept: NDArray[np.bool_]) -> None:
+        matrix = numbers.values
         unfinished = np.flatnonzero(~np.isfinite(matrix).all(axis=0))
         for position in unfinished:
             value = group.values[position]
             if self._is_mode(value):
                 continue
-            given = frame[name_of(value.index)].is_not_null().to_numpy() & kept
-            at = np.flatnonzero(given & ~np.isfinite(matrix[:, position]))
+            at = np.flatnonzero(kept & ~numbers.missing[:, position] & ~np.isfinite(matrix[:, position]))
             if len(at):
                 self._log.add_many("not_finite", rows.lines(at), (f"{matrix[row, position]}" for row in at), value.tag)
                 matrix[at, position] = np.nan
@@ -277,7 +278,8 @@ class WideTable:
         for position, value in judged:
             bad, code, words = np.zeros(len(matrix), dtype=bool), "", "off-line flag set"
             if value.off_line is not None:
-                bad = (rows.frame[name_of(value.off_line)].fill_null(0.0) != 0).to_numpy()
+                flag = rows.numbers([value.off_line])
+                bad = ~flag.missing[:, 0] & (flag.values[:, 0] != 0)
                 code = "off_line"
             if value.quality is not None:
                 quality = Quality(self._options.drop_uncertain)
@@ -316,6 +318,11 @@ class WideTable:
                 parts = [own[at] for at in np.flatnonzero(given[:, row])]
                 for grid in [whole] if whole is not None and everywhere[row] else parts:
                     yield SignalBlock(place.tag, place.loop, place.signal, grid.time_ns, grid.values[row])
+
+
+def _texts(rows: Rows, value: ValueColumn) -> pl.Series:
+    """A column as text; a table may hold times where modes are expected."""
+    return rows.frame[name_of(value.index)].cast(pl.String)
 
 
 def _columns(groups: Iterable[TimedColumns]) -> list[int]:
