@@ -5,6 +5,7 @@ from typing import Any
 
 from app.services.bench.bench import Figures
 from app.services.bench.growth import growth
+from app.services.bench.plant import SCALING
 
 TITLE = """# Performance
 
@@ -15,7 +16,7 @@ described below. Times belong to that machine; ratios to peers travel. A target 
 REPEAT = """## How to repeat it
 
 ```
-make bench                                  # all sections, about twenty minutes, rewrites this page
+make bench                                  # all sections, about half an hour, rewrites this page
 make bench SECTIONS="search audit"          # some; the others keep their figures
 .venv/bin/loopaudit bench --quick           # small sizes, to see that it runs
 ```
@@ -223,7 +224,7 @@ def _ingest(found: Figures) -> str:
         f"## Reading a day of {found['loops']:,} loops\n\n{found['values'] / 1e6:.1f} million values; from the file "
         "to series in PostgreSQL: received (copied, fingerprinted and synced, as an upload is before its 202) and read "
         "by one worker, beside `polars.read_csv` (or `read_parquet`) of the same file, which does not read the times, "
-        "part the loops or store anything. The share is of both together, end to end.\n\n"
+        f"part the loops or store anything. The share is of both together, end to end. {_polars_runs(found)}\n\n"
     )
     head = (
         "file",
@@ -246,13 +247,27 @@ def _ingest(found: Figures) -> str:
     return text + table(head, rows)
 
 
+def _polars_runs(found: Figures) -> str:
+    """How polars was timed; figures of an earlier version hold one run each."""
+    runs = [times for it in found["files"] for times in it.get("polars_runs_s", {}).values()]
+    if not runs:
+        return "Of polars one run each."
+    widest = max(max(times) / min(times) for times in runs)
+    return (
+        f"Of polars the median of {min(map(len, runs))} runs for each number of threads, by turns; the slowest of a "
+        f"file took up to {number(widest)} times as long as the fastest. Ours is one run."
+    )
+
+
 def _plant(found: Figures) -> str:
     head = (
         "loops", "workers", "wall, s", "loops a second", "ms a loop and worker", "engine, ms a loop", "engine's share",
         "peak memory of a worker, MB", "growth of its memory",
     )  # fmt: skip
     rows = []
-    for name in (name for name in ("some_1", "some_2", "some_2_again", "some_1_again", "whole") if name in found):
+    names = [name for name, _ in SCALING if name in found]
+    order = ", ".join(str(found[name]["workers"]) for name in names)
+    for name in (*names, "whole"):
         it = found[name]
         told = [number(it[key]) for key in ("wall_s", "loops_a_s", "ms_a_loop", "engine_ms_a_loop", "engine_share")]
         rows.append((f"{it['loops']:,}", it["workers"], *told, number(it["peak_mb"]), number(it["growth"])))
@@ -260,7 +275,7 @@ def _plant(found: Figures) -> str:
     return (
         f"## The plant's night\n\n{found['loops']:,} simulated loops of {found['samples']:,} samples, from rows in "
         f"PostgreSQL to verdicts in PostgreSQL, through Redis. Two workers do {number(found['scaling'])} "
-        f"times the work of one (of the sums of two runs each, in the order one, two, two, one, so that what the "
+        f"times the work of one (by the median times of runs with, in this order, {order} workers, so that what the "
         f"machine does meanwhile falls on both). {failed} loops failed.\n\n"
         + table(head, rows)
         + "\nThe engine's share: wall time inside of the engine, as the workers measured it for each verdict, over "
