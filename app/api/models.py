@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, StrictBool
 
 from app.api.backend import IsoTime
 from app.services.auditing.audit_line import KeyFiguresLine, ReliabilityRow, VerdictName
@@ -83,7 +83,7 @@ class LoopPatch(BaseModel):
     pv_high: Finite | None = Field(None, description="High end of PV's span, in the unit of PV.")
     op_low: Finite | None = Field(None, description="Low end of OP's span, in the unit of OP.")
     op_high: Finite | None = Field(None, description="High end of OP's span, in the unit of OP.")
-    integrating: bool | None = Field(None, description="Whether the process integrates.")
+    integrating: StrictBool | None = Field(None, description="Whether the process integrates.")
 
 
 class NoteIn(BaseModel):

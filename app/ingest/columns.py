@@ -69,7 +69,7 @@ NO_ROWS = -1
 
 @lru_cache(maxsize=1 << 17)
 def plain(name: str) -> str:
-    return re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*?[\])]", "", name.lower()))
+    return re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(][^\[(\])]*[\])]", "", name.lower()))
 
 
 def usual_width(head: Head, first_row: int) -> int:

@@ -25,6 +25,7 @@ _WORDS: Mapping[str, Signal] = MappingProxyType(
 _ATTRIBUTES = frozenset(
     {"CV", "VALUE", "ACTUAL", "ACT", "VAL", "F"}
 )  # DeltaV writes FIC101/PV.CV and FIC101/MODE.ACTUAL
+LONGEST_NAME = 1000  # the patterns cost the square of a name's length
 _SEPARATORS = "._-/:|\\ "
 _ENDING = re.compile(r"^(?P<loop>.+)[._\-/:|\\ ]+(?P<word>[A-Za-z]+)$")
 _START = re.compile(r"^(?P<word>[A-Za-z]+)[._\-/:|\\ ]+(?P<loop>.+)$")
@@ -129,6 +130,8 @@ class Place:
 
 def place(tag: str, stem: str) -> Place:
     """A tag's loop and signal by its name alone; a bare `PV` belongs to the loop that the file is named after."""
+    if len(tag) > LONGEST_NAME:
+        return Place(tag, tag, "OTHER")
     name = _SERVER.sub("", tag.strip())
     signal = _bare(re.sub(r"[\[(].*$", "", name))
     if signal is not None:

@@ -9,6 +9,7 @@ upload that was taken ends as done or failed with a code. Lines of app/api are m
 
 import argparse
 import asyncio
+import faulthandler
 import json
 import os
 import re
@@ -20,7 +21,8 @@ import threading
 import time
 import traceback
 from collections import Counter
-from contextlib import contextmanager
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +32,7 @@ HERE = Path(__file__).parent
 LEAST_LINES_PCT = 85.0
 AT_ONCE = 8
 SLOWEST_S = 60.0
+STALL_S = 20.0
 READ_EVERY = 2000
 UPLOADS_READ = 200
 MEASURED = 20_000  # requests of our own after which lines are no longer counted, because counting doubles the time
@@ -41,7 +44,7 @@ class Judge:
 
     def __init__(self, app: Any, found: Path) -> None:
         self._app = app
-        self._found = found
+        self.found = found
         self.finds: dict[str, str] = {}
         self.statuses: Counter[int] = Counter()
         self.codes: Counter[str] = Counter()
@@ -93,8 +96,8 @@ class Judge:
         request = {"fault": fault, "method": scope["method"], "raw_path": scope["raw_path"].decode("latin-1")}
         request |= {"query": scope["query_string"].decode("latin-1"), "body": body.decode("latin-1")}
         request |= {"headers": [[n.decode("latin-1"), hidden(n, v)] for n, v in scope["headers"]], "told": told}
-        self._found.mkdir(parents=True, exist_ok=True)
-        path = self._found / f"api-{len(self.finds):03d}.json"
+        self.found.mkdir(parents=True, exist_ok=True)
+        path = self.found / f"api-{len(self.finds):03d}.json"
         path.write_text(json.dumps(request, indent=1))
         self.finds[key] = str(path)
         print(f"FOUND {key}: {path}", flush=True)
@@ -143,6 +146,7 @@ def faults(scope: Any, answer: dict[str, Any], elapsed_s: float) -> list[str]:
 async def hammer(app: Any, requests: Any, count: int, ends_s: float, after: Any) -> int:
     """Our own requests, some at once, until `ends_s`; `after(done)` is called now and then, away from the loop."""
     done = 0
+    under_way: set[str] = set()
 
     async def one_after_another(share: int) -> None:
         nonlocal done
@@ -150,17 +154,50 @@ async def hammer(app: Any, requests: Any, count: int, ends_s: float, after: Any)
             if time.monotonic() > ends_s:
                 return
             asked = requests.next()
+            told = f"{asked.method} {asked.path!r}?{asked.query!r} {asked.body[:2000]!r}"
+            under_way.add(told)
             try:
                 await ask(app, asked)
             except TimeoutError:
                 scope = {"method": asked.method, "path": asked.route, "raw_path": asked.path, "headers": []}
                 app.note(f"no answer in {2 * SLOWEST_S:g} s", {**scope, "query_string": asked.query}, asked.body, "")
+            under_way.discard(told)
             done += 1
             if done % READ_EVERY == 0:
                 await asyncio.to_thread(after, done)
 
-    await asyncio.gather(*(one_after_another(count // AT_ONCE) for _ in range(AT_ONCE)))
+    shares = [count // AT_ONCE + (number < count % AT_ONCE) for number in range(AT_ONCE)]
+    async with watched(app, under_way):
+        await asyncio.gather(*map(one_after_another, shares))
     return done
+
+
+@asynccontextmanager
+async def watched(app: Any, under_way: set[Any]) -> AsyncIterator[None]:
+    """Where the process stands still for STALL_S: what was asked and where each thread is, told as a find.
+
+    The stacks are written by a thread that needs no lock of Python's, whoever holds it."""
+    stacks = app.found / "stalls.txt"
+    app.found.mkdir(parents=True, exist_ok=True)
+    with stacks.open("w") as file:
+
+        async def beat() -> None:
+            while True:
+                faulthandler.dump_traceback_later(STALL_S, file=file)
+                began, written = time.monotonic(), stacks.stat().st_size
+                await asyncio.sleep(1)
+                if stacks.stat().st_size > written:
+                    lasted = f"stood still for {time.monotonic() - began:.0f} s; under way:\n"
+                    app.found.joinpath("stalled.txt").write_text(lasted + "\n".join(under_way))
+                    app.finds["stood still"] = str(stacks)
+                    print(f"FOUND stood still: {stacks}", flush=True)
+
+        beating = asyncio.create_task(beat())
+        try:
+            yield
+        finally:
+            beating.cancel()
+            faulthandler.cancel_dump_traceback_later()
 
 
 async def ask(app: Any, asked: Any) -> None:
@@ -256,7 +293,7 @@ def settle_uploads(plant: Any, judge: Judge) -> None:
             read_upload(plant.backend, int(upload.id), "fuzz")
         except Exception as error:  # noqa: BLE001 - as above
             judge.finds[f"upload {where(error)}"] = upload.fingerprint
-            kept = judge._found / f"upload-{upload.fingerprint[:12]}"
+            kept = judge.found / f"upload-{upload.fingerprint[:12]}"
             kept.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(plant.settings.uploads_dir / upload.fingerprint, kept)
             print(f"FOUND upload {where(error)}: {kept}", flush=True)

@@ -257,6 +257,14 @@ def test_hostile_names_are_data(read: Read) -> None:
     assert dict(content.rejects.counts) == {"name_too_long": 1}
 
 
+@pytest.mark.parametrize("name", ["x" + "[" * 200_000, "(x" * 100_000, "a" + "." * 200_000 + "1", "a" + " ." * 100_000])
+def test_names_that_patterns_would_look_at_for_hours(read: Read, name: str) -> None:
+    content = read(f"time,A.PV,A.OP,{name}\n" + "".join(f"2024-03-01 00:0{i}:00,{i},1,2\n" for i in range(4)))
+    assert content.loops["A"].pv.tolist() == [0, 1, 2, 3]
+    assert dict(content.rejects.counts) == {"name_too_long": 1}
+    assert read(f"{name},A.OP\n1,2\n2,3\n").loops["A"].op.tolist() == [2, 3]
+
+
 def test_ten_thousand_columns(read: Read) -> None:
     names = [f"T{i}.PV" for i in range(10_000)]
     row = ",".join(str(i) for i in range(10_000))
