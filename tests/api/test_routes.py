@@ -170,6 +170,7 @@ def test_a_loop_is_changed_and_read_back(client, plant, tag):
         ({"op_low": 5, "op_high": 5}, 400),
         ({"unit": "x" * 500}, 422),
         ({"unit": "a\x00b"}, 422),
+        ({"integrating": 0}, 422),
         ([], 422),
     ],
 )
