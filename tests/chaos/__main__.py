@@ -21,7 +21,7 @@ from tests.chaos import spoiled_worker
 from tests.chaos.client import Client, Plant, bad_loops
 from tests.chaos.faults import BY_NAME, FAULTS, Fault, Planned, Scene, inject, log_line, schedule, tell
 from tests.chaos.installation import Installation, MissingError, installed, until
-from tests.chaos.judging import Judgement, Row, complaints, judge, table
+from tests.chaos.judging import Judgement, Row, complaints, judge, table, undone
 from tests.chaos.page import page_table, refresh
 from tests.chaos.watch import Watch
 
@@ -141,7 +141,7 @@ def run(options: argparse.Namespace) -> int:
         watch.end()
         found = judge(scene)
         rows = table(scene, found)
-        wrong = complaints(rows, found, wanted.audits, wanted.longest_s)
+        wrong = complaints(rows, found, wanted.audits, wanted.longest_s) + undone(watch.faults)
         report(scene, rows, found, wrong)
         tell(f"{took_s / 60:.1f} min under faults, {(time.monotonic() - began) / 60:.1f} min in all")
         if wrong:

@@ -84,12 +84,14 @@ def bad_loops(tags: tuple[str, ...], rows: int = 300) -> Export:
 
 @dataclass
 class Client:
-    """Sends until it is acknowledged, however often that takes; keeps what was promised."""
+    """Sends until it is acknowledged, however often that takes; keeps what was promised, and how many loops of each run
+    were asked for."""
 
     url: str
     plant: Plant
     promises: list[Promise] = field(default_factory=list)
     runs: dict[int, float] = field(default_factory=dict)
+    asked: dict[int, int] = field(default_factory=dict)
     answers: Counter[str] = field(default_factory=Counter)
     again: list[Export] = field(default_factory=list)
     stopping: threading.Event = field(default_factory=threading.Event)
@@ -129,7 +131,7 @@ class Client:
         if answer.status_code != 202:
             return None
         number = int(answer.json()["id"])
-        self.runs[number] = time.monotonic()
+        self.runs[number], self.asked[number] = time.monotonic(), len(tags)
         return number
 
     def left(self, http: httpx.Client, run: int) -> int:

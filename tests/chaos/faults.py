@@ -4,14 +4,12 @@ import contextlib
 import http.client
 import random
 import signal
-import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-import httpx
 import psycopg
 import redis
 
@@ -29,10 +27,15 @@ JUMPS_S = (3600.0, -3600.0, 900.0, -900.0)
 HOT_TABLES = ("uploads", "loops", "audits", "audit_items", "verdicts")
 HEALTHY_BESIDE_A_BAD_ONE = 5
 PATIENCE = 50
+LONGEST_WAIT_S = 30.0
 
 
 class SkippedFault(Exception):
-    """It cannot be injected here, or not now."""
+    """It cannot be injected now."""
+
+
+class LeftOutFault(SkippedFault):
+    """It cannot be injected on this machine at all."""
 
 
 @dataclass
@@ -137,7 +140,7 @@ def terminate_api(scene: Scene) -> None:
 def kill_api_in_mid_upload(scene: Scene) -> None:
     export = extra_export(scene)
     connection = http.client.HTTPConnection("127.0.0.1", scene.installation.ports.api, timeout=5)
-    with contextlib.suppress(OSError), contextlib.closing(connection):
+    with contextlib.closing(connection):
         connection.putrequest("POST", f"/v1/uploads?filename={export.name}")
         connection.putheader("Content-Length", str(len(export.content)))
         connection.endheaders()
@@ -163,8 +166,12 @@ def lose_redis(scene: Scene) -> None:
 
 
 def flush_redis(scene: Scene) -> None:
-    with contextlib.suppress(redis.RedisError):
-        scene.installation.redis().flushall()
+    for _ in range(PATIENCE):
+        with contextlib.suppress(redis.RedisError):
+            scene.installation.redis().flushall()
+            return
+        time.sleep(0.1)
+    raise SkippedFault("Redis is away at the moment")
 
 
 def stop_redis(scene: Scene) -> None:
@@ -244,7 +251,7 @@ def bad_loop(tag: str) -> Callable[[Scene], None]:
 def fill_disk(scene: Scene) -> None:
     """The data folder's own disk has no byte left for some seconds; uploads are sent all the while."""
     if not scene.installation.own_disk:
-        raise SkippedFault("only root can mount a disk of its own")
+        raise LeftOutFault("only root can mount a disk of its own")
     filler = scene.installation.data_dir / "filler"
     with filler.open("wb", buffering=0) as file, contextlib.suppress(OSError):
         while True:
@@ -266,7 +273,7 @@ def jump_database_clock(scene: Scene) -> None:
 
 def needs_shim(scene: Scene) -> None:
     if scene.installation.library is None:
-        raise SkippedFault("no C compiler, so that no clock can be changed")
+        raise LeftOutFault("no C compiler, so that no clock can be changed")
 
 
 def migrate_meanwhile(scene: Scene) -> None:
@@ -284,23 +291,26 @@ def migrate_meanwhile(scene: Scene) -> None:
 def lose_machine(scene: Scene) -> None:
     """Everything of ours at once: API, workers and schedule."""
     for name in ("serve", *scene.installation.workers, scene.beat()):
-        if name not in scene.stopped:
+        if name not in scene.stopped and scene.installation.supervisor[name].alive():
             scene.installation.supervisor.kill(name, signal.SIGKILL, scene.away_s(), everyone=True)
 
 
 @dataclass(frozen=True)
 class Fault:
+    """`at_work`: it waits for loops to be held, because workers without any have nothing to lose."""
+
     name: str
     inject: Callable[[Scene], None]
     weight: float = 1.0
+    at_work: bool = False
 
 
 FAULTS = (
-    Fault("kill -9 a worker's child", kill_worker_child, 2.0),
-    Fault("kill -9 a worker's parent", kill_worker_parent, 1.5),
-    Fault("kill -9 a worker whole", kill_worker_whole, 2.0),
-    Fault("SIGTERM a worker", terminate_worker),
-    Fault("worker stopped beyond its lease", zombie_worker, 0.6),
+    Fault("kill -9 a worker's child", kill_worker_child, 2.0, at_work=True),
+    Fault("kill -9 a worker's parent", kill_worker_parent, 1.5, at_work=True),
+    Fault("kill -9 a worker whole", kill_worker_whole, 2.0, at_work=True),
+    Fault("SIGTERM a worker", terminate_worker, at_work=True),
+    Fault("worker stopped beyond its lease", zombie_worker, 0.6, at_work=True),
     Fault("kill -9 the schedule", kill_beat),
     Fault("two schedules", two_beats, 0.7),
     Fault("kill -9 the API, unsynced writes lost", kill_api, 1.5),
@@ -350,12 +360,15 @@ def schedule(seed: int, count: int, kinds: list[Fault], pace: float = 1.0) -> li
 
 
 def inject(scene: Scene, planned: Planned) -> Injected:
+    deadline = time.monotonic() + LONGEST_WAIT_S
+    while planned.fault.at_work and not scene.watch.claims and time.monotonic() < deadline:
+        time.sleep(0.05)
     noted = scene.watch.note(planned.fault.name)
     try:
         planned.fault.inject(replace(scene, dice=random.Random(planned.seed)))
     except SkippedFault as reason:
-        noted.skipped = str(reason)
-    except (httpx.HTTPError, OSError, subprocess.SubprocessError, redis.RedisError) as error:
+        noted.skipped, noted.left_out = str(reason), isinstance(reason, LeftOutFault)
+    except Exception as error:  # noqa: BLE001 - whatever kept it from being done, it must not count as done
         noted.skipped = f"{type(error).__name__}: {error}"
     return noted
 

@@ -12,7 +12,11 @@ import psycopg
 from tests.chaos.client import Promise
 from tests.chaos.faults import Scene
 from tests.chaos.spoiled_worker import HANG, KILL, MEMORY, SLOW
+from tests.chaos.watch import Injected
 
+LEAST_DONE = 0.97
+TAKEN_ALONG = 0.001
+"""Share of healthy loops that may lose their worker three times, because faults hit it that often by chance."""
 EXPECTED_CODES = {KILL: "worker_lost", HANG: "worker_lost", SLOW: "time_limit", MEMORY: "memory"}
 
 
@@ -85,8 +89,12 @@ def _judge_samples(connection: psycopg.Connection, scene: Scene, found: Judgemen
 
 
 def _judge_runs(connection: psycopg.Connection, scene: Scene, found: Judgement) -> None:
-    """Every run ended; every loop of it with exactly one verdict or exactly one stated failure."""
+    """Every run ended; every loop that was asked for with exactly one verdict or exactly one stated failure."""
     at = scene.client.runs
+    loops_of = dict(connection.execute("SELECT audit_id, count(*) FROM audit_items GROUP BY audit_id").fetchall())
+    for run, asked in scene.client.asked.items():
+        if loops_of.get(run, 0) != asked:
+            found.lost.append((f"run {run} has {loops_of.get(run, 0)} loops of {asked} that were asked for", at[run]))
     for number, state in connection.execute("SELECT id, state FROM audits ORDER BY id"):
         found.runs += 1
         if state not in ("done", "partial"):
@@ -125,6 +133,11 @@ def _judge_bad_loops(connection: psycopg.Connection, scene: Scene, found: Judgem
         codes = {EXPECTED_CODES[tag], "worker_lost"}
         if row is None or row[1] != "failed" or row[2] not in codes:
             found.wrong.append(f"run {run}: {tag} should be failed with {EXPECTED_CODES[tag]}, is {row}")
+    healthy = """SELECT count(*) FROM audit_items i JOIN loops l ON l.id = i.loop_id
+        WHERE i.code = 'worker_lost' AND NOT l.tag = ANY(%s)"""
+    (taken,) = connection.execute(healthy, (list(EXPECTED_CODES),)).fetchone() or (0,)
+    if taken > TAKEN_ALONG * found.asserted:
+        found.wrong.append(f"{taken} healthy loops of {found.asserted} lost their workers until they were given up")
 
 
 @dataclass(frozen=True)
@@ -159,6 +172,15 @@ def table(scene: Scene, found: Judgement) -> list[Row]:
         counts = (lost[kind], duplicated[kind], unfinished[kind])
         rows.append(Row(kind, len(mine), *counts, middle, longest, len(mine) - len(took)))
     return rows
+
+
+def undone(faults: list[Injected]) -> list[str]:
+    """Whether faults were skipped that this machine could do: a run with few faults shows little."""
+    possible = [fault for fault in faults if not fault.left_out]
+    done = [fault for fault in possible if fault.skipped is None]
+    if len(done) < LEAST_DONE * len(possible):
+        return [f"{len(done)} of {len(possible)} faults were done"]
+    return []
 
 
 def complaints(rows: list[Row], found: Judgement, least_audits: int, longest_s: float) -> list[str]:

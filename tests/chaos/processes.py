@@ -117,9 +117,13 @@ class Supervisor:
         return one
 
     def kill(self, name: str, number: signal.Signals, away_s: float, *, everyone: bool = False) -> None:
-        """The process (with `everyone`, all below it too) gets the signal; it comes again `away_s` after its end."""
+        """The process (with `everyone`, all below it too) gets the signal; it comes again `away_s` after its end.
+
+        Raises ProcessLookupError where it is away already: nothing would be done to it."""
         with self._lock:
             one = self.managed[name]
+            if not one.alive():
+                raise ProcessLookupError(f"{name} is away already")
             one.pause_s, one.expected = away_s, True
             for pid in reversed(one.everyone() if everyone else [one.pid]):
                 send(pid, number)

@@ -1,6 +1,7 @@
 """What the chaos run judges by must itself be right: the same schedule for a seed, and a power cut that takes away."""
 
 import os
+import signal
 import subprocess
 import sys
 from collections import Counter
@@ -10,7 +11,10 @@ from pathlib import Path
 import pytest
 
 from tests.chaos.faults import FAULTS, schedule
+from tests.chaos.judging import undone
 from tests.chaos.loss import compiled, power_cut
+from tests.chaos.processes import Managed, Supervisor
+from tests.chaos.watch import Injected
 
 WHOLE = ("write", "sync_file", "rename", "sync_folder")
 
@@ -23,6 +27,17 @@ def test_a_seed_gives_its_schedule_again_and_every_kind_comes() -> None:
     gaps = [later - earlier for earlier, later in pairwise(moments)]
     assert min(gaps) >= 5.0
     assert max(gaps) <= 20.0
+
+
+def test_a_fault_that_could_not_be_done_does_not_count(tmp_path: Path) -> None:
+    supervisor = Supervisor()
+    supervisor.managed["serve"] = Managed("serve", ("true",), {}, tmp_path / "log")
+    with pytest.raises(ProcessLookupError):
+        supervisor.kill("serve", signal.SIGKILL, 0.0)
+    done, skipped = Injected("a", 0.0, set(), 0, 0), Injected("b", 0.0, set(), 0, 0, skipped="away")
+    left_out = Injected("c", 0.0, set(), 0, 0, skipped="not root", left_out=True)
+    assert undone([done] * 4 + [skipped]) == ["4 of 5 faults were done"]
+    assert undone([done] * 40 + [skipped] + [left_out] * 10) == []
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ Claims = set[tuple[int, int, int]]
 
 @dataclass
 class Injected:
-    """A fault that was injected: when, who held which loops then, and when it was over."""
+    """A fault that was injected: when, who held which loops then, and when it was over; or why it was not done."""
 
     kind: str
     at: float
@@ -28,6 +28,7 @@ class Injected:
     promises: int
     recovered_s: float | None = None
     skipped: str | None = None
+    left_out: bool = False
 
 
 @dataclass

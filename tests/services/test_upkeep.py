@@ -161,6 +161,15 @@ def test_the_sweeper_does_it(plant):
     assert count(plant, "audits") == 1
 
 
+def test_what_goes_while_the_sweeper_looks_does_not_stop_it(plant, monkeypatch):
+    """An upload that ends takes its draft away, another schedule an old export."""
+    gone = [plant.settings.uploads_dir / name for name in (".part-gone", "0" * 64)]
+    monkeypatch.setattr(Path, "glob", lambda folder, pattern: iter(gone))
+    monkeypatch.setattr(Path, "iterdir", lambda folder: iter(gone))
+    assert retention.retain(plant)["files"] == 0
+    sweep(plant)
+
+
 # Backup and restore
 
 

@@ -1,7 +1,6 @@
 """Upkeep: the schema, the sweeper that finds lost work, and whether all is well."""
 
 import shutil
-import time
 
 from sqlalchemy.exc import OperationalError, SQLAlchemyError
 
@@ -11,7 +10,7 @@ from app.services.auditing.nightly import announce_explanations, nightly_if_due
 from app.services.backend import Backend
 from app.services.digests.deliveries import announce_digests
 from app.services.results import Readiness, SweepReport
-from app.services.upkeep.retention import retain_if_due
+from app.services.upkeep.retention import older_than, retain_if_due
 from app.settings import Settings
 from app.storage import Database, audits, explanations, figures, items, schema, uploads
 from app.storage.figures import Figures
@@ -96,7 +95,6 @@ def _free(settings: Settings) -> int:
 
 def _drop_old_drafts(settings: Settings) -> None:
     """What is left of uploads that broke off with their process."""
-    oldest = time.time() - DRAFT_LIFE_S
     for draft in settings.uploads_dir.glob(".part-*"):
-        if draft.stat().st_mtime < oldest:
+        if older_than(draft, DRAFT_LIFE_S):
             draft.unlink(missing_ok=True)

@@ -5,6 +5,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 from sqlalchemy import Connection
 
@@ -82,8 +83,16 @@ def _drop_files(backend: Backend) -> int:
         kept = retention.fingerprints_to_keep(connection, oldest)
     dropped = 0
     for file in backend.settings.uploads_dir.iterdir():
-        young = file.stat().st_mtime > time.time() - YOUNGEST_FILE_S
-        if not young and file.name not in kept and not file.name.startswith("."):
+        mine = file.name in kept or file.name.startswith(".")
+        if not mine and older_than(file, YOUNGEST_FILE_S):
             file.unlink(missing_ok=True)
             dropped += 1
     return dropped
+
+
+def older_than(file: Path, seconds: float) -> bool:
+    """Whether it was last written so long ago; one that somebody else took away or renamed meanwhile was not."""
+    try:
+        return file.stat().st_mtime < time.time() - seconds
+    except FileNotFoundError:
+        return False
