@@ -25,6 +25,7 @@ from app.services.backend import Backend
 from app.settings import Settings
 
 SESSION = "loopaudit_session"
+COUNTED = (401,)  # what strangers do is noted where it is limited by address: nobody fills the trail without a key
 SECURE_SESSION = f"__Host-{SESSION}"  # browsers take it over https only, and from no other host
 
 log = logging.getLogger("loopaudit.access")
@@ -203,9 +204,9 @@ class Guard:
                 answered = True
                 outcome = "done" if message["status"] < 400 else "refused" if message["status"] < 500 else "failed"
                 where = MutableHeaders(scope=message).get("location")
-                await self._note(
-                    asked, asked.scope["state"].get("identity", identity), outcome, message["status"], where
-                )
+                who = asked.scope["state"].get("identity", identity)
+                if who is not NOBODY or message["status"] in COUNTED:
+                    await self._note(asked, who, outcome, message["status"], where)
             await send(message)
 
         try:

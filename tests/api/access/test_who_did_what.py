@@ -33,6 +33,19 @@ def test_the_trail_keeps_logins_and_wrong_keys_without_their_secrets(client, bro
     assert wrong[-49:] not in str(list_trail(backend, 1000).rows)
 
 
+def test_nobody_fills_the_trail_without_a_key(serve, settings, backend):
+    before = len(list_trail(backend, 1000).rows)
+    with serve(create_app(settings)) as client:
+        for _ in range(30):
+            assert client.post("/login", data={"key": "wrong"}).status_code in (401, 429)
+            assert client.post("/logout").status_code == 303
+            odd = client.post("/login", content=b"x", headers={"Content-Type": "multipart/form-data"})
+            assert odd.status_code < 500
+    rows = list_trail(backend, 1000).rows
+    assert {row.action for row in rows[: len(rows) - before]} == {"session.open"}
+    assert len(rows) - before <= 20
+
+
 def test_the_trail_is_for_administrators_page_by_page(client, texts):
     first = client.get("/v1/trail", params={"limit": 2}, headers=bearer(texts[Role.admin])).json()
     assert len(first["rows"]) == 2
