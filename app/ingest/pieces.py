@@ -90,7 +90,7 @@ def as_piece(rows: Gathered) -> Piece:
     codes, instants = rows.codes[:m], rows.time_ns[::m].copy()
     shape = (n // m, m)
     regular = np.array_equal(rows.codes.reshape(shape), np.broadcast_to(codes, shape))
-    if not regular or np.any(rows.time_ns.reshape(shape) != instants[:, None]) or len(np.unique(codes)) < m:
+    if not regular or np.any(rows.time_ns.reshape(shape) != instants[:, None]) or np.bincount(codes).max() > 1:
         return rows
     places = np.arange(m, dtype=np.uint32)
     return Grid(codes.copy(), instants, rows.values.reshape(shape).T, rows.lines[::m].copy(), places)
