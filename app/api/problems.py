@@ -25,6 +25,7 @@ DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 # Codes of services whose status differs from the one of their class.
 STATUS_BY_CODE = {
     "upload_too_large": HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
+    "mapping_too_large": HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
     "simulation_too_large": HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
     "media_type": HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
     "content_encoding": HTTPStatus.UNSUPPORTED_MEDIA_TYPE,

@@ -15,7 +15,7 @@ from app.errors import RequestError
 from app.services.intake import uploads as service
 
 BLOCK_BYTES = 1 << 20
-LARGEST_MAPPING = 64 << 20
+LARGEST_MAPPING = 16 << 20
 NAMELESS = "upload.csv"
 MULTIPART = "multipart/form-data"
 BINARY = {"schema": {"type": "string", "format": "binary"}}
@@ -114,7 +114,11 @@ async def store(request: Request, backend: Services, filename: str | None, time_
 async def mapping_of(form: FormData) -> bytes | None:
     part = form.get("mapping")
     if isinstance(part, UploadFile):
-        return await part.read(LARGEST_MAPPING)
+        mapping = await part.read(LARGEST_MAPPING + 1)
+        if len(mapping) > LARGEST_MAPPING:
+            text = f"a mapping may have at most {LARGEST_MAPPING} bytes; send the export in parts, each with its own"
+            raise RequestError("mapping_too_large", text)
+        return mapping
     return part.encode() if part else None
 
 
@@ -124,8 +128,10 @@ async def blocks(part: UploadFile) -> AsyncIterator[bytes]:
 
 
 async def received(backend: Services, described: Description, chunks: AsyncIterator[bytes]) -> service.Receipt:
-    """Writes what arrives in blocks, away from the event loop: other requests go on while a disk is slow."""
-    with service.receive(backend, **vars(described), received_by=caller().who) as receiving:
+    """Writes what arrives in blocks, away from the event loop: other requests go on while a disk is slow or a
+    mapping long."""
+    who = caller().who
+    with await run_in_threadpool(service.receive, backend, **vars(described), received_by=who) as receiving:
         buffer = bytearray()
         async for chunk in chunks:
             buffer += chunk

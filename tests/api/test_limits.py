@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from app.api import connections, crowding
+from app.api import connections, crowding, uploads
 from app.main import create_app
 from app.services.upkeep.operations import migrate
 from app.settings import Settings
@@ -111,6 +111,30 @@ def held_back(send):
         await send(message)
 
     return send_late
+
+
+def test_a_long_mapping_is_looked_at_away_from_the_event_loop(client, monkeypatch):
+    seen, receive = [], uploads.service.receive
+
+    def received(*arguments, **named):
+        try:
+            asyncio.get_running_loop()
+        except RuntimeError:
+            seen.append("in a thread of its own")
+        return receive(*arguments, **named)
+
+    monkeypatch.setattr(uploads.service, "receive", received)
+    files = {"file": ("a.csv", b"time,T1\n0,1\n"), "mapping": ("m.csv", b"tag,loop,signal\nT1,FIC1,PV\n")}
+    assert client.post("/v1/uploads", files=files).status_code == 202
+    assert seen == ["in a thread of its own"]
+
+
+def test_a_mapping_that_is_too_large_is_refused_and_not_cut(client, settings, monkeypatch):
+    monkeypatch.setattr(uploads, "LARGEST_MAPPING", 20)
+    files = {"file": ("a.csv", b"time,T1\n0,1\n"), "mapping": ("m.csv", b"tag,loop,signal\nT1,FIC1,PV\n")}
+    answer = client.post("/v1/uploads", files=files)
+    assert (answer.status_code, answer.json()["code"]) == (413, "mapping_too_large")
+    assert not list(settings.uploads_dir.iterdir())
 
 
 def test_a_full_disk_is_507_and_nothing_is_left(client, settings, monkeypatch):
