@@ -3,8 +3,9 @@
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, delete, exists, func, select, tuple_
+from sqlalchemy import ColumnElement, Connection, and_, delete, exists, func, or_, select, tuple_
 
+from app.storage.steps import HOLDING
 from app.storage.tables import audits, explanations, loops, series, sessions, trail, uploads, verdict_details, verdicts
 from app.storage.types import now
 
@@ -13,15 +14,26 @@ ENDED = ("done", "partial", "cancelled")
 
 
 def drop_series(connection: Connection, kept_h: float, batch: int) -> int:
-    """Stretches that ended so long before the newest sample of their loop: an archive sent late stays whole."""
-    kept_ns = int(kept_h * 3600) * NS_PER_S
+    """Stretches that ended so long before the newest sample of their loop: an archive sent late stays whole.
+
+    Those stay that say which set point and mode held then: they hold until their next value, however old they are.
+    """
+    since = loops.c.newest_ns - int(kept_h * 3600) * NS_PER_S
     old = (
         select(series.c.id)
         .join(loops, loops.c.id == series.c.loop_id)
-        .where(series.c.end_ns < loops.c.newest_ns - kept_ns)
+        .where(series.c.end_ns < since, *(_held_no_more(f"{begin}_ns", since) for begin in HOLDING.values()))
         .limit(batch)
     )
     return connection.execute(delete(series).where(series.c.id.in_(old))).rowcount
+
+
+def _held_no_more(name: str, since: ColumnElement[int]) -> ColumnElement[bool]:
+    """Whether what a stretch last knew of a signal was replaced before `since`, or it knew nothing of it."""
+    later, at = series.alias(), series.c[name]
+    replaced = or_(later.c[name] > at, and_(later.c[name] == at, later.c.id > series.c.id))
+    mine = exists().where(later.c.loop_id == series.c.loop_id, later.c[name] < since, later.c[name] >= at, replaced)
+    return or_(at.is_(None), mine.correlate(series, loops))
 
 
 def drop_details(connection: Connection, before: datetime, batch: int) -> int:

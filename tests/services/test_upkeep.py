@@ -109,13 +109,14 @@ def test_series_go_by_the_time_before_the_newest_sample_of_their_loop(plant):
     with plant.database.write() as connection:
         old = connection.execute(select(tables.series)).mappings().one()
         day_ns = 86_400_000_000_000
-        for days in (8, 6):
-            moved = {"start_ns": old["start_ns"] - days * day_ns, "end_ns": old["end_ns"] - days * day_ns}
+        times = [name for name, value in old.items() if name.endswith("_ns") and value is not None]
+        for days in (9, 8, 6):  # that of 8 days says which set point held when what is kept begins
+            moved = {name: old[name] - days * day_ns for name in times}
             values = {name: value for name, value in old.items() if name != "id"} | moved
             connection.execute(insert(tables.series).values(values | {"fingerprint": str(days)}))
     assert retention.retain(kept)["series"] == 1
     with plant.database.read() as connection:
-        assert set(connection.scalars(select(tables.series.c.fingerprint))) == {old["fingerprint"], "6"}
+        assert set(connection.scalars(select(tables.series.c.fingerprint))) == {old["fingerprint"], "8", "6"}
 
 
 def test_exports_that_were_read_go_and_those_to_be_read_stay(plant):

@@ -7,7 +7,7 @@ from psycopg.pq import Format
 from sqlalchemy import func, select, text
 
 from app.settings import Settings
-from app.storage import Database, loops, series
+from app.storage import Database, loops, retention, series
 from app.storage.samples import Samples
 from app.storage.series import Stretch
 from app.storage.tables import series as series_table
@@ -122,6 +122,19 @@ def test_of_two_values_for_one_time_the_later_one_held(database: Database) -> No
     add(database, "FIC1", steps("sp", (-9000, 2.0)))
     add(database, "FIC1", ramp(0, 100))
     assert first(window(database, "FIC1", hours=0.02), "sp") == 2.0
+
+
+@pytest.mark.parametrize("name", ["sp", "automatic"])
+def test_what_still_holds_outlives_retention(database: Database, name: str) -> None:
+    add(database, "FIC1", steps(name, (-9000, 0.0)))
+    add(database, "FIC1", steps(name, (-8000, 1.0)))
+    add(database, "FIC1", steps(name, (-8000, 2.0)))
+    add(database, "FIC1", ramp(-8500, -7900))
+    add(database, "FIC1", ramp(0, 4000), steps(name, (3900, 3.0)))  # what was known before is needed for what is kept
+    with database.write() as connection:
+        assert retention.drop_series(connection, 1.0, 500) == 3
+        assert retention.drop_series(connection, 1.0, 500) == 0
+    assert first(window(database, "FIC1", hours=0.5), name) == 2.0
 
 
 def test_a_stretch_that_is_asked_for_begins_with_what_held_then(database: Database) -> None:
