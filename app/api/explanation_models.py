@@ -39,7 +39,7 @@ class ExplanationIn(BaseModel):
         None, alias="from", description="Start of the window, ISO 8601; without an offset it is UTC."
     )
     end: IsoTime | None = Field(None, alias="to", description="End of the window; left out: the newest sample.")
-    window_h: float | None = Field(
+    window_h: Annotated[float, Strict()] | None = Field(
         None, gt=0, le=87_600, description="Length of the window in hours, up to `to`; not together with `from`."
     )
     trace: TraceIn | None = Field(None, description=f"A simulated trace, at most {LARGEST_TRACE} values.")

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StrictBool
+from pydantic import BaseModel, ConfigDict, Field
 
 from app.api.backend import IsoTime
 from app.services.auditing.audit_line import KeyFiguresLine, ReliabilityRow, VerdictName
@@ -72,7 +72,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 class LoopPatch(BaseModel):
     """What to change; a field that is left out stays as it is, null forgets it."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", strict=True)  # or false would be an op_high of 0
 
     unit: Name | None = Field(None, description="Plant unit or area.")
     type: Name | None = Field(None, description="flow, pressure, level, temperature, ...")
@@ -83,7 +83,7 @@ class LoopPatch(BaseModel):
     pv_high: Finite | None = Field(None, description="High end of PV's span, in the unit of PV.")
     op_low: Finite | None = Field(None, description="Low end of OP's span, in the unit of OP.")
     op_high: Finite | None = Field(None, description="High end of OP's span, in the unit of OP.")
-    integrating: StrictBool | None = Field(None, description="Whether the process integrates.")
+    integrating: bool | None = Field(None, description="Whether the process integrates.")
 
 
 class NoteIn(BaseModel):

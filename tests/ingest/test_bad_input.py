@@ -41,12 +41,20 @@ def test_binary(read: Read, data: bytes) -> None:
     "text",
     [
         "Dear all,\nplease find the file attached.\n",
+        "Tagname,TimeStamp,Value\nA.PV,soon,1\nA.OP,later,2\n",
         "date,time,A.PV\n2024-03-01,soon,1\n2024-03-02,later,2\n",
         "time,id\n2024-03-01 00:00:00,1\n2024-03-01 00:01:00,2\n",
         "#NAMES\nt_stamp,A.OP\n#TYPES\nD,D\n#ROWS,2\nsoon,2\n",
         "PROCESSDATA\tFIC7 Data\n8\t10\ntagname\tFIC7.MV\tFIC7.PV\ndesc\ta\tb\nfsMax=1\nsoon\t1\t2\n",
     ],
-    ids=["a letter", "a date without its time", "no signals", "Ignition without times", "a loop monitor without times"],
+    ids=[
+        "a letter",
+        "long without times",
+        "a date without its time",
+        "no signals",
+        "Ignition without times",
+        "a loop monitor without times",
+    ],
 )
 def test_text_without_times_or_signals(read: Read, text: str) -> None:
     assert code_of(read, text) == "unknown_layout"

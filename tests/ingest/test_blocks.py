@@ -44,6 +44,7 @@ FILES: dict[str, Callable[[], str]] = {
     "a long row": lambda: "\n".join([HEAD, *plain()[:30], row(30) + ",7", *plain()[31:]]) + "\n",
     "two rows of half a length": lambda: "\n".join([HEAD, *plain()[:20], "1,2,3,4", "5,6,7,8", *plain()[21:]]) + "\n",
     "quotes": lambda: "\n".join([HEAD, *plain()[:20], row(20).replace("20.25", '"20.25"'), *plain()[21:]]) + "\n",
+    "a mark between the units": lambda: "\n".join([HEAD, *plain()[:20], row(20) + "\x1f7", *plain()[21:]]) + "\n",
     "a comment and an empty line": lambda: "\n".join([HEAD, *plain()[:20], "# shift", "", *plain()[20:]]) + "\n",
 }
 

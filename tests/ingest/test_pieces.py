@@ -144,8 +144,17 @@ def test_more_tags_than_any_plant_has_are_refused(read: Read) -> None:
 
 def test_tag_after_tag_in_one_night(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(long_table, "MOST_CODES", 1)
-    stamps = [f"2024-03-01 {i // 60:02d}:{i % 60:02d}:00" for i in range(700)]
+    stamps = [f"2024-03-01 {i // 3600:02d}:{i // 60 % 60:02d}:{i % 60:02d}" for i in range(4000)]
     rows = "".join(f"{tag},{stamp},{i}\n" for tag in ("A.PV", "A.OP") for i, stamp in enumerate(stamps))
-    loop = read(HEADER + rows).loops["A"]
-    assert loop.pv.tolist() == loop.op.tolist() == list(range(700))
-    np.testing.assert_array_equal(np.diff(loop.time_ns), 60 * 10**9)
+    for size in (1 << 20, 60_000):  # in small chunks no stamp repeats
+        loop = read(HEADER + rows, options=IngestOptions(chunk_bytes=size)).loops["A"]
+        assert loop.pv.tolist() == loop.op.tolist() == list(range(4000))
+        np.testing.assert_array_equal(np.diff(loop.time_ns), 10**9)
+
+
+def test_scans_with_date_and_time_apart(read: Read) -> None:
+    stamps = [f"2024-03-01,{i // 3600:02d}:{i // 60 % 60:02d}:{i % 60:02d}" for i in range(600)]
+    rows = "".join(f"{tag},{stamp},{i}\n" for i, stamp in enumerate(stamps) for tag in ("A.PV", "A.OP", "A.SP"))
+    loop = read("Tagname,Date,Time,Value\n" + rows).loops["A"]
+    assert loop.pv.tolist() == loop.op.tolist() == loop.sp.tolist() == list(range(600))
+    np.testing.assert_array_equal(np.diff(loop.time_ns), 10**9)

@@ -167,11 +167,12 @@ def test_what_is_wrong_is_told_at_once(backend: Backend) -> None:
     def csv(text: str) -> Wanted:
         return Wanted(simulation=GivenSimulation(csv=text))
 
+    before_any = Wanted(end=datetime(1, 1, 1, tzinfo=UTC), window_h=65_839.0)
     column = Wanted(simulation=GivenSimulation(column="nothing"))
     two = Wanted(simulation=GivenSimulation(column="x", model={"gain": 1.0}))
     expected = {
         "unknown_loop": [ask(Wanted(), "NOBODY")],
-        "no_samples": [ask(Wanted(), "EMPTY"), ask(Wanted(end=START - timedelta(days=9)))],
+        "no_samples": [ask(Wanted(), "EMPTY"), ask(Wanted(end=START - timedelta(days=9))), ask(before_any)],
         "too_short": [ask(Wanted(), "SHORT"), ask(Wanted(window_h=0.1))],
         "signal_constant": [ask(Wanted(), "FLAT")],
         "no_overlap": [ask(trace(simulated, later))],

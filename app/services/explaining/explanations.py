@@ -21,6 +21,7 @@ from app.storage.loops import LoopRow
 from app.storage.samples import Samples
 
 NS_PER_H = 3600 * NS_PER_S
+EARLIEST_NS = -(1 << 63)  # that a time of a sample can hold
 LONGEST_WINDOW_H = 10 * 365 * 24.0
 MOST_UNPACKED = 5_000_000
 """Samples of stretches that a window touches, at most: they are unpacked to find those inside."""
@@ -168,7 +169,7 @@ def _bounds(newest_ns: int, wanted: Wanted, window_h: float) -> tuple[int, int]:
     hours = window_h if wanted.window_h is None else wanted.window_h
     if not 0.0 < hours <= LONGEST_WINDOW_H:
         raise RequestError("bad_window", f"a window may be up to {LONGEST_WINDOW_H:.0f} hours long, got {hours}")
-    start_ns = int(end_ns - hours * NS_PER_H) if wanted.start is None else instant_ns(wanted.start)
+    start_ns = max(int(end_ns - hours * NS_PER_H), EARLIEST_NS) if wanted.start is None else instant_ns(wanted.start)
     if start_ns >= end_ns:
         raise RequestError("bad_window", f"the window must end after it starts, got {_iso(start_ns)} to {_iso(end_ns)}")
     return start_ns, end_ns
