@@ -17,7 +17,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 
 from cases import make_case, planned
-from generator import SAME, Case
+from generator import LEAST_ENERGY, SAME, Case
 
 from app.engine.mismatch import Comparison, Explanation, compile_kernels, explain
 
@@ -65,11 +65,14 @@ def one(plan: tuple[int, tuple[str, ...]], foreign: bool, sim: bool) -> dict[str
 
 
 def summary(lines: list[dict]) -> str:
-    """Named right, accused, localisation, excess, seconds, confusions."""
+    """Named right, accused, localisation, excess, seconds, confusions; of the cases whose effects can be seen."""
+    seen = [x for x in lines if not x["true"] or x["energy"] >= LEAST_ENERGY]
+    hidden, lines = len(lines) - len(seen), seen
     single = [x for x in lines if len(x["true"]) == 1]
     two = [x for x in lines if len(x["true"]) == 2]
     clean = [x for x in lines if not x["true"]]
-    said = [f"one effect: first name right {sum(x['first_right'] for x in single)}/{len(single)}"]
+    said = [f"left out, because an effect leaves an energy below {LEAST_ENERGY:g}: {hidden}"]
+    said.append(f"one effect: first name right {sum(x['first_right'] for x in single)}/{len(single)}")
     said.append(
         f"two effects: both named {sum(x['all_right'] for x in two)}/{len(two)}, "
         f"first right {sum(x['first_right'] for x in two)}"
