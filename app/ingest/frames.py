@@ -18,6 +18,7 @@ from app.ingest.rejecting import RejectLog
 
 BLOCK_COLUMNS = 200  # from so many on, numbers are read side by side: a column costs more than its numbers
 FIELD, BETWEEN_FIELDS = "v", "\x1f"
+NO_ROW = (b"", b"*", b"#", b"[")  # how a line begins that holds nothing or a comment
 NUMBERED = pl.Categorical()  # text that repeats: a number a text, by themselves in each chunk
 
 # polars says so of odd quotes on the standard error of whoever reads; such a chunk is read again line by line, and told
@@ -150,13 +151,14 @@ class FrameReader:
         return pl.DataFrame(taken, schema=dict.fromkeys(taken, pl.String))
 
     def short_rows(self, rows: Rows, candidates: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Those of the candidates whose lines have too few fields."""
+        """Those of the candidates whose lines have too few fields, but for empty lines and comments."""
         if not len(candidates):
             return candidates
         lines = rows.data.split(b"\n", int(candidates[-1]) + 1)
         delimiter = self._dialect.delimiter.encode()
         need = self._dialect.width - 1
-        return np.array([row for row in candidates if lines[row].count(delimiter) < need], dtype=np.int64)
+        few = [row for row in candidates if lines[row].count(delimiter) < need]
+        return np.array([row for row in few if lines[row].strip(b' "\r')[:1] not in NO_ROW], dtype=np.int64)
 
     def _schema(self) -> dict[str, pl.DataType]:
         """Of one chunk: the numbers of its texts are let go with it."""

@@ -147,10 +147,9 @@ class LongTable:
         kept = timed & named
         if np.all(kept):
             return self._without_long_names(rows, tags, kept)
-        at = np.flatnonzero(~kept & ~_passed_over(texts, tags))
-        short = reader.short_rows(rows, at)
+        short = reader.short_rows(rows, np.flatnonzero(~kept))
         self._log.add_many("ragged_row", rows.lines(short), (f"fewer than {self._plan.width} fields" for _ in short))
-        at = np.setdiff1d(at, short, assume_unique=True)
+        at = np.setdiff1d(np.flatnonzero(~kept & ~_passed_over(texts, tags)), short, assume_unique=True)
         late = at[~timed[at]]
         words = (f"{texts[int(row)]!r} is no time that can be read" for row in late)
         self._log.add_many("bad_time", rows.lines(late), words, (tags[int(row)] for row in late))

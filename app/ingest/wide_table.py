@@ -132,18 +132,12 @@ class WideTable:
     def _short_rows(self, rows: Rows, reader: RowReader) -> NDArray[np.int64]:
         """Rows cut short lost the place of their fields: none of them is kept."""
         last = rows.frame.columns[-1]
-        candidates = np.flatnonzero(
-            rows.frame[last].is_null().to_numpy() & self._has_text(rows, self._plan.groups[0].time)
-        )
-        short = reader.short_rows(rows, candidates)
+        short = reader.short_rows(rows, np.flatnonzero(rows.frame[last].is_null().to_numpy()))
         if len(short):
             self._log.add_many(
                 "ragged_row", rows.lines(short), (f"fewer than {self._plan.width} fields" for _ in short)
             )
         return short
-
-    def _has_text(self, rows: Rows, time: tuple[int, ...]) -> NDArray[np.bool_]:
-        return rows.frame[name_of(time[0])].is_not_null().to_numpy()
 
     def _chunk(
         self,

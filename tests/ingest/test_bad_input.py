@@ -155,6 +155,20 @@ def test_a_line_without_an_end(read: Read) -> None:
     assert code_of(read, HEADER + GOOD + "x" * 3000, options=options) == "line_too_long"
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "id,date,time,A.PV,A.OP\n1,2024-03-01,00:00:00,1,10\n2\n3,2024-03-01,00:02:00,3,30\n\n# shift\n",
+        "id,TagName,DateTime,Value\n1,A.PV,2024-03-01 00:00:00,1\n2\n3,A.PV,2024-03-01 00:02:00,3\n\n# shift\n",
+    ],
+    ids=["wide", "long"],
+)
+def test_a_row_cut_before_its_time_is_told(read: Read, text: str) -> None:
+    content = read(text)
+    assert content.loops["A"].pv.tolist() == [1, 3]
+    assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(3, "ragged_row")]
+
+
 def test_blank_lines_keep_the_numbers_of_lines(read: Read) -> None:
     content = read("\n\n" + HEADER + "\n" + GOOD + "\n\nnever,1,2\n\n")
     assert content.loops["A"].samples == 4
