@@ -21,12 +21,13 @@ BACK_OFF = range(3, 10)
 
 @dataclass(frozen=True)
 class UploadRow:
+    """An upload without how it is to be read, which holds the whole mapping: see `reading_of`."""
+
     id: int
     fingerprint: str
     filename: str
     content_type: str | None
     size_bytes: int
-    reading_json: str
     received_at: datetime
     received_by: str | None
     state: str
@@ -72,6 +73,11 @@ def receive(connection: Connection, values: dict[str, Any]) -> tuple[UploadRow, 
 def by_id(connection: Connection, upload_id: int) -> UploadRow | None:
     row = connection.execute(select(*COLUMNS).where(uploads.c.id == upload_id)).one_or_none()
     return None if row is None else UploadRow(*row)
+
+
+def reading_of(connection: Connection, upload_id: int) -> dict[str, Any]:
+    """How the upload is to be read, with its mapping, which may have megabytes."""
+    return json.loads(connection.execute(select(uploads.c.reading_json).where(uploads.c.id == upload_id)).scalar_one())
 
 
 def page(connection: Connection, limit: int, before_id: int | None) -> list[UploadRow]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sqlalchemy import update
+from sqlalchemy import Engine, event, update
 
 from app.engine.recording import Recording
 from app.errors import LoopauditError, NotFoundError
@@ -314,3 +314,23 @@ def test_an_upload_without_loops_notes_none(backend: Backend) -> None:
     with backend.database.write() as connection:
         stored.note_loops(connection, 1, [])
         assert stored.loops_of(connection, 1) == []
+
+
+def test_mappings_are_left_where_they_are_while_uploads_are_listed(backend: Backend) -> None:
+    """A mapping may have megabytes, and a page lists a hundred uploads."""
+    mapping = b"tag,loop,signal\nT1,FIC1,PV\nT2,FIC1,OP\n"
+    sent = send(backend, b"time,T1,T2\n0,1,2\n60,2,3\n", options=ReadingOptions("Europe/Madrid", mapping))
+    asked: list[str] = []
+
+    def note(_connection: object, _cursor: object, statement: str, *_: object) -> None:
+        asked.append(statement)
+
+    event.listen(Engine, "before_cursor_execute", note)
+    try:
+        assert [found.id for found in uploads.list_uploads(backend).rows] == [sent.id]
+        assert uploads.get_upload(backend, sent.id).state == "received"
+    finally:
+        event.remove(Engine, "before_cursor_execute", note)
+    assert any("FROM uploads" in statement for statement in asked)
+    assert not [statement for statement in asked if "reading_json" in statement]
+    assert read(backend, sent).loops == ["FIC1"]

@@ -76,7 +76,8 @@ def _read_claimed(backend: Backend, row: UploadRow, claim: ReadingClaim) -> None
 
 
 def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
-    reading = json.loads(row.reading_json)
+    with backend.database.read() as connection:
+        reading = uploads.reading_of(connection, row.id)
     mapping = TagMapping.from_bytes(reading["mapping"].encode()) if reading.get("mapping") else None
     options = _options(backend, reading)
     export = read_export(path_of(backend, row.fingerprint), filename=row.filename, mapping=mapping, options=options)

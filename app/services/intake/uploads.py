@@ -131,12 +131,13 @@ def read_again(backend: Backend, upload_id: str, mapping: bytes, received_by: st
     """The bytes of an upload once more, with its tags mapped as `mapping` (CSV or JSON) says: an upload of its own."""
     with backend.database.read() as connection:
         row = uploads.by_id(connection, identifier(upload_id, "upload"))
-    if row is None:
-        raise NotFoundError("unknown_upload", f"there is no upload {upload_id!r}")
+        if row is None:
+            raise NotFoundError("unknown_upload", f"there is no upload {upload_id!r}")
+        time_zone = uploads.reading_of(connection, row.id).get("time_zone")
     path = path_of(backend, row.fingerprint)
     if not path.is_file():
         raise NotFoundError("bytes_gone", "the file of this upload is no longer kept; send it again with its mapping")
-    reading = ReadingOptions(json.loads(row.reading_json).get("time_zone"), mapping)
+    reading = ReadingOptions(time_zone, mapping)
     with receive(backend, filename=row.filename, reading=reading, received_by=received_by) as receiving:
         with path.open("rb") as file:
             while part := file.read(COPY_BYTES):
