@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, and_, delete, exists, func, or_, select, tuple_
+from sqlalchemy import ColumnElement, Connection, and_, delete, exists, func, or_, select, true, tuple_
 
 from app.storage.steps import HOLDING
 from app.storage.tables import audits, explanations, loops, series, sessions, trail, uploads, verdict_details, verdicts
@@ -78,10 +78,13 @@ def drop_sessions(connection: Connection, batch: int) -> int:
 
 def fingerprints_to_keep(connection: Connection, before: datetime | None) -> set[str]:
     """Of uploads whose bytes are still needed: not read yet, or received since; None: of all."""
-    query = select(uploads.c.fingerprint)
-    if before is not None:
-        query = query.where(uploads.c.state.in_(("received", "reading")) | (uploads.c.received_at >= before))
-    return set(connection.scalars(query))
+    return set(connection.scalars(select(uploads.c.fingerprint).where(_bytes_needed(before))))
+
+
+def must_keep(connection: Connection, fingerprint: str, before: datetime | None) -> bool:
+    """Whether these are bytes that are still needed."""
+    query = select(uploads.c.id).where(uploads.c.fingerprint == fingerprint, _bytes_needed(before)).limit(1)
+    return connection.scalar(query) is not None
 
 
 def last_done(connection: Connection, action: str) -> datetime | None:
@@ -103,3 +106,9 @@ def _drop_of_runs(connection: Connection, table: Any, before: datetime, batch: i
 
 def _ended_before(before: datetime) -> ColumnElement[bool]:
     return audits.c.state.in_(ENDED) & (audits.c.ended_at < before)
+
+
+def _bytes_needed(before: datetime | None) -> ColumnElement[bool]:
+    if before is None:
+        return true()
+    return uploads.c.state.in_(("received", "reading")) | (uploads.c.received_at >= before)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Connection, case, delete, insert, or_, select, update
+from sqlalchemy import Connection, case, delete, func, insert, or_, select, update
 
 from app.storage.bulk import insert_new_rows
 from app.storage.series import insert_new
@@ -97,6 +97,13 @@ def rejects_of(connection: Connection, upload_id: int) -> list[RejectRow]:
 def loops_of(connection: Connection, upload_id: int) -> list[str]:
     query = select(loops.c.tag).join(upload_loops, upload_loops.c.loop_id == loops.c.id)
     return list(connection.scalars(query.where(upload_loops.c.upload_id == upload_id).order_by(loops.c.tag)))
+
+
+def lock_bytes(connection: Connection, fingerprint: str) -> None:
+    """Whoever registers or drops these bytes waits for whoever does so now, until the transaction ends. On SQLite every
+    transaction that writes waits already."""
+    if connection.dialect.name == "postgresql":
+        connection.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(fingerprint, 0))))
 
 
 def claim(connection: Connection, upload_id: int, owner: str, lease_s: float, max_attempts: int) -> ReadingClaim | None:

@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import time
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from app.services.upkeep import doctor, retention
 from app.services.upkeep.operations import migrate, sweep
 from app.settings import Settings
 from app.storage import schema, tables
+from app.storage import uploads as stored_uploads
 from app.storage.tables import metadata
 
 EXPORT = b"DateTime,FIC1.PV,FIC1.OP,FIC1.SP\n" + b"".join(
@@ -129,6 +131,52 @@ def test_exports_that_were_read_go_and_those_to_be_read_stay(plant):
     assert retention.retain(plant)["files"] == 2
     assert [file.name for file in plant.settings.uploads_dir.iterdir()] == [waiting]
     assert count(plant, "uploads") == 2
+
+
+def sent_again(backend: Backend) -> None:
+    with uploads.receive(backend, filename="again.csv") as receiving:
+        receiving.write(EXPORT)
+        receiving.commit()
+
+
+def test_bytes_that_come_again_while_retention_looks_at_the_old_ones_stay(plant, monkeypatch):
+    """Retention has looked and is about to drop: who sends waits for it, then puts the bytes there anew."""
+    aged(plant, 400)
+    looked = iter(range(9))
+    with ThreadPoolExecutor(1) as pool:
+        sending: list[Future[None]] = []
+
+        def old_then_sent(file: Path, seconds: float) -> bool:
+            old = older_than(file, seconds)
+            if next(looked) == 1:  # for the second time, under the lock
+                sending.append(pool.submit(sent_again, plant))
+                wait(sending, timeout=1)
+            return old
+
+        older_than = retention.older_than
+        monkeypatch.setattr(retention, "older_than", old_then_sent)
+        assert retention.retain(plant)["files"] == 1
+        sending[0].result()
+    assert [file.read_bytes() for file in plant.settings.uploads_dir.iterdir()] == [EXPORT]
+
+
+def test_bytes_that_are_being_registered_stay_though_their_file_looks_old(plant, monkeypatch):
+    """Who sends has put the bytes there and is about to register them: retention waits for it, then knows them."""
+    aged(plant, 400)
+    monkeypatch.setattr(retention, "older_than", lambda file, seconds: True)  # a clock that has jumped meanwhile
+    registered = stored_uploads.receive
+    with ThreadPoolExecutor(1) as pool:
+        dropping: list[Future[dict[str, int]]] = []
+
+        def dropped_then_registered(connection, values):
+            dropping.append(pool.submit(retention.retain, plant))
+            wait(dropping, timeout=1)
+            return registered(connection, values)
+
+        monkeypatch.setattr(stored_uploads, "receive", dropped_then_registered)
+        sent_again(plant)
+        assert dropping[0].result()["files"] == 0
+    assert [file.read_bytes() for file in plant.settings.uploads_dir.iterdir()] == [EXPORT]
 
 
 def test_nought_days_keep_for_ever(plant):

@@ -67,7 +67,7 @@ class Receiving:
         if self._file.size == 0:
             raise RequestError("empty_upload", "the upload has no bytes")
         fingerprint = self._file.sync()
-        self._keep(fingerprint)
+        self._file.close()
         values = {
             **self._values,
             "content_key": _content_key(fingerprint, self._values["reading_json"], self._values["filename"]),
@@ -75,6 +75,8 @@ class Receiving:
             "size_bytes": self._file.size,
         }
         with self._backend.database.write() as connection:
+            uploads.lock_bytes(connection, fingerprint)  # retention may be about to drop old bytes of that name
+            self._keep(fingerprint)
             row, created = uploads.receive(connection, values)
             again = uploads.try_again(connection, row.id)
         if created or again:
@@ -82,7 +84,6 @@ class Receiving:
         return Receipt(get_upload(self._backend, str(row.id)), created)
 
     def _keep(self, fingerprint: str) -> None:
-        self._file.close()
         self._draft.rename(path_of(self._backend, fingerprint))
         sync_folder(self._backend.settings.uploads_dir)
 

@@ -13,7 +13,7 @@ from app.services.access import trail
 from app.services.access.identity import SCHEDULE
 from app.services.auditing.nightly import latest_hour
 from app.services.backend import Backend
-from app.storage import retention
+from app.storage import retention, uploads
 from app.storage.types import now
 
 BATCH = 500
@@ -81,13 +81,20 @@ def _drop_files(backend: Backend) -> int:
     oldest = now() - timedelta(days=days) if days else None
     with backend.database.read() as connection:
         kept = retention.fingerprints_to_keep(connection, oldest)
-    dropped = 0
-    for file in backend.settings.uploads_dir.iterdir():
-        mine = file.name in kept or file.name.startswith(".")
-        if not mine and older_than(file, YOUNGEST_FILE_S):
+    unknown = (file for file in backend.settings.uploads_dir.iterdir() if not file.name.startswith("."))
+    return sum(_drop_file(backend, file, oldest) for file in unknown if file.name not in kept)
+
+
+def _drop_file(backend: Backend, file: Path, oldest: datetime | None) -> bool:
+    """Looks and drops under the lock under which the same bytes, sent again, are put in this place and registered."""
+    if not older_than(file, YOUNGEST_FILE_S):
+        return False
+    with backend.database.write() as connection:
+        uploads.lock_bytes(connection, file.name)
+        drops = older_than(file, YOUNGEST_FILE_S) and not retention.must_keep(connection, file.name, oldest)
+        if drops:
             file.unlink(missing_ok=True)
-            dropped += 1
-    return dropped
+    return drops
 
 
 def older_than(file: Path, seconds: float) -> bool:
