@@ -3,12 +3,14 @@
 import base64
 import binascii
 import json
-from datetime import datetime
+import math
+from datetime import UTC, datetime
 from typing import Any
 
 from app.errors import RequestError
 
 LONGEST = 2000
+LARGEST = 2**63 - 1
 
 
 def encode(*values: Any) -> str:
@@ -17,24 +19,46 @@ def encode(*values: Any) -> str:
 
 
 def decode(cursor: str | None, kinds: tuple[type | tuple[type, ...], ...]) -> list[Any] | None:
-    """The values that `encode` was given; None for no cursor. Raises RequestError("bad_cursor") for any other text."""
+    """The values that `encode` was given, each one that a data base can be asked with; None for no cursor.
+
+    Raises RequestError("bad_cursor") for any other text.
+    """
     if cursor is None:
         return None
     try:
         padded = cursor[:LONGEST] + "=" * (-len(cursor) % 4)
         values = [_unmarked(value) for value in json.loads(base64.urlsafe_b64decode(padded.encode("ascii")))]
-    except (binascii.Error, ValueError, TypeError, RecursionError) as error:
-        raise _refused(cursor) from error
+    except (binascii.Error, ValueError, TypeError, OverflowError, RecursionError) as error:
+        raise refused(cursor) from error
     if len(values) != len(kinds) or not all(isinstance(v, k) for v, k in zip(values, kinds, strict=True)):
-        raise _refused(cursor)
+        raise refused(cursor)
+    if not all(map(_plain, values)):
+        raise refused(cursor)
     return values
 
 
 def _unmarked(value: Any) -> Any:
-    return datetime.fromisoformat(value["t"]) if isinstance(value, dict) and set(value) == {"t"} else value
+    if isinstance(value, dict) and set(value) == {"t"}:
+        return datetime.fromisoformat(value["t"]).astimezone(UTC)
+    return value
 
 
-def _refused(cursor: str) -> RequestError:
+def _plain(value: Any) -> bool:
+    """Whether it is a value that both data bases take: no container, no truth value, nothing beyond their ranges."""
+    match value:
+        case bool():
+            return False
+        case int():
+            return abs(value) <= LARGEST
+        case float():
+            return math.isfinite(value)
+        case str():
+            return "\0" not in value and not any("\ud800" <= letter <= "\udfff" for letter in value)
+        case _:
+            return value is None or isinstance(value, datetime)
+
+
+def refused(cursor: str) -> RequestError:
     return RequestError("bad_cursor", f"got the cursor {cursor[:40]!r}; give back `next_cursor` of the page before")
 
 

@@ -14,6 +14,7 @@ from app.services.auditing import audits, chunks
 from app.services.auditing.audit_line import ReliabilityRow
 from app.services.auditing.rows import COLUMNS
 from app.services.backend import Backend
+from app.services.cursors import encode
 from app.services.plant import loops, overview, reliability
 from app.services.plant.reliability import RowFilter
 from app.services.plant.trend import trend
@@ -130,6 +131,38 @@ def test_what_cannot_be_asked_is_refused(plant: Backend) -> None:
     ]:
         with pytest.raises(RequestError):
             reliability.reliability_page(plant, **arguments)
+
+
+@pytest.mark.parametrize(
+    ("sort", "value"),
+    [
+        ("samples", "many"),
+        ("samples", 2**31),
+        ("stiction_probability", {"a": 1}),
+        ("stiction_probability", float("inf")),
+        ("stiction_probability", "x"),
+        ("verdict", True),
+        ("loop", 5),
+        ("loop", "\0"),
+        ("loop", "\ud800"),
+        ("audited_at", 5),
+        ("audited_at", {"t": "0001-01-01T00:00:00+14:00"}),
+        ("nothing", 1.0),
+    ],
+)
+def test_a_cursor_that_the_table_never_gave_is_refused(plant: Backend, sort: str, value: object) -> None:
+    forged = encode(sort, value, "FIC0")
+    for ask in (reliability.reliability_page, reliability.reliability_json, overview.table):
+        with pytest.raises(RequestError) as refused:
+            ask(plant, 2, forged, "loop" if sort == "nothing" else sort)
+        assert refused.value.code == "bad_cursor"
+
+
+@pytest.mark.parametrize("number", [2**63, True, 1.5])
+def test_a_cursor_that_no_list_gave_is_refused(plant: Backend, number: object) -> None:
+    with pytest.raises(RequestError) as refused:
+        loops.verdict_history(plant, "FIC0", cursor=encode(number))
+    assert refused.value.code == "bad_cursor"
 
 
 @pytest.mark.parametrize("sort", ["loop", "-loop", "-stiction_probability", "unit", "audited_at"])

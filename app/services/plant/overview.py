@@ -7,13 +7,12 @@ from typing import Any, Literal
 from app.services.auditing.audits import get_audit
 from app.services.auditing.rows import as_row
 from app.services.backend import Backend
-from app.services.cursors import decode
 from app.services.moments import iso_utc
-from app.services.plant.reliability import checked, following
+from app.services.plant.reliability import checked, following, place_of
 from app.services.results import AuditView, ChangeView, Page, UnitView
 from app.storage import plant, verdicts
 from app.storage.loops import count as count_loops
-from app.storage.verdicts import After, RowFilter
+from app.storage.verdicts import RowFilter
 
 LISTED_CHANGES = 200
 WORST = 12
@@ -88,9 +87,9 @@ def table(
 ) -> Page[dict[str, Any]]:
     """Rows of the reliability table with what a page shows besides: importance and priority."""
     name = checked(limit, sort)
-    after = decode(cursor, (str, object, str))
+    asked = place_of(cursor)
     with backend.database.read() as connection:
-        place = After(after[1], after[2]) if after is not None and after[0] == sort else None
+        place = asked[1] if asked is not None and asked[0] == sort else None
         found = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), place)
     shown = [as_row(row) | {name: row[name] for name in ("importance", "priority", "type")} for row in found[:limit]]
     return Page(shown, following(found, limit, sort))

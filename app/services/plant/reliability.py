@@ -6,11 +6,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from sqlalchemy import ColumnElement
+
 from app.errors import RequestError
 from app.services.auditing.audits import list_audits
 from app.services.auditing.rows import FORM, as_row, compact
 from app.services.backend import Backend
-from app.services.cursors import decode, encode
+from app.services.cursors import decode, encode, refused
 from app.services.results import Page, PlantSummary
 from app.storage import verdicts
 from app.storage.loops import count as count_loops
@@ -20,8 +22,18 @@ MOST_ROWS = 20_000
 OF_LOOP = ("type", "importance", "priority")  # of the loop, not of its verdict
 THE_SAME = {"audited_at_ms": "audited_at", "window_start_ms": "window_start", "window_end_ms": "window_end"}
 ANYTHING: tuple[type, ...] = (object,)
+LARGEST_INTEGER = 2**31 - 1  # of a column of integers on PostgreSQL
 
-__all__ = ["RowFilter", "checked", "following", "plant_summary", "reliability_json", "reliability_page", "sortable"]
+__all__ = [
+    "RowFilter",
+    "checked",
+    "following",
+    "place_of",
+    "plant_summary",
+    "reliability_json",
+    "reliability_page",
+    "sortable",
+]
 
 
 def sortable() -> tuple[str, ...]:
@@ -155,10 +167,30 @@ def _ending(next_cursor: str | None) -> tuple[bytes, ...]:
     return b'],"next_cursor":', compact(next_cursor).encode(), b"}"
 
 
-def _after(cursor: str | None, sort: str) -> After | None:
+def place_of(cursor: str | None) -> tuple[str, After] | None:
+    """The order that a cursor belongs to and the row that it stands behind. Raises RequestError("bad_cursor")."""
     values = decode(cursor, (str, ANYTHING, str))
-    if values is None:
+    if cursor is None or values is None:
         return None
-    if values[0] != sort:
-        raise RequestError("bad_cursor", f"this cursor belongs to sort={values[0]!r}, not to sort={sort!r}")
-    return After(values[1], values[2])
+    sort, value, tag = values
+    name = sort.removeprefix("-")
+    column = SORTABLE.get(THE_SAME.get(name, name))
+    if column is None or not (value is None or _comparable(column, value)):
+        raise refused(cursor)
+    return sort, After(value, tag)
+
+
+def _comparable(column: ColumnElement[Any], value: Any) -> bool:
+    kind = column.type.python_type
+    if isinstance(value, int):
+        return kind is float or (kind is int and abs(value) <= LARGEST_INTEGER)
+    return isinstance(value, kind)
+
+
+def _after(cursor: str | None, sort: str) -> After | None:
+    place = place_of(cursor)
+    if place is None:
+        return None
+    if place[0] != sort:
+        raise RequestError("bad_cursor", f"this cursor belongs to sort={place[0]!r}, not to sort={sort!r}")
+    return place[1]
