@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -64,14 +65,22 @@ class TagMapping:
     def from_bytes(cls, data: bytes) -> "TagMapping":
         """From CSV or JSON with the columns tag, loop, signal[, unit, low, high, loop_type, ...].
 
-        Raises DataError("bad_mapping") where a row has no tag, no loop or no known signal, or where no row is.
+        Raises DataError("bad_mapping") where a row has no tag, no loop or no known signal or has a span that is none,
+        where a tag has two places, or where no row is.
         """
         text = data.decode("utf-8-sig", "replace")
         rows = _json_rows(text) if text.lstrip()[:1] in ("[", "{") else _csv_rows(text)
         mapped = [_mapped(number, row) for number, row in enumerate(rows, start=1)]
         if not mapped:
             raise DataError("bad_mapping", "the mapping names no tag; it needs rows of tag, loop and signal")
-        return cls(MappingProxyType({entry.tag.casefold(): entry for entry in mapped}))
+        entries: dict[str, MappedTag] = {}
+        for entry in mapped:
+            other = entries.setdefault(entry.tag.casefold(), entry)
+            if (other.loop, other.signal) != (entry.loop, entry.signal):
+                places = f"{other.signal} of {other.loop!r} and {entry.signal} of {entry.loop!r}"
+                raise DataError("bad_mapping", f"the mapping has tag {entry.tag!r} in two places: {places}")
+            entries[entry.tag.casefold()] = entry
+        return cls(MappingProxyType(entries))
 
     def find(self, tag: str) -> MappedTag | None:
         return self.entries.get(tag.casefold())
@@ -112,7 +121,18 @@ def _mapped(number: int, row: Mapping[Any, Any]) -> MappedTag:
             "bad_mapping",
             f"row {number} of the mapping has tag {tag!r}, loop {loop!r}, signal {word!r}; it needs {need}",
         )
-    return MappedTag(tag, loop, signal, MappingProxyType(cells))
+    mapped = MappedTag(tag, loop, signal, MappingProxyType(cells))
+    _check_span(number, mapped)
+    return mapped
+
+
+def _check_span(row: int, mapped: MappedTag) -> None:
+    told = {name: text for name in ("low", "high") if (text := mapped.attributes.get(name))}
+    ends = [mapped.number(name) for name in told]
+    known = [end for end in ends if end is not None and math.isfinite(end)]
+    if len(known) < len(told) or (len(known) == 2 and known[0] >= known[1]):
+        said = ", ".join(f"{name} {text!r}" for name, text in told.items())
+        raise DataError("bad_mapping", f"row {row} of the mapping has the span {said}; it needs numbers, rising")
 
 
 def _plain(word: str) -> str:

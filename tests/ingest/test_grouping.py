@@ -55,6 +55,11 @@ def test_mapping_comes_first_and_carries_spans() -> None:
     )
 
 
+def test_a_row_that_stands_twice_in_a_mapping_is_no_fault() -> None:
+    mapping = TagMapping.from_bytes(b"tag,loop,signal,low,high\nT1,F,PV,,\nT1,F,PV,-5,12\n")
+    assert mapping.find("T1").number("low") == -5.0
+
+
 @pytest.mark.parametrize(
     "data",
     [
@@ -66,6 +71,12 @@ def test_mapping_comes_first_and_carries_spans() -> None:
         b"[1]",
         b"{",
         b"[" * 5000,
+        b"tag,loop,signal\nT1,F,PV\nt1,G,PV\n",
+        b"tag,loop,signal\nT1,F,PV\nT1,F,OP\n",
+        b"tag,loop,signal,low,high\nT1,F,PV,100,0\n",
+        b"tag,loop,signal,low,high\nT1,F,PV,none,100\n",
+        b"tag,loop,signal,low,high\nT1,F,PV,0,inf\n",
+        b"tag,loop,signal,low,high\nT1,F,PV,nan,\n",
         b'tag,loop,signal\n"' + b"x" * 140_000 + b'",A,PV\n',
     ],
 )

@@ -167,6 +167,10 @@ def _samples(stretch: LoopSamples) -> Samples:
     return Samples(stretch.time_ns, {**signals, **{f"tag:{tag}": values for tag, values in stretch.others.items()}})
 
 
+OF_LOOP = {"type": "loop_type", "unit": "area", "description": "description"}
+"""What a mapping says of a loop in the rows of its tags: the first row that says it decides."""
+
+
 def _attributes(mapping: TagMapping) -> dict[str, dict[str, Any]]:
     """What a mapping says about loops, by tag: the spans and the unit of their signals, their type and plant unit."""
     found: dict[str, dict[str, Any]] = {}
@@ -177,9 +181,8 @@ def _attributes(mapping: TagMapping) -> dict[str, dict[str, Any]]:
             told[f"{name}_low"], told[f"{name}_high"] = entry.number("low"), entry.number("high")
         if entry.signal == "PV":
             told["pv_unit"] = entry.attributes.get("unit")
-        told.setdefault("type", entry.attributes.get("loop_type"))
-        told.setdefault("unit", entry.attributes.get("area"))
-        told.setdefault("description", entry.attributes.get("description"))
+        for name, column in OF_LOOP.items():
+            told[name] = told.get(name) or entry.attributes.get(column)
     return {
         loop: {name: value for name, value in told.items() if value not in (None, "")} for loop, told in found.items()
     }
