@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from sqlalchemy import ColumnElement, Connection, select
 
-from app.storage.samples import Samples
+from app.storage.samples import Samples, merged, unpack
 from app.storage.tables import loops, series
 
 HOLDING = {"sp": "sp", "automatic": "mode"}
@@ -47,16 +47,22 @@ def led_in(
         for loop_id in unknown:
             read = whole[loop_id]
             inside = _last(read.part(read.time_ns < found[loop_id].time_ns[0]), name)
-            known = [one for one in (older.get(loop_id), inside) if one is not None]
-            if known:
-                found[loop_id] = _beginning(found[loop_id], name, max(known).value)
+            known = {one for one in (older.get(loop_id), inside) if one is not None}
+            if not known:
+                continue
+            last = max(known)
+            torn = min(known).time_ns == last.time_ns and len(known) > 1
+            value = _at(connection, loop_id, name, last.time_ns) if torn else last.value
+            found[loop_id] = _beginning(found[loop_id], name, value)
     return found
 
 
 def _last(samples: Samples, name: str) -> Known | None:
     values = samples.signals.get(name)
-    known = () if values is None else np.flatnonzero(np.isfinite(values))
-    if values is None or not len(known):
+    if values is None:
+        return None
+    known = np.flatnonzero(np.isfinite(values))
+    if not len(known):
         return None
     return Known(int(samples.time_ns[known[-1]]), float(values[known[-1]]))
 
@@ -82,6 +88,14 @@ def _older(
         .where(loops.c.id.in_(ids))
     )
     return {row[0]: Known(row[1], row[2]) for row in connection.execute(query)}
+
+
+def _at(connection: Connection, loop_id: int, name: str, time_ns: int) -> float:
+    """The value at a time for which stretches have different ones: the later stretch holds."""
+    query = select(series.c.packed).where(series.c.loop_id == loop_id)
+    query = query.where(series.c.end_ns >= time_ns, series.c.start_ns <= time_ns).order_by(series.c.id)
+    samples = merged([unpack(row.packed) for row in connection.execute(query)])
+    return float(samples.signals[name][np.searchsorted(samples.time_ns, time_ns)])
 
 
 def _beginning(samples: Samples, name: str, value: float) -> Samples:

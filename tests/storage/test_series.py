@@ -124,6 +124,16 @@ def test_of_two_values_for_one_time_the_later_one_held(database: Database) -> No
     assert first(window(database, "FIC1", hours=0.02), "sp") == 2.0
 
 
+@pytest.mark.parametrize("values", [(50.0, 40.0), (40.0, 50.0)])
+def test_what_held_was_corrected_in_a_stretch_that_is_not_read(database: Database, values: tuple[float, float]) -> None:
+    reaching = steps("sp", (100, values[0]), (3900, 60.0))
+    add(database, "FIC1", reaching, steps("sp", (100, values[1])), ramp(0, 4000))
+    assert first(window(database, "FIC1", hours=0.5), "sp") == values[1]
+    add(database, "FIC2", steps("sp", (100, values[0])))
+    add(database, "FIC2", steps("sp", (100, values[1]), (3900, 60.0)), ramp(0, 4000))
+    assert first(window(database, "FIC2", hours=0.5), "sp") == values[1]
+
+
 @pytest.mark.parametrize("name", ["sp", "automatic"])
 def test_what_still_holds_outlives_retention(database: Database, name: str) -> None:
     add(database, "FIC1", steps(name, (-9000, 0.0)))
