@@ -114,6 +114,28 @@ def test_a_click_in_the_treemap_opens_the_loop(opened: Page):
     expect(opened.locator("#charts")).to_have_attribute("data-drawn", "yes")
 
 
+CONTRAST = """() => {
+  const light = (colour) => {
+    const [red, green, blue] = colour.match(/[0-9.]+/g).slice(0, 3).map((part) => part / 255)
+      .map((part) => (part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4));
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue;
+  };
+  return [...document.querySelectorAll("#treemap .slice")].map((slice) => {
+    const fill = (part) => light(getComputedStyle(slice.querySelector(part)).fill);
+    const [ground, ink] = [fill("path.surface"), fill("text")];
+    return (Math.max(ground, ink) + 0.05) / (Math.min(ground, ink) + 0.05);
+  });
+}"""
+
+
+@pytest.mark.parametrize("health", [0, 19, 21, 45, 60, 80, 100])
+def test_words_in_the_treemap_stand_out(opened: Page, health: int):
+    tiles = {"units": [["A", 1, 1.0, health]], "loops": [["FIC101", "A", 1.0, "stiction", health]]}
+    opened.route("**/plant/tiles*", lambda route: route.fulfill(json=tiles))
+    settled(opened, "/")
+    assert min(opened.evaluate(CONTRAST)) >= 4.5
+
+
 def test_the_treemap_rounds_health_as_the_tables_do(opened: Page):
     settled(opened, "/")
     healths = [0.5, 1.5, 38.49, 38.5, 38.51, 39.5, 99.96, 100.0]

@@ -4,6 +4,7 @@
 const treemap = document.getElementById("treemap");
 const WORDS = { stiction: "valve sticks", no_stiction: "no stiction", inconclusive: "cannot tell", not_auditable: "not auditable" };
 const SCALE = [[0, "#b3261e"], [0.6, "#e0a030"], [0.8, "#9bb84a"], [1, "#2f8f57"]];
+const INK = (health) => (health < 20 ? "#ffffff" : "#000000"); // of the two the one that stands out against the scale there: at least 4.5 to 1
 const LIGHT = 0.001; // so that a loop of no importance can be seen
 const safe = (text) => text.replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll(">", "&gt;");
 const WHOLE = new Intl.NumberFormat("en", { maximumFractionDigits: 0, roundingMode: "halfEven" }); // as the tables round: 38.5 is 38
@@ -11,9 +12,9 @@ const known = (health) => (health === null ? "not known" : WHOLE.format(health))
 const key = (unit) => `u:${unit ?? ""}`;
 
 function nodes(units, loops) {
-  const found = { ids: [], labels: [], parents: [], values: [], colours: [], texts: [] };
+  const found = { ids: [], labels: [], parents: [], values: [], colours: [], inks: [], texts: [] };
   const add = (id, label, parent, value, health, text) => {
-    found.ids.push(id); found.labels.push(safe(label)); found.parents.push(parent); found.values.push(value); found.colours.push(health ?? 50); found.texts.push(text);
+    found.ids.push(id); found.labels.push(safe(label)); found.parents.push(parent); found.values.push(value); found.colours.push(health ?? 50); found.inks.push(INK(health ?? 50)); found.texts.push(text);
   };
   const rest = new Map(units.map(([name, count, importance]) => [key(name), { count, weight: Math.max(importance, LIGHT * count), share: 0, shown: 0 }]));
   for (const [tag, unit, importance, verdict, health] of loops) {
@@ -40,7 +41,7 @@ function traceOf(units, loops, level) {
   const found = nodes(units, loops);
   return {
     type: "treemap", ids: found.ids, labels: found.labels, parents: found.parents, values: found.values, text: found.texts, level,
-    branchvalues: "total", maxdepth: units.length > 12 ? 2 : 3, hovertemplate: "%{label}<br>%{text}<extra></extra>", textinfo: "label+text",
+    branchvalues: "total", maxdepth: units.length > 12 ? 2 : 3, hovertemplate: "%{label}<br>%{text}<extra></extra>", textinfo: "label+text", textfont: { color: found.inks },
     marker: { colors: found.colours, colorscale: SCALE, cmin: 0, cmax: 100, showscale: true, colorbar: { title: { text: "health" }, thickness: 12 }, line: { width: 1, color: paint("--paper") } },
     tiling: { pad: 2 }, pathbar: { visible: true },
   };
