@@ -1,5 +1,6 @@
 """The web application: API and pages on one backend."""
 
+import asyncio
 import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -52,6 +53,7 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.backend = await run_in_threadpool(Backend.open, settings)
         app.state.access = Authenticator(app.state.backend)
+        app.state.mapping_places = asyncio.Semaphore(uploads.MAPPINGS_AT_ONCE)
         yield
         await run_in_threadpool(app.state.backend.close)
 

@@ -6,16 +6,18 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
-from starlette.datastructures import FormData, UploadFile
+from starlette.datastructures import UploadFile
 
 from app.api.backend import Cursor, Identifier, Limit, Services, caller
 from app.api.models import UploadOut, UploadPage
 from app.api.problems import responses
+from app.api.spooling import spooled
 from app.errors import RequestError
 from app.services.intake import uploads as service
 
 BLOCK_BYTES = 1 << 20
-LARGEST_MAPPING = 16 << 20
+LARGEST_MAPPING = 16 << 20  # 14,000 loops of four tags each: 5 MiB as CSV with every column, 11 MiB as JSON
+MAPPINGS_AT_ONCE = 2  # taken apart, a mapping has up to twenty times its size
 NAMELESS = "upload.csv"
 MULTIPART = "multipart/form-data"
 BINARY = {"schema": {"type": "string", "format": "binary"}}
@@ -102,24 +104,27 @@ async def store(request: Request, backend: Services, filename: str | None, time_
     if not content_type.lower().startswith(MULTIPART):
         described = Description(filename or NAMELESS, content_type, service.ReadingOptions(time_zone))
         return await received(backend, described, request.stream())
-    async with request.form(max_files=2, max_fields=10) as form:
-        part = form.get("file")
+    async with spooled(request, backend.settings.uploads_dir, max_files=2, max_fields=10) as form:
+        part, mapping = form.get("file"), form.get("mapping")
         if not isinstance(part, UploadFile):
             raise RequestError("no_file", "the multipart form has no part `file` with a file in it")
-        reading = service.ReadingOptions(time_zone, await mapping_of(form))
-        described = Description(filename or part.filename or NAMELESS, part.content_type, reading)
-        return await received(backend, described, blocks(part))
+        name = filename or part.filename or NAMELESS
+        if not mapping:
+            plain = Description(name, part.content_type, service.ReadingOptions(time_zone))
+            return await received(backend, plain, blocks(part))
+        async with request.app.state.mapping_places:
+            reading = service.ReadingOptions(time_zone, await mapping_of(mapping))
+            return await received(backend, Description(name, part.content_type, reading), blocks(part))
 
 
-async def mapping_of(form: FormData) -> bytes | None:
-    part = form.get("mapping")
+async def mapping_of(part: UploadFile | str) -> bytes:
     if isinstance(part, UploadFile):
         mapping = await part.read(LARGEST_MAPPING + 1)
         if len(mapping) > LARGEST_MAPPING:
             text = f"a mapping may have at most {LARGEST_MAPPING} bytes; send the export in parts, each with its own"
             raise RequestError("mapping_too_large", text)
         return mapping
-    return part.encode() if part else None
+    return part.encode()
 
 
 async def blocks(part: UploadFile) -> AsyncIterator[bytes]:

@@ -3,6 +3,7 @@
 from typing import Annotated
 
 from fastapi import APIRouter, Form, Request
+from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import HTMLResponse
 from starlette.responses import RedirectResponse
 
@@ -35,11 +36,13 @@ def upload(backend: Services, upload_id: Identifier) -> HTMLResponse:
 
 
 @router.post("/uploads/{upload_id}/mapping")
-def read_again(
+async def read_again(
+    request: Request,
     backend: Services,
     caller: Caller,
     upload_id: Identifier,
     mapping: Annotated[str, Form(max_length=LONGEST_MAPPING)],
 ) -> RedirectResponse:
-    receipt = service.read_again(backend, upload_id, mapping.encode(), caller.who)
+    async with request.app.state.mapping_places:
+        receipt = await run_in_threadpool(service.read_again, backend, upload_id, mapping.encode(), caller.who)
     return RedirectResponse(f"/uploads/{receipt.upload.id}", 303)

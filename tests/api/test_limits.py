@@ -3,8 +3,10 @@
 import asyncio
 import errno
 import socket
+import tempfile
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -127,6 +129,40 @@ def test_a_long_mapping_is_looked_at_away_from_the_event_loop(client, monkeypatc
     files = {"file": ("a.csv", b"time,T1\n0,1\n"), "mapping": ("m.csv", b"tag,loop,signal\nT1,FIC1,PV\n")}
     assert client.post("/v1/uploads", files=files).status_code == 202
     assert seen == ["in a thread of its own"]
+
+
+def test_files_of_forms_are_spooled_where_the_disk_is_watched(client, settings, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", "/proc/no-folder-of-temporary-files")
+    export = b"time,FIC1.PV,FIC1.OP\n" + b"0,1,2\n" * 400_000  # more than is kept in memory
+    answer = client.post("/v1/uploads", files={"file": ("a.csv", export)})
+    assert (answer.status_code, answer.json()["size_bytes"]) == (202, len(export))
+    assert len(list(settings.uploads_dir.iterdir())) == 1  # and nothing is left of what was spooled
+
+
+def test_few_mappings_are_held_in_memory_at_a_time(serve, tmp_path, monkeypatch):
+    inside, most, lock, receive = set(), [], threading.Lock(), uploads.service.receive
+
+    def counted(*arguments, **named):
+        with lock:
+            inside.add(named["filename"])
+            most.append(len(inside))
+        time.sleep(0.1)
+        with lock:
+            inside.remove(named["filename"])
+        return receive(*arguments, **named)
+
+    monkeypatch.setattr(uploads.service, "receive", counted)
+    made = Settings(data_dir=tmp_path)
+    migrate(made)
+
+    def send(number: int) -> int:
+        mapping = ("m.csv", b"tag,loop,signal\nT1,FIC1,PV\n")
+        files = {"file": (f"{number}.csv", b"time,T1\n0,1\n"), "mapping": mapping}
+        return client.post("/v1/uploads", files=files).status_code
+
+    with serve(create_app(made)) as client, ThreadPoolExecutor(8) as pool:
+        assert set(pool.map(send, range(8))) == {202}
+    assert max(most) == uploads.MAPPINGS_AT_ONCE
 
 
 def test_a_mapping_that_is_too_large_is_refused_and_not_cut(client, settings, monkeypatch):
