@@ -15,7 +15,9 @@ from app.services.auditing import audits as service
 
 LOOK_S = 0.5
 HEARTBEAT_EVERY = 20
-EVENT_STREAM = {200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}}}
+EVENT_STREAM: dict[int | str, dict[str, Any]] = {
+    200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}}
+}
 
 router = APIRouter(tags=["audits"])
 

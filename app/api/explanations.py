@@ -15,7 +15,7 @@ from app.services.explaining import explanations as service
 from app.services.explaining import traces as explanation_traces
 from app.services.explaining.simulations import GivenSimulation, GivenTrace
 
-CSV = {200: {"content": {"text/csv": {"schema": {"type": "string"}}}}}
+CSV: dict[int | str, dict[str, Any]] = {200: {"content": {"text/csv": {"schema": {"type": "string"}}}}}
 
 router = APIRouter(tags=["explanations"])
 

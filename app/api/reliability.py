@@ -96,7 +96,12 @@ def reliability(
     Both have an ETag, which stays the same until a verdict or a loop changes.
     """
     columns = query.wanted_columns()
-    wanted = {"limit": query.limit, "cursor": query.cursor, "sort": query.sort, "filters": query.filters()}
+    wanted: dict[str, Any] = {
+        "limit": query.limit,
+        "cursor": query.cursor,
+        "sort": query.sort,
+        "filters": query.filters(),
+    }
     if query.format is Format.csv:
         page = service.reliability_page(backend, **wanted, of_loop=True)
         headers = {
