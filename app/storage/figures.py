@@ -1,34 +1,46 @@
 """Numbers for monitoring, from SQL: they are right however many processes there are."""
 
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 
-from sqlalchemy import Connection, and_, func, select
+from sqlalchemy import ColumnElement, Connection, and_, func, select
 
 from app.storage.tables import audit_items, audits, explanations, keys, loops, uploads, verdicts
 from app.storage.types import now
+
+DAY = timedelta(days=1)
+
+
+@dataclass(frozen=True)
+class EndedRun:
+    """How long a run took, and when it ended, in seconds since 1970."""
+
+    id: int
+    took_s: float
+    ended_s: float
 
 
 @dataclass(frozen=True)
 class Figures:
     """items: loops of unfinished runs by state. verdicts: loops by their newest verdict. failures: failed loops of the
-    newest ended run by code. oldest_open_s: age of the oldest run that is not ended, in seconds (0: none).
-    audit_seconds: mean time of an audit over the newest verdicts. oldest_unread_s: age of the oldest upload that is
-    still to be read. uploads_bytes: of all uploads as they came. last_run_seconds: how long the newest ended run took,
-    and last_run_ended_s when it ended, in seconds since 1970."""
+    newest night that ended, by code; failures_day: of all runs that ended within 24 h. oldest_open_s: age of the oldest
+    run that is not ended, in seconds (0: none). audit_seconds: mean time of an audit over the newest verdicts.
+    oldest_unread_s: age of the oldest upload that is still to be read. uploads_bytes: of all uploads as they came.
+    last_run: the newest that ended, of any kind; last_night: the newest nightly one."""
 
     loops: int
     uploads: dict[str, int]
     items: dict[str, int]
     verdicts: dict[str, int]
     failures: dict[str, int]
+    failures_day: dict[str, int]
     oldest_open_s: float
     audit_seconds: float | None
     oldest_unread_s: float
     uploads_bytes: int
     explanations: dict[str, int]
-    last_run_seconds: float | None
-    last_run_ended_s: float | None
+    last_run: EndedRun | None
+    last_night: EndedRun | None
     active_keys: int
 
 
@@ -37,13 +49,11 @@ def collect(connection: Connection) -> Figures:
     newest = loops.join(
         verdicts, and_(verdicts.c.loop_id == loops.c.id, verdicts.c.audit_id == loops.c.newest_audit_id)
     )
-    last_run = select(func.max(audits.c.id)).where(audits.c.ended_at.is_not(None)).scalar_subquery()
+    night = _newest_ended(connection, audits.c.nightly_for.is_not(None))
+    today = audits.c.ended_at >= now() - DAY
     unread = connection.scalar(
         select(func.min(uploads.c.received_at)).where(uploads.c.state.in_(("received", "reading")))
     )
-    ended = connection.execute(
-        select(audits.c.created_at, audits.c.ended_at).where(audits.c.id == last_run)
-    ).one_or_none()
     oldest = connection.scalar(select(func.min(audits.c.created_at)).where(audits.c.id.in_(unfinished)))
     return Figures(
         loops=connection.scalar(select(func.count()).select_from(loops)) or 0,
@@ -57,21 +67,31 @@ def collect(connection: Connection) -> Figures:
         verdicts=_counts(
             connection, select(verdicts.c.verdict, func.count()).select_from(newest).group_by(verdicts.c.verdict)
         ),
-        failures=_counts(
-            connection,
-            select(audit_items.c.code, func.count())
-            .where(audit_items.c.audit_id == last_run, audit_items.c.state == "failed")
-            .group_by(audit_items.c.code),
-        ),
+        failures=_failures(connection, audits.c.id == (night.id if night else None)),
+        failures_day=_failures(connection, today),
         oldest_open_s=_age_s(oldest),
         oldest_unread_s=_age_s(unread),
         uploads_bytes=int(connection.scalar(select(func.sum(uploads.c.size_bytes))) or 0),
         explanations=_counts(connection, select(explanations.c.state, func.count()).group_by(explanations.c.state)),
-        last_run_seconds=None if ended is None else (ended[1] - ended[0]).total_seconds(),
-        last_run_ended_s=None if ended is None else ended[1].timestamp(),
+        last_run=_newest_ended(connection),
+        last_night=night,
         active_keys=_active_keys(connection),
         audit_seconds=connection.scalar(select(func.avg(verdicts.c.elapsed_s)).select_from(newest)),
     )
+
+
+def _newest_ended(connection: Connection, *such: ColumnElement[bool]) -> EndedRun | None:
+    query = select(audits.c.id, audits.c.created_at, audits.c.ended_at).where(audits.c.ended_at.is_not(None), *such)
+    found = connection.execute(query.order_by(audits.c.id.desc()).limit(1)).one_or_none()
+    if found is None:
+        return None
+    run_id, created_at, ended_at = found
+    return EndedRun(run_id, (ended_at - created_at).total_seconds(), ended_at.timestamp())
+
+
+def _failures(connection: Connection, of_runs: ColumnElement[bool]) -> dict[str, int]:
+    failed = select(audit_items.c.code, func.count()).join(audits, audits.c.id == audit_items.c.audit_id)
+    return _counts(connection, failed.where(of_runs, audit_items.c.state == "failed").group_by(audit_items.c.code))
 
 
 def _age_s(moment: datetime | None) -> float:

@@ -1,6 +1,6 @@
 """Metrics are counted in the data base, so that they hold for every process together."""
 
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, date, datetime, timedelta
 
 import pytest
 from sqlalchemy import update
@@ -9,9 +9,11 @@ from app.api.operations import exposition
 from app.services.access import keys
 from app.services.access.identity import Role
 from app.services.auditing.audits import start_audit
+from app.services.auditing.nightly import nightly
 from app.services.intake import uploads
 from app.services.upkeep.metrics import Metric, Sample, metrics
 from app.storage import tables
+from app.storage.audits import LoopFilter
 
 
 def told(backend) -> dict[tuple[str, str], float]:
@@ -57,7 +59,38 @@ def test_a_run_that_ended_tells_how_long_it_took_and_what_failed(backend, add_lo
     found = told(backend)
     assert found["last_run_duration_seconds", ""] == 420
     assert found["last_run_ended_timestamp_seconds", ""] == (began + timedelta(minutes=7)).timestamp()
-    assert found["failed_items", "time_limit"] == 1
+    assert ("last_night_duration_seconds", "") not in found
+
+
+def test_a_run_over_one_loop_hides_neither_the_failures_of_the_night_nor_a_night_that_is_missing(backend, add_loops):
+    add_loops("FIC1", "FIC2", "FIC3")
+    nightly(backend, date(2026, 1, 1))
+    other = start_audit(backend, LoopFilter(tags=("FIC3",)))
+    ended = datetime.now(UTC) - timedelta(hours=7)
+    with backend.database.write() as connection:
+        connection.execute(update(tables.audits).values(created_at=ended, ended_at=ended, state="partial"))
+        of_other = tables.audits.c.id == int(other.id)
+        connection.execute(update(tables.audits).where(of_other).values(ended_at=ended + timedelta(hours=6)))
+        connection.execute(update(tables.audit_items).values(state="failed", code="time_limit"))
+        of_other = tables.audit_items.c.audit_id == int(other.id)
+        connection.execute(update(tables.audit_items).where(of_other).values(code="memory"))
+    found = told(backend)
+    assert found["failed_items", "time_limit"] == 3
+    assert ("failed_items", "memory") not in found
+    assert (found["failed_items_last_day", "time_limit"], found["failed_items_last_day", "memory"]) == (3, 1)
+    assert found["last_night_ended_timestamp_seconds", ""] == pytest.approx(ended.timestamp(), abs=1e-3)
+    assert found["last_night_duration_seconds", ""] == 0
+    assert found["last_run_duration_seconds", ""] == 6 * 3600
+
+
+def test_failures_of_days_ago_are_not_told_as_today_s(backend, add_loops):
+    add_loops("FIC1")
+    start_audit(backend)
+    ended = datetime.now(UTC) - timedelta(hours=25)
+    with backend.database.write() as connection:
+        connection.execute(update(tables.audits).values(created_at=ended, ended_at=ended, state="partial"))
+        connection.execute(update(tables.audit_items).values(state="failed", code="time_limit"))
+    assert ("failed_items_last_day", "time_limit") not in told(backend)
 
 
 def test_prometheus_is_told_all_digits():

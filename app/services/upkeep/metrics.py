@@ -1,11 +1,11 @@
 """What Prometheus is told: collected from the data base, so that every worker is counted."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
 from app.services.backend import Backend
-from app.storage.figures import Figures, collect
+from app.storage.figures import EndedRun, Figures, collect
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,14 @@ def metrics(backend: Backend) -> tuple[Metric, ...]:
         _gauge("loopaudit_uploads", "Uploads by state.", _by("state", found.uploads)),
         _gauge("loopaudit_open_run_items", "Loops in runs that have not ended, by state.", _by("state", found.items)),
         _gauge(
-            "loopaudit_failed_items", "Loops that failed in the newest ended run, by code.", _by("code", found.failures)
+            "loopaudit_failed_items",
+            "Loops that failed in the newest nightly run that ended, by code.",
+            _by("code", found.failures),
+        ),
+        _gauge(
+            "loopaudit_failed_items_last_day",
+            "Loops that failed in all runs that ended within the last 24 hours, by code.",
+            _by("code", found.failures_day),
         ),
         _gauge("loopaudit_verdicts", "Loops by their newest verdict.", _by("verdict", found.verdicts)),
         _gauge(
@@ -58,14 +65,8 @@ def metrics(backend: Backend) -> tuple[Metric, ...]:
             (Sample(found.uploads_bytes),),
         ),
         _gauge("loopaudit_explanations", "Explanations by state.", _by("state", found.explanations)),
-        _gauge(
-            "loopaudit_last_run_duration_seconds", "How long the newest ended run took.", _one(found.last_run_seconds)
-        ),
-        _gauge(
-            "loopaudit_last_run_ended_timestamp_seconds",
-            "When the newest ended run ended.",
-            _one(found.last_run_ended_s),
-        ),
+        *_ended("run", "the newest ended run of any kind", found.last_run),
+        *_ended("night", "the newest ended nightly run", found.last_night),
         _gauge("loopaudit_active_keys", "Keys that are neither revoked nor expired.", (Sample(found.active_keys),)),
     )
 
@@ -76,6 +77,12 @@ def standstill_s(backend: Backend) -> float:
         found = collect(connection)
     waiting = found.items.get("open") and not found.items.get("claimed")
     return found.oldest_open_s if waiting else 0.0
+
+
+def _ended(name: str, words: str, run: EndedRun | None) -> Iterator[Metric]:
+    took, ended = (None, None) if run is None else (run.took_s, run.ended_s)
+    yield _gauge(f"loopaudit_last_{name}_duration_seconds", f"How long {words} took.", _one(took))
+    yield _gauge(f"loopaudit_last_{name}_ended_timestamp_seconds", f"When {words} ended.", _one(ended))
 
 
 def _gauge(name: str, help_: str, samples: Iterable[Sample]) -> Metric:
