@@ -1,4 +1,4 @@
-FROM python:3.11-slim AS build
+FROM python:3.11-slim-trixie AS build
 WORKDIR /src
 RUN python -m venv /opt/loopaudit
 ENV PATH=/opt/loopaudit/bin:$PATH
@@ -10,7 +10,9 @@ COPY workers workers
 COPY migrations migrations
 RUN pip install --no-cache-dir --no-deps --no-build-isolation .
 
-FROM python:3.11-slim
+FROM python:3.11-slim-trixie
+# pg_dump and pg_restore of the server's version (docker-compose.yml), which `loopaudit backup` and `restore` call.
+RUN apt-get update && apt-get install --yes --no-install-recommends postgresql-client-17 && rm -rf /var/lib/apt/lists/*
 RUN useradd --system --uid 10001 --home-dir /var/lib/loopaudit --create-home loopaudit
 COPY --from=build /opt/loopaudit /opt/loopaudit
 # Compiled kernels are kept where the user may write; one thread a process, the processes are what scales.
