@@ -99,6 +99,10 @@ def loops_of(connection: Connection, upload_id: int) -> list[str]:
     return list(connection.scalars(query.where(upload_loops.c.upload_id == upload_id).order_by(loops.c.tag)))
 
 
+def unread_fingerprints(connection: Connection) -> set[str]:
+    return set(connection.scalars(select(uploads.c.fingerprint).where(uploads.c.state.in_(UNREAD))))
+
+
 def lock_bytes(connection: Connection, fingerprint: str) -> None:
     """Whoever registers or drops these bytes waits for whoever does so now, until the transaction ends. On SQLite every
     transaction that writes waits already."""

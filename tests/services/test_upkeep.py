@@ -299,6 +299,15 @@ def test_a_backup_that_was_changed_is_refused(plant, tmp_path):
         backups.restore(plant.settings, tmp_path, force=True)
 
 
+def test_what_is_not_of_a_backup_is_not_restored_with_it(plant, tmp_path):
+    folder = tmp_path / "kept"
+    backups.backup(plant.settings, folder)
+    (folder / "uploads" / ("0" * 64)).write_bytes(b"of somebody else")
+    with pytest.raises(RequestError, match="not of this backup, take it away: uploads/000"):
+        backups.restore(plant.settings, folder, force=True)
+    assert not (plant.settings.uploads_dir / ("0" * 64)).exists()
+
+
 def test_a_backup_of_an_older_version_comes_back_after_an_upgrade(plant, tmp_path):
     before = contents(plant)
     schema.downgrade(plant.database, "0006")
@@ -397,6 +406,44 @@ def test_each_thing_that_is_wrong_is_named_with_advice(plant):
         "broker": "problem",
     }
     assert all(check.advice for check in checks if check.state != "ok")
+
+
+def of(name: str, settings: Settings) -> doctor.Check:
+    return next(check for check in doctor.examine(settings) if check.name == name)
+
+
+def test_exports_that_are_gone_are_found(plant):
+    assert of("exports", plant.settings).state == "ok"
+    for file in plant.settings.uploads_dir.iterdir():
+        file.unlink()
+    assert of("exports", plant.settings).state == "warning"
+    aged(plant, plant.settings.keep_uploads_days + 1)
+    assert of("exports", plant.settings).state == "ok"
+    with uploads.receive(plant, filename="waiting.csv") as receiving:
+        receiving.write(EXPORT + b"2026-01-02T00:00:00Z,1,2,3\n")
+        fingerprint = receiving.commit().upload.fingerprint
+    (plant.settings.uploads_dir / fingerprint).unlink()
+    check = of("exports", plant.settings)
+    assert check.state == "problem"
+    assert fingerprint[:12] in check.found
+
+
+@pytest.mark.parametrize(
+    ("url", "state"), [("", "ok"), ("redis://127.0.0.1:1/0", "warning"), ("no-storage://127.0.0.1", "problem")]
+)
+def test_who_counts_the_limits_of_keys_is_looked_at(tmp_path, url, state):
+    settings = Settings(data_dir=tmp_path, rate_limit_url=url)
+    migrate(settings)
+    check = of("rate limits", settings)
+    assert check.state == state
+    assert bool(check.advice) == (state != "ok")
+
+
+@pytest.mark.redis
+def test_limits_that_are_counted_together_are_well(tmp_path, redis_url):
+    settings = Settings(data_dir=tmp_path, rate_limit_url=redis_url)
+    migrate(settings)
+    assert of("rate limits", settings).state == "ok"
 
 
 def test_a_data_base_of_an_older_version_is_a_problem(plant):

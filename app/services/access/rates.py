@@ -6,6 +6,7 @@ import time
 from typing import TYPE_CHECKING
 
 from limits import RateLimitItem, RateLimitItemPerMinute
+from limits.errors import ConfigurationError
 from limits.storage import MemoryStorage, storage_from_string
 from limits.strategies import SlidingWindowCounterRateLimiter
 
@@ -56,6 +57,14 @@ class Rates:
 
     def _limiter(self) -> SlidingWindowCounterRateLimiter:
         return self._own if time.monotonic() < self._away_until_s else self._shared
+
+
+def shared_answers(settings: Settings) -> bool:
+    """Whether the Redis of `rate_limit_url` can be asked. Raises ValueError where that is no such address."""
+    try:
+        return _storage(settings.rate_limit_url).check()
+    except ConfigurationError as error:
+        raise ValueError("it is no address of a Redis") from error
 
 
 def _storage(url: str) -> "Storage":

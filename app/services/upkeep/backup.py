@@ -64,8 +64,8 @@ def backup(settings: Settings, folder: Path) -> BackupReport:
 def restore(settings: Settings, folder: Path, *, force: bool = False) -> BackupReport:
     """Brings a backup back, then to this version's tables. The service must be stopped.
 
-    Raises RequestError where a file of the backup is missing or changed, where it is of the other kind of data base or
-    of a newer version, or, unless `force`, where there are loops, uploads or keys already.
+    Raises RequestError where a file is missing, changed or not of the backup, where it is of the other kind of data
+    base or of a newer version, or, unless `force`, where there are loops, uploads or keys already.
     """
     told = _checked_manifest(folder)
     database = Database(settings.resolved_database_url)
@@ -159,7 +159,7 @@ def _write(path: Path, text: str) -> None:
 
 
 def _files(folder: Path) -> Iterator[Path]:
-    return (path for path in sorted(folder.rglob("*")) if path.is_file() and path.name != MANIFEST)
+    return (path for path in sorted(folder.rglob("*")) if path.is_file() and path != folder / MANIFEST)
 
 
 def _digest(path: Path) -> str:
@@ -175,6 +175,9 @@ def _checked_manifest(folder: Path) -> dict[str, Any]:
     wrong = [name for name, digest in told["files"].items() if not _same(folder / name, digest)]
     if wrong:
         raise RequestError("backup_broken", f"missing or changed since the backup was made: {', '.join(wrong[:5])}")
+    added = sorted({path.relative_to(folder).as_posix() for path in _files(folder)} - told["files"].keys())
+    if added:
+        raise RequestError("backup_broken", f"not of this backup, take it away: {', '.join(added[:5])}")
     return told
 
 

@@ -15,12 +15,14 @@ from sqlalchemy import select
 from sqlalchemy.exc import DatabaseError, SQLAlchemyError
 
 from app.services.access import keys
+from app.services.access.rates import shared_answers
 from app.services.backend import Backend
 from app.services.digests import deliveries
 from app.services.upkeep.metrics import standstill_s
 from app.services.upkeep.operations import LEAST_FREE_BYTES
+from app.services.upkeep.retention import oldest_export
 from app.settings import Settings
-from app.storage import figures, schema
+from app.storage import figures, retention, schema, uploads
 from app.storage.database import WAL_SAFE_FROM
 from app.storage.types import clock_s
 
@@ -53,7 +55,7 @@ def examine(settings: Settings) -> list[Check]:
         checks.append(reachable(backend))
         if checks[-1].state != "problem":
             checks += [_guarded(name, check, backend) for name, check in OF_THE_DATABASE]
-        checks.append(broker(backend))
+        checks += [broker(backend), rate_limits(settings)]
     finally:
         backend.close()
     return checks
@@ -206,6 +208,34 @@ def broker(backend: Backend) -> Check:
     return Check("broker", "problem", "does not answer", advice)
 
 
+def exports(backend: Backend) -> Check:
+    """Rows first, then files: one that is sent meanwhile has its file before its row."""
+    with backend.database.read() as connection:
+        unread = uploads.unread_fingerprints(connection)
+        needed = retention.fingerprints_to_keep(connection, oldest_export(backend.settings))
+    there = {file.name for file in backend.settings.uploads_dir.iterdir()}
+    advice = "look whether all processes have the same data folder; restore a backup, or send the exports again"
+    if lost := unread - there:
+        found = f"{len(lost)} exports that are still to be read are gone, such as {min(lost)[:12]}"
+        return Check("exports", "problem", found, advice)
+    if gone := needed - there:
+        return Check("exports", "warning", f"{len(gone)} exports that were read are gone before their time", advice)
+    return Check("exports", "ok", f"{len(needed)} of {len(needed)} are there")
+
+
+def rate_limits(settings: Settings) -> Check:
+    if not settings.rate_limit_url:
+        return Check("rate limits", "ok", "each API process counts alone")
+    advice = "start that Redis, or correct LOOPAUDIT_RATE_LIMIT_URL; until then each API process counts alone"
+    try:
+        answers = shared_answers(settings)
+    except ValueError as error:
+        return Check("rate limits", "problem", f"LOOPAUDIT_RATE_LIMIT_URL: {error}", "redis://host:port/number")
+    if not answers:
+        return Check("rate limits", "warning", "the Redis that counts for all processes does not answer", advice)
+    return Check("rate limits", "ok", "counted together")
+
+
 def digests(backend: Backend) -> Check:
     receivers = backend.settings.digest_receivers
     if not receivers:
@@ -232,6 +262,7 @@ OF_THE_DATABASE: tuple[tuple[str, Callable[[Backend], Check]], ...] = (
     ("clock", clock),
     ("workers", workers),
     ("open work", oldest_work),
+    ("exports", exports),
     ("keys", keys_of_the_plant),
     ("digest", digests),
 )

@@ -13,6 +13,7 @@ from app.services.access import trail
 from app.services.access.identity import SCHEDULE
 from app.services.auditing.nightly import latest_hour
 from app.services.backend import Backend
+from app.settings import Settings
 from app.storage import retention, uploads
 from app.storage.types import now
 
@@ -77,12 +78,17 @@ def _drops(backend: Backend, batch: int) -> Iterator[tuple[str, Drop]]:
 
 def _drop_files(backend: Backend) -> int:
     """Bytes of uploads that were read long ago, and bytes that no upload knows; what was found in them stays."""
-    days = backend.settings.keep_uploads_days
-    oldest = now() - timedelta(days=days) if days else None
+    oldest = oldest_export(backend.settings)
     with backend.database.read() as connection:
         kept = retention.fingerprints_to_keep(connection, oldest)
     unknown = (file for file in backend.settings.uploads_dir.iterdir() if not file.name.startswith("."))
     return sum(_drop_file(backend, file, oldest) for file in unknown if file.name not in kept)
+
+
+def oldest_export(settings: Settings) -> datetime | None:
+    """Exports that were received since are kept, whatever their state; None: all are."""
+    days = settings.keep_uploads_days
+    return now() - timedelta(days=days) if days else None
 
 
 def _drop_file(backend: Backend, file: Path, oldest: datetime | None) -> bool:
