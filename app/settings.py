@@ -69,6 +69,11 @@ class Settings(BaseSettings):
 
     window_h: float = Field(168.0, gt=0, description="An audit takes at most the newest hours of a loop's samples.")
     window_samples: int = Field(30_000, ge=100, description="An audit takes at most the newest samples of a loop.")
+    hold_days: float = Field(
+        35.0,
+        ge=0,
+        description="A set point or mode stated before a window holds in it, unless that was more days before.",
+    )
     chunk_loops: int = Field(32, ge=1, le=1000, description="Loops that a worker claims at a time.")
     chunk_budget_s: float = Field(10.0, gt=0, description="A task goes on claiming for this time, in seconds.")
     fan_out: int = Field(32, ge=1, description="Messages that wake workers for a run, at most, at a time.")

@@ -146,6 +146,10 @@ class TrendOut(Read):
     pv: list[float | None] = Field(description="Process output, in the unit of PV.")
     op: list[float | None] = Field(description="Controller output, in the unit of OP.")
     sp: list[float | None] | None = Field(description="Set point, in the unit of PV; null where it is not recorded.")
+    sp_held_since: str | None = Field(
+        description="When the set point at the first time was stated, where that was before it; else null."
+    )
+    mode_held_since: str | None = Field(description="The same of the mode.")
 
 
 class AuditIn(BaseModel):

@@ -105,7 +105,9 @@ class AuditView:
 
 @dataclass(frozen=True)
 class TrendView:
-    """A loop's series for a screen: of each stretch its least and greatest value. NaN became None."""
+    """A loop's series for a screen: of each stretch its least and greatest value. NaN became None.
+
+    sp_held_since, mode_held_since: when what holds at the first sample was stated, where that was before it."""
 
     tag: str
     samples: int
@@ -114,6 +116,8 @@ class TrendView:
     op: list[float | None]
     sp: list[float | None] | None
     time_ms: list[int] = field(default_factory=list)
+    sp_held_since: str | None = None
+    mode_held_since: str | None = None
 
 
 @dataclass(frozen=True)

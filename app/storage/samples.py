@@ -5,7 +5,7 @@ import json
 import struct
 import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -31,11 +31,12 @@ class Samples:
 
     time_ns: (n,) increasing, ns since 1970 UTC. signals: (n,) each, NaN where missing; by name: "pv", "op", "sp",
     "automatic" (1, 0, NaN), further signals by their tag. Neither is changed once its fingerprint or its packed bytes
-    were asked for: they are made once.
+    were asked for: they are made once. held_ns: of signals whose first value here was stated before, when; not packed.
     """
 
     time_ns: TimeArray
     signals: Mapping[str, FloatArray]
+    held_ns: Mapping[str, int] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.time_ns)

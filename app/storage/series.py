@@ -1,5 +1,6 @@
 """Stretches of samples: written so that sending again changes nothing, read for many loops at once."""
 
+import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -44,10 +45,13 @@ def add(connection: Connection, stretches: Sequence[Stretch], upload_id: int | N
     return Added(len(rows), sum(row["samples"] for row in rows))
 
 
-def windows(connection: Connection, loop_ids: Iterable[int], window_h: float, most_samples: int) -> dict[int, Samples]:
+def windows(
+    connection: Connection, loop_ids: Iterable[int], window_h: float, most_samples: int, hold_days: float = math.inf
+) -> dict[int, Samples]:
     """The newest samples of each loop, at most `window_h` hours back from its newest one and `most_samples` of them.
 
-    A set point and a mode that were known before are given to the first sample. A loop without samples is left out.
+    A set point and a mode that were stated up to `hold_days` before are given to the first sample. A loop without
+    samples is left out.
     """
     since = loops.c.newest_ns - int(window_h * NS_PER_H)
     query = (
@@ -63,13 +67,15 @@ def windows(connection: Connection, loop_ids: Iterable[int], window_h: float, mo
         since_ns[row.loop_id] = row.since_ns
     whole = {loop_id: merged(parts) for loop_id, parts in found.items()}
     cut = {loop_id: _cut(samples, since_ns[loop_id], most_samples) for loop_id, samples in whole.items()}
-    return led_in(connection, cut, whole, since)
+    return led_in(connection, cut, whole, since, hold_days)
 
 
-def between(connection: Connection, loop_id: int, start_ns: int, end_ns: int) -> Samples | None:
+def between(
+    connection: Connection, loop_id: int, start_ns: int, end_ns: int, hold_days: float = math.inf
+) -> Samples | None:
     """A loop's samples from `start_ns` to `end_ns`, both included; None where there is no stretch at all.
 
-    A set point and a mode that were known before are given to the first sample.
+    A set point and a mode that were stated up to `hold_days` before are given to the first sample.
     """
     query = (
         select(series.c.packed)
@@ -81,7 +87,7 @@ def between(connection: Connection, loop_id: int, start_ns: int, end_ns: int) ->
         return None
     samples = merged(parts)
     inside = samples.part((samples.time_ns >= start_ns) & (samples.time_ns <= end_ns))
-    return led_in(connection, {loop_id: inside}, {loop_id: samples}, start_ns)[loop_id]
+    return led_in(connection, {loop_id: inside}, {loop_id: samples}, start_ns, hold_days)[loop_id]
 
 
 def count_between(connection: Connection, loop_id: int, start_ns: int, end_ns: int) -> int:

@@ -13,6 +13,7 @@ from sqlalchemy import ColumnElement, Connection, select
 from app.storage.samples import Samples, merged, unpack
 from app.storage.tables import loops, series
 
+NS_PER_DAY = 86_400_000_000_000
 HOLDING = {"sp": "sp", "automatic": "mode"}
 """Signals that hold, and how their columns begin."""
 
@@ -34,11 +35,16 @@ def last_known(samples: Samples) -> dict[str, Any]:
 
 
 def led_in(
-    connection: Connection, cut: Mapping[int, Samples], whole: Mapping[int, Samples], since: ColumnElement[int] | int
+    connection: Connection,
+    cut: Mapping[int, Samples],
+    whole: Mapping[int, Samples],
+    since: ColumnElement[int] | int,
+    hold_days: float,
 ) -> dict[int, Samples]:
     """Windows by loop, with what held when they began at their first sample, where that has no value of its own.
 
-    whole: what was read of each loop: everything from `since` on, and maybe more.
+    whole: what was read of each loop: everything from `since` on, and maybe more. hold_days: what was stated longer
+    before the first sample is not known any more.
     """
     found = dict(cut)
     for name, begin in HOLDING.items():
@@ -51,9 +57,11 @@ def led_in(
             if not known:
                 continue
             last = max(known)
+            if found[loop_id].time_ns[0] - last.time_ns > hold_days * NS_PER_DAY:
+                continue
             torn = min(known).time_ns == last.time_ns and len(known) > 1
             value = _at(connection, loop_id, name, last.time_ns) if torn else last.value
-            found[loop_id] = _beginning(found[loop_id], name, value)
+            found[loop_id] = _beginning(found[loop_id], name, Known(last.time_ns, value))
     return found
 
 
@@ -98,8 +106,9 @@ def _at(connection: Connection, loop_id: int, name: str, time_ns: int) -> float:
     return float(samples.signals[name][np.searchsorted(samples.time_ns, time_ns)])
 
 
-def _beginning(samples: Samples, name: str, value: float) -> Samples:
+def _beginning(samples: Samples, name: str, known: Known) -> Samples:
     values = samples.signals.get(name)
     values = np.full(len(samples), np.nan) if values is None else values.copy()
-    values[0] = value
-    return Samples(samples.time_ns, {**samples.signals, name: values})
+    values[0] = known.value
+    signals, held_ns = {**samples.signals, name: values}, {**samples.held_ns, name: known.time_ns}
+    return Samples(samples.time_ns, signals, held_ns)

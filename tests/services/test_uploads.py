@@ -170,9 +170,30 @@ def test_a_mode_that_changed_long_before_the_window_is_known(backend: Backend, w
 
 
 def test_a_trend_shows_the_set_point_that_holds(backend: Backend) -> None:
-    read(backend, send(backend, of_one_tag(["48"], -86_400 * 90), name="FIC9.SP.csv"))
+    read(backend, send(backend, of_one_tag(["48"], -86_400 * 30), name="FIC9.SP.csv"))
     read(backend, send(backend, of_one_tag(["1.5"] * 5), name="FIC9.PV.csv"))
-    assert trend(backend, "FIC9", points=100).sp == [48.0] * 5
+    shown = trend(backend, "FIC9", points=100)
+    assert shown.sp == [48.0] * 5
+    assert shown.sp_held_since == "2026-01-30T00:00:00Z"
+    assert shown.mode_held_since is None
+
+
+def test_a_set_point_that_is_no_longer_exported_ceases_to_hold(backend: Backend, warm_kernels: None) -> None:
+    steps = np.arange(300)
+    for name, values in (("PV", 50 + np.sin(steps / 6)), ("OP", 40 + np.cos(steps / 6))):
+        read(backend, send(backend, of_one_tag(values.astype(str)), name=f"FIC10.{name}.csv"))
+    assert audited_with_set_point(backend, days_before=36) == ({}, None)
+    since, error = audited_with_set_point(backend, days_before=34)
+    assert since == {"sp": "2026-01-26T00:00:00Z"}
+    assert error == pytest.approx(2.0, abs=0.2)
+
+
+def audited_with_set_point(backend: Backend, days_before: int) -> tuple[dict[str, str], float | None]:
+    read(backend, send(backend, of_one_tag(["52"], -86_400 * days_before), name="FIC10.SP.csv"))
+    run = audits.start_audit(backend)
+    chunks.audit_chunk(backend, int(run.id), "w")
+    error = loops.loop_health(backend, "FIC10")["error_mean"]
+    return loops.verdict_detail(backend, "FIC10")["held_since"], error
 
 
 def test_a_loop_of_which_only_the_mode_was_sent_is_not_auditable(backend: Backend) -> None:

@@ -285,6 +285,16 @@ def test_a_winner_with_the_lower_score_is_explained(client, monkeypatch):
     assert "wins although" in client.get("/v1/loops/FIC101/report").text
 
 
+def test_a_set_point_from_before_the_record_is_said_to_be_held(client, monkeypatch):
+    detail = loops.verdict_detail
+    assert "held since" not in client.get("/loops/FIC101").text
+    held = {"held_since": {"sp": "2026-01-25T00:00:00Z", "automatic": "2026-01-26T00:00:00Z"}}
+    monkeypatch.setattr(loops, "verdict_detail", lambda b, t: detail(b, t) | held)
+    page = client.get("/loops/FIC101").text
+    assert "Set point held since 2026-01-25 00:00" in page
+    assert "Mode held since 2026-01-26 00:00" in page
+
+
 def test_runs_say_who_started_them_in_the_words_of_the_trail(client, web_backend):
     run = client.post("/v1/audits", json={"tags": ["FIC101"]}).json()
     again = client.post("/loops/FIC101/audit").headers["location"]

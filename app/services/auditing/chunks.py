@@ -119,7 +119,7 @@ def _load(backend: Backend, run: AuditRow, claims: Sequence[Claim]) -> list[Work
     ids = [claim.loop_id for claim in claims]
     with backend.database.read() as connection:
         known = loops.by_ids(connection, ids)
-        samples = series.windows(connection, ids, run.window_h, run.window_samples)
+        samples = series.windows(connection, ids, run.window_h, run.window_samples, backend.settings.hold_days)
     return [Work(claim, known[claim.loop_id], samples.get(claim.loop_id)) for claim in claims]
 
 
@@ -153,6 +153,7 @@ def _audited(work: Work, run: AuditRow, config: AuditConfig) -> NewVerdict:
         audited_at=now(),
         elapsed_s=time.perf_counter() - started,
         input_ns=(int(samples.time_ns[0]), int(samples.time_ns[-1])),
+        held_ns=samples.held_ns,
     )
 
 

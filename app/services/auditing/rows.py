@@ -2,13 +2,15 @@
 
 import hashlib
 import json
+from collections.abc import Mapping
 from datetime import datetime, timedelta
+from types import MappingProxyType
 from typing import Any
 
 from app.engine.audit import Audit
 from app.services.auditing import swings
 from app.services.auditing.audit_line import KeyFiguresLine, ReliabilityRow, audit_line, detail, reliability_row
-from app.services.moments import epoch_ms, iso_utc
+from app.services.moments import epoch_ms, iso_utc, moment_of
 from app.storage.tables import verdicts
 from app.storage.verdicts import NewVerdict, pack_detail
 
@@ -17,6 +19,7 @@ TIMES = ("window_start", "window_end", "audited_at")
 TIMES_MS = tuple(f"{name}_ms" for name in TIMES)
 OF_LOOP = ("recording", "loop", "unit")
 KEY_FIGURES = "key_figures"
+HELD_SINCE = "held_since"
 OF_LOOP_NOW = ("unit",)  # what is asked of the loop when a row is sent, because it may have changed since the verdict
 FORM = hashlib.blake2b(
     json.dumps([3, FIELDS, OF_LOOP_NOW, list(KeyFiguresLine.model_fields)]).encode(), digest_size=8
@@ -34,8 +37,10 @@ def new_verdict(
     audited_at: datetime,
     elapsed_s: float,
     input_ns: tuple[int, int],
+    held_ns: Mapping[str, int] = MappingProxyType({}),
 ) -> NewVerdict:
-    """`origin`: the instant of the recording's second 0; `input_ns`: first and last sample given to the engine."""
+    """`origin`: the instant of the recording's second 0; `input_ns`: first and last sample given to the engine;
+    `held_ns`: when signals were stated that held when the record began."""
     line = dated(audit_line(audit, elapsed_s), origin)
     row = reliability_row(line)
     columns = {name: value for name, value in row.items() if name in COLUMNS and name != "audit_id"}
@@ -47,7 +52,8 @@ def new_verdict(
         "input_start_ns": input_ns[0],
         "input_end_ns": input_ns[1],
     }
-    told = {**detail(audit), "reasons": line["reasons"], "episodes": line["episodes"]}
+    held = {name: iso_utc(moment_of(at)) for name, at in held_ns.items()}
+    told = {**detail(audit), "reasons": line["reasons"], "episodes": line["episodes"], HELD_SINCE: held}
     stored = columns | extra | {"tag": audit.recording, "audit_id": audit_id}
     columns["extra_json"] = compact({**extra, KEY_FIGURES: told[KEY_FIGURES]})
     swing = None if audit.swing is None else swings.as_json(audit.swing, origin.timestamp())

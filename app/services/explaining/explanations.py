@@ -146,9 +146,10 @@ def _window(backend: Backend, loop: LoopRow, wanted: Wanted) -> Samples:
     if loop.newest_ns is None:
         raise DataError("no_samples", f"loop {loop.tag!r} has no samples")
     start_ns, end_ns = _bounds(loop.newest_ns, wanted, backend.settings.window_h)
+    hold_days = backend.settings.hold_days
     with backend.database.read() as connection:
         stored = series.count_between(connection, loop.id, start_ns, end_ns)
-        samples = series.between(connection, loop.id, start_ns, end_ns) if stored <= MOST_UNPACKED else None
+        samples = series.between(connection, loop.id, start_ns, end_ns, hold_days) if stored <= MOST_UNPACKED else None
     if stored > MOST_UNPACKED:
         raise DataError("window_too_large", f"the window touches {stored} samples; take a shorter one")
     if samples is None or not len(samples):

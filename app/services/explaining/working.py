@@ -72,7 +72,8 @@ def _load(backend: Backend, claim: ExplanationClaim) -> Task:
     with backend.database.read() as connection:
         row = explanations.claimed(connection, claim)
         loop = loops.by_ids(connection, [row.loop_id])[row.loop_id]
-        samples = series.between(connection, loop.id, row.window_start_ns or 0, row.window_end_ns or 0)
+        start_ns, end_ns = row.window_start_ns or 0, row.window_end_ns or 0
+        samples = series.between(connection, loop.id, start_ns, end_ns, backend.settings.hold_days)
         packed = explanations.packed_simulation(connection, row.id)
     newest = None if samples is None else newest_samples(samples, backend.settings.explanation_samples)
     return Task(claim, loop, newest, None if packed is None else unpack_document(packed))

@@ -58,7 +58,8 @@ def _record(backend: Backend, tag: str, audit_id: str | None) -> tuple[_Record |
         if given is None or given.input_start_ns is None:
             return None, None
         margin = int(MARGIN * (given.input_end_ns - given.input_start_ns))
-        samples = series.between(connection, row.id, given.input_start_ns - margin, given.input_end_ns + margin)
+        start_ns, end_ns = given.input_start_ns - margin, given.input_end_ns + margin
+        samples = series.between(connection, row.id, start_ns, end_ns, backend.settings.hold_days)
     window = None
     if given.window_start is not None:
         window = [iso_utc(given.window_start) or "", iso_utc(given.window_end) or ""]

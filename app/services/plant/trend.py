@@ -35,7 +35,7 @@ def trend(
     end_ns = row.newest_ns if end is None else instant_ns(end)
     start_ns = end_ns - DEFAULT_S * NS_PER_S if start is None else instant_ns(start)
     with backend.database.read() as connection:
-        samples = series.between(connection, row.id, start_ns, end_ns)
+        samples = series.between(connection, row.id, start_ns, end_ns, backend.settings.hold_days)
     return _thinned(tag, samples, points) if samples is not None else TrendView(tag, 0, [], [], [], None)
 
 
@@ -48,7 +48,10 @@ def _thinned(tag: str, samples: Samples, points: int) -> TrendView:
     pv, op, set_point = (None if signal is None else numbers(signal[kept]) for signal in shown)
     missing: list[float | None] = [None] * len(kept)
     time_ms: list[int] = (samples.time_ns[kept] // 1_000_000).tolist()
-    return TrendView(tag, n, time, pv or missing, op or missing, set_point, time_ms)
+    held = {name: iso_utc(moment_of(samples.held_ns[name])) for name in samples.held_ns}
+    return TrendView(
+        tag, n, time, pv or missing, op or missing, set_point, time_ms, held.get("sp"), held.get("automatic")
+    )
 
 
 def extremes(signals: list[FloatArray], n: int, points: int) -> NDArray[np.int64]:
