@@ -8,7 +8,7 @@ function drawTrend({ trend, window: shown, valve }) {
   const traces = [line(x, trend.pv, "PV", "--pv", { yaxis: "y2" }), line(x, trend.op, "OP", "--op")];
   if (trend.sp) traces.splice(1, 0, line(x, trend.sp, "SP", "--sp", { yaxis: "y2" }));
   if (trend.valve) traces.push(line(x, trend.valve, "valve, estimated", "--valve"));
-  if (valve) document.getElementById("valve-note").textContent = `The valve's position is estimated with S ${valve.S.toPrecision(3)} and J ${valve.J.toPrecision(3)} (units of OP).`;
+  if (valve) document.getElementById("valve-note").textContent = `The valve's position is estimated with S ${valve.S.toPrecision(3)} and J ${valve.J.toPrecision(3)} (units of OP). J, how far it jumps when it lets go, is only what this picture is drawn with: PV and OP do not tell it.`;
   const shapes = shown ? [{ type: "rect", xref: "x", yref: "paper", x0: shown[0], x1: shown[1], y0: 0, y1: 1, fillcolor: paint("--link"), opacity: 0.06, line: { width: 0 }, layer: "below" }] : [];
   draw("trend", traces, {
     height: 480, xaxis: axis("time, UTC"), hovermode: "x", shapes,
