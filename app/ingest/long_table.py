@@ -90,9 +90,9 @@ class LongTable:
         frame = rows.frame
         tags = frame[name_of(self._plan.tag)]
         codes = _codes(tags)
-        self._know(tags, codes)
         texts = joined_times(frame, self._plan.time)
         time_ns = self._read_times(texts)
+        self._know(tags, codes, time_ns != NO_TIME)
         kept = self._kept(rows, texts, tags, time_ns, reader)
         values = self._values(rows, codes, kept, reader)
         self._refuse_quality(rows, kept, codes, values)
@@ -102,8 +102,8 @@ class LongTable:
             codes, time_ns, values = codes[at], time_ns[at], values[at]
         return Gathered(codes, time_ns, values, (at + rows.first).astype(np.uint32))
 
-    def _know(self, tags: pl.Series, codes: NDArray[np.uint32]) -> None:
-        """Places tags that were not seen before."""
+    def _know(self, tags: pl.Series, codes: NDArray[np.uint32], timed: NDArray[np.bool_]) -> None:
+        """Places tags that were not seen before; a comment may stand where tags do, but has no time."""
         top = int(codes.max(initial=0)) + 1
         if top > len(self._places):
             self._places.extend([NOWHERE] * (top - len(self._places)))
@@ -111,7 +111,8 @@ class LongTable:
         if self._known.all():
             return
         new = np.flatnonzero(~self._known[codes] & tags.is_not_null().to_numpy())
-        if not len(new):
+        new = new[timed[new] | ~_are_comments(tags[new])]
+        if not len(new) and top <= len(self._usable):
             return
         _, first = np.unique(codes[new], return_index=True)
         for row in new[np.sort(first)]:
@@ -128,6 +129,8 @@ class LongTable:
             )
         if len(tag) <= self._options.max_name:
             self._places[code] = self._grouping.place(tag)
+        if code < len(self._parts):  # it was taken for a comment until now, so that no row of it has gone into a part
+            self._parts[code] = self._part_of_loop.of(self._places[code].loop)
 
     def _read_times(self, texts: pl.Series) -> TimeArray:
         """Rows of one instant follow each other in most files: each run of one text is read once."""
@@ -294,5 +297,9 @@ def _passed_over(texts: pl.Series, tags: pl.Series) -> NDArray[np.bool_]:
     """Rows that hold nothing, and comments."""
     texts = texts.cast(pl.String)
     empty = (texts.is_null() & tags.is_null()).to_numpy()
-    comment = texts.str.contains("^[*#]") | tags.cast(pl.String).str.contains("^[*#\\[]").fill_null(False)
-    return empty | comment.fill_null(False).to_numpy()
+    comment = texts.str.contains("^[*#]").fill_null(False).to_numpy()
+    return empty | comment | _are_comments(tags)
+
+
+def _are_comments(tags: pl.Series) -> NDArray[np.bool_]:
+    return tags.cast(pl.String).str.contains("^[*#\\[]").fill_null(False).to_numpy()

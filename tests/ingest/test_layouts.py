@@ -40,12 +40,22 @@ def test_long_with_quality_below_a_preamble_and_comments(read: Read) -> None:
         "TIGER.FIC101.PV,7/20/01 11:07,1,Good\nTIGER.FIC101.OP,7/20/01 11:07,40,Good\n"
         "* between\nTIGER.FIC101.PV,7/20/01 11:08,2,Bad\nTIGER.FIC101.OP,7/20/01 11:08,41,Good\n"
     )
+    assert [loop.loop for loop in content.summary.loops] == ["TIGER.FIC101"]
     loop = content.loops["TIGER.FIC101"]
     np.testing.assert_array_equal(loop.pv, [1, np.nan])
     assert loop.op.tolist() == [40, 41]
     assert loop.time_ns[0] == np.datetime64("2001-07-20T11:07", "ns").astype(np.int64)
     assert dict(content.rejects.counts) == {"bad_quality": 1}
     assert content.rejects.listed[0].line == 7
+
+
+def test_a_tag_may_begin_as_a_comment_does(read: Read) -> None:
+    content = read(
+        "[Data]\nTagname,TimeStamp,Value\n[PLC1]FIC1.PV,soon,1\n# by hand\n"
+        "[PLC1]FIC1.PV,2024-03-01 00:00:00,2\n[PLC1]FIC1.OP,2024-03-01 00:00:00,3\n"
+    )
+    assert [loop.loop for loop in content.summary.loops] == ["[PLC1]FIC1"]
+    assert content.loops["[PLC1]FIC1"].pv.tolist() == [2]
 
 
 def test_long_without_names_in_seconds_and_nanoseconds(read: Read) -> None:
