@@ -8,6 +8,7 @@ from pydantic import BeforeValidator
 
 from app.services.access.identity import ANYONE, Identity, current
 from app.services.backend import Backend
+from app.services.cursors import LONGEST as LONGEST_CURSOR
 
 
 async def opened(request: Request) -> Backend:
@@ -34,4 +35,4 @@ Caller = Annotated[Identity, Depends(caller)]
 
 Limit = Annotated[int, Query(ge=1, le=1000, description="Rows a page.")]
 Identifier = Annotated[str, Path(max_length=100, description="As it was answered by the request that made it.")]
-Cursor = Annotated[str | None, Query(max_length=2000, description="`next_cursor` of the page before.")]
+Cursor = Annotated[str | None, Query(max_length=LONGEST_CURSOR, description="`next_cursor` of the page before.")]

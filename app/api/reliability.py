@@ -13,6 +13,7 @@ from app.api.models import ReliabilityPage
 from app.api.problems import responses
 from app.errors import RequestError
 from app.services.auditing.audit_line import ReadingName, ReliabilityName, ReliabilityRow, VerdictName
+from app.services.cursors import LONGEST as LONGEST_CURSOR
 from app.services.cursors import identifier
 from app.services.plant import reliability as service
 from app.services.spreadsheet import csv_lines
@@ -39,7 +40,7 @@ class TableQuery(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     limit: int = Field(1000, ge=1, le=LARGEST_PAGE, description="Rows a page.")
-    cursor: str | None = Field(None, max_length=2000, description="`next_cursor` of the page before.")
+    cursor: str | None = Field(None, max_length=LONGEST_CURSOR, description="`next_cursor` of the page before.")
     sort: str = Field("loop", max_length=60, description="A column; `-` before it turns the order around.")
     format: Format = Field(Format.json, description="json or csv.")
     columns: str | None = Field(

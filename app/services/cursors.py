@@ -9,13 +9,14 @@ from typing import Any
 
 from app.errors import RequestError
 
-LONGEST = 2000
+LONGEST = 5000
+"""Characters of a cursor: two names of 256 letters each, the longest an export has, escaped and in base 64."""
 LARGEST = 2**63 - 1
 
 
 def encode(*values: Any) -> str:
     marked = [{"t": value.isoformat()} if isinstance(value, datetime) else value for value in values]
-    return base64.urlsafe_b64encode(json.dumps(marked).encode()).decode().rstrip("=")
+    return base64.urlsafe_b64encode(json.dumps(marked, ensure_ascii=False).encode()).decode().rstrip("=")
 
 
 def decode(cursor: str | None, kinds: tuple[type | tuple[type, ...], ...]) -> list[Any] | None:

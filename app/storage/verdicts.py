@@ -14,13 +14,14 @@ from app.storage.tables import loops, newest_rows, verdict_details, verdicts
 
 KEPT_FROM_USERS = ("loop_id", "input_start_ns", "input_end_ns", "extra_json")
 ROW = [verdicts.c[column.name] for column in verdicts.columns if column.name not in KEPT_FROM_USERS]
-SORTABLE = {column.name: column for column in ROW} | {
+SORTABLE = {column.name: column for column in ROW if column.name != "reasons_text"} | {
     "loop": loops.c.tag,
     "unit": loops.c.unit,
     "type": loops.c.type,
     "importance": loops.c.importance,
     "priority": (loops.c.importance * (100.0 - verdicts.c.health)).label("priority"),
 }
+"""What the table can be sorted by; sentences have no order that means anything, and no cursor holds them."""
 OF_LOOPS = ("loop", "unit", "type", "importance")
 KEPT = ("verdict", "reliability", "likely_cause", "table2_reading", "stiction_probability", "health")
 QUICK = (

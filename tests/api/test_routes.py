@@ -266,6 +266,7 @@ def test_the_table_as_csv_opens_safely(client, plant):
         ({"sort": "colour"}, 400, "bad_sort"),
         ({"sort": "loop; DROP TABLE loops"}, 400, "bad_sort"),
         ({"cursor": "nonsense"}, 400, "bad_cursor"),
+        ({"cursor": "A" * 4500}, 400, "bad_cursor"),
         ({"verdict": "perhaps"}, 422, "invalid_request"),
         ({"format": "xml"}, 422, "invalid_request"),
         ({"colour": "red"}, 422, "invalid_request"),

@@ -97,8 +97,16 @@ def test_pages_end_where_a_kept_row_is_not_its_verdict(plant: Backend, sort: str
     assert rows == order
 
 
+@pytest.mark.parametrize("letter", ["塔", "\x1f"])
+def test_pages_of_the_longest_names_follow_each_other(backend: Backend, add_loops: AddLoops, letter: str) -> None:
+    tags = [f"{letter * 255}{number}" for number in range(3)]
+    add_loops(*tags, n=150)
+    _audit(backend)
+    assert pages(backend, "loop", 1) == tags
+
+
 def test_every_field_of_the_row_that_has_a_column_can_be_sorted_by(plant: Backend) -> None:
-    names = set(ReliabilityRow.model_fields) & {*COLUMNS, "loop", "unit"}
+    names = set(ReliabilityRow.model_fields) & {*COLUMNS, "loop", "unit"} - {"reasons_text"}
     assert names <= set(reliability.sortable())
     for name in names:
         assert sorted(pages(plant, name, 3)) == TAGS
@@ -123,6 +131,7 @@ def test_what_cannot_be_asked_is_refused(plant: Backend) -> None:
     following = reliability.reliability_page(plant, 1).next_cursor
     for arguments in [
         {"sort": "nothing"},
+        {"sort": "reasons_text"},
         {"limit": 0},
         {"limit": 20_001},
         {"cursor": "%%%"},

@@ -38,7 +38,7 @@ __all__ = [
 
 def sortable() -> tuple[str, ...]:
     """Names to sort by; a minus before one turns the order round."""
-    return tuple(sorted({*SORTABLE, *THE_SAME} - {"extra_json"}))
+    return tuple(sorted({*SORTABLE, *THE_SAME}))
 
 
 def reliability_page(
