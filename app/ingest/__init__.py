@@ -36,7 +36,7 @@ bad_mapping, excel_not_installed, unknown_time_zone, matlab_version.
 
 from app.ingest.align import align, carried
 from app.ingest.export import Export, is_export_name, read_export, stem_of
-from app.ingest.grouping import MappedTag, TagMapping, group
+from app.ingest.grouping import MappedTag, TagMapping, group, mapping_text
 from app.ingest.inspection import InspectReport, LoopReport, inspect
 from app.ingest.model import (
     FileSummary,
@@ -70,6 +70,7 @@ __all__ = [
     "group",
     "inspect",
     "is_export_name",
+    "mapping_text",
     "read_export",
     "read_recordings",
     "stem_of",

@@ -121,6 +121,8 @@ class Export:
         if self._grouping.unmapped:
             shown = ", ".join(self._grouping.unmapped[:5])
             notes.append(f"the mapping names none of the tags of this file; here is {shown}")
+        if absent := self._grouping.absent:
+            notes.append(f"{len(absent)} tags of the mapping are not in this file: {', '.join(absent[:5])}")
         if self._grouping.second:
             shown = ", ".join(self._grouping.second[:5])
             notes.append(

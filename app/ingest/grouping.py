@@ -12,6 +12,7 @@ from typing import Any
 
 from app.errors import DataError
 from app.ingest.model import LoopTags, Signal
+from app.ingest.opening import detect_encoding
 
 _WORDS: Mapping[str, Signal] = MappingProxyType(
     {
@@ -66,9 +67,9 @@ class TagMapping:
         """From CSV or JSON with the columns tag, loop, signal[, unit, low, high, loop_type, ...].
 
         Raises DataError("bad_mapping") where a row has no tag, no loop or no known signal or has a span that is none,
-        where a tag has two places, or where no row is.
+        where a tag has two places, where no row is, or where it is no text.
         """
-        text = data.decode("utf-8-sig", "replace")
+        text = mapping_text(data)
         rows = _json_rows(text) if text.lstrip()[:1] in ("[", "{") else _csv_rows(text)
         mapped = [_mapped(number, row) for number, row in enumerate(rows, start=1)]
         if not mapped:
@@ -84,6 +85,15 @@ class TagMapping:
 
     def find(self, tag: str) -> MappedTag | None:
         return self.entries.get(tag.casefold())
+
+
+def mapping_text(data: bytes) -> str:
+    """Decoded as an export is. Raises DataError("bad_mapping") where it is no text."""
+    encoding = detect_encoding(data)
+    try:
+        return data.decode(encoding)
+    except UnicodeDecodeError as error:
+        raise DataError("bad_mapping", f"the mapping is no text in {encoding}: {error.reason}") from error
 
 
 def _csv_rows(text: str) -> list[dict[str, Any]]:
@@ -245,6 +255,13 @@ class Grouping:
         """The tags, where there is a mapping and it names none of them."""
         mapping = self._mapping
         return [] if mapping is None or any(map(mapping.find, self._places)) else list(self._places)
+
+    @property
+    def absent(self) -> list[str]:
+        """The tags of the mapping, where there is one, that have not come."""
+        come = {tag.casefold() for tag in self._places}
+        named = {} if self._mapping is None else self._mapping.entries
+        return [entry.tag for name, entry in named.items() if name not in come]
 
     def loops(self) -> tuple[LoopTags, ...]:
         names = dict.fromkeys([loop for loop, _ in self._taken] + list(self._others))

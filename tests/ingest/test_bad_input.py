@@ -408,6 +408,15 @@ def test_a_mapping_of_other_tags_is_told(read: Read) -> None:
     assert any("the mapping names none of the tags" in note and "A.PV" in note for note in content.summary.notes)
 
 
+def test_tags_of_the_mapping_that_did_not_come_are_counted(read: Read) -> None:
+    rows = "".join(f"X{i},X,OTHER\n" for i in range(1, 7))
+    content = read(HEADER + GOOD, mapping=TagMapping.from_bytes(f"tag,loop,signal\na.pv,A,PV\n{rows}".encode()))
+    assert "6 tags of the mapping are not in this file: X1, X2, X3, X4, X5" in content.summary.notes
+    assert not any("names none" in note for note in content.summary.notes)
+    content = read(HEADER + GOOD, mapping=TagMapping.from_bytes(b"tag,loop,signal\nA.PV,A,PV\n"))
+    assert not any("mapping" in note for note in content.summary.notes)
+
+
 def test_a_file_of_modes_is_told(read: Read) -> None:
     notes = read("time,FIC1.MODE\n2024-03-01 00:00:00,0\n2024-03-01 00:01:00,1\n").summary.notes
     assert notes == ("of its loops the file has the mode alone",)

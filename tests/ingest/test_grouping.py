@@ -55,6 +55,21 @@ def test_mapping_comes_first_and_carries_spans() -> None:
     )
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "cp1252"])
+def test_a_mapping_is_decoded_as_an_export_is(encoding: str) -> None:
+    data = "tag;loop;signal;unit\nWärme.Ist;Wärmetauscher;PV;°C\n".encode(encoding)
+    entry = TagMapping.from_bytes(data).find("wärme.ist")
+    assert entry is not None
+    assert (entry.loop, entry.attributes["unit"]) == ("Wärmetauscher", "°C")
+
+
+@pytest.mark.parametrize("data", [b"\xff\xfet\x00a", b"tag,loop,signal\nT\x81\xff,A,PV\n", b"\xff\xfe\x00\xd8a\x00"])
+def test_a_mapping_that_is_no_text_is_refused(data: bytes) -> None:
+    with pytest.raises(DataError) as refused:
+        TagMapping.from_bytes(data)
+    assert refused.value.code == "bad_mapping"
+
+
 def test_a_row_that_stands_twice_in_a_mapping_is_no_fault() -> None:
     mapping = TagMapping.from_bytes(b"tag,loop,signal,low,high\nT1,F,PV,,\nT1,F,PV,-5,12\n")
     assert mapping.find("T1").number("low") == -5.0

@@ -10,7 +10,7 @@ from typing import Any, Self
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from app.errors import NotFoundError, RequestError
-from app.ingest import TagMapping, stem_of
+from app.ingest import TagMapping, mapping_text, stem_of
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.intake.synced import SyncedFile
@@ -32,7 +32,7 @@ class ReadingOptions:
     mapping: bytes | None = None
 
     def as_json(self) -> str:
-        mapping = None if self.mapping is None else self.mapping.decode("utf-8-sig", "replace")
+        mapping = None if self.mapping is None else mapping_text(self.mapping)
         return json.dumps({"time_zone": self.time_zone, "mapping": mapping}, sort_keys=True)
 
     def check(self) -> None:
