@@ -481,3 +481,16 @@ def test_two_effects_neither_of_which_pays_alone_are_both_named(monkeypatch: pyt
     assert [effect.code for effect in answer.effects] == ["sensor.drift", "valve.deadband"]
     assert "disturbance.ramp" in answer.effects[0].alternatives
     assert answer.fit.explained.rmse < 0.2 * answer.fit.refitted.rmse
+
+
+def test_a_second_effect_is_fitted_by_free_run_before_a_better_first_puts_it_aside(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """With a better start the slew limit alone comes nearer to PV than the pair by likelihood did; the pair by free run
+    comes nearer still.
+    """
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "proof"))
+    case = import_module("cases").make_case(4_100_007, ("disturbance.oscillation", "valve.slew_limit"), foreign=True)
+    said = explain(Comparison(case.name, case.ts, case.op, case.pv, case.sp, case.measured, trace=case.trace))
+    assert {effect.code for effect in said.effects} == {"valve.slew_limit", "disturbance.oscillation"}
+    assert said.fit.explained.rmse < 0.3 * said.fit.refitted.rmse

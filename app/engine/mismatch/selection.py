@@ -178,7 +178,7 @@ def first_from_pair(pair: Pair) -> Rival | None:
     if better <= 0.0:
         return None
     again = replace(first, fit=alone, gain=first.gain + better)
-    second = replace(pair.second, over=alone, gain=pair.second.gain - better)
+    second = reconciled(replace(pair.second, over=alone, gain=pair.second.gain - better))
     return None if pays_beside(second, again) else again
 
 
