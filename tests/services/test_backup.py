@@ -1,0 +1,196 @@
+"""Backups of both data bases come back, older ones too, and what is no backup is refused."""
+
+import json
+import shutil
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+from sqlalchemy import make_url
+
+from app.errors import RequestError
+from app.services.access import trail
+from app.services.access.identity import COMMAND_LINE
+from app.services.auditing.audits import get_audit, start_audit
+from app.services.auditing.chunks import audit_chunk
+from app.services.backend import Backend
+from app.services.upkeep import backup as backups
+from app.settings import Settings
+from app.storage import schema, tables
+from app.storage.tables import metadata
+from tests.services.upkeep_plant import EXPORT, audited_twice
+
+
+@pytest.fixture
+def plant(backend: Backend, warm_kernels: None) -> Backend:
+    return audited_twice(backend)
+
+
+def contents(backend: Backend) -> dict[str, list[tuple]]:
+    with backend.database.read() as connection:
+        return {
+            name: [tuple(row) for row in connection.execute(table.select().order_by(*table.primary_key.columns))]
+            for name, table in metadata.tables.items()
+        }
+
+
+@pytest.fixture(autouse=True)
+def _programs(request: pytest.FixtureRequest) -> None:
+    """Backups of PostgreSQL need its client programs."""
+    if "backup" in request.node.name and "postgresql" in request.node.name and shutil.which("pg_dump") is None:
+        pytest.skip("no pg_dump on this machine")
+
+
+def test_a_backup_comes_back_whole(plant, tmp_path):
+    before = contents(plant)
+    report = backups.backup(plant.settings, tmp_path / "kept" / "monday")
+    assert (report.files, report.schema) == (2, schema.newest_revision())
+    assert (tmp_path / "kept" / "monday").stat().st_mode & 0o077 == 0
+    with plant.database.write() as connection:
+        for table in reversed(metadata.sorted_tables):
+            connection.execute(table.delete())
+    shutil.rmtree(plant.settings.uploads_dir)
+    plant.database.close()
+    backups.restore(plant.settings, tmp_path / "kept" / "monday")
+    again = Backend.open(plant.settings)
+    try:
+        assert contents(again) == before
+        assert (again.settings.uploads_dir / before["uploads"][0][2]).read_bytes() == EXPORT
+        run = start_audit(again)
+        audit_chunk(again, int(run.id), "test")
+        assert get_audit(again, run.id).state == "done"
+    finally:
+        again.close()
+
+
+def test_a_backup_is_made_while_others_write(plant, tmp_path):
+    import threading
+
+    stop, written = threading.Event(), []
+
+    def write() -> None:
+        while not stop.is_set():
+            trail.record(plant, COMMAND_LINE, "test.write", str(len(written)), "done")
+            written.append(len(written))
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    try:
+        time.sleep(0.2)
+        backups.backup(plant.settings, tmp_path / "kept")
+    finally:
+        stop.set()
+        writer.join()
+    plant.database.close()
+    backups.restore(plant.settings, tmp_path / "kept", force=True)
+    again = Backend.open(plant.settings)
+    try:
+        subjects = [int(row.subject) for row in trail.list_trail(again, 100_000, action="test.write").rows]
+        assert subjects == list(range(len(subjects)))[::-1]  # one instant: no row in between is missing
+        assert 0 < len(subjects) <= len(written)
+    finally:
+        again.close()
+
+
+def test_a_plant_in_use_is_replaced_only_on_purpose(plant, tmp_path):
+    backups.backup(plant.settings, tmp_path / "kept")
+    with pytest.raises(RequestError, match="--force"):
+        backups.restore(plant.settings, tmp_path / "kept")
+    with pytest.raises(RequestError, match="there already"):
+        backups.backup(plant.settings, tmp_path / "kept")
+
+
+def test_a_backup_that_was_changed_is_refused(plant, tmp_path):
+    folder = tmp_path / "kept"
+    backups.backup(plant.settings, folder)
+    file = next((folder / "uploads").iterdir())
+    file.write_bytes(file.read_bytes() + b"x")
+    with pytest.raises(RequestError, match="changed"):
+        backups.restore(plant.settings, folder, force=True)
+    with pytest.raises(RequestError, match="no backup"):
+        backups.restore(plant.settings, tmp_path, force=True)
+
+
+def test_what_is_not_of_a_backup_is_not_restored_with_it(plant, tmp_path):
+    folder = tmp_path / "kept"
+    backups.backup(plant.settings, folder)
+    (folder / "uploads" / ("0" * 64)).write_bytes(b"of somebody else")
+    with pytest.raises(RequestError, match="not of this backup, take it away: uploads/000"):
+        backups.restore(plant.settings, folder, force=True)
+    assert not (plant.settings.uploads_dir / ("0" * 64)).exists()
+
+
+def test_a_backup_of_an_older_version_comes_back_after_an_upgrade(plant, tmp_path):
+    before = contents(plant)
+    schema.downgrade(plant.database, "0006")
+    backups.backup(plant.settings, tmp_path / "kept")
+    schema.migrate(plant.database)
+    with plant.database.write() as connection:
+        connection.execute(tables.keys.delete())
+    plant.database.close()
+    assert backups.restore(plant.settings, tmp_path / "kept", force=True).schema == schema.newest_revision()
+    again = Backend.open(plant.settings)
+    try:
+        assert contents(again)["keys"] == before["keys"]
+        assert schema.current_revision(again.database) == schema.newest_revision()
+    finally:
+        again.close()
+
+
+def test_a_backup_of_a_newer_version_is_refused_before_anything_is_touched(plant, tmp_path):
+    before = contents(plant)
+    backups.backup(plant.settings, tmp_path / "kept")
+    manifest = tmp_path / "kept" / backups.MANIFEST
+    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"schema": "9999"}))
+    with pytest.raises(RequestError, match="9999, which is newer"):
+        backups.restore(plant.settings, tmp_path / "kept", force=True)
+    assert contents(plant) == before
+
+
+def test_what_the_address_says_of_tls_holds_for_a_backup_too(monkeypatch, tmp_path):
+    told: list[tuple[list[str], dict[str, str]]] = []
+
+    def run(command, *, env, **_: object) -> subprocess.CompletedProcess:
+        told.append((command, env))
+        return subprocess.CompletedProcess(command, 0, "", "")
+
+    monkeypatch.setattr(backups.subprocess, "run", run)
+    monkeypatch.setattr(backups.shutil, "which", lambda name: f"/usr/bin/{name}")
+    url = make_url("postgresql+psycopg://who:hunter2@db:5433/plant?sslmode=verify-full")
+    backups._run(["pg_dump", "--format=custom"], url, tmp_path)
+    command, environment = told[0]
+    assert command[2] == "--dbname=postgresql://who@db:5433/plant?sslmode=verify-full"
+    assert environment["PGPASSWORD"] == "hunter2"
+
+
+def test_nothing_is_left_of_a_backup_that_failed(plant, tmp_path, monkeypatch):
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(backups, "_copy_uploads", full)
+    with pytest.raises(OSError, match="No space"):
+        backups.backup(plant.settings, tmp_path / "there" / "kept")
+    assert not list((tmp_path / "there").iterdir())
+
+
+def test_no_password_is_told_where_it_goes_wrong(tmp_path):
+    settings = Settings(data_dir=tmp_path, database_url="postgresql+psycopg://who:hunter2@127.0.0.1:1/none")
+    with pytest.raises(Exception) as raised:  # noqa: PT011 - of whatever kind
+        backups.backup(settings, tmp_path / "kept")
+    assert "hunter2" not in str(raised.value)
+
+
+def test_backup_and_restore_as_commands(tmp_path, monkeypatch):
+    from typer.testing import CliRunner
+
+    from app.cli.main import cli
+
+    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path / "data"))
+    run = CliRunner()
+    assert run.invoke(cli, ["keys", "create", "me"]).exit_code == 0
+    assert run.invoke(cli, ["backup", str(tmp_path / "kept")]).exit_code == 0
+    shutil.rmtree(tmp_path / "data")
+    assert run.invoke(cli, ["restore", str(tmp_path / "kept")]).exit_code == 0
+    assert json.loads(run.invoke(cli, ["keys", "list", "--json"]).stdout)["name"] == "me"
+    assert not Path(tmp_path / "data" / ".loopaudit.db.part").exists()

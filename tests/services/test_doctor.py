@@ -1,0 +1,145 @@
+"""The doctor sees what is wrong with an installation, and nothing where nothing is."""
+
+import json
+from datetime import UTC, datetime, timedelta
+
+import pytest
+from sqlalchemy import update
+
+from app.services.auditing.audits import start_audit
+from app.services.backend import Backend
+from app.services.intake import uploads
+from app.services.upkeep import doctor
+from app.services.upkeep.operations import migrate
+from app.settings import Settings
+from app.storage import schema, tables
+from tests.services.upkeep_plant import EXPORT, aged, audited_twice
+
+
+@pytest.fixture
+def plant(backend: Backend, warm_kernels: None) -> Backend:
+    return audited_twice(backend)
+
+
+def states(checks: list[doctor.Check]) -> dict[str, str]:
+    return {check.name: check.state for check in checks}
+
+
+def test_a_sound_installation_has_no_problem(plant):
+    plant.settings.data_dir.chmod(0o700)
+    found = states(doctor.examine(plant.settings))
+    assert found.keys() >= {
+        "data folder", "disk", "kernel cache", "settings", "SQLite", "data base", "tables", "integrity", "clock",
+        "workers", "open work", "keys", "broker",
+    }  # fmt: skip
+    assert "problem" not in found.values()
+    assert found["data folder"] == "ok"
+
+
+def test_each_thing_that_is_wrong_is_named_with_advice(plant):
+    settings = plant.settings.model_copy(update={"allow_open": True, "broker_url": "redis://127.0.0.1:1/0"})
+    plant.settings.data_dir.chmod(0o755)
+    start_audit(plant)
+    with plant.database.write() as connection:
+        connection.execute(update(tables.audits).values(created_at=datetime.now(UTC) - timedelta(days=2)))
+        connection.execute(update(tables.keys).values(expires_at=datetime.now(UTC) + timedelta(days=2)))
+    checks = doctor.examine(settings)
+    wrong = {check.name: check.state for check in checks if check.state != "ok"}
+    wrong.pop("disk", None)
+    wrong.pop("kernel cache", None)
+    assert wrong == {
+        "data folder": "warning",
+        "settings": "warning",
+        "workers": "problem",
+        "open work": "warning",
+        "keys": "warning",
+        "broker": "problem",
+    }
+    assert all(check.advice for check in checks if check.state != "ok")
+
+
+def of(name: str, settings: Settings) -> doctor.Check:
+    return next(check for check in doctor.examine(settings) if check.name == name)
+
+
+def test_exports_that_are_gone_are_found(plant):
+    assert of("exports", plant.settings).state == "ok"
+    for file in plant.settings.uploads_dir.iterdir():
+        file.unlink()
+    assert of("exports", plant.settings).state == "warning"
+    aged(plant, plant.settings.keep_uploads_days + 1)
+    assert of("exports", plant.settings).state == "ok"
+    with uploads.receive(plant, filename="waiting.csv") as receiving:
+        receiving.write(EXPORT + b"2026-01-02T00:00:00Z,1,2,3\n")
+        fingerprint = receiving.commit().upload.fingerprint
+    (plant.settings.uploads_dir / fingerprint).unlink()
+    check = of("exports", plant.settings)
+    assert check.state == "problem"
+    assert fingerprint[:12] in check.found
+
+
+@pytest.mark.parametrize(
+    ("url", "state"), [("", "ok"), ("redis://127.0.0.1:1/0", "warning"), ("no-storage://127.0.0.1", "problem")]
+)
+def test_who_counts_the_limits_of_keys_is_looked_at(tmp_path, url, state):
+    settings = Settings(data_dir=tmp_path, rate_limit_url=url)
+    migrate(settings)
+    check = of("rate limits", settings)
+    assert check.state == state
+    assert bool(check.advice) == (state != "ok")
+
+
+@pytest.mark.redis
+def test_limits_that_are_counted_together_are_well(tmp_path, redis_url):
+    settings = Settings(data_dir=tmp_path, rate_limit_url=redis_url)
+    migrate(settings)
+    assert of("rate limits", settings).state == "ok"
+
+
+def test_a_data_base_of_an_older_version_is_a_problem(plant):
+    schema.downgrade(plant.database, "0002")
+    try:
+        found = states(doctor.examine(plant.settings))
+        assert found["tables"] == "problem"
+    finally:
+        schema.migrate(plant.database)
+
+
+@pytest.mark.parametrize(("at", "name"), [(0, "data base"), (8 * 4096, "integrity")])
+def test_a_damaged_sqlite_file_is_found_and_a_backup_advised(tmp_path, at, name):
+    settings = Settings(data_dir=tmp_path)
+    migrate(settings)
+    with (tmp_path / "loopaudit.db").open("r+b") as file:
+        file.seek(at)
+        file.write(b"\xff" * 3 * 4096)
+    found = next(check for check in doctor.examine(settings) if check.name == name)
+    assert found.state == "problem"
+    assert "loopaudit restore" in found.advice
+
+
+def test_names_that_others_may_use_without_a_key_are_warned_of(tmp_path):
+    settings = Settings(data_dir=tmp_path, allowed_hosts="plant.example")
+    assert doctor.openness(settings).state == "warning"
+    assert doctor.openness(settings.model_copy(update={"require_keys": True})).state == "ok"
+
+
+def test_a_data_base_that_is_away_is_a_problem_and_its_password_is_not_told(tmp_path):
+    settings = Settings(data_dir=tmp_path, database_url="postgresql+psycopg://who:hunter2@127.0.0.1:1/none")
+    checks = doctor.examine(settings)
+    assert states(checks)["data base"] == "problem"
+    assert "hunter2" not in str(checks)
+
+
+def test_the_command_ends_with_1_where_something_is_wrong(tmp_path, monkeypatch):
+    from typer.testing import CliRunner
+
+    from app.cli.main import cli
+
+    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path))
+    assert CliRunner().invoke(cli, ["migrate"]).exit_code == 0
+    done = CliRunner().invoke(cli, ["doctor", "--json"])
+    assert done.exit_code == 0, done.output
+    rows = [json.loads(line) for line in done.stdout.splitlines()]
+    assert {"name", "state", "found", "advice"} == set(rows[0])
+    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path / "nowhere"))
+    assert CliRunner().invoke(cli, ["doctor"]).exit_code == 1

@@ -1,0 +1,161 @@
+"""Retention on both data bases: what is old goes, what is young or still needed stays."""
+
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+from sqlalchemy import insert, select
+
+from app.services.access import trail
+from app.services.backend import Backend
+from app.services.intake import uploads
+from app.services.plant.loops import loop_health, verdict_history
+from app.services.upkeep import retention
+from app.services.upkeep.operations import sweep
+from app.storage import tables
+from app.storage import uploads as stored_uploads
+from tests.services.upkeep_plant import EXPORT, aged, audited_twice, count, with_settings
+
+
+@pytest.fixture
+def plant(backend: Backend, warm_kernels: None) -> Backend:
+    return audited_twice(backend)
+
+
+def test_what_is_young_stays(plant):
+    before = {name: count(plant, name) for name in ("series", "verdicts", "verdict_details", "audits", "uploads")}
+    retention.retain(plant)
+    assert {name: count(plant, name) for name in before} == before
+    assert list(plant.settings.uploads_dir.iterdir())
+
+
+def test_old_verdicts_go_and_the_newest_of_a_loop_stays(plant):
+    newest = loop_health(plant, "FIC1")
+    aged(plant, 100_000)
+    dropped = retention.retain(plant)
+    assert dropped["details"] == 1
+    assert dropped["verdicts"] >= 1
+    assert [row["audit_id"] for row in verdict_history(plant, "FIC1").rows] == [newest["audit_id"]]
+    assert loop_health(plant, "FIC1") == newest
+    assert count(plant, "audits") == 1
+    assert count(plant, "verdict_details") == 1
+
+
+def test_details_go_before_their_verdicts(plant):
+    aged(plant, plant.settings.keep_details_days + 1)
+    retention.retain(plant)
+    assert (count(plant, "verdicts"), count(plant, "verdict_details")) == (2, 1)
+
+
+def test_series_go_by_the_time_before_the_newest_sample_of_their_loop(plant):
+    kept = with_settings(plant, keep_series_days=7, window_h=24)
+    with plant.database.write() as connection:
+        old = connection.execute(select(tables.series)).mappings().one()
+        day_ns = 86_400_000_000_000
+        times = [name for name, value in old.items() if name.endswith("_ns") and value is not None]
+        for days in (9, 8, 6):  # that of 8 days says which set point held when what is kept begins
+            moved = {name: old[name] - days * day_ns for name in times}
+            values = {name: value for name, value in old.items() if name != "id"} | moved
+            connection.execute(insert(tables.series).values(values | {"fingerprint": str(days)}))
+    assert retention.retain(kept)["series"] == 1
+    with plant.database.read() as connection:
+        assert set(connection.scalars(select(tables.series.c.fingerprint))) == {old["fingerprint"], "8", "6"}
+
+
+def test_exports_that_were_read_go_and_those_to_be_read_stay(plant):
+    with uploads.receive(plant, filename="waiting.csv") as receiving:
+        receiving.write(EXPORT + b"2026-01-02T00:00:00Z,1,2,3\n")
+        waiting = receiving.commit().upload.fingerprint
+    orphan = plant.settings.uploads_dir / ("0" * 64)
+    orphan.write_bytes(b"of no upload")
+    aged(plant, 400)
+    assert retention.retain(plant)["files"] == 2
+    assert [file.name for file in plant.settings.uploads_dir.iterdir()] == [waiting]
+    assert count(plant, "uploads") == 2
+
+
+def sent_again(backend: Backend) -> None:
+    with uploads.receive(backend, filename="again.csv") as receiving:
+        receiving.write(EXPORT)
+        receiving.commit()
+
+
+def test_bytes_that_come_again_while_retention_looks_at_the_old_ones_stay(plant, monkeypatch):
+    """Retention has looked and is about to drop: who sends waits for it, then puts the bytes there anew."""
+    aged(plant, 400)
+    looked = iter(range(9))
+    with ThreadPoolExecutor(1) as pool:
+        sending: list[Future[None]] = []
+
+        def old_then_sent(file: Path, seconds: float) -> bool:
+            old = older_than(file, seconds)
+            if next(looked) == 1:  # for the second time, under the lock
+                sending.append(pool.submit(sent_again, plant))
+                wait(sending, timeout=1)
+            return old
+
+        older_than = retention.older_than
+        monkeypatch.setattr(retention, "older_than", old_then_sent)
+        assert retention.retain(plant)["files"] == 1
+        sending[0].result()
+    assert [file.read_bytes() for file in plant.settings.uploads_dir.iterdir()] == [EXPORT]
+
+
+def test_bytes_that_are_being_registered_stay_though_their_file_looks_old(plant, monkeypatch):
+    """Who sends has put the bytes there and is about to register them: retention waits for it, then knows them."""
+    aged(plant, 400)
+    monkeypatch.setattr(retention, "older_than", lambda file, seconds: True)  # a clock that has jumped meanwhile
+    registered = stored_uploads.receive
+    with ThreadPoolExecutor(1) as pool:
+        dropping: list[Future[dict[str, int]]] = []
+
+        def dropped_then_registered(connection, values):
+            dropping.append(pool.submit(retention.retain, plant))
+            wait(dropping, timeout=1)
+            return registered(connection, values)
+
+        monkeypatch.setattr(stored_uploads, "receive", dropped_then_registered)
+        sent_again(plant)
+        assert dropping[0].result()["files"] == 0
+    assert [file.read_bytes() for file in plant.settings.uploads_dir.iterdir()] == [EXPORT]
+
+
+def test_nought_days_keep_for_ever(plant):
+    names = ("series", "details", "verdicts", "explanations", "trail", "uploads")
+    for_ever = with_settings(plant, **{f"keep_{name}_days": 0 for name in names})
+    aged(plant, 100_000)
+    before = {name: count(plant, name) for name in ("series", "verdicts", "verdict_details", "audits", "trail")}
+    retention.retain(for_ever)
+    assert {name: count(plant, name) for name in before} == before | {"trail": before["trail"] + 1}  # itself
+    assert list(plant.settings.uploads_dir.iterdir())
+
+
+def test_it_runs_once_a_night_in_batches_and_stands_in_the_trail(plant):
+    aged(plant, 100_000)
+    assert retention.retain_if_due(plant) is not None
+    assert retention.retain_if_due(plant) is None
+    assert retention.retain_if_due(plant, datetime.now(UTC) + timedelta(days=1)) is not None
+    row = trail.list_trail(plant, action=retention.ACTION).rows[-1]
+    assert (row.who, row.outcome, row.detail["details"]) == ("schedule", "done", 1)
+
+
+def test_without_time_left_the_rest_waits_for_the_next_sweep(plant):
+    aged(plant, 100_000)
+    assert "files" not in retention.retain(plant, budget_s=-1)
+    assert not trail.list_trail(plant, action=retention.ACTION).rows
+
+
+def test_the_sweeper_does_it(plant):
+    aged(plant, 100_000)
+    sweep(plant)
+    assert count(plant, "audits") == 1
+
+
+def test_what_goes_while_the_sweeper_looks_does_not_stop_it(plant, monkeypatch):
+    """An upload that ends takes its draft away, another schedule an old export."""
+    gone = [plant.settings.uploads_dir / name for name in (".part-gone", "0" * 64)]
+    monkeypatch.setattr(Path, "glob", lambda folder, pattern: iter(gone))
+    monkeypatch.setattr(Path, "iterdir", lambda folder: iter(gone))
+    assert retention.retain(plant)["files"] == 0
+    sweep(plant)
