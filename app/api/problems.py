@@ -217,6 +217,7 @@ async def _fault(request: Request, error: Exception) -> Response:
     told = {"request_id": name} if name else {}
     where = request.scope["path"][:LONGEST_ECHO]
     log.error("fault while answering %s %s", request.method, where, exc_info=error, extra=told)
-    # The framework answers faults outside of all middleware, so the headers that it would set are set here.
-    headers = HEADERS | ({"X-Request-Id": name} if name else {})
+    # The framework answers faults outside of all middleware, so the headers that it would set are set here; the server
+    # closes the connection after them, and a client that is not told would send its next request into the closing.
+    headers = HEADERS | {"Connection": "close"} | ({"X-Request-Id": name} if name else {})
     return respond(request, 500, "internal_error", "a fault of the service; its log says which", headers=headers)
