@@ -70,13 +70,12 @@ def makes_sense(rival: Rival) -> bool:
     """Whether the fitted values still are what the code says, and the free run is no worse: noise must not take its
     place.
     """
-    part, usable = rival.fit.parts[-1], rival.fit.record.usable
+    part = rival.fit.parts[-1]
     if part.block.sensible is not None and not part.block.sensible(
         part.values, Context(rival.fit.record, rival.fit.plant)
     ):
         return False
-    before, after = (np.std(fit.residual[usable]) for fit in (rival.over, rival.fit))
-    return bool(after < NO_WORSE * before) and not limits_always(rival.fit, part)
+    return no_worse(rival.fit, rival.over) and not limits_always(rival.fit, part)
 
 
 def ranked(found: Fit, blocks: tuple[Block, ...], carried: tuple[Part, ...] = ()) -> tuple[Rival, ...]:
@@ -88,13 +87,11 @@ def reconciled(rival: Rival) -> Rival:
     """A rival whose likelihood had gone with a worse free run, fitted again by its free run; as it was where that
     loses what it gained.
     """
-    usable = rival.fit.record.usable
-    before, after = (float(np.std(fit.residual[usable])) for fit in (rival.over, rival.fit))
-    if after < NO_WORSE * before or rival.score <= 0.0:
+    if no_worse(rival.fit, rival.over) or rival.score <= 0.0:
         return rival
     other = by_free_run(rival.fit)
     gain = other.likelihood - rival.over.likelihood
-    better = float(np.std(other.residual[usable])) < NO_WORSE * before and gain > rival.block.penalty
+    better = no_worse(other, rival.over) and gain > rival.block.penalty
     return replace(rival, fit=other, gain=gain) if better else rival
 
 
@@ -227,8 +224,17 @@ def hidden(names: tuple[Rival, ...]) -> tuple[Rival, ...]:
 
 
 def nearer(rival: Rival) -> bool:
-    usable = rival.fit.record.usable
-    return bool(np.std(rival.fit.residual[usable]) < HIDDEN_NEARER * np.std(rival.over.residual[usable]))
+    return free_run_error(rival.fit) < HIDDEN_NEARER * free_run_error(rival.over)
+
+
+def no_worse(fit: Fit, over: Fit) -> bool:
+    """Whether the free run of one fit is no worse than that of another."""
+    return free_run_error(fit) < NO_WORSE * free_run_error(over)
+
+
+def free_run_error(fit: Fit) -> float:
+    """Standard deviation of PV less its free run, in the unit of PV, over the samples that are compared."""
+    return float(np.std(fit.residual[fit.record.usable]))
 
 
 def leaders(ranking: tuple[Rival, ...]) -> tuple[Rival, ...]:
