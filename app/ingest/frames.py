@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from app.ingest.ahead import ahead
+from app.ingest.ahead import ahead, side_by_side
 from app.ingest.head import split_line
 from app.ingest.opening import Lines, TextFile
 from app.ingest.rejecting import RejectLog
@@ -117,12 +117,12 @@ class FrameReader:
 
     def rows(self, first_row: int, columns: Sequence[int] | None = None) -> Iterator[Rows]:
         """All rows from the given one (counted from 0) on, with all columns: text holds them side by side."""
-        for rows in ahead(self._parsed(first_row)):
+        for rows in side_by_side(self._read, ahead(self._chunks_from(first_row))):
             for code, text, line in rows.faults:
                 self._log.add(code, text, line)
             yield rows
 
-    def _parsed(self, first_row: int) -> Iterator[Rows]:
+    def _chunks_from(self, first_row: int) -> Iterator[Lines]:
         to_skip = first_row
         for lines in self._file.chunks():
             while to_skip and lines.data:
@@ -130,7 +130,7 @@ class FrameReader:
                 lines = Lines(lines.data[end:], lines.first + 1, lines.count - 1)
                 to_skip -= 1
             if lines.data and not lines.data.isspace():
-                yield self._read(lines)
+                yield lines
 
     def texts(self, rows: Rows, columns: Sequence[int]) -> pl.DataFrame:
         """Columns of the rows as the text they were written in."""

@@ -7,8 +7,8 @@ FloatArray = NDArray[np.float64]
 
 AS_IT_IS, SINGLE = "d", "f"
 DIGITS = "0123456"  # decimals after the point
-POWERS = 10.0 ** np.arange(len(DIGITS))[:, None]
-PROBED = 16
+POWERS = tuple(10.0**digits for digits in range(len(DIGITS)))
+PROBED = 8
 GREATEST = 2**31 - 1
 MISSING = np.int32(-(2**31))
 
@@ -17,14 +17,10 @@ def coded(values: FloatArray) -> tuple[str, bytes]:
     """How the values are written and the bytes: whole numbers of a power of ten where that gives every value again
     (-0.0 as 0.0), else single precision where that does, else as they are."""
     missing = np.isnan(values)
-    some = bool(missing.any())
-    known = values[~missing] if some else values
-    for digits in _likely(known[:: max(1, len(known) // PROBED)]):
-        power = 10.0**digits
-        whole = np.rint(known * power)
-        if (whole / power == known).all() and (not len(whole) or max(whole.max(), -whole.min()) <= GREATEST):
-            return str(digits), shuffled(_placed(whole, missing) if some else whole.astype("<i4"))
     with np.errstate(over="ignore"):
+        decimal = _decimal_with_gaps(values, missing) if missing.any() else _decimal(values)
+        if decimal is not None:
+            return str(decimal[0]), shuffled(decimal[1])
         single = values.astype("<f4")
     if np.array_equal(single, values, equal_nan=True):
         return SINGLE, shuffled(single)
@@ -57,15 +53,34 @@ def unshuffled(raw: bytes, kind: str) -> NDArray[np.generic]:
     return np.ascontiguousarray(np.frombuffer(raw, np.uint8).reshape(size, -1).T).reshape(-1).view(kind)
 
 
-def _placed(whole: FloatArray, missing: NDArray[np.bool_]) -> NDArray[np.int32]:
+def _decimal(values: FloatArray) -> tuple[int, NDArray[np.int32]] | None:
+    """The fewest decimals that give every value again, and the values in units of the last of them."""
+    for digits in _likely(values[:: max(1, len(values) // PROBED)]):
+        power = POWERS[digits]
+        whole = np.rint(values * power)
+        if (whole / power == values).all() and (not len(whole) or max(whole.max(), -whole.min()) <= GREATEST):
+            return digits, whole.astype("<i4")
+    return None
+
+
+def _decimal_with_gaps(values: FloatArray, missing: NDArray[np.bool_]) -> tuple[int, NDArray[np.int32]] | None:
+    found = _decimal(values[~missing])
+    if found is None:
+        return None
     placed = np.full(len(missing), MISSING, dtype="<i4")
-    placed[~missing] = whole
-    return placed
+    placed[~missing] = found[1]
+    return found[0], placed
 
 
 def _likely(probe: FloatArray) -> range:
-    """Numbers of decimals that some of the values allow, the fewest first."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        scaled = np.rint(probe * POWERS)
-        fits = np.all((scaled / POWERS == probe) & (np.abs(scaled) <= GREATEST), axis=1)
-    return range(int(np.argmax(fits)), len(DIGITS)) if np.any(fits) else range(0)
+    """Numbers of decimals that may give all values again, by some of them, the fewest first."""
+    digits = 0
+    for value in probe.tolist():
+        while digits < len(DIGITS) and not _is_whole(value, POWERS[digits]):
+            digits += 1
+    return range(digits, len(DIGITS))
+
+
+def _is_whole(value: float, power: float) -> bool:
+    """Whether a value is a whole number of 1 / power."""
+    return abs(value * power) <= GREATEST and round(value * power) / power == value

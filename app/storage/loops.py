@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy import Connection, Select, func, select, update
 
-from app.storage.bulk import among, insert_new_rows
+from app.storage.bulk import from_arrays, insert_new_rows
 from app.storage.tables import loops
 from app.storage.types import now
 
@@ -66,8 +66,12 @@ def ensure(connection: Connection, tags: Iterable[str]) -> dict[str, int]:
 
 
 def ids_of(connection: Connection, tags: Sequence[str]) -> dict[str, int]:
-    found = connection.execute(select(loops.c.tag, loops.c.id).where(among(connection, loops.c.tag, tags)))
-    return {row.tag: row.id for row in found}
+    if connection.dialect.name != "postgresql":
+        query, asked = select(loops.c.tag, loops.c.id).where(loops.c.tag.in_(tags)), {}
+    else:  # a plan kept from an empty table compares each tag with each of an array; it hashes or looks up rows
+        sent = from_arrays(loops, ("tag",)).subquery()
+        query, asked = select(loops.c.tag, loops.c.id).join(sent, loops.c.tag == sent.c.tag), {"sent_tag": list(tags)}
+    return {row.tag: row.id for row in connection.execute(query, asked)}
 
 
 def by_tag(connection: Connection, tag: str) -> LoopRow | None:

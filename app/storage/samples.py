@@ -43,10 +43,10 @@ class Samples:
 
     @cached_property
     def fingerprint(self) -> str:
-        digest = hashlib.blake2b(np.ascontiguousarray(self.time_ns, dtype="<i8").tobytes(), digest_size=20)
+        digest = _times(self.time_ns).digest.copy()
         for name in sorted(self.signals):
             digest.update(name.encode())
-            digest.update(np.ascontiguousarray(self.signals[name], dtype="<f8").tobytes())
+            digest.update(np.ascontiguousarray(self.signals[name], dtype="<f8").data)
         return digest.hexdigest()
 
     @cached_property
@@ -65,9 +65,32 @@ def pack(samples: Samples) -> bytes:
     """Times as differences, then each signal in the fewest bytes that give its values again."""
     columns = {name: coded(values) for name, values in samples.signals.items()}
     head = json.dumps({name: coding for name, (coding, _) in columns.items()}).encode()
-    times = shuffled(np.diff(samples.time_ns, prepend=0))
+    times = _times(samples.time_ns).differences
     body = _compressor().compress(b"".join((times, *(raw for _, raw in columns.values()))))
     return HEADER.pack(FORMAT, len(samples), len(head)) + head + body
+
+
+class _Times:
+    """What the fingerprint and the packed bytes take from the times alone: loops of one scan share them."""
+
+    def __init__(self, time_ns: TimeArray) -> None:
+        self.time_ns = time_ns
+
+    @cached_property
+    def digest(self) -> "hashlib.blake2b":
+        return hashlib.blake2b(np.ascontiguousarray(self.time_ns, dtype="<i8").data, digest_size=20)
+
+    @cached_property
+    def differences(self) -> bytes:
+        return shuffled(np.diff(self.time_ns, prepend=0))
+
+
+def _times(time_ns: TimeArray) -> _Times:
+    """Those of the array that was asked for last in this thread are kept."""
+    known: _Times | None = getattr(_own, "times", None)
+    if known is None or known.time_ns is not time_ns:
+        known = _own.times = _Times(time_ns)
+    return known
 
 
 def _compressor() -> zstandard.ZstdCompressor:

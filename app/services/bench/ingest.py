@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import statistics
 import subprocess
 import sys
@@ -25,7 +26,7 @@ from app.services.upkeep import operations
 
 LONGEST_S = 600.0
 KINDS = 500  # loops are simulated so often; the others are these again, each with noise of its own
-POLARS_RUNS = 3  # of each number of threads; the median counts
+RUNS = 3  # of polars with each number of threads, and of ours; the median of each counts
 TARGETED = {"long CSV, by time": "by_time", "wide CSV": "wide"}
 POLARS = """
 import sys, time, resource, json
@@ -65,7 +66,36 @@ def run(bench: Bench) -> Figures:
 
 
 def _measured(bench: Bench, name: str, path: Path, loops: int) -> Figures:
-    alone = _alone(path)
+    """In rounds of one run each: polars with one thread and with two, then ours. Of each, the run of median time."""
+    alone: dict[int, list[Figures]] = {1: [], 2: []}
+    ours: list[Figures] = []
+    for _ in range(RUNS):
+        for threads, told in alone.items():
+            told.append(_polars(path, threads))
+        ours.append(_end_to_end(bench, name, path))
+    one, two = (_median_run(told, "s") for told in alone.values())
+    own = _median_run(ours, "whole_s")
+    values, size, whole_s = loops * 1440 * len(SIGNALS), path.stat().st_size, own["whole_s"]
+    return {
+        "file": name,
+        "mb": size / 1e6,
+        "values": values,
+        **own,
+        "peak_mb": max(run["peak_mb"] for run in ours),
+        "values_a_s": values / whole_s,
+        "mb_a_s": size / 1e6 / whole_s,
+        "polars_s": {"1": one["s"], "2": two["s"]},
+        "polars_runs_s": {"1": one["runs_s"], "2": two["runs_s"]},
+        "polars_cpu_s": one["cpu_s"],
+        "polars_peak_mb": two["peak_mb"],
+        "share_of_polars_1": one["s"] / whole_s,
+        "share_of_polars_2": two["s"] / whole_s,
+        "reading_share_of_polars_2": two["s"] / own["read_s"],
+    }
+
+
+def _end_to_end(bench: Bench, name: str, path: Path) -> Figures:
+    """The file received and read by one worker into an empty data base; nothing of it stays."""
     with plant_backend(bench) as backend, workers(backend, 1) as parent:
         before = sum(map(processor_s, children_of(parent.pid)))
         with Memory(lambda: children_of(parent.pid)) as memory:
@@ -75,30 +105,16 @@ def _measured(bench: Bench, name: str, path: Path, loops: int) -> Figures:
                 state = _until_read(backend, receipt.upload.id)
         used = sum(map(processor_s, children_of(parent.pid))) - before
         base = memory.first_mb
+    shutil.rmtree(backend.settings.data_dir)
     if state.state != "done":
         raise SkippedError(f"{name} was not read: {state.reason}")
-    values = loops * 1440 * len(SIGNALS)
-    size = path.stat().st_size
-    whole_s = receiving.seconds + reading.seconds
     return {
-        "file": name,
-        "mb": size / 1e6,
-        "values": values,
         "loops_found": len(state.loops),
         "samples_added": state.samples_added,
         "received_s": receiving.seconds,
         "read_s": reading.seconds,
+        "whole_s": receiving.seconds + reading.seconds,
         "processor_s": used,
-        "whole_s": whole_s,
-        "values_a_s": values / whole_s,
-        "mb_a_s": size / 1e6 / whole_s,
-        "polars_s": {str(threads): told["s"] for threads, told in alone.items()},
-        "polars_runs_s": {str(threads): told["runs_s"] for threads, told in alone.items()},
-        "polars_cpu_s": alone[1]["cpu_s"],
-        "polars_peak_mb": alone[2]["peak_mb"],
-        "share_of_polars_1": alone[1]["s"] / whole_s,
-        "share_of_polars_2": alone[2]["s"] / whole_s,
-        "reading_share_of_polars_2": alone[2]["s"] / reading.seconds,
         "peak_mb": memory.peak_mb,
         "before_mb": base,
     }
@@ -118,18 +134,10 @@ def _until_read(backend: Backend, upload_id: str) -> UploadView:
     return state
 
 
-def _alone(path: Path) -> dict[int, Figures]:
-    """Polars by its number of threads: the run of median time, with the times of all; runs take turns."""
-    runs: dict[int, list[Figures]] = {1: [], 2: []}
-    for _ in range(POLARS_RUNS):
-        for threads, told in runs.items():
-            told.append(_polars(path, threads))
-    return {threads: _median_run(told) for threads, told in runs.items()}
-
-
-def _median_run(told: list[Figures]) -> Figures:
-    times = [run["s"] for run in told]
-    return {**told[times.index(statistics.median_low(times))], "runs_s": times}
+def _median_run(runs: list[Figures], by: str) -> Figures:
+    """The run of median time, with the times of all."""
+    times = [run[by] for run in runs]
+    return {**runs[times.index(statistics.median_low(times))], f"runs_{by}": times}
 
 
 def _polars(path: Path, threads: int) -> Figures:

@@ -224,7 +224,7 @@ def _ingest(found: Figures) -> str:
         f"## Reading a day of {found['loops']:,} loops\n\n{found['values'] / 1e6:.1f} million values; from the file "
         "to series in PostgreSQL: received (copied, fingerprinted and synced, as an upload is before its 202) and read "
         "by one worker, beside `polars.read_csv` (or `read_parquet`) of the same file, which does not read the times, "
-        f"part the loops or store anything. The share is of both together, end to end. {_polars_runs(found)}\n\n"
+        f"part the loops or store anything. The share is of both together, end to end. {_reading_runs(found)}\n\n"
     )
     head = (
         "file",
@@ -247,15 +247,17 @@ def _ingest(found: Figures) -> str:
     return text + table(head, rows)
 
 
-def _polars_runs(found: Figures) -> str:
-    """How polars was timed; figures of an earlier version hold one run each."""
-    runs = [times for it in found["files"] for times in it.get("polars_runs_s", {}).values()]
+def _reading_runs(found: Figures) -> str:
+    """How often and in which order both were timed; figures of an earlier version hold one run of each."""
+    runs = [it["polars_runs_s"] | {"ours": it["runs_whole_s"]} for it in found["files"] if "runs_whole_s" in it]
     if not runs:
-        return "Of polars one run each."
-    widest = max(max(times) / min(times) for times in runs)
+        return "One run of each."
+    rounds = min(len(times) for it in runs for times in it.values())
+    polars, ours = (max(max(it[who]) / min(it[who]) for it in runs) for who in ("2", "ours"))
     return (
-        f"Of polars the median of {min(map(len, runs))} runs for each number of threads, by turns; the slowest of a "
-        f"file took up to {number(widest)} times as long as the fastest. Ours is one run."
+        f"{rounds} rounds of one run each (polars with one thread, with two, then ours into an empty data base), the "
+        f"median of each; the slowest run of a file took up to {number(polars)} (polars, two threads) and "
+        f"{number(ours)} times (ours) as long as the fastest."
     )
 
 

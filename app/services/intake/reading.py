@@ -10,6 +10,7 @@ from typing import Any
 
 from app.errors import LoopauditError
 from app.ingest import Export, IngestOptions, LoopSamples, LoopTags, Rejects, TagMapping, read_export
+from app.ingest.ahead import ahead
 from app.services.backend import DATABASE_AWAY, Backend
 from app.services.heartbeat import Heartbeat
 from app.services.intake.uploads import path_of
@@ -81,7 +82,7 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
     mapping = TagMapping.from_bytes(reading["mapping"].encode()) if reading.get("mapping") else None
     options = _options(backend, reading)
     export = read_export(path_of(backend, row.fingerprint), filename=row.filename, mapping=mapping, options=options)
-    added = _stored(backend, claim, map(_prepared, _batches(export)), mapping)
+    added = _stored(backend, claim, map(_prepared, ahead(_batches(export))), mapping)
     summary, refused = export.summary(), export.rejects()
     told = {
         "layout": summary.layout,
