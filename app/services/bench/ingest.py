@@ -26,6 +26,7 @@ from app.services.upkeep import operations
 
 LONGEST_S = 600.0
 KINDS = 500  # loops are simulated so often; the others are these again, each with noise of its own
+REST_S = 3.0  # before each run: virtual machines give freed memory back after 2 s, and get it anew slowly
 RUNS = 3  # of polars with each number of threads, and of ours; the median of each counts
 TARGETED = {"long CSV, by time": "by_time", "wide CSV": "wide"}
 POLARS = """
@@ -99,6 +100,7 @@ def _end_to_end(bench: Bench, name: str, path: Path) -> Figures:
     with plant_backend(bench) as backend, workers(backend, 1) as parent:
         before = sum(map(processor_s, children_of(parent.pid)))
         with Memory(lambda: children_of(parent.pid)) as memory:
+            time.sleep(REST_S)
             with Stopwatch() as receiving:
                 receipt = uploads.receive_file(backend, path)
             with Stopwatch() as reading:
@@ -141,6 +143,7 @@ def _median_run(runs: list[Figures], by: str) -> Figures:
 
 
 def _polars(path: Path, threads: int) -> Figures:
+    time.sleep(REST_S)
     told = subprocess.run(  # noqa: S603 - our own program
         [sys.executable, "-c", POLARS, str(path)],
         env={**os.environ, "POLARS_MAX_THREADS": str(threads)},

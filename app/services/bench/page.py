@@ -5,6 +5,7 @@ from typing import Any
 
 from app.services.bench.bench import Figures
 from app.services.bench.growth import growth
+from app.services.bench.ingest import REST_S
 from app.services.bench.plant import SCALING
 
 TITLE = """# Performance
@@ -255,9 +256,10 @@ def _reading_runs(found: Figures) -> str:
     rounds = min(len(times) for it in runs for times in it.values())
     polars, ours = (max(max(it[who]) / min(it[who]) for it in runs) for who in ("2", "ours"))
     return (
-        f"{rounds} rounds of one run each (polars with one thread, with two, then ours into an empty data base), the "
-        f"median of each; the slowest run of a file took up to {number(polars)} (polars, two threads) and "
-        f"{number(ours)} times (ours) as long as the fastest."
+        f"{rounds} rounds of one run each (polars with one thread, with two, then ours into an empty data base), each "
+        f"after {REST_S:g} s of rest, so that none finds memory warm that another has just freed; the median counts. "
+        f"The slowest run of a file took up to {number(polars)} (polars, two threads) and {number(ours)} times (ours) "
+        "as long as the fastest."
     )
 
 
