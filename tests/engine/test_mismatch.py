@@ -469,6 +469,8 @@ def test_a_pair_is_compared_with_what_says_nothing_by_score(
         return SimpleNamespace(block=block, gain=found, fit=fit, over=base)
 
     monkeypatch.setattr(selection, "pays_beside", lambda *_: True)
+    monkeypatch.setattr(selection, "hidden_gain", lambda _: 0.0)
+    monkeypatch.setattr(selection, "worth_beside", lambda r: r.gain)
     first, unnamed = rival("process.inverse_response", 18.0, 60.0), rival("unnamed", 42.0, likelihood)
     places = selection.Places(first, (rival("sensor.drift", 16.0, 95.0, 18.0),))
     assert len(places.pairs((unnamed, first))) == pairs

@@ -5,13 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Part
-from app.engine.mismatch.fitting import Fit, descend, finish, fit, make_task, polish, quiet_noise, start_at
+from app.engine.mismatch.fitting import Fit, Task, descend, finish, fit, make_task, polish, quiet_noise, start_at
 from app.engine.mismatch.noise import fit_noise
 from app.engine.mismatch.scan import Start, ground, scan, task_with
 from app.engine.recording import FloatArray
 
 ADMITTED, SECOND_ADMITTED = (9, 5), (6, 3)
 HOPELESS = 0.35
+POINTS = 6
 PURSUED_SHARE, PURSUED_WITHIN = 0.35, 25.0
 
 
@@ -39,13 +40,19 @@ class Scanned:
     starts: tuple[Start, ...]
     gain: float
     quiet_gain: float
+    points: tuple[tuple[Start, ...], tuple[Start, ...]] = ((), ())
 
 
-def rivals(found: Fit, blocks: tuple[Block, ...], carried: tuple[Part, ...] = ()) -> tuple[Rival, ...]:
+def rivals(
+    found: Fit,
+    blocks: tuple[Block, ...],
+    carried: tuple[Part, ...] = (),
+    surveyed: tuple[Scanned, ...] | None = None,
+) -> tuple[Rival, ...]:
     """The blocks that a scan finds promising, fitted beside the fit so far, best score first; those `carried` from
     another fit as well, from the values that they had there too.
     """
-    surveyed = survey(found, blocks)
+    surveyed = survey(found, blocks) if surveyed is None else surveyed
     admitted = {scanned.block.name: scanned for scanned in promising(surveyed, found)}
     scans = {scanned.block.name: scanned for scanned in surveyed}
     for part in carried:
@@ -78,7 +85,8 @@ def survey(found: Fit, blocks: tuple[Block, ...]) -> tuple[Scanned, ...]:
     for block in (b for b in blocks if b.suits is None or b.suits(context)):
         first, second = scan(block, (own, quiet))
         starts = (*finalists(first, block, context), *finalists(second, block, context))
-        surveyed.append(Scanned(block, starts, first[0].gain, second[0].gain))
+        points = (finalists(first, block, context, POINTS), finalists(second, block, context, POINTS))
+        surveyed.append(Scanned(block, starts, first[0].gain, second[0].gain, points))
     return tuple(surveyed)
 
 
@@ -113,11 +121,16 @@ def begin(scanned: Scanned, found: Fit) -> list[Fit]:
     begun = []
     for start in scanned.starts:
         x = start_at(task, found.plant, np.concatenate((*known, start.values)))
-        noise = fit_noise(found.record.pv_deviation - task.simulated(x), found.record.usable)
-        x = descend(task, polish(task, x, noise), noise, scanned.block.steps)
-        residual = found.record.pv_deviation - task.simulated(x)
-        begun.append(finish(task, x, fit_noise(residual, found.record.usable, noise)))
+        begun.append(descended(task, x, scanned.block.steps))
     return sorted(begun, key=lambda fitted: -fitted.likelihood)
+
+
+def descended(task: Task, x: FloatArray, steps: int) -> Fit:
+    """A first descent from coordinates x, under the noise that is left there."""
+    record = task.record
+    noise = fit_noise(record.pv_deviation - task.simulated(x), record.usable)
+    x = descend(task, polish(task, x, noise), noise, steps)
+    return finish(task, x, fit_noise(record.pv_deviation - task.simulated(x), record.usable, noise))
 
 
 def pursue(block: Block, begun: list[Fit]) -> Fit:
@@ -129,14 +142,15 @@ def pursue(block: Block, begun: list[Fit]) -> Fit:
     return fit(task, best.x, None, 3, block.steps)
 
 
-def finalists(starts: tuple[Start, ...], block: Block, context: Context) -> tuple[Start, ...]:
-    """The best points of a scan that are not neighbours."""
+def finalists(starts: tuple[Start, ...], block: Block, context: Context, most: int | None = None) -> tuple[Start, ...]:
+    """The best points of a scan that are not neighbours, as many as the block has finalists."""
+    most = block.finalists if most is None else most
     ranges = np.array([p.high - p.low for p in block.parameters(context)]) + 1e-300
     kept: list[Start] = []
     for start in starts:
         if all(apart(start.values, other.values, ranges) for other in kept):
             kept.append(start)
-        if len(kept) == block.finalists:
+        if len(kept) == most:
             break
     return tuple(kept)
 

@@ -6,13 +6,13 @@ import numpy as np
 
 from app.engine.evidence import Reason
 from app.engine.mismatch.fitting import Fit, fit_linear
+from app.engine.mismatch.holdout import WORSE_UNSEEN
 from app.engine.mismatch.result import Effect, Improvement, Verdict
 from app.engine.mismatch.selection import Selection
 
 LEAST_ANSWER = 10.0
 LEAST_TIMES = 4.0
 LEAST_COMPARED = 100
-WORSE_UNSEEN = 1.05
 
 
 @dataclass(frozen=True)

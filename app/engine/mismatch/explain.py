@@ -14,18 +14,19 @@ from app.engine.mismatch.conclude import conclude, unseen_data_refuse
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, Given, fit_linear, make_task, settle, start_at
 from app.engine.mismatch.given import behind_trace, identify
-from app.engine.mismatch.holdout import judge, kept_out, refit_without, unseen_gain
+from app.engine.mismatch.holdout import FreeRuns, judge, kept_out, mostly_worse, refit_without, stretches, unseen_gain
 from app.engine.mismatch.locate import quick_location
 from app.engine.mismatch.patterns import Pattern, find_patterns
 from app.engine.mismatch.physics import library
 from app.engine.mismatch.physics.generic import DYNAMIC
 from app.engine.mismatch.report import effects_of, export, location_of, pattern_effect, refit_estimates
 from app.engine.mismatch.result import Effect, Explanation, Improvement, Location, Traces
-from app.engine.mismatch.selection import Selection, select, worth
+from app.engine.mismatch.selection import Selection, select
 from app.engine.mismatch.thinning import coarse_of, factor_for, refined
 from app.engine.mismatch.validation import validate
 from app.engine.mismatch.windows import windows_of
-from app.engine.recording import FloatArray
+from app.engine.mismatch.worth import worth
+from app.engine.recording import BoolArray, FloatArray
 
 NEARLY = 0.5
 
@@ -151,20 +152,20 @@ def assemble(
     usable = prepared.record.usable
     final = selection.fit
     held = kept_out(final, usable)
-    base_seen, final_seen = refit_without(prepared.base, held), refit_without(final, held)
-    sensors = sensors_of(final_seen, prepared.patterns)
+    seen = free_runs(prepared, final, held)
     traces = Traces(
         np.arange(prepared.record.samples) * comparison.sampling_interval_s,
         comparison.pv,
         prepared.given_trace,
-        base_seen.simulated + prepared.record.pv_mid,
-        seen_through(final_seen.simulated, sensors, Context(final.record, final.plant)) + prepared.record.pv_mid,
+        seen.refitted,
+        seen.explained,
         held,
     )
     improvement = improvement_of(traces, comparison)
-    doubts = unseen_data_refuse(selection, improvement, unseen_gain(base_seen, final_seen, held))
-    if doubts:
-        return assemble(comparison, prepared, Selection(prepared.base, (), selection.ranking), doubts)
+    doubts = unseen_data_refuse(selection, improvement, seen.gain)
+    if doubts and mostly_worse(comparison.pv, [free_runs(prepared, final, other) for other in stretches(usable)]):
+        left = selection.alone or Selection(prepared.base, (), selection.ranking)
+        return assemble(comparison, prepared, replace(left, fit=settle(left.fit)), doubts)
     conclusion = conclude(
         prepared.base,
         tuple(pattern_effect(p, prepared.record) for p in prepared.patterns),
@@ -179,7 +180,7 @@ def assemble(
         located=location_of(conclusion.effects),
         fit=improvement,
         validation=None,
-        model=export(final_seen, sensors),
+        model=export(seen.model, sensors_of(seen.model, prepared.patterns)),
         refit=refit_estimates(prepared.base),
         evidence=(*conclusion.reasons, *evidence_of(prepared, selection), *controller_evidence(closed)),
         traces=traces,
@@ -222,6 +223,16 @@ def merged(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
         )
         first[effect.code] = replace(known or effect, windows=windows)
     return tuple(first.values())
+
+
+def free_runs(prepared: Prepared, final: Fit, held: BoolArray) -> FreeRuns:
+    """The refit and the explained model, both fitted without the samples `held` (N,), over the whole record."""
+    base_seen, final_seen = refit_without(prepared.base, held), refit_without(final, held)
+    sensors = sensors_of(final_seen, prepared.patterns)
+    explained = seen_through(final_seen.simulated, sensors, Context(final.record, final.plant))
+    mid = prepared.record.pv_mid
+    gain = unseen_gain(base_seen, final_seen, held)
+    return FreeRuns(base_seen.simulated + mid, explained + mid, held, gain, final_seen)
 
 
 def improvement_of(traces: Traces, comparison: Comparison) -> Improvement:

@@ -161,6 +161,11 @@ def make_task(record: Experiment, given: Given, blocks: tuple[Block, ...]) -> Ta
     return Task(record, given, blocks, tuple(free), tuple(counts), *numbers)
 
 
+def task_of(found: Fit) -> Task:
+    """The task that a fit has solved."""
+    return make_task(found.record, found.given, tuple(part.block for part in found.parts))
+
+
 def start_at(task: Task, plant: Plant, values: FloatArray) -> FloatArray:
     """Coordinates of a linear plant and the blocks' values in a row."""
     linear = [f.coordinate(getattr(plant, f.name)) for f in task.free if "." not in f.name]
@@ -353,20 +358,19 @@ def settle(found: Fit) -> Fit:
 
 def white_fit(found: Fit) -> FloatArray:
     """Coordinates of the same model where its free run is nearest to PV."""
-    task = make_task(found.record, found.given, tuple(part.block for part in found.parts))
+    task = task_of(found)
     white = NoiseModel(deviation=float(np.std(found.residual[found.record.usable])))
     return descend(task, polish(task, found.x, white), white, 30)
 
 
 def finish_as(found: Fit, x: FloatArray) -> Fit:
     """The same model at other coordinates, its noise model kept."""
-    task = make_task(found.record, found.given, tuple(part.block for part in found.parts))
-    return finish(task, x, found.noise)
+    return finish(task_of(found), x, found.noise)
 
 
 def by_free_run(found: Fit) -> Fit:
     """The same model fitted by its free run alone, with the noise that it then leaves."""
-    task = make_task(found.record, found.given, tuple(part.block for part in found.parts))
+    task = task_of(found)
     x = white_fit(found)
     return finish(task, x, fit_noise(found.record.pv_deviation - task.simulated(x), found.record.usable))
 

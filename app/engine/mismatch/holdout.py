@@ -12,6 +12,7 @@ from app.engine.mismatch.windows import active_mask
 from app.engine.recording import BoolArray, FloatArray
 
 SHARE = 0.3
+WORSE_UNSEEN = 1.05
 SEEN_AT_LEAST = 0.35
 PLACES = (0.7, 0.0, 0.35, 0.5, 0.2)
 
@@ -34,21 +35,50 @@ def judge(pv: FloatArray, simulated: FloatArray, where: BoolArray) -> Fitness:
     return Fitness(rmse, 100.0 * (1.0 - rmse / spread) if spread > 0.0 else float("nan"))
 
 
+@dataclass(frozen=True, eq=False)
+class FreeRuns:
+    """The bare refit and the explained model (N,), in the unit of PV, fitted without the samples `held` (N,). gain: by
+    how much (nat) the explained model predicts those better. model: the explained one.
+    """
+
+    refitted: FloatArray
+    explained: FloatArray
+    held: BoolArray
+    gain: float
+    model: Fit
+
+
+def stretches(usable: BoolArray) -> list[BoolArray]:
+    """The stretches of a record that may be kept out: masks (N,) of about 30 % of its usable samples, True where kept
+    out; the rest is left to fit, however few samples a fault of PV leaves.
+    """
+    at = np.flatnonzero(usable)
+    found = []
+    for place in PLACES:
+        held = np.zeros(len(usable), dtype=np.bool_)
+        held[at[int(place * len(at)) : int(min(place + SHARE, 1.0) * len(at))]] = True
+        found.append(held)
+    return found
+
+
+def mostly_worse(pv: FloatArray, runs: list[FreeRuns]) -> bool:
+    """Whether the explained model runs worse than the refit over most of the stretches that have samples: where OP
+    goes, over one of them, as it does nowhere else, a true name may run astray there.
+    """
+    ratios = [judge(pv, r.explained, r.held).rmse / judge(pv, r.refitted, r.held).rmse for r in runs if r.held.any()]
+    return float(np.median(ratios)) > WORSE_UNSEEN
+
+
 def kept_out(found: Fit, usable: BoolArray) -> BoolArray:
     """A stretch of about 30 % of the record, the last where possible, such that what acts in time is seen outside it
     too.
     """
-    n = found.record.samples
     masks = [active_mask(found, part) for part in found.parts if part.block.active is not None]
-    stretches = []
-    for place in PLACES:
-        held = np.zeros(n, dtype=np.bool_)
-        held[int(place * n) : int(min(place + SHARE, 1.0) * n)] = True
-        stretches.append(held & usable)
-    for held in stretches:
+    offered = stretches(usable)
+    for held in offered:
         if held.any() and all(seen_outside(mask & usable, held) for mask in masks):
             return held
-    return max(stretches, key=lambda held: min([outside_share(mask & usable, held) for mask in masks], default=1.0))
+    return max(offered, key=lambda held: min([outside_share(mask & usable, held) for mask in masks], default=1.0))
 
 
 def outside_share(mask: BoolArray, held: BoolArray) -> float:

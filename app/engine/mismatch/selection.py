@@ -4,27 +4,38 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Part
-from app.engine.mismatch.compete import Rival, rivals
+from app.engine.mismatch.block import Block, Part
+from app.engine.mismatch.compete import Rival, Scanned, rivals, survey
 from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, by_free_run, fit, make_task, start_at
-from app.engine.mismatch.limits import limit_bonus, limits_always
+from app.engine.mismatch.limits import limit_bonus
+from app.engine.mismatch.pairing import alone_as, coupled, reordered
 from app.engine.mismatch.physics import CLOSE, TWINS
-from app.engine.mismatch.richer_noise import taken_by_noise
-from app.engine.mismatch.scan import task_with
-from app.engine.mismatch.spikes import steady_gain, tail_penalty
+from app.engine.mismatch.worth import (
+    LEAST_OF_PENALTY,
+    SECOND_MUST_GAIN,
+    free_run_error,
+    gain_under,
+    hidden_from,
+    hidden_gain,
+    makes_sense,
+    nearer,
+    no_worse,
+    pays_beside,
+    timed,
+    worth,
+    worth_beside,
+)
 
 LEADERS = 3
 CARRIED = 3
-SECOND_MUST_GAIN = 4.0
-SECOND_SHARE, SECOND_ENOUGH = 0.06, 30.0
-HIDDEN_SHARE, HIDDEN_NEARER, MOST_HIDDEN = 0.6, 0.8, 2
+MOST_HIDDEN = 2
 INDISTINCT = 5.0
 MOST_ALTERNATIVES = 2
 SMALL_SLIP = 0.35
 # One limit of PV is one effect, whichever of these it is called.
 LIMITS = {"process.overflow", "sensor.saturation"}
-STEADY_SHARE = 0.4
-NO_WORSE = 1.03
+# Codes of which one pair holds one only.
+APART = (frozenset(LIMITS), *(frozenset((code, *twins)) for code, twins in TWINS.items()))
 OWN_SHARE = 0.35
 UNNAMED = "unnamed"
 
@@ -44,42 +55,23 @@ class Believed:
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """The final fit, its effects in the order of their gain, and the first round's ranking (for evidence)."""
+    """The final fit, its effects in the order of their gain, and the first round's ranking (for evidence). alone: what
+    would be said without the second of two effects, where its first pays alone.
+    """
 
     fit: Fit
     effects: tuple[Believed, ...]
     ranking: tuple[Rival, ...]
+    alone: "Selection | None" = None
 
 
-def worth(rival: Rival) -> float:
-    """A rival's score: what it gains beyond its penalty, spikes aside, and what the quiet of its limited stretches
-    says; below 0 where richer noise would have taken as much.
-    """
-    part = rival.fit.parts[-1]
-    if not makes_sense(rival):
-        return -np.inf
-    if part.block.abrupt:
-        own = rival.score - tail_penalty(rival.fit)
-    else:
-        own = min(rival.score, steady_gain(rival) - STEADY_SHARE * rival.block.penalty)
-        own += limit_bonus(rival.fit, part) if own > 0.0 else 0.0
-    return own if own <= 0.0 or own > (taken := taken_by_noise(rival)) else own - taken
-
-
-def makes_sense(rival: Rival) -> bool:
-    """Whether the fitted values still are what the code says, and the free run is no worse: noise must not take its
-    place.
-    """
-    part = rival.fit.parts[-1]
-    if part.block.sensible is not None and not part.block.sensible(
-        part.values, Context(rival.fit.record, rival.fit.plant)
-    ):
-        return False
-    return no_worse(rival.fit, rival.over) and not limits_always(rival.fit, part)
-
-
-def ranked(found: Fit, blocks: tuple[Block, ...], carried: tuple[Part, ...] = ()) -> tuple[Rival, ...]:
-    competed = (reconciled(rival) for rival in rivals(found, blocks, carried))
+def ranked(
+    found: Fit,
+    blocks: tuple[Block, ...],
+    carried: tuple[Part, ...] = (),
+    surveyed: tuple[Scanned, ...] | None = None,
+) -> tuple[Rival, ...]:
+    competed = (reconciled(rival) for rival in rivals(found, blocks, carried, surveyed))
     return tuple(sorted(competed, key=lambda rival: -worth(rival)))
 
 
@@ -108,7 +100,8 @@ def select(base: Fit, blocks: tuple[Block, ...], already: tuple[str, ...] = ()) 
     `already`: codes that PV showed by itself, which are not looked for again.
     """
     offered = tuple(block for block in blocks if block.code not in already)
-    first = ranked(base, offered)
+    surveyed = survey(base, offered)
+    first = ranked(base, offered, surveyed=surveyed)
     asked = SECOND_MUST_GAIN if already else 0.0
     names = best_of_each_code(first)
     pays = bool(first) and worth(first[0]) > asked
@@ -116,18 +109,22 @@ def select(base: Fit, blocks: tuple[Block, ...], already: tuple[str, ...] = ()) 
     begun = leaders(first) if pays else hidden(names)
     beside = {rival.block.name: seconds(rival, names, offered) for rival in begun}
     pairs = [pair for places in beside.values() for pair in places.pairs(names)]
+    pairs += found_together(base, surveyed, first, pays)
     if not pairs:
         return single
-    partner = partner_of(max(pairs, key=together), base, set(beside))
-    if partner is not None:
-        places = beside[partner.block.name] = seconds(partner, names, offered)
-        pairs += places.pairs(names)
-    best = max(pairs, key=together)
+    # Beside either of a pair the other may turn out to have another name.
+    for beginning in (first_beside, second_beside):
+        other = beginning(chosen(pairs), base)
+        if other.block.name not in beside:
+            places = beside[other.block.name] = seconds(other, names, offered)
+            pairs += places.pairs(names)
+    best = with_rivals(chosen(pairs), beside)
     alone = first_from_pair(best)
     if alone is not None:
         return Selection(alone.fit, (believed(alone, names),), first) if pays else single
     effects = (first_of(best, beside.get(best.second.block.name)), believed(best.second, best.names))
-    return Selection(best.second.fit, tuple(sorted(effects, key=lambda effect: -effect.gain)), names)
+    ordered = tuple(sorted(effects, key=lambda effect: -effect.gain))
+    return Selection(best.second.fit, ordered, names, single if pays else None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,16 +148,41 @@ class Places:
 
     def pairs(self, alone: tuple[Rival, ...]) -> tuple[Pair, ...]:
         """The best second effect, where each of the two is worth having beside the other; `alone`: single effects."""
-        if not self.ranking or not pays_beside(self.ranking[0], self.first):
+        if not self.ranking:
             return ()
-        rival, best = self.first, self.ranking[0]
-        # What says least must explain most: by scores, not likelihoods.
-        strongest = max(rival.over.score, *(r.fit.score for r in alone))
+        best, beside = self.ranking[0], max(self.ranking, key=worth_beside)
+        taken = (best,) if beside is best else (best, beside)
+        return tuple(pair for second in taken for pair in self.pair_with(second, alone))
+
+    def pair_with(self, best: Rival, alone: tuple[Rival, ...]) -> tuple[Pair, ...]:
+        if not pays_beside(best, self.first):
+            return ()
+        rival = self.first
         other = max((r.fit.likelihood for r in alone if r.block.code == best.block.code), default=-np.inf)
         first_gain = best.fit.likelihood - max(other, rival.fit.likelihood - rival.gain)
-        if best.fit.score - strongest < SECOND_MUST_GAIN or first_gain < rival.block.penalty + SECOND_MUST_GAIN:
+        # What says least must explain most: by scores, not likelihoods.
+        strongest = max((rival.over, *(r.fit for r in alone)), key=lambda fit: fit.score)
+        if first_gain < rival.block.penalty + SECOND_MUST_GAIN or not over_single(best, strongest):
             return ()
         return (Pair(rival, best, first_gain, best_of_each_code(self.ranking)),)
+
+
+def over_single(second: Rival, strongest: Fit) -> bool:
+    """Whether a pair says more than the strongest single effect, with what the noise beside that hid of it."""
+    gained = second.fit.score - strongest.score
+    if gained >= SECOND_MUST_GAIN or hidden_gain(second) == 0.0:
+        return gained >= SECOND_MUST_GAIN
+    return gained + hidden_from(second.fit, strongest) >= SECOND_MUST_GAIN
+
+
+def pairs_of(found: Fit, base: Fit, ranking: tuple[Rival, ...]) -> tuple[Pair, ...]:
+    """A couple that was fitted together as a pair: the first is that which did better alone."""
+    known = {rival.block.name: rival for rival in reversed(ranking)}
+    alone = [known.get(part.block.name) or alone_as(part, base, found.plant) for part in found.parts[-2:]]
+    order = (0, 1) if alone[0].fit.likelihood >= alone[1].fit.likelihood else (1, 0)
+    first, both = alone[order[0]], reordered(found, order)
+    second = reconciled(Rival(both.parts[-1].block, both, both.likelihood - first.fit.likelihood, first.fit))
+    return Places(first, (second,)).pairs(best_of_each_code(ranking))
 
 
 def first_from_pair(pair: Pair) -> Rival | None:
@@ -204,46 +226,50 @@ def first_of(pair: Pair, beside_second: Places | None) -> Believed:
     return replace(alone, alternatives=near.alternatives, margin=near.margin)
 
 
-def partner_of(pair: Pair, base: Fit, tried: set[str]) -> Rival | None:
-    """The effect of a pair that was found second, alone: beside it the first may turn out to have another name."""
-    part = pair.second.fit.parts[-1]
-    if part.block.name in tried:
-        return None
-    task = task_with(base, part.block)
-    known = [known.values for known in base.parts]
-    alone = fit(task, start_at(task, base.plant, np.concatenate((*known, part.values))), None, 2, 6)
-    return Rival(part.block, alone, alone.likelihood - base.likelihood, base)
+def first_beside(pair: Pair, _: Fit) -> Rival:
+    return pair.first
+
+
+def second_beside(pair: Pair, base: Fit) -> Rival:
+    """The effect of a pair that was found second, alone."""
+    return alone_as(pair.second.fit.parts[-1], base, base.plant)
+
+
+def with_rivals(pair: Pair, beside: dict[str, Places]) -> Pair:
+    """A pair with all names that competed for its second place, where they were found without it as well."""
+    places = beside.get(pair.first.block.name)
+    if places is None or any(rival is pair.second for rival in places.ranking):
+        return pair
+    names = sorted((pair.second, *places.ranking), key=lambda rival: -worth(rival))
+    return replace(pair, names=best_of_each_code(tuple(names)))
+
+
+def found_together(base: Fit, surveyed: tuple[Scanned, ...], ranking: tuple[Rival, ...], pays: bool) -> list[Pair]:
+    """Pairs that were looked for as such; where no single effect pays only those that run much nearer to PV."""
+    single = max((rival.fit for rival in ranking), key=lambda fit: fit.score, default=base) if pays else base
+    named = tuple(scanned for scanned in surveyed if scanned.block.code != UNNAMED)
+    found = coupled(base, named, APART, single)
+    return [pair for both in found if pays or nearer(both, base) for pair in pairs_of(both, base, ranking)]
 
 
 def hidden(names: tuple[Rival, ...]) -> tuple[Rival, ...]:
     """Names that do not pay alone but bring the free run much nearer to PV: one of two effects that the noise hides as
     long as the other is missing.
     """
-    near = [r for r in names if r.gain > HIDDEN_SHARE * r.block.penalty and makes_sense(r) and nearer(r)]
-    return tuple(near[:MOST_HIDDEN])
-
-
-def nearer(rival: Rival) -> bool:
-    return free_run_error(rival.fit) < HIDDEN_NEARER * free_run_error(rival.over)
-
-
-def no_worse(fit: Fit, over: Fit) -> bool:
-    """Whether the free run of one fit is no worse than that of another."""
-    return free_run_error(fit) < NO_WORSE * free_run_error(over)
-
-
-def free_run_error(fit: Fit) -> float:
-    """Standard deviation of PV less its free run, in the unit of PV, over the samples that are compared."""
-    return float(np.std(fit.residual[fit.record.usable]))
+    gaining = [r for r in names if r.gain > LEAST_OF_PENALTY * r.block.penalty and makes_sense(r)]
+    return tuple([r for r in gaining if nearer(r.fit, r.over)][:MOST_HIDDEN])
 
 
 def leaders(ranking: tuple[Rival, ...]) -> tuple[Rival, ...]:
-    """The first names that a second effect is looked for beside: close to the best."""
+    """The first names that a second effect is looked for beside: the best, those close to it, and one that pays and
+    runs much nearer to PV, whatever the other takes of the noise.
+    """
     names = best_of_each_code(ranking)
-    best = worth(names[0])
     twins = TWINS.get(names[0].block.code, ())
-    close = [r for r in names[1:] if worth(r) > 0.5 * best and worth(r) > 0.0 and r.block.code not in twins]
-    return (names[0], *close[: LEADERS - 1])
+    others = [r for r in names[1:] if worth(r) > 0.0 and r.block.code not in twins]
+    close = [r for r in others if worth(r) > 0.5 * worth(names[0])]
+    near = sorted((r for r in others if nearer(r.fit, names[0].fit)), key=lambda r: free_run_error(r.fit))
+    return tuple(dict.fromkeys((names[0], *near[:1], *close)))[:LEADERS]
 
 
 def seconds(rival: Rival, alone: tuple[Rival, ...], blocks: tuple[Block, ...]) -> Places:
@@ -255,8 +281,19 @@ def seconds(rival: Rival, alone: tuple[Rival, ...], blocks: tuple[Block, ...]) -
     return Places(rival, ranked(rival.fit, tuple(block for block in blocks if block.code not in named), carried))
 
 
-def pays_beside(second: Rival, first: Rival) -> bool:
-    return worth(second) >= SECOND_MUST_GAIN and second.gain >= min(SECOND_SHARE * first.gain, SECOND_ENOUGH)
+def chosen(pairs: list[Pair]) -> Pair:
+    """The best pair by score; one that runs much nearer to PV goes before it where it is better under both noises
+    taken together.
+    """
+    best = max(pairs, key=together)
+    for pair in sorted(pairs, key=together, reverse=True):
+        mine, other = pair.second.fit, best.second.fit
+        behind = together(best) - together(pair)
+        if any(timed(part.block) for part in mine.parts) or not nearer(mine, other):
+            continue
+        if gain_under(mine, other) > behind + 2.0 * SECOND_MUST_GAIN:
+            best = pair
+    return best
 
 
 def own_doubt(best: Rival) -> float:

@@ -96,4 +96,5 @@ def refined(base: Fit, selection: Selection) -> Selection:
     usable = base.record.usable
     if np.std(fine.residual[usable]) > WORTH * np.std(base.residual[usable]):
         return Selection(base, (), selection.ranking)
-    return replace(selection, fit=fine)
+    alone = None if selection.alone is None else refined(base, selection.alone)
+    return replace(selection, fit=fine, alone=alone)

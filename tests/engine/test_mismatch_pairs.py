@@ -1,0 +1,167 @@
+"""Two effects at once: looked for together, paid for what slow noise hid of the second, and not dropped for one stretch
+over which a free run goes astray.
+"""
+
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.engine.mismatch import Comparison, Explanation, explain
+from app.engine.mismatch.block import Context, Part
+from app.engine.mismatch.chain import simulate
+from app.engine.mismatch.compete import Rival, survey
+from app.engine.mismatch.experiment import Experiment, experiment
+from app.engine.mismatch.fitting import Fit, Given, fit, fit_linear, make_task, start_at
+from app.engine.mismatch.holdout import FreeRuns, mostly_worse, stretches
+from app.engine.mismatch.pairing import Candidate, couples, joint_scores, reordered
+from app.engine.mismatch.physics import additive, library, valve_deadband
+from app.engine.mismatch.plant import Plant
+from app.engine.mismatch.scan import ground
+from app.engine.mismatch.worth import gain_under, hidden_gain
+from app.engine.recording import FloatArray
+
+N, TS = 1000, 2.0
+PLANT = Plant(K=1.4, tau=30.0, theta=6.0)
+DEADBAND, RAMP = valve_deadband.BLOCKS[0], next(b for b in additive.BLOCKS if b.code == "sensor.drift")
+
+
+def op_moves() -> FloatArray:
+    rng = np.random.default_rng(3)
+    return np.repeat(rng.uniform(-6.0, 6.0, N // 50), 50) + np.cumsum(rng.normal(size=N)) * 0.03
+
+
+def recorded(parts: tuple[Part, ...], noise: float = 0.1) -> Experiment:
+    op = 40.0 + op_moves()
+    plain = experiment(TS, op, 50.0 + op_moves())
+    pv = 50.0 + simulate(plain, PLANT, parts) + noise * np.random.default_rng(5).normal(size=N)
+    return experiment(TS, op, pv)
+
+
+def backlash() -> Part:
+    return Part(DEADBAND, np.array([2.0]))
+
+
+def drift() -> Part:
+    return Part(RAMP, np.array([600.0, 800.0, 3.0]))
+
+
+@pytest.fixture(scope="module")
+def both() -> Fit:
+    """The linear refit of a record with a deadband and a drift."""
+    return fit_linear(recorded((backlash(), drift())), Given(PLANT))
+
+
+def fitted(base: Fit, parts: tuple[Part, ...]) -> Fit:
+    task = make_task(base.record, base.given, tuple(part.block for part in parts))
+    return fit(task, start_at(task, base.plant, np.concatenate([part.values for part in parts])), None, 2, 6)
+
+
+def test_two_differences_are_scored_together(both: Fit) -> None:
+    under = ground(both, both.noise)
+    rows = np.eye(3, len(under.rows)) * np.sqrt(under.energy / 4.0)
+    under = type(under)(**{**vars(under), "rows": -(rows[0] + rows[1]), "energy": under.energy / 2.0})
+    scores = joint_scores([Candidate(backlash(), row) for row in rows], under)
+    assert np.argmax(scores) == 1
+    assert scores[0, 2] == pytest.approx(0.5 * len(under.rows) * np.log(2.0) - 2.0 * DEADBAND.penalty)
+    assert np.all(np.isneginf(scores[np.tril_indices(3)]))
+
+
+def test_the_couple_that_was_put_in_is_looked_at_unless_one_of_it_is_to_be_taken(both: Fit) -> None:
+    put_in = {"valve.deadband", "sensor.drift"}
+    blocks = tuple(block for block in library(both.record) if block.code in {*put_in, "valve.slew_limit"})
+    surveyed = survey(both, blocks)
+
+    def looked_at(apart: tuple[frozenset[str], ...]) -> list[set[str]]:
+        return [{part.block.code for part in couple.parts} for couple in couples(both, surveyed, apart)]
+
+    assert put_in in looked_at(())
+    assert put_in not in looked_at((frozenset(put_in),))
+    assert looked_at((frozenset(put_in),))
+
+
+def test_the_order_of_a_couple_changes_nothing_but_its_order(both: Fit) -> None:
+    one = fitted(both, (backlash(), drift()))
+    other = reordered(one, (1, 0))
+    assert [part.block.code for part in other.parts] == ["sensor.drift", "valve.deadband"]
+    assert other.likelihood == pytest.approx(one.likelihood)
+    np.testing.assert_allclose(other.simulated, one.simulated)
+
+
+def test_what_slow_noise_hid_counts_half(both: Fit) -> None:
+    first = fitted(both, (drift(),))
+    second = fitted(both, (drift(), backlash()))
+    rival = Rival(DEADBAND, second, second.likelihood - first.likelihood, first)
+    under_both = gain_under(second, first)
+    assert max(second.noise.poles) < max(first.noise.poles)
+    assert under_both > rival.gain
+    assert hidden_gain(rival) == pytest.approx(0.5 * (under_both - rival.gain))
+
+
+def test_time_alone_is_paid_for_nothing_that_slow_noise_hid(both: Fit) -> None:
+    first, second = fitted(both, (backlash(),)), fitted(both, (backlash(), drift()))
+    assert gain_under(second, first) > second.likelihood - first.likelihood
+    assert hidden_gain(Rival(RAMP, second, second.likelihood - first.likelihood, first)) == 0.0
+
+
+def test_nothing_is_hidden_of_what_hardly_gains_or_runs_no_nearer(both: Fit) -> None:
+    first, second = fitted(both, (drift(),)), fitted(both, (drift(), backlash()))
+    assert hidden_gain(Rival(DEADBAND, second, 0.5 * DEADBAND.penalty, first)) == 0.0
+    assert hidden_gain(Rival(DEADBAND, second, 100.0, second)) == 0.0
+
+
+def test_a_fault_that_leaves_few_samples_leaves_some_of_them_to_fit() -> None:
+    usable = np.zeros(N, dtype=np.bool_)
+    usable[N - 40 :] = True
+    offered = stretches(usable)
+    assert {int(held.sum()) for held in offered} <= {11, 12, 13}
+    assert not any(np.any(held & ~usable) for held in offered)
+    whole = stretches(np.ones(10, dtype=np.bool_))
+    assert np.flatnonzero(whole[0]).tolist() == [7, 8, 9]
+
+
+@pytest.mark.parametrize(("worse", "refused"), [(1, False), (2, False), (3, True), (5, True)])
+def test_one_stretch_alone_refuses_no_name(both: Fit, worse: int, refused: bool) -> None:
+    pv, usable = np.zeros(N), np.ones(N, dtype=np.bool_)
+    runs = [
+        FreeRuns(np.ones(N), np.full(N, 3.0 if k < worse else 0.5), held, 0.0, both)
+        for k, held in enumerate(stretches(usable))
+    ]
+    assert mostly_worse(pv, runs) is refused
+
+
+@pytest.fixture
+def blind(monkeypatch: pytest.MonkeyPatch) -> Callable[[int, tuple[str, str]], Explanation]:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "proof"))
+
+    def asked(seed: int, effects: tuple[str, str]) -> Explanation:
+        case = import_module("cases").make_case(seed, effects, foreign=True)
+        return explain(Comparison(case.name, case.ts, case.op, case.pv, case.sp, case.measured, trace=case.trace))
+
+    return asked
+
+
+@pytest.mark.parametrize(
+    ("seed", "effects"),
+    [
+        (4_100_043, ("valve.deadband", "disturbance.oscillation")),
+        (4_100_025, ("process.extra_lag", "disturbance.ramp")),
+    ],
+)
+def test_both_are_named(
+    blind: Callable[[int, tuple[str, str]], Explanation], seed: int, effects: tuple[str, str]
+) -> None:
+    """A deadband whose likelihood an oscillation's noise hid; a lag and a ramp of which neither leads to the other
+    alone.
+    """
+    assert {effect.code for effect in blind(seed, effects).effects} == set(effects)
+
+
+def test_a_drift_is_where_it_was_put(both: Fit) -> None:
+    found = fitted(both, (backlash(), drift()))
+    parameters = DEADBAND.parameters(Context(found.record, found.plant))
+    assert len(found.parts[0].values) == len(parameters)
+    assert found.parts[0].values[0] == pytest.approx(2.0, rel=0.1)
+    assert found.parts[1].values[2] == pytest.approx(3.0, rel=0.1)
