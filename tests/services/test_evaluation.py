@@ -10,6 +10,7 @@ from app.ingest import read_recordings
 from app.services.evaluation import fitting, parameters, recordings, report, scoring
 from app.services.evaluation.fitting import FitConfig, Samples, class_weights, fit, platt, valve_weights
 from app.services.evaluation.leave_one_out import by_valve
+from app.services.evaluation.leave_pair_out import area_by_pairs
 from app.services.evaluation.plants import known_loops
 
 
@@ -84,6 +85,27 @@ def test_figures_by_hand():
     assert found.reliable_share == pytest.approx(2.5 / 4)
     assert found.reliable_right == pytest.approx(1.5 / 2.5)
     assert found.false_alarms == pytest.approx(0.5)
+
+
+def test_area_by_pairs_asks_for_every_sticky_and_healthy_pair_once():
+    scores = {"a": 0.9, "b": 0.4, "x": 0.4, "y": 0.1}
+    asked = []
+
+    def compared(positive: str, negative: str) -> tuple[float, float]:
+        asked.append((positive, negative))
+        return scores[positive], scores[negative]
+
+    area = area_by_pairs(np.array(["a", "b", "x", "y"]), np.array([1, 1, 0, 0]), compared)
+    assert asked == [("a", "x"), ("a", "y"), ("b", "x"), ("b", "y")]
+    assert area == pytest.approx(3.5 / 4)
+
+
+def test_pairs_are_compared_within_a_model_whatever_level_it_has():
+    def compared(positive: str, negative: str) -> tuple[float, float]:
+        level = -10.0 if positive == "a" else 10.0
+        return level + 1.0, level
+
+    assert area_by_pairs(np.array(["a", "b", "x", "y"]), np.array([1, 1, 0, 0]), compared) == 1.0
 
 
 def test_intervals_hold_the_estimate():

@@ -1,7 +1,8 @@
 """`python -m app.services.evaluation FOLDER`: leave-one-valve-out figures of a folder of labelled recordings.
 
 --write puts the model fitted on all of them into app/engine/verdict_parameters.py; --verdicts FILE writes the
-leave-one-valve-out verdicts as JSON lines for the scorer. Simulated loops and networks have fixed seeds: the same
+leave-one-valve-out verdicts as JSON lines for the scorer; --pairs fits a model for each pair of a sticky and a healthy
+valve as well (minutes). Simulated loops and networks have fixed seeds: the same
 recordings give the same numbers.
 """
 
@@ -26,6 +27,7 @@ from app.services.evaluation import parameters, report, scoring
 from app.services.evaluation.components import component_scores
 from app.services.evaluation.fitting import FitConfig, IntArray, Samples, TextArray, fit, platt, valve_weights
 from app.services.evaluation.leave_one_out import Table, simulated_samples
+from app.services.evaluation.leave_pair_out import area_by_pairs
 from app.services.evaluation.recordings import Labelled, labelled
 
 _PARAMETERS = Path(shape_model.__file__).with_name("verdict_parameters.py")
@@ -48,6 +50,8 @@ def main(arguments: list[str] | None = None) -> int:
     judged = _judged_all(loops, models, dict.fromkeys(models, calibration))
     _print(loops, judged, models, options.reference)
     _print_nested(loops, table, raw, against, models)
+    if options.pairs:
+        _print_pairs(loops, table, raw, against, simulated)
     if options.verdicts:
         options.verdicts.write_text("".join(_line(loop, j) for loop, j in zip(loops, judged, strict=True)))
     if options.write:
@@ -65,6 +69,7 @@ def _options() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--verdicts", type=Path, help="write the verdicts as JSON lines")
     parser.add_argument("--write", action="store_true", help="write the fitted parameters into the engine")
+    parser.add_argument("--pairs", action="store_true", help="AUC from models that miss two valves each (minutes)")
     parser.add_argument("--reference", action="store_true", help="run the published rule beside it (minutes)")
     return parser
 
@@ -89,9 +94,11 @@ def _against(loop: Labelled) -> float:
     return counted_against(compete(loop.fitness.record, loop.oscillation, loop.features))
 
 
-def _calibration(table: Table, raw: FloatArray, against: FloatArray, without: str | None = None) -> tuple[float, float]:
-    """From the raw log-odds of all valves, or of all but one."""
-    kept = table.valves != without if without is not None else np.ones(len(raw), dtype=bool)
+def _calibration(
+    table: Table, raw: FloatArray, against: FloatArray, without: tuple[str, ...] = ()
+) -> tuple[float, float]:
+    """From the raw log-odds of all valves but those left out."""
+    kept = ~np.isin(table.valves, without)
     valves, sticky = table.valves[kept], table.sticky[kept]
     return platt(raw[kept], sticky, valve_weights(valves, sticky), against[kept])
 
@@ -116,8 +123,7 @@ def _judged(loop: Labelled, models: dict[str, ShapeModel]) -> Judgement:
 
 def _print(loops: list[Labelled], judged: list[Judgement], models: dict[str, ShapeModel], reference: bool) -> None:
     valves, sticky = _labels(loops)
-    stated = [0.5 if j.stiction_probability is None else j.stiction_probability for j in judged]
-    probability: FloatArray = np.array(stated)
+    probability = _probabilities(judged)
     label = scoring.valve_labels(valves, sticky)
     auc, forced = scoring.bootstrap(label, scoring.by_valve(valves, probability)[1])
     _say(f"{len(loops)} recordings of {len(label)} valves, leave one valve out\n")
@@ -134,9 +140,33 @@ def _print_nested(
     loops: list[Labelled], table: Table, raw: FloatArray, against: FloatArray, models: dict[str, ShapeModel]
 ) -> None:
     """The same with calibrations that have not seen the valve either."""
-    own = {valve: _calibration(table, raw, against, without=valve) for valve in models}
+    own = {valve: _calibration(table, raw, against, without=(valve,)) for valve in models}
     found = scoring.figures(*_labels(loops), _judged_all(loops, models, own))
     _say(f"\nWith the calibration nested too: AUC {found.auc:.3f}, forced balanced accuracy {found.forced:.3f}")
+
+
+def _print_pairs(loops: list[Labelled], table: Table, raw: FloatArray, against: FloatArray, simulated: Samples) -> None:
+    """The AUC of pairs of valves, fit and calibration without either."""
+    whole = Samples(table.values, table.sticky, valve_weights(table.valves, table.sticky))
+
+    def compared(*pair: str) -> tuple[float, float]:
+        model = fit(whole.part(~np.isin(table.valves, pair)), simulated, FitConfig())
+        calibrated = replace(model, calibration=_calibration(table, raw, against, without=pair))
+        first, second = (_stated([loop for loop in loops if loop.valve == valve], calibrated) for valve in pair)
+        return first, second
+
+    valves, sticky = _labels(loops)
+    area = area_by_pairs(np.unique(valves), scoring.valve_labels(valves, sticky), compared)
+    _say(f"\nWith one sticky and one healthy valve left out at a time, all nested: AUC {area:.3f}")
+
+
+def _stated(loops: list[Labelled], model: ShapeModel) -> float:
+    """The probability of one valve: the mean over its recordings."""
+    return float(_probabilities([_judged(loop, {loop.valve: model}) for loop in loops]).mean())
+
+
+def _probabilities(judged: list[Judgement]) -> FloatArray:
+    return np.array([0.5 if j.stiction_probability is None else j.stiction_probability for j in judged])
 
 
 def _labels(loops: list[Labelled]) -> tuple[TextArray, IntArray]:
