@@ -3,6 +3,7 @@ over which a free run goes astray.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from app.engine.mismatch.pairing import Candidate, couples, joint_scores, reorde
 from app.engine.mismatch.physics import additive, library, valve_deadband
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.scan import ground
-from app.engine.mismatch.worth import gain_under, hidden_gain
+from app.engine.mismatch.worth import gain_under, hidden_gain, pays_beside
 from app.engine.recording import FloatArray
 
 N, TS = 1000, 2.0
@@ -104,6 +105,18 @@ def test_time_alone_is_paid_for_nothing_that_slow_noise_hid(both: Fit) -> None:
     first, second = fitted(both, (backlash(),)), fitted(both, (backlash(), drift()))
     assert gain_under(second, first) > second.likelihood - first.likelihood
     assert hidden_gain(Rival(RAMP, second, second.likelihood - first.likelihood, first)) == 0.0
+
+
+def test_a_small_second_must_run_nearer(both: Fit) -> None:
+    """A hundredth nearer is not much nearer; beside a first that gained as much it need not be."""
+    first = fitted(both, (drift(),))
+    known, pv = fitted(both, (drift(), backlash())), first.record.pv_deviation
+    second = replace(known, simulated=pv - 0.99 * first.residual)
+    rival = Rival(DEADBAND, second, 60.0, replace(first, likelihood=first.likelihood - 60.0))
+    assert pays_beside(rival, Rival(RAMP, first, 300.0, both))
+    assert not pays_beside(rival, Rival(RAMP, first, 500.0, both))
+    close = replace(second, simulated=pv - 0.7 * first.residual)
+    assert pays_beside(replace(rival, fit=close), Rival(RAMP, first, 500.0, both))
 
 
 def test_nothing_is_hidden_of_what_hardly_gains_or_runs_no_nearer(both: Fit) -> None:

@@ -13,6 +13,7 @@ from app.engine.mismatch.physics import CLOSE, TWINS
 from app.engine.mismatch.worth import (
     LEAST_OF_PENALTY,
     SECOND_MUST_GAIN,
+    UNNAMED,
     free_run_error,
     gain_under,
     hidden_from,
@@ -37,7 +38,6 @@ LIMITS = {"process.overflow", "sensor.saturation"}
 # Codes of which one pair holds one only.
 APART = (frozenset(LIMITS), *(frozenset((code, *twins)) for code, twins in TWINS.items()))
 OWN_SHARE = 0.35
-UNNAMED = "unnamed"
 
 
 @dataclass(frozen=True, eq=False)

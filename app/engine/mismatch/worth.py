@@ -15,7 +15,8 @@ STEADY_SHARE = 0.4
 NO_WORSE, NEARER = 1.03, 0.8
 LEAST_OF_PENALTY, HIDDEN_PART = 0.6, 0.5
 SECOND_MUST_GAIN = 4.0
-SECOND_SHARE, SECOND_ENOUGH = 0.06, 30.0
+SECOND_SHARE, SECOND_ENOUGH, SMALL_SHARE = 0.06, 30.0, 0.15
+UNNAMED = "unnamed"
 STEPS = 6
 TIMED = ("after a time", "within a time")
 
@@ -63,9 +64,15 @@ def free_run_error(fit: Fit) -> float:
 
 
 def pays_beside(second: Rival, first: Rival) -> bool:
+    """Whether a second effect is worth having beside a first. What says little beside the first (a first that describes
+    its effect only nearly leaves a misfit in proportion), and what has no name, must bring the free run much nearer.
+    """
     hidden = hidden_gain(second)
-    enough = second.gain + hidden >= min(SECOND_SHARE * first.gain, SECOND_ENOUGH)
-    return enough and worth(second) + hidden >= SECOND_MUST_GAIN
+    gain = second.gain + hidden
+    small = second.block.code == UNNAMED or gain < SMALL_SHARE * first.gain
+    if small and not nearer(second.fit, second.over):
+        return False
+    return gain >= min(SECOND_SHARE * first.gain, SECOND_ENOUGH) and worth(second) + hidden >= SECOND_MUST_GAIN
 
 
 def worth_beside(second: Rival) -> float:
