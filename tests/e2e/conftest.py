@@ -190,7 +190,6 @@ class Service:
             lambda: self.client.get(location).json(), lambda a: a["state"] not in ("planned", "running"), seconds
         )
 
-
     def explained_as_on_the_command_line(self, path: Path, seconds: float = 240) -> None:
         """The recording, sent over HTTP and explained there, gets what `loopaudit explain` says of the file."""
         (loop,) = self.upload(path)[0]["loops"]

@@ -101,4 +101,3 @@ def test_a_wide_file_is_not_parted_into_columns(tmp_path: Path, monkeypatch: pyt
     loops = {loop.loop: loop for loop in read_export(path).loops()}
     assert max(widths) == 1
     assert loops["L7"].op.tolist() == [k + 15.0 for k in range(ROWS)]
-

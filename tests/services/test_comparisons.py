@@ -95,9 +95,7 @@ def test_samples_that_came_on_change_get_a_grid_of_their_own_distance(tmp_path: 
     rng = np.random.default_rng(0)
     gaps = np.where(rng.random(400) < 0.7, 1.0, 30.0)
     at = np.cumsum(gaps)
-    path = write(
-        tmp_path / "F1.csv", "time,PV,OP\n" + "\n".join(f"{t},{np.sin(t / 50)},{np.cos(t / 50)}" for t in at)
-    )
+    path = write(tmp_path / "F1.csv", "time,PV,OP\n" + "\n".join(f"{t},{np.sin(t / 50)},{np.cos(t / 50)}" for t in at))
     found = read_comparison(path, Columns(), None)
     assert len(found.pv) == 400
 

@@ -13,8 +13,8 @@ from app.engine.mismatch.plant import Plant
 from app.engine.recording import BoolArray, FloatArray
 
 Place = Literal["valve", "process", "sensor", "disturbance"]
-Stage = Literal["valve", "input", "process", "output", "sensor"]
-STAGES: tuple[Stage, ...] = ("valve", "input", "process", "output", "sensor")
+Stage = Literal["valve", "input", "load", "process", "output", "sensor"]
+STAGES: tuple[Stage, ...] = ("valve", "input", "load", "process", "output", "sensor")
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,9 @@ class Context:
 class Block:
     """One form of one effect.
 
-    code: its name in explanations. form: which of its forms. stage: where it acts on the signal.
+    code: its name in explanations. form: which of its forms. stage: where it acts on the signal. A load enters the
+    process beside
+    what the valve lets through; its context holds the plant as the parts of the process altered it.
     parameters: of a context, with bounds that fit the record. starts: rows of parameters to begin the search at.
     apply: (signal (N,) as deviation, values, context) -> signal (N,), for every stage but `process`.
     alter: (plant, values, context) -> plant, for the stage `process`.
@@ -66,7 +68,8 @@ class Block:
     describes.
     suits: whether the block can be asked of this plant at all. brings: further codes that it stands for. steps: of a
     descent.
-    frees_gain: what it does cannot be told from another gain, so that the given gain says little.
+    frees_gain: what it does cannot be told from another gain, so that the given gain says little. distant: a loop with
+    it is far from any linear one, so that scans beside a linear fit mislead.
     """
 
     code: str
@@ -89,6 +92,7 @@ class Block:
     suits: Callable[[Context], bool] | None = None
     brings: tuple[str, ...] = ()
     steps: int = 6
+    distant: bool = False
 
     @property
     def name(self) -> str:

@@ -65,7 +65,8 @@ def rivals(
     asked = pursued_from(max(scores, default=0.0) - found.likelihood) + found.likelihood
     entered = []
     for (block, fits), score in zip(begun, scores, strict=True):
-        best = pursue(block, fits) if score > asked or block.rough else fits[0]
+        hard = block.rough or (block.distant and score > found.likelihood)
+        best = pursue(block, fits) if score > asked or hard else fits[0]
         entered.append(Rival(block, best, best.likelihood - found.likelihood, found))
     return tuple(sorted(entered, key=lambda rival: -rival.score))
 
@@ -102,13 +103,12 @@ def glance(found: Fit, blocks: tuple[Block, ...]) -> tuple[Scanned, ...]:
 
 def promising(surveyed: tuple[Scanned, ...], found: Fit) -> tuple[Scanned, ...]:
     """The blocks worth a fit: those near the best under either noise; fewer beside an effect that was found."""
-    integrating, (admitted, admitted_quiet) = found.given.integrating, SECOND_ADMITTED if found.parts else ADMITTED
+    admitted, admitted_quiet = SECOND_ADMITTED if found.parts else ADMITTED
     own = sorted(surveyed, key=lambda s: -(s.gain - s.block.penalty))
     quiet = sorted(surveyed, key=lambda s: -(s.quiet_gain - s.block.penalty))
     kept = [s for s in own[:admitted] if s.gain > HOPELESS * s.block.penalty]
     kept += [s for s in quiet[:admitted_quiet] if s.quiet_gain > s.block.penalty]
-    # An integrator that ran over is far from any linear start: a scan beside that misleads.
-    kept += [s for s in surveyed if s.block.code == "process.overflow" and integrating]
+    kept += [s for s in surveyed if s.block.distant]
     # One that stands for several effects is asked once, beside none.
     kept += [s for s in surveyed if s.block.brings and not found.parts]
     return tuple(dict.fromkeys(kept))

@@ -16,7 +16,7 @@ from app.engine.recording import FloatArray
 GIVEN_DEVIATION = 0.05
 OWN_DEVIATION = 1.0
 FREED_DEVIATION = 0.4
-START_DEVIATION = 0.05
+START_DEVIATION, FIRST_SAMPLES = 0.05, 3
 SLOW_TIMES, SLOW_COST = 5.0, 7.0
 SLOW_POLE, SETTLED = 0.9, 0.85
 
@@ -96,9 +96,17 @@ def linear_free(record: Experiment, given: Given, gain_deviation: float) -> tupl
     free.append(Free("theta", ts, g.theta / ts, late, 0.0, max(3.0 * g.theta / ts, 3.0 + g.theta / ts), step=0.05))
     drift = max(abs(g.K) * record.op_span, 1e-300) if given.integrating else span
     free.append(Free("b", drift, 0.0, 10.0, -50.0, 50.0))
-    first = float(np.mean(record.pv_deviation[:3])) / span
-    free.append(Free("x0", span, first, START_DEVIATION, first - 2.0, first + 2.0))
+    first = float(np.mean(record.pv_deviation[:FIRST_SAMPLES])) / span
+    free.append(Free("x0", span, first, start_deviation(record), first - 2.0, first + 2.0))
     return tuple(free)
+
+
+def start_deviation(record: Experiment) -> float:
+    """How far the mean of the first samples may be from where PV started (share of the span): by their noise at least,
+    judged by the differences of PV.
+    """
+    noise = float(np.std(np.diff(record.pv))) / np.sqrt(2.0 * FIRST_SAMPLES)
+    return max(START_DEVIATION, noise / record.pv_span)
 
 
 def part_free(parameter: Parameter, rough: bool) -> Free:

@@ -12,14 +12,16 @@ from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, Given, best_of_noise
 from app.engine.mismatch.plant import Plant, run_process
 from app.engine.recording import FloatArray
 
-ALIKE = 3e-3
+ALIKE = 1e-3
 TIMES, DEAD_TIMES = (1.0, 3.0, 7.0, 15.0, 35.0, 80.0, 200.0), (0.2, 1.0, 3.0, 6.0, 12.0, 25.0, 50.0)
 DESCENTS, APART = 2, 0.9
 
 
 @dataclass(frozen=True, eq=False)
 class TraceModel:
-    """The linear model behind a simulated trace, and how much of the trace it leaves (share of its deviation)."""
+    """The linear model behind a simulated trace, and how much of the trace it leaves: as a share of its deviation or of
+    PV's, whichever is less. The open trace of an integrator may wander far beyond PV.
+    """
 
     given: Given
     left: float
@@ -71,7 +73,7 @@ def fit_structure(record: Experiment, trace: FloatArray, structure: Structure) -
             break
     assert best is not None  # noqa: S101 - there are starts
     rest = y - run_process(record.op_deviation, best, ts)
-    left = float(np.std(rest) / max(np.std(y), 1e-300))
+    left = float(np.std(rest) / max(min(np.std(y), np.std(record.pv)), 1e-300))
     given = Given(best.changed(b=0.0, x0=0.0), second_order=structure.second_order, integrating=structure.integrating)
     return TraceModel(given, left, rest if left > ALIKE else np.zeros(record.samples))
 

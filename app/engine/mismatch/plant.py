@@ -16,6 +16,8 @@ class Plant:
     """tau x' = K v' + b - leak f(x), then a lag tau2, a lag tau3, a zero; v' and x are deviations from the record's
     means.
 
+    Where x integrates (leak = 0) the lag tau2 lies before it: between valve and vessel, so that a level stops sharply.
+
     K: unit of PV per unit of OP (per second where `leak` is 0: an integrator, with tau = 1). tau, tau2, tau3, theta: s.
     b: unit of PV; the offset that the deviations leave. x0: start of x, unit of PV.
     leak: 1 for a self-regulating process, 0 for an integrator.
@@ -153,6 +155,18 @@ def _vessel_state(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
 
 
 @njit(cache=True, nogil=True)
+def _behind_actuator(u: FloatArray, tau: float, ts: float) -> FloatArray:
+    """Means over each sample (N,) of u, held, behind a first-order lag that was settled at the start: exact."""
+    out = np.empty(len(u))
+    stay = np.exp(-ts / tau)
+    reached = u[0]
+    for t in range(len(u)):
+        out[t] = u[t] + (reached - u[t]) * tau * (1.0 - stay) / ts
+        reached = u[t] + (reached - u[t]) * stay
+    return out
+
+
+@njit(cache=True, nogil=True)
 def _slopes(x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
     """dx/dt (N,) of the first state."""
     K, tau, _, b, _, _, leak, _, _, _, head, _ = p
@@ -166,15 +180,19 @@ def _slopes(x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
 def _process(v: FloatArray, p: FloatArray, ts: float) -> FloatArray:
     tau2, tau3, high, low, head, zero = p[5], p[7], p[8], p[9], p[10], p[11]
     u = _delay(v, p[2] / ts)
+    integrating = p[6] == 0.0
+    if integrating and tau2 > 1e-9:
+        u = _behind_actuator(u, tau2, ts)
     if head > 0.0:
         x = _vessel_state(u, p, ts)
     elif high > 1e29 and low < -1e29:
         x = _first_state(u, p, ts)
     else:
         x = _bounded_state(u, p, ts)
-    y = _lag(x, tau2, ts) if tau2 > 1e-9 else x
+    behind = tau2 > 1e-9 and not integrating
+    y = _lag(x, tau2, ts) if behind else x
     if zero != 0.0:
-        y = y - zero * ((x - y) / tau2 if tau2 > 1e-9 else _slopes(x, u, p))
+        y = y - zero * ((x - y) / tau2 if behind else _slopes(x, u, p))
     return _lag(y, tau3, ts) if tau3 > 1e-9 else y
 
 

@@ -9,7 +9,7 @@ from app.engine.mismatch.compete import Rival, Scanned, rivals, survey
 from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, by_free_run, fit, make_task, start_at
 from app.engine.mismatch.limits import limit_bonus
 from app.engine.mismatch.pairing import alone_as, coupled, reordered
-from app.engine.mismatch.physics import CLOSE, TWINS
+from app.engine.mismatch.physics import CLOSE, NEAR, NEAR_SHARE, TWINS
 from app.engine.mismatch.worth import (
     LEAST_OF_PENALTY,
     SECOND_MUST_GAIN,
@@ -203,7 +203,11 @@ def first_from_pair(pair: Pair) -> Rival | None:
 
 def together(pair: Pair) -> float:
     """A pair's score, with what the quiet of its limited stretches says."""
-    fit = pair.second.fit
+    return heard(pair.second.fit)
+
+
+def heard(fit: Fit) -> float:
+    """A fit's score, with what the quiet of its limited stretches says."""
     return fit.score + sum(limit_bonus(fit, part) for part in fit.parts)
 
 
@@ -221,9 +225,9 @@ def first_of(pair: Pair, beside_second: Places | None) -> Believed:
     if again is None or beside_second is None:
         return alone
     # The pair may stand better than the same two found in the other order.
-    standing = max(worth(again), together(pair) - beside_second.first.fit.score)
-    near = believed(again, names, standing)
-    return replace(alone, alternatives=near.alternatives, margin=near.margin)
+    standing = max(worth(again), together(pair) - heard(beside_second.first.fit))
+    beside = believed(again, names, standing)
+    return replace(alone, alternatives=beside.alternatives, margin=beside.margin)
 
 
 def first_beside(pair: Pair, _: Fit) -> Rival:
@@ -316,6 +320,11 @@ def twins_of(rival: Rival) -> tuple[str, ...]:
     return (*TWINS.get(code, ()), *CLOSE.get(code, ()), *(("valve.deadband",) if hardly_slips(rival) else ()))
 
 
+def near(one: Rival, other: Rival) -> bool:
+    """Whether two names have nearly the same form."""
+    return any({one.block.code, other.block.code} <= family for family in NEAR)
+
+
 def believed(best: Rival, names: tuple[Rival, ...], standing: float | None = None) -> Believed:
     """The best rival with the names that this record cannot tell from it. standing: what it is worth, where that is
     known from elsewhere.
@@ -325,7 +334,8 @@ def believed(best: Rival, names: tuple[Rival, ...], standing: float | None = Non
     others = [r for r in names if r.block.code != best.block.code and r.block.code not in twins]
     doubt = own_doubt(best)
     margins = [(standing - worth(r)) / doubt for r in others]
-    close = [r.block.code for r, m in zip(others, margins, strict=True) if m < INDISTINCT and worth(r) > 0.0]
+    limits = [max(INDISTINCT, NEAR_SHARE * standing * near(best, r)) for r in others]
+    close = [r.block.code for r, m, most in zip(others, margins, limits, strict=True) if m < most and worth(r) > 0.0]
     close = [code for code in close if code != UNNAMED]
     nearest = min(margins, default=float(np.inf))
     return Believed(best.block.code, tuple((twins + close)[:MOST_ALTERNATIVES]), best.gain, nearest, best)

@@ -1,7 +1,5 @@
 """The trail: who did what, without secrets, for administrators."""
 
-
-
 from app.main import create_app
 from app.services.access import key_text
 from app.services.access.identity import Role

@@ -53,6 +53,13 @@ TWINS = {
     "sensor.drift": ("disturbance.ramp",),
 }
 
+# Forms so near each other that a right one's shortfall tells them apart no better than the share NEAR_SHARE of what it
+# explains. A load pushes a mass through its dry friction, and no free run knows the load.
+NEAR = (
+    frozenset(("process.friction", "valve.deadband", "valve.stiction")),
+    frozenset(("process.friction", "valve.dead_zone")),
+)
+NEAR_SHARE = 0.15
 
 # What comes near another, so that both are said, but may stand beside it: an outflow law is a gain that falls with the
 # level, and a time constant that does.

@@ -1,12 +1,11 @@
-"""What is added to the loop: steps and ramps, of the load (behind the process lag) or of the sensor (at once), and
-oscillations.
+"""What is added to the loop: steps and ramps, of the load (through the process and whatever else PV passes) or of the
+sensor (at once).
 """
 
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Parameter
 from app.engine.mismatch.physics.gain_drift import moment, ramp
-from app.engine.mismatch.plant import lag
 from app.engine.recording import BoolArray, FloatArray
 
 
@@ -15,12 +14,21 @@ def size(context: Context, name: str = "size") -> Parameter:
     return Parameter(name, "PV", -20.0 * span, 20.0 * span, 0.1 * span, linear=True)
 
 
-def behind_lag(signal: FloatArray, context: Context) -> FloatArray:
-    """A load's way to PV: the process lag, or where the process integrates, its sum over the slowest time seen."""
-    ts, plant = context.record.sampling_interval_s, context.plant
-    if plant.leak > 0.0:
-        return lag(lag(signal, plant.tau, ts), plant.tau2, ts)
-    return lag(np.cumsum(signal) * ts / context.record.duration_s * 10.0, plant.tau2, ts)
+def as_drive(context: Context) -> float:
+    """The OP that moves the process as a load of 1 unit of PV does; where the process integrates, one that moves it by
+    that much in a tenth of the record.
+    """
+    plant = context.plant
+    strength = 1.0 if plant.leak > 0.0 else 10.0 * plant.tau / context.record.duration_s
+    return strength / plant.K
+
+
+def enters(context: Context, begin_s: float, end_s: float) -> FloatArray:
+    """A load of 1 (N,) in the unit of OP, 0 before begin_s and full from end_s: earlier by the dead time that OP has
+    before it reaches the process and a load has not.
+    """
+    late = context.plant.theta
+    return as_drive(context) * ramp(context, begin_s - late, end_s - late)
 
 
 def step_parameters(context: Context) -> tuple[Parameter, ...]:
@@ -40,7 +48,7 @@ def sensor_step(signal: FloatArray, values: FloatArray, context: Context) -> Flo
 
 
 def load_step(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    return signal + values[1] * behind_lag(ramp(context, values[0], values[0]), context)
+    return signal + values[1] * enters(context, values[0], values[0])
 
 
 def pulse_parameters(context: Context) -> tuple[Parameter, ...]:
@@ -61,7 +69,8 @@ def sensor_pulse(signal: FloatArray, values: FloatArray, context: Context) -> Fl
 
 
 def load_pulse(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    return signal + values[2] * behind_lag(pulse(context, values), context)
+    lasting = enters(context, values[0], values[0]) - enters(context, values[1], values[1])
+    return signal + values[2] * lasting
 
 
 def drift_parameters(context: Context) -> tuple[Parameter, ...]:
@@ -87,7 +96,7 @@ def integrates(context: Context) -> bool:
 
 def load_drift(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """A load that moves on an integrator: PV bends."""
-    return signal + values[2] * behind_lag(ramp(context, values[0], values[0] + values[1]), context)
+    return signal + values[2] * enters(context, values[0], values[0] + values[1])
 
 
 def since(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
@@ -113,7 +122,7 @@ BLOCKS = (
     Block(
         "disturbance.step",
         "disturbance",
-        "output",
+        "load",
         AFTER,
         step_parameters,
         step_starts,
@@ -141,7 +150,7 @@ BLOCKS = (
     Block(
         "disturbance.step",
         "disturbance",
-        "output",
+        "load",
         "within a time",
         pulse_parameters,
         pulse_starts,
@@ -182,7 +191,7 @@ BLOCKS = (
     Block(
         "disturbance.ramp",
         "disturbance",
-        "output",
+        "load",
         AFTER,
         drift_parameters,
         drift_starts,

@@ -37,7 +37,7 @@ def _overflow(sign: float) -> Block:
 
     def active(signal: FloatArray, values: FloatArray, context: Context) -> BoolArray:
         # Behind a second lag PV only nears the limit.
-        near = 0.03 if context.plant.tau2 > 0.0 else 1e-6
+        near = 0.03 if context.plant.tau2 > 0.0 and context.plant.leak > 0.0 else 1e-6
         return sign * signal >= sign * values[0] - near * context.record.pv_span
 
     side, condition = ("high", "at high level") if sign > 0 else ("low", "at low level")
@@ -52,6 +52,7 @@ def _overflow(sign: float) -> Block:
         active=active,
         form=side,
         penalty=14.5,
+        distant=True,
     )
 
 

@@ -1,0 +1,124 @@
+"""What the forms of the library do to a signal, against their equations: loads, integrating plants, near names."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.engine.mismatch.block import Part
+from app.engine.mismatch.chain import simulate
+from app.engine.mismatch.compete import Scanned, promising
+from app.engine.mismatch.experiment import Experiment, experiment
+from app.engine.mismatch.fitting import START_DEVIATION, Given, fit_linear, make_task, start_deviation
+from app.engine.mismatch.given import behind_trace
+from app.engine.mismatch.physics import by_name
+from app.engine.mismatch.plant import Plant, lag, run_process
+from app.engine.mismatch.selection import Rival, believed
+from app.engine.recording import FloatArray
+
+N, TS = 600, 2.0
+PLANT = Plant(K=1.4, tau=30.0, theta=6.0)
+INTEGRATING = Plant(K=0.02, tau=1.0, theta=6.0, tau2=8.0, leak=0.0)
+
+
+def moves(seed: int = 1) -> FloatArray:
+    """OP as deviation: steps that hold for a while."""
+    return np.repeat(np.random.default_rng(seed).uniform(-6.0, 6.0, N // 30), 30)
+
+
+def record_of(pv: FloatArray) -> Experiment:
+    return experiment(TS, 40.0 + moves(), pv)
+
+
+RECORD = record_of(50.0 + run_process(moves(), PLANT, TS))
+
+
+def part(name: str, *values: float) -> Part:
+    return Part(by_name(RECORD)[name], np.array(values))
+
+
+def test_a_load_enters_the_process_without_the_dead_time_of_op() -> None:
+    added = simulate(RECORD, PLANT, (part("disturbance.step", 400.0, 3.0),)) - simulate(RECORD, PLANT)
+    later = np.maximum(RECORD.time_s - 402.0, 0.0)  # the ramp of one sample into the step is over
+    assert added[RECORD.time_s <= 400.0] == pytest.approx(0.0, abs=1e-12)
+    assert added == pytest.approx(3.0 * (1.0 - np.exp(-later / PLANT.tau)), abs=3.0 * TS / PLANT.tau)
+    assert added[-1] == pytest.approx(3.0, abs=1e-3)
+
+
+def test_a_load_passes_what_else_the_process_lacks() -> None:
+    step, more = part("disturbance.step", 400.0, 3.0), part("process.extra_lag", 40.0)
+    added = simulate(RECORD, PLANT, (step, more)) - simulate(RECORD, PLANT, (more,))
+    alone = simulate(RECORD, PLANT, (step,)) - simulate(RECORD, PLANT)
+    assert added == pytest.approx(lag(alone, 40.0, TS), abs=1e-9)
+    later = part("process.dead_time", 20.0)
+    early = simulate(RECORD, PLANT, (step, later)) - simulate(RECORD, PLANT, (later,))
+    assert early == pytest.approx(alone, abs=1e-9)
+
+
+def test_a_load_on_a_full_vessel_runs_over() -> None:
+    full = part("process.overflow/high", -20.0)
+    both = simulate(RECORD, PLANT, (full, part("disturbance.step", 400.0, 3.0)))
+    assert both == pytest.approx(simulate(RECORD, PLANT, (full,)), abs=1e-12)
+
+
+def test_a_load_on_an_integrator_moves_it_by_its_size_in_a_tenth_of_the_record() -> None:
+    added = simulate(RECORD, INTEGRATING, (part("disturbance.step", 400.0, 3.0),)) - simulate(RECORD, INTEGRATING)
+    since = RECORD.time_s - 402.0 - INTEGRATING.tau2
+    assert added[-1] == pytest.approx(30.0 * since[-1] / RECORD.duration_s, rel=1e-3)
+
+
+def test_an_integrator_behind_an_actuator_answers_a_step_as_its_equation_does() -> None:
+    v = np.ones(N)
+    v[0] = 0.0
+    y = run_process(v, INTEGRATING.changed(theta=0.0), TS)
+    t = np.maximum(np.arange(N) * TS - TS, 0.0)
+    tau = INTEGRATING.tau2
+    assert y == pytest.approx(INTEGRATING.K * (t - tau * (1.0 - np.exp(-t / tau))), abs=1e-9)
+
+
+def test_a_level_behind_an_actuator_stops_sharply_at_the_brim() -> None:
+    y = run_process(np.ones(N), INTEGRATING.changed(high=2.0), TS)
+    assert np.max(y) == 2.0
+    assert np.all(y[np.argmax(y) :] == 2.0)
+
+
+@pytest.mark.parametrize("plant", [INTEGRATING, PLANT])
+def test_the_lags_of_a_trace_are_not_taken_for_dead_time(plant: Plant) -> None:
+    trace = run_process(RECORD.op_deviation, plant, TS)
+    pv = 50.0 + 3.0 * np.sin(RECORD.time_s / 40.0)  # the loop holds PV where the open trace walks away
+    given = behind_trace(record_of(pv), trace).given
+    assert given.integrating == (plant.leak == 0.0)
+    assert given.plant.tau2 == pytest.approx(plant.tau2, rel=0.02)
+    assert given.plant.theta == pytest.approx(plant.theta, abs=0.1 * TS)
+
+
+def test_the_first_samples_of_a_noisy_pv_do_not_fix_where_it_started() -> None:
+    quiet = run_process(RECORD.op_deviation, PLANT, TS)
+    noisy = quiet + np.random.default_rng(2).normal(size=N) * np.ptp(quiet)
+    assert start_deviation(record_of(50.0 + quiet)) == START_DEVIATION
+    record = record_of(50.0 + noisy)
+    assert start_deviation(record) == pytest.approx(np.ptp(quiet) / np.sqrt(3.0) / record.pv_span, rel=0.1)
+    free = next(f for f in make_task(record, Given(PLANT), ()).free if f.name == "x0")
+    assert free.deviation == start_deviation(record)
+
+
+def test_a_block_far_from_any_linear_loop_is_fitted_whatever_its_scan_says() -> None:
+    base = fit_linear(RECORD, Given(PLANT))
+    blocks = by_name(RECORD)
+    dull = tuple(Scanned(blocks[name], (), 0.1, 0.1) for name in ("process.overflow/high", "process.dead_time"))
+    assert [scanned.block.name for scanned in promising(dull, base)] == ["process.overflow/high"]
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.9, ("process.friction",)), (0.8, ())])
+def test_dry_friction_is_said_beside_a_deadband_that_explains_hardly_more(share: float, said: tuple[str, ...]) -> None:
+    rng = np.random.default_rng(5)
+    record = record_of(RECORD.pv + 0.3 * rng.normal(size=N))
+    base = fit_linear(record, Given(PLANT.changed(tau2=10.0), second_order=True))
+    best, other = (
+        Rival(block, replace(base, likelihood=base.likelihood + gain, parts=(Part(block, values),)), gain, base)
+        for block, values, gain in (
+            (by_name(record)["valve.deadband"], np.array([1.0]), 115.0),
+            (by_name(record)["process.friction"], np.array([1.0, 0.0]), 19.0 + 100.0 * share),
+        )
+    )
+    assert believed(best, (best, other)).alternatives == said
