@@ -5,14 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.engine.mismatch.block import Part
+from app.engine.mismatch import Comparison, LinearSimulation, explain
+from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.chain import simulate
 from app.engine.mismatch.compete import Scanned, promising
 from app.engine.mismatch.experiment import Experiment, experiment
 from app.engine.mismatch.fitting import START_DEVIATION, Given, fit_linear, make_task, start_deviation
 from app.engine.mismatch.given import behind_trace
+from app.engine.mismatch.holdout import kept_out
 from app.engine.mismatch.physics import by_name
+from app.engine.mismatch.physics.vessel import balance_beside
 from app.engine.mismatch.plant import Plant, lag, run_process
+from app.engine.mismatch.scan import at_given
 from app.engine.mismatch.selection import Rival, believed
 from app.engine.recording import FloatArray
 
@@ -122,3 +126,56 @@ def test_dry_friction_is_said_beside_a_deadband_that_explains_hardly_more(share:
         )
     )
     assert believed(best, (best, other)).alternatives == said
+
+
+def vessel(seed: int = 3) -> tuple[FloatArray, FloatArray]:
+    """OP and PV as deviations of an integrating vessel under a controller that asks for more than it holds for a
+    third of the record; OP winds up meanwhile, and its mean is far from the OP that holds the level.
+    """
+    rng = np.random.default_rng(seed)
+    op, pv = np.zeros(N), np.zeros(N)
+    level, summed, load = 0.0, 0.0, 0.0
+    asked = np.where((np.arange(N) > 150) & (np.arange(N) < 350), 6.0, 4.0 * np.sign(np.sin(np.arange(N) / 30.0)))
+    for t in range(N):
+        pv[t] = level + 0.1 * rng.normal()
+        summed += 0.01 * (asked[t] - pv[t])
+        op[t] = 1.5 * (asked[t] - pv[t]) + summed
+        load = 0.9 * load + 0.01 * rng.normal()
+        level = min(level + TS * (INTEGRATING.K * op[max(t - 3, 0)] + load), 3.0)
+    return op, pv
+
+
+def test_the_op_that_holds_a_level_is_read_off_where_it_is_clear_of_the_brim() -> None:
+    op, pv = vessel()
+    record = experiment(TS, op, pv)
+    context = Context(record, INTEGRATING.changed(tau2=0.0))
+    held = INTEGRATING.K * record.op_mid
+    assert balance_beside(context, 1.0, 3.0 - record.pv_mid) == pytest.approx(held, rel=0.1)
+    assert held > 0.5 * INTEGRATING.K * np.std(op)  # the mean of OP is far from what holds the level
+
+
+def test_blocks_far_from_linear_begin_at_the_given_parameters_too() -> None:
+    op, pv = vessel()
+    record = experiment(TS, op, pv)
+    given = INTEGRATING.changed(tau2=0.0)
+    base = fit_linear(record, Given(given, integrating=True))
+    starts = at_given(by_name(record)["process.overflow/high"], base)
+    assert {(start.plant.K, start.plant.theta) for start in starts if start.plant} == {(given.K, given.theta)}
+    assert [start.gain for start in starts] == sorted((start.gain for start in starts), reverse=True)
+    assert starts[0].values[0] == pytest.approx(3.0 - record.pv_mid, abs=0.3)
+    assert -starts[0].gain < 0.2 * np.std(base.residual)
+
+
+def test_a_vessel_that_ran_over_is_not_called_a_valve() -> None:
+    op, pv = vessel()
+    said = explain(Comparison("vessel", TS, op, pv, simulation=LinearSimulation(0.021, (), 6.0, integrating=True)))
+    assert {"process.overflow"} & {said.effects[0].code, *said.effects[0].alternatives}
+    limit = next(p for p in said.effects[0].parameters if p.name == "limit")
+    assert limit.value == pytest.approx(3.0, abs=0.2)
+
+
+def test_what_is_kept_out_is_a_share_of_what_can_be_compared() -> None:
+    usable = np.arange(N) < 0.2 * N
+    held = kept_out(fit_linear(RECORD, Given(PLANT)), usable)
+    assert not np.any(held & ~usable)
+    assert np.sum(held) == pytest.approx(0.3 * np.sum(usable), abs=1)

@@ -7,7 +7,7 @@ import numpy as np
 from app.engine.mismatch.block import Block, Context, Part
 from app.engine.mismatch.fitting import Fit, Task, descend, finish, fit, make_task, polish, quiet_noise, start_at
 from app.engine.mismatch.noise import fit_noise
-from app.engine.mismatch.scan import Start, ground, scan, task_with
+from app.engine.mismatch.scan import Start, at_given, ground, scan, task_with
 from app.engine.recording import FloatArray
 
 ADMITTED, SECOND_ADMITTED = (9, 5), (6, 3)
@@ -86,6 +86,8 @@ def survey(found: Fit, blocks: tuple[Block, ...]) -> tuple[Scanned, ...]:
     for block in (b for b in blocks if b.suits is None or b.suits(context)):
         first, second = scan(block, (own, quiet))
         starts = (*finalists(first, block, context), *finalists(second, block, context))
+        if block.distant:
+            starts += finalists(at_given(block, found), block, context)
         points = (finalists(first, block, context, POINTS), finalists(second, block, context, POINTS))
         surveyed.append(Scanned(block, starts, first[0].gain, second[0].gain, points))
     return tuple(surveyed)
@@ -120,7 +122,7 @@ def begin(scanned: Scanned, found: Fit) -> list[Fit]:
     known = [part.values for part in found.parts]
     begun = []
     for start in scanned.starts:
-        x = start_at(task, found.plant, np.concatenate((*known, start.values)))
+        x = start_at(task, start.plant or found.plant, np.concatenate((*known, start.values)))
         begun.append(descended(task, x, scanned.block.steps))
     return sorted(begun, key=lambda fitted: -fitted.likelihood)
 

@@ -15,6 +15,7 @@ from app.engine.recording import FloatArray
 ALIKE = 1e-3
 TIMES, DEAD_TIMES = (1.0, 3.0, 7.0, 15.0, 35.0, 80.0, 200.0), (0.2, 1.0, 3.0, 6.0, 12.0, 25.0, 50.0)
 DESCENTS, APART = 2, 0.9
+LEAST_LAG = 0.5  # of the interval: a shorter one is how two simulations step within it
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +52,8 @@ def behind_trace(record: Experiment, trace: FloatArray) -> TraceModel:
     best = None
     for structure in STRUCTURES:
         found = fit_structure(record, trace, structure)
-        if best is None or found.left < 0.5 * best.left:
+        told = not structure.second_order or found.given.plant.tau2 > LEAST_LAG * record.sampling_interval_s
+        if best is None or (told and found.left < 0.5 * best.left):
             best = found
         if best.left < ALIKE:
             break

@@ -10,6 +10,7 @@ from app.engine.mismatch.block import Block, Context, Parameter, Part
 from app.engine.mismatch.chain import simulate
 from app.engine.mismatch.fitting import Fit, Task, make_task, orthonormal, prior_rows, residual_rows, slopes
 from app.engine.mismatch.noise import NoiseModel, settling_samples, whiten
+from app.engine.mismatch.plant import Plant
 from app.engine.recording import FloatArray
 
 
@@ -32,11 +33,12 @@ class Ground:
 @dataclass(frozen=True, eq=False)
 class Start:
     """A point of a block's grid: its values with linear ones solved, and its gain in log-likelihood (nat), noise
-    colour held.
+    colour held. plant: where the linear model begins; None: as it was found.
     """
 
     values: FloatArray
     gain: float
+    plant: Plant | None = None
 
 
 def ground(fit: Fit, noise: NoiseModel) -> Ground:
@@ -69,6 +71,21 @@ def scan(block: Block, grounds: tuple[Ground, ...]) -> tuple[tuple[Start, ...], 
             starts.append(solved(values, linear, parameters, ground_, known[key]))
         found.append(tuple(sorted(starts, key=lambda start: -start.gain)))
     return tuple(found)
+
+
+def at_given(block: Block, fit: Fit) -> tuple[Start, ...]:
+    """The grid of a block at the given simulation's own parameters, the nearest free run first (gain: its deviation
+    from PV, negative).
+
+    Beside what makes a loop far from linear the linear refit has gone astray, and so have scans along its slopes.
+    """
+    given = fit.given.plant
+    plant = fit.plant.changed(K=given.K, tau=given.tau, tau2=given.tau2, theta=given.theta)
+    found = []
+    for values in block.starts(Context(fit.record, plant), fit.residual):
+        error = fit.record.pv_deviation - simulate(fit.record, plant, (*fit.parts, Part(block, values)))
+        found.append(Start(values, -float(np.std(error[fit.record.usable])), plant))
+    return tuple(sorted(found, key=lambda start: -start.gain))
 
 
 def simulations(

@@ -90,12 +90,8 @@ def sensor_drift(signal: FloatArray, values: FloatArray, context: Context) -> Fl
     return signal + values[2] * ramp(context, values[0], values[0] + values[1])
 
 
-def integrates(context: Context) -> bool:
-    return context.plant.leak == 0.0
-
-
 def load_drift(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    """A load that moves on an integrator: PV bends."""
+    """A load that moves: on an integrator PV bends, a full vessel runs over."""
     return signal + values[2] * enters(context, values[0], values[0] + values[1])
 
 
@@ -198,6 +194,5 @@ BLOCKS = (
         apply=load_drift,
         active=since,
         penalty=16.0,
-        suits=integrates,
     ),
 )

@@ -5,8 +5,10 @@
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Parameter, grid
-from app.engine.mismatch.plant import Plant
+from app.engine.mismatch.plant import Plant, delay
 from app.engine.recording import BoolArray, FloatArray
+
+CLEAR = 2.0
 
 
 def _level(context: Context, sign: float) -> Parameter:
@@ -14,6 +16,21 @@ def _level(context: Context, sign: float) -> Parameter:
     low, high = float(np.quantile(pv, 0.2)), float(np.max(pv))
     edges = sorted((sign * low, sign * (high + 0.02 * (high - low))))
     return Parameter("limit", "PV level", edges[0], edges[1], context.record.pv_span)
+
+
+def balance_beside(context: Context, sign: float, level: float) -> float:
+    """What the offset of an integrator changes (PV/s) if PV moves by OP alone wherever it is clear of this level: there
+    its mean speed is K u + b.
+    """
+    record, plant = context.record, context.plant
+    ts, pv = record.sampling_interval_s, sign * record.pv_deviation
+    clear = record.usable & (pv < sign * level - CLEAR * float(np.std(np.diff(pv))))
+    clear = clear[1:] & clear[:-1]
+    if not clear.any():
+        return 0.0
+    u = delay(record.op_deviation, plant.theta + plant.tau2, ts)
+    speed = float(np.mean(np.diff(record.pv_deviation)[clear])) / ts
+    return speed - plant.K * float(np.mean(u[:-1][clear])) - plant.b
 
 
 def _overflow(sign: float) -> Block:
@@ -29,7 +46,9 @@ def _overflow(sign: float) -> Block:
         if context.plant.leak > 0.0:
             return levels[:, None]
         # While an integrator runs over, OP winds up: its mean says nothing of the OP that holds the level.
-        return grid(levels[::2], abs(context.plant.K) * context.record.op_span * np.linspace(-0.8, 0.8, 9))
+        tried = grid(levels[::2], abs(context.plant.K) * context.record.op_span * np.linspace(-0.8, 0.8, 9))
+        free = [(level, balance_beside(context, sign, level)) for level in levels[::2]]
+        return np.concatenate((tried, np.array(free)))
 
     def alter(plant: Plant, values: FloatArray, _: Context) -> Plant:
         b = plant.b + (float(values[1]) if len(values) > 1 else 0.0)
