@@ -25,12 +25,13 @@ from app.engine.mismatch import noise as noise_module
 from app.engine.mismatch import plant as plant_module
 from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.chain import simulate
-from app.engine.mismatch.closed_loop import close, close_again, identify_law
+from app.engine.mismatch.closed_loop import close, close_again
 from app.engine.mismatch.compete import Rival
 from app.engine.mismatch.conclude import unseen_data_refuse
 from app.engine.mismatch.experiment import experiment
 from app.engine.mismatch.fitting import GIVEN_DEVIATION, OWN_DEVIATION, Given, fit_linear
 from app.engine.mismatch.holdout import Fitness, unseen_gain
+from app.engine.mismatch.law import identify_law
 from app.engine.mismatch.noise import NoiseModel, coloured, fit_noise, whiten
 from app.engine.mismatch.patterns import find_patterns
 from app.engine.mismatch.physics import friction, library, two_tanks, valve_deadband, valve_slew_limit, valve_stiction
@@ -168,11 +169,14 @@ def test_patterns_of_pv_are_read_off_pv() -> None:
 
 @pytest.mark.parametrize("theta", [0.0, 0.4 * TS])
 def test_no_physics_answers_op_at_the_instant_at_which_a_controller_set_it(theta: float) -> None:
-    op, at = moves(), N // 2
-    record = experiment(TS, 40.0 + op, recorded(op))
+    pv, at = recorded(moves()), N // 2
+    error = pv.mean() - pv
+    record = experiment(TS, 40.0 + 10.0 * error + 0.1 * np.cumsum(error), pv)
     plant = replace(TRUE, theta=theta)
     context = Context(record, plant)
     later = record.with_op(record.op + (np.arange(N) >= at))
+    assert record.op_follows_pv
+    assert later.op_follows_pv
     for block in library(record):
         for values in block.starts(context, noise())[:3]:
             parts = (Part(block, values + np.where([p.linear for p in block.parameters(context)], 0.3, 0.0)),)

@@ -5,7 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
+from app.engine.mismatch.law import identify_law
 from app.engine.recording import BoolArray, FloatArray
+
+FOLLOWS = 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +49,11 @@ class Experiment:
     def time_s(self) -> FloatArray:
         """(N,) seconds from the start; made once, because every simulation asks for it."""
         return np.arange(self.samples) * self.sampling_interval_s
+
+    @cached_property
+    def op_follows_pv(self) -> bool:
+        """Whether a controller's law explains most of OP's moves by PV: then OP carries the noise of PV."""
+        return identify_law(self.sp, self.pv, self.op).explained >= FOLLOWS
 
     @property
     def duration_s(self) -> float:

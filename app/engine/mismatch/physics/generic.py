@@ -28,13 +28,13 @@ def zeros(count: int) -> FloatArray:
 
 
 def acting(u: FloatArray, context: Context) -> FloatArray:
-    """A drive u (N,) as it reaches PV: after the dead time, and a sample later than it was set.
+    """A drive u (N,) as it reaches PV: after the dead time, and where a controller set it a sample later.
 
     A controller sets OP from the PV of the same sample. A term that answers at once undoes the controller's law and
-    copies PV, noise included.
+    copies PV, noise included. Where no such law is in OP, as in an experiment, the process may answer within a sample.
     """
     ts = context.record.sampling_interval_s
-    return delay(u, context.plant.theta + ts, ts)
+    return delay(u, context.plant.theta + (ts if context.record.op_follows_pv else 0.0), ts)
 
 
 def dynamic(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
