@@ -42,7 +42,8 @@ class LongTable:
         self._parts: list[int] = []
         self._part_of_loop = PartOfLoop()
         self._modes = np.zeros(0, dtype=bool)
-        self._known = np.zeros(0, dtype=bool)
+        self._known = np.zeros(0, dtype=bool)  # by polars' code, which depends on which chunk was parsed first
+        self._number = np.zeros(0, dtype=np.uint32)  # by polars' code: tags in the order in which they came
         self._usable = np.zeros(0, dtype=bool)
 
     def types(self) -> dict[int, pl.DataType]:
@@ -89,11 +90,10 @@ class LongTable:
     def _gather(self, rows: Rows, reader: RowReader) -> Gathered:
         frame = rows.frame
         tags = frame[name_of(self._plan.tag)]
-        codes = _codes(tags)
         texts = joined_times(frame, self._plan.time)
         time_ns = self._read_times(texts)
-        self._know(tags, codes, time_ns != NO_TIME)
-        kept = self._kept(rows, texts, tags, time_ns, reader)
+        codes = self._numbered(tags, time_ns != NO_TIME)
+        kept = self._kept(rows, texts, tags, codes, time_ns, reader)
         values = self._values(rows, codes, kept, reader)
         self._refuse_quality(rows, kept, codes, values)
         at = np.flatnonzero(kept)
@@ -102,35 +102,32 @@ class LongTable:
             codes, time_ns, values = codes[at], time_ns[at], values[at]
         return Gathered(codes, time_ns, values, (at + rows.first).astype(np.uint32))
 
-    def _know(self, tags: pl.Series, codes: NDArray[np.uint32], timed: NDArray[np.bool_]) -> None:
-        """Places tags that were not seen before; a comment may stand where tags do, but has no time."""
-        top = int(codes.max(initial=0)) + 1
-        if top > len(self._places):
-            self._places.extend([NOWHERE] * (top - len(self._places)))
-            self._known = np.append(self._known, np.zeros(top - len(self._known), dtype=bool))
-        if self._known.all():
-            return
-        new = np.flatnonzero(~self._known[codes] & tags.is_not_null().to_numpy())
-        new = new[timed[new] | ~_are_comments(tags[new])]
-        if not len(new) and top <= len(self._usable):
-            return
-        _, first = np.unique(codes[new], return_index=True)
-        for row in new[np.sort(first)]:
-            tag, code = tags[int(row)], int(codes[row])
-            self._known[code] = True
-            self._place(code, tag)
-        self._usable = np.array([place is not NOWHERE for place in self._places], dtype=bool)
-        self._modes = np.array([place.signal == "MODE" for place in self._places], dtype=bool)
+    def _numbered(self, tags: pl.Series, timed: NDArray[np.bool_]) -> NDArray[np.uint32]:
+        """The number of each row's tag; 0 where there is none. New tags are placed; a comment may stand where tags do,
+        but has no time."""
+        codes = _codes(tags)
+        more = int(codes.max(initial=0)) + 1 - len(self._known)
+        if more > 0:
+            self._known = np.append(self._known, np.zeros(more, dtype=bool))
+            self._number = np.append(self._number, np.zeros(more, dtype=np.uint32))
+        if not self._known.all():
+            new = np.flatnonzero(~self._known[codes] & tags.is_not_null().to_numpy())
+            new = new[timed[new] | ~_are_comments(tags[new])]
+            _, first = np.unique(codes[new], return_index=True)
+            for row in new[np.sort(first)]:
+                self._place(int(codes[row]), tags[int(row)])
+            if len(new):
+                self._usable = np.array([place is not NOWHERE for place in self._places], dtype=bool)
+                self._modes = np.array([place.signal == "MODE" for place in self._places], dtype=bool)
+        return self._number[codes]
 
     def _place(self, code: int, tag: str) -> None:
         if self._grouping.tags >= self._options.max_signals:
             raise DataError(
                 "too_many_tags", f"more than {self._options.max_signals} tags in one file; send it in parts"
             )
-        if len(tag) <= self._options.max_name:
-            self._places[code] = self._grouping.place(tag)
-        if code < len(self._parts):  # it was taken for a comment until now, so that no row of it has gone into a part
-            self._parts[code] = self._part_of_loop.of(self._places[code].loop)
+        self._known[code], self._number[code] = True, len(self._places)
+        self._places.append(self._grouping.place(tag) if len(tag) <= self._options.max_name else NOWHERE)
 
     def _read_times(self, texts: pl.Series) -> TimeArray:
         """Rows of one instant follow each other in most files: each run of one text is read once."""
@@ -144,12 +141,18 @@ class LongTable:
         return self._time.read(texts[first])[runs.to_numpy()]
 
     def _kept(
-        self, rows: Rows, texts: pl.Series, tags: pl.Series, time_ns: TimeArray, reader: RowReader
+        self,
+        rows: Rows,
+        texts: pl.Series,
+        tags: pl.Series,
+        codes: NDArray[np.uint32],
+        time_ns: TimeArray,
+        reader: RowReader,
     ) -> NDArray[np.bool_]:
         timed, named = time_ns != NO_TIME, tags.is_not_null().to_numpy()
         kept = timed & named
         if np.all(kept):
-            return self._without_long_names(rows, tags, kept)
+            return self._without_long_names(rows, codes, kept)
         short = reader.short_rows(rows, np.flatnonzero(~kept))
         self._log.add_many("ragged_row", rows.lines(short), (f"fewer than {self._plan.width} fields" for _ in short))
         at = np.setdiff1d(np.flatnonzero(~kept & ~_passed_over(texts, tags)), short, assume_unique=True)
@@ -158,13 +161,12 @@ class LongTable:
         self._log.add_many("bad_time", rows.lines(late), words, (tags[int(row)] for row in late))
         bare = at[timed[at]]
         self._log.add_many("no_tag", rows.lines(bare), ("a row without a tag" for _ in bare))
-        return self._without_long_names(rows, tags, kept)
+        return self._without_long_names(rows, codes, kept)
 
-    def _without_long_names(self, rows: Rows, tags: pl.Series, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def _without_long_names(self, rows: Rows, codes: NDArray[np.uint32], kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
         known = self._usable
         if known.all():
             return kept
-        codes = _codes(tags)
         at = np.flatnonzero(kept & ~known[codes])
         if len(at):
             text = f"a tag of more than {self._options.max_name} characters"

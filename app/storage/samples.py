@@ -86,7 +86,7 @@ class _Times:
 
 
 def _times(time_ns: TimeArray) -> _Times:
-    """Those of the array that was asked for last in this thread are kept."""
+    """Those of the array asked for last in this thread are kept; like any array of samples it never changes."""
     known: _Times | None = getattr(_own, "times", None)
     if known is None or known.time_ns is not time_ns:
         known = _own.times = _Times(time_ns)

@@ -5,7 +5,6 @@ from typing import Any
 
 from app.services.bench.bench import Figures
 from app.services.bench.growth import growth
-from app.services.bench.ingest import REST_S
 from app.services.bench.plant import SCALING
 
 TITLE = """# Performance
@@ -224,8 +223,8 @@ def _ingest(found: Figures) -> str:
     text = (
         f"## Reading a day of {found['loops']:,} loops\n\n{found['values'] / 1e6:.1f} million values; from the file "
         "to series in PostgreSQL: received (copied, fingerprinted and synced, as an upload is before its 202) and read "
-        "by one worker, beside `polars.read_csv` (or `read_parquet`) of the same file, which does not read the times, "
-        f"part the loops or store anything. The share is of both together, end to end. {_reading_runs(found)}\n\n"
+        "by one worker, beside `polars.read_csv(path)` (or `read_parquet`) of the same file, which reads no times, "
+        f"parts no loops and stores nothing. The share is of both together, end to end. {_reading_runs(found)}\n\n"
     )
     head = (
         "file",
@@ -249,17 +248,15 @@ def _ingest(found: Figures) -> str:
 
 
 def _reading_runs(found: Figures) -> str:
-    """How often and in which order both were timed; figures of an earlier version hold one run of each."""
-    runs = [it["polars_runs_s"] | {"ours": it["runs_whole_s"]} for it in found["files"] if "runs_whole_s" in it]
-    if not runs:
-        return "One run of each."
+    """How often and in which order both were timed."""
+    runs = [it["polars_runs_s"] | {"ours": it["runs_whole_s"]} for it in found["files"]]
     rounds = min(len(times) for it in runs for times in it.values())
     polars, ours = (max(max(it[who]) / min(it[who]) for it in runs) for who in ("2", "ours"))
     return (
         f"{rounds} rounds of one run each (polars with one thread, with two, then ours into an empty data base), each "
-        f"after {REST_S:g} s of rest, so that none finds memory warm that another has just freed; the median counts. "
-        f"The slowest run of a file took up to {number(polars)} (polars, two threads) and {number(ours)} times (ours) "
-        "as long as the fastest."
+        f"after {number(found['rest_s'])} s of rest, so that none finds memory warm that another has just freed; the "
+        f"median counts. The slowest run of a file took up to {number(polars)} (polars, two threads) and "
+        f"{number(ours)} times (ours) as long as the fastest."
     )
 
 

@@ -2,15 +2,16 @@
 
 import errno
 import json
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Generator, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from app.errors import LoopauditError
 from app.ingest import Export, IngestOptions, LoopSamples, LoopTags, Rejects, TagMapping, read_export
-from app.ingest.ahead import ahead
 from app.services.backend import DATABASE_AWAY, Backend
 from app.services.heartbeat import Heartbeat
 from app.services.intake.uploads import path_of
@@ -21,6 +22,7 @@ from app.storage.series import Stretch
 from app.storage.uploads import ReadingClaim, RejectRow, UploadRow
 
 BATCH_LOOPS = 200
+BATCHES_AHEAD = 2  # read, but not yet written
 LISTED_LOOPS = 20_000
 BATCH_VALUES = 2_000_000
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
@@ -82,7 +84,8 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
     mapping = TagMapping.from_bytes(reading["mapping"].encode()) if reading.get("mapping") else None
     options = _options(backend, reading)
     export = read_export(path_of(backend, row.fingerprint), filename=row.filename, mapping=mapping, options=options)
-    added = _stored(backend, claim, map(_prepared, ahead(_batches(export))), mapping)
+    with closing(_batches(export)) as batches:
+        added = _stored(backend, claim, batches, mapping)
     summary, refused = export.summary(), export.rejects()
     told = {
         "layout": summary.layout,
@@ -108,7 +111,7 @@ def _options(backend: Backend, reading: dict[str, Any]) -> IngestOptions:
     )
 
 
-def _batches(export: Export) -> Iterator[list[LoopSamples]]:
+def _batches(export: Export) -> Generator[list[LoopSamples]]:
     """Stretches with a signal of a loop, so many at a time as one transaction should write."""
     batch: list[LoopSamples] = []
     values = 0
@@ -126,17 +129,29 @@ def _batches(export: Export) -> Iterator[list[LoopSamples]]:
 
 
 def _stored(
-    backend: Backend, claim: ReadingClaim, batches: Iterator[list[Prepared]], mapping: TagMapping | None
+    backend: Backend, claim: ReadingClaim, batches: Iterator[list[LoopSamples]], mapping: TagMapping | None
 ) -> int:
-    """How many samples were new. A batch is written in a thread while the next one is read and prepared."""
+    """How many samples were new. A batch is prepared in a thread and written in another while the next one is read."""
     added = 0
-    with ThreadPoolExecutor(1, thread_name_prefix="storing") as thread:
-        writing: Future[int] | None = None
-        for batch in batches:
-            added += 0 if writing is None else writing.result()
-            storing = partial(_store, backend, claim, batch, mapping)
-            writing = thread.submit(patiently, storing, backend.settings.lease_s)
-        return added + (0 if writing is None else writing.result())
+    writing: deque[Future[int]] = deque()
+
+    def store(prepared: Future[list[Prepared]]) -> int:
+        return patiently(partial(_store, backend, claim, prepared.result(), mapping), backend.settings.lease_s)
+
+    with (
+        ThreadPoolExecutor(1, thread_name_prefix="preparing") as preparing,
+        ThreadPoolExecutor(1, thread_name_prefix="storing") as storing,
+    ):
+        try:
+            for batch in batches:
+                writing.append(storing.submit(store, preparing.submit(_prepared, batch)))
+                added += writing.popleft().result() if len(writing) > BATCHES_AHEAD else 0
+            while writing:
+                added += writing.popleft().result()
+        finally:
+            while writing:
+                writing.popleft().cancel()
+    return added
 
 
 def _prepared(batch: list[LoopSamples]) -> list[Prepared]:
