@@ -17,6 +17,7 @@ from app.ingest.opening import Lines, TextFile
 from app.ingest.rejecting import RejectLog
 
 BLOCK_COLUMNS = 200  # from so many on, numbers are read side by side: a column costs more than its numbers
+MOST_FIRST = 8  # columns of text within so many first ones are parted by themselves in such a table
 FIELD, BETWEEN_FIELDS = "v", "\x1f"
 NO_ROW = (b"", b"*", b"#", b"[")  # how a line begins that holds nothing or a comment
 NUMBERED = pl.Categorical()  # text that repeats: a number a text, by themselves in each chunk
@@ -64,7 +65,7 @@ def _quotes_close(data: bytes) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Numbers:
-    """`values` (rows, columns), NaN where `missing` says that no number could be read."""
+    """`values` (rows, columns), NaN where `missing` says that no number could be read; columns stand whole."""
 
     values: NDArray[np.float64]
     missing: NDArray[np.bool_]
@@ -182,14 +183,27 @@ class FrameReader:
             return None
         try:
             fields = self._parse(lines.data.replace(delimiter, b"\n"), {FIELD: pl.Float64()}, [0], BETWEEN_FIELDS)
-            frame = self._parse(lines.data, self._schema(), self._texts)
-        except pl.exceptions.PolarsError:
+            frame = self._first_fields(lines)
+            if frame is None:
+                frame = self._parse(lines.data, self._schema(), self._texts)
+        except (pl.exceptions.PolarsError, UnicodeDecodeError):
             return None
         shape = (lines.count, width)
         column = fields[FIELD]
-        missing = column.is_null().to_numpy().reshape(shape)
-        block = Numbers(column.to_numpy(writable=True).reshape(shape), missing)
+        missing = np.asfortranarray(column.is_null().to_numpy().reshape(shape))
+        block = Numbers(np.asfortranarray(column.to_numpy(writable=True).reshape(shape)), missing)
         return Rows(frame, lines.first, lines.data, block=block)
+
+    def _first_fields(self, lines: Lines) -> pl.DataFrame | None:
+        """The columns of text where they are a line's first ones: the thousands of fields behind them stay unparted.
+        None where they are others. The lines hold no quotes."""
+        behind = self._texts[-1] + 1 if self._texts else MOST_FIRST + 1
+        if behind > MOST_FIRST or any(self._types[name_of(index)] != pl.String() for index in self._texts):
+            return None
+        delimiter = self._dialect.delimiter.encode()
+        rows = [line.split(delimiter, behind)[:behind] for line in lines.data.split(b"\n")[: lines.count]]
+        texts = {name_of(index): [row[index].decode() or None for row in rows] for index in self._texts}
+        return pl.DataFrame(texts, schema=dict.fromkeys(texts, pl.String))
 
     def _read_chunk(self, lines: Lines) -> Rows:
         rows = self._read_block(lines) if self._blocks else None

@@ -45,6 +45,7 @@ class WideTable:
         self._times = [TimeReader(group.form, options) for group in plan.groups]
         self._spreaders: list[Spreader] = []
         self._places = {value.index: grouping.place(value.tag) for group in plan.groups for value in group.values}
+        self._modes = frozenset(index for index, place in self._places.items() if place.signal == "MODE")
         part_of_loop = PartOfLoop()
         self._part_of_column = np.zeros(1 + max(self._places, default=0), dtype=np.uint8)
         for index, place in self._places.items():
@@ -127,7 +128,7 @@ class WideTable:
                 yield number, rest
 
     def _is_mode(self, value: ValueColumn) -> bool:
-        return self._places[value.index].signal == "MODE"
+        return value.index in self._modes
 
     def _short_rows(self, rows: Rows, reader: RowReader) -> NDArray[np.int64]:
         """Rows cut short lost the place of their fields: none of them is kept."""
@@ -177,7 +178,7 @@ class WideTable:
 
     def _matrix(self, rows: Rows, group: TimedColumns, reader: RowReader, kept: NDArray[np.bool_]) -> FloatArray:
         """(n, columns) values; refused ones NaN. Odd columns are looked at one by one, the others not at all."""
-        modes = [position for position, value in enumerate(group.values) if self._is_mode(value)]
+        modes = [position for position, value in enumerate(group.values) if self._is_mode(value)] if self._modes else []
         if not modes:
             numbers = rows.numbers([value.index for value in group.values])
         else:
