@@ -221,6 +221,7 @@ class Grouping:
         self.second: list[str] = []
 
     def place(self, tag: str) -> Place:
+        tag = tag.replace("\0", "\N{REPLACEMENT CHARACTER}")  # no data base takes it in a text
         known = self._places.get(tag)
         if known is None:
             known = self._places[tag] = self._settle(tag)

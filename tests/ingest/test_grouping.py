@@ -1,9 +1,11 @@
 """Tags into loops."""
 
+from pathlib import Path
+
 import pytest
 
 from app.errors import DataError
-from app.ingest import LoopTags, TagMapping, group
+from app.ingest import LoopTags, TagMapping, group, read_export
 
 
 @pytest.mark.parametrize(
@@ -98,3 +100,13 @@ def test_a_row_that_stands_twice_in_a_mapping_is_no_fault() -> None:
 def test_a_mapping_that_cannot_be_used(data: bytes) -> None:
     with pytest.raises(DataError, match="mapping"):
         TagMapping.from_bytes(data)
+
+
+def test_a_zero_byte_far_into_a_file_does_not_come_into_a_name(tmp_path: Path) -> None:
+    """PostgreSQL refuses it in a text, so that the whole upload would fail by it."""
+    path = tmp_path / "night.csv"
+    whole = "".join(f"FIC{n:04d}.PV,2026-01-31T00:00:00Z,{n}\n" for n in range(12_000))
+    path.write_text(f"Tagname,TimeStamp,Value\n{whole}FIC\x00101.PV,2026-01-31T00:00:00Z,1\n")
+    loops = {loop.loop: loop for loop in read_export(path).loops()}
+    assert len(loops) == 12_001
+    assert loops["FIC\N{REPLACEMENT CHARACTER}101"].pv is not None
