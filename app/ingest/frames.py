@@ -197,10 +197,11 @@ class FrameReader:
     def _first_fields(self, lines: Lines) -> pl.DataFrame | None:
         """The columns of text where they are a line's first ones: the thousands of fields behind them stay unparted.
         None where they are others. The lines hold no quotes."""
-        behind = self._texts[-1] + 1 if self._texts else MOST_FIRST + 1
-        if behind > MOST_FIRST or any(self._types[name_of(index)] != pl.String() for index in self._texts):
+        if not self._texts or self._texts[-1] >= MOST_FIRST:
             return None
-        delimiter = self._dialect.delimiter.encode()
+        if any(self._types[name_of(index)] != pl.String() for index in self._texts):
+            return None
+        delimiter, behind = self._dialect.delimiter.encode(), self._texts[-1] + 1
         rows = [line.split(delimiter, behind)[:behind] for line in lines.data.split(b"\n")[: lines.count]]
         texts = {name_of(index): [row[index].decode() or None for row in rows] for index in self._texts}
         return pl.DataFrame(texts, schema=dict.fromkeys(texts, pl.String))

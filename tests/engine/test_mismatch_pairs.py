@@ -139,7 +139,7 @@ def test_a_fault_that_leaves_few_samples_leaves_some_of_them_to_fit() -> None:
 def test_one_stretch_alone_refuses_no_name(both: Fit, worse: int, refused: bool) -> None:
     pv, usable = np.zeros(N), np.ones(N, dtype=np.bool_)
     runs = [
-        FreeRuns(np.ones(N), np.full(N, 3.0 if k < worse else 0.5), held, 0.0, both)
+        FreeRuns(np.ones(N), np.full(N, 3.0 if k < worse else 0.5), held, 0.0, both, ())
         for k, held in enumerate(stretches(usable))
     ]
     assert mostly_worse(pv, runs) is refused

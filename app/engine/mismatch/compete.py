@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Part
-from app.engine.mismatch.fitting import Fit, Task, descend, finish, fit, make_task, polish, quiet_noise, start_at
+from app.engine.mismatch.fitting import Fit, Task, descend, finish, fit, polish, quiet_noise, start_at, task_of
 from app.engine.mismatch.noise import fit_noise
 from app.engine.mismatch.scan import Start, at_given, ground, scan, task_with
 from app.engine.recording import FloatArray
@@ -138,7 +138,7 @@ def descended(task: Task, x: FloatArray, steps: int) -> Fit:
 def pursue(block: Block, begun: list[Fit]) -> Fit:
     """The best of the first descents fitted to their end."""
     first = begun[0]
-    task = make_task(first.record, first.given, tuple(part.block for part in first.parts))
+    task = task_of(first)
     fits = [fit(task, fitted.x, fitted.noise, 1, 6) for fitted in begun[: block.finalists]]
     best = max(fits, key=lambda fitted: fitted.likelihood)
     return fit(task, best.x, None, 3, block.steps)

@@ -163,7 +163,8 @@ def assemble(
     )
     improvement = improvement_of(traces, comparison)
     doubts = unseen_data_refuse(selection, improvement, seen.gain)
-    if doubts and mostly_worse(comparison.pv, [free_runs(prepared, final, other) for other in stretches(usable)]):
+    others = [other for other in stretches(usable) if not np.array_equal(other, held)]
+    if doubts and mostly_worse(comparison.pv, [seen, *(free_runs(prepared, final, other) for other in others)]):
         left = selection.alone or Selection(prepared.base, (), selection.ranking)
         return assemble(comparison, prepared, replace(left, fit=settle(left.fit)), doubts)
     conclusion = conclude(
@@ -180,7 +181,7 @@ def assemble(
         located=location_of(conclusion.effects),
         fit=improvement,
         validation=None,
-        model=export(seen.model, sensors_of(seen.model, prepared.patterns)),
+        model=export(seen.model, seen.sensors),
         refit=refit_estimates(prepared.base),
         evidence=(*conclusion.reasons, *evidence_of(prepared, selection), *controller_evidence(closed)),
         traces=traces,
@@ -232,7 +233,7 @@ def free_runs(prepared: Prepared, final: Fit, held: BoolArray) -> FreeRuns:
     explained = seen_through(final_seen.simulated, sensors, Context(final.record, final.plant))
     mid = prepared.record.pv_mid
     gain = unseen_gain(base_seen, final_seen, held)
-    return FreeRuns(base_seen.simulated + mid, explained + mid, held, gain, final_seen)
+    return FreeRuns(base_seen.simulated + mid, explained + mid, held, gain, final_seen, sensors)
 
 
 def improvement_of(traces: Traces, comparison: Comparison) -> Improvement:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from app.engine.mismatch.block import Part
 from app.engine.mismatch.fitting import Fit, fit, make_task, settle
 from app.engine.mismatch.noise import whiten
 from app.engine.mismatch.windows import active_mask
@@ -38,7 +39,7 @@ def judge(pv: FloatArray, simulated: FloatArray, where: BoolArray) -> Fitness:
 @dataclass(frozen=True, eq=False)
 class FreeRuns:
     """The bare refit and the explained model (N,), in the unit of PV, fitted without the samples `held` (N,). gain: by
-    how much (nat) the explained model predicts those better. model: the explained one.
+    how much (nat) the explained model predicts those better. model: the explained one. sensors: what shows it so.
     """
 
     refitted: FloatArray
@@ -46,6 +47,7 @@ class FreeRuns:
     held: BoolArray
     gain: float
     model: Fit
+    sensors: tuple[Part, ...]
 
 
 def stretches(usable: BoolArray) -> list[BoolArray]:

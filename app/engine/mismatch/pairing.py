@@ -2,13 +2,14 @@
 wrongly.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Part
 from app.engine.mismatch.compete import Rival, Scanned, descended, finalists
-from app.engine.mismatch.fitting import Fit, finish, fit, make_task, quiet_noise, start_at, task_of
+from app.engine.mismatch.fitting import Fit, Task, finish, fit, make_task, quiet_noise, start_at, task_of
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.scan import Ground, Start, ground, scan, task_with, whitened, with_block
 from app.engine.mismatch.worth import free_run_error, nearer
@@ -125,8 +126,7 @@ def searched_again(found: Fit) -> Fit:
         for start in finalists(starts, block, Context(beside.record, beside.plant), AGAIN):
             parts = list(found.parts)
             parts[k] = Part(block, start.values)
-            x = start_at(task_of(found), found.plant, np.concatenate([part.values for part in parts]))
-            again = descended(task_of(found), x, 6)
+            again = descended(*placed(found, parts), 6)
             found = again if again.likelihood > found.likelihood else found
     return found
 
@@ -134,15 +134,11 @@ def searched_again(found: Fit) -> Fit:
 def without(found: Fit, k: int) -> Fit:
     """The same fit with one of its parts left out, nothing fitted again."""
     parts = [part for part in found.parts if part is not found.parts[k]]
-    task = make_task(found.record, found.given, tuple(part.block for part in parts))
-    values = np.concatenate([part.values for part in parts]) if parts else np.zeros(0)
-    return finish(task, start_at(task, found.plant, values), found.noise)
+    return finish(*placed(found, parts), found.noise)
 
 
 def begin_couple(found: Fit, couple: Couple) -> Fit:
-    parts = (*found.parts, *couple.parts)
-    task = make_task(found.record, found.given, tuple(part.block for part in parts))
-    return descended(task, start_at(task, found.plant, np.concatenate([part.values for part in parts])), 6)
+    return descended(*placed(found, (*found.parts, *couple.parts)), 6)
 
 
 def alone_as(part: Part, base: Fit, plant: Plant) -> Rival:
@@ -156,5 +152,10 @@ def alone_as(part: Part, base: Fit, plant: Plant) -> Rival:
 def reordered(found: Fit, order: tuple[int, int]) -> Fit:
     """The same fit with its last two parts in this order (0: the last but one)."""
     parts = (*found.parts[:-2], *(found.parts[-2:][k] for k in order))
+    return finish(*placed(found, parts), found.noise)
+
+
+def placed(found: Fit, parts: Sequence[Part]) -> tuple[Task, FloatArray]:
+    """The task of a fit with other parts, and the coordinates of its linear plant with their values."""
     task = make_task(found.record, found.given, tuple(part.block for part in parts))
-    return finish(task, start_at(task, found.plant, np.concatenate([part.values for part in parts])), found.noise)
+    return task, start_at(task, found.plant, np.concatenate([np.zeros(0), *(part.values for part in parts)]))

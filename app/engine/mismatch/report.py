@@ -7,7 +7,7 @@ import numpy as np
 from app.engine.evidence import Reason
 from app.engine.mismatch.block import Context, Parameter, Part
 from app.engine.mismatch.experiment import Experiment
-from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, make_task, residual_rows, slopes
+from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, residual_rows, slopes, task_of
 from app.engine.mismatch.patterns import Pattern
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.result import Effect, Estimate, ExplainedModel, Location, PartModel
@@ -114,7 +114,7 @@ def absolute(parameters: tuple[Parameter, ...], values: FloatArray, record: Expe
 
 def deviations(found: Fit) -> FloatArray:
     """Standard deviation of each free number of a fit, from its whitened slopes."""
-    task = make_task(found.record, found.given, tuple(part.block for part in found.parts))
+    task = task_of(found)
     jacobian = slopes(task, found.x, found.noise, residual_rows(task, found.x, found.noise))
     covariance = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
     return np.sqrt(np.maximum(np.diag(covariance), 0.0))
