@@ -48,12 +48,10 @@ def dynamic(signal: FloatArray, values: FloatArray, context: Context) -> FloatAr
 
 
 def static(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    """Powers of OP behind the process lag: whatever curve it lacks."""
+    """Powers of OP behind the process lag: whatever curve it lacks; one delay and one lag pass them all."""
     ts, u = context.record.sampling_interval_s, context.record.op_deviation / context.record.op_span
-    out = signal
-    for value, power in zip(values, POWERS, strict=True):
-        out = out + value * lag(acting(u**power, context), slowness(context), ts)
-    return out
+    curve = np.polynomial.polynomial.polyval(u, np.concatenate((np.zeros(POWERS[0]), values)))
+    return signal + lag(acting(curve, context), slowness(context), ts)
 
 
 DYNAMIC = Block(

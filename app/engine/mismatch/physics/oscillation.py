@@ -49,9 +49,16 @@ def starts(context: Context, innovations: FloatArray) -> FloatArray:
 
 def wave(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     begin, end, period, sine, cosine = values
-    phase = 2.0 * np.pi * context.time_s / period
-    inside = (context.time_s >= begin) & (context.time_s < end)
-    return signal + inside * (sine * np.sin(phase) + cosine * np.cos(phase))
+    inside = within(context, begin, end)
+    phase = 2.0 * np.pi * context.time_s[inside] / period
+    out = signal.copy()
+    out[inside] += sine * np.sin(phase) + cosine * np.cos(phase)
+    return out
+
+
+def within(context: Context, begin_s: float, end_s: float) -> slice:
+    """The samples from begin_s up to, not at, end_s."""
+    return slice(*np.searchsorted(context.time_s, (begin_s, end_s)).tolist())
 
 
 def shaped_parameters(context: Context) -> tuple[Parameter, ...]:
@@ -73,13 +80,17 @@ def shaped_starts(context: Context, innovations: FloatArray) -> FloatArray:
 
 
 def shaped_wave(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    """Each odd harmonic is the one before it turned by twice the phase."""
     begin, end, period = values[:3]
-    phase = 2.0 * np.pi * context.time_s / period
-    inside = (context.time_s >= begin) & (context.time_s < end)
-    wave = np.zeros_like(phase)
-    for k, order in enumerate((1, *ODD)):
-        wave += values[3 + 2 * k] * np.sin(order * phase) + values[4 + 2 * k] * np.cos(order * phase)
-    return signal + inside * wave
+    inside = within(context, begin, end)
+    phase = 2.0 * np.pi * context.time_s[inside] / period
+    sine, cosine = np.sin(phase), np.cos(phase)
+    turn_sine, turn_cosine = 2.0 * sine * cosine, 1.0 - 2.0 * sine * sine
+    out = signal.copy()
+    for k in range(1 + len(ODD)):
+        out[inside] += values[3 + 2 * k] * sine + values[4 + 2 * k] * cosine
+        sine, cosine = sine * turn_cosine + cosine * turn_sine, cosine * turn_cosine - sine * turn_sine
+    return out
 
 
 def active(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:

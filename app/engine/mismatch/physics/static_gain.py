@@ -53,7 +53,8 @@ def zeros_of_two(_: Context, __: FloatArray) -> FloatArray:
 
 def cubic(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     x = signal / context.record.op_span
-    return context.record.op_span * (x + values[0] * (x * x - MEAN_SQUARE) + values[1] * x**3)
+    square = x * x
+    return context.record.op_span * (x + values[0] * (square - MEAN_SQUARE) + values[1] * square * x)
 
 
 def wiener_parameters(_: Context) -> tuple[Parameter, ...]:
