@@ -11,7 +11,7 @@ from app.engine.mismatch.block import Block, Context, Part
 from app.engine.mismatch.compete import Rival, Scanned, descended, finalists
 from app.engine.mismatch.fitting import Fit, Task, finish, fit, make_task, quiet_noise, start_at, task_of
 from app.engine.mismatch.plant import Plant
-from app.engine.mismatch.scan import Ground, Start, ground, scan, task_with, whitened, with_block
+from app.engine.mismatch.scan import Ground, Start, ground, moves, scan, task_with, with_block
 from app.engine.mismatch.worth import free_run_error, nearer
 from app.engine.recording import FloatArray
 
@@ -54,7 +54,7 @@ def candidates_of(block: Block, starts: tuple[Start, ...], under: Ground) -> lis
     context = Context(under.fit.record, under.fit.plant)
     found = []
     for start in starts:
-        moved = whitened(under, with_block(under, block, start.values, context)) - under.whitened
+        moved = moves(under, with_block(under, block, start.values, context)[None, :])[0]
         found.append(Candidate(Part(block, start.values), moved - under.basis @ (under.basis.T @ moved)))
     return found
 

@@ -60,15 +60,15 @@ def scan(block: Block, grounds: tuple[Ground, ...]) -> tuple[tuple[Start, ...], 
     context = Context(fit.record, fit.plant)
     parameters = block.parameters(context)
     linear = [k for k, p in enumerate(parameters) if p.linear]
-    known: dict[bytes, list[FloatArray]] = {}
+    known: dict[bytes, FloatArray] = {}
     found = []
     for ground_ in grounds:
-        starts = []
-        for values in block.starts(context, ground_.innovations):
-            key = values.tobytes()
+        points = block.starts(context, ground_.innovations)
+        keys = [values.tobytes() for values in points]
+        for key, values in zip(keys, points, strict=True):
             if key not in known:
                 known[key] = simulations(block, values, linear, parameters, ground_, context)
-            starts.append(solved(values, linear, parameters, ground_, known[key]))
+        starts = solved(points, linear, parameters, ground_, [known[key] for key in keys])
         found.append(tuple(sorted(starts, key=lambda start: -start.gain)))
     return tuple(found)
 
@@ -95,42 +95,47 @@ def simulations(
     parameters: tuple[Parameter, ...],
     ground_: Ground,
     context: Context,
-) -> list[FloatArray]:
-    """The simulations with the block at one point of the grid: one for each linear parameter moved by its scale, one in
-    all where none is linear.
+) -> FloatArray:
+    """The simulations (L, N) with the block at one point of the grid: one for each linear parameter moved by its scale,
+    one in all where none is linear.
     """
     if not linear:
-        return [with_block(ground_, block, values, context)]
+        return with_block(ground_, block, values, context)[None, :]
     moved = np.repeat(values[None, :], len(linear), axis=0)
     for row, k in zip(moved, linear, strict=True):
         row[k] += parameters[k].scale
-    return [with_block(ground_, block, row, context) for row in moved]
+    return np.stack([with_block(ground_, block, row, context) for row in moved])
 
 
 def solved(
-    values: FloatArray,
+    points: FloatArray,
     linear: list[int],
     parameters: tuple[Parameter, ...],
     ground_: Ground,
     simulated: list[FloatArray],
-) -> Start:
-    """One point of the grid, its linear parameters by least squares; the linear model follows by inner products with
-    its directions alone.
+) -> list[Start]:
+    """The points (M, P) of a grid, their linear parameters by least squares; the linear model follows by inner products
+    with its directions alone. simulated: (L, N) of each point.
     """
-    if not linear:
-        rows = whitened(ground_, simulated[0])
-        along = ground_.basis.T @ rows
-        return Start(values, gained(ground_, float(rows @ rows - along @ along)))
-    # Where all linear parameters are zero the block does nothing.
-    columns = np.stack([whitened(ground_, one) for one in simulated]) - ground_.whitened
+    if len(points) == 0:
+        return []
+    # Where all linear parameters are zero the block does nothing: what it moves is the difference.
+    columns = np.stack([moves(ground_, one) for one in simulated])
     along = columns @ ground_.basis
-    gram = columns @ columns.T - along @ along.T
+    gram = columns @ columns.swapaxes(1, 2) - along @ along.swapaxes(1, 2)
     slope = columns @ ground_.rows
-    change = -np.linalg.solve(gram + 1e-10 * np.trace(gram) * np.eye(len(gram)) + 1e-300, slope)
-    best = values.copy()
-    for k, step in zip(linear, change, strict=True):
-        best[k] = np.clip(values[k] + step * parameters[k].scale, parameters[k].low, parameters[k].high)
-    return Start(best, gained(ground_, float(ground_.energy + 2.0 * change @ slope + change @ gram @ change)))
+    if not linear:
+        energies = ground_.energy + 2.0 * slope[:, 0] + gram[:, 0, 0]
+        return [Start(values, gained(ground_, float(e))) for values, e in zip(points, energies, strict=True)]
+    ridge = (1e-10 * np.trace(gram, axis1=1, axis2=2)[:, None, None] + 1e-300) * np.eye(len(linear))
+    change = -np.linalg.solve(gram + ridge, slope[:, :, None])[:, :, 0]
+    curve = np.einsum("mi,mij,mj->m", change, gram, change)
+    energies = ground_.energy + 2.0 * np.sum(change * slope, axis=1) + curve
+    scales = np.array([parameters[k].scale for k in linear])
+    low, high = (np.array([getattr(parameters[k], side) for k in linear]) for side in ("low", "high"))
+    best = points.copy()
+    best[:, linear] = np.clip(points[:, linear] + change * scales, low, high)
+    return [Start(values, gained(ground_, float(e))) for values, e in zip(best, energies, strict=True)]
 
 
 def with_block(ground_: Ground, block: Block, values: FloatArray, context: Context) -> FloatArray:
@@ -146,12 +151,14 @@ def gained(ground_: Ground, energy: float) -> float:
     return 0.5 * len(ground_.rows) * float(np.log(ground_.energy / max(energy, 1e-300)))
 
 
-def whitened(ground_: Ground, simulated: FloatArray) -> FloatArray:
-    """Whitened residual of a simulation over the noise's deviation, then the prior's rows."""
-    fit = ground_.fit
-    e = whiten(fit.record.pv_deviation - simulated, fit.record.usable, fit.noise)
-    e /= fit.noise.deviation
-    return np.concatenate((e[settling_samples(fit.record.samples) :], ground_.prior))
+def moves(ground_: Ground, simulated: FloatArray) -> FloatArray:
+    """By how much the simulations (L, N) move the whitened residual (L, rows)."""
+    fit, n = ground_.fit, ground_.fit.record.samples
+    found = np.zeros((len(simulated), len(ground_.rows)))
+    for row, one in zip(found, simulated, strict=True):
+        e = whiten(fit.record.pv_deviation - one, fit.record.usable, fit.noise)[settling_samples(n) :]
+        row[: len(e)] = e / fit.noise.deviation - ground_.whitened[: len(e)]
+    return found
 
 
 def task_with(fit: Fit, block: Block) -> Task:
