@@ -126,6 +126,8 @@ def modelled_noise(found: Fit, seed: int = 0) -> FloatArray:
     """Another course (N,) of the noise that the fit found: its innovations in another order, in the same colour."""
     e = whiten(found.residual, found.record.usable, found.noise)
     known = e[found.record.usable]
+    if len(known) == 0:
+        return np.zeros(found.record.samples)
     drawn = np.random.default_rng(seed).choice(known - np.mean(known), found.record.samples)
     return coloured(drawn, found.noise)
 

@@ -12,6 +12,7 @@ from app.engine.recording import BoolArray, FloatArray
 from app.errors import DataError
 
 LEAST_SAMPLES = 100
+LEAST_MOVES = 10
 MOST_SAMPLES = 40_000
 QUICK_SAMPLES, MOST_QUICK_SAMPLES = 1500, 3000
 INTERVALS_A_MEMORY = 3.0
@@ -53,23 +54,51 @@ def record_of(comparison: Comparison) -> Experiment:
 
 
 def check(comparison: Comparison) -> None:
-    """Raises DataError("too_short", "signal_length", "simulation_length", "simulation_not_finite",
-    "signal_constant").
+    """Raises DataError("too_short", "interval_invalid", "signal_length", "signal_not_finite", "simulation_length",
+    "simulation_not_finite", "simulation_constant", "nothing_known", "signal_constant").
     """
-    n = len(comparison.pv)
+    n, ts = len(comparison.pv), comparison.sampling_interval_s
+    if not (np.isfinite(ts) and ts > 0.0):
+        raise DataError("interval_invalid", f"the sampling interval is {ts:g} s, it must be more than 0")
     if n < LEAST_SAMPLES:
         raise DataError(
             "too_short", f"{n} samples are too few to explain a difference, at least {LEAST_SAMPLES} are needed"
         )
-    for name, signal in (("OP", comparison.op), ("SP", comparison.sp), *comparison.measured):
-        if signal is not None and len(signal) != n:
-            raise DataError("signal_length", f"{name} has {len(signal)} samples, PV has {n}; they must be the same")
+    if len(comparison.op) != n:
+        raise DataError("signal_length", f"OP has {len(comparison.op)} samples, PV has {n}; they must be the same")
+    check_beside(comparison)
     check_trace(comparison)
+    check_moves(comparison)
+
+
+def check_beside(comparison: Comparison) -> None:
+    """SP and further signals: as long as PV, a value in every sample."""
+    n = len(comparison.pv)
+    for name, signal in (("SP", comparison.sp), *comparison.measured):
+        if signal is None:
+            continue
+        if len(signal) != n:
+            raise DataError("signal_length", f"{name} has {len(signal)} samples, PV has {n}; they must be the same")
+        if not np.all(np.isfinite(signal)):
+            raise DataError("signal_not_finite", f"{name} has samples without a value; fill them or leave it out")
+
+
+def check_moves(comparison: Comparison) -> None:
+    """OP and PV move, and something of PV is known."""
     for name, signal in (("OP", comparison.op), ("PV", comparison.pv)):
         if not np.all(np.isfinite(signal)) or np.ptp(signal) <= 0.0:
             raise DataError(
                 "signal_constant", f"{name} is constant or not finite: there is nothing to compare a simulation with"
             )
+    moves = int(np.count_nonzero(np.diff(comparison.pv)))
+    if moves < LEAST_MOVES:
+        raise DataError(
+            "signal_constant",
+            f"PV changes {moves} times in {len(comparison.pv)} samples, at least {LEAST_MOVES} are needed: there is "
+            "nothing to compare a simulation with",
+        )
+    if comparison.known is not None and not np.any(comparison.known):
+        raise DataError("nothing_known", "no sample of PV is known: there is nothing to compare a simulation with")
 
 
 def check_trace(comparison: Comparison) -> None:

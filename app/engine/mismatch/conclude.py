@@ -5,14 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.evidence import Reason
+from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit, fit_linear
-from app.engine.mismatch.holdout import WORSE_UNSEEN
+from app.engine.mismatch.holdout import worse
+from app.engine.mismatch.noise import compared_samples
 from app.engine.mismatch.result import Effect, Improvement, Verdict
 from app.engine.mismatch.selection import Selection
 
 LEAST_ANSWER = 10.0
 LEAST_TIMES = 4.0
 LEAST_COMPARED = 100
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,7 @@ def unseen_data_refuse(selection: Selection, fit: Improvement, gain: float) -> t
     """Names whose model follows the kept-out stretch worse than the bare refit does are no explanation: by its free
     run, and by what it gains there beside the noise (`gain`, nat).
     """
-    if not selection.effects or gain > 0.0 or not fit.explained.rmse > WORSE_UNSEEN * fit.refitted.rmse:
+    if not selection.effects or not worse(fit.refitted, fit.explained, gain):
         return ()
     names = ", ".join(" or ".join((effect.code, *effect.alternatives)) for effect in selection.effects)
     text = (
@@ -54,9 +57,8 @@ def unseen_data_refuse(selection: Selection, fit: Improvement, gain: float) -> t
 def too_little_told(base: Fit) -> tuple[Reason, ...]:
     """What keeps a record from clearing a simulation: few samples, little time, or a PV that does not answer OP."""
     record, plant = base.record, base.plant
-    compared = int(record.usable.sum())
-    if compared < LEAST_COMPARED:
-        return (Reason("too_few_data", f"{compared} samples can be compared, at least {LEAST_COMPARED} are needed"),)
+    if few := too_few(record):
+        return few
     slowest = (plant.tau if plant.leak > 0.0 else 0.0) + plant.tau2 + plant.theta
     if record.duration_s < LEAST_TIMES * slowest:
         text = f"the record lasts {record.duration_s:.4g} s, not {LEAST_TIMES:.0f} times the process' {slowest:.4g} s"
@@ -66,6 +68,20 @@ def too_little_told(base: Fit) -> tuple[Reason, ...]:
         text = f"OP explains {told:.1f} nat of PV, at least {LEAST_ANSWER:.0f} are needed to judge a simulation by"
         return (Reason("too_little_excitation", text),)
     return ()
+
+
+def too_few(record: Experiment) -> tuple[Reason, ...]:
+    """Why a record cannot be compared at all: a sample after a gap says where PV starts anew, not how it moves."""
+    compared = int(np.sum(compared_samples(record.usable)))
+    if compared >= LEAST_COMPARED:
+        return ()
+    return (Reason("too_few_data", f"{compared} samples can be compared, at least {LEAST_COMPARED} are needed"),)
+
+
+def nothing_left(base: Fit) -> bool:
+    """Whether the linear refit leaves no more of PV than rounding."""
+    seen = base.record.usable
+    return float(np.std(base.residual[seen])) <= ROUNDING * float(np.std(base.record.pv[seen]))
 
 
 def answer_to_op(base: Fit) -> float:

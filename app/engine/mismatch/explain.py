@@ -10,7 +10,7 @@ from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.closed_loop import ClosedLoop, close_again
 from app.engine.mismatch.comparison import Comparison, check, given_of, glimpse, record_of, shortened
 from app.engine.mismatch.compete import Rival
-from app.engine.mismatch.conclude import conclude, unseen_data_refuse
+from app.engine.mismatch.conclude import conclude, nothing_left, too_few, unseen_data_refuse
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, Given, fit_linear, make_task, settle, start_at
 from app.engine.mismatch.given import behind_trace, identify
@@ -53,8 +53,8 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     """Where a recording and a simulation differ, which physics was left out, and how much better it fits with it.
 
     `validation`: a second recording, simulated only, with the model of the first.
-    Raises DataError("too_short", "signal_constant", "signal_length", "simulation_length", "simulation_not_finite",
-    "model_invalid").
+    Raises DataError("too_short", "interval_invalid", "signal_constant", "signal_length", "signal_not_finite",
+    "simulation_length", "simulation_not_finite", "simulation_constant", "model_invalid").
     Misleads where OP hardly moves: then little can be told, and the answer is `consistent`.
     """
     check(comparison)
@@ -79,6 +79,8 @@ def compete(base: Fit, already: tuple[str, ...]) -> Competed:
     Where no simulation was given, linear dynamics that our own simple structures lack are no missing physics: they
     become part of our own loop, and what is missing beside them is looked for again.
     """
+    if too_few(base.record) or nothing_left(base):
+        return Competed(base, Selection(base, (), ()))
     coarse = coarse_of(base, factor_for(base))
     blocks = library(coarse.fit.record)
     selection = select(coarse.fit, blocks, already)
@@ -112,6 +114,9 @@ def locate(comparison: Comparison) -> Location:
     if patterns:
         return location_of((pattern_effect(patterns[0], whole),))
     base = prepare(glimpse(comparison)).base
+    few = too_few(base.record)
+    if few or nothing_left(base):
+        return Location(None, (), "nowhere", None, few)
     return quick_location(base, library(base.record))
 
 
@@ -166,7 +171,7 @@ def assemble(
     others = [other for other in stretches(usable) if not np.array_equal(other, held)]
     if doubts and mostly_worse(comparison.pv, [seen, *(free_runs(prepared, final, other) for other in others)]):
         left = selection.alone or Selection(prepared.base, (), selection.ranking)
-        return assemble(comparison, prepared, replace(left, fit=settle(left.fit)), doubts)
+        return assemble(comparison, prepared, replace(left, fit=settle(left.fit)), (*refused, *doubts))
     conclusion = conclude(
         prepared.base,
         tuple(pattern_effect(p, prepared.record) for p in prepared.patterns),
@@ -194,15 +199,20 @@ def sensors_of(found: Fit, patterns: tuple[Pattern, ...]) -> tuple[Part, ...]:
     """What sensor and historian do to the free run; rounding and compression only where that comes nearer to what was
     fitted.
     """
-    signal, context, seen = found.simulated, Context(found.record, found.plant), found.record.usable
+    signal, context = found.simulated, Context(found.record, found.plant)
     kept = []
     for pattern in patterns:
         through = seen_through(signal, (pattern.part,), context)
-        error = [float(np.std((found.record.pv_deviation - s)[seen])) for s in (signal, through)]
-        if pattern.hides_pv or error[1] <= error[0]:
+        if pattern.hides_pv or left_by(found.record, through) <= left_by(found.record, signal):
             signal = through
             kept.append(pattern.part)
     return tuple(kept)
+
+
+def left_by(record: Experiment, signal: FloatArray) -> float:
+    """Variance of what a simulation (N,) leaves of PV where it is compared; 0 where nothing is."""
+    left = (record.pv_deviation - signal)[record.usable]
+    return float(np.var(left)) if len(left) else 0.0
 
 
 def seen_through(signal: FloatArray, sensors: tuple[Part, ...], context: Context) -> FloatArray:

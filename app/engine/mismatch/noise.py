@@ -63,6 +63,17 @@ def _whiten(r: FloatArray, usable: BoolArray, shape: FloatArray, e: FloatArray) 
 
 
 @njit(cache=True, nogil=True)
+def compared_samples(usable: BoolArray) -> BoolArray:
+    """(N,) True where `whiten` finds an innovation: not where PV is unknown, nor where it starts anew after a gap."""
+    compared = usable.copy()
+    hidden = 0
+    for t in range(len(usable)):
+        compared[t] = usable[t] and hidden < LONG_GAP
+        hidden = 0 if usable[t] else hidden + 1
+    return compared
+
+
+@njit(cache=True, nogil=True)
 def _limit(shape: FloatArray) -> None:
     for k in range(4):
         low, high = (-0.5, POLE_MAX) if k < 2 else (-0.9, ZERO_MAX)

@@ -23,7 +23,7 @@ from app.engine.simulate.compression import keep
 IntArray = NDArray[np.int64]
 
 LEAST_RUN = 10
-LEAST_AT_LIMIT = 12
+LEAST_AT_LIMIT, LEAST_FREE = 12, 25
 STEP_OVER_NOISE = 1.0
 STEP_OVER_SPAN = 0.003
 STILL = 0.003
@@ -74,7 +74,7 @@ def find_patterns(record: Experiment) -> tuple[Pattern, ...]:
     step = level_spacing(record.pv)
     coarse = step > max(STEP_OVER_NOISE * innovation_floor(record.pv), STEP_OVER_SPAN * record.pv_span)
     rests = coarse or holds(record)
-    limits = [p for p in (at_limit(record, runs, 1.0, rests), at_limit(record, runs, -1.0, rests)) if p is not None]
+    limits = limits_of(record, runs, rests)
     explained = np.any([p.shows for p in limits], axis=0) if limits else np.zeros(record.samples, dtype=np.bool_)
     stuck = stuck_stretches(record, runs, explained, rests)
     if coarse:
@@ -123,6 +123,13 @@ def quantised(record: Experiment, step: float) -> Pattern:
     everywhere = np.ones(record.samples, dtype=np.bool_)
     level = float(np.min(record.pv)) - record.pv_mid
     return Pattern(Part(QUANTIZATION, np.array([step, level])), everywhere, Reason("pv_levels", text), False)
+
+
+def limits_of(record: Experiment, runs: tuple[Run, ...], coarse: bool) -> tuple[Pattern, ...]:
+    """The ends of the sensor's range; none where PV hardly ever leaves them, for then nothing shows that it would."""
+    found = [p for p in (at_limit(record, runs, 1.0, coarse), at_limit(record, runs, -1.0, coarse)) if p is not None]
+    free = record.samples - int(np.sum(np.any([p.shows for p in found], axis=0))) if found else record.samples
+    return tuple(found) if free >= LEAST_FREE else ()
 
 
 def at_limit(record: Experiment, runs: tuple[Run, ...], sign: float, coarse: bool) -> Pattern | None:

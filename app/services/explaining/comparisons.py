@@ -270,12 +270,13 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
         return np.interp(grid, at[finite], values[finite]) if finite.sum() > 1 else np.full(len(grid), np.nan)
 
     measured = tuple((n, s) for n, s in ((n, resampled(s)) for n, s in others.items()) if np.all(np.isfinite(s)))
+    sp = resampled(signals["sp"]) if "sp" in signals else None
     return Comparison(
         name=name,
         sampling_interval_s=interval,
         op=resampled(signals["op"]),
         pv=resampled(signals["pv"]),
-        sp=resampled(signals["sp"]) if "sp" in signals else None,
+        sp=None if sp is None or not np.all(np.isfinite(sp)) else sp,
         measured=measured,
         known=None if even else known,
         trace=resampled(signals["trace"]) if "trace" in signals else None,

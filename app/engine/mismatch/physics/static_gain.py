@@ -15,6 +15,8 @@ from app.engine.recording import FloatArray
 # About the mean square of a signal over its span: a constant keeps gain and offset of the linear model nearly as
 # they are.
 MEAN_SQUARE = 0.08
+# Where OP leaves its span far behind, no valve goes on exponentially; finite for any OP.
+MOST_EXPONENT = 100.0
 
 
 def bend(context: Context) -> tuple[Parameter, ...]:
@@ -28,7 +30,7 @@ def bends(_: Context, __: FloatArray) -> FloatArray:
 def exponential(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """(exp(c u) - 1) / c: an equal-percentage valve, c = ln R over the span; c below zero: quick opening."""
     c = values[0] / context.record.op_span
-    return np.expm1(c * signal) / c if abs(values[0]) > 1e-6 else signal
+    return np.expm1(np.minimum(c * signal, MOST_EXPONENT)) / c if abs(values[0]) > 1e-6 else signal
 
 
 def curvature(context: Context) -> tuple[Parameter, ...]:

@@ -1,0 +1,91 @@
+"""What may be compared at all: bad signals get a clear error, records that show nothing an answer without a name."""
+
+import numpy as np
+import pytest
+
+from app.engine.mismatch import Comparison, LinearSimulation, explain, locate
+from app.engine.mismatch.block import Context
+from app.engine.mismatch.experiment import experiment
+from app.engine.mismatch.noise import NoiseModel, compared_samples, whiten
+from app.engine.mismatch.physics.static_gain import exponential
+from app.engine.mismatch.plant import Plant, run_process
+from app.engine.recording import BoolArray, FloatArray
+from app.errors import DataError
+
+N, TS = 600, 2.0
+GIVEN = LinearSimulation(gain=1.45, time_constants_s=(28.5,), dead_time_s=6.0)
+
+
+def op() -> FloatArray:
+    rng = np.random.default_rng(3)
+    return 40.0 + np.repeat(rng.uniform(-6.0, 6.0, N // 50), 50) + 0.1 * rng.normal(size=N)
+
+
+def pv() -> FloatArray:
+    noise = 0.1 * np.random.default_rng(4).normal(size=N)
+    return 50.0 + run_process(op() - 40.0, Plant(K=1.4, tau=30.0, theta=6.0), TS) + noise
+
+
+def with_one(value: float) -> FloatArray:
+    signal = np.full(N, 50.0)
+    signal[N // 2] = value
+    return signal
+
+
+@pytest.mark.parametrize(
+    ("changed", "code"),
+    [
+        ({"pv": np.full(N, 5.0)}, "signal_constant"),
+        ({"pv": with_one(51.0)}, "signal_constant"),
+        ({"op": np.full(N, 5.0)}, "signal_constant"),
+        ({"trace": np.zeros(N - 1)}, "simulation_length"),
+        ({"trace": np.full(N, np.nan)}, "simulation_not_finite"),
+        ({"trace": np.full(N, 3.0)}, "simulation_constant"),
+        ({"simulation": LinearSimulation(0.0)}, "model_invalid"),
+        ({"sp": np.zeros(7)}, "signal_length"),
+        ({"sp": with_one(np.nan)}, "signal_not_finite"),
+        ({"measured": (("T1", with_one(np.inf)),)}, "signal_not_finite"),
+        ({"known": np.zeros(N, dtype=np.bool_)}, "nothing_known"),
+        ({"sampling_interval_s": 0.0}, "interval_invalid"),
+    ],
+)
+def test_bad_input_gets_a_clear_error(changed: dict, code: str) -> None:
+    given = {"name": "loop", "sampling_interval_s": TS, "op": op(), "pv": pv()} | changed
+    for ask in (explain, locate):
+        with pytest.raises(DataError) as raised:
+            ask(Comparison(**given))
+        assert raised.value.code == code
+
+
+def every(step: int) -> BoolArray:
+    known = np.zeros(N, dtype=np.bool_)
+    known[::step] = True
+    return known
+
+
+@pytest.mark.parametrize("known", [every(7), np.arange(N) < 60])
+def test_too_few_known_samples_are_inconclusive(known: BoolArray) -> None:
+    comparison = Comparison("gaps", TS, op(), pv(), known=known, simulation=GIVEN)
+    answer = explain(comparison)
+    assert answer.verdict == "inconclusive"
+    assert answer.evidence[0].code == "too_few_data"
+    assert locate(comparison).evidence[0].code == "too_few_data"
+
+
+@pytest.mark.parametrize("step", [2, 4, 5, 9])
+def test_samples_are_compared_where_there_is_an_innovation(step: int) -> None:
+    e = whiten(np.random.default_rng(1).normal(size=N), every(step), NoiseModel(deviation=1.0))
+    assert np.array_equal(compared_samples(every(step))[step:], e[step:] != 0.0)
+
+
+def test_a_simulation_that_is_the_recording_lacks_nothing() -> None:
+    answer = explain(Comparison("same", TS, op(), pv(), trace=pv()))
+    assert answer.verdict == "consistent"
+    assert answer.effects == ()
+
+
+def test_a_valve_far_out_of_its_span_stays_finite() -> None:
+    record = experiment(TS, with_one(1000.0), pv())
+    context = Context(record, Plant(K=1.4, tau=30.0, theta=6.0))
+    with np.errstate(over="raise"):
+        assert np.all(np.isfinite(exponential(record.op_deviation, np.array([6.0]), context)))
