@@ -14,6 +14,7 @@ from pathlib import Path
 
 KEPT_S = 30 * 86400.0  # since a source was last started
 ENGINE = Path(__file__).parent / "engine"
+READERS = (Path(__file__).parent / "ingest" / "scan_kernel.py",)  # kernels that import nothing of ours
 IMPORTED = re.compile(r"^\s*(?:from|import) app\.engine([^\n(]*(?:\([^)]*\))?)", re.MULTILINE)
 
 
@@ -46,6 +47,8 @@ def _source_digest() -> str:
     for path, text in sorted(_compiled_from().items()):
         digest.update(path.relative_to(ENGINE).as_posix().encode())
         digest.update(text.encode())
+    for path in READERS:
+        digest.update(path.read_bytes())
     return digest.hexdigest()
 
 

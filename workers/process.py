@@ -15,6 +15,7 @@ from app import logs
 from app.engine.mismatch import compile_kernels
 from app.services.auditing import chunks
 from app.services.backend import Backend
+from app.services.intake import reading
 
 ROOM_TO_WORK_MB = 150
 LOOKS_EVERY_S = 1.0
@@ -39,6 +40,7 @@ def warm_up(sender: Any, **_: object) -> None:
     log.warning("compiling the kernels; at the first start of a version this takes about a minute")
     _compile_aside()
     chunks.warm_up()
+    reading.warm_up()
     log.warning("ready")
     # A child begins as large as its parent. A limit below that would replace it after every task.
     own_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
@@ -55,6 +57,7 @@ def _compile_aside() -> None:
             threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
             try:
                 chunks.warm_up()
+                reading.warm_up()
                 compile_kernels()  # explanations are rarer than audits: each process loads theirs when one comes
             finally:
                 os._exit(0)

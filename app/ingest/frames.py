@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from app.ingest.ahead import ahead, side_by_side
 from app.ingest.head import split_line
 from app.ingest.opening import Lines, TextFile
+from app.ingest.plans import LongPlan
 from app.ingest.rejecting import RejectLog
+from app.ingest.scanning import Scan, Scanner
 
 BLOCK_COLUMNS = 200  # from so many on, numbers are read side by side: a column costs more than its numbers
 MOST_FIRST = 8  # columns of text within so many first ones are parted by themselves in such a table
@@ -38,13 +40,19 @@ class Dialect:
 @dataclass(frozen=True, eq=False)
 class Rows:
     """Rows of a file. Row i of `frame` is line `first + i`; a line that could not be split is a row of nulls. `data`
-    is the text. Of a table of many columns the numbers are in `block` (rows, width), not in `frame`."""
+    is the text. Of a table of many columns the numbers are in `block` (rows, width), not in `frame`; of plain rows of a
+    long table all is in `scan`."""
 
     frame: pl.DataFrame
     first: int
     data: bytes
     faults: tuple[tuple[str, str, int], ...] = ()  # code, text and line of each line that could not be split
     block: "Numbers | None" = None
+    scan: Scan | None = None  # then `frame` holds nothing
+
+    @property
+    def height(self) -> int:
+        return self.frame.height if self.scan is None else len(self.scan.codes)
 
     def lines(self, rows: NDArray[np.int64]) -> list[int]:
         return (rows + self.first).tolist()
@@ -95,7 +103,15 @@ class RowReader(Protocol):
         """How many columns `rows` should be asked for at once, where it can give some without the others."""
         ...
 
+    def scanning(self, plan: LongPlan) -> Scanner | None:
+        """Has plain rows read by a scanner from now on; None where they are not text."""
+        ...
+
     def rows(self, first_row: int, columns: Sequence[int] | None = None) -> Iterator[Rows]: ...
+
+    def parted(self, rows: Rows) -> Rows:
+        """Rows that were scanned, in frames."""
+        ...
 
     def texts(self, rows: Rows, columns: Sequence[int]) -> pl.DataFrame: ...
 
@@ -115,13 +131,26 @@ class FrameReader:
         self._texts = [index for index in self._columns if types[index] != pl.Float64]
         self._blocks = len(self._columns) - len(self._texts) >= BLOCK_COLUMNS
         self._log = log
+        self._scanner: Scanner | None = None
+
+    def scanning(self, plan: LongPlan) -> Scanner | None:
+        self._scanner = Scanner(plan, self._dialect.delimiter, self._dialect.decimal_mark)
+        return self._scanner
 
     def rows(self, first_row: int, columns: Sequence[int] | None = None) -> Iterator[Rows]:
         """All rows from the given one (counted from 0) on, with all columns: text holds them side by side."""
         for rows in side_by_side(self._read, ahead(self._chunks_from(first_row))):
-            for code, text, line in rows.faults:
-                self._log.add(code, text, line)
+            self._tell_faults(rows)
             yield rows
+
+    def parted(self, rows: Rows) -> Rows:
+        rows = self._part(Lines(rows.data, rows.first, rows.height))
+        self._tell_faults(rows)
+        return rows
+
+    def _tell_faults(self, rows: Rows) -> None:
+        for code, text, line in rows.faults:
+            self._log.add(code, text, line)
 
     def _chunks_from(self, first_row: int) -> Iterator[Lines]:
         to_skip = first_row
@@ -169,6 +198,10 @@ class FrameReader:
         }
 
     def _read(self, lines: Lines) -> Rows:
+        scan = self._scanner.read(lines) if self._scanner else None
+        return self._part(lines) if scan is None else Rows(pl.DataFrame(), lines.first, lines.data, scan=scan)
+
+    def _part(self, lines: Lines) -> Rows:
         rows = self._read_chunk(lines)
         for name in rows.frame.columns:
             if self._types[name] is NUMBERED and rows.frame[name].n_unique() > rows.frame.height // 2:

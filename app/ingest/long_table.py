@@ -16,6 +16,7 @@ from app.ingest.pieces import Gathered, Grid, Piece, as_piece, in_whole_instants
 from app.ingest.plans import LongPlan
 from app.ingest.quality import Quality
 from app.ingest.rejecting import RejectLog
+from app.ingest.scanning import Scan, Scanner
 from app.ingest.spilling import PartOfLoop, Spill
 from app.ingest.stamps import NO_TIME, TimeReader, to_numbers
 from app.ingest.tally import Tally
@@ -45,6 +46,8 @@ class LongTable:
         self._known = np.zeros(0, dtype=bool)  # by polars' code, which depends on which chunk was parsed first
         self._number = np.zeros(0, dtype=np.uint32)  # by polars' code: tags in the order in which they came
         self._usable = np.zeros(0, dtype=bool)
+        self._number_of: dict[str, int] = {}
+        self._scanner: Scanner | None = None
 
     def types(self) -> dict[int, pl.DataType]:
         """The type in which each column is wanted from the text."""
@@ -58,11 +61,12 @@ class LongTable:
 
     def batches(self, reader: RowReader) -> Iterator[list[SignalBlock]]:
         """Blocks, with all that the file holds of a loop in one batch."""
+        self._scanner = reader.scanning(self._plan)
         spill: Spill | None = None
         batch: list[Gathered] = []
         try:
             for rows in reader.rows(self._plan.first_row):
-                self._tally.rows_read += rows.frame.height
+                self._tally.rows_read += rows.height
                 batch.append(self._gather(rows, reader))
                 if sum(map(len, batch)) >= BATCH_ROWS:
                     spill = spill or Spill(self._options.spill_folder)
@@ -88,6 +92,41 @@ class LongTable:
         return np.array(self._parts, dtype=np.uint8)
 
     def _gather(self, rows: Rows, reader: RowReader) -> Gathered:
+        if rows.scan is None:
+            return self._of_frame(rows, reader)
+        scanned = self._of_scan(rows, rows.scan)
+        if scanned is None and self._scanner is not None:
+            self._scanner.refused()
+        return self._of_frame(reader.parted(rows), reader) if scanned is None else scanned
+
+    def _of_scan(self, rows: Rows, scan: Scan) -> Gathered | None:
+        """None where something of the rows cannot be used: their text tells more of it."""
+        each_ns = self._time.read(scan.times.texts)
+        if np.any(each_ns == NO_TIME) or self._quality.bad(scan.qualities.texts).any():
+            return None
+        codes = self._numbered_scan(scan)
+        time_ns, values = np.repeat(each_ns, scan.times.lengths), scan.values
+        if self._modes.any():
+            modes = np.flatnonzero(self._modes[codes] & ~np.isnan(values))
+            values[modes] = flags_of_numbers(values[modes])
+        lines = np.arange(rows.first, rows.first + len(codes), dtype=np.uint32)
+        gathered = Gathered(codes, time_ns, values, lines)
+        if not self._usable.all():
+            kept = self._without_long_names(rows, codes, np.ones(len(codes), dtype=bool))
+            gathered = gathered.at(np.flatnonzero(kept))
+        self._tally.rows_kept += len(gathered)
+        return gathered
+
+    def _numbered_scan(self, scan: Scan) -> NDArray[np.uint32]:
+        if not scan.new:
+            return scan.codes
+        before = len(self._places)
+        numbers = [self._number_of_tag(tag) for tag in scan.new]
+        if len(self._places) > before:
+            self._note_places()
+        return np.append(np.arange(scan.known, dtype=np.uint32), np.array(numbers, dtype=np.uint32))[scan.codes]
+
+    def _of_frame(self, rows: Rows, reader: RowReader) -> Gathered:
         frame = rows.frame
         tags = frame[name_of(self._plan.tag)]
         texts = joined_times(frame, self._plan.time)
@@ -117,17 +156,29 @@ class LongTable:
             for row in new[np.sort(first)]:
                 self._place(int(codes[row]), tags[int(row)])
             if len(new):
-                self._usable = np.array([place is not NOWHERE for place in self._places], dtype=bool)
-                self._modes = np.array([place.signal == "MODE" for place in self._places], dtype=bool)
+                self._note_places()
         return self._number[codes]
 
+    def _note_places(self) -> None:
+        self._usable = np.array([place is not NOWHERE for place in self._places], dtype=bool)
+        self._modes = np.array([place.signal == "MODE" for place in self._places], dtype=bool)
+        if self._scanner is not None:
+            self._scanner.learn(list(self._number_of))
+
     def _place(self, code: int, tag: str) -> None:
+        self._known[code], self._number[code] = True, self._number_of_tag(tag)
+
+    def _number_of_tag(self, tag: str) -> int:
+        number = self._number_of.get(tag)
+        if number is not None:
+            return number
         if self._grouping.tags >= self._options.max_signals:
             raise DataError(
                 "too_many_tags", f"more than {self._options.max_signals} tags in one file; send it in parts"
             )
-        self._known[code], self._number[code] = True, len(self._places)
+        number = self._number_of[tag] = len(self._places)
         self._places.append(self._grouping.place(tag) if len(tag) <= self._options.max_name else NOWHERE)
+        return number
 
     def _read_times(self, texts: pl.Series) -> TimeArray:
         """Rows of one instant follow each other in most files: each run of one text is read once."""

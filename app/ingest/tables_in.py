@@ -14,8 +14,9 @@ from app.ingest.frames import NUMBERED, Rows, in_short, name_of
 from app.ingest.head import HEAD_ROWS, Head, find_decimal_mark
 from app.ingest.layouts import recognise
 from app.ingest.model import IngestOptions
-from app.ingest.plans import Plan
+from app.ingest.plans import LongPlan, Plan
 from app.ingest.rejecting import RejectLog
+from app.ingest.scanning import Scanner
 
 CELLS_A_CHUNK = 2_000_000
 MOST_COLUMNS = 1000  # of a wide table at a time: a day of minutes of them is a chunk
@@ -54,6 +55,12 @@ class TableReader:
             self._original = self._table.part(offset, count, wanted)
             frame = self._original.select([_as(self._original[name_of(i)], self._types[i]) for i in wanted])
             yield Rows(frame, offset + 1, b"")
+
+    def scanning(self, plan: LongPlan) -> Scanner | None:
+        return None
+
+    def parted(self, rows: Rows) -> Rows:
+        return rows
 
     def texts(self, rows: Rows, columns: Sequence[int]) -> pl.DataFrame:
         """Columns of the rows read last as text."""

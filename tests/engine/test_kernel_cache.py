@@ -73,3 +73,14 @@ def test_a_start_counts_as_use(tmp_path):
     os.utime(own, (0, 0))
     assert Path(chosen(tmp_path)) == own
     assert time.time() - own.stat().st_mtime < 3600
+
+
+def test_kernels_outside_of_the_engine_count_too(tmp_path, monkeypatch):
+    app = Path(kernel_cache.__file__).parent
+    compiled = [path for path in app.rglob("*.py") if "import njit" in path.read_text("utf-8")]
+    assert {path for path in compiled if not path.is_relative_to(kernel_cache.ENGINE)} == set(kernel_cache.READERS)
+    before = kernel_cache._source_digest()
+    changed = tmp_path / "scan_kernel.py"
+    changed.write_text(kernel_cache.READERS[0].read_text("utf-8") + "x = 1\n")
+    monkeypatch.setattr(kernel_cache, "READERS", (changed,))
+    assert kernel_cache._source_digest() != before

@@ -224,7 +224,8 @@ def _ingest(found: Figures) -> str:
         f"## Reading a day of {found['loops']:,} loops\n\n{found['values'] / 1e6:.1f} million values; from the file "
         "to series in PostgreSQL: received (copied, fingerprinted and synced, as an upload is before its 202) and read "
         "by one worker, beside `polars.read_csv(path)` (or `read_parquet`) of the same file, which reads no times, "
-        f"parts no loops and stores nothing. The share is of both together, end to end. {_reading_runs(found)}\n\n"
+        "parts no loops and stores nothing. Plain rows of long text are read in one compiled pass, others by polars "
+        f"too. The share is of both together, end to end. {_reading_runs(found)}\n\n"
     )
     head = (
         "file",

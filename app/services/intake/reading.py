@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any
 
 from app.errors import LoopauditError
-from app.ingest import Export, IngestOptions, LoopSamples, LoopTags, Rejects, TagMapping, read_export
+from app.ingest import Export, IngestOptions, LoopSamples, LoopTags, Rejects, TagMapping, read_export, scanning
 from app.services.backend import DATABASE_AWAY, Backend
 from app.services.heartbeat import Heartbeat
 from app.services.intake.uploads import path_of
@@ -46,6 +46,11 @@ class Read:
 
     summary: dict[str, Any]
     rejects: Rejects
+
+
+def warm_up() -> None:
+    """Compiles or loads the kernels that read files."""
+    scanning.warm_up()
 
 
 def read_upload(backend: Backend, upload_id: int, owner: str) -> None:

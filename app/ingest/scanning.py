@@ -1,0 +1,161 @@
+"""Long tables as historians write them: plain rows, tags that come again. They are read without parting their text."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from app.ingest.model import FloatArray
+from app.ingest.opening import Lines
+from app.ingest.plans import LongPlan
+from app.ingest.stamps import TimeForm
+
+LEAST_BYTES = 4 << 20  # of a chunk; below this it takes longer to load what is compiled
+MOST_NEW = 1 << 16  # tags that a chunk may bring
+LEAST_RUNS = 64  # from so many on, a run of rows with one text must have
+ROWS_A_RUN = 4  # so many rows on average
+PATIENCE = 3  # chunks that may turn out not to be plain, each one that is makes up for one
+WORD = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Rows one after the other that have the same text: the first row of each, and its text."""
+
+    first: NDArray[np.int64]
+    texts: pl.Series
+    rows: int
+
+    @property
+    def lengths(self) -> NDArray[np.int64]:
+        return np.diff(self.first, append=self.rows)
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """Plain rows: codes (n,) of tags, the first `known` in the order in which they were learnt, behind them `new`;
+    values (n,), NaN where none stands."""
+
+    codes: NDArray[np.uint32]
+    known: int
+    new: list[str]
+    values: FloatArray
+    times: Runs
+    qualities: Runs
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """Tags one behind the other, tag i from bounds[i] to bounds[i + 1] of the text, and a table to find them by."""
+
+    text: bytes
+    bounds: NDArray[np.int64]
+    table: NDArray[np.int32]
+
+
+class Scanner:
+    """Reads chunks of plain rows, several at a time: rows of full width without quotes, whose values are decimal
+    numbers or missing, in which times and qualities stay the same over some rows."""
+
+    def __init__(self, plan: LongPlan, delimiter: str, decimal_mark: str) -> None:
+        self._plan = plan
+        self._marks = (ord(delimiter), ord(decimal_mark))
+        self._possible = len(plan.time) == 1 and max(self._marks) < 128 and delimiter != decimal_mark
+        self._tags: list[str] = []
+        self._known: _Known | None = None
+        self._patience = PATIENCE
+
+    def read(self, lines: Lines) -> Scan | None:
+        """What stands in the rows; None where they are not plain, or reading others so has failed."""
+        if not self._possible or self._patience <= 0 or len(lines.data) < LEAST_BYTES:
+            return None
+        scan = self.scan(lines)
+        self._patience = self._patience - 1 if scan is None else min(self._patience + 1, PATIENCE)
+        return scan
+
+    def refused(self) -> None:
+        """A chunk had rows of which something could not be used, and is read again."""
+        self._patience -= 2
+
+    def learn(self, tags: list[str]) -> None:
+        """All tags known by now: they are found faster than new ones."""
+        self._tags = tags
+
+    def scan(self, lines: Lines) -> Scan | None:
+        """What stands in the rows, however few they are; None where they are not plain."""
+        from app.ingest.scan_kernel import read_rows
+
+        known = self._known_tags()
+        n = lines.count
+        codes, values = np.empty(n, dtype=np.uint32), np.empty(n)
+        fresh = np.empty((MOST_NEW, 2), dtype=np.int64)
+        runs = np.empty((2, LEAST_RUNS + n // ROWS_A_RUN, 3), dtype=np.int64)
+        counts = np.zeros(3, dtype=np.int64)
+        plain = read_rows(
+            np.frombuffer(lines.data, np.uint8),
+            _words(lines.data),
+            self._marks,
+            self._columns(),
+            _words(known.text),
+            known.bounds,
+            known.table.copy(),
+            codes,
+            values,
+            fresh,
+            runs,
+            counts,
+        )
+        if not plain:
+            return None
+        try:
+            new = _texts(lines.data, fresh[: counts[2]])
+            times, qualities = (_runs(lines.data, found[:count], n) for found, count in zip(runs, counts, strict=False))
+        except UnicodeDecodeError:
+            return None
+        return Scan(codes, len(known.bounds) - 1, new, values, times, qualities)
+
+    def _known_tags(self) -> _Known:
+        tags, known = self._tags, self._known
+        if known is None or len(known.bounds) <= len(tags):
+            known = self._known = _told(tags)
+        return known
+
+    def _columns(self) -> NDArray[np.int64]:
+        from app.ingest.scan_kernel import OTHER, QUALITY, TAG, TIME, VALUE
+
+        plan = self._plan
+        columns = np.full(plan.width, OTHER)
+        for kind, index in ((QUALITY, plan.quality), (TIME, plan.time[0]), (TAG, plan.tag), (VALUE, plan.value)):
+            if index is not None:
+                columns[index] = kind
+        return columns
+
+
+def warm_up() -> None:
+    """Compiles or loads what reads rows: the first large file otherwise waits for it."""
+    Scanner(LongPlan("long", 0, 3, (0,), TimeForm("text"), 1, 2), ",", ".").scan(Lines(b"noon,FIC101.PV,1.5\n", 1, 1))
+
+
+def _told(tags: list[str]) -> _Known:
+    from app.ingest.scan_kernel import NONE, fill_table
+
+    texts = [tag.encode() for tag in tags]
+    text = b"".join((bytes(WORD), *texts))  # a word ends with the first one too
+    bounds = np.cumsum([WORD, *map(len, texts)])
+    table = np.full(1 << (2 * (len(tags) + MOST_NEW)).bit_length(), NONE, dtype=np.int32)
+    fill_table(np.frombuffer(text, np.uint8), bounds, table)
+    return _Known(text, bounds, table)
+
+
+def _words(data: bytes) -> NDArray[np.uint64]:
+    """The eight bytes from each byte on as a number."""
+    return np.ndarray((len(data) - WORD + 1,), np.dtype("<u8"), data, strides=(1,))
+
+
+def _texts(data: bytes, spans: NDArray[np.int64]) -> list[str]:
+    return [data[start:end].decode() for start, end in spans.tolist()]
+
+
+def _runs(data: bytes, found: NDArray[np.int64], rows: int) -> Runs:
+    return Runs(found[:, 0].copy(), pl.Series(_texts(data, found[:, 1:]), dtype=pl.String), rows)
