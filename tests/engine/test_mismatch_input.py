@@ -89,3 +89,39 @@ def test_a_valve_far_out_of_its_span_stays_finite() -> None:
     context = Context(record, Plant(K=1.4, tau=30.0, theta=6.0))
     with np.errstate(over="raise"):
         assert np.all(np.isfinite(exponential(record.op_deviation, np.array([6.0]), context)))
+
+
+@pytest.mark.parametrize(
+    ("simulation", "shown"),
+    [
+        (LinearSimulation(0.7, (28.5,), 6.0), {"K": 1.4}),
+        (LinearSimulation(2.8, (30.0,), 6.0), {"K": 1.4}),
+        (LinearSimulation(-1.4, (30.0,), 6.0), {"K": 1.4}),
+        (LinearSimulation(140.0, (30.0,), 6.0), {"K": 1.4}),
+        (LinearSimulation(1.4, (90.0,), 6.0), {"tau": 30.0}),
+        (LinearSimulation(0.5, (12.0,), 24.0), {"K": 1.4, "tau": 30.0, "theta": 6.0}),
+    ],
+)
+def test_parameters_far_off_are_reported_and_are_no_missing_physics(
+    simulation: LinearSimulation, shown: dict[str, float]
+) -> None:
+    answer = explain(Comparison("off", TS, op(), pv(), simulation=simulation))
+    assert answer.verdict == "consistent"
+    assert answer.evidence[0].code == "parameters_off"
+    found = {estimate.name: estimate.value for estimate in answer.refit}
+    assert {name: found[name] for name in shown} == pytest.approx(shown, rel=0.1)
+
+
+def test_an_effect_is_named_beside_a_simulation_that_is_far_off() -> None:
+    stopped = np.minimum(op() - 40.0, 2.5)
+    noise = 0.1 * np.random.default_rng(4).normal(size=N)
+    limited = 50.0 + run_process(stopped, Plant(K=1.4, tau=30.0, theta=6.0), TS) + noise
+    answer = explain(Comparison("off", TS, op(), limited, simulation=LinearSimulation(0.7, (30.0,), 6.0)))
+    assert [effect.code for effect in answer.effects] == ["valve.saturation"]
+    assert answer.evidence[0].code == "parameters_off"
+
+
+def test_a_first_answer_says_that_parameters_are_off() -> None:
+    found = locate(Comparison("off", TS, op(), pv(), simulation=LinearSimulation(0.5, (30.0,), 6.0)))
+    assert found.block is None
+    assert found.evidence[0].code == "parameters_off"

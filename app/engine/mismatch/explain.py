@@ -19,10 +19,11 @@ from app.engine.mismatch.locate import quick_location
 from app.engine.mismatch.patterns import Pattern, find_patterns
 from app.engine.mismatch.physics import library
 from app.engine.mismatch.physics.generic import DYNAMIC
+from app.engine.mismatch.refitting import freed, off_in_words, offered_beside, parameters_of
 from app.engine.mismatch.report import effects_of, export, location_of, pattern_effect, refit_estimates
 from app.engine.mismatch.result import Effect, Explanation, Improvement, Location, Traces
 from app.engine.mismatch.selection import Selection, select
-from app.engine.mismatch.thinning import coarse_of, factor_for, refined
+from app.engine.mismatch.thinning import Coarse, coarse_of, factor_for, refined
 from app.engine.mismatch.validation import validate
 from app.engine.mismatch.windows import windows_of
 from app.engine.mismatch.worth import worth
@@ -33,20 +34,26 @@ NEARLY = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A comparison ready to be explained: the record, the patterns of PV, the given model and its refit."""
+    """A comparison ready to be explained: the record, the patterns of PV, the given model and its refit. off: how far
+    its parameters are from the record, where that is further than it was trusted.
+    """
 
     record: Experiment
     patterns: tuple[Pattern, ...]
     given_trace: FloatArray | None
     base: Fit
+    off: tuple[Reason, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class Competed:
-    """The linear loop that effects were looked for beside, and what was found."""
+    """The linear loop that effects were looked for beside, and what was found. off: how far it is from the given one,
+    where that is further than it was trusted.
+    """
 
     base: Fit
     selection: Selection
+    off: tuple[Reason, ...] = ()
 
 
 def explain(comparison: Comparison, validation: Comparison | None = None) -> Explanation:
@@ -62,7 +69,7 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     prepared = prepare(comparison)
     codes = tuple(pattern.part.block.code for pattern in prepared.patterns)
     competed = compete(prepared.base, codes)
-    prepared = replace(prepared, base=competed.base)
+    prepared = replace(prepared, base=competed.base, off=competed.off)
     selection = replace(competed.selection, fit=settle(competed.selection.fit))
     explanation = assemble(comparison, prepared, selection)
     if validation is None:
@@ -76,25 +83,41 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
 def compete(base: Fit, already: tuple[str, ...]) -> Competed:
     """The believed effects: of a long record chosen on a thinned one, their numbers fitted on the whole.
 
-    Where no simulation was given, linear dynamics that our own simple structures lack are no missing physics: they
-    become part of our own loop, and what is missing beside them is looked for again.
+    What another gain, other time constants or a shorter dead time of the given simulation explain is no missing
+    physics: what is missing is looked for again beside those.
     """
     if too_few(base.record) or nothing_left(base):
         return Competed(base, Selection(base, (), ()))
     coarse = coarse_of(base, factor_for(base))
     blocks = library(coarse.fit.record)
+    selection = select(coarse.fit, (*blocks, *offered_beside(base)), already)
+    off = parameters_of(selection.fit) if selection.effects else None
+    if off is None:
+        return beside_own_dynamics(base, coarse, selection, already)
+    given = freed(selection.fit, off)
+    again = fit_linear(base.record, given)
+    coarse = coarse_of(again, factor_for(again))
     selection = select(coarse.fit, blocks, already)
+    return Competed(again, finely(again, coarse, selection), (off_in_words(base.given, given),))
+
+
+def finely(base: Fit, coarse: Coarse, selection: Selection) -> Selection:
+    return selection if coarse.factor == 1 else refined(base, selection)
+
+
+def beside_own_dynamics(base: Fit, coarse: Coarse, selection: Selection, already: tuple[str, ...]) -> Competed:
+    """Where no simulation was given, linear dynamics that our own simple structures lack are no missing physics: they
+    become part of our own loop, and what is missing beside them is looked for again.
+    """
     own = lacking_dynamics(selection)
     if own is None:
-        return Competed(base, selection if coarse.factor == 1 else refined(base, selection))
-    named = tuple(block for block in blocks if block.name != own.block.name)
+        return Competed(base, finely(base, coarse, selection))
+    named = tuple(block for block in library(coarse.fit.record) if block.name != own.block.name)
     if any(worth(r) > NEARLY * worth(own) for r in selection.ranking if r.block.code != own.block.code):
         # A name with one or two parameters explains nearly what four lags without a name do: it goes before them.
-        selection = select(coarse.fit, named, already)
-        return Competed(base, selection if coarse.factor == 1 else refined(base, selection))
+        return Competed(base, finely(base, coarse, select(coarse.fit, named, already)))
     richer = own.fit if coarse.factor == 1 else refined(base, Selection(own.fit, selection.effects, ())).fit
-    selection = select(own.fit, named, already)
-    return Competed(richer, selection if coarse.factor == 1 else refined(richer, selection))
+    return Competed(richer, finely(richer, coarse, select(own.fit, named, already)))
 
 
 def lacking_dynamics(selection: Selection) -> Rival | None:
@@ -117,7 +140,7 @@ def locate(comparison: Comparison) -> Location:
     few = too_few(base.record)
     if few or nothing_left(base):
         return Location(None, (), "nowhere", None, few)
-    return quick_location(base, library(base.record))
+    return quick_location(base, (*library(base.record), *offered_beside(base)))
 
 
 def prepare(comparison: Comparison) -> Prepared:
@@ -257,7 +280,7 @@ def evidence_of(prepared: Prepared, selection: Selection) -> tuple[Reason, ...]:
     """What the refit alone explained, and how near the best effect that was not believed came."""
     base = prepared.base
     changes = ", ".join(f"{e.name} {e.value:.4g} {e.unit}" for e in refit_estimates(base))
-    said = [Reason("refit", f"the simulation's own parameters, fitted: {changes}")]
+    said = [*prepared.off, Reason("refit", f"the simulation's own parameters, fitted: {changes}")]
     if base.parts:
         said.append(Reason("own_dynamics", "no simulation was given, and our own loop needed more lags than two"))
     if not selection.effects and selection.ranking:

@@ -5,6 +5,8 @@ import numpy as np
 from app.engine.mismatch.block import Block, Context, Parameter, grid
 from app.engine.recording import BoolArray, FloatArray
 
+EDGE = 0.03
+
 
 def ramp(context: Context, begin_s: float, end_s: float) -> FloatArray:
     """0 before begin_s, 1 after end_s, straight between them; (N,)."""
@@ -65,6 +67,15 @@ def since(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
     return context.time_s >= values[0]
 
 
+def seen_before_and_after(values: FloatArray, context: Context) -> bool:
+    """A gain that is another one from the start on, or over no time at all, has not drifted. values: the start, and
+    where a third is there the end of the change.
+    """
+    last = values[1] if len(values) > 2 else values[0]
+    duration = context.record.duration_s
+    return bool(last >= EDGE * duration and values[0] <= (1.0 - EDGE) * duration)
+
+
 CODE, WHEN = "process.gain_drift", "after a time"
 BLOCKS = (
     Block(
@@ -89,6 +100,7 @@ BLOCKS = (
         apply=stepped,
         active=since,
         form="step",
+        sensible=seen_before_and_after,
         abrupt=True,
         penalty=16.0,
         rough=True,
@@ -104,6 +116,7 @@ BLOCKS = (
         apply=held,
         active=since,
         form="held",
+        sensible=seen_before_and_after,
         penalty=17.0,
         frees_gain=True,
     ),

@@ -17,6 +17,7 @@ from app.engine.recording import FloatArray
 MEAN_SQUARE = 0.08
 # Where OP leaves its span far behind, no valve goes on exponentially; finite for any OP.
 MOST_EXPONENT = 100.0
+LIMIT = -0.9
 
 
 def bend(context: Context) -> tuple[Parameter, ...]:
@@ -81,6 +82,11 @@ def kinks(context: Context, _: FloatArray) -> FloatArray:
     return grid(np.quantile(context.record.op_deviation, np.linspace(0.15, 0.85, 8)), np.zeros(1))
 
 
+def still_answers(values: FloatArray, _: Context) -> bool:
+    """Beyond a corner that leaves nearly no gain stands a limit, which has a name of its own."""
+    return bool(values[1] > LIMIT)
+
+
 def kink(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
     return signal + values[1] * np.maximum(signal - values[0], 0.0)
 
@@ -134,6 +140,7 @@ BLOCKS = (
         kinks,
         apply=kink,
         form="kink",
+        sensible=still_answers,
         penalty=15.5,
         frees_gain=True,
     ),
