@@ -17,13 +17,15 @@ class SyncedFile:
         self._digest = hashlib.sha256()
         self._waiting: list[bytes] = []
         self._waits = 0
-        self._hashing: Future[None] | None = None
-        self._thread = ThreadPoolExecutor(1, thread_name_prefix="fingerprint")
+        self._working: list[Future[None]] = []
+        self._hashing = ThreadPoolExecutor(1, thread_name_prefix="fingerprint")
+        self._writing = ThreadPoolExecutor(1, thread_name_prefix="writing")
         self._started = 0
         self._written = 0
         self.size = 0
 
     def write(self, data: bytes) -> None:
+        """Raises OSError where bytes taken before could not be written."""
         self._waiting.append(data)
         self._waits += len(data)
         self.size += len(data)
@@ -33,22 +35,27 @@ class SyncedFile:
     def sync(self) -> str:
         """The fingerprint of all that was written; it is on disk then."""
         self._take()
-        if self._hashing is not None:
-            self._hashing.result()
+        self._finish()
         os.fsync(self._file.fileno())
         return self._digest.hexdigest()
 
     def close(self) -> None:
-        self._thread.shutdown()
+        self._hashing.shutdown()
+        self._writing.shutdown()
         self._file.close()
 
     def _take(self) -> None:
-        """Writes what waits while it is hashed in a thread: neither needs Python's lock."""
+        """What waits is written and hashed in two threads while more comes in: none of it needs Python's lock."""
+        self._finish()
         data = b"".join(self._waiting)
         self._waiting, self._waits = [], 0
-        if self._hashing is not None:
-            self._hashing.result()
-        self._hashing = self._thread.submit(self._digest.update, data)
+        self._working = [self._hashing.submit(self._digest.update, data), self._writing.submit(self._write, data)]
+
+    def _finish(self) -> None:
+        for work in self._working:
+            work.result()
+
+    def _write(self, data: bytes) -> None:
         rest = memoryview(data)
         while rest:
             rest = rest[self._file.write(rest) :]
