@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 from app.errors import DataError
 from app.ingest.model import LoopTags, Signal
@@ -36,6 +36,8 @@ _SPLIT_WORDS = re.compile(
 )
 _ISA = re.compile(r"^(?P<before>.*?)(?P<measured>[A-Z]{1,2})(?P<function>T|IT|V|CV)(?P<rest>[_\-.]?\d+[A-Z]?)$")
 _UNIT = re.compile(r"\s*(\([^()]*\)|\[[^\[\]]*\])$")  # FIC101.PV (degC), FIC101.OP [%]
+_BRACKET = re.compile(r"[\[(].*$")
+_NO_LETTER = re.compile(r"[^A-Za-z]+")
 _SERVER = re.compile(r"^\\\\[^\\]+\\")
 
 
@@ -146,11 +148,10 @@ def _check_span(row: int, mapped: MappedTag) -> None:
 
 
 def _plain(word: str) -> str:
-    return re.sub(r"[^A-Za-z]", "", word).upper()
+    return _NO_LETTER.sub("", word).upper()
 
 
-@dataclass(frozen=True)
-class Place:
+class Place(NamedTuple):
     """Where a tag belongs."""
 
     tag: str
@@ -163,7 +164,7 @@ def place(tag: str, stem: str) -> Place:
     if len(tag) > LONGEST_NAME:
         return Place(tag, tag, "OTHER")
     name = _SERVER.sub("", tag.strip())
-    signal = _bare(re.sub(r"[\[(].*$", "", name))
+    signal = _bare(_BRACKET.sub("", name))
     if signal is not None:
         return Place(tag, stem, signal)
     name = _UNIT.sub("", name) or name
@@ -175,11 +176,14 @@ def place(tag: str, stem: str) -> Place:
 
 def _bare(name: str) -> Signal | None:
     """The signal that a name without a loop tells. A loop may be called by a number, or in other letters: 4711.PV."""
+    signal = _WORDS.get(_plain(name))
+    if signal is None:
+        return None
     found = _ENDING.match(name)
     loop = found["loop"] if found else ""
     if not name.isascii() and any(letter.isalnum() for letter in name if not letter.isascii()):
         return None
-    return None if _plain(loop) == "" and any(map(str.isdigit, loop)) else _WORDS.get(_plain(name))
+    return None if _plain(loop) == "" and any(map(str.isdigit, loop)) else signal
 
 
 def _by_ending(tag: str, name: str) -> Place | None:

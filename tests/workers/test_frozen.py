@@ -1,0 +1,23 @@
+"""What a worker has loaded is not looked through for garbage again and again."""
+
+import gc
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from workers import process
+
+
+def test_what_is_loaded_before_the_first_task_is_frozen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    settings = SimpleNamespace(data_dir=tmp_path, worker_memory_mb=400)
+    monkeypatch.setattr(process, "current_app", SimpleNamespace(settings=settings))
+    monkeypatch.setattr(process, "_compile_aside", lambda: None)
+    for room in ("chunks", "reading"):
+        monkeypatch.setattr(process, room, SimpleNamespace(warm_up=lambda: None))
+    before = gc.get_freeze_count()
+    try:
+        process.warm_up(SimpleNamespace())
+        assert gc.get_freeze_count() > before + 10_000
+    finally:
+        gc.unfreeze()
