@@ -99,11 +99,13 @@ def test_the_lags_of_a_trace_are_not_taken_for_dead_time(plant: Plant) -> None:
 def test_the_first_samples_of_a_noisy_pv_do_not_fix_where_it_started() -> None:
     quiet = run_process(RECORD.op_deviation, PLANT, TS)
     noisy = quiet + np.random.default_rng(2).normal(size=N) * np.ptp(quiet)
-    assert start_deviation(record_of(50.0 + quiet)) == START_DEVIATION
+    prompt = PLANT.changed(theta=0.0, tau2=0.0)
+    assert start_deviation(record_of(50.0 + quiet), prompt) == START_DEVIATION
+    assert start_deviation(record_of(50.0 + quiet), PLANT.changed(theta=PLANT.tau)) > 2.0 * START_DEVIATION
     record = record_of(50.0 + noisy)
-    assert start_deviation(record) == pytest.approx(np.ptp(quiet) / np.sqrt(3.0) / record.pv_span, rel=0.1)
+    assert start_deviation(record, prompt) == pytest.approx(np.ptp(quiet) / np.sqrt(3.0) / record.pv_span, rel=0.1)
     free = next(f for f in make_task(record, Given(PLANT), ()).free if f.name == "x0")
-    assert free.deviation == start_deviation(record)
+    assert free.deviation == start_deviation(record, PLANT)
 
 
 def test_a_block_far_from_any_linear_loop_is_fitted_whatever_its_scan_says() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from app.engine import ENGINE_VERSION
 from app.engine.evidence import Reason
+from app.engine.mismatch.beginning import answers_the_record
 from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.closed_loop import ClosedLoop, close_again
 from app.engine.mismatch.comparison import Comparison, check, given_of, glimpse, record_of, shortened
@@ -154,9 +155,11 @@ def prepare(comparison: Comparison) -> Prepared:
     if comparison.trace is not None:
         behind = behind_trace(record, comparison.trace)
         record = replace(record, rest=behind.rest)
+        record = record.comparing(answers_the_record(record, behind.given.plant))
         return Prepared(record, patterns, comparison.trace, fit_linear(record, behind.given))
     if comparison.simulation is not None:
         given = given_of(comparison.simulation, record)
+        record = record.comparing(answers_the_record(record, given.plant))
         base = fit_linear(record, given)
         return Prepared(record, patterns, as_it_came(record, given), base)
     return Prepared(record, patterns, None, identify(record))

@@ -17,6 +17,7 @@ GIVEN_DEVIATION = 0.05
 OWN_DEVIATION = 1.0
 FREED_DEVIATION = 0.4
 START_DEVIATION, FIRST_SAMPLES = 0.05, 3
+BEFORE_SHARE = 0.25  # of OP's span: how far OP usually moves within a dead time
 SLOW_TIMES, SLOW_COST = 5.0, 7.0
 SLOW_POLE, SETTLED = 0.9, 0.85
 
@@ -97,16 +98,19 @@ def linear_free(record: Experiment, given: Given, gain_deviation: float) -> tupl
     drift = max(abs(g.K) * record.op_span, 1e-300) if given.integrating else span
     free.append(Free("b", drift, 0.0, 10.0, -50.0, 50.0))
     first = float(np.mean(record.pv_deviation[:FIRST_SAMPLES])) / span
-    free.append(Free("x0", span, first, start_deviation(record), first - 2.0, first + 2.0))
+    free.append(Free("x0", span, first, start_deviation(record, g), first - 2.0, first + 2.0))
     return tuple(free)
 
 
-def start_deviation(record: Experiment) -> float:
+def start_deviation(record: Experiment, plant: Plant) -> float:
     """How far the mean of the first samples may be from where PV started (share of the span): by their noise at least,
-    judged by the differences of PV.
+    judged by the differences of PV, and by what OP did before the record and is still on its way to PV.
     """
     noise = float(np.std(np.diff(record.pv))) / np.sqrt(2.0 * FIRST_SAMPLES)
-    return max(START_DEVIATION, noise / record.pv_span)
+    late = plant.theta + plant.tau2
+    answered = 1.0 - np.exp(-late / plant.tau) if plant.leak > 0.0 else late
+    coming = BEFORE_SHARE * abs(plant.K) * record.op_span * answered
+    return max(START_DEVIATION, float(np.hypot(noise, coming)) / record.pv_span)
 
 
 def part_free(parameter: Parameter, rough: bool) -> Free:

@@ -7,6 +7,7 @@ import numpy as np
 from app.engine.mismatch.block import Block, Part
 from app.engine.mismatch.compete import Rival, Scanned, rivals, survey
 from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, by_free_run, fit, make_task, start_at
+from app.engine.mismatch.kindred import with_kindred
 from app.engine.mismatch.limits import limit_bonus
 from app.engine.mismatch.pairing import alone_as, coupled, reordered
 from app.engine.mismatch.physics import CLOSE, NEAR, NEAR_SHARE, TWINS
@@ -71,8 +72,11 @@ def ranked(
     carried: tuple[Part, ...] = (),
     surveyed: tuple[Scanned, ...] | None = None,
 ) -> tuple[Rival, ...]:
-    competed = (reconciled(rival) for rival in rivals(found, blocks, carried, surveyed))
-    return tuple(sorted(competed, key=lambda rival: -worth(rival)))
+    competed = tuple(reconciled(rival) for rival in rivals(found, blocks, carried, surveyed))
+    if not competed:
+        return ()
+    every = with_kindred(competed, max(competed, key=worth), blocks)
+    return tuple(sorted(every, key=lambda rival: -worth(rival)))
 
 
 def reconciled(rival: Rival) -> Rival:
@@ -333,9 +337,10 @@ def believed(best: Rival, names: tuple[Rival, ...], standing: float | None = Non
     twins = list(twins_of(best))
     others = [r for r in names if r.block.code != best.block.code and r.block.code not in twins]
     doubt = own_doubt(best)
-    margins = [(standing - worth(r)) / doubt for r in others]
-    limits = [max(INDISTINCT, NEAR_SHARE * standing * near(best, r)) for r in others]
-    close = [r.block.code for r, m, most in zip(others, margins, limits, strict=True) if m < most and worth(r) > 0.0]
-    close = [code for code in close if code != UNNAMED]
-    nearest = min(margins, default=float(np.inf))
-    return Believed(best.block.code, tuple((twins + close)[:MOST_ALTERNATIVES]), best.gain, nearest, best)
+    margins = {r.block.code: (standing - worth(r)) / doubt for r in others}
+    limits = {r.block.code: max(INDISTINCT, NEAR_SHARE * standing * near(best, r)) for r in others}
+    told = [r for r in others if r.block.code != UNNAMED and (worth(r) > 0.0 or near(best, r))]
+    close = [r.block.code for r in told if margins[r.block.code] < limits[r.block.code]]
+    alternatives = tuple((twins + close)[:MOST_ALTERNATIVES])
+    unsaid = [margin for code, margin in margins.items() if code not in alternatives]
+    return Believed(best.block.code, alternatives, best.gain, min(unsaid, default=float(np.inf)), best)

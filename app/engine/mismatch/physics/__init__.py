@@ -44,25 +44,28 @@ ALWAYS_OFFERED = (
 )
 
 # What OP and PV cannot tell apart: named as alternatives of each other, always.
-TWINS = {
-    "process.extra_lag": ("sensor.lag",),
-    "valve.characteristic": ("process.nonlinear_gain",),
-    "process.nonlinear_gain": ("valve.characteristic",),
-    "disturbance.step": ("sensor.step",),
-    "sensor.step": ("disturbance.step",),
-    "sensor.drift": ("disturbance.ramp",),
-}
+SAME_IN_OP_AND_PV = (
+    frozenset(("process.extra_lag", "sensor.lag")),
+    frozenset(("valve.characteristic", "process.nonlinear_gain")),
+    frozenset(("disturbance.step", "sensor.step")),
+    frozenset(("disturbance.ramp", "sensor.drift")),
+)
+TWINS = {code: tuple(sorted(family - {code})) for family in SAME_IN_OP_AND_PV for code in sorted(family)}
 
 # Forms so near each other that a right one's shortfall tells them apart no better than the share NEAR_SHARE of what it
-# explains. A load pushes a mass through its dry friction, and no free run knows the load.
+# explains. A load pushes a mass through its dry friction, and no free run knows the load. A short dead time, a lag and
+# an inverse response all make PV late: they differ only in what is quick, where noise hides it and a real process has
+# more small lags than any of them.
+LATE = frozenset(("process.dead_time", "process.extra_lag", "process.inverse_response"))
 NEAR = (
     frozenset(("process.friction", "valve.deadband", "valve.stiction")),
     frozenset(("process.friction", "valve.dead_zone")),
+    LATE,
 )
 NEAR_SHARE = 0.15
 
 # What comes near another, so that both are said, but may stand beside it: an outflow law is a gain that falls with the
-# level, and a time constant that does.
+# level, and a time constant that does. One way on purpose: hardly any bent gain is an outflow law.
 CLOSE = {"process.outflow_law": ("process.nonlinear_gain",)}
 
 PATTERNS = (

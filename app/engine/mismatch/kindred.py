@@ -1,0 +1,36 @@
+"""What makes PV late in one way fitted as well as what does so in another: a dead time, a lag, an inverse response."""
+
+import numpy as np
+
+from app.engine.mismatch.block import Block, Context
+from app.engine.mismatch.compete import Rival
+from app.engine.mismatch.fitting import fit, start_at
+from app.engine.mismatch.physics import LATE
+from app.engine.mismatch.scan import task_with
+
+ROUNDS, STEPS = 2, 6
+
+
+def with_kindred(ranking: tuple[Rival, ...], best: Rival, blocks: tuple[Block, ...]) -> tuple[Rival, ...]:
+    """A ranking in which the kindred of its `best` have begun where that one stands as well: a scan beside the linear
+    model may have passed them over, and what was begun badly seems further behind than it is.
+    """
+    if best.block.code not in LATE:
+        return ranking
+    known = {rival.block.name: rival for rival in ranking}
+    for block in blocks:
+        if block.code in LATE and block.code != best.block.code:
+            there = begun_at(block, best)
+            known[block.name] = max(known.get(block.name, there), there, key=lambda rival: rival.gain)
+    return tuple(known.values())
+
+
+def begun_at(block: Block, best: Rival) -> Rival:
+    """A block beside the same fit, begun where it makes PV as late as the best one does."""
+    values, start = best.fit.parts[-1].values, best.fit
+    task = task_with(best.over, block)
+    count = len(block.parameters(Context(start.record, start.plant)))
+    late = np.full(count, float(np.sum(values)) / count)
+    x = start_at(task, start.plant, np.concatenate((*(part.values for part in start.parts[:-1]), late)))
+    found = fit(task, x, start.noise, ROUNDS, STEPS)
+    return Rival(block, found, found.likelihood - best.over.likelihood, best.over)
