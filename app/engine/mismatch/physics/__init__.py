@@ -80,11 +80,15 @@ PATTERNS = (
 
 
 def by_name(record: Experiment) -> dict[str, Block]:
-    """Every block, those found by a pattern included, by its name."""
-    return {block.name: block for block in (*library(record), *PATTERNS)}
+    """Every block, those found by a pattern and of every measured signal included, by its name."""
+    return {block.name: block for block in (*fixed(), *coupling.blocks(record), *PATTERNS)}
 
 
 def library(record: Experiment) -> tuple[Block, ...]:
     """Every block that may be missing from a simulation of this record."""
-    fixed = tuple(block for module in ALWAYS_OFFERED for block in module.BLOCKS)
-    return (*fixed, *coupling.blocks(record))
+    return (*fixed(), *coupling.of_causes(record))
+
+
+def fixed() -> tuple[Block, ...]:
+    """The blocks that are the same for every record."""
+    return tuple(block for module in ALWAYS_OFFERED for block in module.BLOCKS)

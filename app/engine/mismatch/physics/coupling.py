@@ -3,6 +3,7 @@
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Parameter, grid
+from app.engine.mismatch.causing import causes_pv
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.physics.process_dynamics import slowness
 from app.engine.mismatch.plant import delay, lag
@@ -47,4 +48,14 @@ def _block(name: str, source: FloatArray) -> Block:
 
 def blocks(record: Experiment) -> tuple[Block, ...]:
     """A coupling block for each measured signal that moves at all."""
-    return tuple(_block(name, signal) for name, signal in record.measured if np.std(signal) > 1e-12)
+    return tuple(_block(name, signal) for name, signal in record.measured if moves(signal))
+
+
+def of_causes(record: Experiment) -> tuple[Block, ...]:
+    """A coupling block for each measured signal that may move PV: none for what follows OP or PV."""
+    causes = {name for name, signal in record.measured if moves(signal) and causes_pv(signal, record)}
+    return tuple(block for block in blocks(record) if block.form in causes)
+
+
+def moves(signal: FloatArray) -> bool:
+    return bool(np.std(signal) > 1e-12)
