@@ -429,7 +429,7 @@ def test_a_second_effect_is_not_paid_for_a_better_start_of_the_first() -> None:
     loop = simulate_loop(spec, 7200.0, 5.0, 20151 + 129)
     answer = explain(Comparison("flow", 5.0, loop.op, loop.pv, loop.sp))
     assert [effect.code for effect in answer.effects] == ["valve.stiction"]
-    S, J = answer.effects[0].parameters
+    S, J, _ = answer.effects[0].parameters
     assert pytest.approx(6.0, rel=0.15) == S.value
     assert pytest.approx(3.0, rel=0.35) == J.value
 

@@ -17,6 +17,7 @@ from app.engine.mismatch.compete import Rival, survey
 from app.engine.mismatch.experiment import Experiment, experiment
 from app.engine.mismatch.fitting import Fit, Given, fit, fit_linear, make_task, start_at
 from app.engine.mismatch.holdout import FreeRuns, mostly_worse, stretches
+from app.engine.mismatch.noise import NoiseModel
 from app.engine.mismatch.pairing import Candidate, couples, joint_scores, reordered
 from app.engine.mismatch.physics import additive, library, valve_deadband
 from app.engine.mismatch.plant import Plant
@@ -42,7 +43,7 @@ def recorded(parts: tuple[Part, ...], noise: float = 0.1) -> Experiment:
 
 
 def backlash() -> Part:
-    return Part(DEADBAND, np.array([2.0]))
+    return Part(DEADBAND, np.array([2.0, 0.0]))
 
 
 def drift() -> Part:
@@ -91,12 +92,17 @@ def test_the_order_of_a_couple_changes_nothing_but_its_order(both: Fit) -> None:
     np.testing.assert_allclose(other.simulated, one.simulated)
 
 
+def slow_part(noise: NoiseModel) -> float:
+    """How far constant innovations of one deviation would carry PV: a pole beside a zero carries nothing."""
+    return noise.deviation * float(np.prod(1.0 - np.array(noise.zeros)) / np.prod(1.0 - np.array(noise.poles)))
+
+
 def test_what_slow_noise_hid_counts_half(both: Fit) -> None:
     first = fitted(both, (drift(),))
     second = fitted(both, (drift(), backlash()))
     rival = Rival(DEADBAND, second, second.likelihood - first.likelihood, first)
     under_both = gain_under(second, first)
-    assert max(second.noise.poles) < max(first.noise.poles)
+    assert slow_part(second.noise) < 0.1 * slow_part(first.noise)
     assert under_both > rival.gain
     assert hidden_gain(rival) == pytest.approx(0.5 * (under_both - rival.gain))
 

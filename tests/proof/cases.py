@@ -3,6 +3,7 @@ more.
 """
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 from concealing import CONCEAL
@@ -161,6 +162,16 @@ def windows(marks: list, recorded: Run, loop: Loop) -> tuple[tuple[float, float]
         edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(int), [0]))))
         found += [(float(a * loop.ts), float(b * loop.ts)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
     return tuple(found)
+
+
+def cut_out(case: Case, seed: int) -> Case:
+    """The case without its first 5 to 15 %: the record of a loop that runs already, its stem anywhere in its band."""
+    first = int(np.random.default_rng(seed).uniform(0.05, 0.15) * len(case.op))
+    kept = {name: getattr(case, name)[first:] for name in ("sp", "op", "pv", "trace")}
+    measured = tuple((name, signal[first:]) for name, signal in case.measured)
+    late = first * case.ts
+    moved = [(max(a - late, 0.0), b - late) for a, b in case.truth.windows if b > late]
+    return replace(case, **kept, measured=measured, truth=replace(case.truth, windows=tuple(moved)))
 
 
 def planned(

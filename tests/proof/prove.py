@@ -16,7 +16,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from cases import make_case, planned
+from cases import cut_out, make_case, planned
 from generator import LEAST_ENERGY, SAME, Case
 
 from app.engine.mismatch import Comparison, Explanation, compile_kernels, explain
@@ -59,8 +59,9 @@ def judged(case: Case, said: Explanation, seconds: float) -> dict[str, object]:
     }  # fmt: skip
 
 
-def one(plan: tuple[int, tuple[str, ...]], foreign: bool, sim: bool) -> dict[str, object]:
+def one(plan: tuple[int, tuple[str, ...]], foreign: bool, sim: bool, running: bool) -> dict[str, object]:
     case = make_case(*plan, foreign)
+    case = cut_out(case, plan[0]) if running else case
     return judged(case, *answer(case, sim))
 
 
@@ -77,6 +78,7 @@ def summary(lines: list[dict]) -> str:
         f"two effects: both named {sum(x['all_right'] for x in two)}/{len(two)}, "
         f"first right {sum(x['first_right'] for x in two)}"
     )
+    said.append(f"one effect, a second and false name: {sum(len(x['said']) > 1 for x in single)}/{len(single)}")
     said.append(f"clean accused {sum(bool(x['said']) for x in clean)}/{len(clean)}")
     overlaps = [x["overlap"] for x in single if x["overlap"] is not None]
     said.append(f"localisation overlap mean {np.mean(overlaps) if overlaps else float('nan'):.3f} over {len(overlaps)}")
@@ -103,12 +105,13 @@ def main() -> None:
     options.add_argument("--forms", choices=("foreign", "own"), default="foreign", help="own: the engine's equations")
     options.add_argument("--kinds", choices=sorted(SHARES), default="all", help="which cases: the shares of the set")
     options.add_argument("--no-simulation", action="store_true")
+    options.add_argument("--running", action="store_true", help="records cut out of loops that run already")
     options.add_argument("--jobs", type=int, default=1, help="processes, one thread each")
     options.add_argument("--out", type=Path)
     given = options.parse_args()
     foreign = given.forms == "foreign"
     plans = planned(given.seed, given.count, *SHARES[given.kinds], foreign)
-    asked = partial(one, foreign=foreign, sim=not given.no_simulation)
+    asked = partial(one, foreign=foreign, sim=not given.no_simulation, running=given.running)
     compile_kernels()  # else the first case pays for it
     lines = []
     with ProcessPoolExecutor(given.jobs) as pool:

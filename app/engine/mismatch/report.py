@@ -9,6 +9,7 @@ from app.engine.mismatch.block import Context, Parameter, Part
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, residual_rows, slopes, task_of
 from app.engine.mismatch.patterns import Pattern
+from app.engine.mismatch.physics.stem import NAME as STEM_START
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.result import Effect, Estimate, ExplainedModel, Location, PartModel
 from app.engine.mismatch.selection import Believed
@@ -113,11 +114,12 @@ def absolute(parameters: tuple[Parameter, ...], values: FloatArray, record: Expe
 
 
 def deviations(found: Fit) -> FloatArray:
-    """Standard deviation of each free number of a fit, from its whitened slopes."""
+    """Standard deviation of each free number of a fit, from its whitened slopes; infinite where nothing hangs on it."""
     task = task_of(found)
     jacobian = slopes(task, found.x, found.noise, residual_rows(task, found.x, found.noise))
-    covariance = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
-    return np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    information = jacobian.T @ jacobian
+    covariance = np.linalg.pinv(information, rcond=1e-12)
+    return np.where(np.diag(information) > 0.0, np.sqrt(np.maximum(np.diag(covariance), 0.0)), np.inf)
 
 
 def interval(found: Fit, name: str, shift: float, unit: str, label: str, spread: FloatArray) -> Estimate:
@@ -128,7 +130,7 @@ def interval(found: Fit, name: str, shift: float, unit: str, label: str, spread:
 
 
 def estimates(found: Fit, part: Part) -> tuple[Estimate, ...]:
-    """A part's parameters with 95 % intervals; S and J for stiction."""
+    """A part's parameters with 95 % intervals; S and J for stiction, and where a stem began."""
     spread = deviations(found)
     index = next(k for k, p in enumerate(found.parts) if p is part)
     mids = {"OP level": found.record.op_mid, "PV level": found.record.pv_mid}
@@ -136,9 +138,18 @@ def estimates(found: Fit, part: Part) -> tuple[Estimate, ...]:
     for p in part.block.parameters(Context(found.record, found.given.plant)):
         said.append(interval(found, f"{index}.{p.name}", mids.get(p.unit, 0.0), plain_unit(p), p.name, spread))
     if part.block.code == "valve.stiction":
-        S, share = said
-        said = [S, Estimate("J", S.value * share.value, S.value * share.low, S.value * share.high, "OP")]
+        S, share = said[:2]
+        said[1] = Estimate("J", S.value * share.value, S.value * share.low, S.value * share.high, "OP")
+    if said and said[-1].name == STEM_START:
+        reach = 1.0 if said[-1].unit == "OP" else 0.5 * sum(estimate.value for estimate in said[:-1])
+        said[-1] = scaled(said[-1], float(found.record.op[0]), reach, "OP")
     return tuple(said)
+
+
+def scaled(share: Estimate, zero: float, whole: float, unit: str) -> Estimate:
+    """A share of a whole as a quantity: zero + share * whole."""
+    value, low, high = (zero + whole * number for number in (share.value, share.low, share.high))
+    return Estimate(share.name, value, low, high, unit)
 
 
 def refit_estimates(base: Fit) -> tuple[Estimate, ...]:

@@ -123,7 +123,7 @@ def select(base: Fit, blocks: tuple[Block, ...], already: tuple[str, ...] = ()) 
             places = beside[other.block.name] = seconds(other, names, offered)
             pairs += places.pairs(names)
     best = with_rivals(chosen(pairs), beside)
-    alone = first_from_pair(best)
+    alone = first_from_pair(best) or second_from_pair(best, base)
     if alone is not None:
         return Selection(alone.fit, (believed(alone, names),), first) if pays else single
     effects = (first_of(best, beside.get(best.second.block.name)), believed(best.second, best.names))
@@ -203,6 +203,16 @@ def first_from_pair(pair: Pair) -> Rival | None:
     again = replace(first, fit=alone, gain=first.gain + better)
     second = reconciled(replace(pair.second, over=alone, gain=pair.second.gain - better))
     return None if pays_beside(second, again) else again
+
+
+def second_from_pair(pair: Pair, base: Fit) -> Rival | None:
+    """The second of a pair fitted alone from where the pair stands, if that leaves the first too little: a start that
+    only the pair had is nothing that the first explains.
+    """
+    found = pair.second.fit
+    alone = alone_as(found.parts[-1], base, found.plant)
+    enough = found.likelihood - alone.fit.likelihood >= pair.first.block.penalty + SECOND_MUST_GAIN
+    return None if enough or not makes_sense(alone) else alone
 
 
 def together(pair: Pair) -> float:

@@ -22,6 +22,7 @@ from app.errors import DataError
 START_SHARE = 0.1
 OF_ONE_RECORD = (
     "disturbance.step",
+    "disturbance.ramp",
     "disturbance.oscillation",
     "sensor.step",
     "sensor.drift",

@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from app.engine.recording import FloatArray
-from app.engine.valve.grid import check_bands, check_signal
+from app.engine.valve.grid import check_bands, check_signal, first_positions
 
 
 @njit(cache=True, nogil=True)
@@ -49,24 +49,28 @@ def _overcomes(u: float, x: float, u_s: float, S: float, J: float) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _run_grid(op: FloatArray, S: FloatArray, J: FloatArray) -> FloatArray:
+def _run_grid(op: FloatArray, S: FloatArray, J: FloatArray, start: FloatArray) -> FloatArray:
     v = np.empty((len(S), len(op)))
     state = np.empty(5)
     for m in range(len(S)):
         choudhury_start(op[0], state)
+        state[1] = state[3] = start[m]
         for t in range(len(op)):
             v[m, t] = choudhury_step(op[t], state, S[m], J[m])
     return v
 
 
-def two_parameter_choudhury(op: FloatArray, S: FloatArray, J: FloatArray) -> FloatArray:
+def two_parameter_choudhury(
+    op: FloatArray, S: FloatArray, J: FloatArray, start: FloatArray | None = None
+) -> FloatArray:
     """Valve position v, (M, N) in the unit of OP, of Choudhury's model for each point (S, J) of a grid.
 
     op: (N,) finite controller output, any unit; not limited to a span here. S: (M,) deadband plus stickband;
     J: (M,) slip jump, 0 <= J; both in the unit of OP. The stem sticks where OP stops or changes its direction; it moves
     again when OP has gone J further in the old direction or S in the new one, and while it moves
     v = u - sign(du) (S - J)/2. A turn that is met while the stem is stuck does not set the count back (the later form
-    of the algorithm, needed for noisy OP). The valve starts at u(0). S = J = 0 passes OP through, J = 0 is backlash of
+    of the algorithm, needed for noisy OP). The valve starts at rest at `start` (M,), in the unit of OP, and
+    without it at u(0). S = J = 0 passes OP through, J = 0 is backlash of
     width S. From the same start it is Kano's model in other words: the same positions for 0 <= J <= S.
     Raises DataError("op_not_a_signal") unless OP is one finite row, DataError("stiction_band") for a negative or
     missing band or lengths that differ.
@@ -81,4 +85,5 @@ def two_parameter_choudhury(op: FloatArray, S: FloatArray, J: FloatArray) -> Flo
         np.ascontiguousarray(op, dtype=np.float64),
         np.ascontiguousarray(S, dtype=np.float64),
         np.ascontiguousarray(J, dtype=np.float64),
+        first_positions(op, S, start),
     )

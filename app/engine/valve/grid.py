@@ -20,3 +20,8 @@ def check_bands(**bands: FloatArray) -> None:
     if len({len(band) for band in bands.values()}) > 1:
         lengths = ", ".join(f"{name}: {len(band)}" for name, band in bands.items())
         raise DataError("stiction_band", f"the bands of a grid must have one length, got {lengths}")
+
+
+def first_positions(op: FloatArray, S: FloatArray, start: FloatArray | None) -> FloatArray:
+    """Where the valve of each of the grid's points begins (M,); at u(0) where that is not told."""
+    return np.full(len(S), float(op[0])) if start is None else np.ascontiguousarray(start, dtype=np.float64)

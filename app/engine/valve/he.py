@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from app.engine.recording import FloatArray
-from app.engine.valve.grid import check_bands, check_signal
+from app.engine.valve.grid import check_bands, check_signal, first_positions
 
 
 @njit(cache=True, nogil=True)
@@ -23,24 +23,24 @@ def he_step(u: float, state: FloatArray, S: float, J: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _run_grid(op: FloatArray, S: FloatArray, J: FloatArray) -> FloatArray:
+def _run_grid(op: FloatArray, S: FloatArray, J: FloatArray, start: FloatArray) -> FloatArray:
     v = np.empty((len(S), len(op)))
     state = np.empty(3)
     for m in range(len(S)):
-        state[:] = op[0], op[0], 0.0
+        state[:] = op[0], start[m], op[0] - start[m]
         for t in range(len(op)):
             v[m, t] = he_step(op[t], state, S[m], J[m])
     return v
 
 
-def two_parameter_he(op: FloatArray, S: FloatArray, J: FloatArray) -> FloatArray:
+def two_parameter_he(op: FloatArray, S: FloatArray, J: FloatArray, start: FloatArray | None = None) -> FloatArray:
     """Valve position v, (M, N) in the unit of OP, of He's model for each point (S, J) of a grid.
 
     op: (N,) finite controller output, any unit. S: (M,) deadband plus stickband; J: (M,) slip jump, 0 <= J; both in the
     unit of OP. f_S = (S + J)/2, f_D = (S - J)/2; the residual force u_r accumulates, c = u_r + u(t) - u(t-1), and where
     abs(c) > f_S the stem slips: v(t) = v(t-1) + c - sign(c) f_D, u_r = sign(c) f_D; otherwise v holds and u_r = c.
-    The valve starts at u(0) without residual force. S = J = 0 passes OP through, J = 0 is backlash of width S,
-    S = J = d is the one-parameter model, J > S overshoots.
+    The valve starts at `start` (M,), unit of OP; without it at u(0), without residual force. S = J = 0 passes OP
+    through, J = 0 is backlash of width S, S = J = d is the one-parameter model, J > S overshoots.
     Raises DataError("op_not_a_signal") unless OP is one finite row, DataError("stiction_band") for a negative or
     missing band or lengths that differ.
 
@@ -54,4 +54,5 @@ def two_parameter_he(op: FloatArray, S: FloatArray, J: FloatArray) -> FloatArray
         np.ascontiguousarray(op, dtype=np.float64),
         np.ascontiguousarray(S, dtype=np.float64),
         np.ascontiguousarray(J, dtype=np.float64),
+        first_positions(op, S, start),
     )

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Parameter
+from app.engine.mismatch.block import Block, Context, Parameter, grid
+from app.engine.mismatch.physics.stem import PENALTY, START, first_position
 from app.engine.recording import FloatArray
 from app.engine.valve import two_parameter_he
 
@@ -10,15 +11,17 @@ from app.engine.valve import two_parameter_he
 def parameters(context: Context) -> tuple[Parameter, ...]:
     """The band within the range over which OP moved: in a wider one the stem would have stood still."""
     span = context.record.op_span
-    return (Parameter("band", "OP", 0.003 * span, context.record.op_range, span, log=True),)
+    return (Parameter("band", "OP", 0.003 * span, context.record.op_range, span, log=True), START)
 
 
 def starts(context: Context, _: FloatArray) -> FloatArray:
-    return context.record.op_span * np.geomspace(0.01, 1.0, 40)[:, None]
+    return grid(context.record.op_span * np.geomspace(0.01, 1.0, 40), np.zeros(1))
 
 
 def backlash(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
-    return two_parameter_he(signal, values, np.zeros(1))[0]
+    band = values[:1]
+    start = first_position(float(signal[0]), values, 1, 0.5 * float(band[0]))
+    return two_parameter_he(signal, band, np.zeros(1), np.array([start]))[0]
 
 
 BLOCKS = (
@@ -30,7 +33,7 @@ BLOCKS = (
         parameters,
         starts,
         apply=backlash,
-        penalty=15.0,
+        penalty=15.0 + PENALTY,
         rough=True,
     ),
 )

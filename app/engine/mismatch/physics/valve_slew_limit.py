@@ -3,14 +3,15 @@
 import numpy as np
 from numba import njit
 
-from app.engine.mismatch.block import Block, Context, Parameter
+from app.engine.mismatch.block import Block, Context, Parameter, grid
+from app.engine.mismatch.physics.stem import PENALTY, start_of_travel
 from app.engine.recording import BoolArray, FloatArray
 
 
 @njit(cache=True, nogil=True)
-def _limited(u: FloatArray, up: float, down: float) -> FloatArray:
+def _limited(u: FloatArray, up: float, down: float, start: float) -> FloatArray:
     v = np.empty(len(u))
-    v[0] = u[0]
+    v[0] = start
     for t in range(1, len(u)):
         v[t] = v[t - 1] + min(max(u[t] - v[t - 1], -down), up)
     return v
@@ -26,17 +27,18 @@ def rates(context: Context) -> FloatArray:
 
 def parameters(context: Context) -> tuple[Parameter, ...]:
     slow, fast = rates(context)
-    return (Parameter("rate", "OP/s", slow, fast, fast, log=True),)
+    return (Parameter("rate", "OP/s", slow, fast, fast, log=True), start_of_travel(context))
 
 
 def starts(context: Context, _: FloatArray) -> FloatArray:
     slow, fast = rates(context)
-    return np.geomspace(slow, 0.9 * fast, 50)[:, None]
+    return grid(np.geomspace(slow, 0.9 * fast, 50), np.zeros(1))
 
 
 def follow(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     step = values[0] * context.record.sampling_interval_s
-    return _limited(np.ascontiguousarray(signal), step, step)
+    start = float(signal[0]) + (float(values[1]) if len(values) > 1 else 0.0)
+    return _limited(np.ascontiguousarray(signal), step, step, start)
 
 
 def active(signal: FloatArray, values: FloatArray, context: Context) -> BoolArray:
@@ -52,7 +54,7 @@ BLOCKS = (
         parameters,
         starts,
         apply=follow,
-        penalty=15.0,
+        penalty=15.0 + PENALTY,
         rough=True,
     ),
 )

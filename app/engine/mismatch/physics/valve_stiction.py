@@ -5,6 +5,7 @@
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Parameter, grid
+from app.engine.mismatch.physics.stem import PENALTY, START, first_position
 from app.engine.recording import FloatArray
 from app.engine.valve import two_parameter_choudhury, two_parameter_he
 
@@ -17,21 +18,28 @@ def parameters(context: Context) -> tuple[Parameter, ...]:
     return (
         Parameter("S", "OP", 0.003 * span, context.record.op_range, span, log=True),
         Parameter("share", "J/S", 0.0, 1.0, 1.0),
+        START,
     )
 
 
 def starts(context: Context, _: FloatArray) -> FloatArray:
-    return grid(context.record.op_span * np.geomspace(0.02, 1.2, 26), np.array([0.1, 0.3, 0.5, 0.7, 0.9, 1.0]))
+    shares = np.array([0.1, 0.3, 0.5, 0.7, 0.9, 1.0])
+    return grid(context.record.op_span * np.geomspace(0.02, 1.2, 26), shares, np.zeros(1))
+
+
+def stem(signal: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """S, J and the stem's first position, (1,) each, unit of OP."""
+    S, J = float(values[0]), float(values[0] * values[1])
+    start = first_position(float(signal[0]), values, 2, 0.5 * (S + J))
+    return np.array([S]), np.array([J]), np.array([start])
 
 
 def he(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
-    S, share = values
-    return two_parameter_he(signal, np.array([S]), np.array([S * share]))[0]
+    return two_parameter_he(signal, *stem(signal, values))[0]
 
 
 def choudhury(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
-    S, share = values
-    return two_parameter_choudhury(signal, np.array([S]), np.array([S * share]))[0]
+    return two_parameter_choudhury(signal, *stem(signal, values))[0]
 
 
 BLOCKS = tuple(
@@ -44,7 +52,7 @@ BLOCKS = tuple(
         starts,
         apply=model,
         form=form,
-        penalty=18.0,
+        penalty=18.0 + PENALTY,
         rough=True,
         finalists=4,
     )
