@@ -9,7 +9,7 @@ from app.engine.mismatch import Comparison, Explanation, LinearSimulation, expla
 from app.engine.mismatch.block import Context
 from app.engine.mismatch.experiment import experiment
 from app.engine.mismatch.fitting import Given, finish, fit_linear, make_task, start_at
-from app.engine.mismatch.physics import additive, by_name
+from app.engine.mismatch.physics import additive, by_name, friction
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.report import estimates
 from app.engine.mismatch.selection import Pair, second_from_pair
@@ -134,6 +134,20 @@ def test_a_start_on_which_nothing_hangs_may_be_anywhere_in_the_band() -> None:
     found = finish(task, start_at(task, base.plant, np.array([0.5, 0.3])), base.noise)
     start = estimates(found, found.parts[0])[-1]
     assert (start.value, start.low, start.high) == pytest.approx((20.075, 19.75, 20.25), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("speed", "force", "dry"), [(0.5, -2.0, 0.3), (0.5, -0.2, 0.3), (-0.4, 1.0, 0.6), (0.0, 1.0, 0.6)]
+)
+def test_a_mass_that_turns_within_a_step_goes_on_from_rest(speed: float, force: float, dry: float) -> None:
+    damping, mass, parts = 1.5, 2.0, 20_000
+    after = friction._speed_after(speed, force, dry, damping, np.exp(-damping / mass))
+    for _ in range(parts):
+        held = speed == 0.0 and abs(force) <= dry
+        side = np.sign(speed) if speed != 0.0 else np.sign(force)
+        moved = 0.0 if held else speed + (force - damping * speed - dry * side) / mass / parts
+        speed = 0.0 if speed * moved < 0.0 else moved
+    assert after == pytest.approx(speed, abs=2e-4)
 
 
 def test_what_has_no_parameters_tells_none() -> None:

@@ -22,19 +22,22 @@ AT_REST = 0.02
 
 @njit(cache=True, nogil=True)
 def _speed_after(speed: float, force: float, dry: float, damping: float, stay: float) -> float:
-    """The speed a step later under a force that is held: exact between reversals, at rest where dry friction holds.
+    """The speed a step later under a force that is held: exact, at rest where dry friction holds.
 
     stay: exp(-damping step / mass), what is left of a speed that nothing drives.
     """
-    if speed == 0.0:
-        if abs(force) <= dry:
-            return 0.0
-        side = 1.0 if force > 0.0 else -1.0
-    else:
+    if speed != 0.0:
         side = 1.0 if speed > 0.0 else -1.0
-    settled = (force - dry * side) / damping
-    after = settled + (speed - settled) * stay
-    return 0.0 if after * side < 0.0 else after
+        settled = (force - dry * side) / damping
+        after = settled + (speed - settled) * stay
+        if after * side >= 0.0:
+            return after
+        # It comes to rest within the step; what is left of the step begins there.
+        stay *= (settled - speed) / settled
+    if abs(force) <= dry:
+        return 0.0
+    side = 1.0 if force > 0.0 else -1.0
+    return (force - dry * side) / damping * (1.0 - stay)
 
 
 @njit(cache=True, nogil=True)
@@ -48,7 +51,9 @@ def _place(u: FloatArray, drive: FloatArray, numbers: FloatArray, ts: float) -> 
     y[0] = x
     for t in range(1, len(u)):
         for _ in range(STEPS):
-            after = _speed_after(speed, K * u[t - 1] + b - spring * x, dry, damping, stay)
+            # The spring as it is half a step on: taken where the mass was, it pushes the mass and hides its damping.
+            pull = spring * (x + 0.5 * h * speed)
+            after = _speed_after(speed, K * u[t - 1] + b - pull, dry, damping, stay)
             x += 0.5 * h * (speed + after)
             speed = after
         y[t] = x
