@@ -125,3 +125,20 @@ def test_a_first_answer_says_that_parameters_are_off() -> None:
     found = locate(Comparison("off", TS, op(), pv(), simulation=LinearSimulation(0.5, (30.0,), 6.0)))
     assert found.block is None
     assert found.evidence[0].code == "parameters_off"
+
+
+def test_an_op_of_another_loop_explains_nothing_of_a_pv() -> None:
+    stranger = 30.0 + np.repeat(np.random.default_rng(11).uniform(-4.0, 4.0, N // 75), 75)
+    steps = 50.0 + np.repeat(np.random.default_rng(12).uniform(-5.0, 5.0, 4), N // 4)
+    noise = 0.2 * np.random.default_rng(13).normal(size=N)
+    answer = explain(Comparison("mixed up", TS, stranger, steps + noise, simulation=GIVEN))
+    assert answer.verdict == "inconclusive"
+    assert answer.evidence[0].code == "op_moves_nothing"
+    assert "one loop" in answer.evidence[0].text
+
+
+def test_a_trace_that_does_not_answer_op_explains_nothing() -> None:
+    trace = 50.0 + np.random.default_rng(14).normal(size=N)
+    answer = explain(Comparison("another", TS, op(), pv(), trace=trace))
+    assert answer.verdict == "inconclusive"
+    assert answer.evidence[0].code == "simulation_unrelated"

@@ -1,12 +1,13 @@
 """The verdict: missing physics, nothing missing, or that this record does not tell, and why."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from app.engine.evidence import Reason
 from app.engine.mismatch.experiment import Experiment
-from app.engine.mismatch.fitting import Fit, fit_linear
+from app.engine.mismatch.fitting import Fit, fit, fit_linear, task_of
+from app.engine.mismatch.given import TraceModel
 from app.engine.mismatch.holdout import worse
 from app.engine.mismatch.noise import compared_samples
 from app.engine.mismatch.result import Effect, Improvement, Verdict
@@ -16,6 +17,7 @@ LEAST_ANSWER = 10.0
 LEAST_TIMES = 4.0
 LEAST_COMPARED = 100
 ROUNDING = 1e-9
+UNRELATED = 0.7
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,25 @@ def conclude(
         return Conclusion("missing_physics", effects, refused)
     doubts = (*refused, *too_little_told(base))
     return Conclusion("inconclusive" if doubts else "consistent", (), doubts)
+
+
+def op_moves_nothing(final: Fit) -> tuple[Reason, ...]:
+    """Why nothing is named where neither OP moves PV, with all that was named, nor PV moves OP by a controller's law:
+    they do not belong to one loop, or the loop was not at work.
+    """
+    if not final.parts or final.record.op_follows_pv:
+        return ()
+    record = final.record
+    still = replace(final, record=record.with_op(np.full(record.samples, record.op_mid)))
+    told = final.likelihood - fit(task_of(still), final.x, None, 3).likelihood
+    if told >= LEAST_ANSWER:
+        return ()
+    names = ", ".join(part.block.code for part in final.parts)
+    text = (
+        f"{names} would explain PV, but OP then explains {told:.1f} nat of it, at least {LEAST_ANSWER:.0f} are needed, "
+        "and no controller's law explains OP: are they of one loop?"
+    )
+    return (Reason("op_moves_nothing", text),)
 
 
 def unseen_data_refuse(selection: Selection, fit: Improvement, gain: float) -> tuple[Reason, ...]:
@@ -82,6 +103,17 @@ def nothing_left(base: Fit) -> bool:
     """Whether the linear refit leaves no more of PV than rounding."""
     seen = base.record.usable
     return float(np.std(base.residual[seen])) <= ROUNDING * float(np.std(base.record.pv[seen]))
+
+
+def unrelated(behind: TraceModel) -> tuple[Reason, ...]:
+    """Why nothing can be said of a simulated trace that does not answer the recorded OP."""
+    if behind.share <= UNRELATED:
+        return ()
+    text = (
+        f"a linear model of the recorded OP leaves {100.0 * behind.share:.0f} % of the simulated trace: was it simulated "
+        "from this OP? A loop simulated by itself has another"
+    )
+    return (Reason("simulation_unrelated", text),)
 
 
 def answer_to_op(base: Fit) -> float:

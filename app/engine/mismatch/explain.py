@@ -11,7 +11,14 @@ from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.closed_loop import ClosedLoop, close_again
 from app.engine.mismatch.comparison import Comparison, check, given_of, glimpse, record_of, shortened
 from app.engine.mismatch.compete import Rival
-from app.engine.mismatch.conclude import conclude, nothing_left, too_few, unseen_data_refuse
+from app.engine.mismatch.conclude import (
+    conclude,
+    nothing_left,
+    op_moves_nothing,
+    too_few,
+    unrelated,
+    unseen_data_refuse,
+)
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, Given, fit_linear, make_task, settle, start_at
 from app.engine.mismatch.given import behind_trace, identify
@@ -36,7 +43,8 @@ NEARLY = 0.5
 @dataclass(frozen=True, eq=False)
 class Prepared:
     """A comparison ready to be explained: the record, the patterns of PV, the given model and its refit. off: how far
-    its parameters are from the record, where that is further than it was trusted.
+    its parameters are from the record, where that is further than it was trusted. unrelated: why the given trace is
+    none of this OP.
     """
 
     record: Experiment
@@ -44,6 +52,7 @@ class Prepared:
     given_trace: FloatArray | None
     base: Fit
     off: tuple[Reason, ...] = ()
+    unrelated: tuple[Reason, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,11 +77,13 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     check(comparison)
     comparison = shortened(comparison)
     prepared = prepare(comparison)
-    codes = tuple(pattern.part.block.code for pattern in prepared.patterns)
-    competed = compete(prepared.base, codes)
+    competed = compete(prepared)
     prepared = replace(prepared, base=competed.base, off=competed.off)
     selection = replace(competed.selection, fit=settle(competed.selection.fit))
-    explanation = assemble(comparison, prepared, selection)
+    doubts = prepared.unrelated or (op_moves_nothing(selection.fit) if selection.effects else ())
+    if doubts:
+        selection = Selection(prepared.base, (), selection.ranking)
+    explanation = assemble(comparison, prepared, selection, doubts)
     if validation is None:
         return explanation
     check(validation)
@@ -81,13 +92,14 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     return replace(explanation, validation=validate(prepared.base, selection.fit, sensors, second, validation.trace))
 
 
-def compete(base: Fit, already: tuple[str, ...]) -> Competed:
+def compete(prepared: Prepared) -> Competed:
     """The believed effects: of a long record chosen on a thinned one, their numbers fitted on the whole.
 
     What another gain, other time constants or a shorter dead time of the given simulation explain is no missing
     physics: what is missing is looked for again beside those.
     """
-    if too_few(base.record) or nothing_left(base):
+    base, already = prepared.base, tuple(pattern.part.block.code for pattern in prepared.patterns)
+    if prepared.unrelated or too_few(base.record) or nothing_left(base):
         return Competed(base, Selection(base, (), ()))
     coarse = coarse_of(base, factor_for(base))
     blocks = library(coarse.fit.record)

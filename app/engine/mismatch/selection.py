@@ -11,6 +11,7 @@ from app.engine.mismatch.kindred import with_kindred
 from app.engine.mismatch.limits import limit_bonus
 from app.engine.mismatch.pairing import alone_as, coupled, reordered
 from app.engine.mismatch.physics import CLOSE, NEAR, NEAR_SHARE, TWINS
+from app.engine.mismatch.refitting import PARAMETERS
 from app.engine.mismatch.worth import (
     LEAST_OF_PENALTY,
     SECOND_MUST_GAIN,
@@ -39,6 +40,8 @@ LIMITS = {"process.overflow", "sensor.saturation"}
 # Codes of which one pair holds one only.
 APART = (frozenset(LIMITS), *(frozenset((code, *twins)) for code, twins in TWINS.items()))
 OWN_SHARE = 0.35
+# What is no physics is no alternative to any: it only makes a name less sure.
+UNSAID = (UNNAMED, PARAMETERS.code)
 
 
 @dataclass(frozen=True, eq=False)
@@ -349,7 +352,7 @@ def believed(best: Rival, names: tuple[Rival, ...], standing: float | None = Non
     doubt = own_doubt(best)
     margins = {r.block.code: (standing - worth(r)) / doubt for r in others}
     limits = {r.block.code: max(INDISTINCT, NEAR_SHARE * standing * near(best, r)) for r in others}
-    told = [r for r in others if r.block.code != UNNAMED and (worth(r) > 0.0 or near(best, r))]
+    told = [r for r in others if r.block.code not in UNSAID and (worth(r) > 0.0 or near(best, r))]
     close = [r.block.code for r in told if margins[r.block.code] < limits[r.block.code]]
     alternatives = tuple((twins + close)[:MOST_ALTERNATIVES])
     unsaid = [margin for code, margin in margins.items() if code not in alternatives]
