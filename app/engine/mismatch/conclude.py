@@ -110,8 +110,8 @@ def unrelated(behind: TraceModel) -> tuple[Reason, ...]:
     if behind.share <= UNRELATED:
         return ()
     text = (
-        f"a linear model of the recorded OP leaves {100.0 * behind.share:.0f} % of the simulated trace: was it simulated "
-        "from this OP? A loop simulated by itself has another"
+        f"a linear model of the recorded OP leaves {100.0 * behind.share:.0f} % of the simulated trace: was it "
+        "simulated from this OP? A loop simulated by itself has another"
     )
     return (Reason("simulation_unrelated", text),)
 

@@ -168,7 +168,8 @@ def prepare(comparison: Comparison) -> Prepared:
         behind = behind_trace(record, comparison.trace)
         record = replace(record, rest=behind.rest)
         record = record.comparing(answers_the_record(record, behind.given.plant))
-        return Prepared(record, patterns, comparison.trace, fit_linear(record, behind.given))
+        base = fit_linear(record, behind.given)
+        return Prepared(record, patterns, comparison.trace, base, unrelated=unrelated(behind))
     if comparison.simulation is not None:
         given = given_of(comparison.simulation, record)
         record = record.comparing(answers_the_record(record, given.plant))

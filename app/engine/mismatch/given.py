@@ -20,12 +20,14 @@ LEAST_LAG = 0.5  # of the interval: a shorter one is how two simulations step wi
 
 @dataclass(frozen=True, eq=False)
 class TraceModel:
-    """The linear model behind a simulated trace, and how much of the trace it leaves: as a share of its deviation or of
-    PV's, whichever is less. The open trace of an integrator may wander far beyond PV.
+    """The linear model behind a simulated trace, and how much of the trace it leaves (left): as a share of its
+    deviation or of PV's, whichever is less, for the open trace of an integrator may wander far beyond PV; share: of the
+    trace's own.
     """
 
     given: Given
     left: float
+    share: float
     rest: FloatArray
 
 
@@ -77,7 +79,8 @@ def fit_structure(record: Experiment, trace: FloatArray, structure: Structure) -
     rest = y - run_process(record.op_deviation, best, ts)
     left = float(np.std(rest) / max(min(np.std(y), np.std(record.pv)), 1e-300))
     given = Given(best.changed(b=0.0, x0=0.0), second_order=structure.second_order, integrating=structure.integrating)
-    return TraceModel(given, left, rest if left > ALIKE else np.zeros(record.samples))
+    share = float(np.std(rest) / np.std(y))
+    return TraceModel(given, left, share, rest if left > ALIKE else np.zeros(record.samples))
 
 
 def starts(record: Experiment, y: FloatArray, structure: Structure) -> list[FloatArray]:
