@@ -53,7 +53,7 @@ class Experiment:
     @cached_property
     def op_follows_pv(self) -> bool:
         """Whether a controller's law explains most of OP's moves by PV: then OP carries the noise of PV."""
-        return identify_law(self.sp, self.pv, self.op).explained >= FOLLOWS
+        return identify_law(self.sp, self.pv, self.op, self.usable).explained >= FOLLOWS
 
     @property
     def duration_s(self) -> float:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.engine.recording import FloatArray
+from app.engine.recording import BoolArray, FloatArray
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,11 @@ class Law:
     sp: float | None = None
 
 
-def identify_law(sp: FloatArray | None, pv: FloatArray, op: FloatArray) -> Law:
-    """The incremental PID law by least squares over the samples where OP moves. sp, pv, op: (N,).
+def identify_law(
+    sp: FloatArray | None, pv: FloatArray, op: FloatArray, usable: BoolArray | None = None
+) -> Law:
+    """The incremental PID law by least squares over the samples where OP moves. sp, pv, op: (N,). usable: (N,) False
+    where PV was filled in or is at fault.
 
     Without SP it is taken for constant, and its value comes out with the law.
     """
@@ -33,6 +36,8 @@ def identify_law(sp: FloatArray | None, pv: FloatArray, op: FloatArray) -> Law:
     basis = np.stack(columns, axis=1)
     moves = np.diff(op)[1:]
     kept = moves != 0.0
+    if usable is not None:
+        kept &= usable[2:] & usable[1:-1] & usable[:-2]
     if kept.sum() < 20:
         return Law(0.0, 0.0, 0.0, 0.0)
     numbers = np.linalg.lstsq(basis[kept], moves[kept], rcond=None)[0]

@@ -14,6 +14,7 @@ from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.result import Effect, Estimate, ExplainedModel, Location, PartModel
 from app.engine.mismatch.selection import Believed
 from app.engine.mismatch.windows import Window, active_mask, windows_of
+from app.engine.mismatch.worth import hidden_gain
 from app.engine.recording import FloatArray
 
 CERTAIN = 0.995
@@ -54,6 +55,8 @@ def probability_of(effect: Believed) -> float:
     all.
     """
     beyond = effect.gain - effect.rival.block.penalty  # beside its partner: alone it may have gained nothing
+    if effect.rival.over.parts:
+        beyond += hidden_gain(effect.rival)  # it was believed for that as well
     presence = 1.0 / (1.0 + np.exp(-np.clip(beyond, -30.0, 30.0)))
     name = 1.0 / (1.0 + np.exp(-np.clip(effect.margin, -30.0, 30.0)))
     own = effect.rival.fit.given.deviation >= OWN_DEVIATION

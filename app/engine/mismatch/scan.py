@@ -148,7 +148,7 @@ def with_block(ground_: Ground, block: Block, values: FloatArray, context: Conte
 
 def gained(ground_: Ground, energy: float) -> float:
     """The gain in log-likelihood (nat) where this energy is left of the whitened residual."""
-    return 0.5 * len(ground_.rows) * float(np.log(ground_.energy / max(energy, 1e-300)))
+    return 0.5 * len(ground_.rows) * float(np.log(max(ground_.energy, 1e-300) / max(energy, 1e-300)))
 
 
 def moves(ground_: Ground, simulated: FloatArray) -> FloatArray:

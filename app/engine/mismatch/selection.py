@@ -33,6 +33,7 @@ LEADERS = 3
 CARRIED = 3
 MOST_HIDDEN = 2
 INDISTINCT = 5.0
+LEAST_MARGIN = -2.9  # a probability of 0.05
 MOST_ALTERNATIVES = 2
 SMALL_SLIP = 0.35
 # One limit of PV is one effect, whichever of these it is called.
@@ -128,10 +129,17 @@ def select(base: Fit, blocks: tuple[Block, ...], already: tuple[str, ...] = ()) 
     best = with_rivals(chosen(pairs), beside)
     alone = first_from_pair(best) or second_from_pair(best, base)
     if alone is not None:
-        return Selection(alone.fit, (believed(alone, names),), first) if pays else single
+        lone = Selection(alone.fit, (believed(alone, names),), first)
+        return lone if pays and stands(lone) else single
     effects = (first_of(best, beside.get(best.second.block.name)), believed(best.second, best.names))
     ordered = tuple(sorted(effects, key=lambda effect: -effect.gain))
-    return Selection(best.second.fit, ordered, names, single if pays else None)
+    both = Selection(best.second.fit, ordered, names, single if pays else None)
+    return both if stands(both) else single
+
+
+def stands(selection: Selection) -> bool:
+    """Whether no effect is named where another name, not said with it, is clearly better in its place."""
+    return all(effect.margin > LEAST_MARGIN for effect in selection.effects)
 
 
 @dataclass(frozen=True, eq=False)

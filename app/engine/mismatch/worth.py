@@ -6,8 +6,9 @@ import numpy as np
 
 from app.engine.mismatch.block import Block, Context
 from app.engine.mismatch.compete import Rival
-from app.engine.mismatch.fitting import Fit, descend, residual_rows, task_of
+from app.engine.mismatch.fitting import Fit, descend, quiet_noise, residual_rows, task_of
 from app.engine.mismatch.limits import limit_bonus, limits_always
+from app.engine.mismatch.noise import whiten
 from app.engine.mismatch.richer_noise import taken_by_noise
 from app.engine.mismatch.spikes import steady_gain, tail_penalty
 
@@ -59,8 +60,15 @@ def nearer(fit: Fit, over: Fit) -> bool:
 
 
 def free_run_error(fit: Fit) -> float:
-    """Standard deviation of PV less its free run, in the unit of PV, over the samples that are compared."""
-    return float(np.std(fit.residual[fit.record.usable]))
+    """Standard deviation of PV less its free run, in the unit of PV, over the samples that are compared.
+
+    An integrating process makes a random walk of any load, and a right free run stands far off by chance: there it is
+    the deviation of what quiet noise leaves of it, which a walk is hardly seen in.
+    """
+    left = fit.residual
+    if fit.given.integrating:
+        left = whiten(left, fit.record.usable, quiet_noise(fit.record, fit.given))
+    return float(np.std(left[fit.record.usable]))
 
 
 def pays_beside(second: Rival, first: Rival) -> bool:
