@@ -23,7 +23,8 @@ class Parameter:
 
     log: fitted as a logarithm (positive quantities without a natural zero). linear: the simulation is nearly linear in
     it, so that
-    a scan finds it by least squares from the size `scale`.
+    a scan finds it by least squares from the size `scale`. deviation: of a normal prior around `scale` (of its
+    logarithm where log); infinite: none.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Parameter:
     scale: float = 1.0
     log: bool = False
     linear: bool = False
+    deviation: float = np.inf
 
 
 @dataclass(frozen=True, eq=False)

@@ -114,13 +114,14 @@ def start_deviation(record: Experiment, plant: Plant) -> float:
 
 
 def part_free(parameter: Parameter, rough: bool) -> Free:
-    """The free number of a block's parameter; no prior within its bounds."""
-    step = 0.02 if rough else 2e-3
+    """The free number of a block's parameter, with its prior within its bounds."""
+    step, known = 0.02 if rough else 2e-3, parameter.deviation
     if parameter.log:
         low, high = np.log(parameter.low / parameter.scale), np.log(parameter.high / parameter.scale)
-        return Free(parameter.name, parameter.scale, 0.0, np.inf, float(low), float(high), log=True, step=step)
+        return Free(parameter.name, parameter.scale, 0.0, known, float(low), float(high), log=True, step=step)
     low, high = parameter.low / parameter.scale, parameter.high / parameter.scale
-    return Free(parameter.name, parameter.scale, 0.0, np.inf, low, high, step=step, linear=parameter.linear)
+    centre = 1.0 if np.isfinite(known) else 0.0
+    return Free(parameter.name, parameter.scale, centre, known, low, high, step=step, linear=parameter.linear)
 
 
 @dataclass(frozen=True, eq=False)

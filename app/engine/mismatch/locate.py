@@ -4,7 +4,7 @@ from app.engine.evidence import Reason
 from app.engine.mismatch.block import Block, Context, Part
 from app.engine.mismatch.compete import glance
 from app.engine.mismatch.fitting import Fit
-from app.engine.mismatch.refitting import PARAMETERS
+from app.engine.mismatch.refitting import CODE
 from app.engine.mismatch.report import whole
 from app.engine.mismatch.result import Location
 from app.engine.mismatch.windows import windows_of
@@ -15,7 +15,7 @@ def quick_location(base: Fit, blocks: tuple[Block, ...]) -> Location:
     best = max(glance(base, blocks), key=lambda scanned: scanned.gain - scanned.block.penalty)
     if best.gain <= best.block.penalty:
         return Location(None, (), "nowhere", None)
-    if best.block is PARAMETERS:
+    if best.block.code == CODE:
         text = f"other parameters of the simulation gain {best.gain:.1f} nat in a scan, more than any effect"
         return Location(None, (), "nowhere", None, (Reason("parameters_off", text),))
     part = Part(best.block, best.starts[0].values)

@@ -11,20 +11,20 @@ from app.engine.evidence import Reason
 from app.engine.mismatch.block import Block, Context, Parameter, Part, grid
 from app.engine.mismatch.chain import altered_plant
 from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, Given
-from app.engine.mismatch.plant import Plant
+from app.engine.mismatch.plant import Plant, run_process
 from app.engine.recording import FloatArray
 
 CODE = "simulation.parameters"
-GAINS = (-30.0, -3.0, -1.0, -0.3, 0.03, 0.1, 0.3, 0.5, 0.75, 1.0, 1.4, 2.0, 3.5, 10.0, 40.0)
+GAINS = (0.01, 0.03, 0.1, 0.3, 0.5, 0.75, 1.0, 1.4, 2.0, 3.5, 10.0, 30.0, 100.0)
 TIMES, SHARES = (0.3, 0.55, 1.0, 1.8, 3.3), (0.3, 1.0)
-OFF_BY = 1.15
+OFF_BY, DEVIATION = 1.15, 0.5  # of the logarithm: half or twice is usual where a simulation is off, a tenth is not
 
 
 def parameters(_: Context) -> tuple[Parameter, ...]:
     """Factors of what was given. A longer dead time is an effect with a name (process.dead_time); a shorter is none."""
     return (
-        Parameter("gain", "of given", -200.0, 200.0, 1.0),
-        Parameter("time", "of given", 0.1, 10.0, 1.0, log=True),
+        Parameter("gain", "of given", 0.005, 200.0, 1.0, log=True, deviation=DEVIATION),
+        Parameter("time", "of given", 0.1, 10.0, 1.0, log=True, deviation=DEVIATION),
         Parameter("late", "of given", 0.0, 1.0, 1.0),
     )
 
@@ -53,6 +53,12 @@ def further_off(values: FloatArray, context: Context) -> bool:
     return not within or earlier_s > max((OFF_BY - 1.0) * context.plant.theta, context.record.sampling_interval_s)
 
 
+def reverse(plant: Plant, values: FloatArray, context: Context) -> Plant:
+    """As `alter`, with the other sign of the gain."""
+    altered = alter(plant, values, context)
+    return altered.changed(K=-altered.K)
+
+
 PARAMETERS = Block(
     CODE,
     "process",
@@ -66,16 +72,26 @@ PARAMETERS = Block(
     distant=True,
     sensible=further_off,
 )
+REVERSED = replace(PARAMETERS, alter=reverse, form="reversed", sensible=None)
 
 
 def offered_beside(base: Fit) -> tuple[Block, ...]:
-    """The parameters as a rival, where a simulation was given: one of our own is fitted freely at once."""
-    return (PARAMETERS,) if base.given.deviation < OWN_DEVIATION else ()
+    """The parameters as rivals, where a simulation was given: one of our own is fitted freely at once."""
+    if base.given.deviation >= OWN_DEVIATION:
+        return ()
+    return (PARAMETERS, REVERSED) if runs_against(base) else (PARAMETERS,)
+
+
+def runs_against(base: Fit) -> bool:
+    """Whether PV goes down where the given simulation goes up: by a wrong sign, or because a controller makes OP."""
+    record, seen = base.record, base.record.usable
+    simulated = run_process(record.op_deviation, base.given.plant, record.sampling_interval_s)[seen]
+    return bool((simulated - np.mean(simulated)) @ record.pv_deviation[seen] < 0.0)
 
 
 def parameters_of(found: Fit) -> Part | None:
     """The parameters among the parts of a fit."""
-    return next((part for part in found.parts if part.block is PARAMETERS), None)
+    return next((part for part in found.parts if part.block.code == CODE), None)
 
 
 def freed(found: Fit, part: Part) -> Given:

@@ -11,7 +11,7 @@ from app.engine.mismatch.kindred import with_kindred
 from app.engine.mismatch.limits import limit_bonus
 from app.engine.mismatch.pairing import alone_as, coupled, reordered
 from app.engine.mismatch.physics import CLOSE, NEAR, NEAR_SHARE, TWINS
-from app.engine.mismatch.refitting import PARAMETERS
+from app.engine.mismatch.refitting import CODE as PARAMETERS
 from app.engine.mismatch.worth import (
     LEAST_OF_PENALTY,
     SECOND_MUST_GAIN,
@@ -42,7 +42,7 @@ LIMITS = {"process.overflow", "sensor.saturation"}
 APART = (frozenset(LIMITS), *(frozenset((code, *twins)) for code, twins in TWINS.items()))
 OWN_SHARE = 0.35
 # What is no physics is no alternative to any: it only makes a name less sure.
-UNSAID = (UNNAMED, PARAMETERS.code)
+UNSAID = (UNNAMED, PARAMETERS)
 
 
 @dataclass(frozen=True, eq=False)
