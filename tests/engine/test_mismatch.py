@@ -310,11 +310,15 @@ def test_a_record_that_tells_too_little_clears_nothing() -> None:
 def test_names_that_unseen_data_refuse_do_not_stand(with_backlash: Explanation) -> None:
     refitted = with_backlash.fit.refitted.rmse
     worse, far = (replace(with_backlash.fit, explained=Fitness(share * refitted, 0.0)) for share in (1.2, 1.5))
-    selection = SimpleNamespace(effects=with_backlash.effects)
+    selection, wandering = (
+        SimpleNamespace(effects=with_backlash.effects, fit=SimpleNamespace(given=Given(TRUE, integrating=integrating)))
+        for integrating in (False, True)
+    )
     assert unseen_data_refuse(selection, with_backlash.fit, -1.0) == ()
     assert unseen_data_refuse(selection, worse, 1.0) == ()
     assert unseen_data_refuse(selection, worse, -1.0)[0].code == "held_out_disagrees"
     assert unseen_data_refuse(selection, far, 1.0)[0].code == "held_out_disagrees"
+    assert unseen_data_refuse(wandering, far, 1.0) == ()
 
 
 def test_unseen_samples_are_judged_beside_their_noise() -> None:

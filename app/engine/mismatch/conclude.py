@@ -65,7 +65,8 @@ def unseen_data_refuse(selection: Selection, fit: Improvement, gain: float) -> t
     """Names whose model follows the kept-out stretch worse than the bare refit does are no explanation: by its free
     run, and by what it gains there beside the noise (`gain`, nat).
     """
-    if not selection.effects or not worse(fit.refitted, fit.explained, gain):
+    integrating = selection.fit.given.integrating
+    if not selection.effects or not worse(fit.refitted, fit.explained, gain, integrating=integrating):
         return ()
     names = ", ".join(" or ".join((effect.code, *effect.alternatives)) for effect in selection.effects)
     text = (

@@ -63,13 +63,13 @@ def stretches(usable: BoolArray) -> list[BoolArray]:
     return found
 
 
-def worse(refitted: Fitness, explained: Fitness, gain: float) -> bool:
+def worse(refitted: Fitness, explained: Fitness, gain: float, *, integrating: bool) -> bool:
     """Whether an explained model runs worse over samples that it has not seen than the bare refit, and predicts them no
     better beside its noise either (`gain`, nat): under slow noise a free run stands high or low by chance, though not
-    as far as MUCH_WORSE.
+    as far as MUCH_WORSE, unless the process integrates what the noise brings.
     """
-    allowed = WORSE_UNSEEN if gain <= 0.0 else MUCH_WORSE
-    return explained.rmse > allowed * refitted.rmse
+    far = np.inf if integrating else MUCH_WORSE
+    return explained.rmse > (WORSE_UNSEEN if gain <= 0.0 else far) * refitted.rmse
 
 
 def mostly_worse(pv: FloatArray, runs: list[FreeRuns]) -> bool:
@@ -77,8 +77,12 @@ def mostly_worse(pv: FloatArray, runs: list[FreeRuns]) -> bool:
     goes, over one of them, as it does nowhere else, a true name may run astray there.
     """
     seen = [r for r in runs if r.held.any()]
-    judged = [worse(judge(pv, r.refitted, r.held), judge(pv, r.explained, r.held), r.gain) for r in seen]
-    return 2 * sum(judged) > len(judged)
+    return 2 * sum(ran_worse(pv, run) for run in seen) > len(seen)
+
+
+def ran_worse(pv: FloatArray, run: FreeRuns) -> bool:
+    refitted, explained = judge(pv, run.refitted, run.held), judge(pv, run.explained, run.held)
+    return worse(refitted, explained, run.gain, integrating=run.model.given.integrating)
 
 
 def kept_out(found: Fit, usable: BoolArray) -> BoolArray:
