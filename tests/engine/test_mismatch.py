@@ -409,7 +409,8 @@ def test_a_name_found_without_a_simulation_is_never_nearly_certain() -> None:
     """The linear model behind it is a guess from the same record."""
 
     def told(deviation: float, margin: float) -> float:
-        rival = SimpleNamespace(block=friction.BLOCKS[0], fit=SimpleNamespace(given=Given(TRUE, deviation)))
+        alone = SimpleNamespace(given=Given(TRUE, deviation), parts=())
+        rival = SimpleNamespace(block=friction.BLOCKS[0], fit=alone, over=alone)
         return probability_of(SimpleNamespace(rival=rival, gain=60.0, margin=margin))
 
     assert told(GIVEN_DEVIATION, 40.0) == CERTAIN
