@@ -19,9 +19,9 @@ from app.engine.mismatch import (
     compile_kernels,
     explain,
     locate,
-    selection,
 )
 from app.engine.mismatch import noise as noise_module
+from app.engine.mismatch import pairs as pairs_module
 from app.engine.mismatch import plant as plant_module
 from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.chain import simulate
@@ -29,7 +29,7 @@ from app.engine.mismatch.closed_loop import close, close_again
 from app.engine.mismatch.compete import Rival
 from app.engine.mismatch.conclude import unseen_data_refuse
 from app.engine.mismatch.experiment import experiment
-from app.engine.mismatch.fitting import GIVEN_DEVIATION, OWN_DEVIATION, Given, fit_linear
+from app.engine.mismatch.fitting import fit_linear
 from app.engine.mismatch.holdout import Fitness, unseen_gain
 from app.engine.mismatch.law import identify_law
 from app.engine.mismatch.noise import NoiseModel, coloured, fit_noise, whiten
@@ -38,6 +38,7 @@ from app.engine.mismatch.physics import friction, library, two_tanks, valve_dead
 from app.engine.mismatch.plant import Plant, run_process
 from app.engine.mismatch.report import CERTAIN, OWN_CERTAIN, probability_of
 from app.engine.mismatch.richer_noise import predictable, taken_by_noise
+from app.engine.mismatch.task import GIVEN_DEVIATION, OWN_DEVIATION, Given
 from app.engine.mismatch.validation import simulate_again
 from app.engine.recording import FloatArray
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
@@ -459,11 +460,11 @@ def test_a_pair_is_compared_with_what_says_nothing_by_score(
         base, block = SimpleNamespace(score=0.0), SimpleNamespace(code=code, penalty=penalty)
         return SimpleNamespace(block=block, gain=found, fit=fit, over=base)
 
-    monkeypatch.setattr(selection, "pays_beside", lambda *_: True)
-    monkeypatch.setattr(selection, "hidden_gain", lambda _: 0.0)
-    monkeypatch.setattr(selection, "worth_beside", lambda r: r.gain)
+    monkeypatch.setattr(pairs_module, "pays_beside", lambda *_: True)
+    monkeypatch.setattr(pairs_module, "hidden_gain", lambda _: 0.0)
+    monkeypatch.setattr(pairs_module, "worth_beside", lambda r: r.gain)
     first, unnamed = rival("process.inverse_response", 18.0, 60.0), rival("unnamed", 42.0, likelihood)
-    places = selection.Places(first, (rival("sensor.drift", 16.0, 95.0, 18.0),))
+    places = pairs_module.Places(first, (rival("sensor.drift", 16.0, 95.0, 18.0),))
     assert len(places.pairs((unnamed, first))) == pairs
 
 

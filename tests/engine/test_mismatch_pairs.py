@@ -15,13 +15,14 @@ from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.chain import simulate
 from app.engine.mismatch.compete import Rival, survey
 from app.engine.mismatch.experiment import Experiment, experiment
-from app.engine.mismatch.fitting import Fit, Given, fit, fit_linear, make_task, start_at
+from app.engine.mismatch.fitting import Fit, fit, fit_linear
 from app.engine.mismatch.holdout import FreeRuns, mostly_worse, stretches
 from app.engine.mismatch.noise import NoiseModel
 from app.engine.mismatch.pairing import Candidate, couples, joint_scores, reordered
 from app.engine.mismatch.physics import additive, library, valve_deadband
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.scan import ground
+from app.engine.mismatch.task import Given, make_task, start_at
 from app.engine.mismatch.worth import gain_under, hidden_gain, pays_beside
 from app.engine.recording import FloatArray
 

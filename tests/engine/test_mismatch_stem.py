@@ -5,14 +5,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain, selection
+from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain, pairs
 from app.engine.mismatch.block import Context
 from app.engine.mismatch.experiment import experiment
-from app.engine.mismatch.fitting import Given, finish, fit_linear, make_task, start_at
+from app.engine.mismatch.fitting import finish, fit_linear
+from app.engine.mismatch.pairs import Pair, second_from_pair
 from app.engine.mismatch.physics import additive, by_name, friction
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.report import estimates
-from app.engine.mismatch.selection import Pair, second_from_pair
+from app.engine.mismatch.task import Given, make_task, start_at
 from app.engine.mismatch.validation import OF_ONE_RECORD, simulate_again
 from app.engine.recording import FloatArray
 
@@ -165,7 +166,7 @@ def test_a_start_that_only_the_pair_had_is_no_merit_of_its_first(
     both = SimpleNamespace(likelihood=299.0, plant=PLANT, parts=("first", "second"))
     first = SimpleNamespace(block=SimpleNamespace(penalty=14.0))
     again = SimpleNamespace(fit=SimpleNamespace(likelihood=alone))
-    monkeypatch.setattr(selection, "alone_as", lambda part, over, plant: again if part == "second" else None)
-    monkeypatch.setattr(selection, "makes_sense", lambda _: True)
+    monkeypatch.setattr(pairs, "alone_as", lambda part, over, plant: again if part == "second" else None)
+    monkeypatch.setattr(pairs, "makes_sense", lambda _: True)
     pair = Pair(first, SimpleNamespace(fit=both), 150.0, ())  # type: ignore[arg-type]
     assert second_from_pair(pair, base) is (None if stays else again)  # type: ignore[arg-type]

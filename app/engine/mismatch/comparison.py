@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.mismatch.experiment import Experiment, experiment
-from app.engine.mismatch.fitting import Given
 from app.engine.mismatch.plant import Plant
+from app.engine.mismatch.task import Given
 from app.engine.mismatch.thinning import centred_all, centred_means, held_means
 from app.engine.recording import BoolArray, FloatArray
 from app.errors import DataError

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Part
-from app.engine.mismatch.fitting import Fit, Task, descend, finish, fit, polish, quiet_noise, start_at, task_of
+from app.engine.mismatch.fitting import Fit, descend, finish, fit, polish, quiet_noise, task_of
 from app.engine.mismatch.noise import fit_noise
 from app.engine.mismatch.scan import Start, at_given, ground, scan, task_with
+from app.engine.mismatch.task import Task, start_at
 from app.engine.recording import FloatArray
 
 ADMITTED, SECOND_ADMITTED = (9, 5), (6, 3)

@@ -5,8 +5,9 @@ import numpy as np
 from app.engine.mismatch.closed_loop import close_again
 from app.engine.mismatch.comparison import Comparison, LinearSimulation
 from app.engine.mismatch.experiment import experiment
-from app.engine.mismatch.explain import locate, prepare
+from app.engine.mismatch.explain import locate
 from app.engine.mismatch.patterns import find_patterns
+from app.engine.mismatch.preparing import prepare
 from app.engine.recording import FloatArray
 
 SAMPLES, INTERVAL_S = 240, 1.0

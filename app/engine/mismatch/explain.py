@@ -1,69 +1,36 @@
 """From a recording and a simulation to an explanation: the one function that walks the whole way."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from app.engine import ENGINE_VERSION
 from app.engine.evidence import Reason
-from app.engine.mismatch.beginning import answers_the_record
 from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.closed_loop import ClosedLoop, close_again
-from app.engine.mismatch.comparison import Comparison, check, given_of, glimpse, record_of, shortened
-from app.engine.mismatch.compete import Rival
+from app.engine.mismatch.comparison import Comparison, check, glimpse, record_of, shortened
 from app.engine.mismatch.conclude import (
     conclude,
     nothing_left,
     op_moves_nothing,
     too_few,
-    unrelated,
     unseen_data_refuse,
 )
 from app.engine.mismatch.experiment import Experiment
-from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, Given, fit_linear, make_task, settle, start_at
-from app.engine.mismatch.given import behind_trace, identify
+from app.engine.mismatch.fitting import Fit, settle
 from app.engine.mismatch.holdout import FreeRuns, judge, kept_out, mostly_worse, refit_without, stretches, unseen_gain
 from app.engine.mismatch.locate import quick_location
+from app.engine.mismatch.missing import compete
 from app.engine.mismatch.patterns import Pattern, find_patterns
 from app.engine.mismatch.physics import library
-from app.engine.mismatch.physics.generic import DYNAMIC
-from app.engine.mismatch.refitting import freed, off_in_words, offered_beside, parameters_of
+from app.engine.mismatch.preparing import Prepared, prepare
+from app.engine.mismatch.refitting import offered_beside
 from app.engine.mismatch.report import effects_of, export, location_of, pattern_effect, refit_estimates
 from app.engine.mismatch.result import Effect, Explanation, Improvement, Location, Traces
-from app.engine.mismatch.selection import Selection, select
-from app.engine.mismatch.thinning import Coarse, coarse_of, factor_for, refined
+from app.engine.mismatch.selection import Selection
 from app.engine.mismatch.validation import validate
 from app.engine.mismatch.windows import windows_of
-from app.engine.mismatch.worth import worth
 from app.engine.recording import BoolArray, FloatArray
-
-NEARLY = 0.5
-
-
-@dataclass(frozen=True, eq=False)
-class Prepared:
-    """A comparison ready to be explained: the record, the patterns of PV, the given model and its refit. off: how far
-    its parameters are from the record, where that is further than it was trusted. unrelated: why the given trace is
-    none of this OP.
-    """
-
-    record: Experiment
-    patterns: tuple[Pattern, ...]
-    given_trace: FloatArray | None
-    base: Fit
-    off: tuple[Reason, ...] = ()
-    unrelated: tuple[Reason, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Competed:
-    """The linear loop that effects were looked for beside, and what was found. off: how far it is from the given one,
-    where that is further than it was trusted.
-    """
-
-    base: Fit
-    selection: Selection
-    off: tuple[Reason, ...] = ()
 
 
 def explain(comparison: Comparison, validation: Comparison | None = None) -> Explanation:
@@ -92,56 +59,6 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     return replace(explanation, validation=validate(prepared.base, selection.fit, sensors, second, validation.trace))
 
 
-def compete(prepared: Prepared) -> Competed:
-    """The believed effects: of a long record chosen on a thinned one, their numbers fitted on the whole.
-
-    What another gain, other time constants or a shorter dead time of the given simulation explain is no missing
-    physics: what is missing is looked for again beside those.
-    """
-    base, already = prepared.base, tuple(pattern.part.block.code for pattern in prepared.patterns)
-    if prepared.unrelated or too_few(base.record) or nothing_left(base):
-        return Competed(base, Selection(base, (), ()))
-    coarse = coarse_of(base, factor_for(base))
-    blocks = library(coarse.fit.record)
-    selection = select(coarse.fit, (*blocks, *offered_beside(base)), already)
-    off = parameters_of(selection.fit) if selection.effects else None
-    if off is None:
-        return beside_own_dynamics(base, coarse, selection, already)
-    given = freed(selection.fit, off)
-    again = fit_linear(base.record, given)
-    coarse = coarse_of(again, factor_for(again))
-    selection = select(coarse.fit, blocks, already)
-    return Competed(again, finely(again, coarse, selection), (off_in_words(base.given, given),))
-
-
-def finely(base: Fit, coarse: Coarse, selection: Selection) -> Selection:
-    return selection if coarse.factor == 1 else refined(base, selection)
-
-
-def beside_own_dynamics(base: Fit, coarse: Coarse, selection: Selection, already: tuple[str, ...]) -> Competed:
-    """Where no simulation was given, linear dynamics that our own simple structures lack are no missing physics: they
-    become part of our own loop, and what is missing beside them is looked for again.
-    """
-    own = lacking_dynamics(selection)
-    if own is None:
-        return Competed(base, finely(base, coarse, selection))
-    named = tuple(block for block in library(coarse.fit.record) if block.name != own.block.name)
-    if any(worth(r) > NEARLY * worth(own) for r in selection.ranking if r.block.code != own.block.code):
-        # A name with one or two parameters explains nearly what four lags without a name do: it goes before them.
-        return Competed(base, finely(base, coarse, select(coarse.fit, named, already)))
-    richer = own.fit if coarse.factor == 1 else refined(base, Selection(own.fit, selection.effects, ())).fit
-    return Competed(richer, finely(richer, coarse, select(own.fit, named, already)))
-
-
-def lacking_dynamics(selection: Selection) -> Rival | None:
-    """The generic linear dynamics, where they came first beside a linear loop of our own."""
-    if not selection.ranking or not selection.effects:
-        return None
-    first = max((effect.rival for effect in selection.effects), key=lambda rival: rival.gain)
-    own = first.fit.given.deviation >= OWN_DEVIATION
-    return first if own and first.block is DYNAMIC and len(first.fit.parts) == 1 else None
-
-
 def locate(comparison: Comparison) -> Location:
     """A first answer without a competition: where the two differ, from scans alone, of a long record thinned."""
     check(comparison)
@@ -154,37 +71,6 @@ def locate(comparison: Comparison) -> Location:
     if few or nothing_left(base):
         return Location(None, (), "nowhere", None, few)
     return quick_location(base, (*library(base.record), *offered_beside(base)))
-
-
-def prepare(comparison: Comparison) -> Prepared:
-    record = record_of(comparison)
-    patterns = find_patterns(record)
-    usable = np.ones(record.samples, dtype=np.bool_) if comparison.known is None else comparison.known.copy()
-    for pattern in patterns:
-        if pattern.hides_pv:
-            usable &= ~pattern.shows
-    record = record.comparing(usable)
-    if comparison.trace is not None:
-        behind = behind_trace(record, comparison.trace)
-        record = replace(record, rest=behind.rest)
-        record = record.comparing(answers_the_record(record, behind.given.plant))
-        base = fit_linear(record, behind.given)
-        return Prepared(record, patterns, comparison.trace, base, unrelated=unrelated(behind))
-    if comparison.simulation is not None:
-        given = given_of(comparison.simulation, record)
-        record = record.comparing(answers_the_record(record, given.plant))
-        base = fit_linear(record, given)
-        return Prepared(record, patterns, as_it_came(record, given), base)
-    return Prepared(record, patterns, None, identify(record))
-
-
-def as_it_came(record: Experiment, given: Given) -> FloatArray:
-    """The given model's trace (N,), started where PV started, in the unit of PV."""
-    task = make_task(record, given, ())
-    start = float(np.mean(record.pv_deviation[:3]))
-    settled = start - given.plant.K * float(np.mean(record.op_deviation[:3])) if given.plant.leak > 0.0 else 0.0
-    x = start_at(task, given.plant.changed(b=settled, x0=start), np.zeros(0))
-    return task.simulated(x) + record.pv_mid
 
 
 def assemble(

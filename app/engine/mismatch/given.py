@@ -8,8 +8,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from app.engine.mismatch.experiment import Experiment
-from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, Given, best_of_noise, make_task, start_at
+from app.engine.mismatch.fitting import Fit, best_of_noise
 from app.engine.mismatch.plant import Plant, run_process
+from app.engine.mismatch.task import OWN_DEVIATION, Given, make_task, start_at
 from app.engine.recording import FloatArray
 
 ALIKE = 1e-3

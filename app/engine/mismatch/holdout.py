@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.mismatch.block import Part
-from app.engine.mismatch.fitting import Fit, fit, make_task, settle
+from app.engine.mismatch.fitting import Fit, fit, settle
 from app.engine.mismatch.noise import whiten
+from app.engine.mismatch.task import make_task
 from app.engine.mismatch.windows import active_mask
 from app.engine.recording import BoolArray, FloatArray
 

@@ -4,9 +4,10 @@ import numpy as np
 
 from app.engine.mismatch.block import Block, Context
 from app.engine.mismatch.compete import Rival
-from app.engine.mismatch.fitting import fit, start_at
+from app.engine.mismatch.fitting import fit
 from app.engine.mismatch.physics import LATE
 from app.engine.mismatch.scan import task_with
+from app.engine.mismatch.task import start_at
 
 ROUNDS, STEPS = 2, 6
 

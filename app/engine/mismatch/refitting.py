@@ -10,8 +10,9 @@ import numpy as np
 from app.engine.evidence import Reason
 from app.engine.mismatch.block import Block, Context, Parameter, Part, grid
 from app.engine.mismatch.chain import altered_plant
-from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, Given
+from app.engine.mismatch.fitting import Fit
 from app.engine.mismatch.plant import Plant, run_process
+from app.engine.mismatch.task import OWN_DEVIATION, Given
 from app.engine.recording import FloatArray
 
 CODE = "simulation.parameters"

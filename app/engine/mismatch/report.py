@@ -7,12 +7,13 @@ import numpy as np
 from app.engine.evidence import Reason
 from app.engine.mismatch.block import Context, Parameter, Part
 from app.engine.mismatch.experiment import Experiment
-from app.engine.mismatch.fitting import OWN_DEVIATION, Fit, residual_rows, slopes, task_of
+from app.engine.mismatch.fitting import Fit, residual_rows, slopes, task_of
+from app.engine.mismatch.naming import Believed
 from app.engine.mismatch.patterns import Pattern
 from app.engine.mismatch.physics.stem import NAME as STEM_START
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.result import Effect, Estimate, ExplainedModel, Location, PartModel
-from app.engine.mismatch.selection import Believed
+from app.engine.mismatch.task import OWN_DEVIATION
 from app.engine.mismatch.windows import Window, active_mask, windows_of
 from app.engine.mismatch.worth import hidden_gain
 from app.engine.recording import FloatArray

@@ -8,9 +8,10 @@ import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Parameter, Part
 from app.engine.mismatch.chain import simulate
-from app.engine.mismatch.fitting import Fit, Task, make_task, orthonormal, prior_rows, residual_rows, slopes
+from app.engine.mismatch.fitting import Fit, orthonormal, prior_rows, residual_rows, slopes
 from app.engine.mismatch.noise import NoiseModel, settling_samples, whiten
 from app.engine.mismatch.plant import Plant
+from app.engine.mismatch.task import Task, make_task
 from app.engine.recording import FloatArray
 
 

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.mismatch.experiment import Experiment
-from app.engine.mismatch.fitting import Fit, fit, fit_linear, make_task, start_at
+from app.engine.mismatch.fitting import Fit, fit, fit_linear
 from app.engine.mismatch.physics import by_name
 from app.engine.mismatch.selection import Selection
+from app.engine.mismatch.task import make_task, start_at
 from app.engine.recording import BoolArray, FloatArray
 
 WANTED_SAMPLES = 4000

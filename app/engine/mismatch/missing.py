@@ -1,0 +1,82 @@
+"""What is missing, and beside which linear loop: the given one, one with parameters further off, or our own."""
+
+from dataclasses import dataclass
+
+from app.engine.evidence import Reason
+from app.engine.mismatch.compete import Rival
+from app.engine.mismatch.conclude import (
+    nothing_left,
+    too_few,
+)
+from app.engine.mismatch.fitting import Fit, fit_linear
+from app.engine.mismatch.physics import library
+from app.engine.mismatch.physics.generic import DYNAMIC
+from app.engine.mismatch.preparing import Prepared
+from app.engine.mismatch.refitting import freed, off_in_words, offered_beside, parameters_of
+from app.engine.mismatch.selection import Selection, select
+from app.engine.mismatch.task import OWN_DEVIATION
+from app.engine.mismatch.thinning import Coarse, coarse_of, factor_for, refined
+from app.engine.mismatch.worth import worth
+
+NEARLY = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Competed:
+    """The linear loop that effects were looked for beside, and what was found. off: how far it is from the given one,
+    where that is further than it was trusted.
+    """
+
+    base: Fit
+    selection: Selection
+    off: tuple[Reason, ...] = ()
+
+
+def compete(prepared: Prepared) -> Competed:
+    """The believed effects: of a long record chosen on a thinned one, their numbers fitted on the whole.
+
+    What another gain, other time constants or a shorter dead time of the given simulation explain is no missing
+    physics: what is missing is looked for again beside those.
+    """
+    base, already = prepared.base, tuple(pattern.part.block.code for pattern in prepared.patterns)
+    if prepared.unrelated or too_few(base.record) or nothing_left(base):
+        return Competed(base, Selection(base, (), ()))
+    coarse = coarse_of(base, factor_for(base))
+    blocks = library(coarse.fit.record)
+    selection = select(coarse.fit, (*blocks, *offered_beside(base)), already)
+    off = parameters_of(selection.fit) if selection.effects else None
+    if off is None:
+        return beside_own_dynamics(base, coarse, selection, already)
+    given = freed(selection.fit, off)
+    again = fit_linear(base.record, given)
+    coarse = coarse_of(again, factor_for(again))
+    selection = select(coarse.fit, blocks, already)
+    return Competed(again, finely(again, coarse, selection), (off_in_words(base.given, given),))
+
+
+def finely(base: Fit, coarse: Coarse, selection: Selection) -> Selection:
+    return selection if coarse.factor == 1 else refined(base, selection)
+
+
+def beside_own_dynamics(base: Fit, coarse: Coarse, selection: Selection, already: tuple[str, ...]) -> Competed:
+    """Where no simulation was given, linear dynamics that our own simple structures lack are no missing physics: they
+    become part of our own loop, and what is missing beside them is looked for again.
+    """
+    own = lacking_dynamics(selection)
+    if own is None:
+        return Competed(base, finely(base, coarse, selection))
+    named = tuple(block for block in library(coarse.fit.record) if block.name != own.block.name)
+    if any(worth(r) > NEARLY * worth(own) for r in selection.ranking if r.block.code != own.block.code):
+        # A name with one or two parameters explains nearly what four lags without a name do: it goes before them.
+        return Competed(base, finely(base, coarse, select(coarse.fit, named, already)))
+    richer = own.fit if coarse.factor == 1 else refined(base, Selection(own.fit, selection.effects, ())).fit
+    return Competed(richer, finely(richer, coarse, select(own.fit, named, already)))
+
+
+def lacking_dynamics(selection: Selection) -> Rival | None:
+    """The generic linear dynamics, where they came first beside a linear loop of our own."""
+    if not selection.ranking or not selection.effects:
+        return None
+    first = max((effect.rival for effect in selection.effects), key=lambda rival: rival.gain)
+    own = first.fit.given.deviation >= OWN_DEVIATION
+    return first if own and first.block is DYNAMIC and len(first.fit.parts) == 1 else None

@@ -1,0 +1,73 @@
+"""A rival that is believed, with the names that this record cannot tell from it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.engine.mismatch.compete import Rival
+from app.engine.mismatch.physics import CLOSE, NEAR, NEAR_SHARE, TWINS
+from app.engine.mismatch.refitting import CODE as PARAMETERS
+from app.engine.mismatch.task import OWN_DEVIATION
+from app.engine.mismatch.worth import UNNAMED, worth
+
+INDISTINCT = 5.0
+MOST_ALTERNATIVES = 2
+SMALL_SLIP = 0.35
+OWN_SHARE = 0.35
+# What is no physics is no alternative to any: it only makes a name less sure.
+UNSAID = (UNNAMED, PARAMETERS)
+
+
+@dataclass(frozen=True, eq=False)
+class Believed:
+    """An effect that is believed. gain: log-likelihood (nat) over the fit without it; margin: over the best other
+    name.
+    """
+
+    code: str
+    alternatives: tuple[str, ...]
+    gain: float
+    margin: float
+    rival: Rival
+
+
+def believed(best: Rival, names: tuple[Rival, ...], standing: float | None = None) -> Believed:
+    """The best rival with the names that this record cannot tell from it. standing: what it is worth, where that is
+    known from elsewhere.
+    """
+    standing = worth(best) if standing is None else standing
+    twins = list(twins_of(best))
+    others = [r for r in names if r.block.code != best.block.code and r.block.code not in twins]
+    doubt = own_doubt(best)
+    margins = {r.block.code: (standing - worth(r)) / doubt for r in others}
+    limits = {r.block.code: max(INDISTINCT, NEAR_SHARE * standing * near(best, r)) for r in others}
+    told = [r for r in others if r.block.code not in UNSAID and (worth(r) > 0.0 or near(best, r))]
+    close = [r.block.code for r in told if margins[r.block.code] < limits[r.block.code]]
+    alternatives = tuple((twins + close)[:MOST_ALTERNATIVES])
+    unsaid = [margin for code, margin in margins.items() if code not in alternatives]
+    return Believed(best.block.code, alternatives, best.gain, min(unsaid, default=float(np.inf)), best)
+
+
+def own_doubt(best: Rival) -> float:
+    """By how much a margin (nat) is to be divided: where no simulation was given the linear model came from the same
+    record, its structure is a guess, and names that come within a third of each other are not told apart by it.
+    """
+    if best.fit.given.deviation < OWN_DEVIATION:
+        return 1.0
+    return max(OWN_SHARE * worth(best) / INDISTINCT, 1.0)
+
+
+def hardly_slips(rival: Rival) -> bool:
+    """Stiction whose slip jump is a small share of its band, which an uneven backlash looks like as well."""
+    return rival.block.code == "valve.stiction" and float(rival.fit.parts[-1].values[1]) < SMALL_SLIP
+
+
+def twins_of(rival: Rival) -> tuple[str, ...]:
+    """Names that no record of OP and PV tells from this one, or not from one with such values."""
+    code = rival.block.code
+    return (*TWINS.get(code, ()), *CLOSE.get(code, ()), *(("valve.deadband",) if hardly_slips(rival) else ()))
+
+
+def near(one: Rival, other: Rival) -> bool:
+    """Whether two names have nearly the same form."""
+    return any({one.block.code, other.block.code} <= family for family in NEAR)

@@ -1,0 +1,171 @@
+"""Pairs of effects: a second beside a first, each of which is worth having beside the other, and the best of them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.engine.mismatch.compete import Rival
+from app.engine.mismatch.fitting import Fit, fit
+from app.engine.mismatch.limits import limit_bonus
+from app.engine.mismatch.naming import Believed, believed, own_doubt, twins_of
+from app.engine.mismatch.pairing import alone_as, reordered
+from app.engine.mismatch.ranking import best_of_each_code, reconciled
+from app.engine.mismatch.task import make_task, start_at
+from app.engine.mismatch.worth import (
+    SECOND_MUST_GAIN,
+    gain_under,
+    hidden_from,
+    hidden_gain,
+    makes_sense,
+    nearer,
+    pays_beside,
+    timed,
+    worth,
+    worth_beside,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """A second effect beside a first. first_gain: what the first gains beside the second (nat). names: all that
+    competed for the second place.
+    """
+
+    first: Rival
+    second: Rival
+    first_gain: float
+    names: tuple[Rival, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """A first effect, and what competed for the place beside it, the best first."""
+
+    first: Rival
+    ranking: tuple[Rival, ...]
+
+    def pairs(self, alone: tuple[Rival, ...]) -> tuple[Pair, ...]:
+        """The best second effect, where each of the two is worth having beside the other; `alone`: single effects."""
+        if not self.ranking:
+            return ()
+        best, beside = self.ranking[0], max(self.ranking, key=worth_beside)
+        taken = (best,) if beside is best else (best, beside)
+        return tuple(pair for second in taken for pair in self.pair_with(second, alone))
+
+    def pair_with(self, best: Rival, alone: tuple[Rival, ...]) -> tuple[Pair, ...]:
+        if not pays_beside(best, self.first):
+            return ()
+        rival = self.first
+        other = max((r.fit.likelihood for r in alone if r.block.code == best.block.code), default=-np.inf)
+        first_gain = best.fit.likelihood - max(other, rival.fit.likelihood - rival.gain)
+        # What says least must explain most: by scores, not likelihoods.
+        strongest = max((rival.over, *(r.fit for r in alone)), key=lambda fit: fit.score)
+        if first_gain < rival.block.penalty + SECOND_MUST_GAIN or not over_single(best, strongest):
+            return ()
+        return (Pair(rival, best, first_gain, best_of_each_code(self.ranking)),)
+
+
+def over_single(second: Rival, strongest: Fit) -> bool:
+    """Whether a pair says more than the strongest single effect, with what the noise beside that hid of it."""
+    gained = second.fit.score - strongest.score
+    if gained >= SECOND_MUST_GAIN or hidden_gain(second) == 0.0:
+        return gained >= SECOND_MUST_GAIN
+    return gained + hidden_from(second.fit, strongest) >= SECOND_MUST_GAIN
+
+
+def pairs_of(found: Fit, base: Fit, ranking: tuple[Rival, ...]) -> tuple[Pair, ...]:
+    """A couple that was fitted together as a pair: the first is that which did better alone."""
+    known = {rival.block.name: rival for rival in reversed(ranking)}
+    alone = [known.get(part.block.name) or alone_as(part, base, found.plant) for part in found.parts[-2:]]
+    order = (0, 1) if alone[0].fit.likelihood >= alone[1].fit.likelihood else (1, 0)
+    first, both = alone[order[0]], reordered(found, order)
+    second = reconciled(Rival(both.parts[-1].block, both, both.likelihood - first.fit.likelihood, first.fit))
+    return Places(first, (second,)).pairs(best_of_each_code(ranking))
+
+
+def first_from_pair(pair: Pair) -> Rival | None:
+    """The first of a pair fitted alone from where the pair stands, if that leaves the second too little: what a better
+    start of the first gains is nothing that the second explains.
+    """
+    first, found = pair.first, pair.second.fit
+    task = make_task(found.record, found.given, tuple(part.block for part in first.fit.parts))
+    known = [part.values for part in found.parts[: len(first.fit.parts)]]
+    alone = fit(task, start_at(task, found.plant, np.concatenate(known)), found.noise, 2, 6)
+    better = alone.likelihood - first.fit.likelihood
+    if better <= 0.0:
+        return None
+    again = replace(first, fit=alone, gain=first.gain + better)
+    second = reconciled(replace(pair.second, over=alone, gain=pair.second.gain - better))
+    return None if pays_beside(second, again) else again
+
+
+def second_from_pair(pair: Pair, base: Fit) -> Rival | None:
+    """The second of a pair fitted alone from where the pair stands, if that leaves the first too little: a start that
+    only the pair had is nothing that the first explains.
+    """
+    found = pair.second.fit
+    alone = alone_as(found.parts[-1], base, found.plant)
+    enough = found.likelihood - alone.fit.likelihood >= pair.first.block.penalty + SECOND_MUST_GAIN
+    return None if enough or not makes_sense(alone) else alone
+
+
+def first_beside(pair: Pair, _: Fit) -> Rival:
+    return pair.first
+
+
+def second_beside(pair: Pair, base: Fit) -> Rival:
+    """The effect of a pair that was found second, alone."""
+    return alone_as(pair.second.fit.parts[-1], base, base.plant)
+
+
+def with_rivals(pair: Pair, beside: dict[str, Places]) -> Pair:
+    """A pair with all names that competed for its second place, where they were found without it as well."""
+    places = beside.get(pair.first.block.name)
+    if places is None or any(rival is pair.second for rival in places.ranking):
+        return pair
+    names = sorted((pair.second, *places.ranking), key=lambda rival: -worth(rival))
+    return replace(pair, names=best_of_each_code(tuple(names)))
+
+
+def chosen(pairs: list[Pair]) -> Pair:
+    """The best pair by score; one that runs much nearer to PV goes before it where it is better under both noises
+    taken together.
+    """
+    best = max(pairs, key=together)
+    for pair in sorted(pairs, key=together, reverse=True):
+        mine, other = pair.second.fit, best.second.fit
+        behind = together(best) - together(pair)
+        if any(timed(part.block) for part in mine.parts) or not nearer(mine, other):
+            continue
+        if gain_under(mine, other) > behind + 2.0 * SECOND_MUST_GAIN:
+            best = pair
+    return best
+
+
+def together(pair: Pair) -> float:
+    """A pair's score, with what the quiet of its limited stretches says."""
+    return heard(pair.second.fit)
+
+
+def heard(fit: Fit) -> float:
+    """A fit's score, with what the quiet of its limited stretches says."""
+    return fit.score + sum(limit_bonus(fit, part) for part in fit.parts)
+
+
+def first_of(pair: Pair, beside_second: Places | None) -> Believed:
+    """The first of a pair, with the names that come near it beside the second one."""
+    names = () if beside_second is None else best_of_each_code(beside_second.ranking)
+    again = next((r for r in names if r.block.code == pair.first.block.code), None)
+    alone = Believed(
+        pair.first.block.code,
+        twins_of(pair.first),
+        pair.first_gain,
+        worth(pair.first) / own_doubt(pair.first),
+        pair.first,
+    )
+    if again is None or beside_second is None:
+        return alone
+    # The pair may stand better than the same two found in the other order.
+    standing = max(worth(again), together(pair) - heard(beside_second.first.fit))
+    beside = believed(again, names, standing)
+    return replace(alone, alternatives=beside.alternatives, margin=beside.margin)

@@ -1,0 +1,64 @@
+"""A comparison made ready: what of PV is compared, the linear model behind the simulation, and its refit."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.engine.evidence import Reason
+from app.engine.mismatch.beginning import answers_the_record
+from app.engine.mismatch.comparison import Comparison, given_of, record_of
+from app.engine.mismatch.conclude import (
+    unrelated,
+)
+from app.engine.mismatch.experiment import Experiment
+from app.engine.mismatch.fitting import Fit, fit_linear
+from app.engine.mismatch.given import behind_trace, identify
+from app.engine.mismatch.patterns import Pattern, find_patterns
+from app.engine.mismatch.task import Given, make_task, start_at
+from app.engine.recording import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A comparison ready to be explained: the record, the patterns of PV, the given model and its refit. off: how far
+    its parameters are from the record, where that is further than it was trusted. unrelated: why the given trace is
+    none of this OP.
+    """
+
+    record: Experiment
+    patterns: tuple[Pattern, ...]
+    given_trace: FloatArray | None
+    base: Fit
+    off: tuple[Reason, ...] = ()
+    unrelated: tuple[Reason, ...] = ()
+
+
+def prepare(comparison: Comparison) -> Prepared:
+    record = record_of(comparison)
+    patterns = find_patterns(record)
+    usable = np.ones(record.samples, dtype=np.bool_) if comparison.known is None else comparison.known.copy()
+    for pattern in patterns:
+        if pattern.hides_pv:
+            usable &= ~pattern.shows
+    record = record.comparing(usable)
+    if comparison.trace is not None:
+        behind = behind_trace(record, comparison.trace)
+        record = replace(record, rest=behind.rest)
+        record = record.comparing(answers_the_record(record, behind.given.plant))
+        base = fit_linear(record, behind.given)
+        return Prepared(record, patterns, comparison.trace, base, unrelated=unrelated(behind))
+    if comparison.simulation is not None:
+        given = given_of(comparison.simulation, record)
+        record = record.comparing(answers_the_record(record, given.plant))
+        base = fit_linear(record, given)
+        return Prepared(record, patterns, as_it_came(record, given), base)
+    return Prepared(record, patterns, None, identify(record))
+
+
+def as_it_came(record: Experiment, given: Given) -> FloatArray:
+    """The given model's trace (N,), started where PV started, in the unit of PV."""
+    task = make_task(record, given, ())
+    start = float(np.mean(record.pv_deviation[:3]))
+    settled = start - given.plant.K * float(np.mean(record.op_deviation[:3])) if given.plant.leak > 0.0 else 0.0
+    x = start_at(task, given.plant.changed(b=settled, x0=start), np.zeros(0))
+    return task.simulated(x) + record.pv_mid
