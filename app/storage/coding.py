@@ -1,5 +1,8 @@
 """Signals in few bytes: most are decimal numbers of few digits, which double precision spreads over all its bits."""
 
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby, islice
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +12,7 @@ AS_IT_IS, SINGLE = "d", "f"
 DIGITS = "0123456"  # decimals after the point
 POWERS = tuple(10.0**digits for digits in range(len(DIGITS)))
 PROBED = 8
+TOGETHER = 24  # signals of a day: their numbers stay near the processor
 GREATEST = 2**31 - 1
 MISSING = np.int32(-(2**31))
 
@@ -25,6 +29,14 @@ def coded(values: FloatArray) -> tuple[str, bytes]:
     if np.array_equal(single, values, equal_nan=True):
         return SINGLE, shuffled(single)
     return AS_IT_IS, shuffled(np.ascontiguousarray(values, dtype="<f8"))
+
+
+def coded_each(signals: Iterable[FloatArray]) -> Iterator[tuple[str, bytes]]:
+    """What `coded` gives of each. Signals of one length, one behind the other, are coded together: for a day of
+    samples the calls take longer than the numbers."""
+    for _, alike in groupby(signals, len):
+        while some := list(islice(alike, TOGETHER)):
+            yield from _coded_together(some) if len(some) > 1 and len(some[0]) else map(coded, some)
 
 
 def decoded(coding: str, raw: bytes) -> FloatArray:
@@ -51,6 +63,38 @@ def shuffled(column: NDArray[np.generic]) -> bytes:
 def unshuffled(raw: bytes, kind: str) -> NDArray[np.generic]:
     size = np.dtype(kind).itemsize
     return np.ascontiguousarray(np.frombuffer(raw, np.uint8).reshape(size, -1).T).reshape(-1).view(kind)
+
+
+def _coded_together(signals: Sequence[FloatArray]) -> list[tuple[str, bytes]]:
+    """The same for signals of one length; those that are no decimals, or need more of them than some of their values
+    tell, are coded one by one."""
+    matrix = np.array(signals)
+    digits = _digits_of_each(matrix[:, :: max(1, matrix.shape[1] // PROBED)])
+    powers = np.array(POWERS)[digits][:, None]
+    with np.errstate(over="ignore", invalid="ignore"):
+        whole = np.rint(matrix * powers)
+        exact = (whole / powers == matrix).all(axis=1)
+        exact &= np.maximum(whole.max(axis=1), -whole.min(axis=1)) <= GREATEST
+        raw = _shuffled_rows(whole.astype("<i4"))
+    return [
+        (str(digit), row.tobytes()) if fits else coded(values)
+        for values, digit, row, fits in zip(signals, digits.tolist(), raw, exact.tolist(), strict=True)
+    ]
+
+
+def _digits_of_each(probes: FloatArray) -> NDArray[np.intp]:
+    """(k,) the fewest decimals that give all values of a row of `probes` again; 0 where none do."""
+    powers = np.array(POWERS)[:, None, None]
+    with np.errstate(over="ignore", invalid="ignore"):
+        return (np.rint(probes * powers) / powers == probes).all(axis=2).argmax(axis=0)
+
+
+def _shuffled_rows(whole: NDArray[np.int32]) -> NDArray[np.uint8]:
+    """(k, 4, n): `shuffled` of each row."""
+    raw = np.empty((len(whole), 4, whole.shape[1]), dtype=np.uint8)
+    for place in range(4):
+        np.right_shift(whole, 8 * place, out=raw[:, place], casting="unsafe")
+    return raw
 
 
 def _decimal(values: FloatArray) -> tuple[int, NDArray[np.int32]] | None:

@@ -4,15 +4,16 @@ import hashlib
 import json
 import struct
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from app.storage.coding import AS_IT_IS, coded, decoded, shuffled, unshuffled, width
+from app.storage.coding import AS_IT_IS, coded, coded_each, decoded, shuffled, unshuffled, width
 
 FloatArray = NDArray[np.float64]
 TimeArray = NDArray[np.int64]
@@ -53,21 +54,27 @@ class Samples:
     def packed(self) -> bytes:
         return pack(self)
 
-    def prepare(self) -> None:
-        """Makes both now, so that they are there when they are asked for."""
-        _ = self.fingerprint, self.packed
-
     def part(self, where: slice | NDArray[np.bool_]) -> "Samples":
         return Samples(self.time_ns[where], {name: values[where] for name, values in self.signals.items()})
 
 
-def pack(samples: Samples) -> bytes:
-    """Times as differences, then each signal in the fewest bytes that give its values again."""
-    columns = {name: coded(values) for name, values in samples.signals.items()}
+def pack(samples: Samples, codings: Iterable[tuple[str, bytes]] | None = None) -> bytes:
+    """Times as differences, then each signal in the fewest bytes that give its values again. codings: what `coded`
+    gives of each signal, where that is known."""
+    codings = map(coded, samples.signals.values()) if codings is None else codings
+    columns = dict(zip(samples.signals, codings, strict=True))
     head = json.dumps({name: coding for name, (coding, _) in columns.items()}).encode()
     times = _times(samples.time_ns).differences
     body = _compressor().compress(b"".join((times, *(raw for _, raw in columns.values()))))
     return HEADER.pack(FORMAT, len(samples), len(head)) + head + body
+
+
+def prepare(batch: Sequence[Samples]) -> None:
+    """Makes the fingerprint and the packed bytes of each now, so that they are there when they are asked for."""
+    codings = coded_each(values for samples in batch for values in samples.signals.values())
+    for samples in batch:
+        vars(samples)["packed"] = pack(samples, islice(codings, len(samples.signals)))
+        _ = samples.fingerprint
 
 
 class _Times:

@@ -61,7 +61,7 @@ def test_samples_are_packed_before_the_transaction_that_stores_them(
 ) -> None:
     packing = []
     pack = samples.pack
-    monkeypatch.setattr(samples, "pack", lambda one: packing.append(threading.current_thread().name) or pack(one))
+    monkeypatch.setattr(samples, "pack", lambda *given: packing.append(threading.current_thread().name) or pack(*given))
     assert read(backend, send(backend, export())).samples_added == 400
     assert len(packing) == 2
     assert not any(name.startswith("storing") for name in packing)

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from app.storage.coding import coded, decoded, shuffled
-from app.storage.samples import HEADER, Samples, merged, news, pack, unpack
+from app.storage.coding import coded, coded_each, decoded, shuffled
+from app.storage.samples import HEADER, Samples, merged, news, pack, prepare, unpack
 
 SECOND = 1_000_000_000
 
@@ -26,6 +26,7 @@ def same(a: Samples, b: Samples) -> bool:
 
 
 values = st.floats(allow_nan=True, allow_infinity=True, width=64)
+SIGNAL_VALUES = values | st.integers(-(2**33), 2**33).map(lambda whole: whole / 1000) | st.just(-0.0)
 
 
 @given(
@@ -104,6 +105,27 @@ def test_a_signal_is_written_in_the_fewest_bytes_that_give_it_again(values: list
     found, raw = coded(given)
     assert found == coding
     assert np.array_equal(decoded(found, raw), given, equal_nan=True)
+
+
+@given(st.lists(st.lists(SIGNAL_VALUES, min_size=3, max_size=3) | st.lists(SIGNAL_VALUES, max_size=2), max_size=60))
+def test_signals_together_are_written_as_each_alone(drawn: list[list[float]]) -> None:
+    given = [np.array(values, dtype=np.float64) for values in drawn]
+    assert list(coded_each(given)) == [coded(values) for values in given]
+
+
+def test_a_value_between_those_that_are_probed_has_more_decimals() -> None:
+    rows = np.full((30, 1440), 12.5)
+    rows[3, 1], rows[4, 1], rows[5, 1], rows[6, 1] = 0.0625, np.pi, np.nan, 3e9
+    assert {coding for coding, _ in coded_each(rows)} == {"1", "4", "d", "f"}
+    assert list(coded_each(rows)) == [coded(values) for values in rows]
+
+
+def test_prepared_samples_are_packed_as_each_alone() -> None:
+    day = np.arange(5) / 8
+    batch = [samples([1, 2, 3, 4, 5], pv=day), samples([1], pv=[7], sp=[1]), Samples(np.arange(2), {})]
+    alone = [(pack(it), Samples(it.time_ns, it.signals).fingerprint) for it in batch]
+    prepare(batch)
+    assert [(vars(it)["packed"], vars(it)["fingerprint"]) for it in batch] == alone
 
 
 def test_samples_of_the_format_before_are_read() -> None:

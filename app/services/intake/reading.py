@@ -17,7 +17,7 @@ from app.services.heartbeat import Heartbeat
 from app.services.intake.uploads import path_of
 from app.services.patience import patiently
 from app.storage import loops, series, uploads
-from app.storage.samples import Samples
+from app.storage.samples import Samples, prepare
 from app.storage.series import Stretch
 from app.storage.uploads import ReadingClaim, RejectRow, UploadRow
 
@@ -163,8 +163,7 @@ def _prepared(batch: list[LoopSamples]) -> list[Prepared]:
     """Fingerprints and packed bytes are made before the transaction, which stays short; samples of which a part is
     stored already are packed anew in it: only then is it known what is new."""
     ready = [Prepared(stretch.loop, _samples(stretch)) for stretch in batch]
-    for it in ready:
-        it.samples.prepare()
+    prepare([it.samples for it in ready])
     return ready
 
 
