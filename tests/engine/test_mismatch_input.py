@@ -5,6 +5,7 @@ import pytest
 
 from app.engine.mismatch import Comparison, LinearSimulation, explain, locate
 from app.engine.mismatch.block import Context
+from app.engine.mismatch.comparison import wild_samples
 from app.engine.mismatch.experiment import experiment
 from app.engine.mismatch.noise import NoiseModel, compared_samples, whiten
 from app.engine.mismatch.physics.static_gain import exponential
@@ -47,6 +48,8 @@ def with_one(value: float) -> FloatArray:
         ({"measured": (("T1", with_one(np.inf)),)}, "signal_not_finite"),
         ({"known": np.zeros(N, dtype=np.bool_)}, "nothing_known"),
         ({"sampling_interval_s": 0.0}, "interval_invalid"),
+        ({"pv": pv() + with_one(1e300)}, "signal_too_large"),
+        ({"trace": with_one(1e200)}, "signal_too_large"),
     ],
 )
 def test_bad_input_gets_a_clear_error(changed: dict, code: str) -> None:
@@ -142,3 +145,28 @@ def test_a_trace_that_does_not_answer_op_explains_nothing() -> None:
     answer = explain(Comparison("another", TS, op(), pv(), trace=trace))
     assert answer.verdict == "inconclusive"
     assert answer.evidence[0].code == "simulation_unrelated"
+
+
+@pytest.mark.parametrize("bad", [-9999.0, 32767.0, 1e37])
+def test_a_bad_value_of_pv_is_left_out_and_said(bad: float) -> None:
+    spoiled = pv()
+    spoiled[[200, 201, 417]] = bad
+    answer = explain(Comparison("bad", TS, op(), spoiled, simulation=GIVEN))
+    assert answer.verdict == "consistent"
+    assert answer.evidence[0].code == "wild_samples"
+    assert "3 samples" in answer.evidence[0].text
+
+
+def test_a_stretch_or_a_pv_that_rests_has_no_bad_value() -> None:
+    jumped = pv() + 2000.0 * (np.arange(N) > N - 5)
+    assert wild_samples(jumped).sum() == 4
+    assert not wild_samples(pv() + 2000.0 * (np.arange(N) > N - 50)).any()
+    assert not wild_samples(np.where(np.arange(N) > N - 4, 51.0, 50.0)).any()
+
+
+@pytest.mark.parametrize("unit", [1000.0, 0.01])
+def test_a_trace_in_another_unit_accuses_nothing(unit: float) -> None:
+    trace = unit * (50.0 + run_process(op() - 40.0, Plant(K=1.45, tau=28.5, theta=6.0), TS))
+    answer = explain(Comparison("unit", TS, op(), pv(), trace=trace))
+    assert answer.verdict == "consistent"
+    assert answer.evidence[0].code == "parameters_off"

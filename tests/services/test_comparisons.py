@@ -10,7 +10,14 @@ from app.engine.mismatch import Comparison
 from app.engine.mismatch.result import ExplainedModel
 from app.engine.recording import Recording
 from app.errors import DataError, LoopauditError
-from app.services.explaining.comparisons import Columns, comparison_of, read_comparison, seconds, simulation_from_json
+from app.services.explaining.comparisons import (
+    Columns,
+    comparison_of,
+    read_comparison,
+    seconds,
+    simulation_from_json,
+    uniform,
+)
 from app.services.explaining.models import simulate_model
 
 
@@ -122,3 +129,24 @@ def test_a_stamp_that_is_none_among_others_is_not_known():
     found = seconds(pl.DataFrame({"time": stamps, "PV": [1.0, 2.0, 3.0]}))
     assert np.isnan(found[1])
     assert found[2] - found[0] == 20.0
+
+
+def test_a_clock_that_went_back_and_times_that_come_twice_are_said() -> None:
+    time = np.concatenate((np.arange(100.0), np.arange(60.0, 200.0)))
+    noise = np.random.default_rng(1).normal(size=len(time))
+    found = uniform("clock", time, {"pv": noise, "op": noise}, {})
+    assert [note.code for note in found.notes] == ["time_runs_back", "times_repeated"]
+    assert "40 samples" in found.notes[1].text
+    even = uniform("even", np.arange(240.0), {"pv": noise, "op": noise}, {})
+    assert even.notes == ()
+
+
+def test_a_simulation_with_a_hole_is_refused(tmp_path: Path) -> None:
+    recording = write(tmp_path / "F1.csv", "Time,PV,OP\n" + rows(200))
+    lines = rows(200).split("\n")
+    holed = [line if not 80 <= k < 90 else line.split(",")[0] + ",," for k, line in enumerate(lines)]
+    other = write(tmp_path / "sim.csv", "Time,PV,OP\n" + "\n".join(holed))
+    with pytest.raises(DataError) as raised:
+        read_comparison(recording, Columns(), str(other))
+    assert raised.value.code == "simulation_not_finite"
+    assert "10 samples" in str(raised.value)

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.engine.evidence import Reason
 from app.engine.mismatch.experiment import Experiment, experiment
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.task import Given
@@ -13,6 +14,8 @@ from app.errors import DataError
 
 LEAST_SAMPLES = 100
 LEAST_MOVES = 10
+LARGEST = 1e100
+WILD, WILD_SHARE, OUTSIDE = 30.0, 0.01, 5.0
 MOST_SAMPLES = 40_000
 QUICK_SAMPLES, MOST_QUICK_SAMPLES = 1500, 3000
 INTERVALS_A_MEMORY = 3.0
@@ -35,7 +38,7 @@ class Comparison:
     own.
 
     sampling_interval_s: s. op, pv, sp: engineering units; measured: further signals by name. known: (N,) False where
-    PV was filled in.
+    PV was filled in. notes: what was mended of the signals before, to be said with the answer.
     """
 
     name: str
@@ -47,6 +50,7 @@ class Comparison:
     known: BoolArray | None = None
     trace: FloatArray | None = None
     simulation: LinearSimulation | None = None
+    notes: tuple[Reason, ...] = ()
 
 
 def record_of(comparison: Comparison) -> Experiment:
@@ -55,7 +59,7 @@ def record_of(comparison: Comparison) -> Experiment:
 
 def check(comparison: Comparison) -> None:
     """Raises DataError("too_short", "interval_invalid", "signal_length", "signal_not_finite", "simulation_length",
-    "simulation_not_finite", "simulation_constant", "nothing_known", "signal_constant").
+    "simulation_not_finite", "simulation_constant", "nothing_known", "signal_constant", "signal_too_large").
     """
     n, ts = len(comparison.pv), comparison.sampling_interval_s
     if not (np.isfinite(ts) and ts > 0.0):
@@ -81,6 +85,14 @@ def check_beside(comparison: Comparison) -> None:
             raise DataError("signal_length", f"{name} has {len(signal)} samples, PV has {n}; they must be the same")
         if not np.all(np.isfinite(signal)):
             raise DataError("signal_not_finite", f"{name} has samples without a value; fill them or leave it out")
+        check_size(name, signal)
+
+
+def check_size(name: str, signal: FloatArray) -> None:
+    """Squares of values must still be numbers."""
+    most = float(np.max(np.abs(signal)))
+    if most > LARGEST:
+        raise DataError("signal_too_large", f"{name} has a value of {most:.3g}, at most {LARGEST:g} can be compared")
 
 
 def check_moves(comparison: Comparison) -> None:
@@ -90,6 +102,7 @@ def check_moves(comparison: Comparison) -> None:
             raise DataError(
                 "signal_constant", f"{name} is constant or not finite: there is nothing to compare a simulation with"
             )
+        check_size(name, signal)
     moves = int(np.count_nonzero(np.diff(comparison.pv)))
     if moves < LEAST_MOVES:
         raise DataError(
@@ -111,10 +124,36 @@ def check_trace(comparison: Comparison) -> None:
         raise DataError(
             "simulation_not_finite", "the simulation has samples without a value; it must cover the recording"
         )
+    check_size("the simulation", trace)
     if np.ptp(trace) <= 0.0:
         raise DataError(
             "simulation_constant", "the simulation is constant: it does not answer OP, so there is no model behind it"
         )
+
+
+def without_wild(comparison: Comparison) -> Comparison:
+    """A few samples of PV far outside of all others, as a code for a bad value leaves them, are not compared; they are
+    filled in from their neighbours.
+    """
+    wild = wild_samples(comparison.pv)
+    if not wild.any():
+        return comparison
+    at = np.arange(len(wild))
+    pv = np.where(wild, np.interp(at, at[~wild], comparison.pv[~wild]), comparison.pv)
+    known = ~wild if comparison.known is None else comparison.known & ~wild
+    first = comparison.pv[wild][0]
+    text = f"{int(wild.sum())} samples of PV stand far outside of all others (first {first:.6g}) and are left out"
+    return replace(comparison, pv=pv, known=known, notes=(*comparison.notes, Reason("wild_samples", text)))
+
+
+def wild_samples(pv: FloatArray) -> BoolArray:
+    """(N,) True where one of a few samples of PV (N,) is many times farther from its median than all others."""
+    away = np.abs(pv - np.median(pv))
+    low, high = np.quantile(pv, (WILD_SHARE, 1.0 - WILD_SHARE))
+    wild = away > WILD * (high - low)
+    if not 0.0 < np.mean(wild) <= WILD_SHARE or high <= low:
+        return np.zeros(len(pv), dtype=np.bool_)
+    return wild & (away > OUTSIDE * float(np.ptp(pv[~wild])))
 
 
 def shortened(comparison: Comparison) -> Comparison:

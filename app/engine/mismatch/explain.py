@@ -8,7 +8,7 @@ from app.engine import ENGINE_VERSION
 from app.engine.evidence import Reason
 from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.closed_loop import ClosedLoop, close_again
-from app.engine.mismatch.comparison import Comparison, check, glimpse, record_of, shortened
+from app.engine.mismatch.comparison import Comparison, check, glimpse, record_of, shortened, without_wild
 from app.engine.mismatch.conclude import (
     conclude,
     nothing_left,
@@ -38,14 +38,15 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
 
     `validation`: a second recording, simulated only, with the model of the first.
     Raises DataError("too_short", "interval_invalid", "signal_constant", "signal_length", "signal_not_finite",
-    "simulation_length", "simulation_not_finite", "simulation_constant", "model_invalid").
+    "simulation_length", "simulation_not_finite", "simulation_constant", "nothing_known", "signal_too_large",
+    "model_invalid").
     Misleads where OP hardly moves: then little can be told, and the answer is `consistent`.
     """
     check(comparison)
-    comparison = shortened(comparison)
+    comparison = shortened(without_wild(comparison))
     prepared = prepare(comparison)
     competed = compete(prepared)
-    prepared = replace(prepared, base=competed.base, off=competed.off)
+    prepared = replace(prepared, base=competed.base, off=competed.off or prepared.off)
     selection = replace(competed.selection, fit=settle(competed.selection.fit))
     doubts = prepared.unrelated or (op_moves_nothing(selection.fit) if selection.effects else ())
     if doubts:
@@ -62,6 +63,7 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
 def locate(comparison: Comparison) -> Location:
     """A first answer without a competition: where the two differ, from scans alone, of a long record thinned."""
     check(comparison)
+    comparison = without_wild(comparison)
     whole = record_of(comparison)
     patterns = find_patterns(whole)
     if patterns:
@@ -113,7 +115,12 @@ def assemble(
         validation=None,
         model=export(seen.model, seen.sensors),
         refit=refit_estimates(prepared.base),
-        evidence=(*conclusion.reasons, *evidence_of(prepared, selection), *controller_evidence(closed)),
+        evidence=(
+            *comparison.notes,
+            *conclusion.reasons,
+            *evidence_of(prepared, selection),
+            *controller_evidence(closed),
+        ),
         traces=traces,
         closed_loop=closed,
         engine_version=ENGINE_VERSION,

@@ -14,8 +14,12 @@ from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit, fit_linear
 from app.engine.mismatch.given import behind_trace, identify
 from app.engine.mismatch.patterns import Pattern, find_patterns
+from app.engine.mismatch.plant import run_process
+from app.engine.mismatch.refitting import off_in_words
 from app.engine.mismatch.task import Given, make_task, start_at
 from app.engine.recording import FloatArray
+
+OTHER_UNIT, LEAST_ALIKE = 8.0, 0.5  # so many times PV's size, and so much of PV's shape
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,14 +49,30 @@ def prepare(comparison: Comparison) -> Prepared:
         behind = behind_trace(record, comparison.trace)
         record = replace(record, rest=behind.rest)
         record = record.comparing(answers_the_record(record, behind.given.plant))
-        base = fit_linear(record, behind.given)
-        return Prepared(record, patterns, comparison.trace, base, unrelated=unrelated(behind))
+        share = scale_of(record, behind.given)
+        given = replace(behind.given, plant=behind.given.plant.changed(K=share * behind.given.plant.K))
+        record = replace(record, rest=share * record.rest)
+        off = () if share == 1.0 else (off_in_words(behind.given, given),)
+        base = fit_linear(record, given)
+        return Prepared(record, patterns, comparison.trace, base, off, unrelated(behind))
     if comparison.simulation is not None:
         given = given_of(comparison.simulation, record)
         record = record.comparing(answers_the_record(record, given.plant))
-        base = fit_linear(record, given)
-        return Prepared(record, patterns, as_it_came(record, given), base)
+        scaled = replace(given, plant=given.plant.changed(K=scale_of(record, given) * given.plant.K))
+        off = () if scaled.plant.K == given.plant.K else (off_in_words(given, scaled),)
+        return Prepared(record, patterns, as_it_came(record, given), fit_linear(record, scaled), off)
     return Prepared(record, patterns, None, identify(record))
+
+
+def scale_of(record: Experiment, given: Given) -> float:
+    """By how much the given gain is to be multiplied where it is in another unit; 1 where it is of PV's size."""
+    if given.integrating:
+        return 1.0
+    simulated = run_process(record.op_deviation, given.plant, record.sampling_interval_s)[record.usable]
+    moves, pv = simulated - np.mean(simulated), record.pv_deviation[record.usable]
+    share = float(moves @ pv) / max(float(moves @ moves), 1e-300)
+    alike = share * float(np.std(moves)) > LEAST_ALIKE * float(np.std(pv))
+    return share if alike and not 1.0 / OTHER_UNIT < share < OTHER_UNIT else 1.0
 
 
 def as_it_came(record: Experiment, given: Given) -> FloatArray:

@@ -21,6 +21,7 @@ from app.engine.mismatch.pairs import (
 )
 from app.engine.mismatch.physics import TWINS
 from app.engine.mismatch.ranking import best_of_each_code, ranked
+from app.engine.mismatch.refitting import CODE as PARAMETERS
 from app.engine.mismatch.worth import (
     LEAST_OF_PENALTY,
     SECOND_MUST_GAIN,
@@ -65,6 +66,8 @@ def select(base: Fit, blocks: tuple[Block, ...], already: tuple[str, ...] = ()) 
     names = best_of_each_code(first)
     pays = bool(first) and worth(first[0]) > asked
     single = Selection(first[0].fit, (believed(first[0], names),), first) if pays else Selection(base, (), first)
+    if pays and first[0].block.code == PARAMETERS:
+        return single  # what is missing is looked for again beside the right ones
     begun = leaders(first) if pays else hidden(names)
     beside = {rival.block.name: seconds(rival, names, offered) for rival in begun}
     pairs = [pair for places in beside.values() for pair in places.pairs(names)]

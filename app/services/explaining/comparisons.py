@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison, LinearSimulation
 from app.engine.recording import FloatArray, Recording
 from app.errors import DataError, RequestError
@@ -225,6 +226,8 @@ def onto(time: FloatArray, other_time: FloatArray, trace: FloatArray) -> FloatAr
     known = np.isfinite(trace) & np.isfinite(other_time)
     if known.sum() < 2:
         raise DataError("simulation_not_finite", "the simulation has no values")
+    if holes := int(np.sum(~known[np.argmax(known) : len(known) - np.argmax(known[::-1])])):
+        raise DataError("simulation_not_finite", f"{holes} samples of the simulation between others have no value")
     if len(other_time) == len(time) and other_time[0] == 0.0:
         other_time = other_time + time[0]
     slack = 1.5 * float(np.median(np.diff(time)))
@@ -252,7 +255,9 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
             "too_short", f"{name} has {int(present.sum())} samples with time, PV and OP, at least 100 are needed"
         )
     order = np.flatnonzero(present)[np.argsort(time[present], kind="stable")]
-    order = order[np.concatenate(([True], np.diff(time[order]) > 0.0))]
+    kept = np.concatenate(([True], np.diff(time[order]) > 0.0))
+    notes = faults_of_the_clock(time[present], int(np.sum(~kept)))
+    order = order[kept]
     at = time[order] - time[order[0]]
     interval = float(np.median(np.diff(at)))
     # Samples that came on change: a grid as fine as their usual distance would be mostly invented.
@@ -280,7 +285,19 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
         measured=measured,
         known=None if even else known,
         trace=resampled(signals["trace"]) if "trace" in signals else None,
+        notes=notes,
     )
+
+
+def faults_of_the_clock(time: FloatArray, repeated: int) -> tuple[Reason, ...]:
+    """What times (N,) s in the order of the file hide: an hour that comes twice is sorted into the one before."""
+    found = []
+    if back := int(np.sum(np.diff(time) < 0.0)):
+        text = f"time runs back {back} times; sorted by time, the samples of a clock that was set are mixed"
+        found.append(Reason("time_runs_back", text))
+    if repeated:
+        found.append(Reason("times_repeated", f"{repeated} samples whose time was there before are left out"))
+    return tuple(found)
 
 
 def simulation_from_json(text: str) -> LinearSimulation:
