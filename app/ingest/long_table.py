@@ -39,6 +39,9 @@ class LongTable:
         self._quality = Quality(options.drop_uncertain, plan.zero_is_good)
         self._tag_type = pl.Categorical(pl.Categories.random())
         self._quality_type = pl.Categorical(pl.Categories.random())
+        # polars forgets the codes of a type of which no series is left: between two chunks that it parsed, others may
+        # have been scanned.
+        self._held = tuple(pl.Series([], dtype=of) for of in (self._tag_type, self._quality_type))
         self._places: list[Place] = []
         self._parts: list[int] = []
         self._part_of_loop = PartOfLoop()

@@ -79,8 +79,14 @@ class Scanner:
         self._patience -= 2
 
     def learn(self, tags: list[str]) -> None:
-        """All tags known by now: they are found faster than new ones."""
+        """All tags known by now: they are found faster than new ones. One that stands in no field without quotes ends
+        scanning, for what looks like it in plain text is another field.
+        """
+        self._possible = self._possible and all(map(self._stands_alone, tags[len(self._tags) :]))
         self._tags = tags
+
+    def _stands_alone(self, tag: str) -> bool:
+        return bool(tag) and not any(mark in tag for mark in (chr(self._marks[0]), '"', "\r", "\n"))
 
     def scan(self, lines: Lines) -> Scan | None:
         """What stands in the rows, however few they are; None where they are not plain."""

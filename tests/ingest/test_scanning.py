@@ -128,6 +128,30 @@ def test_a_scan_gives_what_fields_give(
     assert any(scans) == (name in PLAIN or refused or chunk_bytes == 400)
 
 
+@pytest.mark.parametrize("chunk_bytes", [200, 400])
+def test_tags_keep_their_values_where_scans_lie_between_odd_rows(
+    read: Read, monkeypatch: pytest.MonkeyPatch, scans: list[Scan | None], chunk_bytes: int
+) -> None:
+    lines = scan() + [line.replace(" 00:", " 01:") for line in scan()]
+    odd = range(20, len(lines), 97)  # another tag each time
+    lines = [line.replace("Good", "Bad") if k in odd else line for k, line in enumerate(lines)]
+    options = IngestOptions(chunk_bytes=chunk_bytes)
+    by_fields = read_by_fields(read, monkeypatch, text(lines), options)
+    same(read(text(lines), options=options), by_fields)
+    assert sum(found is not None for found in scans) > 2 * len(odd)
+
+
+@pytest.mark.parametrize("tag", ["A,B.PV", "", 'A"B.PV'])
+def test_a_tag_that_only_quotes_can_hold_is_not_found_in_plain_text(
+    read: Read, monkeypatch: pytest.MonkeyPatch, scans: list[Scan | None], tag: str
+) -> None:
+    quoted = '"' + tag.replace('"', '""') + '"'
+    lines = [f"{quoted},2026-01-31 00:00:00,1.5,Good", *scan(), *(line.replace("C,", f"{tag},") for line in scan())]
+    options = IngestOptions(chunk_bytes=400)
+    by_fields = read_by_fields(read, monkeypatch, text(lines), options)
+    same(read(text(lines), options=options), by_fields)
+
+
 def test_a_tag_that_is_too_long_is_refused(
     read: Read, monkeypatch: pytest.MonkeyPatch, scans: list[Scan | None]
 ) -> None:
