@@ -8,13 +8,17 @@ from app.engine.mismatch.refitting import CODE
 from app.engine.mismatch.report import whole
 from app.engine.mismatch.result import Location
 from app.engine.mismatch.windows import windows_of
+from app.engine.mismatch.worth import UNNAMED
 
 
 def quick_location(base: Fit, blocks: tuple[Block, ...]) -> Location:
     """The place, windows and condition of the block whose scan gains most, or nowhere where none pays."""
-    best = max(glance(base, blocks), key=lambda scanned: scanned.gain - scanned.block.penalty)
-    if best.gain <= best.block.penalty:
+    paying = [scanned for scanned in glance(base, blocks) if scanned.gain > scanned.block.penalty]
+    if not paying:
         return Location(None, (), "nowhere", None)
+    # A term that names nothing bends with whatever is there: it is said where no name pays.
+    told = [scanned for scanned in paying if scanned.block.code != UNNAMED] or paying
+    best = max(told, key=lambda scanned: scanned.gain - scanned.block.penalty)
     if best.block.code == CODE:
         text = f"other parameters of the simulation gain {best.gain:.1f} nat in a scan, more than any effect"
         return Location(None, (), "nowhere", None, (Reason("parameters_off", text),))
