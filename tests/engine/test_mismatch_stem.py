@@ -168,5 +168,6 @@ def test_a_start_that_only_the_pair_had_is_no_merit_of_its_first(
     again = SimpleNamespace(fit=SimpleNamespace(likelihood=alone))
     monkeypatch.setattr(pairs, "alone_as", lambda part, over, plant: again if part == "second" else None)
     monkeypatch.setattr(pairs, "makes_sense", lambda _: True)
+    # Stand-ins hold only what is asked of a rival and a fit.
     pair = Pair(first, SimpleNamespace(fit=both), 150.0, ())  # type: ignore[arg-type]
     assert second_from_pair(pair, base) is (None if stays else again)  # type: ignore[arg-type]

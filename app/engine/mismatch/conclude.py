@@ -48,8 +48,7 @@ def op_moves_nothing(final: Fit) -> tuple[Reason, ...]:
     """
     if not final.parts or final.record.op_follows_pv:
         return ()
-    record = final.record
-    still = replace(final, record=record.with_op(np.full(record.samples, record.op_mid)))
+    still = replace(final, record=at_rest(final.record))
     told = final.likelihood - fit(task_of(still), final.x, None, 3).likelihood
     if told >= LEAST_ANSWER:
         return ()
@@ -119,6 +118,9 @@ def unrelated(behind: TraceModel) -> tuple[Reason, ...]:
 
 def answer_to_op(base: Fit) -> float:
     """Log-likelihood (nat) that the linear model gains over the same noise and an OP that stands still."""
-    record = base.record
-    still = fit_linear(record.with_op(np.full(record.samples, record.op_mid)), base.given)
-    return base.likelihood - still.likelihood
+    return base.likelihood - fit_linear(at_rest(base.record), base.given).likelihood
+
+
+def at_rest(record: Experiment) -> Experiment:
+    """The same record under an OP that stands still."""
+    return record.with_op(np.full(record.samples, record.op_mid))

@@ -4,10 +4,7 @@ from dataclasses import dataclass
 
 from app.engine.evidence import Reason
 from app.engine.mismatch.compete import Rival
-from app.engine.mismatch.conclude import (
-    nothing_left,
-    too_few,
-)
+from app.engine.mismatch.conclude import nothing_left, too_few
 from app.engine.mismatch.fitting import Fit, fit_linear
 from app.engine.mismatch.physics import library
 from app.engine.mismatch.physics.generic import DYNAMIC

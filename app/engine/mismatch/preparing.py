@@ -7,9 +7,7 @@ import numpy as np
 from app.engine.evidence import Reason
 from app.engine.mismatch.beginning import answers_the_record
 from app.engine.mismatch.comparison import Comparison, given_of, record_of
-from app.engine.mismatch.conclude import (
-    unrelated,
-)
+from app.engine.mismatch.conclude import unrelated
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit, fit_linear
 from app.engine.mismatch.given import behind_trace, identify
@@ -50,17 +48,15 @@ def prepare(comparison: Comparison) -> Prepared:
         record = replace(record, rest=behind.rest)
         record = record.comparing(answers_the_record(record, behind.given.plant))
         share = scale_of(record, behind.given)
-        given = replace(behind.given, plant=behind.given.plant.changed(K=share * behind.given.plant.K))
         record = replace(record, rest=share * record.rest)
-        off = () if share == 1.0 else (off_in_words(behind.given, given),)
-        base = fit_linear(record, given)
-        return Prepared(record, patterns, comparison.trace, base, off, unrelated(behind))
+        base = fit_linear(record, scaled(behind.given, share))
+        return Prepared(record, patterns, comparison.trace, base, off_by(behind.given, share), unrelated(behind))
     if comparison.simulation is not None:
         given = given_of(comparison.simulation, record)
         record = record.comparing(answers_the_record(record, given.plant))
-        scaled = replace(given, plant=given.plant.changed(K=scale_of(record, given) * given.plant.K))
-        off = () if scaled.plant.K == given.plant.K else (off_in_words(given, scaled),)
-        return Prepared(record, patterns, as_it_came(record, given), fit_linear(record, scaled), off)
+        share = scale_of(record, given)
+        base = fit_linear(record, scaled(given, share))
+        return Prepared(record, patterns, as_it_came(record, given), base, off_by(given, share))
     return Prepared(record, patterns, None, identify(record))
 
 
@@ -73,6 +69,14 @@ def scale_of(record: Experiment, given: Given) -> float:
     share = float(moves @ pv) / max(float(moves @ moves), 1e-300)
     alike = share * float(np.std(moves)) > LEAST_ALIKE * float(np.std(pv))
     return share if alike and not 1.0 / OTHER_UNIT < share < OTHER_UNIT else 1.0
+
+
+def scaled(given: Given, share: float) -> Given:
+    return replace(given, plant=given.plant.changed(K=share * given.plant.K))
+
+
+def off_by(given: Given, share: float) -> tuple[Reason, ...]:
+    return () if share == 1.0 else (off_in_words(given, scaled(given, share)),)
 
 
 def as_it_came(record: Experiment, given: Given) -> FloatArray:
