@@ -53,6 +53,11 @@ def test_json_has_the_form_of_the_contract(recording: Path, tmp_path: Path) -> N
         (["--sim", "NO_SUCH"], "no_such_column"),
         (["--op", "NO_SUCH"], "no_such_column"),
         (["--sim-model", "{}"], "model_invalid"),
+        (["--sim-model", '{"gain": NaN}'], "model_invalid"),
+        (["--sim-model", '{"gain": 1, "time_constants_s": [-5]}'], "model_invalid"),
+        (["--sim-model", '{"gain": 1, "time_constants_s": [Infinity]}'], "model_invalid"),
+        (["--sim-model", '{"gain": 1, "dead_time_s": 1e9}', "--quick"], "model_invalid"),
+        (["--sim-model", f'{{"gain": 1{"0" * 400}}}'], "model_invalid"),
     ],
 )
 def test_what_cannot_be_done_is_said(recording: Path, options: list[str], code: str) -> None:

@@ -43,6 +43,15 @@ def with_one(value: float) -> FloatArray:
         ({"trace": np.full(N, np.nan)}, "simulation_not_finite"),
         ({"trace": np.full(N, 3.0)}, "simulation_constant"),
         ({"simulation": LinearSimulation(0.0)}, "model_invalid"),
+        ({"simulation": LinearSimulation(np.nan)}, "model_invalid"),
+        ({"simulation": LinearSimulation(1e300)}, "model_invalid"),
+        ({"simulation": LinearSimulation(1.4, (np.inf,))}, "model_invalid"),
+        ({"simulation": LinearSimulation(1.4, (-30.0,), 6.0)}, "model_invalid"),
+        ({"simulation": LinearSimulation(1.4, (30.0, np.nan), 6.0)}, "model_invalid"),
+        ({"simulation": LinearSimulation(1.4, (1e9,))}, "model_invalid"),
+        ({"simulation": LinearSimulation(1.4, (30.0, 5.0, 2.0))}, "model_invalid"),
+        ({"simulation": LinearSimulation(1.4, (30.0,), -6.0)}, "model_invalid"),
+        ({"simulation": LinearSimulation(1.4, (30.0,), TS * N)}, "model_invalid"),
         ({"sp": np.zeros(7)}, "signal_length"),
         ({"sp": with_one(np.nan)}, "signal_not_finite"),
         ({"measured": (("T1", with_one(np.inf)),)}, "signal_not_finite"),
@@ -155,6 +164,16 @@ def test_a_bad_value_of_pv_is_left_out_and_said(bad: float) -> None:
     assert answer.verdict == "consistent"
     assert answer.evidence[0].code == "wild_samples"
     assert "3 samples" in answer.evidence[0].text
+
+
+def test_another_unit_and_other_times_are_both_said() -> None:
+    trace = 1000.0 * (50.0 + run_process(op() - 40.0, Plant(K=1.45, tau=90.0, theta=6.0), TS))
+    answer = explain(Comparison("unit", TS, op(), pv(), trace=trace))
+    off = [reason.text for reason in answer.evidence if reason.code == "parameters_off"]
+    assert answer.verdict == "consistent"
+    assert len(off) == 2
+    assert "another unit" in off[0]
+    assert "tau 90" in off[1]
 
 
 def test_a_stretch_or_a_pv_that_rests_has_no_bad_value() -> None:

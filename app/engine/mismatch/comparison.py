@@ -20,6 +20,7 @@ MOST_SAMPLES = 40_000
 QUICK_SAMPLES, MOST_QUICK_SAMPLES = 1500, 3000
 INTERVALS_A_MEMORY = 3.0
 LEAST_TIME_CONSTANT = 0.05
+MOST_LAGS, LONGEST_LAG = 2, 1000.0  # so many records long; a longer one is no other than an integrator
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,8 @@ def record_of(comparison: Comparison) -> Experiment:
 
 def check(comparison: Comparison) -> None:
     """Raises DataError("too_short", "interval_invalid", "signal_length", "signal_not_finite", "simulation_length",
-    "simulation_not_finite", "simulation_constant", "nothing_known", "signal_constant", "signal_too_large").
+    "simulation_not_finite", "simulation_constant", "nothing_known", "signal_constant", "signal_too_large",
+    "model_invalid").
     """
     n, ts = len(comparison.pv), comparison.sampling_interval_s
     if not (np.isfinite(ts) and ts > 0.0):
@@ -73,6 +75,8 @@ def check(comparison: Comparison) -> None:
     check_beside(comparison)
     check_trace(comparison)
     check_moves(comparison)
+    if comparison.simulation is not None:
+        check_model(comparison.simulation, n * ts)
 
 
 def check_beside(comparison: Comparison) -> None:
@@ -129,6 +133,27 @@ def check_trace(comparison: Comparison) -> None:
         raise DataError(
             "simulation_constant", "the simulation is constant: it does not answer OP, so there is no model behind it"
         )
+
+
+def check_model(simulation: LinearSimulation, duration_s: float) -> None:
+    """Raises DataError("model_invalid") where a model cannot be simulated along a record of this length (s)."""
+    gain, taus, late = simulation.gain, simulation.time_constants_s, simulation.dead_time_s
+    longest = LONGEST_LAG * duration_s
+    if not 1.0 / LARGEST <= abs(gain) <= LARGEST:
+        fault = f"its gain is {gain:g}; a finite number other than 0 is needed"
+    elif len(taus) > MOST_LAGS:
+        fault = f"it has {len(taus)} time constants, at most {MOST_LAGS} can be fitted"
+    elif not all(0.0 <= tau <= longest for tau in taus):
+        told = ", ".join(f"{tau:g}" for tau in taus)
+        fault = (
+            f"its time constants are {told} s; from 0 to {longest:g} s ({LONGEST_LAG:g} times the recording) are "
+            "needed: what is slower integrates"
+        )
+    elif not 0.0 <= late < duration_s:
+        fault = f"its dead time is {late:g} s; from 0 to less than the recording's {duration_s:g} s are needed"
+    else:
+        return
+    raise DataError("model_invalid", f"the model cannot be simulated: {fault}")
 
 
 def without_wild(comparison: Comparison) -> Comparison:
@@ -193,13 +218,8 @@ def at_interval(comparison: Comparison, factor: int) -> Comparison:
 
 
 def given_of(simulation: LinearSimulation, record: Experiment) -> Given:
-    """The given model as a plant. Raises DataError("model_invalid")."""
+    """The given model, checked, as a plant."""
     taus = sorted((t for t in simulation.time_constants_s if t > 0.0), reverse=True)
-    if not np.isfinite(simulation.gain) or simulation.gain == 0.0 or len(taus) > 2 or simulation.dead_time_s < 0.0:
-        raise DataError(
-            "model_invalid",
-            "a model needs a gain other than 0, up to two time constants and a dead time that is not negative",
-        )
     if simulation.integrating:
         plant = Plant(simulation.gain, 1.0, simulation.dead_time_s, tau2=taus[0] if taus else 0.0, leak=0.0)
         return Given(plant, integrating=True, second_order=bool(taus))

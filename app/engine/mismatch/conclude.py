@@ -75,6 +75,30 @@ def unseen_data_refuse(selection: Selection, fit: Improvement, gain: float) -> t
     return (Reason("held_out_disagrees", text),)
 
 
+def held_out_worse(
+    effects: tuple[Effect, ...], fit: Improvement, gain: float, ran_worse: list[bool]
+) -> tuple[Reason, ...]:
+    """That names stand although the free run of the kept-out stretch is worse with them, by how much, and why they do.
+
+    gain: by how much (nat) they predict that stretch better beside its noise. ran_worse: of the stretches that were
+    looked at, that one first, whether the free run is worse there by more than chance.
+    """
+    if not effects or not fit.explained.rmse > fit.refitted.rmse:
+        return ()
+    names = ", ".join(" or ".join((effect.code, *effect.alternatives)) for effect in effects)
+    if ran_worse[0]:
+        why = f"it is worse over {sum(ran_worse)} of {len(ran_worse)} stretches kept out in turn, not over most"
+    elif gain > 0.0:
+        why = f"beside its noise the model predicts that stretch better, by {gain:.1f} nat"
+    else:
+        why = "that is no more than noise makes of it"
+    text = (
+        f"with {names} the free run's error on the stretch kept out grows from {fit.refitted.rmse:.4g} to "
+        f"{fit.explained.rmse:.4g}; they stand, because {why}"
+    )
+    return (Reason("held_out_worse", text),)
+
+
 def too_little_told(base: Fit) -> tuple[Reason, ...]:
     """What keeps a record from clearing a simulation: few samples, little time, or a PV that does not answer OP."""
     record, plant = base.record, base.plant

@@ -11,6 +11,7 @@ from app.engine.mismatch.closed_loop import ClosedLoop, close_again
 from app.engine.mismatch.comparison import Comparison, check, glimpse, record_of, shortened, without_wild
 from app.engine.mismatch.conclude import (
     conclude,
+    held_out_worse,
     nothing_left,
     op_moves_nothing,
     too_few,
@@ -18,7 +19,16 @@ from app.engine.mismatch.conclude import (
 )
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit, settle
-from app.engine.mismatch.holdout import FreeRuns, judge, kept_out, mostly_worse, refit_without, stretches, unseen_gain
+from app.engine.mismatch.holdout import (
+    FreeRuns,
+    judge,
+    kept_out,
+    mostly_worse,
+    ran_worse,
+    refit_without,
+    stretches,
+    unseen_gain,
+)
 from app.engine.mismatch.locate import quick_location
 from app.engine.mismatch.missing import compete
 from app.engine.mismatch.patterns import Pattern, find_patterns
@@ -46,7 +56,7 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     comparison = shortened(without_wild(comparison))
     prepared = prepare(comparison)
     competed = compete(prepared)
-    prepared = replace(prepared, base=competed.base, off=competed.off or prepared.off)
+    prepared = replace(prepared, base=competed.base, off=(*prepared.off, *competed.off))
     selection = replace(competed.selection, fit=settle(competed.selection.fit))
     doubts = prepared.unrelated or (op_moves_nothing(selection.fit) if selection.effects else ())
     if doubts:
@@ -95,8 +105,9 @@ def assemble(
     )
     improvement = improvement_of(traces, comparison)
     doubts = unseen_data_refuse(selection, improvement, seen.gain)
-    others = [other for other in stretches(usable) if not np.array_equal(other, held)]
-    if doubts and mostly_worse(comparison.pv, [seen, *(free_runs(prepared, final, other) for other in others)]):
+    others = [other for other in stretches(usable) if doubts and not np.array_equal(other, held)]
+    runs = [seen, *(free_runs(prepared, final, other) for other in others)]
+    if doubts and mostly_worse(comparison.pv, runs):
         left = selection.alone or Selection(prepared.base, (), selection.ranking)
         return assemble(comparison, prepared, replace(left, fit=settle(left.fit)), (*refused, *doubts))
     conclusion = conclude(
@@ -118,6 +129,7 @@ def assemble(
         evidence=(
             *comparison.notes,
             *conclusion.reasons,
+            *held_out_worse(conclusion.effects, improvement, seen.gain, [ran_worse(comparison.pv, r) for r in runs]),
             *evidence_of(prepared, selection),
             *controller_evidence(closed),
         ),

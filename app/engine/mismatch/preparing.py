@@ -76,7 +76,7 @@ def scaled(given: Given, share: float) -> Given:
 
 
 def off_by(given: Given, share: float) -> tuple[Reason, ...]:
-    return () if share == 1.0 else (off_in_words(given, scaled(given, share)),)
+    return () if share == 1.0 else (off_in_words(given, scaled(given, share), "; is it in another unit?"),)
 
 
 def as_it_came(record: Experiment, given: Given) -> FloatArray:

@@ -101,13 +101,13 @@ def freed(found: Fit, part: Part) -> Given:
     return replace(found.given, plant=altered_plant(context, (part,)).changed(b=0.0, x0=0.0))
 
 
-def off_in_words(given: Given, found: Given) -> Reason:
-    """Which of the given simulation's parameters the record shows otherwise, and by how much."""
+def off_in_words(given: Given, found: Given, asked: str = "") -> Reason:
+    """Which of the given simulation's parameters the record shows otherwise, by how much, and what is asked of it."""
     before, after = given.plant, found.plant
     times = tuple((name, getattr(before, name), getattr(after, name)) for name in ("tau", "tau2", "theta"))
     changes = [("K", before.K, after.K), *(change for change in times if change[1] > 0.0)]
     if before.leak == 0.0:
         changes = [change for change in changes if change[0] != "tau"]
     said = ", ".join(f"{name} {was:.4g} -> {now:.4g}" for name, was, now in changes)
-    text = f"the simulation's own parameters are further off than {100.0 * given.deviation:.0f} %: {said}"
+    text = f"the simulation's own parameters are further off than {100.0 * given.deviation:.0f} %: {said}{asked}"
     return Reason("parameters_off", text)
