@@ -13,6 +13,7 @@ from app.engine.mismatch import Comparison, LinearSimulation
 from app.engine.recording import FloatArray, Recording
 from app.errors import DataError, RequestError
 from app.ingest import read_recordings
+from app.services.explaining.aligning import Aligned, beyond, onto, sample_by_sample
 
 SYNONYMS = {
     "time": ("time", "t", "timestamp", "time_s", "datetime", "date", "ts"),
@@ -80,7 +81,13 @@ def numbers(table: pl.DataFrame, column: str) -> FloatArray:
 
 
 def seconds(table: pl.DataFrame) -> FloatArray:
-    """Times from the first sample in s: from numbers, from stamps, or by the constant interval in a column Ts."""
+    """Times in s; a second a sample where the table tells none."""
+    time = times_of(table)
+    return np.arange(table.height, dtype=np.float64) if time is None else time
+
+
+def times_of(table: pl.DataFrame) -> FloatArray | None:
+    """Times in s: from numbers, from stamps, or by the constant interval in a column Ts; None where none are told."""
     column = find(table, None, SYNONYMS["time"])
     if column is not None:
         if table[column].dtype == pl.String:
@@ -93,7 +100,7 @@ def seconds(table: pl.DataFrame) -> FloatArray:
             return time
         if len(known) == 1 and known[0] > 0.0:
             return np.arange(len(time)) * known[0]
-    return np.arange(table.height, dtype=np.float64)
+    return None
 
 
 def _stamps(texts: pl.Series) -> pl.Series | None:
@@ -169,7 +176,7 @@ def of_table(path: Path, columns: Columns, simulated: str | None) -> Comparison:
         raise RequestError("same_column", f"OP and PV are both taken from the column {op}; they must be two")
     sp = find(table, columns.sp, SYNONYMS["sp"])
     time = seconds(table)
-    trace_column, trace = simulated_trace(table, time, simulated)
+    trace_column, laid = simulated_trace(table, simulated)
     used = {op, pv, sp, trace_column, find(table, None, SYNONYMS["time"])}
     others = {
         c: numbers(table, c)
@@ -180,8 +187,9 @@ def of_table(path: Path, columns: Columns, simulated: str | None) -> Comparison:
     }
     signals = {"op": some_numbers(table, op), "pv": some_numbers(table, pv)}
     signals |= {"sp": numbers(table, sp)} if sp is not None else {}
-    signals |= {"trace": trace} if trace is not None else {}
-    return uniform(path.name.partition(".")[0] if path.suffix == ".gz" else path.stem, time, signals, others)
+    signals |= {"trace": laid.trace} if laid is not None else {}
+    found = uniform(path.name.partition(".")[0] if path.suffix == ".gz" else path.stem, time, signals, others)
+    return found if laid is None else replace(found, notes=(*found.notes, *laid.notes))
 
 
 def some_numbers(table: pl.DataFrame, column: str) -> FloatArray:
@@ -206,43 +214,20 @@ def comparison_of(
     return found if trace is not None else replace(found, simulation=simulation)
 
 
-def simulated_trace(
-    table: pl.DataFrame, time: FloatArray, simulated: str | None
-) -> tuple[str | None, FloatArray | None]:
-    if simulated is None:
-        column = find(table, None, SIMULATED)
-        return column, None if column is None else numbers(table, column)
-    path = Path(simulated)
-    if not path.is_file():
-        column = find(table, simulated, ())
-        return column, None if column is None else numbers(table, column)
+def simulated_trace(table: pl.DataFrame, simulated: str | None) -> tuple[str | None, Aligned | None]:
+    """The column of the recording's table that holds the simulation, and the simulation; or that of a file, laid onto
+    the recording's times where both tell them, else sample by sample.
+    """
+    path = None if simulated is None else Path(simulated)
+    if path is None or not path.is_file():
+        column = find(table, simulated, SIMULATED)
+        return column, None if column is None else Aligned(numbers(table, column))
     other = read_table(path)
     column = find(other, None, (*SIMULATED, *SYNONYMS["pv"])) or other.columns[-1]
-    return None, onto(time, seconds(other), numbers(other, column))
-
-
-def onto(time: FloatArray, other_time: FloatArray, trace: FloatArray) -> FloatArray:
-    """A simulated trace at the recording's times. Raises where the two do not overlap in time, or only in part."""
-    known = np.isfinite(trace) & np.isfinite(other_time)
-    if known.sum() < 2:
-        raise DataError("simulation_not_finite", "the simulation has no values")
-    if holes := int(np.sum(~known[np.argmax(known) : len(known) - np.argmax(known[::-1])])):
-        raise DataError("simulation_not_finite", f"{holes} samples of the simulation between others have no value")
-    if len(other_time) == len(time) and other_time[0] == 0.0:
-        other_time = other_time + time[0]
-    slack = 1.5 * float(np.median(np.diff(time)))
-    first, last = float(other_time[known][0]), float(other_time[known][-1])
-    if first > time[-1] or last < time[0]:
-        raise DataError(
-            "no_overlap",
-            f"simulation ({first:g} to {last:g} s) and recording ({time[0]:g} to {time[-1]:g} s) do not overlap",
-        )
-    if first > time[0] + slack or last < time[-1] - slack:
-        raise DataError(
-            "simulation_length",
-            f"the simulation covers {first:g} to {last:g} s, the recording {time[0]:g} to {time[-1]:g} s",
-        )
-    return np.interp(time, other_time[known], trace[known])
+    trace, time, other_time = numbers(other, column), times_of(table), times_of(other)
+    if time is None or other_time is None:
+        return None, sample_by_sample(table.height, trace)
+    return None, onto(time, other_time, trace)
 
 
 def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others: dict[str, FloatArray]) -> Comparison:
@@ -258,6 +243,9 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
     kept = np.concatenate(([True], np.diff(time[order]) > 0.0))
     notes = faults_of_the_clock(time[present], int(np.sum(~kept)))
     order = order[kept]
+    if "trace" in signals:
+        simulated = np.isfinite(time) & np.isfinite(signals["trace"])
+        notes += beyond(float(time[order[0]]), float(time[order[-1]]), time[simulated])
     at = time[order] - time[order[0]]
     interval = float(np.median(np.diff(at)))
     # Samples that came on change: a grid as fine as their usual distance would be mostly invented.
@@ -302,22 +290,27 @@ def faults_of_the_clock(time: FloatArray, repeated: int) -> tuple[Reason, ...]:
 
 def simulation_from_json(text: str) -> LinearSimulation:
     """A model as JSON: {"gain": 1.2, "time_constants_s": [30, 5], "dead_time_s": 4, "integrating": false}, or a file
-    with it.
+    with it. Its figures are checked where it is compared.
+
+    Raises DataError("model_invalid") where it is no such JSON.
     """
     path = Path(text)
     try:
         found: dict[str, Any] = json.loads(
             path.read_text(encoding="utf-8") if not text.lstrip().startswith("{") else text
         )
+        integrating = found.get("integrating", found.get("integrator", False))
+        if integrating not in (True, False):
+            raise ValueError(f"integrating is {integrating!r}, true or false are needed")
         taus = found.get("time_constants_s", found.get("time_constants", found.get("tau", [])))
         taus = taus if isinstance(taus, list) else [taus]
         return LinearSimulation(
             float(found["gain"] if "gain" in found else found["K"]),
             tuple(float(t) for t in taus),
             float(found.get("dead_time_s", found.get("dead_time", found.get("theta", 0.0)))),
-            bool(found.get("integrating", found.get("integrator", False))),
+            bool(integrating),
         )
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise RequestError(
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+        raise DataError(
             "model_invalid", f"the model is not JSON with gain, time_constants_s, dead_time_s: {error}"
         ) from error
