@@ -1,6 +1,6 @@
 """What every service works with: the settings, the data base and the queue of one process."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from sqlalchemy.exc import InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as NoFreeConnection
@@ -8,6 +8,7 @@ from sqlalchemy.exc import TimeoutError as NoFreeConnection
 from app.queue import Queue
 from app.settings import Settings
 from app.storage import Database
+from app.storage.row_texts import RowTexts
 
 DATABASE_AWAY = (OperationalError, InterfaceError, NoFreeConnection)
 """What every service raises where the data base does not answer or ends the statement."""
@@ -20,6 +21,7 @@ class Backend:
     settings: Settings
     database: Database
     queue: Queue
+    row_texts: RowTexts = field(default_factory=RowTexts)
 
     @classmethod
     def open(cls, settings: Settings, *, worker: bool = False) -> "Backend":

@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta, timezone
 
 import numpy as np
 import pytest
-from sqlalchemy import update
+from sqlalchemy import Connection, update
 
 from app.api.models import HealthOut
 from app.errors import NotFoundError, RequestError
@@ -21,6 +21,8 @@ from app.services.plant.reliability import RowFilter
 from app.services.plant.trend import trend
 from app.services.upkeep import operations
 from app.storage import loops as stored_loops
+from app.storage import row_texts
+from app.storage import verdicts as stored_verdicts
 from app.storage.tables import newest_rows, verdicts
 
 AddLoops = Callable[..., dict[str, int]]
@@ -192,6 +194,35 @@ def test_rows_are_sent_as_the_loop_is_now_and_in_the_present_form(untouched: Bac
     sent = json.loads(reliability.reliability_json(untouched).write())["rows"]
     assert sent == reliability.reliability_page(untouched).rows
     assert [row["unit"] for row in sent if row["loop"] == "FIC1"] == ['the "new" unit']
+
+
+def test_of_a_table_that_was_sent_before_only_new_rows_are_read(
+    untouched: Backend, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[list[int]] = []
+
+    def told(connection: Connection, loop_ids: list[int], form: str) -> dict[int, bytes]:
+        read.append(loop_ids)
+        return stored_verdicts.texts(connection, loop_ids, form)
+
+    monkeypatch.setattr(row_texts, "texts", told)
+    before = reliability.reliability_json(untouched).write()
+    assert reliability.reliability_json(untouched).write() == before
+    assert [len(ids) for ids in read] == [5]
+    run = audits.start_audit(untouched, audits.LoopFilter(tags=("FIC1",)))
+    while chunks.audit_chunk(untouched, int(run.id), "test"):
+        pass
+    after = json.loads(reliability.reliability_json(untouched).write())["rows"]
+    assert [len(ids) for ids in read] == [5, 1]
+    assert after == reliability.reliability_page(untouched).rows != json.loads(before)["rows"]
+
+
+def test_kept_rows_are_bounded(untouched: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(row_texts, "MOST_KEPT", 3)
+    for limit, cursor in ((2, None), (5, None), (2, None)):
+        sent = json.loads(reliability.reliability_json(untouched, limit, cursor).write())
+        assert sent["rows"] == reliability.reliability_page(untouched, limit, cursor).rows
+        assert len(untouched.row_texts) <= 3
 
 
 def test_health_is_sent_as_the_model_says(untouched: Backend) -> None:

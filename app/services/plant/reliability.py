@@ -144,7 +144,7 @@ def checked(limit: int, sort: str) -> str:
 def _written(backend: Backend, rows: Sequence[SentRow], next_cursor: str | None) -> bytes:
     """Each row's JSON as stored, else made from its columns; none where its verdict has been dropped meanwhile."""
     with backend.database.read() as connection:
-        texts = verdicts.texts(connection, [row.loop_id for row in rows], FORM)
+        texts = backend.row_texts.of(connection, rows, FORM)
         unwritten = [row.loop_id for row in rows if row.loop_id not in texts]
         made = verdicts.newest_of(connection, unwritten) if unwritten else {}
     units = {unit: f',"unit":{compact(unit)}}}'.encode() for unit in {row.unit for row in rows}}

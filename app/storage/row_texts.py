@@ -1,0 +1,46 @@
+"""The rows of the reliability table as they are sent, kept in memory by the verdict that they belong to."""
+
+from collections.abc import Sequence
+
+from sqlalchemy import Connection
+
+from app.storage.verdicts import SentRow, texts
+
+MOST_KEPT = 20_000  # the largest answer once: 56 MB
+
+
+class RowTexts:
+    """What one process has read of the newest rows: while a night runs, only the rows of new verdicts are read again.
+
+    A row is written once, with its verdict, and says the same as long as its loop's newest verdict is of the same run.
+    Safe to use from several threads: every entry is set whole.
+    """
+
+    def __init__(self) -> None:
+        self._kept: dict[int, tuple[tuple[int, str], bytes]] = {}
+
+    def of(self, connection: Connection, rows: Sequence[SentRow], form: str) -> dict[int, bytes]:
+        """The stored JSON of the rows' loops by `loop_id`; a loop without one of this form is left out."""
+        found: dict[int, bytes] = {}
+        missing: list[SentRow] = []
+        for row in rows:
+            stamp, text = self._kept.get(row.loop_id, (None, b""))
+            if stamp == (row.audit_id, form):
+                found[row.loop_id] = text
+            else:
+                missing.append(row)
+        if missing:
+            read = texts(connection, [row.loop_id for row in missing], form)
+            fresh = {row.loop_id: ((row.audit_id, form), read[row.loop_id]) for row in missing if row.loop_id in read}
+            self._keep(fresh)
+            found |= read
+        return found
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    def _keep(self, fresh: dict[int, tuple[tuple[int, str], bytes]]) -> None:
+        if len(self._kept) + len(fresh) > MOST_KEPT:
+            self._kept.clear()
+        if len(fresh) <= MOST_KEPT:
+            self._kept.update(fresh)
