@@ -412,7 +412,7 @@ def test_a_name_found_without_a_simulation_is_never_nearly_certain() -> None:
     def told(deviation: float, margin: float) -> float:
         alone = SimpleNamespace(given=Given(TRUE, deviation), parts=())
         rival = SimpleNamespace(block=friction.BLOCKS[0], fit=alone, over=alone)
-        return probability_of(SimpleNamespace(rival=rival, gain=60.0, margin=margin))
+        return probability_of(SimpleNamespace(rival=rival, gain=60.0, margin=margin, most=1.0))
 
     assert told(GIVEN_DEVIATION, 40.0) == CERTAIN
     assert told(OWN_DEVIATION, 40.0) == OWN_CERTAIN

@@ -22,23 +22,26 @@ from generator import (
     run,
 )
 from numpy.random import Generator
+from outside import NEED_ONE_LAG, OUTSIDE
 from plants import Process
 
 from app.engine.recording import FloatArray
 
 TRIES, MOST_TRIES = 12, 200
+HIDDEN = CONCEAL | OUTSIDE
 SEEN_IN_PV_ALONE = ("sensor.quantization", "sensor.stuck", "sensor.saturation")
 EXCITED_BY_SET_POINT = (
-    "process.", "valve.characteristic", "valve.saturation", "valve.slew_limit", "sensor.lag", "sensor.saturation"
+    "outside.", "process.", "valve.characteristic", "valve.saturation", "valve.slew_limit", "sensor.lag",
+    "sensor.saturation",
 )  # fmt: skip
 
 
-def make_case(seed: int, effects: tuple[str, ...], foreign: bool) -> Case:
+def make_case(seed: int, effects: tuple[str, ...], foreign: bool, least: float = LEAST_ENERGY) -> Case:
     """The case of a seed: the first of some tries whose effects can be seen; of many where few loops suit them."""
     rng = np.random.default_rng(seed)
     case = attempt(rng, effects, foreign, seed)
     for tried in range(MOST_TRIES):
-        if case is not None and (tried >= TRIES or not effects or case.truth.energy >= LEAST_ENERGY):
+        if case is not None and (tried >= TRIES or not effects or case.truth.energy >= least):
             return case
         case = attempt(rng, effects, foreign, seed) or case
     if case is None:
@@ -49,7 +52,7 @@ def make_case(seed: int, effects: tuple[str, ...], foreign: bool) -> Case:
 def attempt(rng: Generator, effects: tuple[str, ...], foreign: bool, seed: int) -> Case | None:
     loop = make_loop(rng, foreign)
     self_regulating = not loop.process.integrating and len(loop.process.taus) == 1
-    if any(e in NEED_SELF_REGULATION for e in effects) and not self_regulating:
+    if any(e in NEED_SELF_REGULATION + NEED_ONE_LAG for e in effects) and not self_regulating:
         return None
     if any(e.startswith(EXCITED_BY_SET_POINT) for e in effects) and np.ptp(loop.sp) == 0.0:
         return None
@@ -60,8 +63,8 @@ def attempt(rng: Generator, effects: tuple[str, ...], foreign: bool, seed: int) 
     marks = []
     for effect in effects:
         alone.append(copy.deepcopy(plain))
-        CONCEAL[effect](alone[-1], copy.deepcopy(rng), foreign)
-        marks += CONCEAL[effect](loop, rng, foreign)
+        HIDDEN[effect](alone[-1], copy.deepcopy(rng), foreign)
+        marks += HIDDEN[effect](loop, rng, foreign)
     fresh = copy.deepcopy(loop)
     recorded = run(loop)
     if not np.all(np.isfinite(recorded.pv)) or np.ptp(recorded.pv) > 400.0:

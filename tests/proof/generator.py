@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.random import Generator
-from plants import Controller, Process, Valve
+from plants import Controller, Process, Sensor, Valve
 
 from app.engine.recording import FloatArray
 
@@ -52,6 +52,7 @@ class Loop:
     speed: float
     op_scale: float
     valve: Valve = field(default_factory=Valve)
+    sensor: Sensor = field(default_factory=Sensor)
     reading: list[tuple[str, float]] = field(default_factory=list)
     added: FloatArray | None = None
     load_added: FloatArray | None = None
@@ -163,7 +164,8 @@ def run(loop: Loop, op: FloatArray | None = None, noisy: bool = True) -> Run:
         if loop.sensor_tau > 0.0:
             sensed += (1.0 - math.exp(-loop.ts / loop.sensor_tau)) * (level - sensed)
             level = sensed
-        reading = limited(level + (loop.white[t] if noisy else 0.0), loop)
+        level = loop.sensor.step(level)
+        reading = loop.sensor.show(limited(level + (loop.white[t] if noisy else 0.0), loop))
         if loop.step_size > 0.0:
             reading = loop.step_size * round(reading / loop.step_size)
         if loop.stuck is not None and loop.stuck[0] <= t < loop.stuck[1]:

@@ -183,6 +183,18 @@ class StaticValve(Valve):
         return float(self.curve(u))  # type: ignore[operator]
 
 
+class Sensor:
+    """Shows what is there; what a sensor makes of it is its subclasses' business."""
+
+    def step(self, level: float) -> float:
+        """What would be read without noise."""
+        return level
+
+    def show(self, reading: float) -> float:
+        """What is shown of a reading with its noise."""
+        return reading
+
+
 @dataclass
 class Controller:
     """PI or PID (derivative on PV, filtered), clamped, with conditional integration. Unit of OP."""

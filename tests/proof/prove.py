@@ -18,6 +18,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from cases import cut_out, make_case, planned
 from generator import LEAST_ENERGY, SAME, Case
+from outside import SETS, outside_summary, planned_outside
 
 from app.engine.mismatch import Comparison, Explanation, compile_kernels, explain
 
@@ -53,14 +54,17 @@ def judged(case: Case, said: Explanation, seconds: float) -> dict[str, object]:
     return {
         "case": case.name, "true": case.truth.effects, "said": [[e.code, *e.alternatives] for e in said.effects],
         "gains": [round(e.gain, 1) for e in said.effects],
+        "verdict": said.verdict, "probability": said.effects[0].probability if said.effects else None,
         "first_right": first, "all_right": all(right), "overlap": local, "energy": round(case.truth.energy, 1),
         "excess": said.fit.explained.rmse / floor if floor else None, "seconds": seconds, "ts": case.ts,
         "before": said.fit.refitted.rmse, "after": said.fit.explained.rmse,
     }  # fmt: skip
 
 
-def one(plan: tuple[int, tuple[str, ...]], foreign: bool, sim: bool, running: bool) -> dict[str, object]:
-    case = make_case(*plan, foreign)
+def one(
+    plan: tuple[int, tuple[str, ...]], foreign: bool, sim: bool, running: bool, least: float = LEAST_ENERGY
+) -> dict[str, object]:
+    case = make_case(*plan, foreign, least)
     case = cut_out(case, plan[0]) if running else case
     return judged(case, *answer(case, sim))
 
@@ -103,15 +107,21 @@ def main() -> None:
     options.add_argument("--count", type=int, default=200)
     options.add_argument("--seed", type=int, default=7)
     options.add_argument("--forms", choices=("foreign", "own"), default="foreign", help="own: the engine's equations")
-    options.add_argument("--kinds", choices=sorted(SHARES), default="all", help="which cases: the shares of the set")
+    options.add_argument("--kinds", choices=[*sorted(SHARES), *SETS], default="all", help="which cases")
+    options.add_argument("--least-energy", type=float, default=LEAST_ENERGY, help="what an effect leaves at least")
     options.add_argument("--no-simulation", action="store_true")
     options.add_argument("--running", action="store_true", help="records cut out of loops that run already")
     options.add_argument("--jobs", type=int, default=1, help="processes, one thread each")
     options.add_argument("--out", type=Path)
     given = options.parse_args()
     foreign = given.forms == "foreign"
-    plans = planned(given.seed, given.count, *SHARES[given.kinds], foreign)
-    asked = partial(one, foreign=foreign, sim=not given.no_simulation, running=given.running)
+    outside = given.kinds in SETS
+    if outside:
+        plans = planned_outside(given.seed, given.count, SETS[given.kinds])
+    else:
+        plans = planned(given.seed, given.count, *SHARES[given.kinds], foreign)
+    sim = not given.no_simulation
+    asked = partial(one, foreign=foreign, sim=sim, running=given.running, least=given.least_energy)
     compile_kernels()  # else the first case pays for it
     lines = []
     with ProcessPoolExecutor(given.jobs) as pool:
@@ -120,7 +130,7 @@ def main() -> None:
             if given.out:
                 with given.out.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(line, default=str) + "\n")
-    print(summary(lines))
+    print(outside_summary(lines) if outside else summary(lines))
 
 
 if __name__ == "__main__":

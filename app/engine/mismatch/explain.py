@@ -17,6 +17,7 @@ from app.engine.mismatch.conclude import (
     too_few,
     unseen_data_refuse,
 )
+from app.engine.mismatch.doubting import reviewed
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit, settle
 from app.engine.mismatch.holdout import (
@@ -57,7 +58,8 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     prepared = prepare(comparison)
     competed = compete(prepared)
     prepared = replace(prepared, base=competed.base, off=(*prepared.off, *competed.off))
-    selection = replace(competed.selection, fit=settle(competed.selection.fit))
+    selection = competed.selection if prepared.unrelated else reviewed(prepared.base, competed.selection)
+    selection = replace(selection, fit=settle(selection.fit))
     doubts = prepared.unrelated or (op_moves_nothing(selection.fit) if selection.effects else ())
     if doubts:
         selection = Selection(prepared.base, (), selection.ranking)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from app.engine.evidence import Reason
 from app.engine.mismatch.compete import Rival
 from app.engine.mismatch.physics import CLOSE, NEAR, NEAR_SHARE, TWINS
 from app.engine.mismatch.refitting import CODE as PARAMETERS
@@ -21,7 +22,7 @@ UNSAID = (UNNAMED, PARAMETERS)
 @dataclass(frozen=True, eq=False)
 class Believed:
     """An effect that is believed. gain: log-likelihood (nat) over the fit without it; margin: over the best other
-    name.
+    name. most: what its probability is at most, for what it leaves unexplained (left).
     """
 
     code: str
@@ -29,6 +30,8 @@ class Believed:
     gain: float
     margin: float
     rival: Rival
+    most: float = 1.0
+    left: tuple[Reason, ...] = ()
 
 
 def believed(best: Rival, names: tuple[Rival, ...], standing: float | None = None) -> Believed:

@@ -52,8 +52,8 @@ def effects_of(effect: Believed, final: Fit) -> tuple[Effect, ...]:
 
 
 def probability_of(effect: Believed) -> float:
-    """That the name, or one of its alternatives, is right: from the margin over the next name and over nothing at
-    all.
+    """That the name, or one of its alternatives, is right: from the margin over the next name and over nothing at all,
+    and no more than what it leaves unexplained allows.
     """
     beyond = effect.gain - effect.rival.block.penalty  # beside its partner: alone it may have gained nothing
     if effect.rival.over.parts:
@@ -61,7 +61,7 @@ def probability_of(effect: Believed) -> float:
     presence = 1.0 / (1.0 + np.exp(-np.clip(beyond, -30.0, 30.0)))
     name = 1.0 / (1.0 + np.exp(-np.clip(effect.margin, -30.0, 30.0)))
     own = effect.rival.fit.given.deviation >= OWN_DEVIATION
-    return float(min(presence * name, OWN_CERTAIN if own else CERTAIN))
+    return float(min(presence * name, OWN_CERTAIN if own else CERTAIN, effect.most))
 
 
 def evidence_of(effect: Believed, final: Fit) -> tuple[Reason, ...]:
@@ -77,7 +77,7 @@ def evidence_of(effect: Believed, final: Fit) -> tuple[Reason, ...]:
     said.append(
         Reason("residual", f"the free run leaves {rmse:.4g} (root mean square, unit of PV) over the whole record")
     )
-    return tuple(said)
+    return (*said, *effect.left)
 
 
 def whole(record: Experiment) -> tuple[Window, ...]:

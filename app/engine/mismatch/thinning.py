@@ -6,7 +6,7 @@ import numpy as np
 
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit, fit, fit_linear
-from app.engine.mismatch.physics import by_name
+from app.engine.mismatch.physics import named
 from app.engine.mismatch.selection import Selection
 from app.engine.mismatch.task import make_task, start_at
 from app.engine.recording import BoolArray, FloatArray
@@ -89,8 +89,8 @@ def refined(base: Fit, selection: Selection) -> Selection:
     """
     if not selection.effects:
         return replace(selection, fit=base)
-    known = by_name(base.record)
     parts = selection.fit.parts
+    known = named(base.record, (part.block.name for part in parts))
     task = make_task(base.record, base.given, tuple(known[part.block.name] for part in parts))
     x = start_at(task, selection.fit.plant, np.concatenate([part.values for part in parts]))
     fine = fit(task, x, None, 2, 6)

@@ -12,7 +12,7 @@ from app.engine.mismatch.chain import simulate
 from app.engine.mismatch.experiment import Experiment, alike, experiment
 from app.engine.mismatch.fitting import Fit
 from app.engine.mismatch.holdout import judge
-from app.engine.mismatch.physics import by_name
+from app.engine.mismatch.physics import named
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.result import ExplainedModel, Improvement
 from app.engine.mismatch.windows import windows_of
@@ -56,7 +56,7 @@ def validate(
 
 def transferred(record: Experiment, parts: tuple[Part, ...]) -> tuple[Part, ...]:
     """The parts with the blocks of another record, whose measured signals are its own."""
-    known = by_name(record)
+    known = named(record, (part.block.name for part in parts))
     missing = [part.block.name for part in parts if part.block.name not in known]
     if missing:
         raise DataError("signal_missing", f"the second recording lacks the signals of {', '.join(missing)}")
@@ -115,7 +115,7 @@ def simulate_again(
         pv_span=model.pv_span,
         rest=rest_of(model, len(op)),
     )
-    known = by_name(record)
+    known = named(record, (part.name for part in model.parts))
     missing = [part.name for part in model.parts if part.name not in known]
     if missing:
         raise DataError("signal_missing", f"the model needs signals for {', '.join(missing)}")

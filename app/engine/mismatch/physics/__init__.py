@@ -3,6 +3,8 @@
 A new effect is one new file with `BLOCKS` and its name in `ALWAYS_OFFERED`.
 """
 
+from collections.abc import Iterable
+
 from app.engine.mismatch.block import Block
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.physics import (
@@ -16,6 +18,7 @@ from app.engine.mismatch.physics import (
     sensor_limit,
     sensor_pattern,
     static_gain,
+    terms,
     two_tanks,
     valve_dead_zone,
     valve_deadband,
@@ -82,6 +85,13 @@ PATTERNS = (
 def by_name(record: Experiment) -> dict[str, Block]:
     """Every block, those found by a pattern and of every measured signal included, by its name."""
     return {block.name: block for block in (*fixed(), *coupling.blocks(record), *PATTERNS)}
+
+
+def named(record: Experiment, names: Iterable[str]) -> dict[str, Block]:
+    """The blocks with these names, as far as there are such; generic ones are made of the terms in their name."""
+    known = by_name(record)
+    found = {name: known.get(name) or terms.of_name(name) for name in names}
+    return {name: block for name, block in found.items() if block is not None}
 
 
 def library(record: Experiment) -> tuple[Block, ...]:

@@ -1,0 +1,82 @@
+"""Whether any name is right: what the names leave beside what they explain, and what terms without a name explain in
+their place. The margin of a name says how far the next one is behind; this, whether the library holds what is there.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from app.engine.evidence import Reason
+from app.engine.mismatch.adequacy import Pays, lack_of_fit
+from app.engine.mismatch.compete import Rival
+from app.engine.mismatch.conclude import nothing_left, too_few
+from app.engine.mismatch.fitting import Fit, fit
+from app.engine.mismatch.naming import Believed
+from app.engine.mismatch.physics.terms import made_of
+from app.engine.mismatch.scan import task_with
+from app.engine.mismatch.selection import Selection
+from app.engine.mismatch.task import OWN_DEVIATION, start_at
+from app.engine.mismatch.worth import UNNAMED, no_worse
+
+CLEARLY = 20.0  # nat: by how much terms without a name must say more than names do, to take their place
+NOT_FAR = 0.5
+HALF_SURE = 0.1  # the share left beside a name at which it is as likely wrong as right
+
+
+def reviewed(base: Fit, selection: Selection) -> Selection:
+    """A selection whose names are less sure for what they leave unexplained; something unnamed in their place where
+    terms without a name clearly say more than they do. As it is where nothing pays beside it.
+    """
+    if too_few(base.record) or nothing_left(selection.fit):
+        return selection
+    left = lack_of_fit(selection.fit)
+    if not left:
+        return selection
+    named = max(named_score(base, selection), 0.0)
+    # A linear loop of our own is a guess from the same record: terms would mend that as well.
+    own = base.given.deviation >= OWN_DEVIATION
+    unnamed = None if own else without_name(base, lack_of_fit(base) if selection.effects else left)
+    if unnamed is not None and unnamed.score > named + CLEARLY:
+        return Selection(unnamed.fit, (in_place_of(selection, unnamed, named),), selection.ranking)
+    return replace(selection, effects=tuple(doubted(effect, left) for effect in selection.effects))
+
+
+def named_score(base: Fit, selection: Selection) -> float:
+    """What the names explain beyond their penalties (nat)."""
+    return selection.fit.score - base.score
+
+
+def without_name(base: Fit, terms: tuple[Pays, ...]) -> Rival | None:
+    """The terms that pay beside the linear refit, fitted as one generic block; None where none does."""
+    if not terms:
+        return None
+    block = made_of(tuple(term.name for term in terms))
+    task = task_with(base, block)
+    known = [part.values for part in base.parts]
+    x = start_at(task, base.plant, np.concatenate((*known, np.zeros(len(terms)))))
+    found = fit(task, x, base.noise, 3, 6)
+    rival = Rival(block, found, found.likelihood - base.likelihood, base)
+    return rival if no_worse(found, base) else None
+
+
+def in_place_of(selection: Selection, unnamed: Rival, named: float) -> Believed:
+    """Something unnamed, with the name that came nearest: as an alternative where it is not far behind."""
+    margin = unnamed.score - named
+    nearest = next((effect.code for effect in selection.effects if effect.code != UNNAMED), None)
+    if nearest is None:
+        return Believed(UNNAMED, (), unnamed.gain, margin, unnamed)
+    text = f"the names that came nearest, {nearest} first, say {margin:.1f} nat less than terms without a name"
+    alternatives = (nearest,) if named > NOT_FAR * unnamed.score else ()
+    return Believed(UNNAMED, alternatives, unnamed.gain, margin, unnamed, left=(Reason("nearest_name", text),))
+
+
+def doubted(effect: Believed, left: tuple[Pays, ...]) -> Believed:
+    """An effect whose probability is the lower the more further terms explain beside it."""
+    gain = sum(term.gain for term in left)
+    share = gain / (gain + max(effect.gain, 1e-9))
+    names = ", ".join(term.name for term in left)
+    text = (
+        f"it leaves {gain:.1f} nat that terms without a name explain ({names}), {100.0 * share:.0f} % of what both do: "
+        "the physics may be another"
+    )
+    return replace(effect, most=1.0 / (1.0 + (share / HALF_SURE) ** 2), left=(Reason("lack_of_fit", text),))
