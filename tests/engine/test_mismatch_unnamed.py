@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain, simulate_again
-from app.engine.mismatch.adequacy import lack_of_fit
+from app.engine.mismatch.adequacy import Pays, lack_of_fit
 from app.engine.mismatch.block import Context
+from app.engine.mismatch.doubting import doubted
 from app.engine.mismatch.experiment import experiment
 from app.engine.mismatch.fitting import fit_linear
+from app.engine.mismatch.naming import Believed
 from app.engine.mismatch.physics import named
 from app.engine.mismatch.physics.terms import PRICE, SHAPES, Drives, kind_of, made_of
 from app.engine.mismatch.plant import Plant
@@ -113,3 +115,11 @@ def test_a_generic_block_says_what_its_terms_are() -> None:
     assert [p.name for p in known[block.name].parameters(context)] == ["op_2", "pv_speed"]
     drives = Drives(context, pv - 50.0)
     assert all(np.all(np.isfinite(shape.make(drives))) for shape in SHAPES.values())
+
+
+def test_a_name_is_less_sure_for_what_it_leaves_and_what_has_none_is_not() -> None:
+    left = (Pays("op_2", 30.0), Pays("pv_speed", 20.0))
+    name, unnamed = (doubted(Believed(code, (), 100.0, np.inf, None), left) for code in ("valve.deadband", "unnamed"))
+    assert name.most < 0.1
+    assert [reason.code for reason in name.left] == ["lack_of_fit"]
+    assert unnamed.most == 1.0

@@ -71,7 +71,11 @@ def in_place_of(selection: Selection, unnamed: Rival, named: float) -> Believed:
 
 
 def doubted(effect: Believed, left: tuple[Pays, ...]) -> Believed:
-    """An effect whose probability is the lower the more further terms explain beside it."""
+    """An effect whose probability is the lower the more further terms explain beside it; what says no name is right
+    stays as sure.
+    """
+    if effect.code == UNNAMED:
+        return effect
     gain = sum(term.gain for term in left)
     share = gain / (gain + max(effect.gain, 1e-9))
     names = ", ".join(term.name for term in left)
