@@ -5,6 +5,20 @@ from collections.abc import Callable, Mapping
 
 from starlette.requests import Request
 from starlette.responses import Response
+from starlette.types import Receive, Scope, Send
+
+PART = 1 << 20  # bytes of an answer sent at once
+
+
+class InParts(Response):
+    """An answer of any size, sent a part at a time: the next waits until the client has taken most of the one before,
+    so that one who does not read is noticed."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        await send({"type": "http.response.start", "status": self.status_code, "headers": self.raw_headers})
+        for start in range(0, max(len(self.body), 1), PART):
+            part = bytes(self.body[start : start + PART])
+            await send({"type": "http.response.body", "body": part, "more_body": start + PART < len(self.body)})
 
 
 def tagged(request: Request, body: str, media_type: str, headers: Mapping[str, str] | None = None) -> Response:
@@ -25,7 +39,7 @@ def versioned(
     own = {**(headers or {}), "ETag": tag}
     if known(request.headers.get("If-None-Match", ""), tag):
         return Response(status_code=304, headers=own)
-    return Response(write(), media_type=media_type, headers=own)
+    return InParts(write(), media_type=media_type, headers=own)
 
 
 def known(if_none_match: str, tag: str) -> bool:

@@ -111,7 +111,12 @@ def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes:
         max_overflow=pool_size,
         pool_timeout=10,
         pool_pre_ping=True,
-        connect_args={"options": options, "connect_timeout": 5, "application_name": "loopaudit"},
+        connect_args={
+            "options": options,
+            "connect_timeout": 5,
+            "application_name": "loopaudit",
+            "client_encoding": "utf8",  # rows are sent on as they come, whatever a data base stores them in
+        },
     )
 
     @event.listens_for(engine, "connect")

@@ -1,6 +1,7 @@
 """The rows of the reliability table as they are sent, kept in memory by the verdict that they belong to."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from datetime import datetime
 
 from sqlalchemy import Connection
 
@@ -8,39 +9,47 @@ from app.storage.verdicts import SentRow, texts
 
 MOST_KEPT = 20_000  # the largest answer once: 56 MB
 
+Stamp = tuple[int, datetime | None, str]
+
 
 class RowTexts:
     """What one process has read of the newest rows: while a night runs, only the rows of new verdicts are read again.
 
-    A row is written once, with its verdict, and says the same as long as its loop's newest verdict is of the same run.
-    Safe to use from several threads: every entry is set whole.
+    A row is written once, with its verdict, and says the same as long as its loop's newest verdict is of the same run:
+    of the same number, begun at the same time. Safe to use from several threads: every entry is set whole.
     """
 
     def __init__(self) -> None:
-        self._kept: dict[int, tuple[tuple[int, str], bytes]] = {}
+        self._kept: dict[int, tuple[Stamp, bytes]] = {}
 
-    def of(self, connection: Connection, rows: Sequence[SentRow], form: str) -> dict[int, bytes]:
-        """The stored JSON of the rows' loops by `loop_id`; a loop without one of this form is left out."""
+    def of(
+        self, connection: Connection, rows: Sequence[SentRow], begun: Mapping[int, datetime], form: str
+    ) -> dict[int, bytes]:
+        """The stored JSON of the rows' loops by `loop_id`; a loop without one of this form is left out.
+
+        begun: when the rows' runs were begun.
+        """
+        stamps: dict[int, Stamp] = {number: (number, at, form) for number, at in begun.items()}
         found: dict[int, bytes] = {}
         missing: list[SentRow] = []
         for row in rows:
             stamp, text = self._kept.get(row.loop_id, (None, b""))
-            if stamp == (row.audit_id, form):
+            if stamp is not None and stamp == stamps.get(row.audit_id):
                 found[row.loop_id] = text
             else:
                 missing.append(row)
         if missing:
             read = texts(connection, [row.loop_id for row in missing], form)
-            fresh = {row.loop_id: ((row.audit_id, form), read[row.loop_id]) for row in missing if row.loop_id in read}
-            self._keep(fresh)
+            known = [row for row in missing if row.loop_id in read and row.audit_id in stamps]
+            self._keep({row.loop_id: (stamps[row.audit_id], read[row.loop_id]) for row in known})
             found |= read
         return found
 
     def __len__(self) -> int:
         return len(self._kept)
 
-    def _keep(self, fresh: dict[int, tuple[tuple[int, str], bytes]]) -> None:
-        if len(self._kept) + len(fresh) > MOST_KEPT:
+    def _keep(self, fresh: dict[int, tuple[Stamp, bytes]]) -> None:
+        if len(self._kept.keys() | fresh.keys()) > MOST_KEPT:
             self._kept.clear()
         if len(fresh) <= MOST_KEPT:
             self._kept.update(fresh)

@@ -1,8 +1,9 @@
 """Verdicts: written once a loop and run, read as the plant's table and as a loop's history."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -10,7 +11,7 @@ import zstandard
 from sqlalchemy import ColumnElement, Connection, Select, and_, case, func, or_, select, update
 
 from app.storage.series import insert_for, insert_new
-from app.storage.tables import loops, newest_rows, verdict_details, verdicts
+from app.storage.tables import audits, loops, newest_rows, verdict_details, verdicts
 
 KEPT_FROM_USERS = ("loop_id", "input_start_ns", "input_end_ns", "extra_json")
 ROW = [verdicts.c[column.name] for column in verdicts.columns if column.name not in KEPT_FROM_USERS]
@@ -30,7 +31,7 @@ QUICK = (
     | {"priority": (loops.c.importance * (100.0 - newest_rows.c.health)).label("priority")}
 )
 """What can be asked of loops and their newest rows alone: two small tables, however many nights there are."""
-MANY = 2000
+ROWS_OF = "SELECT loop_id, row_json FROM newest_rows WHERE form = %s AND loop_id = ANY(%s::bigint[])"
 LONGEST_DETAIL = 64 << 20
 
 
@@ -177,17 +178,26 @@ def sent_rows(
 
 
 def texts(connection: Connection, loop_ids: Sequence[int], form: str) -> dict[int, bytes]:
-    """The stored JSON of the loops' newest rows, where it is of this form; of other loops too where many are asked
-    for. Bytes as they are stored: 40 MB of text are not taken apart and put together again."""
+    """The stored JSON of the loops' newest rows, where it is of this form. Bytes as they are stored: 40 MB of text are
+    not taken apart and put together again."""
+    if connection.dialect.name == "postgresql":
+        with connection.connection.cursor() as cursor:
+            cursor.adapters.register_loader("text", _as_bytes())
+            cursor.execute(ROWS_OF, (form, list(loop_ids)))
+            return dict(cursor.fetchall())
+    # One value for all keys: SQLite takes so many in a statement, and no more.
+    wanted = select(func.json_each(json.dumps(list(loop_ids))).table_valued("value").c.value)
     query = select(newest_rows.c.loop_id, newest_rows.c.row_json).where(newest_rows.c.form == form)
-    if len(loop_ids) < MANY:
-        query = query.where(newest_rows.c.loop_id.in_(loop_ids))
-    if connection.dialect.name != "postgresql" or len(loop_ids) < MANY:
-        return {loop_id: text.encode() for loop_id, text in connection.execute(query)}
-    with connection.connection.cursor() as cursor:
-        cursor.adapters.register_loader("text", _as_bytes())
-        cursor.execute("SELECT loop_id, row_json FROM newest_rows WHERE form = %s", (form,))
-        return dict(cursor.fetchall())
+    found = connection.execute(query.where(newest_rows.c.loop_id.in_(wanted)))
+    return {loop_id: text.encode() for loop_id, text in found}
+
+
+def begun(connection: Connection, audit_ids: Collection[int]) -> dict[int, datetime]:
+    """When each of these runs was begun: after a restore the number of a run may come again, with another time."""
+    if not audit_ids:
+        return {}
+    query = select(audits.c.id, audits.c.created_at).where(audits.c.id.between(min(audit_ids), max(audit_ids)))
+    return {audit_id: at for audit_id, at in connection.execute(query) if audit_id in audit_ids}
 
 
 @lru_cache(maxsize=1)

@@ -13,6 +13,7 @@ import pytest
 
 from app.api import connections, crowding, uploads
 from app.main import create_app
+from app.services.plant import reliability
 from app.services.upkeep.operations import migrate
 from app.settings import Settings
 
@@ -231,3 +232,21 @@ def test_a_head_that_does_not_end_closes_the_connection(settings, monkeypatch):
         finally:
             server.should_exit = True
             thread.join(timeout=20)
+
+
+def test_a_client_that_does_not_read_its_answer_is_given_up(client, monkeypatch):
+    size = 60_000_000  # more than sockets hold
+    answer = reliability.TableAnswer("1", lambda: bytes(size))
+    monkeypatch.setattr(reliability, "reliability_json", lambda *_, **__: answer)
+    assert len(client.get("/v1/reliability").content) == size
+    monkeypatch.setattr(crowding, "SLOWEST_READER_S", 0.3)
+    with socket.create_connection((client.base_url.host, client.base_url.port), timeout=20) as connection:
+        connection.sendall(b"GET /v1/reliability HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        time.sleep(1.5)
+        got = 0
+        try:
+            while part := connection.recv(1 << 20):
+                got += len(part)
+        except ConnectionError:
+            pass
+    assert 0 < got < size

@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta, timezone
 
 import numpy as np
 import pytest
-from sqlalchemy import Connection, update
+from sqlalchemy import Connection, select, update
 
 from app.api.models import HealthOut
 from app.errors import NotFoundError, RequestError
@@ -23,6 +23,7 @@ from app.services.upkeep import operations
 from app.storage import loops as stored_loops
 from app.storage import row_texts
 from app.storage import verdicts as stored_verdicts
+from app.storage.tables import audits as stored_audits
 from app.storage.tables import newest_rows, verdicts
 
 AddLoops = Callable[..., dict[str, int]]
@@ -217,12 +218,38 @@ def test_of_a_table_that_was_sent_before_only_new_rows_are_read(
     assert after == reliability.reliability_page(untouched).rows != json.loads(before)["rows"]
 
 
-def test_kept_rows_are_bounded(untouched: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kept_rows_are_bounded_and_not_given_up_for_new_ones_of_the_same_loops(
+    untouched: Backend, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(row_texts, "MOST_KEPT", 5)
+    reliability.reliability_json(untouched).write()
+    run = audits.start_audit(untouched, audits.LoopFilter(tags=("FIC1",)))
+    while chunks.audit_chunk(untouched, int(run.id), "test"):
+        pass
+    reliability.reliability_json(untouched).write()
+    assert len(untouched.row_texts) == 5
     monkeypatch.setattr(row_texts, "MOST_KEPT", 3)
-    for limit, cursor in ((2, None), (5, None), (2, None)):
-        sent = json.loads(reliability.reliability_json(untouched, limit, cursor).write())
-        assert sent["rows"] == reliability.reliability_page(untouched, limit, cursor).rows
-        assert len(untouched.row_texts) <= 3
+    with untouched.database.write() as connection:
+        connection.execute(update(stored_audits).values(created_at=datetime(2020, 1, 1, tzinfo=UTC)))
+    for limit in (2, 5, 2):
+        sent = json.loads(reliability.reliability_json(untouched, limit).write())
+        assert sent["rows"] == reliability.reliability_page(untouched, limit).rows
+    assert len(untouched.row_texts) <= 3
+
+
+def test_after_a_restore_the_same_number_of_a_run_is_another_run(untouched: Backend) -> None:
+    """The data base was put back and the loops audited again: the run has the number of one that is lost."""
+    before = reliability.reliability_json(untouched)
+    lost = before.write()
+    with untouched.database.write() as connection:
+        connection.execute(update(stored_audits).values(created_at=datetime(2020, 1, 1, tzinfo=UTC)))
+        text = connection.scalar(select(newest_rows.c.row_json).where(newest_rows.c.loop_id == 1))
+        other = text.replace('"reliability":', '"reliability":"other","was":')
+        connection.execute(update(newest_rows).where(newest_rows.c.loop_id == 1).values(row_json=other))
+    after = reliability.reliability_json(untouched)
+    assert after.version != before.version
+    assert after.write() != lost
+    assert b'"reliability":"other"' in after.write()
 
 
 def test_health_is_sent_as_the_model_says(untouched: Backend) -> None:

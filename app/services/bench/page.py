@@ -97,9 +97,12 @@ def _targets(sections: Figures) -> str:
 def _target_rows(sections: Figures) -> list[tuple[str, str, str, str]]:
     rows = []
     for section, what, target, path, good in TARGETS:
-        value = _at(sections.get(section, {}), path)
+        found = sections.get(section, {})
+        value = _at(found, path)
         shown = "not measured" if value is None else number(value)
         met = "" if value is None else ("met" if good(value) else "**missed**")
+        if value is not None and found.get("quick"):
+            met = "small sizes"  # neither met nor missed: the target is the whole plant's
         rows.append((what, target, shown, met))
     return rows
 
@@ -147,7 +150,7 @@ TARGETS: tuple[tuple[str, str, str, str, Callable[[float], bool]], ...] = (
     ("ingest", "a file of at least, MB, goes through", "2,000", "by_time.mb", _least(2000)),
     ("api", "loop health while an audit runs, p50 ms", "below 10", "busy.loop health.p50_ms", _most(10)),
     ("api", "loop health while an audit runs, p99 ms", "below 30", "busy.loop health.p99_ms", _most(30)),
-    ("api", "whole table while an audit runs, p50 ms", "below 400", "busy.table, whole.p50_ms", _most(400)),
+    ("api", "whole table, again, while an audit runs, p50 ms", "below 400", "busy.table, whole.p50_ms", _most(400)),
     ("api", "plant page on the screen, ms", "below 1,000", "browser.plant page.painted_ms", _most(1000)),
     ("api", "table page on the screen, ms", "below 1,000", "browser.table page.painted_ms", _most(1000)),
 )

@@ -4,6 +4,7 @@ import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any
 
 from sqlalchemy import ColumnElement
@@ -89,11 +90,13 @@ def reliability_json(
     with backend.database.read() as connection:
         after = _after(cursor, sort)
         rows = verdicts.sent_rows(connection, limit + 1, name, sort.startswith("-"), filters, after)
+        begun = verdicts.begun(connection, {row.audit_id for row in rows})
     last = rows[limit - 1] if len(rows) > limit else None
     behind = encode(sort, last.value, last.tag) if last else None
     shown = rows[:limit]
-    said = [FORM, behind, [(row.loop_id, row.audit_id, row.unit) for row in shown]]
-    return TableAnswer(_digest(compact(said).encode()), lambda: _written(backend, shown, behind))
+    runs = {str(number): at.isoformat() for number, at in sorted(begun.items())}
+    said = [FORM, behind, runs, [(row.loop_id, row.audit_id, row.unit) for row in shown]]
+    return TableAnswer(_digest(compact(said).encode()), lambda: _written(backend, shown, begun, behind))
 
 
 def _digest(said: bytes) -> str:
@@ -141,10 +144,12 @@ def checked(limit: int, sort: str) -> str:
     return name
 
 
-def _written(backend: Backend, rows: Sequence[SentRow], next_cursor: str | None) -> bytes:
+def _written(
+    backend: Backend, rows: Sequence[SentRow], begun: Mapping[int, datetime], next_cursor: str | None
+) -> bytes:
     """Each row's JSON as stored, else made from its columns; none where its verdict has been dropped meanwhile."""
     with backend.database.read() as connection:
-        texts = backend.row_texts.of(connection, rows, FORM)
+        texts = backend.row_texts.of(connection, rows, begun, FORM)
         unwritten = [row.loop_id for row in rows if row.loop_id not in texts]
         made = verdicts.newest_of(connection, unwritten) if unwritten else {}
     units = {unit: f',"unit":{compact(unit)}}}'.encode() for unit in {row.unit for row in rows}}
