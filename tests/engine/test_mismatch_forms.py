@@ -81,6 +81,14 @@ def test_an_integrator_behind_an_actuator_answers_a_step_as_its_equation_does() 
     assert y == pytest.approx(INTEGRATING.K * (t - tau * (1.0 - np.exp(-t / tau))), abs=1e-9)
 
 
+def test_a_process_that_integrates_is_not_asked_whether_it_does() -> None:
+    for name in ("process.integrating", "process.integrating/leaky"):
+        suits = by_name(RECORD)[name].suits
+        assert suits is not None
+        assert suits(Context(RECORD, PLANT))
+        assert not suits(Context(RECORD, INTEGRATING))
+
+
 def test_a_level_behind_an_actuator_stops_sharply_at_the_brim() -> None:
     y = run_process(np.ones(N), INTEGRATING.changed(high=2.0), TS)
     assert np.max(y) == 2.0

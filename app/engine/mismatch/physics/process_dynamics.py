@@ -50,6 +50,11 @@ def only_start(_: Context, __: FloatArray) -> FloatArray:
     return np.zeros((1, 0))
 
 
+def settles(context: Context) -> bool:
+    """Whether the process is not known to integrate already: then the names would only free its gain, or add a leak."""
+    return context.plant.leak > 0.0
+
+
 def integrating(plant: Plant, _: FloatArray, __: Context) -> Plant:
     return plant.changed(leak=0.0)
 
@@ -103,9 +108,19 @@ BLOCKS = (
         alter=integrating,
         penalty=13.0,
         frees_gain=True,
+        suits=settles,
     ),
     Block(
-        "process.integrating", "process", "process", "always", leak, leaks, alter=leaking, form="leaky", penalty=18.0
+        "process.integrating",
+        "process",
+        "process",
+        "always",
+        leak,
+        leaks,
+        alter=leaking,
+        form="leaky",
+        penalty=18.0,
+        suits=settles,
     ),
     Block(
         "process.inverse_response",
