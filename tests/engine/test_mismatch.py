@@ -378,6 +378,7 @@ KERNELS = (
     (plant_module, "_process"),
     (friction, "_place"),
     (friction, "_speed"),
+    (friction, "_sprung"),
     (valve_slew_limit, "_limited"),
     (two_tanks, "_tanks"),
     (noise_module, "_whiten"),

@@ -4,8 +4,9 @@ and is slowed while it moves.
 On an integrator, PV is the place of a driven mass: tau2 v' = K u + b - (1 + c) v - F sgn(v), x' = v. With two lags it
 is a mass on a spring: tau tau2 x'' + (1 + c) (tau + tau2) x' + x = K u + b - F sgn(x'). With one lag PV is the speed
 itself: tau v' = K u + b - (1 + c) v - F sgn(v), resting at PV = 0. F in the unit of the drive K u. At rest |drive| <= F
-holds the mass. Source: Armstrong-Helouvry, Dupont, Canudas de Wit 1994, doi 10.1016/0005-1098(94)90209-7; the switch at
-rest is Karnopp's 1985, doi 10.1115/1.3140698.
+holds the mass. What is too light to swing before a further lag, which PV is behind: tau x' = K u + b - x - F sgn(x').
+Source: Armstrong-Helouvry, Dupont, Canudas de Wit 1994, doi 10.1016/0005-1098(94)90209-7; the switch at rest is
+Karnopp's 1985, doi 10.1115/1.3140698.
 """
 
 import numpy as np
@@ -18,6 +19,7 @@ from app.engine.recording import BoolArray, FloatArray
 STEPS = 4
 LIGHT = 0.02
 AT_REST = 0.02
+LEAST_OF_FORCE = 0.25
 
 
 @njit(cache=True, nogil=True)
@@ -95,6 +97,40 @@ def moved(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> 
     return _place(u, drive, np.array([plant.x0, dry, more * (plant.tau + second), plant.tau * second]), ts)
 
 
+@njit(cache=True, nogil=True)
+def _sprung(force: FloatArray, x: float, dry: float, tau: float, ts: float) -> FloatArray:
+    """x (N,) of what is too light to swing, from its start, under a force that is held: exact."""
+    y = np.empty(len(force))
+    move = 1.0 - np.exp(-ts / tau)
+    y[0] = x
+    for t in range(1, len(force)):
+        off = force[t - 1] - x
+        if abs(off) > dry:
+            x += move * (off - dry if off > 0.0 else off + dry)
+        y[t] = x
+    return y
+
+
+def before_a_lag(v: FloatArray, plant: Plant, dry: float, own: float, further: float, ts: float) -> FloatArray:
+    """PV (N,) behind a further lag, and before it what has the friction, with a time constant of its own; s."""
+    held = _sprung(drive_of(v, plant, ts), plant.x0, dry, own, ts)
+    return lag(lag(held, further, ts), plant.tau3, ts)
+
+
+def drive_of(v: FloatArray, plant: Plant, ts: float) -> FloatArray:
+    return plant.K * delay(v, plant.theta, ts) + plant.b
+
+
+def holds(dry: float, own: float, context: Context) -> bool:
+    """Whether dry friction is a good part of the force on what it holds, root mean square; far below it holds next to
+    nothing: that is a further lag.
+    """
+    ts, plant = context.record.sampling_interval_s, context.plant
+    force = drive_of(context.record.op_deviation, plant, ts)
+    left = force - _sprung(force, plant.x0, dry, own, ts)
+    return bool(dry > LEAST_OF_FORCE * np.sqrt(np.mean(left[:-1] ** 2)))
+
+
 def moves_a_mass(context: Context) -> bool:
     """A place (an integrator, or two lags), or a speed that comes to rest within the record."""
     if context.plant.leak == 0.0 or context.plant.tau2 > 0.0:
@@ -128,6 +164,69 @@ def at_rest(signal: FloatArray, _: FloatArray, context: Context) -> BoolArray:
     return np.concatenate(([False], np.abs(np.diff(signal)) < 1e-9 * context.record.pv_span))
 
 
+def two_lags(context: Context) -> bool:
+    return context.plant.leak > 0.0 and context.plant.tau2 > 0.0
+
+
+def one_lag(context: Context) -> bool:
+    return context.plant.leak > 0.0 and context.plant.tau2 <= 0.0
+
+
+def before_the_lag(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
+    """PV (N,) behind the plant's one lag, and before it what has the friction and a time constant of its own."""
+    dry, own = (float(value) for value in values)
+    return before_a_lag(v, plant, dry, own, plant.tau, context.record.sampling_interval_s)
+
+
+def holds_before_the_lag(values: FloatArray, context: Context) -> bool:
+    return holds(float(values[0]), float(values[1]), context)
+
+
+def friction_and_time(context: Context) -> tuple[Parameter, ...]:
+    ts, tau = context.record.sampling_interval_s, context.plant.tau
+    return (*dry_friction(context), Parameter("own_lag", "s", 0.1 * ts, max(3.0 * tau, ts), ts, log=True))
+
+
+def sizes_and_times(context: Context, _: FloatArray) -> FloatArray:
+    ts, tau = context.record.sampling_interval_s, context.plant.tau
+    return grid(starts(context, _)[:, 0], np.array([0.5 * ts, max(0.3 * tau, ts)]))
+
+
+def dry_friction(context: Context) -> tuple[Parameter, ...]:
+    return parameters(context)[:1]
+
+
+def sizes(context: Context, _: FloatArray) -> FloatArray:
+    return starts(context, _)[:, :1]
+
+
+def _before_a_lag(form: str, slow: bool) -> Block:
+    def times(plant: Plant) -> list[float]:
+        return sorted((plant.tau, plant.tau2), reverse=slow)
+
+    def replaces(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
+        own, further = times(plant)
+        return before_a_lag(v, plant, float(values[0]), own, further, context.record.sampling_interval_s)
+
+    def sensible(values: FloatArray, context: Context) -> bool:
+        return holds(float(values[0]), times(context.plant)[0], context)
+
+    return Block(
+        "process.friction",
+        "process",
+        "process",
+        "at reversals of what is driven",
+        dry_friction,
+        sizes,
+        replaces=replaces,
+        form=form,
+        penalty=17.0,
+        rough=True,
+        sensible=sensible,
+        suits=two_lags,
+    )
+
+
 BLOCKS = (
     Block(
         "process.friction",
@@ -141,5 +240,21 @@ BLOCKS = (
         penalty=19.0,
         rough=True,
         suits=moves_a_mass,
+    ),
+    _before_a_lag("before-a-lag", slow=True),
+    _before_a_lag("before-a-slower-lag", slow=False),
+    Block(
+        "process.friction",
+        "process",
+        "process",
+        "at reversals of what is driven",
+        friction_and_time,
+        sizes_and_times,
+        replaces=before_the_lag,
+        form="before-the-lag",
+        penalty=19.0,
+        rough=True,
+        sensible=holds_before_the_lag,
+        suits=one_lag,
     ),
 )
