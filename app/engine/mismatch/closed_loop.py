@@ -9,7 +9,6 @@ from numba import njit
 
 from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.chain import simulate
-from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit
 from app.engine.mismatch.law import Law, identify_law
 from app.engine.mismatch.noise import coloured, whiten
@@ -108,18 +107,7 @@ def first_stretch(found: Fit) -> Fit:
     record, n = found.record, min(found.record.samples, MOST_SAMPLES)
     if n == record.samples:
         return found
-    kept: Experiment = replace(
-        record,
-        op=record.op[:n],
-        pv=record.pv[:n],
-        usable=record.usable[:n],
-        op_deviation=record.op_deviation[:n],
-        pv_deviation=record.pv_deviation[:n],
-        sp=None if record.sp is None else record.sp[:n],
-        measured=tuple((name, signal[:n]) for name, signal in record.measured),
-        rest=record.rest[:n],
-    )
-    return replace(found, record=kept, simulated=found.simulated[:n])
+    return replace(found, record=record.stretch(0, n), simulated=found.simulated[:n])
 
 
 def modelled_noise(found: Fit, seed: int = 0) -> FloatArray:

@@ -63,6 +63,21 @@ class Experiment:
         """The same record under another OP (N,), its deviations from the same mean."""
         return replace(self, op=op, op_deviation=op - self.op_mid)
 
+    def stretch(self, begin: int, end: int) -> "Experiment":
+        """The samples from `begin` to before `end`, as deviations from the means of the whole."""
+        part = slice(begin, end)
+        return replace(
+            self,
+            op=self.op[part],
+            pv=self.pv[part],
+            usable=self.usable[part],
+            op_deviation=self.op_deviation[part],
+            pv_deviation=self.pv_deviation[part],
+            sp=None if self.sp is None else self.sp[part],
+            measured=tuple((name, signal[part]) for name, signal in self.measured),
+            rest=self.rest[part],
+        )
+
     def comparing(self, usable: BoolArray) -> "Experiment":
         """The same record with other samples compared."""
         return replace(self, usable=usable)

@@ -10,10 +10,11 @@ from app.engine.mismatch.comparison import Comparison, given_of, record_of
 from app.engine.mismatch.conclude import unrelated
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit, fit_linear
-from app.engine.mismatch.given import behind_trace, identify
+from app.engine.mismatch.given import identify
 from app.engine.mismatch.patterns import Pattern, find_patterns
 from app.engine.mismatch.plant import run_process
 from app.engine.mismatch.refitting import off_in_words
+from app.engine.mismatch.shifting import in_step
 from app.engine.mismatch.task import Given, make_task, start_at
 from app.engine.recording import FloatArray
 
@@ -44,13 +45,15 @@ def prepare(comparison: Comparison) -> Prepared:
             usable &= ~pattern.shows
     record = record.comparing(usable)
     if comparison.trace is not None:
-        behind = behind_trace(record, comparison.trace)
+        in_step_ = in_step(record, comparison.trace)
+        behind = in_step_.behind
         record = replace(record, rest=behind.rest)
         record = record.comparing(answers_the_record(record, behind.given.plant))
         share = scale_of(record, behind.given)
         record = replace(record, rest=share * record.rest)
         base = fit_linear(record, scaled(behind.given, share))
-        return Prepared(record, patterns, comparison.trace, base, off_by(behind.given, share), unrelated(behind))
+        off = (*in_step_.said, *off_by(behind.given, share))
+        return Prepared(record, patterns, comparison.trace, base, off, unrelated(behind))
     if comparison.simulation is not None:
         given = given_of(comparison.simulation, record)
         record = record.comparing(answers_the_record(record, given.plant))
