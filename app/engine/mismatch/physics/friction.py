@@ -101,7 +101,7 @@ def moved(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> 
 def _sprung(force: FloatArray, x: float, dry: float, tau: float, ts: float) -> FloatArray:
     """x (N,) of what is too light to swing, from its start, under a force that is held: exact."""
     y = np.empty(len(force))
-    move = 1.0 - np.exp(-ts / tau)
+    move = 1.0 - np.exp(-ts / tau) if tau > 1e-9 else 1.0
     y[0] = x
     for t in range(1, len(force)):
         off = force[t - 1] - x
