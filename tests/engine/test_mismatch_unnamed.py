@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain, simulate_again
+from app.engine.mismatch import Comparison, Explanation, LinearSimulation, doubting, explain, simulate_again
 from app.engine.mismatch.adequacy import Pays, lack_of_fit
 from app.engine.mismatch.block import Context
-from app.engine.mismatch.doubting import doubted
+from app.engine.mismatch.doubting import doubted, runs_astray, without_name
 from app.engine.mismatch.experiment import experiment
 from app.engine.mismatch.fitting import fit_linear
 from app.engine.mismatch.naming import Believed
@@ -78,6 +78,18 @@ def test_what_fits_nothing_in_the_library_is_unnamed(process: Step, sensor: Step
     assert first.condition.startswith("while OP moves: dynamic")
     assert all(effect.probability < 0.6 for effect in said.effects if effect.code != "unnamed")
     assert said.fit.explained.rmse < said.fit.refitted.rmse
+
+
+def test_terms_that_run_astray_where_they_have_not_seen_take_no_name_s_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They bend with whatever is there: a right pair lost its place to terms that ran five times as far off."""
+    sp, op, pv = loop(quicker_up)
+    record = experiment(1.0, op, pv, sp)
+    names = fit_linear(record, Given(Plant(K=1.0, tau=TAU, theta=float(LATE))))
+    unnamed = without_name(names, lack_of_fit(names))
+    assert not runs_astray(names, unnamed.fit)
+    assert runs_astray(unnamed.fit, names)
+    monkeypatch.setattr(doubting, "runs_astray", lambda *_: True)
+    assert ask((sp, op, pv)).effects[0].code != "unnamed"
 
 
 def test_the_generic_term_can_be_simulated_again() -> None:

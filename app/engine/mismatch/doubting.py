@@ -11,6 +11,7 @@ from app.engine.mismatch.adequacy import Pays, lack_of_fit
 from app.engine.mismatch.compete import Rival
 from app.engine.mismatch.conclude import nothing_left, too_few
 from app.engine.mismatch.fitting import Fit, fit
+from app.engine.mismatch.holdout import FreeRuns, mostly_worse, refit_without, stretches, unseen_gain
 from app.engine.mismatch.naming import Believed
 from app.engine.mismatch.physics.terms import made_of
 from app.engine.mismatch.scan import task_with
@@ -36,9 +37,21 @@ def reviewed(base: Fit, selection: Selection) -> Selection:
     # A linear loop of our own is a guess from the same record: terms would mend that as well.
     own = base.given.deviation >= OWN_DEVIATION
     unnamed = None if own else without_name(base, lack_of_fit(base) if selection.effects else left)
-    if unnamed is not None and unnamed.score > named + CLEARLY:
+    if unnamed is not None and unnamed.score > named + CLEARLY and not runs_astray(selection.fit, unnamed.fit):
         return Selection(unnamed.fit, (in_place_of(selection, unnamed, named),), selection.ranking)
     return replace(selection, effects=tuple(doubted(effect, left) for effect in selection.effects))
+
+
+def runs_astray(names: Fit, unnamed: Fit) -> bool:
+    """Whether terms without a name, which bend with whatever is there, run worse than the names do over most of the
+    stretches that neither has seen.
+    """
+    pv, runs = names.record.pv_deviation, []
+    for held in stretches(names.record.usable):
+        before, after = refit_without(names, held), refit_without(unnamed, held)
+        gain = unseen_gain(before, after, held)
+        runs.append(FreeRuns(before.simulated, after.simulated, held, gain, after, ()))
+    return mostly_worse(pv, runs)
 
 
 def named_score(base: Fit, selection: Selection) -> float:
