@@ -45,14 +45,14 @@ def prepare(comparison: Comparison) -> Prepared:
             usable &= ~pattern.shows
     record = record.comparing(usable)
     if comparison.trace is not None:
-        in_step_ = in_step(record, comparison.trace)
-        behind = in_step_.behind
+        laid = in_step(record, comparison.trace)
+        behind = laid.behind
         record = replace(record, rest=behind.rest)
         record = record.comparing(answers_the_record(record, behind.given.plant))
         share = scale_of(record, behind.given)
         record = replace(record, rest=share * record.rest)
         base = fit_linear(record, scaled(behind.given, share))
-        off = (*in_step_.said, *off_by(behind.given, share))
+        off = (*laid.said, *off_by(behind.given, share))
         return Prepared(record, patterns, comparison.trace, base, off, unrelated(behind))
     if comparison.simulation is not None:
         given = given_of(comparison.simulation, record)
