@@ -9,7 +9,7 @@ from app.storage.verdicts import SentRow, texts
 
 MOST_KEPT = 20_000  # the largest answer once: 56 MB
 
-Stamp = tuple[int, datetime | None, str]
+Stamp = tuple[int, datetime, str]
 
 
 class RowTexts:
@@ -33,9 +33,9 @@ class RowTexts:
         found: dict[int, bytes] = {}
         missing: list[SentRow] = []
         for row in rows:
-            stamp, text = self._kept.get(row.loop_id, (None, b""))
-            if stamp is not None and stamp == stamps.get(row.audit_id):
-                found[row.loop_id] = text
+            kept = self._kept.get(row.loop_id)
+            if kept is not None and kept[0] == stamps.get(row.audit_id):
+                found[row.loop_id] = kept[1]
             else:
                 missing.append(row)
         if missing:

@@ -9,6 +9,13 @@ from plants import SUBSTEPS, Process, Sensor, Valve
 MOST_EXPONENT = 1.5
 
 
+def follow(process: Process, drive: float, tau: float, h: float) -> float:
+    """Moves the first state towards its drive for h seconds; the rate at which it set out."""
+    x = process.states[0]
+    process.states[0] = drive + (x - drive) * math.exp(-h / tau)
+    return (drive - x) / tau
+
+
 @dataclass
 class SpeedByDirection(Process):
     """Heats at one speed and cools at another (times of its time constant)."""
@@ -17,11 +24,7 @@ class SpeedByDirection(Process):
     down: float = 1.0
 
     def advance(self, drive: float, h: float) -> float:
-        x = self.states[0]
-        tau = self.taus[0] * (self.up if drive > x else self.down)
-        rate = (drive - x) / tau
-        self.states[0] = drive + (x - drive) * math.exp(-h / tau)
-        return rate
+        return follow(self, drive, self.taus[0] * (self.up if drive > self.states[0] else self.down), h)
 
 
 @dataclass
@@ -31,11 +34,8 @@ class SpeedByLevel(Process):
     sensitivity: float = 0.0
 
     def advance(self, drive: float, h: float) -> float:
-        x = self.states[0]
-        exponent = min(max(self.sensitivity * x, -MOST_EXPONENT), MOST_EXPONENT)
-        tau = self.taus[0] * math.exp(exponent)
-        self.states[0] = drive + (x - drive) * math.exp(-h / tau)
-        return (drive - x) / tau
+        exponent = min(max(self.sensitivity * self.states[0], -MOST_EXPONENT), MOST_EXPONENT)
+        return follow(self, drive, self.taus[0] * math.exp(exponent), h)
 
 
 @dataclass

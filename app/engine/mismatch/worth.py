@@ -9,6 +9,7 @@ from app.engine.mismatch.compete import Rival
 from app.engine.mismatch.fitting import Fit, descend, quiet_noise, residual_rows, task_of
 from app.engine.mismatch.limits import limit_bonus, limits_always
 from app.engine.mismatch.noise import whiten
+from app.engine.mismatch.physics.generic import CODE as UNNAMED
 from app.engine.mismatch.richer_noise import taken_by_noise
 from app.engine.mismatch.spikes import steady_gain, tail_penalty
 
@@ -17,7 +18,6 @@ NO_WORSE, NEARER = 1.03, 0.8
 LEAST_OF_PENALTY, HIDDEN_PART = 0.6, 0.5
 SECOND_MUST_GAIN = 4.0
 SECOND_SHARE, SECOND_ENOUGH, SMALL_SHARE = 0.06, 30.0, 0.15
-UNNAMED = "unnamed"
 STEPS = 6
 TIMED = ("after a time", "within a time")
 

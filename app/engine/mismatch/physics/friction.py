@@ -78,6 +78,11 @@ def _speed(u: FloatArray, drive: FloatArray, numbers: FloatArray, ts: float) -> 
     return y
 
 
+def has_one_lag(plant: Plant) -> bool:
+    """Whether PV of a plant is a speed: it neither integrates nor has a second lag."""
+    return plant.leak > 0.0 and plant.tau2 <= 0.0
+
+
 def run(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
     """PV (N,) of the mass, behind the further lag that another block may have given the plant."""
     return lag(moved(v, plant, values, context), plant.tau3, context.record.sampling_interval_s)
@@ -87,7 +92,7 @@ def moved(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> 
     ts = context.record.sampling_interval_s
     u = delay(v, plant.theta, ts)
     dry, more = float(values[0]), 1.0 + float(values[1])
-    if plant.leak > 0.0 and plant.tau2 <= 0.0:
+    if has_one_lag(plant):
         drive = np.array([plant.K, plant.b, -context.record.pv_mid])
         return _speed(u, drive, np.array([plant.x0, dry, more, plant.tau]), ts)
     drive = np.array([plant.K, plant.b, plant.leak])
@@ -133,7 +138,7 @@ def holds(dry: float, own: float, context: Context) -> bool:
 
 def moves_a_mass(context: Context) -> bool:
     """A place (an integrator, or two lags), or a speed that comes to rest within the record."""
-    if context.plant.leak == 0.0 or context.plant.tau2 > 0.0:
+    if not one_lag(context):
         return True
     pv, span = context.record.pv, context.record.pv_span
     return bool(np.min(np.abs(pv)) < 0.05 * span and np.mean(np.abs(pv) < AT_REST * span) > AT_REST)
@@ -159,17 +164,17 @@ def starts(context: Context, _: FloatArray) -> FloatArray:
 
 def at_rest(signal: FloatArray, _: FloatArray, context: Context) -> BoolArray:
     """Where the simulated mass does not move (for a speed: where it is zero)."""
-    if context.plant.leak > 0.0 and context.plant.tau2 <= 0.0:
+    if one_lag(context):
         return np.abs(signal + context.record.pv_mid) < 1e-9 * context.record.pv_span
     return np.concatenate(([False], np.abs(np.diff(signal)) < 1e-9 * context.record.pv_span))
 
 
 def two_lags(context: Context) -> bool:
-    return context.plant.leak > 0.0 and context.plant.tau2 > 0.0
+    return context.plant.leak > 0.0 and not one_lag(context)
 
 
 def one_lag(context: Context) -> bool:
-    return context.plant.leak > 0.0 and context.plant.tau2 <= 0.0
+    return has_one_lag(context.plant)
 
 
 def before_the_lag(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:

@@ -7,6 +7,7 @@ from app.engine.mismatch.physics.process_dynamics import slowness
 from app.engine.mismatch.plant import delay, lag
 from app.engine.recording import FloatArray
 
+CODE = "unnamed"
 SPEEDS = (0.3, 1.0, 3.0, 10.0)
 POWERS = (2, 3, 4)
 
@@ -55,7 +56,7 @@ def static(signal: FloatArray, values: FloatArray, context: Context) -> FloatArr
 
 
 DYNAMIC = Block(
-    "unnamed",
+    CODE,
     "process",
     "output",
     "while OP moves: dynamic, additive, with memory",
@@ -66,7 +67,7 @@ DYNAMIC = Block(
     penalty=42.0,
 )
 STATIC = Block(
-    "unnamed",
+    CODE,
     "process",
     "output",
     "at another operating point: static, behind the lag",

@@ -12,13 +12,12 @@ from functools import cached_property
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Parameter
-from app.engine.mismatch.physics.generic import SPEEDS, acting
+from app.engine.mismatch.physics.generic import CODE, SPEEDS, acting
 from app.engine.mismatch.physics.process_dynamics import slowness
 from app.engine.mismatch.plant import lag
 from app.engine.recording import FloatArray
 from app.engine.valve import two_parameter_he
 
-CODE = "unnamed"
 BANDS = (0.08, 0.2, 0.4)  # shares of a span
 TURN = 2.0
 
