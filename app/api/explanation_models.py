@@ -95,6 +95,32 @@ class LocatedOut(Told):
     frequency_hz: float | None = Field(description="Where they differ at one frequency, in Hz.")
 
 
+class LagsTestOut(Told):
+    """Squared correlations over some lags, against chance."""
+
+    statistic: float | None = Field(description="Ljung and Box's, or Haugh's, statistic.")
+    limit: float | None = Field(description="What chance exceeds in one record of twenty.")
+    p: float | None = Field(description="How often chance alone gives so much.")
+    lags: int = Field(description="How many lags.")
+
+
+class ResidualTestsOut(Told):
+    """What a free run leaves on the stretch that no fit has seen, whitened by its noise model."""
+
+    whiteness: LagsTestOut = Field(description="Whether it is white: beyond the limit something is left to model.")
+    independence: LagsTestOut | None = Field(
+        description="Whether it owes nothing to OP before it: beyond the limit OP explains more. null: OP stands still."
+    )
+
+
+class ResidualsOut(Told):
+    """Tests of the three simulations; null where the stretch is too short or nothing is left."""
+
+    given: ResidualTestsOut | None = Field(description="The simulation as given.")
+    refitted: ResidualTestsOut | None = Field(description="Its parameters fitted.")
+    explained: ResidualTestsOut | None = Field(description="With the missing physics.")
+
+
 class FitOut(Told):
     """Free-run simulations over the stretch that no fit has seen: as given, refitted, and with the missing physics."""
 
@@ -105,6 +131,9 @@ class FitOut(Told):
     fit_pct_refitted: float | None = Field(description="Fit in per cent.")
     fit_pct_explained: float | None = Field(description="Fit in per cent.")
     held_out: list[Span] = Field(description="Start and end in seconds from the start of the recording.")
+    residuals: ResidualsOut | None = Field(
+        None, description="Whiteness and independence of OP; null in answers of an engine before they were tested."
+    )
 
 
 class RequestOut(BaseModel):

@@ -113,7 +113,7 @@ def write_files(explanation: "Explanation", comparison: "Comparison", trace: Pat
 
 
 def as_text(line: dict[str, Any]) -> str:
-    from app.services.explaining.wording import VERDICT_WORDS
+    from app.services.explaining.wording import VERDICT_WORDS, tested
 
     said = [f"{line['recording']}: {VERDICT_WORDS[line['verdict']]}"]
     for effect in line["effects"]:
@@ -121,6 +121,8 @@ def as_text(line: dict[str, Any]) -> str:
     fit = line["fit"]
     known = [(k, fit["rmse_" + k]) for k in ("given", "refitted", "explained")]
     said.append("held-out RMSE  " + ", ".join(f"{k} {rmse}" for k, rmse in known if rmse is not None))
+    tests = [(k, tested(fit, k)) for k, _ in known if (fit["residuals"] or {}).get(k)]
+    said += [f"  {k} leaves: white {white}; owes nothing to OP {free}" for k, (white, free) in tests]
     if line["validation"] is not None:
         said.append("validation     " + ", ".join(f"{k[5:]} {v}" for k, v in line["validation"].items()))
     if line["closed_loop"] is not None:

@@ -104,14 +104,14 @@ def dressed(
     if any(e in SEEN_IN_PV_ALONE for e in effects):
         truth.energy = max(truth.energy, LEAST_ENERGY) if len(effects) == 1 else truth.energy
     else:
-        truth.floor = float(np.sqrt(np.mean(noise**2)))
+        truth.noise = noise
     off = float(rng.uniform(0.04, 0.1)) if foreign else 0.07
     sim = engineers(rng, plain.process, off, foreign)
     trace = np.array([0.0, *(sim.step(float(u)) for u in recorded.op[:-1])])
     pv_scale = float(10.0 ** rng.uniform(-1.5, 2.0)) if foreign else 1.0
     op_scale = float(10.0 ** rng.uniform(-1.0, 0.3)) if foreign else 1.0
     pv_mid, op_mid = (float(rng.uniform(30.0, 70.0)) * s for s in (pv_scale, op_scale))
-    truth.floor = truth.floor and truth.floor * pv_scale
+    truth.noise = None if truth.noise is None else truth.noise * pv_scale
     measured = (("AUX1", plain.aux + 40.0), ("AUX2", coloured(rng, plain.n, 0.95, 3.0, "gauss") + 45.0))
     return Case(
         name,
@@ -174,7 +174,8 @@ def cut_out(case: Case, seed: int) -> Case:
     measured = tuple((name, signal[first:]) for name, signal in case.measured)
     late = first * case.ts
     moved = [(max(a - late, 0.0), b - late) for a, b in case.truth.windows if b > late]
-    return replace(case, **kept, measured=measured, truth=replace(case.truth, windows=tuple(moved)))
+    noise = None if case.truth.noise is None else case.truth.noise[first:]
+    return replace(case, **kept, measured=measured, truth=replace(case.truth, windows=tuple(moved), noise=noise))
 
 
 def planned(

@@ -67,13 +67,13 @@ class Loop:
 
 @dataclass
 class Truth:
-    """The concealed effects and what is right to say."""
+    """The concealed effects and what is right to say. noise: (N,) what the true model leaves of PV, in its unit."""
 
     effects: tuple[str, ...]
     windows: tuple[tuple[float, float], ...] = ()
     localise: bool = False
     energy: float = 0.0
-    floor: float | None = None
+    noise: FloatArray | None = None
 
 
 @dataclass

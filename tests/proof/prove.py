@@ -50,15 +50,22 @@ def judged(case: Case, said: Explanation, seconds: float) -> dict[str, object]:
     first = bool(named) and any(set(SAME.get(t, (t,))) & named[0] for t in case.truth.effects)
     windows = [(w.start_s, w.end_s) for w in said.effects[0].windows] if said.effects else []
     local = overlap(windows, list(case.truth.windows)) if case.truth.localise and len(case.truth.effects) == 1 else None
-    floor = case.truth.floor
     return {
         "case": case.name, "true": case.truth.effects, "said": [[e.code, *e.alternatives] for e in said.effects],
         "gains": [round(e.gain, 1) for e in said.effects],
         "verdict": said.verdict, "probability": said.effects[0].probability if said.effects else None,
         "first_right": first, "all_right": all(right), "overlap": local, "energy": round(case.truth.energy, 1),
-        "excess": said.fit.explained.rmse / floor if floor else None, "seconds": seconds, "ts": case.ts,
+        "excess": excess(case, said), "seconds": seconds, "ts": case.ts,
         "before": said.fit.refitted.rmse, "after": said.fit.explained.rmse,
     }  # fmt: skip
+
+
+def excess(case: Case, said: Explanation) -> float | None:
+    """The held-out RMSE over that of the true model on the same samples; None where PV does not show it."""
+    held = said.traces.held_out
+    if case.truth.noise is None or len(held) != len(case.truth.noise) or not held.any():
+        return None
+    return said.fit.explained.rmse / float(np.sqrt(np.mean(case.truth.noise[held] ** 2)))
 
 
 def one(
@@ -88,7 +95,8 @@ def summary(lines: list[dict]) -> str:
     said.append(f"localisation overlap mean {np.mean(overlaps) if overlaps else float('nan'):.3f} over {len(overlaps)}")
     excess = [x["excess"] for x in single if x["excess"]]
     said.append(
-        f"held-out RMSE over the true model's noise: median {np.median(excess) if excess else float('nan'):.3f}"
+        "held-out RMSE over the true model's on the same samples: median "
+        f"{np.median(excess) if excess else float('nan'):.3f}"
     )
     said.append(
         f"CPU seconds: median {np.median([x['seconds'] for x in lines]):.2f}, "

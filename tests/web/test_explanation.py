@@ -43,7 +43,7 @@ DONE = ASKED | {
             "reasons": ["because"],
         }
     ],
-    "errors": [("as given", "1.2", "40")],
+    "errors": [("as given", "1.2", "40", "no (p < 0.001)", "yes (p 0.4)")],
     "reasons": ["the controller does its part"],
 }
 

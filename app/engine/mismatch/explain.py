@@ -21,6 +21,7 @@ from app.engine.mismatch.doubting import reviewed
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit, settle
 from app.engine.mismatch.holdout import (
+    Fitness,
     FreeRuns,
     judge,
     kept_out,
@@ -37,6 +38,7 @@ from app.engine.mismatch.physics import library
 from app.engine.mismatch.preparing import Prepared, prepare
 from app.engine.mismatch.refitting import offered_beside
 from app.engine.mismatch.report import effects_of, export, location_of, pattern_effect, refit_estimates
+from app.engine.mismatch.residuals import residual_tests
 from app.engine.mismatch.result import Effect, Explanation, Improvement, Location, Traces
 from app.engine.mismatch.selection import Selection
 from app.engine.mismatch.validation import validate
@@ -105,7 +107,7 @@ def assemble(
         seen.explained,
         held,
     )
-    improvement = improvement_of(traces, comparison)
+    improvement = improvement_of(traces, prepared.base)
     doubts = unseen_data_refuse(selection, improvement, seen.gain)
     others = [other for other in stretches(usable) if doubts and not np.array_equal(other, held)]
     runs = [seen, *(free_runs(prepared, final, other) for other in others)]
@@ -192,11 +194,17 @@ def free_runs(prepared: Prepared, final: Fit, held: BoolArray) -> FreeRuns:
     return FreeRuns(base_seen.simulated + mid, explained + mid, held, gain, final_seen, sensors)
 
 
-def improvement_of(traces: Traces, comparison: Comparison) -> Improvement:
-    held = traces.held_out
-    given = None if traces.given is None else judge(traces.pv, traces.given, held)
-    refitted, explained = judge(traces.pv, traces.refitted, held), judge(traces.pv, traces.explained, held)
-    return Improvement(given, refitted, explained, windows_of(held, comparison.sampling_interval_s))
+def improvement_of(traces: Traces, base: Fit) -> Improvement:
+    held, record = traces.held_out, base.record
+    late = round(base.plant.theta / record.sampling_interval_s)
+
+    def judged(run: FloatArray) -> Fitness:
+        tests = residual_tests(traces.pv - run, record.op, record.usable, held, late)
+        return replace(judge(traces.pv, run, held), tests=tests)
+
+    given = None if traces.given is None else judged(traces.given)
+    refitted, explained = judged(traces.refitted), judged(traces.explained)
+    return Improvement(given, refitted, explained, windows_of(held, record.sampling_interval_s))
 
 
 def evidence_of(prepared: Prepared, selection: Selection) -> tuple[Reason, ...]:

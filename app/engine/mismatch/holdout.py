@@ -9,6 +9,7 @@ import numpy as np
 from app.engine.mismatch.block import Part
 from app.engine.mismatch.fitting import Fit, fit, settle
 from app.engine.mismatch.noise import whiten
+from app.engine.mismatch.residuals import ResidualTests
 from app.engine.mismatch.task import make_task
 from app.engine.mismatch.windows import active_mask
 from app.engine.recording import BoolArray, FloatArray
@@ -21,10 +22,13 @@ PLACES = (0.7, 0.0, 0.35, 0.5, 0.2)
 
 @dataclass(frozen=True, eq=False)
 class Fitness:
-    """How well a free run follows PV over some samples. rmse: unit of PV; fit_pct: 100 (1 - rmse / deviation of PV)."""
+    """How well a free run follows PV over some samples. rmse: unit of PV; fit_pct: 100 (1 - rmse / deviation of PV).
+    tests: of what it leaves there, where they were made.
+    """
 
     rmse: float
     fit_pct: float
+    tests: ResidualTests | None = None
 
 
 def judge(pv: FloatArray, simulated: FloatArray, where: BoolArray) -> Fitness:

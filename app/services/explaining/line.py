@@ -6,6 +6,7 @@ from typing import Any
 
 from app.engine.mismatch.closed_loop import ClosedLoop, LoopFigures
 from app.engine.mismatch.holdout import Fitness
+from app.engine.mismatch.residuals import LagsTest
 from app.engine.mismatch.result import Effect, ExplainedModel, Explanation, Improvement, Location, PartModel
 from app.engine.mismatch.windows import Window
 from app.errors import DataError
@@ -92,7 +93,27 @@ def fit_line(fit: Improvement) -> dict[str, Any]:
         "fit_pct_refitted": percent(fit.refitted),
         "fit_pct_explained": percent(fit.explained),
         "held_out": windows(fit.held_out),
+        "residuals": {
+            "given": None if fit.given is None else tests_line(fit.given),
+            "refitted": tests_line(fit.refitted),
+            "explained": tests_line(fit.explained),
+        },
     }
+
+
+def tests_line(fitness: Fitness) -> dict[str, Any] | None:
+    """Whether what the free run leaves is white, and owes nothing to OP."""
+    tests = fitness.tests
+    if tests is None:
+        return None
+    return {"whiteness": test_line(tests.whiteness), "independence": test_line(tests.independence)}
+
+
+def test_line(test: LagsTest | None) -> dict[str, float | int | None] | None:
+    if test is None:
+        return None
+    p = rounded(test.p_value)
+    return {"statistic": rounded(test.statistic), "limit": rounded(test.limit), "p": p, "lags": test.lags}
 
 
 def validation_line(validation: Improvement) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+LEAST_P = 0.001
 VERDICT_WORDS = {
     "missing_physics": "physics is missing from the simulation",
     "consistent": "nothing is missing",
@@ -97,13 +98,28 @@ def effect_in_words(effect: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def errors(fit: dict[str, Any] | None) -> list[tuple[str, str, str]]:
-    """Free-run error and fit on the stretch that no fit has seen: as given, refitted, explained."""
+def errors(fit: dict[str, Any] | None) -> list[tuple[str, ...]]:
+    """Free-run error and fit on the stretch that no fit has seen, and whether what is left there is white and owes
+    nothing to OP: as given, refitted, explained.
+    """
     if fit is None:
         return []
     names = {"given": "as given", "refitted": "its own parameters fitted", "explained": "with the missing physics"}
     return [
-        (words, number(fit[f"rmse_{name}"]), number(fit[f"fit_pct_{name}"]))
+        (words, number(fit[f"rmse_{name}"]), number(fit[f"fit_pct_{name}"]), *tested(fit, name))
         for name, words in names.items()
         if fit[f"rmse_{name}"] is not None
     ]
+
+
+def tested(fit: dict[str, Any], name: str) -> tuple[str, str]:
+    """Whether what a simulation leaves is white, and whether it owes nothing to OP; a dash where it was not asked."""
+    tests = (fit.get("residuals") or {}).get(name) or {}
+    return outcome(tests.get("whiteness")), outcome(tests.get("independence"))
+
+
+def outcome(test: dict[str, Any] | None) -> str:
+    if test is None:
+        return "–"
+    chance = "p < 0.001" if test["p"] < LEAST_P else f"p {test['p']:.2g}"
+    return f"{'yes' if test['statistic'] <= test['limit'] else 'no'} ({chance})"
