@@ -50,8 +50,15 @@ class ExplanationIn(BaseModel):
     model: dict[str, Any] | None = Field(
         None,
         description="A model to simulate: gain (PV per OP; per second where integrating), time_constants_s, "
-        "dead_time_s, integrating.",
-        examples=[{"gain": 1.2, "time_constants_s": [30], "dead_time_s": 4}],
+        "dead_time_s, integrating, controller (gain in OP per PV, integral_time_s, derivative_time_s).",
+        examples=[
+            {
+                "gain": 1.2,
+                "time_constants_s": [30],
+                "dead_time_s": 4,
+                "controller": {"gain": 0.5, "integral_time_s": 40},
+            }
+        ],
     )
 
 
@@ -89,7 +96,7 @@ class EffectOut(Told):
 class LocatedOut(Told):
     """Where the two differ."""
 
-    block: str | None = Field(description="valve, process, sensor or disturbance; null: nowhere.")
+    block: str | None = Field(description="valve, process, sensor, disturbance or controller; null: nowhere.")
     windows: list[Span] = Field(description="Start and end in seconds from the start of the recording.")
     condition: str = Field(description="When they differ, in words.")
     frequency_hz: float | None = Field(description="Where they differ at one frequency, in Hz.")

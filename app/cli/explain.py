@@ -27,7 +27,8 @@ def explain(
         str | None,
         typer.Option(
             "--sim-model",
-            help='The simulation as JSON, or a file: {"gain": 1.2, "time_constants_s": [30], "dead_time_s": 4}.',
+            help='The simulation as JSON, or a file: {"gain": 1.2, "time_constants_s": [30], "dead_time_s": 4}; '
+            'perhaps "integrating": true, "controller": {"gain": 0.5, "integral_time_s": 40}.',
         ),
     ] = None,
     validate: Annotated[Path | None, typer.Option("--validate", help="A second recording, unseen in the fit.")] = None,
@@ -113,7 +114,7 @@ def write_files(explanation: "Explanation", comparison: "Comparison", trace: Pat
 
 
 def as_text(line: dict[str, Any]) -> str:
-    from app.services.explaining.wording import VERDICT_WORDS, tested
+    from app.services.explaining.wording import VERDICT_WORDS, residuals_in_words
 
     said = [f"{line['recording']}: {VERDICT_WORDS[line['verdict']]}"]
     for effect in line["effects"]:
@@ -121,7 +122,7 @@ def as_text(line: dict[str, Any]) -> str:
     fit = line["fit"]
     known = [(k, fit["rmse_" + k]) for k in ("given", "refitted", "explained")]
     said.append("held-out RMSE  " + ", ".join(f"{k} {rmse}" for k, rmse in known if rmse is not None))
-    tests = [(k, tested(fit, k)) for k, _ in known if (fit["residuals"] or {}).get(k)]
+    tests = [(k, residuals_in_words(fit, k)) for k, _ in known if (fit["residuals"] or {}).get(k)]
     said += [f"  {k} leaves: white {white}; owes nothing to OP {free}" for k, (white, free) in tests]
     if line["validation"] is not None:
         said.append("validation     " + ", ".join(f"{k[5:]} {v}" for k, v in line["validation"].items()))
@@ -131,20 +132,15 @@ def as_text(line: dict[str, Any]) -> str:
     return "\n".join(said) + "\n"
 
 
-LOOPS = {
-    "recorded": "recorded",
-    "refitted": "refitted simulation",
-    "explained": "explained simulation",
-    "with_noise": "  with its noise",
-    "as_recorded": "  as the sensor shows it",
-}
-
-
 def loop_in_words(closed: dict[str, Any]) -> list[str]:
     """The loop closed again from SP alone, a row a simulation."""
+    from app.services.explaining.wording import LOOP_WORDS
+
     said = ["loop closed from SP alone    period s   amplitude   Yper %   shape"]
-    for key, name in LOOPS.items():
+    for key, name in LOOP_WORDS.items():
         f = closed[key]
+        if f is None and key == "given":
+            continue
         if f is None:
             said.append(f"  {name:<24} did not settle")
             continue

@@ -57,6 +57,10 @@ def test_json_has_the_form_of_the_contract(recording: Path, tmp_path: Path) -> N
         (["--sim-model", '{"gain": 1, "time_constants_s": [-5]}'], "model_invalid"),
         (["--sim-model", '{"gain": 1, "time_constants_s": [Infinity]}'], "model_invalid"),
         (["--sim-model", '{"gain": 1, "dead_time_s": 1e9}', "--quick"], "model_invalid"),
+        (["--sim-model", '{"gain": 1, "controller": {}}'], "model_invalid"),
+        (["--sim-model", '{"gain": 1, "controller": 3}'], "model_invalid"),
+        (["--sim-model", '{"gain": 1, "controller": {"gain": 0}}'], "model_invalid"),
+        (["--sim-model", '{"gain": 1, "controller": {"gain": 1, "integral_time_s": "fast"}}'], "model_invalid"),
         (["--sim-model", f'{{"gain": 1{"0" * 400}}}'], "model_invalid"),
     ],
 )

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from app.engine.mismatch import Comparison
+from app.engine.mismatch import Comparison, Controller
 from app.engine.mismatch.result import ExplainedModel
 from app.engine.recording import Recording
 from app.errors import DataError, LoopauditError
@@ -63,6 +63,13 @@ def test_a_stored_recording_with_a_model() -> None:
     assert found.simulation.time_constants_s == (20.0, 4.0)
     with pytest.raises(DataError):
         comparison_of(recording, trace=np.zeros(n - 1))
+
+
+def test_a_model_may_bring_its_controller() -> None:
+    told = '{"gain": 1.5, "controller": {"gain": 0.4, "integral_time_s": 30, "derivative_time_s": 2}}'
+    assert simulation_from_json(told).controller == Controller(0.4, 30.0, 2.0)
+    assert simulation_from_json('{"gain": 1.5, "controller": {"Kc": 0.4}}').controller == Controller(0.4)
+    assert simulation_from_json('{"gain": 1.5, "controller": null}').controller is None
 
 
 def code_of(path: Path, columns: Columns, simulated: str | None = None) -> str:

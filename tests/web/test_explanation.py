@@ -8,7 +8,9 @@ from app.services.explaining.wording import (
     NO_SIZE,
     effect_in_words,
     effect_words,
+    loops,
     parameters_in_words,
+    residuals_in_words,
     windows_in_words,
 )
 from app.web.rendering import page
@@ -44,6 +46,7 @@ DONE = ASKED | {
         }
     ],
     "errors": [("as given", "1.2", "40", "no (p < 0.001)", "yes (p 0.4)")],
+    "loops": [("recorded", "120", "1.4", "3.1", "0.87"), ("simulation as given", "none", "0.2", "8.0", "0.90")],
     "reasons": ["the controller does its part"],
 }
 
@@ -72,6 +75,25 @@ def test_what_comes_from_the_plant_is_escaped() -> None:
     html = part(DONE)
     assert "when &lt;b&gt;X&lt;/b&gt; moves" in html
     assert 'data-url="/v1/loops/A%2F%3Cscript%3Ealert%281%29%3C%2Fscript%3E%22/explanations/7/plot"' in html
+
+
+def test_tests_of_the_residuals_and_the_loop_closed_again_are_shown() -> None:
+    html = re.sub(r"\s+", " ", part(DONE))
+    assert "What is left is white" in html
+    assert "no (p &lt; 0.001)" in html
+    assert "simulation as given</td><td class=\"number\">none</td>" in html
+    assert "Loop closed again" not in part(DONE | {"loops": []})
+
+
+def test_words_for_residuals_and_loops() -> None:
+    white = {"statistic": 12.0, "limit": 31.4, "p": 0.62, "lags": 20}
+    owing = {"statistic": 96.0, "limit": 31.4, "p": 1e-9, "lags": 20}
+    fit = {"residuals": {"given": None, "refitted": {"whiteness": white, "independence": owing}}}
+    assert residuals_in_words(fit, "refitted") == ("yes (p 0.62)", "no (p < 0.001)")
+    assert residuals_in_words(fit, "given") == residuals_in_words({}, "explained") == ("–", "–")
+    figures = {"period_s": None, "amplitude": 1.4, "yper_pct": 3.0, "shape": 0.9}
+    assert loops({"recorded": figures, "explained": None}) == [("recorded", "–", "1.4", "3", "0.9")]
+    assert loops(None) == []
 
 
 def test_words_for_effects_parameters_and_windows() -> None:

@@ -10,8 +10,9 @@ from numba import njit
 from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.chain import simulate
 from app.engine.mismatch.fitting import Fit
-from app.engine.mismatch.law import Law, identify_law
+from app.engine.mismatch.law import Controller, Law, identify_law, tried_on
 from app.engine.mismatch.noise import coloured, whiten
+from app.engine.mismatch.plant import Plant
 from app.engine.oscillation import detect
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.yper import SIGNIFICANT_PCT, compute
@@ -20,6 +21,7 @@ IDENTIFIED = 0.9
 MOST_SAMPLES, MOST_PASSES = 3000, 800
 SETTLED = 1e-6
 LEAST_YPER = 0.05
+LEFT_BY_OTHERS, LEFT_TIMES = 0.01, 2.0  # a gain 10 % off leaves 0.01
 
 
 @dataclass(frozen=True)
@@ -37,10 +39,12 @@ class LoopFigures:
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """The recorded loop beside loops simulated from SP alone: the refitted simulation, the explained one, the explained
-    one with the noise modelled, and that as sensor and historian show it. None: that simulation did not settle.
+    """The recorded loop beside loops simulated from SP alone: the simulation as given, the refitted one, the explained
+    one, the explained one with the noise modelled, and that as sensor and historian show it. None: that simulation did
+    not settle, or none was given.
 
-    lacked: what the clean simulation lacked for Yper to come out as recorded, the largest share first.
+    lacked: what the clean simulation lacked for Yper to come out as recorded, the largest share first. given_law: of
+    the given simulation's own controller, where it has one, and how much of the recorded OP's moves it explains.
     """
 
     law: Law
@@ -50,6 +54,15 @@ class ClosedLoop:
     with_noise: LoopFigures | None = None
     as_recorded: LoopFigures | None = None
     lacked: tuple[str, ...] = ()
+    given: LoopFigures | None = None
+    given_law: Law | None = None
+
+    @property
+    def controller_differs(self) -> bool:
+        """Whether the given simulation's controller leaves more of OP's moves than the recorded one's own law."""
+        if self.given_law is None:
+            return False
+        return 1.0 - self.given_law.explained > LEFT_BY_OTHERS + LEFT_TIMES * (1.0 - self.law.explained)
 
 
 @njit(cache=True, nogil=True)
@@ -120,10 +133,17 @@ def modelled_noise(found: Fit, seed: int = 0) -> FloatArray:
     return coloured(drawn, found.noise)
 
 
-def close_again(base: Fit, final: Fit, sensors: tuple[Part, ...] = ()) -> ClosedLoop | None:
+def close_again(
+    base: Fit,
+    final: Fit,
+    sensors: tuple[Part, ...] = (),
+    given: Plant | None = None,
+    controller: Controller | None = None,
+) -> ClosedLoop | None:
     """The closed loop of a record beside its simulations; None where the law is not a PID of the error.
 
-    sensors: what sensor and historian do to PV on its way to the record.
+    sensors: what sensor and historian do to PV on its way to the record. given: the linear model of the simulation as
+    it came; controller: its own, where it has one, else it runs under the recorded law.
     """
     base, final = first_stretch(base), first_stretch(final)
     record = base.record
@@ -140,7 +160,13 @@ def close_again(base: Fit, final: Fit, sensors: tuple[Part, ...] = ()) -> Closed
     seen = None if noisy is None else seen_through(noisy, final, sensors)
     told = [None if loop is None else figures(loop) for loop in (*clean, noisy, seen)]
     steps = (("the physics that was named", told[1]), (noise_in_words(final), told[2]), (in_words(sensors), told[3]))
-    return ClosedLoop(law, shown, *told, lacked=what_lacked(shown, told[0], steps))
+    lacked = what_lacked(shown, told[0], steps)
+    own = None
+    if controller is not None:
+        own = tried_on(controller.law(record.sampling_interval_s), sp, record.pv, record.op)
+    as_given = None if given is None else close(replace(base, plant=given, parts=()), own or law, sp)
+    figures_given = None if as_given is None else figures(as_given)
+    return ClosedLoop(law, shown, *told, lacked=lacked, given=figures_given, given_law=own)
 
 
 def seen_through(loop: UniformRecord, found: Fit, sensors: tuple[Part, ...]) -> UniformRecord:

@@ -6,6 +6,7 @@ import numpy as np
 
 from app.engine.evidence import Reason
 from app.engine.mismatch.experiment import Experiment, experiment
+from app.engine.mismatch.law import Controller
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.task import Given
 from app.engine.mismatch.thinning import centred_all, centred_means, held_means
@@ -25,12 +26,15 @@ MOST_LAGS, LONGEST_LAG = 2, 1000.0  # so many records long; a longer one is no o
 
 @dataclass(frozen=True)
 class LinearSimulation:
-    """An engineer's model: gain (PV per OP, per second where integrating), time constants and dead time in s."""
+    """An engineer's model: gain (PV per OP, per second where integrating), time constants and dead time in s; and the
+    controller, where the simulation has one of its own.
+    """
 
     gain: float
     time_constants_s: tuple[float, ...] = ()
     dead_time_s: float = 0.0
     integrating: bool = False
+    controller: Controller | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,9 +155,24 @@ def check_model(simulation: LinearSimulation, duration_s: float) -> None:
         )
     elif not 0.0 <= late < duration_s:
         fault = f"its dead time is {late:g} s; from 0 to less than the recording's {duration_s:g} s are needed"
+    elif simulation.controller is not None:
+        fault = controller_fault(simulation.controller)
     else:
         return
-    raise DataError("model_invalid", f"the model cannot be simulated: {fault}")
+    if fault:
+        raise DataError("model_invalid", f"the model cannot be simulated: {fault}")
+
+
+def controller_fault(controller: Controller) -> str:
+    """Why a controller cannot be simulated; empty where it can."""
+    integral, derivative = controller.integral_time_s, controller.derivative_time_s
+    if not 1.0 / LARGEST <= abs(controller.gain) <= LARGEST:
+        return f"the gain of its controller is {controller.gain:g}; a finite number other than 0 is needed"
+    if integral is not None and not 0.0 < integral <= LARGEST:
+        return f"the integral time of its controller is {integral:g} s; more than 0 s is needed, null for none"
+    if not 0.0 <= derivative <= LARGEST:
+        return f"the derivative time of its controller is {derivative:g} s; 0 s or more is needed"
+    return ""
 
 
 def without_wild(comparison: Comparison) -> Comparison:

@@ -14,6 +14,7 @@ from app.engine.mismatch.result import Effect, Improvement, Verdict
 from app.engine.mismatch.selection import Selection
 
 LEAST_ANSWER = 10.0
+ANSWERING = ("valve", "process")
 LEAST_TIMES = 4.0
 LEAST_COMPARED = 100
 ROUNDING = 1e-9
@@ -43,11 +44,16 @@ def conclude(
 
 
 def op_moves_nothing(final: Fit) -> tuple[Reason, ...]:
-    """Why nothing is named where neither OP moves PV, with all that was named, nor PV moves OP by a controller's law:
-    they do not belong to one loop, or the loop was not at work.
+    """Why nothing is named where OP does not move PV, with all that was named: the valve does not move, the loop was not
+    at work, or they do not belong to one loop.
+
+    Where PV moves OP by a controller's law, only names of valve and process are asked: they say how PV answers OP. What
+    else moves PV moves OP with it, and cannot be told from OP's answer.
     """
-    if not final.parts or final.record.op_follows_pv:
+    if not final.parts:
         return ()
+    if final.record.op_follows_pv:
+        return stands_still(final) if all(part.block.place in ANSWERING for part in final.parts) else ()
     still = replace(final, record=at_rest(final.record))
     told = final.likelihood - fit(task_of(still), final.x, None, 3).likelihood
     if told >= LEAST_ANSWER:
@@ -56,6 +62,19 @@ def op_moves_nothing(final: Fit) -> tuple[Reason, ...]:
     text = (
         f"{names} would explain PV, but OP then explains {told:.1f} nat of it, at least {LEAST_ANSWER:.0f} are needed, "
         "and no controller's law explains OP: are they of one loop?"
+    )
+    return (Reason("op_moves_nothing", text),)
+
+
+def stands_still(final: Fit) -> tuple[Reason, ...]:
+    """That PV does not answer an OP by which a controller wants to move it; nothing where it does."""
+    told = final.likelihood - fit_linear(at_rest(final.record), final.given).likelihood
+    if told >= LEAST_ANSWER:
+        return ()
+    names = ", ".join(part.block.code for part in final.parts)
+    text = (
+        f"PV does not answer OP: with {names} OP explains {told:.1f} nat of it more than noise alone does, at least "
+        f"{LEAST_ANSWER:.0f} are needed; a valve that does not move, one that is shut off, or a PV of another loop?"
     )
     return (Reason("op_moves_nothing", text),)
 

@@ -7,7 +7,7 @@ import numpy as np
 from app.engine import ENGINE_VERSION
 from app.engine.evidence import Reason
 from app.engine.mismatch.block import Context, Part
-from app.engine.mismatch.closed_loop import ClosedLoop, close_again
+from app.engine.mismatch.closed_loop import close_again
 from app.engine.mismatch.comparison import Comparison, check, glimpse, record_of, shortened, without_wild
 from app.engine.mismatch.conclude import (
     conclude,
@@ -17,6 +17,7 @@ from app.engine.mismatch.conclude import (
     too_few,
     unseen_data_refuse,
 )
+from app.engine.mismatch.controller import at_the_controller, controller_evidence, yper_evidence
 from app.engine.mismatch.doubting import reviewed
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit, settle
@@ -120,12 +121,14 @@ def assemble(
         tuple(told for e in selection.effects for told in effects_of(e, final)),
         refused,
     )
-    closed = close_again(prepared.base, final, tuple(p.part for p in prepared.patterns))
+    sensors = tuple(p.part for p in prepared.patterns)
+    controller = None if comparison.simulation is None else comparison.simulation.controller
+    closed = close_again(prepared.base, final, sensors, prepared.given, controller)
     return Explanation(
         name=comparison.name,
         verdict=conclusion.verdict,
         effects=merged(conclusion.effects),
-        located=location_of(conclusion.effects),
+        located=location_of(conclusion.effects) if conclusion.effects else at_the_controller(prepared.record, closed),
         fit=improvement,
         validation=None,
         model=export(seen.model, seen.sensors),
@@ -135,7 +138,8 @@ def assemble(
             *conclusion.reasons,
             *held_out_worse(conclusion.effects, improvement, seen.gain, [ran_worse(comparison.pv, r) for r in runs]),
             *evidence_of(prepared, selection),
-            *controller_evidence(closed),
+            *controller_evidence(prepared.record, closed),
+            *yper_evidence(closed),
         ),
         traces=traces,
         closed_loop=closed,
@@ -214,8 +218,8 @@ def evidence_of(prepared: Prepared, selection: Selection) -> tuple[Reason, ...]:
     said = [*prepared.off, Reason("refit", f"the simulation's own parameters, fitted: {changes}")]
     if base.parts:
         said.append(Reason("own_dynamics", "no simulation was given, and our own loop needed more lags than two"))
-    if not selection.effects and selection.ranking:
-        best = selection.ranking[0]
+    best = selection.ranking[0] if selection.ranking and not selection.effects else None
+    if best is not None and best.gain < best.block.penalty:
         said.append(
             Reason(
                 "no_effect_pays",
@@ -223,26 +227,3 @@ def evidence_of(prepared: Prepared, selection: Selection) -> tuple[Reason, ...]:
             )
         )
     return tuple(said)
-
-
-def controller_evidence(closed: ClosedLoop | None) -> tuple[Reason, ...]:
-    """A controller whose law explains its output is cleared; one whose law was not found is not accused either."""
-    if closed is None:
-        text = "no PID law of PV and SP explains OP: the controller is not judged, and the loop is not closed again"
-        return (Reason("controller_not_evaluated", text),)
-    law = closed.law
-    text = f"SP and PV explain {100.0 * law.explained:.2f} % of OP's moves by a PID law: the controller does its part"
-    if law.sp is not None:
-        text += f"; SP was not recorded and is taken for constant at {law.sp:.5g}"
-    return (Reason("controller_cleared", text), *yper_evidence(closed))
-
-
-def yper_evidence(closed: ClosedLoop) -> tuple[Reason, ...]:
-    """What the clean simulation lacked for Yper to come out as recorded."""
-    if not closed.lacked or closed.refitted is None:
-        return ()
-    text = (
-        f"Yper is {closed.recorded.yper_pct:.3g} % in the record and {closed.refitted.yper_pct:.3g} % in the clean "
-        f"simulation, which lacked {', then '.join(closed.lacked)}"
-    )
-    return (Reason("yper_lacked", text),)

@@ -1,6 +1,6 @@
-"""The controller's law, read off SP, PV and OP."""
+"""The controller's law: read off SP, PV and OP, or as somebody gives it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,47 @@ class Law:
     sp: float | None = None
 
 
+@dataclass(frozen=True)
+class Controller:
+    """A PID as its face shows it: OP = gain (e + integral of e / Ti + Td de/dt), e = SP - PV.
+
+    gain: unit of OP per unit of PV, negative where the process has a negative gain. integral_time_s: None without
+    integral action.
+    """
+
+    gain: float
+    integral_time_s: float | None = None
+    derivative_time_s: float = 0.0
+
+    def law(self, sampling_interval_s: float) -> Law:
+        ki = 0.0 if self.integral_time_s is None else self.gain * sampling_interval_s / self.integral_time_s
+        return Law(self.gain, ki, self.gain * self.derivative_time_s / sampling_interval_s, 0.0)
+
+
+def controller_of(law: Law, sampling_interval_s: float) -> Controller:
+    """A law as a controller's face shows it."""
+    if law.kc == 0.0:
+        return Controller(0.0)
+    integral = law.kc * sampling_interval_s / law.ki if law.ki != 0.0 else None
+    return Controller(law.kc, integral, law.kd * sampling_interval_s / law.kc)
+
+
+def terms(e: FloatArray) -> FloatArray:
+    """(N - 2, 3) what kc, ki and kd multiply of the error (N,), from its third sample on."""
+    return np.stack([e[2:] - e[1:-1], e[2:], e[2:] - 2.0 * e[1:-1] + e[:-2]], axis=1)
+
+
+def tried_on(law: Law, sp: FloatArray, pv: FloatArray, op: FloatArray) -> Law:
+    """The law with the share of OP's moves that it explains, where OP moves; not below 0."""
+    moves = np.diff(op)[1:]
+    kept = moves != 0.0
+    if not kept.any():
+        return replace(law, explained=0.0)
+    left = moves - terms(sp - pv) @ np.array([law.kc, law.ki, law.kd])
+    share = 1.0 - float(np.var(left[kept]) / max(np.var(moves[kept]), 1e-300))
+    return replace(law, explained=max(share, 0.0))
+
+
 def identify_law(
     sp: FloatArray | None, pv: FloatArray, op: FloatArray, usable: BoolArray | None = None
 ) -> Law:
@@ -31,9 +72,8 @@ def identify_law(
     Without SP it is taken for constant, and its value comes out with the law.
     """
     e = -pv if sp is None else sp - pv
-    columns = [e[2:] - e[1:-1], e[2:], e[2:] - 2.0 * e[1:-1] + e[:-2]]
-    columns += [np.ones(len(e) - 2)] if sp is None else []
-    basis = np.stack(columns, axis=1)
+    columns = terms(e)
+    basis = columns if sp is not None else np.column_stack((columns, np.ones(len(columns))))
     moves = np.diff(op)[1:]
     kept = moves != 0.0
     if usable is not None:

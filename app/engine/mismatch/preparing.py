@@ -6,16 +6,17 @@ import numpy as np
 
 from app.engine.evidence import Reason
 from app.engine.mismatch.beginning import answers_the_record
+from app.engine.mismatch.chain import simulate
 from app.engine.mismatch.comparison import Comparison, given_of, record_of
 from app.engine.mismatch.conclude import unrelated
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit, fit_linear
 from app.engine.mismatch.given import identify
 from app.engine.mismatch.patterns import Pattern, find_patterns
-from app.engine.mismatch.plant import run_process
+from app.engine.mismatch.plant import Plant, run_process
 from app.engine.mismatch.refitting import off_in_words
 from app.engine.mismatch.shifting import in_step
-from app.engine.mismatch.task import Given, make_task, start_at
+from app.engine.mismatch.task import Given
 from app.engine.recording import FloatArray
 
 OTHER_UNIT, LEAST_ALIKE = 8.0, 0.5  # so many times PV's size, and so much of PV's shape
@@ -25,7 +26,7 @@ OTHER_UNIT, LEAST_ALIKE = 8.0, 0.5  # so many times PV's size, and so much of PV
 class Prepared:
     """A comparison ready to be explained: the record, the patterns of PV, the given model and its refit. off: how far
     its parameters are from the record, where that is further than it was trusted. unrelated: why the given trace is
-    none of this OP.
+    none of this OP. given: the linear model of the simulation as it came, started where PV started.
     """
 
     record: Experiment
@@ -34,6 +35,7 @@ class Prepared:
     base: Fit
     off: tuple[Reason, ...] = ()
     unrelated: tuple[Reason, ...] = ()
+    given: Plant | None = None
 
 
 def prepare(comparison: Comparison) -> Prepared:
@@ -53,13 +55,16 @@ def prepare(comparison: Comparison) -> Prepared:
         record = replace(record, rest=share * record.rest)
         base = fit_linear(record, scaled(behind.given, share))
         off = (*laid.said, *off_by(behind.given, share))
-        return Prepared(record, patterns, comparison.trace, base, off, unrelated(behind))
+        plant = as_pv_begins(record, behind.given)
+        return Prepared(record, patterns, comparison.trace, base, off, unrelated(behind), plant)
     if comparison.simulation is not None:
         given = given_of(comparison.simulation, record)
         record = record.comparing(answers_the_record(record, given.plant))
         share = scale_of(record, given)
         base = fit_linear(record, scaled(given, share))
-        return Prepared(record, patterns, as_it_came(record, given), base, off_by(given, share))
+        plant = as_pv_begins(record, given)
+        trace = simulate(record, plant) + record.pv_mid
+        return Prepared(record, patterns, trace, base, off_by(given, share), given=plant)
     return Prepared(record, patterns, None, identify(record))
 
 
@@ -82,10 +87,8 @@ def off_by(given: Given, share: float) -> tuple[Reason, ...]:
     return () if share == 1.0 else (off_in_words(given, scaled(given, share), "; is it in another unit?"),)
 
 
-def as_it_came(record: Experiment, given: Given) -> FloatArray:
-    """The given model's trace (N,), started where PV started, in the unit of PV."""
-    task = make_task(record, given, ())
-    start = float(np.mean(record.pv_deviation[:3]))
-    settled = start - given.plant.K * float(np.mean(record.op_deviation[:3])) if given.plant.leak > 0.0 else 0.0
-    x = start_at(task, given.plant.changed(b=settled, x0=start), np.zeros(0))
-    return task.simulated(x) + record.pv_mid
+def as_pv_begins(record: Experiment, given: Given) -> Plant:
+    """The given model, started where PV started and, where it does not integrate, settled there."""
+    plant, start = given.plant, float(np.mean(record.pv_deviation[:3]))
+    settled = start - plant.K * float(np.mean(record.op_deviation[:3])) if plant.leak > 0.0 else 0.0
+    return plant.changed(b=settled, x0=start)

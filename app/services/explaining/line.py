@@ -6,6 +6,7 @@ from typing import Any
 
 from app.engine.mismatch.closed_loop import ClosedLoop, LoopFigures
 from app.engine.mismatch.holdout import Fitness
+from app.engine.mismatch.law import Law
 from app.engine.mismatch.residuals import LagsTest
 from app.engine.mismatch.result import Effect, ExplainedModel, Explanation, Improvement, Location, PartModel
 from app.engine.mismatch.windows import Window
@@ -125,21 +126,26 @@ def validation_line(validation: Improvement) -> dict[str, Any]:
 
 
 def closed_loop_line(closed: ClosedLoop) -> dict[str, Any]:
-    law = closed.law
     return {
-        "controller": {
-            "kc": rounded(law.kc),
-            "ki": rounded(law.ki),
-            "kd": rounded(law.kd),
-            "explained": rounded(law.explained),
-            "sp": rounded(law.sp),
-        },
+        "controller": law_line(closed.law),
+        "given_controller": None if closed.given_law is None else law_line(closed.given_law),
         "recorded": figures_line(closed.recorded),
+        "given": figures_line(closed.given),
         "refitted": figures_line(closed.refitted),
         "explained": figures_line(closed.explained),
         "with_noise": figures_line(closed.with_noise),
         "as_recorded": figures_line(closed.as_recorded),
         "lacked": list(closed.lacked),
+    }
+
+
+def law_line(law: Law) -> dict[str, float | None]:
+    return {
+        "kc": rounded(law.kc),
+        "ki": rounded(law.ki),
+        "kd": rounded(law.kd),
+        "explained": rounded(law.explained),
+        "sp": rounded(law.sp),
     }
 
 

@@ -9,6 +9,14 @@ VERDICT_WORDS = {
     "consistent": "nothing is missing",
     "inconclusive": "the record does not tell",
 }
+LOOP_WORDS = {
+    "recorded": "recorded",
+    "given": "simulation as given",
+    "refitted": "refitted simulation",
+    "explained": "explained simulation",
+    "with_noise": "  with its noise",
+    "as_recorded": "  as the sensor shows it",
+}
 SIMULATION_WORDS = {
     "trace": "a simulated trace",
     "column": "the simulation recorded with the loop",
@@ -79,6 +87,7 @@ def in_words(found: dict[str, Any]) -> dict[str, Any]:
         "simulation_words": SIMULATION_WORDS[found["simulation"]],
         "told_effects": [effect_in_words(effect) for effect in found["effects"]],
         "errors": errors(found["fit"]),
+        "loops": loops(found["closed_loop"]),
         "reasons": [reason["text"] for reason in found["evidence"]],
     }
 
@@ -106,13 +115,13 @@ def errors(fit: dict[str, Any] | None) -> list[tuple[str, ...]]:
         return []
     names = {"given": "as given", "refitted": "its own parameters fitted", "explained": "with the missing physics"}
     return [
-        (words, number(fit[f"rmse_{name}"]), number(fit[f"fit_pct_{name}"]), *tested(fit, name))
+        (words, number(fit[f"rmse_{name}"]), number(fit[f"fit_pct_{name}"]), *residuals_in_words(fit, name))
         for name, words in names.items()
         if fit[f"rmse_{name}"] is not None
     ]
 
 
-def tested(fit: dict[str, Any], name: str) -> tuple[str, str]:
+def residuals_in_words(fit: dict[str, Any], name: str) -> tuple[str, str]:
     """Whether what a simulation leaves is white, and whether it owes nothing to OP; a dash where it was not asked."""
     tests = (fit.get("residuals") or {}).get(name) or {}
     return outcome(tests.get("whiteness")), outcome(tests.get("independence"))
@@ -123,3 +132,15 @@ def outcome(test: dict[str, Any] | None) -> str:
         return "–"
     chance = "p < 0.001" if test["p"] < LEAST_P else f"p {test['p']:.2g}"
     return f"{'yes' if test['statistic'] <= test['limit'] else 'no'} ({chance})"
+
+
+def loops(closed: dict[str, Any] | None) -> list[tuple[str, ...]]:
+    """Period, amplitude, Yper and wave shape of the loop as recorded, and as simulated from SP alone; those that did not
+    settle, or that there are none of, are left out.
+    """
+    known = [(words.strip(), (closed or {}).get(name)) for name, words in LOOP_WORDS.items()]
+    return [
+        (words, *(number(f[figure]) for figure in ("period_s", "amplitude", "yper_pct", "shape")))
+        for words, f in known
+        if f is not None
+    ]
