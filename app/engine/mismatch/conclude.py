@@ -44,8 +44,8 @@ def conclude(
 
 
 def op_moves_nothing(final: Fit) -> tuple[Reason, ...]:
-    """Why nothing is named where OP does not move PV, with all that was named: the valve does not move, the loop was not
-    at work, or they do not belong to one loop.
+    """Why nothing is named where OP does not move PV, with all that was named: the valve does not move, the loop was
+    not at work, or they do not belong to one loop.
 
     Where PV moves OP by a controller's law, only names of valve and process are asked: they say how PV answers OP. What
     else moves PV moves OP with it, and cannot be told from OP's answer.

@@ -135,8 +135,8 @@ def outcome(test: dict[str, Any] | None) -> str:
 
 
 def loops(closed: dict[str, Any] | None) -> list[tuple[str, ...]]:
-    """Period, amplitude, Yper and wave shape of the loop as recorded, and as simulated from SP alone; those that did not
-    settle, or that there are none of, are left out.
+    """Period, amplitude, Yper and wave shape of the loop as recorded, and as simulated from SP alone; those that did
+    not settle, or that there are none of, are left out.
     """
     known = [(words.strip(), (closed or {}).get(name)) for name, words in LOOP_WORDS.items()]
     return [
