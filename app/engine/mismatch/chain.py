@@ -8,6 +8,8 @@ from app.engine.recording import FloatArray
 
 def simulate(record: Experiment, plant: Plant, parts: tuple[Part, ...] = ()) -> FloatArray:
     """PV (N,) as deviation from the record's mean, in its unit, simulated from OP and measured signals alone."""
+    if record.finer is not None:
+        return simulate(record.finer.record, plant, parts)[record.finer.taken]
     return walk(record, plant, parts, None, before=False)
 
 

@@ -24,13 +24,17 @@ def compile_kernels() -> None:
     sp, op, pv = closed_loop()
     for simulation in STRUCTURES:
         locate(Comparison("warm-up", INTERVAL_S, op, pv, sp, simulation=simulation))
-    find_patterns(experiment(INTERVAL_S, op, np.repeat(pv[::6], 6)[:SAMPLES]))
+    find_patterns(experiment(INTERVAL_S, op, held_from(pv, irregular())))
     find_patterns(experiment(INTERVAL_S, op, np.interp(np.arange(SAMPLES), irregular(), pv[irregular()])))
     # A speed that comes to rest has a kernel of its own; exactly at rest it would pass for the end of a range.
     at_rest = np.maximum(pv - np.quantile(pv, 0.2), 0.0) + 1e-3 * np.cos(2.3 * np.arange(SAMPLES))
     locate(Comparison("warm-up", INTERVAL_S, op, at_rest, sp, simulation=STRUCTURES[0]))
     base = prepare(Comparison("warm-up", INTERVAL_S, op, pv, sp, simulation=STRUCTURES[0])).base
     close_again(base, base, ())
+
+
+def held_from(pv: FloatArray, kept: np.ndarray) -> FloatArray:
+    return pv[kept[np.searchsorted(kept, np.arange(SAMPLES), side="right") - 1]]
 
 
 def irregular() -> np.ndarray:

@@ -4,11 +4,20 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.engine.mismatch.law import identify_law
 from app.engine.recording import BoolArray, FloatArray
 
 FOLLOWS = 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class Finer:
+    """What a record was taken from: the record as it was sampled, and at which of its samples (M,)."""
+
+    record: "Experiment"
+    taken: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +29,7 @@ class Experiment:
     either end.
     measured: further signals (N,) by name. usable: (N,) True where PV is compared.
     rest: (N,) what a given simulation holds beside its linear model, unit of PV; zero where it is linear.
+    finer: where PV was taken at some instants only, the record that is simulated between them; None: this one.
     """
 
     sampling_interval_s: float
@@ -35,6 +45,7 @@ class Experiment:
     sp: FloatArray | None = None
     measured: tuple[tuple[str, FloatArray], ...] = ()
     rest: FloatArray = field(default_factory=lambda: np.zeros(0))
+    finer: Finer | None = None
 
     @property
     def samples(self) -> int:
@@ -61,7 +72,7 @@ class Experiment:
 
     def with_op(self, op: FloatArray) -> "Experiment":
         """The same record under another OP (N,), its deviations from the same mean."""
-        return replace(self, op=op, op_deviation=op - self.op_mid)
+        return replace(self, op=op, op_deviation=op - self.op_mid, finer=None)
 
     def stretch(self, begin: int, end: int) -> "Experiment":
         """The samples from `begin` to before `end`, as deviations from the means of the whole."""
@@ -76,11 +87,24 @@ class Experiment:
             sp=None if self.sp is None else self.sp[part],
             measured=tuple((name, signal[part]) for name, signal in self.measured),
             rest=self.rest[part],
+            finer=None,
         )
 
     def comparing(self, usable: BoolArray) -> "Experiment":
         """The same record with other samples compared."""
         return replace(self, usable=usable)
+
+    @property
+    def as_sampled(self) -> "Experiment":
+        """The record that is simulated."""
+        return self if self.finer is None else self.finer.record
+
+    def resting(self, rest: FloatArray) -> "Experiment":
+        """The same record with what a given simulation holds beside its linear model, at the samples simulated."""
+        if self.finer is None:
+            return replace(self, rest=rest)
+        finer = replace(self.finer, record=replace(self.finer.record, rest=rest))
+        return replace(self, rest=rest[finer.taken], finer=finer)
 
 
 def experiment(

@@ -41,6 +41,7 @@ from app.engine.mismatch.refitting import offered_beside
 from app.engine.mismatch.report import effects_of, export, location_of, pattern_effect, refit_estimates
 from app.engine.mismatch.residuals import residual_tests
 from app.engine.mismatch.result import Effect, Explanation, Improvement, Location, Traces
+from app.engine.mismatch.sampling import taken_of
 from app.engine.mismatch.selection import Selection
 from app.engine.mismatch.validation import validate
 from app.engine.mismatch.windows import windows_of
@@ -57,8 +58,10 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     Misleads where OP hardly moves: then little can be told, and the answer is `consistent`.
     """
     check(comparison)
-    comparison = shortened(without_wild(comparison))
-    prepared = prepare(comparison)
+    comparison = without_wild(comparison)
+    taken = taken_of(comparison)
+    comparison = shortened(comparison if taken is None else taken.comparison)
+    prepared = prepare(comparison, taken)
     competed = compete(prepared)
     prepared = replace(prepared, base=competed.base, off=(*prepared.off, *competed.off))
     selection = competed.selection if prepared.unrelated else reviewed(prepared.base, competed.selection)
@@ -70,6 +73,8 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     if validation is None:
         return explanation
     check(validation)
+    again = taken_of(validation)
+    validation = validation if again is None else again.comparison
     second = record_of(validation)
     sensors = tuple(pattern.part for pattern in prepared.patterns)
     return replace(explanation, validation=validate(prepared.base, selection.fit, sensors, second, validation.trace))

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from app.engine.evidence import Reason
 from app.engine.mismatch.block import Block, Part
 from app.engine.mismatch.experiment import Experiment
+from app.engine.mismatch.physics.sample_hold import SAMPLE_HOLD
 from app.engine.mismatch.physics.sensor_pattern import (
     COMPRESSION,
     HELD,
@@ -17,6 +18,7 @@ from app.engine.mismatch.physics.sensor_pattern import (
     QUANTIZATION,
     STUCK,
 )
+from app.engine.mismatch.sampling import hold_of
 from app.engine.recording import BoolArray, FloatArray
 from app.engine.simulate.compression import keep
 
@@ -68,7 +70,12 @@ def equal_runs(pv: FloatArray, tolerance: float) -> tuple[Run, ...]:
 
 
 def find_patterns(record: Experiment) -> tuple[Pattern, ...]:
-    """What PV shows by itself, the surest first: a limit, stuck stretches, quantisation or compression."""
+    """What PV shows by itself, the surest first: a limit, stuck stretches, quantisation or compression; where it is
+    held between equal intervals, that alone, for the rest shows in what was taken.
+    """
+    hold = hold_of(record.pv, record.usable)
+    if hold is not None:
+        return (held(record, hold.interval * record.sampling_interval_s),)
     noise = noise_deviation(record.pv)
     runs = equal_runs(record.pv, 0.02 * noise)
     step = level_spacing(record.pv)
@@ -81,6 +88,12 @@ def find_patterns(record: Experiment) -> tuple[Pattern, ...]:
         return (*limits, *stuck, quantised(record, step))
     squeezed = None if limits or stuck else compressed(record)
     return (*limits, *stuck, *((squeezed,) if squeezed is not None else ()))
+
+
+def held(record: Experiment, interval_s: float) -> Pattern:
+    text = f"PV changes every {interval_s:.4g} s only and repeats itself in between: it is compared when it changes"
+    everywhere = np.ones(record.samples, dtype=np.bool_)
+    return Pattern(Part(SAMPLE_HOLD, np.array([interval_s])), everywhere, Reason("pv_held", text), False)
 
 
 def holds(record: Experiment) -> bool:

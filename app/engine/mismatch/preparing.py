@@ -12,9 +12,10 @@ from app.engine.mismatch.conclude import unrelated
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit, fit_linear
 from app.engine.mismatch.given import identify
-from app.engine.mismatch.patterns import Pattern, find_patterns
+from app.engine.mismatch.patterns import Pattern, find_patterns, held
 from app.engine.mismatch.plant import Plant, run_process
 from app.engine.mismatch.refitting import off_in_words
+from app.engine.mismatch.sampling import Taken
 from app.engine.mismatch.shifting import in_step
 from app.engine.mismatch.task import Given
 from app.engine.recording import FloatArray
@@ -38,21 +39,27 @@ class Prepared:
     given: Plant | None = None
 
 
-def prepare(comparison: Comparison) -> Prepared:
+def prepare(comparison: Comparison, taken: Taken | None = None) -> Prepared:
+    """taken: where PV is held between equal intervals, how it was taken; the comparison is one at these instants."""
     record = record_of(comparison)
     patterns = find_patterns(record)
+    if taken is not None:
+        patterns = (held(record, taken.interval_s), *patterns)
     usable = np.ones(record.samples, dtype=np.bool_) if comparison.known is None else comparison.known.copy()
     for pattern in patterns:
         if pattern.hides_pv:
             usable &= ~pattern.shows
     record = record.comparing(usable)
-    if comparison.trace is not None:
-        laid = in_step(record, comparison.trace)
+    trace = comparison.trace
+    if taken is not None and taken.comparison is comparison:
+        record, trace = taken.simulated_between(record), taken.sampled.trace
+    if trace is not None:
+        laid = in_step(record.as_sampled, trace)
         behind = laid.behind
-        record = replace(record, rest=behind.rest)
+        record = record.resting(behind.rest)
         record = record.comparing(answers_the_record(record, behind.given.plant))
         share = scale_of(record, behind.given)
-        record = replace(record, rest=share * record.rest)
+        record = record.resting(share * behind.rest)
         base = fit_linear(record, scaled(behind.given, share))
         off = (*laid.said, *off_by(behind.given, share))
         plant = as_pv_begins(record, behind.given)

@@ -55,6 +55,7 @@ def thinned(record: Experiment, factor: int) -> Experiment:
         sp=None if record.sp is None else centred_means(record.sp, factor),
         measured=tuple((name, held_means(signal, factor)) for name, signal in record.measured),
         rest=centred_means(record.rest, factor),
+        finer=None,
     )
 
 

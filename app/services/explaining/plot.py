@@ -12,6 +12,11 @@ from app.engine.recording import FloatArray
 COLOURS = {"recording": "#222222", "given": "#b0b0b0", "refitted": "#d98200", "explained": "#0b6fb8"}
 
 
+def as_many(op: FloatArray, count: int) -> FloatArray:
+    """As many samples of OP (N,), equally apart, as the traces have."""
+    return op[np.arange(count) * len(op) // count]
+
+
 def explanation_html(explanation: Explanation, op: FloatArray) -> str:
     """A self-contained page. op: (N,) as recorded, the residual is drawn against it."""
     figure = make_subplots(
@@ -22,7 +27,7 @@ def explanation_html(explanation: Explanation, op: FloatArray) -> str:
         subplot_titles=("PV: recording and simulations", "Residual over time", "Residual against OP"),
     )
     traces = explanation.traces
-    op = op[:: len(op) // len(traces.pv)][: len(traces.pv)]
+    op = as_many(op, len(traces.pv))
     lines = [
         ("recording", traces.pv),
         ("given", traces.given),

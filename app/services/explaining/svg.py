@@ -6,7 +6,7 @@ import numpy as np
 
 from app.engine.mismatch import Explanation
 from app.engine.recording import FloatArray
-from app.services.explaining.plot import COLOURS
+from app.services.explaining.plot import COLOURS, as_many
 
 WIDTH, HEIGHT = 860, 430
 LEFT, TOP, GAP = 62, 34, 40
@@ -18,7 +18,7 @@ MOST_POINTS, MOST_DOTS = 700, 350
 def explanation_svg(explanation: Explanation, op: FloatArray) -> str:
     """One SVG, its text as text. op: (N,) as recorded."""
     t = explanation.traces
-    op = op[:: len(op) // len(t.pv)][: len(t.pv)]
+    op = as_many(op, len(t.pv))
     lines = [("recording", t.pv), ("refitted", t.refitted), ("explained", t.explained)]
     residuals = [(name, t.pv - signal) for name, signal in lines[1:]]
     named = ", ".join(e.code for e in explanation.effects) or "nothing is missing"

@@ -121,6 +121,7 @@ BY_CODE: dict[str, Callable[[Signals], Trigger]] = {
     "sensor.quantization": _pv,
     "sensor.saturation": _pv,
     "sensor.compression": _pv,
+    "sensor.sample_hold": _pv,
     "process.gain_drift": _time,
     "sensor.drift": _time,
     "sensor.stuck": _time,

@@ -45,6 +45,7 @@ EFFECT_WORDS = {
     "sensor.stuck": "the sensor is stuck",
     "sensor.step": "the sensor's reading steps",
     "sensor.compression": "the historian kept only some of the samples",
+    "sensor.sample_hold": "PV is measured once an interval and held until the next time",
     "disturbance.oscillation": "a disturbance that swings",
     "disturbance.step": "a disturbance that steps",
     "disturbance.ramp": "a disturbance that ramps",

@@ -15,6 +15,7 @@ from app.engine.mismatch.physics import (
     generic,
     oscillation,
     process_dynamics,
+    sample_hold,
     sensor_limit,
     sensor_pattern,
     static_gain,
@@ -79,6 +80,7 @@ PATTERNS = (
     sensor_pattern.STUCK,
     sensor_pattern.LIMIT_HIGH,
     sensor_pattern.LIMIT_LOW,
+    sample_hold.SAMPLE_HOLD,
 )
 
 

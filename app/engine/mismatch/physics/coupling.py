@@ -11,8 +11,7 @@ from app.engine.recording import FloatArray
 
 
 def _block(name: str, source: FloatArray) -> Block:
-    cause = source - np.mean(source)
-    spread = float(np.std(cause))
+    middle, spread = float(np.mean(source)), float(np.std(source))
 
     def parameters(context: Context) -> tuple[Parameter, ...]:
         ts, unit = context.record.sampling_interval_s, context.record.pv_span / spread
@@ -30,7 +29,7 @@ def _block(name: str, source: FloatArray) -> Block:
         )
 
     def apply(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-        ts = context.record.sampling_interval_s
+        ts, cause = context.record.sampling_interval_s, dict(context.record.measured)[name] - middle
         return signal + values[0] * lag(delay(cause, values[2], ts), values[1], ts)
 
     return Block(

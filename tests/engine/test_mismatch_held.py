@@ -1,0 +1,133 @@
+"""PV that is measured once an interval and held until the next time: named with its interval, compared at its
+instants, and no other repeated value taken for it.
+"""
+
+import numpy as np
+import pytest
+
+from app.engine.mismatch import Comparison, LinearSimulation, explain, simulate_again
+from app.engine.mismatch.block import Context, Part
+from app.engine.mismatch.experiment import experiment
+from app.engine.mismatch.patterns import find_patterns
+from app.engine.mismatch.physics.sample_hold import SAMPLE_HOLD
+from app.engine.mismatch.plant import Plant, run_process
+from app.engine.recording import FloatArray
+from app.engine.simulate.compression import keep, rebuild
+
+N, TS = 1600, 2.0
+INSTANTS = np.arange(N) * TS
+TRUE = Plant(K=1.4, tau=30.0, theta=6.0)
+GIVEN = LinearSimulation(gain=1.45, time_constants_s=(28.5,), dead_time_s=6.0)
+INTERVALS = (1.5, 2.0, 2.5, 3.0, 4.0, 6.6, 7.25, 9.0, 20.0, 40.0)  # samples
+
+
+def moves(seed: int = 3) -> FloatArray:
+    rng = np.random.default_rng(seed)
+    slow = np.zeros(N)
+    for t in range(1, N):
+        slow[t] = 0.97 * slow[t - 1] + 0.25 * rng.normal()
+    return np.repeat(rng.uniform(-6.0, 6.0, N // 50), 50) + slow
+
+
+def recorded(v: FloatArray, seed: int = 4) -> FloatArray:
+    rng = np.random.default_rng(seed)
+    load = np.zeros(N)
+    for t in range(1, N):
+        load[t] = 0.93 * load[t - 1] + 0.06 * rng.normal()
+    return 50.0 + run_process(v, TRUE, TS) + load + 0.08 * rng.normal(size=N)
+
+
+def held(pv: FloatArray, every: float, first: float = 0.0) -> FloatArray:
+    """PV taken at first + m every (samples), shown from the next sample on until the next."""
+    taken = np.ceil(np.arange(first - every, N - 1, every) - 1e-9).astype(np.int64)
+    return pv[np.maximum(taken, 0)[np.searchsorted(taken, np.arange(N), side="right") - 1]]
+
+
+def codes(pv: FloatArray) -> list[str]:
+    return [p.part.block.code for p in find_patterns(experiment(TS, moves(), pv))]
+
+
+@pytest.mark.parametrize("every", INTERVALS)
+@pytest.mark.parametrize("late", [0.0, 0.6])
+def test_a_hold_is_named_with_its_interval(every: float, late: float) -> None:
+    pv = held(recorded(moves()), every, late * every)
+    for shown in (pv, np.round(pv, 3)):
+        (found,) = find_patterns(experiment(TS, moves(), shown))
+        assert found.part.block.code == "sensor.sample_hold"
+        assert found.part.values[0] == pytest.approx(every * TS, rel=0.05)
+
+
+def test_a_hold_whose_scan_comes_a_little_early_or_late_is_one() -> None:
+    taken = np.arange(0, N, 12)
+    taken[1:] += np.random.default_rng(1).integers(-1, 2, len(taken) - 1)
+    pv = recorded(moves())[taken[np.searchsorted(taken, np.arange(N), side="right") - 1]]
+    assert codes(pv) == ["sensor.sample_hold"]
+
+
+def test_other_values_that_repeat_are_no_hold() -> None:
+    pv, rng = recorded(moves()), np.random.default_rng(2)
+    stuck = pv.copy()
+    stuck[500:560] = stuck[499]
+    irregular = np.concatenate(([0], np.sort(rng.choice(np.arange(1, N), N // 6, replace=False))))
+    wave = 50.0 + 5.0 * np.sin(2.0 * np.pi * np.arange(N) / 60.0)
+    others = [pv, stuck, np.minimum(pv, 53.0), np.interp(np.arange(N), np.arange(0, N, 9), pv[::9])]
+    others += [np.round(pv, digits) for digits in (1, 2, 3)] + [0.8 * np.round(pv / 0.8)]
+    others += [pv[irregular[np.searchsorted(irregular, np.arange(N), side="right") - 1]]]
+    for signal in (pv, wave):
+        for width in (0.05, 0.2, 0.4, 1.0):
+            for kind in ("exception", "swinging_door"):
+                others.append(rebuild(INSTANTS, signal, keep(INSTANTS, signal, width, kind), kind))
+    for other in others:
+        assert "sensor.sample_hold" not in codes(other)
+
+
+@pytest.mark.parametrize("every", [2.0, 3.5, 6.0, 9.0])
+def test_nothing_is_named_beside_a_hold_and_the_model_is_found(every: float) -> None:
+    u = moves()
+    answer = explain(Comparison("analyser", TS, 40.0 + u, held(recorded(u), every, 1.0), simulation=GIVEN))
+    assert [effect.code for effect in answer.effects] == ["sensor.sample_hold"]
+    assert answer.effects[0].parameters[0].value == pytest.approx(every * TS, rel=0.01)
+    plant = dict(answer.model.plant)
+    assert plant["K"] == pytest.approx(1.4, rel=0.03)
+    assert plant["tau"] == pytest.approx(30.0, rel=0.1)
+    assert plant["theta"] == pytest.approx(6.0, abs=2.0)
+
+
+def test_what_is_missing_beside_a_hold_is_still_named() -> None:
+    u, v, x = moves(), np.empty(N), 0.0
+    for t in range(N):
+        x = min(max(x, u[t] - 1.0), u[t] + 1.0)
+        v[t] = x
+    answer = explain(Comparison("analyser", TS, 40.0 + u, held(recorded(v), 4.0), simulation=GIVEN))
+    assert answer.effects[0].code == "sensor.sample_hold"
+    assert "valve.deadband" in (answer.effects[1].code, *answer.effects[1].alternatives)
+    pv = recorded(u)
+    assert codes(np.minimum(held(pv, 4.0), np.quantile(pv, 0.6))) == ["sensor.sample_hold"]
+    limited = np.minimum(held(pv, 4.0), 53.0)
+    answer = explain(Comparison("analyser", TS, 40.0 + u, limited, simulation=GIVEN))
+    assert [effect.code for effect in answer.effects] == ["sensor.sample_hold", "sensor.saturation"]
+
+
+def test_a_simulated_trace_is_compared_where_pv_was_taken_and_the_model_holds_alike() -> None:
+    u, every = moves(), 5.5
+    pv = held(recorded(u), every)
+    trace = 50.0 + run_process(u, Plant(K=1.45, tau=28.5, theta=6.0), TS)
+    answer = explain(Comparison("analyser", TS, 40.0 + u, pv, trace=trace))
+    assert [effect.code for effect in answer.effects] == ["sensor.sample_hold"]
+    assert answer.model.rest == ()
+    again = simulate_again(answer.model, 40.0 + u)
+    assert len(again) == N
+    assert len(np.unique(again)) == pytest.approx(N / every, abs=2)
+    assert np.std(again - pv) < 0.3 * np.std(pv)
+
+
+@pytest.mark.parametrize("every", [1.0, 2.5, 6.0])
+def test_what_is_simulated_is_sampled_and_held_alike(every: float) -> None:
+    pv = recorded(moves())
+    context = Context(experiment(TS, moves(), pv), TRUE)
+    part = Part(SAMPLE_HOLD, np.array([every * TS]))
+    assert part.block.apply is not None
+    shown = part.block.apply(pv, part.values, context)
+    changes = np.flatnonzero(np.diff(shown)) + 1
+    assert np.mean(np.diff(changes)) == pytest.approx(every, rel=0.01)
+    np.testing.assert_array_equal(shown[changes], pv[changes])
