@@ -121,11 +121,12 @@ def begin(scanned: Scanned, found: Fit) -> list[Fit]:
     """First descents of one block beside what was found, from its best starting points, the best first."""
     task = task_with(found, scanned.block)
     known = [part.values for part in found.parts]
-    begun = []
-    for start in scanned.starts:
-        x = start_at(task, start.plant or found.plant, np.concatenate((*known, start.values)))
-        begun.append(descended(task, x, scanned.block.steps))
-    return sorted(begun, key=lambda fitted: -fitted.likelihood)
+    places = [
+        start_at(task, start.plant or found.plant, np.concatenate((*known, start.values))) for start in scanned.starts
+    ]
+    # Both noises of a scan may begin at the same place.
+    begun = {key: descended(task, x, scanned.block.steps) for key, x in {x.tobytes(): x for x in places}.items()}
+    return sorted((begun[x.tobytes()] for x in places), key=lambda fitted: -fitted.likelihood)
 
 
 def descended(task: Task, x: FloatArray, steps: int) -> Fit:
@@ -140,7 +141,7 @@ def pursue(block: Block, begun: list[Fit]) -> Fit:
     """The best of the first descents fitted to their end."""
     first = begun[0]
     task = task_of(first)
-    fits = [fit(task, fitted.x, fitted.noise, 1, 6) for fitted in begun[: block.finalists]]
+    fits = [fit(task, fitted.x, fitted.noise, 1, 6) for fitted in dict.fromkeys(begun[: block.finalists])]
     best = max(fits, key=lambda fitted: fitted.likelihood)
     return fit(task, best.x, None, 3, block.steps)
 

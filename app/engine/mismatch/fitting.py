@@ -2,13 +2,14 @@
 turn.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from app.engine.mismatch.block import Part
 from app.engine.mismatch.experiment import Experiment
-from app.engine.mismatch.noise import NoiseModel, fit_noise, settling_samples, whiten
+from app.engine.mismatch.noise import NoiseModel, fit_noise, scaled_innovations, settling_samples
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.task import Free, Given, Task, clipped, make_task, start_at
 from app.engine.recording import FloatArray
@@ -66,20 +67,23 @@ def prior_rows(task: Task, x: FloatArray) -> FloatArray:
 
 
 def residual_rows(task: Task, x: FloatArray, noise: NoiseModel) -> Whitened:
-    simulated = task.simulated(x)
-    e = whiten(task.record.pv_deviation - simulated, task.record.usable, noise)[settling_samples(task.record.samples) :]
-    return Whitened(np.concatenate((e / noise.deviation, prior_rows(task, x))), simulated)
+    record, simulated = task.record, task.simulated(x)
+    count = record.samples - settling_samples(record.samples)
+    rows = np.zeros((1, count + len(x)))
+    scaled_innovations(record.pv_deviation, simulated[None, :], record.usable, noise, rows[0], rows)
+    rows[0, count:] = prior_rows(task, x)
+    return Whitened(rows[0], simulated)
 
 
 def slopes(task: Task, x: FloatArray, noise: NoiseModel, at: Whitened) -> FloatArray:
     """(rows, P) numerical derivatives of the whitened residuals."""
-    columns = np.empty((len(at.rows), len(x)))
+    columns = np.empty((len(x), len(at.rows)))
     for k, f in enumerate(task.free):
         step = f.step if x[k] + f.step <= f.high else -f.step
         moved = x.copy()
         moved[k] += step
-        columns[:, k] = (residual_rows(task, moved, noise).rows - at.rows) / step
-    return columns
+        columns[k] = (residual_rows(task, moved, noise).rows - at.rows) / step
+    return columns.T
 
 
 def descend(task: Task, x: FloatArray, noise: NoiseModel, steps: int) -> FloatArray:
@@ -121,16 +125,27 @@ def polish(task: Task, x: FloatArray, noise: NoiseModel) -> FloatArray:
     basis = orthonormal(np.delete(slopes(task, x, noise, at), searched, axis=1))
     cost = projected_cost(at.rows, basis)
     for share in POLISHING_STEPS:
+        tried: set[int] = set()  # since x last moved: nothing new is found there
         for k in searched * 2:
-            for sign in (1.0, -1.0):
-                f = task.free[k]
-                moved = x.copy()
-                moved[k] = np.clip(x[k] + sign * share * (f.high - f.low), f.low, f.high)
+            if k in tried:
+                continue
+            tried.add(k)
+            for moved in aside(task, x, k, share):
                 there = projected_cost(residual_rows(task, moved, noise).rows, basis)
                 if there < cost - 1e-6:
-                    x, cost = moved, there
+                    x, cost, tried = moved, there, set()
                     break
     return x
+
+
+def aside(task: Task, x: FloatArray, k: int, share: float) -> Iterator[FloatArray]:
+    """x with one coordinate moved by a share of its range, up and down, as far as its bounds allow."""
+    low, high = task.low[k], task.high[k]
+    for step in (share * (high - low), -share * (high - low)):
+        moved = x.copy()
+        moved[k] = min(max(x[k] + step, low), high)
+        if moved[k] != x[k]:
+            yield moved
 
 
 def orthonormal(columns: FloatArray) -> FloatArray:

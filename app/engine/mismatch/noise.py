@@ -7,6 +7,7 @@ noise.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -15,7 +16,10 @@ from app.engine.recording import BoolArray, FloatArray
 
 POLE_MAX = 0.9995
 ZERO_MAX = 0.97
+Four = tuple[float, float, float, float]
 LONG_GAP = 4
+SETTLING, SHARE_OF_SETTLING = 3, 20
+REORDERED_SUMS = {"reassoc", "contract"}
 FIRST_STEPS, LAST_STEPS, PURSUED = 8, 17, 2
 STARTS = (
     (0.95, 0.0, 0.4, 0.0),
@@ -35,31 +39,61 @@ class NoiseModel:
     zeros: tuple[float, float] = (0.0, 0.0)
     deviation: float = 1.0
 
-    @property
+    @cached_property
     def shape(self) -> FloatArray:
         return np.array([*self.poles, *self.zeros])
+
+    @cached_property
+    def numbers(self) -> FloatArray:
+        """The shape and the deviation, as the kernels read them."""
+        return np.array([*self.poles, *self.zeros, self.deviation])
+
+
+@njit(cache=True, nogil=True)
+def _coefficients(shape: FloatArray) -> Four:
+    return -(shape[0] + shape[1]), shape[0] * shape[1], -(shape[2] + shape[3]), shape[2] * shape[3]
+
+
+@njit(cache=True, nogil=True)
+def _next(r: float, seen: bool, anew: bool, coefficients: Four, before: Four) -> Four:
+    """This residual and the last, this innovation and the last, after such four of the sample before.
+
+    A residual that is not seen is replaced by its prediction, so that its innovation is zero. After a gap the
+    disturbance is elsewhere: the first sample is where it starts anew, no innovation.
+    """
+    a1, a2, c1, c2 = coefficients
+    r1, r2, e1, e2 = before
+    known = a1 * r1 + a2 * r2 - c2 * e2  # the newest innovation last: nothing else is waited for
+    if not seen:
+        return c1 * e1 - known, r1, 0.0, e1
+    if anew:
+        return r, r, 0.0, e1
+    return r, r1, (r + known) - c1 * e1, e1
 
 
 @njit(cache=True, nogil=True)
 def _whiten(r: FloatArray, usable: BoolArray, shape: FloatArray, e: FloatArray) -> None:
     """Innovations of r into e; where r is not usable it is replaced by its prediction, so that e is zero there."""
-    a1, a2 = -(shape[0] + shape[1]), shape[0] * shape[1]
-    c1, c2 = -(shape[2] + shape[3]), shape[2] * shape[3]
-    r1 = r2 = e1 = e2 = 0.0
+    coefficients, state, hidden = _coefficients(shape), (0.0, 0.0, 0.0, 0.0), 0
+    for t in range(len(r)):
+        seen = usable[t]
+        state = _next(r[t], seen, seen and hidden >= LONG_GAP, coefficients, state)
+        e[t] = state[2]
+        hidden = 0 if seen else hidden + 1
+
+
+@njit(cache=True, nogil=True)
+def _whiten_twice(r: FloatArray, usable: BoolArray, shapes: FloatArray, e: FloatArray) -> None:
+    """`_whiten` under two shapes (2, 4), into e (2, N): in the time of one, because neither waits for the other."""
+    first, second = _coefficients(shapes[0]), _coefficients(shapes[1])
+    one = other = (0.0, 0.0, 0.0, 0.0)
     hidden = 0
     for t in range(len(r)):
-        predicted = -a1 * r1 - a2 * r2 + c1 * e1 + c2 * e2
-        now = r[t] if usable[t] else predicted
-        e[t] = now - predicted
-        if not usable[t]:
-            hidden += 1
-        else:
-            # After a gap the disturbance is elsewhere: the first sample is where it starts anew, no innovation.
-            if hidden >= LONG_GAP:
-                e[t] = 0.0
-                r1 = now
-            hidden = 0
-        r2, r1, e2, e1 = r1, now, e1, e[t]
+        seen = usable[t]
+        anew = seen and hidden >= LONG_GAP
+        one, other = _next(r[t], seen, anew, first, one), _next(r[t], seen, anew, second, other)
+        e[0, t], e[1, t] = one[2], other[2]
+        hidden = 0 if seen else hidden + 1
 
 
 @njit(cache=True, nogil=True)
@@ -80,9 +114,8 @@ def _limit(shape: FloatArray) -> None:
         shape[k] = min(max(shape[k], low), high)
 
 
-@njit(cache=True, nogil=True)
-def _cost(r: FloatArray, usable: BoolArray, shape: FloatArray, e: FloatArray, skip: int) -> float:
-    _whiten(r, usable, shape, e)
+@njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)
+def _energy(e: FloatArray, skip: int) -> float:
     total = 0.0
     for t in range(skip, len(e)):
         total += e[t] * e[t]
@@ -90,24 +123,45 @@ def _cost(r: FloatArray, usable: BoolArray, shape: FloatArray, e: FloatArray, sk
 
 
 @njit(cache=True, nogil=True)
+def _cost(r: FloatArray, usable: BoolArray, shape: FloatArray, e: FloatArray, skip: int) -> float:
+    _whiten(r, usable, shape, e)
+    return _energy(e, skip)
+
+
+@njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)
+def _products(e: FloatArray, moved: FloatArray, skip: int) -> FloatArray:
+    """(4, 5) inner products of the differences from e (N,) of four rows (4, N) with each other, and with e."""
+    aa = ab = ac = ad = bb = bc = bd = cc = cd = dd = 0.0
+    ae = be = ce = de = 0.0
+    first, second, third, fourth = moved[0], moved[1], moved[2], moved[3]
+    for t in range(skip, len(e)):
+        now = e[t]
+        a, b, c, d = now - first[t], now - second[t], now - third[t], now - fourth[t]
+        aa, ab, ac, ad, ae = aa + a * a, ab + a * b, ac + a * c, ad + a * d, ae + a * now
+        bb, bc, bd, be = bb + b * b, bc + b * c, bd + b * d, be + b * now
+        cc, cd, ce = cc + c * c, cd + c * d, ce + c * now
+        dd, de = dd + d * d, de + d * now
+    return np.array([[aa, ab, ac, ad, ae], [ab, bb, bc, bd, be], [ac, bc, cc, cd, ce], [ad, bd, cd, dd, de]])
+
+
+@njit(cache=True, nogil=True)
 def _minimise(r: FloatArray, usable: BoolArray, shape: FloatArray, skip: int, steps: int) -> float:
     """Levenberg-Marquardt on the four poles and zeros, in place; returns the sum of squares."""
     n = len(r)
-    e, moved = np.empty(n), np.empty(n)
-    slopes = np.empty((4, n))
+    e, there = np.empty(n), np.empty(n)
+    moved, back, trials = np.empty((4, n)), np.empty(4), np.empty((4, 4))
     damping = 1e-3
     _limit(shape)
     cost = _cost(r, usable, shape, e, skip)
     for _ in range(steps):
         for k in range(4):
-            trial = shape.copy()
-            h = 1e-4 if trial[k] < 0.9 else 0.02 * (1.0 - trial[k]) + 1e-6
-            trial[k] -= h
-            _whiten(r, usable, trial, moved)
-            slopes[k] = (e - moved) / h
-        kept = np.ascontiguousarray(slopes[:, skip:])
-        normal = kept @ kept.T.copy()
-        gradient = kept @ e[skip:]
+            back[k] = 1e-4 if shape[k] < 0.9 else 0.02 * (1.0 - shape[k]) + 1e-6
+            trials[k] = shape
+            trials[k, k] -= back[k]
+        _whiten_twice(r, usable, trials[:2], moved[:2])
+        _whiten_twice(r, usable, trials[2:], moved[2:])
+        products = _products(e, moved, skip)
+        normal, gradient = products[:, :4] / np.outer(back, back), products[:, 4] / back
         better = False
         for _ in range(6):
             lifted = normal.copy()
@@ -115,12 +169,12 @@ def _minimise(r: FloatArray, usable: BoolArray, shape: FloatArray, skip: int, st
                 lifted[k, k] += damping * (normal[k, k] + 1e-9 * cost) + 1e-300
             trial = shape - np.linalg.solve(lifted, gradient)
             _limit(trial)
-            cost_there = _cost(r, usable, trial, moved, skip)
+            cost_there = _cost(r, usable, trial, there, skip)
             if cost_there < cost:
                 better = cost - cost_there > 1e-5 * cost
                 cost = cost_there
                 shape[:] = trial
-                e[:] = moved
+                e, there = there, e
                 damping = max(0.2 * damping, 1e-7)
                 break
             damping *= 8.0
@@ -134,6 +188,34 @@ def whiten(r: FloatArray, usable: BoolArray, noise: NoiseModel) -> FloatArray:
     e = np.empty(len(r))
     _whiten(np.ascontiguousarray(r), usable, noise.shape, e)
     return e
+
+
+@njit(cache=True, nogil=True)
+def _scaled_innovations(
+    pv: FloatArray, simulated: FloatArray, usable: BoolArray, numbers: FloatArray, less: FloatArray, rows: FloatArray
+) -> None:
+    """Innovations of pv (N,) less simulations (L, N), over their deviation and less a row, into the beginnings of rows;
+    the first are left out. numbers: the noise's shape and deviation.
+    """
+    n, deviation = len(pv), numbers[4]
+    skip = min(SETTLING, n // SHARE_OF_SETTLING)
+    r, e = np.empty(n), np.empty(n)
+    for k in range(len(simulated)):
+        there, row, kept = simulated[k], rows[k], e[skip:]
+        for t in range(n):
+            r[t] = pv[t] - there[t]
+        _whiten(r, usable, numbers, e)
+        for t in range(n - skip):
+            row[t] = kept[t] / deviation - less[t]
+
+
+def scaled_innovations(
+    pv: FloatArray, simulated: FloatArray, usable: BoolArray, noise: NoiseModel, less: FloatArray, rows: FloatArray
+) -> None:
+    """Writes the innovations of pv (N,) less simulations (L, N) over their deviation, less a row (N or more,), into the
+    rows (L, N or more), without those that `settling_samples` counts.
+    """
+    _scaled_innovations(pv, np.ascontiguousarray(simulated), usable, noise.numbers, less, rows)
 
 
 @njit(cache=True, nogil=True)
@@ -157,7 +239,7 @@ def coloured(e: FloatArray, noise: NoiseModel) -> FloatArray:
 
 def settling_samples(n: int) -> int:
     """How many innovations at the start are left out, because the filter does not know what was before the record."""
-    return min(3, n // 20)
+    return min(SETTLING, n // SHARE_OF_SETTLING)
 
 
 def fit_noise(r: FloatArray, usable: BoolArray, start: NoiseModel | None = None) -> NoiseModel:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Part
+from app.engine.mismatch.chain import Recent
 from app.engine.mismatch.compete import Rival, Scanned, descended, finalists
 from app.engine.mismatch.fitting import Fit, finish, fit, quiet_noise, task_of
 from app.engine.mismatch.plant import Plant
@@ -52,10 +53,9 @@ def couples(found: Fit, surveyed: tuple[Scanned, ...], apart: tuple[frozenset[st
 
 
 def candidates_of(block: Block, starts: tuple[Start, ...], under: Ground) -> list[Candidate]:
-    context = Context(under.fit.record, under.fit.plant)
-    found = []
+    found, recent = [], Recent()
     for start in starts:
-        moved = moves(under, with_block(under, block, start.values, context)[None, :])[0]
+        moved = moves(under, with_block(under, block, start.values, recent)[None, :])[0]
         found.append(Candidate(Part(block, start.values), moved - under.basis @ (under.basis.T @ moved)))
     return found
 

@@ -1,6 +1,6 @@
 """The process between valve and sensor: lags, dead time, and the ways in which a real vessel leaves the linear form."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
@@ -59,7 +59,7 @@ class Plant:
         )
 
     def changed(self, **values: float) -> "Plant":
-        return replace(self, **values)
+        return Plant(**(vars(self) | values))
 
 
 @njit(cache=True, nogil=True)
@@ -68,10 +68,14 @@ def _delay(v: FloatArray, samples: float) -> FloatArray:
     out = np.empty(len(v))
     whole = int(np.floor(samples))
     share = samples - whole
-    for t in range(len(v)):
-        now = v[max(min(t - whole, len(v) - 1), 0)]
-        before = v[max(min(t - whole - 1, len(v) - 1), 0)]
-        out[t] = (1.0 - share) * now + share * before
+    n = len(v)
+    first = min(max(whole + 1, 0), n)
+    last = max(min(n + whole, n), first)
+    for t in range(first):
+        out[t] = (1.0 - share) * v[max(min(t - whole, n - 1), 0)] + share * v[0]
+    now, before = v[first - whole : last - whole], v[first - whole - 1 : last - whole - 1]
+    out[first:last] = (1.0 - share) * now + share * before
+    out[last:] = v[-1]
     return out
 
 
@@ -86,7 +90,7 @@ def _lag(v: FloatArray, tau: float, ts: float) -> FloatArray:
     slope = 1.0 - tau / ts * (1.0 - stay)
     for t in range(1, len(v)):
         # A ramp between samples, because what comes out of a process does not jump.
-        out[t] = stay * out[t - 1] + (1.0 - stay) * v[t - 1] + slope * (v[t] - v[t - 1])
+        out[t] = stay * out[t - 1] + ((1.0 - stay) * v[t - 1] + slope * (v[t] - v[t - 1]))
     return out
 
 
@@ -121,6 +125,22 @@ def _first_state(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
     for t in range(1, len(u)):
         x = stay * x + gain * (K * u[t - 1] + b)
         y[t] = x
+    return y
+
+
+@njit(cache=True, nogil=True)
+def _two_lags(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
+    """What `_first_state` and behind it `_lag` make (N,), in one pass."""
+    K, tau, _, b, x, tau2, leak = p[:7]
+    y = np.empty(len(u))
+    stay, further = np.exp(-leak * ts / tau), np.exp(-ts / tau2)
+    gain = (1.0 - stay) / leak if leak > 1e-9 else ts / tau
+    slope = 1.0 - tau2 / ts * (1.0 - further)
+    y[0] = x
+    for t in range(1, len(u)):
+        following = stay * x + gain * (K * u[t - 1] + b)
+        y[t] = further * y[t - 1] + ((1.0 - further) * x + slope * (following - x))
+        x = following
     return y
 
 
@@ -183,13 +203,16 @@ def _process(v: FloatArray, p: FloatArray, ts: float) -> FloatArray:
     integrating = p[6] == 0.0
     if integrating and tau2 > 1e-9:
         u = _behind_actuator(u, tau2, ts)
+    behind = tau2 > 1e-9 and not integrating
+    if behind and zero == 0.0 and not head > 0.0 and high > 1e29 and low < -1e29:
+        y = _two_lags(u, p, ts)
+        return _lag(y, tau3, ts) if tau3 > 1e-9 else y
     if head > 0.0:
         x = _vessel_state(u, p, ts)
     elif high > 1e29 and low < -1e29:
         x = _first_state(u, p, ts)
     else:
         x = _bounded_state(u, p, ts)
-    behind = tau2 > 1e-9 and not integrating
     y = _lag(x, tau2, ts) if behind else x
     if zero != 0.0:
         y = y - zero * ((x - y) / tau2 if behind else _slopes(x, u, p))

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Parameter, Part
-from app.engine.mismatch.chain import simulate
+from app.engine.mismatch.chain import Recent, simulate
 from app.engine.mismatch.fitting import Fit, orthonormal, prior_rows, residual_rows, slopes
-from app.engine.mismatch.noise import NoiseModel, settling_samples, whiten
+from app.engine.mismatch.noise import NoiseModel, scaled_innovations, whiten
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.task import Task, make_task
 from app.engine.recording import FloatArray
@@ -55,23 +55,42 @@ def ground(fit: Fit, noise: NoiseModel) -> Ground:
     return Ground(fit, rows, basis, innovations, prior_rows(task, fit.x), sensor, at.rows, float(rows @ rows))
 
 
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """What the simulations of one point of a grid move the whitened residual by, the linear model following, as inner
+    products with each other (L, L) and with that residual (L,).
+    """
+
+    gram: FloatArray
+    slope: FloatArray
+
+
 def scan(block: Block, grounds: tuple[Ground, ...]) -> tuple[tuple[Start, ...], ...]:
     """The grid of a block's `starts` under each ground (of one fit, under several noise models), the best first."""
     fit = grounds[0].fit
     context = Context(fit.record, fit.plant)
     parameters = block.parameters(context)
     linear = [k for k, p in enumerate(parameters) if p.linear]
-    known: dict[bytes, FloatArray] = {}
+    grids = [{values.tobytes(): values for values in block.starts(context, ground_.innovations)} for ground_ in grounds]
+    known: list[dict[bytes, Moved]] = [{} for _ in grounds]
+    rows, recent = np.zeros((max(len(linear), 1), len(grounds[0].rows))), Recent()
+    for key, values in {key: values for points in grids for key, values in points.items()}.items():
+        simulated = simulations(block, values, linear, parameters, grounds[0], recent)
+        for ground_, points, moved in zip(grounds, grids, known, strict=True):
+            if key in points:
+                move(ground_, simulated, rows)
+                moved[key] = inner_products(ground_, rows)
     found = []
-    for ground_ in grounds:
-        points = block.starts(context, ground_.innovations)
-        keys = [values.tobytes() for values in points]
-        for key, values in zip(keys, points, strict=True):
-            if key not in known:
-                known[key] = simulations(block, values, linear, parameters, ground_, context)
-        starts = solved(points, linear, parameters, ground_, [known[key] for key in keys])
+    for ground_, points, moved in zip(grounds, grids, known, strict=True):
+        starts = solved(np.array(list(points.values())), linear, parameters, ground_, [moved[key] for key in points])
         found.append(tuple(sorted(starts, key=lambda start: -start.gain)))
     return tuple(found)
+
+
+def inner_products(ground_: Ground, rows: FloatArray) -> Moved:
+    """Of what moves the whitened residual by some rows (L, rows)."""
+    along = rows @ ground_.basis
+    return Moved(rows @ rows.T - along @ along.T, rows @ ground_.rows)
 
 
 def at_given(block: Block, fit: Fit) -> tuple[Start, ...]:
@@ -95,17 +114,17 @@ def simulations(
     linear: list[int],
     parameters: tuple[Parameter, ...],
     ground_: Ground,
-    context: Context,
+    recent: Recent,
 ) -> FloatArray:
     """The simulations (L, N) with the block at one point of the grid: one for each linear parameter moved by its scale,
     one in all where none is linear.
     """
     if not linear:
-        return with_block(ground_, block, values, context)[None, :]
+        return with_block(ground_, block, values, recent)[None, :]
     moved = np.repeat(values[None, :], len(linear), axis=0)
     for row, k in zip(moved, linear, strict=True):
         row[k] += parameters[k].scale
-    return np.stack([with_block(ground_, block, row, context) for row in moved])
+    return np.stack([with_block(ground_, block, row, recent) for row in moved])
 
 
 def solved(
@@ -113,18 +132,15 @@ def solved(
     linear: list[int],
     parameters: tuple[Parameter, ...],
     ground_: Ground,
-    simulated: list[FloatArray],
+    moved: list[Moved],
 ) -> list[Start]:
     """The points (M, P) of a grid, their linear parameters by least squares; the linear model follows by inner products
-    with its directions alone. simulated: (L, N) of each point.
+    with its directions alone. moved: by what the simulations of each point move the residual.
     """
     if len(points) == 0:
         return []
     # Where all linear parameters are zero the block does nothing: what it moves is the difference.
-    columns = np.stack([moves(ground_, one) for one in simulated])
-    along = columns @ ground_.basis
-    gram = columns @ columns.swapaxes(1, 2) - along @ along.swapaxes(1, 2)
-    slope = columns @ ground_.rows
+    gram, slope = np.stack([one.gram for one in moved]), np.stack([one.slope for one in moved])
     if not linear:
         energies = ground_.energy + 2.0 * slope[:, 0] + gram[:, 0, 0]
         return [Start(values, gained(ground_, float(e))) for values, e in zip(points, energies, strict=True)]
@@ -139,12 +155,14 @@ def solved(
     return [Start(values, gained(ground_, float(e))) for values, e in zip(best, energies, strict=True)]
 
 
-def with_block(ground_: Ground, block: Block, values: FloatArray, context: Context) -> FloatArray:
-    """The simulation with one block more; what is added to PV needs no new run of the process."""
+def with_block(ground_: Ground, block: Block, values: FloatArray, recent: Recent) -> FloatArray:
+    """The simulation with one block more; what is added to PV needs no new run of the process. recent: of simulations
+    with the same block.
+    """
     fit = ground_.fit
     if block.stage in ("output", "sensor") and block.apply is not None and not ground_.sensor_parts:
-        return block.apply(fit.simulated, values, context)
-    return simulate(fit.record, fit.plant, (*fit.parts, Part(block, values)))
+        return block.apply(fit.simulated, values, Context(fit.record, fit.plant))
+    return simulate(fit.record, fit.plant, (*fit.parts, Part(block, values)), recent)
 
 
 def gained(ground_: Ground, energy: float) -> float:
@@ -154,12 +172,15 @@ def gained(ground_: Ground, energy: float) -> float:
 
 def moves(ground_: Ground, simulated: FloatArray) -> FloatArray:
     """By how much the simulations (L, N) move the whitened residual (L, rows)."""
-    fit, n = ground_.fit, ground_.fit.record.samples
-    found = np.zeros((len(simulated), len(ground_.rows)))
-    for row, one in zip(found, simulated, strict=True):
-        e = whiten(fit.record.pv_deviation - one, fit.record.usable, fit.noise)[settling_samples(n) :]
-        row[: len(e)] = e / fit.noise.deviation - ground_.whitened[: len(e)]
-    return found
+    rows = np.zeros((len(simulated), len(ground_.rows)))
+    move(ground_, simulated, rows)
+    return rows
+
+
+def move(ground_: Ground, simulated: FloatArray, rows: FloatArray) -> None:
+    """Writes by how much the simulations (L, N) move the whitened residual into rows (L, rows) of zeros."""
+    record, noise = ground_.fit.record, ground_.fit.noise
+    scaled_innovations(record.pv_deviation, simulated, record.usable, noise, ground_.whitened, rows)
 
 
 def task_with(fit: Fit, block: Block) -> Task:

@@ -1,14 +1,15 @@
 """What is fitted: the numbers of a linear plant and of the blocks beside it, with what is known of them beforehand."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Parameter, Part
-from app.engine.mismatch.chain import simulate
+from app.engine.mismatch.chain import Recent, simulate
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.plant import Plant
-from app.engine.recording import FloatArray
+from app.engine.recording import BoolArray, FloatArray
 
 GIVEN_DEVIATION = 0.05
 OWN_DEVIATION = 1.0
@@ -105,27 +106,44 @@ class Task:
     certainty: FloatArray
     low: FloatArray
     high: FloatArray
+    scale: FloatArray
+    log: BoolArray
+    recent: Recent = field(default_factory=Recent)
 
     def plant_at(self, x: FloatArray) -> Plant:
-        count = self.linear_count
-        return replace(
-            self.given.plant, **{f.name: f.value(v) for f, v in zip(self.free[:count], x[:count], strict=True)}
-        )
+        return self.plant_of(self.values_at(x))
 
     def parts_at(self, x: FloatArray) -> tuple[Part, ...]:
-        parts, at = [], len(self.free) - sum(self.counts)
+        return self.parts_of(self.values_at(x))
+
+    def simulated(self, x: FloatArray) -> FloatArray:
+        values = self.values_at(x)
+        return simulate(self.record, self.plant_of(values), self.parts_of(values), self.recent)
+
+    def values_at(self, x: FloatArray) -> FloatArray:
+        """The free numbers (P,) in their units at coordinates x."""
+        values = x.copy()
+        values[self.log] = np.exp(x[self.log])
+        return values * self.scale
+
+    def plant_of(self, values: FloatArray) -> Plant:
+        linear = values[: self.linear_count].tolist()
+        return self.given.plant.changed(**dict(zip(self.linear_names, linear, strict=True)))
+
+    def parts_of(self, values: FloatArray) -> tuple[Part, ...]:
+        parts, at = [], self.linear_count
         for block, count in zip(self.blocks, self.counts, strict=True):
-            values = [f.value(v) for f, v in zip(self.free[at : at + count], x[at : at + count], strict=True)]
-            parts.append(Part(block, np.array(values)))
+            parts.append(Part(block, values[at : at + count]))
             at += count
         return tuple(parts)
 
-    @property
+    @cached_property
     def linear_count(self) -> int:
         return len(self.free) - sum(self.counts)
 
-    def simulated(self, x: FloatArray) -> FloatArray:
-        return simulate(self.record, self.plant_at(x), self.parts_at(x))
+    @cached_property
+    def linear_names(self) -> tuple[str, ...]:
+        return tuple(f.name for f in self.free[: self.linear_count])
 
 
 def make_task(record: Experiment, given: Given, blocks: tuple[Block, ...]) -> Task:
@@ -138,8 +156,8 @@ def make_task(record: Experiment, given: Given, blocks: tuple[Block, ...]) -> Ta
         offered = [part_free(parameter, block.rough) for parameter in block.parameters(context)]
         free += [replace(f, name=f"{k}.{f.name}") for f in offered]
         counts.append(len(offered))
-    numbers = np.array([(f.centre, 1.0 / f.deviation, f.low, f.high) for f in free]).T
-    return Task(record, given, blocks, tuple(free), tuple(counts), *numbers)
+    numbers = np.array([(f.centre, 1.0 / f.deviation, f.low, f.high, f.scale) for f in free]).T
+    return Task(record, given, blocks, tuple(free), tuple(counts), *numbers, np.array([f.log for f in free]))
 
 
 def start_at(task: Task, plant: Plant, values: FloatArray) -> FloatArray:

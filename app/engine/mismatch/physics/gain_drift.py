@@ -1,6 +1,7 @@
 """A gain that drifts with time: fouling, wear, a change of feed. A ramp that holds its end, or a step."""
 
 import numpy as np
+from numba import njit
 
 from app.engine.mismatch.block import Block, Context, Parameter, grid
 from app.engine.recording import BoolArray, FloatArray
@@ -10,7 +11,15 @@ EDGE = 0.03
 
 def ramp(context: Context, begin_s: float, end_s: float) -> FloatArray:
     """0 before begin_s, 1 after end_s, straight between them; (N,)."""
-    return np.clip((context.time_s - begin_s) / max(end_s - begin_s, context.record.sampling_interval_s), 0.0, 1.0)
+    return _ramp(context.time_s, float(begin_s), max(float(end_s - begin_s), context.record.sampling_interval_s))
+
+
+@njit(cache=True, nogil=True)
+def _ramp(time_s: FloatArray, begin_s: float, lasting_s: float) -> FloatArray:
+    share = np.empty(len(time_s))
+    for t in range(len(time_s)):
+        share[t] = min(max((time_s[t] - begin_s) / lasting_s, 0.0), 1.0)
+    return share
 
 
 def change(context: Context) -> Parameter:

@@ -1,0 +1,143 @@
+"""What makes explanations quick changes none of their numbers."""
+
+import numpy as np
+import pytest
+
+from app.engine.mismatch import compete, fitting
+from app.engine.mismatch.block import Context, Part
+from app.engine.mismatch.chain import Recent, simulate
+from app.engine.mismatch.experiment import Experiment, experiment
+from app.engine.mismatch.fitting import fit_linear, polish, quiet_noise
+from app.engine.mismatch.noise import NoiseModel, fit_noise, scaled_innovations, whiten
+from app.engine.mismatch.physics import library
+from app.engine.mismatch.plant import Plant, delay, lag, run_process
+from app.engine.mismatch.scan import Start, task_with
+from app.engine.mismatch.task import Given, start_at
+
+TS = 2.0
+PLANT = Plant(1.2, 30.0, 7.0, b=0.3, x0=-0.5, tau2=9.0)
+
+
+def record() -> Experiment:
+    rng = np.random.default_rng(5)
+    op = 40.0 + np.repeat(rng.uniform(-8.0, 8.0, 20), 20)
+    moves = run_process(op - np.mean(op), PLANT, TS) + np.cumsum(rng.normal(0.0, 0.05, 400))
+    return experiment(TS, op, 60.0 + moves + rng.normal(0.0, 0.1, 400), measured=(("AUX", rng.normal(size=400)),))
+
+
+def usable(n: int) -> np.ndarray:
+    known = np.ones(n, dtype=np.bool_)
+    known[:3] = known[50:52] = known[100:130] = False
+    return known
+
+
+def test_signals_kept_of_recent_simulations_change_none_whatever_moves():
+    given = record()
+    context = Context(given, PLANT)
+    others = (PLANT, PLANT.changed(K=1.5), PLANT.changed(theta=9.0, x0=0.1), PLANT)
+    first = library(given)[0]
+    known = Part(first, first.starts(context, given.pv_deviation)[3])
+    for block in library(given):
+        if block.suits is not None and not block.suits(context):
+            continue
+        starts, recent = block.starts(context, given.pv_deviation), Recent()
+        for values in (starts[0], starts[-1], starts[0] * 1.01):
+            for plant in others:
+                parts = (known, Part(block, values))
+                kept = simulate(given, plant, parts, recent)
+                assert np.array_equal(kept, simulate(given, plant, parts)), block.name
+
+
+def test_scaled_innovations_are_the_whitened_residual_less_a_row():
+    rng = np.random.default_rng(1)
+    pv, simulated, less = rng.normal(size=300), rng.normal(size=(2, 300)), rng.normal(size=310)
+    noise, rows = NoiseModel((0.95, 0.3), (0.4, 0.1), 1.7), np.zeros((2, 310))
+    scaled_innovations(pv, simulated, usable(300), noise, less, rows)
+    expected = [whiten(pv - one, usable(300), noise)[3:] / 1.7 - less[:297] for one in simulated]
+    np.testing.assert_allclose(rows[:, :297], expected, rtol=1e-12)
+    assert not rows[:, 297:].any()
+
+
+def test_whitening_takes_what_is_not_known_for_predicted_and_begins_anew_after_a_gap():
+    rng = np.random.default_rng(2)
+    r, known = rng.normal(size=200), usable(200)
+    (p1, p2), (z1, z2) = (0.9, 0.2), (0.5, -0.1)
+    filled, e, hidden = r.copy(), np.zeros(200), 0
+    for t in range(200):
+        past = [filled[t - k] if t >= k else 0.0 for k in (1, 2)]
+        news = [e[t - k] if t >= k else 0.0 for k in (1, 2)]
+        if known[t] and hidden >= 4:
+            past[0] = filled[t - 1] = r[t]
+        predicted = (p1 + p2) * past[0] - p1 * p2 * past[1] - (z1 + z2) * news[0] + z1 * z2 * news[1]
+        filled[t] = r[t] if known[t] else predicted
+        e[t] = 0.0 if not known[t] or hidden >= 4 else r[t] - predicted
+        hidden = 0 if known[t] else hidden + 1
+    np.testing.assert_allclose(whiten(r, known, NoiseModel((p1, p2), (z1, z2))), e, atol=1e-12)
+
+
+def test_noise_is_fitted_where_its_innovations_are_least():
+    rng = np.random.default_rng(3)
+    e, r = rng.normal(0.0, 0.3, 6000), np.zeros(6000)
+    for t in range(1, 6000):
+        r[t] = 0.92 * r[t - 1] + e[t] - 0.4 * e[t - 1]
+    known = np.ones(6000, dtype=np.bool_)
+    known[3000:3020] = False
+    found = fit_noise(r, known)
+    assert found.deviation == pytest.approx(0.3, rel=0.02)
+    assert max(found.poles) == pytest.approx(0.92, abs=0.03)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.5, 3.0, 7.3, 39.5, 40.0, 55.0])
+def test_a_delay_interpolates_and_holds_the_first_value_before(late: float):
+    v = np.random.default_rng(4).normal(size=40)
+    expected = np.interp(np.arange(40) - late, np.arange(40), v)
+    np.testing.assert_allclose(delay(v, late * TS, TS), expected, atol=1e-12)
+
+
+def test_two_lags_in_one_pass_are_one_behind_the_other():
+    given = record()
+    alone = run_process(given.op_deviation, PLANT.changed(tau2=0.0), TS)
+    np.testing.assert_allclose(run_process(given.op_deviation, PLANT, TS), lag(alone, PLANT.tau2, TS), atol=1e-12)
+
+
+def base() -> fitting.Fit:
+    return fit_linear(record(), Given(PLANT.changed(b=0.0, x0=0.0), second_order=True))
+
+
+def test_a_pattern_search_asks_nothing_twice(monkeypatch):
+    found = base()
+    block = next(block for block in library(found.record) if block.name == "valve.stiction/he")
+    task = task_with(found, block)
+    asked: list[bytes] = []
+    whole = fitting.residual_rows
+
+    def counted(task, x, noise):
+        asked.append(x.tobytes())
+        return whole(task, x, noise)
+
+    noise = quiet_noise(found.record, found.given)
+    start = block.starts(Context(found.record, found.plant), found.residual)[20]
+    x = start_at(task, found.plant, start)
+    for _ in range(8):
+        x = polish(task, x, noise)
+    monkeypatch.setattr(fitting, "residual_rows", counted)
+    assert np.array_equal(polish(task, x, noise), x)
+    assert len(asked) == len(set(asked))
+
+
+def test_starts_at_one_place_are_descended_from_once(monkeypatch):
+    found = base()
+    block = next(block for block in library(found.record) if block.name == "valve.deadband")
+    first, second = block.starts(Context(found.record, found.plant), found.residual)[[10, 20]]
+    places: list[bytes] = []
+    whole = compete.descended
+
+    def counted(task, x, steps):
+        places.append(x.tobytes())
+        return whole(task, x, steps)
+
+    monkeypatch.setattr(compete, "descended", counted)
+    scanned = compete.Scanned(block, (Start(first, 2.0), Start(second, 1.0), Start(first, 1.0)), 2.0, 1.0)
+    begun = compete.begin(scanned, found)
+    assert len(places) == len(set(places)) == 2
+    assert len(begun) == 3
