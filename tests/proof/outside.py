@@ -24,7 +24,7 @@ from strange import (
 )
 
 # Names that the library has got since.
-RIGHT = {"outside.analyser": ("sensor.sample_hold",)}
+RIGHT = {"outside.analyser": ("sensor.sample_hold",), "outside.resonant": ("process.resonance",)}
 SURE, UNSURE, CLEARLY_SEEN = 0.9, 0.6, 200.0
 # Names that say what is there, though not the whole of it.
 PARTLY = {

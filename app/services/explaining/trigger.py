@@ -112,6 +112,7 @@ BY_CODE: dict[str, Callable[[Signals], Trigger]] = {
     "process.dead_time": _op_rate,
     "process.extra_lag": _op_rate,
     "process.inverse_response": _op_rate,
+    "process.resonance": _op_rate,
     "sensor.lag": _op_rate,
     "process.friction": _pv_rate,
     "process.nonlinear_gain": _pv,

@@ -37,6 +37,7 @@ EFFECT_WORDS = {
     "process.gain_drift": "the gain drifts",
     "process.overflow": "the vessel overflows",
     "process.inverse_response": "the process first answers the wrong way",
+    "process.resonance": "the process swings by itself",
     "process.friction": "friction in a moving mass",
     "sensor.lag": "the sensor lags",
     "sensor.quantization": "the measurement is coarse",

@@ -1,0 +1,75 @@
+"""A process that swings by itself: named with its poles, and none named where the poles are real."""
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete
+
+from app.engine.mismatch import Comparison, LinearSimulation, explain
+from app.engine.mismatch.block import Context
+from app.engine.mismatch.experiment import experiment
+from app.engine.mismatch.physics.resonance import swinging
+from app.engine.mismatch.plant import Plant, run_process
+from app.engine.recording import FloatArray
+
+N, TS, THETA = 1500, 2.0, 6.0
+GIVEN = LinearSimulation(gain=1.45, time_constants_s=(28.5,), dead_time_s=THETA)
+
+
+def moves(seed: int = 3) -> FloatArray:
+    rng = np.random.default_rng(seed)
+    slow = np.zeros(N)
+    for t in range(1, N):
+        slow[t] = 0.97 * slow[t - 1] + 0.25 * rng.normal()
+    return np.repeat(rng.uniform(-6.0, 6.0, N // 60), 60) + slow
+
+
+def noise(seed: int = 4) -> FloatArray:
+    rng = np.random.default_rng(seed)
+    load = np.zeros(N)
+    for t in range(1, N):
+        load[t] = 0.93 * load[t - 1] + 0.06 * rng.normal()
+    return load + 0.08 * rng.normal(size=N)
+
+
+def second_order(u: FloatArray, natural_s: float, damping: float) -> FloatArray:
+    """1 / (natural^2 s^2 + 2 damping natural s + 1) of u (N,), held over each sample."""
+    a = np.array([[0.0, 1.0], [-1.0 / natural_s**2, -2.0 * damping / natural_s]])
+    b = np.array([[0.0], [1.0 / natural_s**2]])
+    a, b, *_ = cont2discrete((a, b, np.eye(2), np.zeros((2, 1))), TS)
+    x, out = np.zeros(2), np.zeros(len(u))
+    for t in range(1, len(u)):
+        x = a @ x + b[:, 0] * u[t - 1]
+        out[t] = x[0]
+    return out
+
+
+def late(u: FloatArray) -> FloatArray:
+    whole = round(THETA / TS)
+    return np.concatenate((np.full(whole, u[0]), u[:-whole]))
+
+
+def test_the_simulation_is_that_of_the_differential_equation() -> None:
+    u = np.random.default_rng(0).normal(size=N)
+    context = Context(experiment(TS, u, u), Plant(K=1.0, tau=30.0, theta=0.0))
+    simulated = swinging(u, context.plant, np.array([14.0, 0.3]), context)
+    np.testing.assert_allclose(simulated, second_order(u, 14.0, 0.3), atol=1e-9)
+
+
+@pytest.mark.parametrize(("natural_s", "damping"), [(9.0, 0.2), (15.0, 0.4), (25.0, 0.3)])
+def test_complex_poles_are_named_and_found(natural_s: float, damping: float) -> None:
+    u = moves()
+    pv = 50.0 + 1.4 * second_order(late(u), natural_s, damping) + noise()
+    answer = explain(Comparison("spring", TS, 40.0 + u, pv, simulation=GIVEN))
+    assert [effect.code for effect in answer.effects] == ["process.resonance"]
+    found = {p.name: p.value for p in answer.effects[0].parameters}
+    assert found["natural"] == pytest.approx(natural_s, rel=0.05)
+    assert found["damping"] == pytest.approx(damping, rel=0.15)
+    assert answer.fit.explained.rmse < 0.6 * answer.fit.refitted.rmse
+
+
+@pytest.mark.parametrize("plant", [Plant(1.4, 30.0, 6.0), Plant(1.4, 30.0, 6.0, tau2=12.0), Plant(1.4, 30.0, 16.0)])
+def test_real_poles_are_no_resonance(plant: Plant) -> None:
+    u = moves()
+    pv = 50.0 + run_process(u, plant, TS) + noise()
+    answer = explain(Comparison("lags", TS, 40.0 + u, pv, simulation=GIVEN))
+    assert not any("process.resonance" in (effect.code, *effect.alternatives) for effect in answer.effects)
