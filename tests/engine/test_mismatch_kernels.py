@@ -9,7 +9,8 @@ from app.engine.mismatch.chain import Recent, simulate
 from app.engine.mismatch.experiment import Experiment, experiment
 from app.engine.mismatch.fitting import fit_linear, polish, quiet_noise
 from app.engine.mismatch.noise import NoiseModel, fit_noise, scaled_innovations, whiten
-from app.engine.mismatch.physics import library
+from app.engine.mismatch.physics import library, oscillation
+from app.engine.mismatch.physics.valve_saturation import rounded
 from app.engine.mismatch.plant import Plant, delay, lag, run_process
 from app.engine.mismatch.scan import Start, task_with
 from app.engine.mismatch.task import Given, start_at
@@ -141,3 +142,25 @@ def test_starts_at_one_place_are_descended_from_once(monkeypatch):
     begun = compete.begin(scanned, found)
     assert len(places) == len(set(places)) == 2
     assert len(begun) == 3
+
+
+@pytest.mark.parametrize("sizes", [(0.7, -0.3), (0.7, -0.3, 0.2, 0.1, -0.4, 0.5)])
+def test_a_wave_is_the_sum_of_its_odd_harmonics_within_its_time(sizes: tuple[float, ...]):
+    given = record()
+    values = np.array([100.0, 700.0, 37.0, *sizes])
+    phase = 2.0 * np.pi * given.time_s / 37.0
+    pairs = zip(sizes[::2], sizes[1::2], strict=True)
+    waves = [a * np.sin(k * phase) + b * np.cos(k * phase) for k, (a, b) in zip((1, 3, 5), pairs, strict=False)]
+    inside = (given.time_s >= 100.0) & (given.time_s < 700.0)
+    expected = given.pv_deviation + np.where(inside, np.sum(waves, axis=0), 0.0)
+    np.testing.assert_allclose(
+        oscillation.wave(given.pv_deviation, values, Context(given, PLANT)), expected, atol=1e-10
+    )
+
+
+def test_a_rounded_limit_is_straight_far_from_its_corner_and_logistic_at_it():
+    signal = np.linspace(-3.0, 3.0, 601)
+    for width, sign in ((0.02, 1.0), (0.5, -1.0)):
+        under = sign * (0.4 - signal) / width
+        expected = 0.4 - sign * width * np.logaddexp(0.0, under)
+        np.testing.assert_allclose(rounded(signal, 0.4, width, sign), expected, atol=1e-14)

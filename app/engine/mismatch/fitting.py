@@ -2,7 +2,7 @@
 turn.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -75,14 +75,18 @@ def residual_rows(task: Task, x: FloatArray, noise: NoiseModel) -> Whitened:
     return Whitened(rows[0], simulated)
 
 
-def slopes(task: Task, x: FloatArray, noise: NoiseModel, at: Whitened) -> FloatArray:
-    """(rows, P) numerical derivatives of the whitened residuals."""
-    columns = np.empty((len(x), len(at.rows)))
-    for k, f in enumerate(task.free):
+def slopes(
+    task: Task, x: FloatArray, noise: NoiseModel, at: Whitened, along: Sequence[int] | None = None
+) -> FloatArray:
+    """(rows, P) numerical derivatives of the whitened residuals by all coordinates, or by those `along` which."""
+    along = range(len(x)) if along is None else along
+    columns = np.empty((len(along), len(at.rows)))
+    for column, k in zip(columns, along, strict=True):
+        f = task.free[k]
         step = f.step if x[k] + f.step <= f.high else -f.step
         moved = x.copy()
         moved[k] += step
-        columns[k] = (residual_rows(task, moved, noise).rows - at.rows) / step
+        column[:] = (residual_rows(task, moved, noise).rows - at.rows) / step
     return columns.T
 
 
@@ -122,7 +126,8 @@ def polish(task: Task, x: FloatArray, noise: NoiseModel) -> FloatArray:
     if not searched:
         return x
     at = residual_rows(task, x, noise)
-    basis = orthonormal(np.delete(slopes(task, x, noise, at), searched, axis=1))
+    others = [k for k in range(len(x)) if k not in searched]
+    basis = orthonormal(slopes(task, x, noise, at, others))
     cost = projected_cost(at.rows, basis)
     for share in POLISHING_STEPS:
         tried: set[int] = set()  # since x last moved: nothing new is found there

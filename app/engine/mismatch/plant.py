@@ -154,7 +154,11 @@ def _bounded_state(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
     x = min(max(x, low), high)
     y[0] = x
     for t in range(1, len(u)):
-        x = min(max(stay * x + gain * (K * u[t - 1] + b), low), high)
+        x = stay * x + gain * (K * u[t - 1] + b)
+        if x > high:
+            x = high
+        elif x < low:
+            x = low
         y[t] = x
     return y
 

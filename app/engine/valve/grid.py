@@ -8,14 +8,14 @@ from app.errors import DataError
 
 def check_signal(op: FloatArray) -> None:
     """Raises DataError("op_not_a_signal") unless OP is one finite row with at least one sample."""
-    if op.ndim != 1 or len(op) == 0 or not np.all(np.isfinite(op)):
+    if op.ndim != 1 or len(op) == 0 or not np.isfinite(op).all():
         raise DataError("op_not_a_signal", f"OP must be a row of finite samples, got shape {op.shape}; fill gaps first")
 
 
 def check_bands(**bands: FloatArray) -> None:
     """Raises DataError("stiction_band") unless the bands are (M,) of one length, finite and not negative."""
     for name, band in bands.items():
-        if band.ndim != 1 or not np.all(band >= 0.0) or not np.all(np.isfinite(band)):
+        if band.ndim != 1 or not ((band >= 0.0) & (band < np.inf)).all():
             raise DataError("stiction_band", f"{name} must be a row of values that are not negative, got {band!r}")
     if len({len(band) for band in bands.values()}) > 1:
         lengths = ", ".join(f"{name}: {len(band)}" for name, band in bands.items())

@@ -14,22 +14,28 @@ def he_step(u: float, state: FloatArray, S: float, J: float) -> float:
     The accumulated force c = u_r + u(t) - u(t-1) is u(t) - x(t-1), because u_r + x = u at all times: written that way
     no rounding gathers over a long record.
     """
-    c = u - state[1]
-    if abs(c) > 0.5 * (S + J):
-        state[1] = u - 0.5 * (S - J) if c > 0.0 else u + 0.5 * (S - J)
+    state[1] = _moved(u, state[1], S, J)
     state[0] = u
     state[2] = u - state[1]
     return state[1]
 
 
 @njit(cache=True, nogil=True)
+def _moved(u: float, x: float, S: float, J: float) -> float:
+    """The valve position behind x once OP is at u."""
+    c = u - x
+    if abs(c) > 0.5 * (S + J):
+        return u - 0.5 * (S - J) if c > 0.0 else u + 0.5 * (S - J)
+    return x
+
+
+@njit(cache=True, nogil=True)
 def _run_grid(op: FloatArray, S: FloatArray, J: FloatArray, start: FloatArray) -> FloatArray:
     v = np.empty((len(S), len(op)))
-    state = np.empty(3)
     for m in range(len(S)):
-        state[:] = op[0], start[m], op[0] - start[m]
+        x = start[m]
         for t in range(len(op)):
-            v[m, t] = he_step(op[t], state, S[m], J[m])
+            x = v[m, t] = _moved(op[t], x, S[m], J[m])
     return v
 
 

@@ -3,6 +3,7 @@ and triangles are made of.
 """
 
 import numpy as np
+from numba import njit
 
 from app.engine.mismatch.block import Block, Context, Parameter
 from app.engine.mismatch.physics.additive import size
@@ -48,12 +49,30 @@ def starts(context: Context, innovations: FloatArray) -> FloatArray:
 
 
 def wave(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    begin, end, period, sine, cosine = values
-    inside = within(context, begin, end)
-    phase = 2.0 * np.pi * context.time_s[inside] / period
-    out = signal.copy()
-    out[inside] += sine * np.sin(phase) + cosine * np.cos(phase)
+    """A signal (N,) with a wave: begin, end, period (s), and the sizes of sine and cosine of each odd harmonic."""
+    begin, end, period = values[:3].tolist()
+    inside, a_second = within(context, begin, end), 2.0 * np.pi / period
+    out, ts = signal.copy(), context.record.sampling_interval_s
+    _add_harmonics(out[inside], a_second * ts * inside.start, a_second * ts, values[3:])
     return out
+
+
+@njit(cache=True, nogil=True)
+def _add_harmonics(out: FloatArray, phase: float, turn: float, sizes: FloatArray) -> None:
+    """Adds the odd harmonics of these sizes (2 M,) to a signal (N,) that begins at a phase and turns on each sample.
+
+    Each sample's is the one before it turned, and each harmonic the one before it turned by twice the phase.
+    """
+    sine, cosine = np.sin(phase), np.cos(phase)
+    step_sine, step_cosine = np.sin(turn), np.cos(turn)
+    for t in range(len(out)):
+        s, c = sine, cosine
+        twice_sine, twice_cosine = 2.0 * s * c, 1.0 - 2.0 * s * s
+        out[t] += sizes[0] * s + sizes[1] * c
+        for k in range(2, len(sizes), 2):
+            s, c = s * twice_cosine + c * twice_sine, c * twice_cosine - s * twice_sine
+            out[t] += sizes[k] * s + sizes[k + 1] * c
+        sine, cosine = sine * step_cosine + cosine * step_sine, cosine * step_cosine - sine * step_sine
 
 
 def within(context: Context, begin_s: float, end_s: float) -> slice:
@@ -77,20 +96,6 @@ def shaped_starts(context: Context, innovations: FloatArray) -> FloatArray:
             if (b - a) * duration > 1.5 * p
         ]
     )
-
-
-def shaped_wave(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    """Each odd harmonic is the one before it turned by twice the phase."""
-    begin, end, period = values[:3]
-    inside = within(context, begin, end)
-    phase = 2.0 * np.pi * context.time_s[inside] / period
-    sine, cosine = np.sin(phase), np.cos(phase)
-    turn_sine, turn_cosine = 2.0 * sine * cosine, 1.0 - 2.0 * sine * sine
-    out = signal.copy()
-    for k in range(1 + len(ODD)):
-        out[inside] += values[3 + 2 * k] * sine + values[4 + 2 * k] * cosine
-        sine, cosine = sine * turn_cosine + cosine * turn_sine, cosine * turn_cosine - sine * turn_sine
-    return out
 
 
 def active(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
@@ -124,7 +129,7 @@ BLOCKS = (
         "at one frequency",
         shaped_parameters,
         shaped_starts,
-        apply=shaped_wave,
+        apply=wave,
         active=active,
         form="shaped",
         penalty=32.0,

@@ -3,9 +3,12 @@ width.
 """
 
 import numpy as np
+from numba import njit
 
 from app.engine.mismatch.block import Block, Context, Parameter, grid
 from app.engine.recording import BoolArray, FloatArray
+
+STRAIGHT = 40.0  # so many widths from the corner nothing of it is left: exp(-40) is less than rounding
 
 
 def level(context: Context, sign: float) -> Parameter:
@@ -30,8 +33,17 @@ def levels(context: Context, sign: float, count: int) -> FloatArray:
 
 def rounded(signal: FloatArray, limit: float, width_op: float, sign: float) -> FloatArray:
     """signal below `limit` (above, for sign -1), the corner rounded over `width_op`."""
-    over = sign * (signal - limit) / width_op
-    return limit - sign * width_op * np.logaddexp(0.0, -over)
+    return _rounded(np.ascontiguousarray(signal), float(limit), float(width_op), sign)
+
+
+@njit(cache=True, nogil=True)
+def _rounded(signal: FloatArray, limit: float, width_op: float, sign: float) -> FloatArray:
+    out = np.empty(len(signal))
+    for t in range(len(signal)):
+        under = sign * (limit - signal[t]) / width_op
+        corner = np.log1p(np.exp(-abs(under))) if abs(under) < STRAIGHT else 0.0
+        out[t] = limit - sign * width_op * (max(under, 0.0) + corner)
+    return out
 
 
 def _block(sign: float, soft: bool) -> Block:
