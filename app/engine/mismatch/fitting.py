@@ -2,7 +2,7 @@
 turn.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -129,28 +129,21 @@ def polish(task: Task, x: FloatArray, noise: NoiseModel) -> FloatArray:
     others = [k for k in range(len(x)) if k not in searched]
     basis = orthonormal(slopes(task, x, noise, at, others))
     cost = projected_cost(at.rows, basis)
+    asked = {x.tobytes()}  # the cost only falls, so that no place is ever better when it is asked again
     for share in POLISHING_STEPS:
-        tried: set[int] = set()  # since x last moved: nothing new is found there
         for k in searched * 2:
-            if k in tried:
-                continue
-            tried.add(k)
-            for moved in aside(task, x, k, share):
+            for sign in (1.0, -1.0):
+                moved = x.copy()
+                moved[k] += sign * share * (task.high[k] - task.low[k])
+                moved = clipped(task, moved)
+                if moved.tobytes() in asked:
+                    continue
+                asked.add(moved.tobytes())
                 there = projected_cost(residual_rows(task, moved, noise).rows, basis)
                 if there < cost - 1e-6:
-                    x, cost, tried = moved, there, set()
+                    x, cost = moved, there
                     break
     return x
-
-
-def aside(task: Task, x: FloatArray, k: int, share: float) -> Iterator[FloatArray]:
-    """x with one coordinate moved by a share of its range, up and down, as far as its bounds allow."""
-    low, high = task.low[k], task.high[k]
-    for step in (share * (high - low), -share * (high - low)):
-        moved = x.copy()
-        moved[k] = min(max(x[k] + step, low), high)
-        if moved[k] != x[k]:
-            yield moved
 
 
 def orthonormal(columns: FloatArray) -> FloatArray:
