@@ -33,7 +33,7 @@ from app.engine.mismatch.fitting import fit_linear
 from app.engine.mismatch.holdout import Fitness, unseen_gain
 from app.engine.mismatch.law import identify_law
 from app.engine.mismatch.noise import NoiseModel, coloured, fit_noise, whiten
-from app.engine.mismatch.patterns import find_patterns
+from app.engine.mismatch.patterns import Run, find_patterns, jumps_free
 from app.engine.mismatch.physics import friction, library, two_tanks, valve_deadband, valve_slew_limit, valve_stiction
 from app.engine.mismatch.plant import Plant, run_process
 from app.engine.mismatch.report import CERTAIN, OWN_CERTAIN, probability_of
@@ -165,6 +165,30 @@ def test_patterns_of_pv_are_read_off_pv() -> None:
     assert pattern_codes(np.minimum(pv, 53.0)) == {"sensor.saturation"}
     kept = np.arange(0, N, 9)
     assert pattern_codes(np.interp(np.arange(N), kept, pv[kept])) == {"sensor.compression"}
+
+
+def test_one_stuck_stretch_is_seen_where_hardly_anything_else_repeats() -> None:
+    pv = recorded(moves())
+    stuck = pv.copy()
+    stuck[500:560] = stuck[499]
+    for k in (100, 200, 300, 400):
+        stuck[k] = stuck[k - 1]
+    assert pattern_codes(stuck) == {"sensor.stuck"}
+
+
+def test_near_its_extreme_a_sensor_that_comes_free_jumps_and_a_limit_does_not() -> None:
+    pv = recorded(moves())
+    stuck, at = pv.copy(), int(np.argmax(pv))
+    stuck[at - 80 : at] = np.min(pv) - 0.001
+    stuck[-1] = np.min(pv) - 0.01
+    assert pattern_codes(stuck) == {"sensor.stuck"}
+    wave = 50.0 + 5.0 * np.sin(np.arange(N) / 60.0) + 0.02 * np.random.default_rng(1).normal(size=N)
+    pressed = np.maximum(wave, 45.1)
+    first = int(np.argmax(pressed == 45.1))
+    left = first + int(np.argmax(pressed[first + 10 :] > 45.1)) + 9
+    assert not jumps_free(pressed, Run(first, left))
+    assert jumps_free(stuck, Run(at - 80, at - 1))
+    assert not jumps_free(stuck, Run(N - 20, N - 1))
 
 
 @pytest.mark.parametrize("theta", [0.0, 0.4 * TS])

@@ -202,3 +202,13 @@ def test_a_trace_in_another_unit_accuses_nothing(unit: float) -> None:
     answer = explain(Comparison("unit", TS, op(), pv(), trace=trace))
     assert answer.verdict == "consistent"
     assert answer.evidence[0].code == "parameters_off"
+
+
+def test_a_limit_that_op_is_driven_far_beyond_is_no_other_unit() -> None:
+    """Where PV follows no further the controller winds up, and the simulation goes far: over a stretch they agree."""
+    driven = np.concatenate((np.repeat([38.0, 43.0, 36.0, 41.0], 50), 40.0 + 0.6 * np.arange(N - 200)))
+    noise = 0.1 * np.random.default_rng(4).normal(size=N)
+    limited = 50.0 + run_process(np.minimum(driven, 44.0) - 40.0, Plant(K=1.4, tau=30.0, theta=6.0), TS) + noise
+    answer = explain(Comparison("limit", TS, driven, limited, simulation=GIVEN))
+    assert answer.effects[0].code in ("valve.saturation", "process.overflow")
+    assert "parameters_off" not in {reason.code for reason in answer.evidence}

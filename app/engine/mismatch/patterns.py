@@ -30,6 +30,8 @@ STEP_OVER_NOISE = 1.0
 STEP_OVER_SPAN = 0.003
 STILL = 0.003
 NEAR_EXTREME = 0.02
+JUMP = 2.0
+MOST_STUCK = 5
 REGULAR, STILL_STORED, HOLDS = 0.95, 0.75, 0.4
 
 
@@ -178,21 +180,30 @@ def stuck_stretches(
     """Runs far longer than all others, away from the limits: one sensor that stood still."""
     free = [run for run in runs if not explained[run.first : run.last + 1].any()]
     lengths = np.sort([run.length for run in free])
-    usual = float(np.quantile(lengths, 0.9)) if len(lengths) > 4 else 2.0
+    others = lengths[: len(lengths) - min(MOST_STUCK, len(lengths) // 2)]
+    usual = float(np.quantile(others, 0.9)) if len(lengths) > 4 else 2.0
     # Among wide levels PV repeats itself for long whenever the loop is calm: only one stretch far beyond the others
     # counts.
-    others = float(lengths[-2]) if coarse and len(lengths) > 1 else 0.0
-    needed = max(LEAST_RUN, 5.0 * usual, 3.0 * others)
+    second = float(lengths[-2]) if coarse and len(lengths) > 1 else 0.0
+    needed = max(LEAST_RUN, 5.0 * usual, 3.0 * second)
     found = [run for run in free if run.length >= needed]
     # A PV that rests because nothing moves is not stuck.
     found = [run for run in found if np.ptp(record.op[run.first : run.last + 1]) > STILL * record.op_span]
-    # Near its extremes PV may rest because a limit presses it: that is for the competition to say.
-    low, high = float(np.min(record.pv)), float(np.max(record.pv))
-    margin = NEAR_EXTREME * record.pv_span
-    found = [run for run in found if low + margin < record.pv[run.first] < high - margin]
-    if len(found) > 5:
+    # Near its extremes PV may rest because a limit presses it: that is for the competition to say. A limit lets go of
+    # PV where it is; a sensor that comes free jumps to where PV went.
+    away = away_from_extremes(record)
+    found = [run for run in found if away[run.first] or jumps_free(record.pv, run)]
+    if len(found) > MOST_STUCK:
         return ()
     return tuple(stuck(record, run) for run in sorted(found, key=lambda run: -run.length))
+
+
+def jumps_free(pv: FloatArray, run: Run) -> bool:
+    """Whether PV (N,) leaves a run by a step such as it hardly ever takes."""
+    if run.last + 1 >= len(pv):
+        return False
+    steps = np.abs(np.diff(pv))
+    return bool(steps[run.last] > JUMP * np.quantile(steps, 0.99))
 
 
 def stuck(record: Experiment, run: Run) -> Pattern:

@@ -21,6 +21,7 @@ from app.engine.mismatch.task import Given
 from app.engine.recording import FloatArray
 
 OTHER_UNIT, LEAST_ALIKE = 8.0, 0.5  # so many times PV's size, and so much of PV's shape
+STRETCHES, ALIKE = 12, 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,14 +77,39 @@ def prepare(comparison: Comparison, taken: Taken | None = None) -> Prepared:
 
 
 def scale_of(record: Experiment, given: Given) -> float:
-    """By how much the given gain is to be multiplied where it is in another unit; 1 where it is of PV's size."""
+    """By how much the given gain is to be multiplied where it is in another unit; 1 where it is of PV's size over the
+    record or a stretch of it: where PV follows no further, for a limit, OP and the simulation go far.
+    """
     if given.integrating:
         return 1.0
     simulated = run_process(record.op_deviation, given.plant, record.sampling_interval_s)[record.usable]
-    moves, pv = simulated - np.mean(simulated), record.pv_deviation[record.usable]
-    share = float(moves @ pv) / max(float(moves @ moves), 1e-300)
-    alike = share * float(np.std(moves)) > LEAST_ALIKE * float(np.std(pv))
-    return share if alike and not 1.0 / OTHER_UNIT < share < OTHER_UNIT else 1.0
+    pv = record.pv_deviation[record.usable]
+    whole = share_of(simulated, pv)
+    if not whole.tells(LEAST_ALIKE) or whole.of_its_size:
+        return 1.0
+    parts = [share_of(*both) for both in zip(*(np.array_split(s, STRETCHES) for s in (simulated, pv)), strict=True)]
+    return 1.0 if any(part.tells(ALIKE) and part.of_its_size for part in parts) else whole.value
+
+
+@dataclass(frozen=True)
+class Share:
+    """How much of a simulation's moves PV makes (value), and how alike the two are."""
+
+    value: float
+    correlation: float
+
+    def tells(self, least: float) -> bool:
+        return self.value > 0.0 and self.correlation > least
+
+    @property
+    def of_its_size(self) -> bool:
+        return 1.0 / OTHER_UNIT < self.value < OTHER_UNIT
+
+
+def share_of(simulated: FloatArray, pv: FloatArray) -> Share:
+    moves, shown = simulated - np.mean(simulated), pv - np.mean(pv)
+    power, both = float(moves @ moves), float(moves @ shown)
+    return Share(both / max(power, 1e-300), both / max(np.sqrt(power * float(shown @ shown)), 1e-300))
 
 
 def scaled(given: Given, share: float) -> Given:

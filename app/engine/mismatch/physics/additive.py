@@ -8,6 +8,8 @@ from app.engine.mismatch.block import Block, Context, Parameter
 from app.engine.mismatch.physics.gain_drift import moment, ramp
 from app.engine.recording import BoolArray, FloatArray
 
+MOST_OF_START = 0.1
+
 
 def size(context: Context, name: str = "size") -> Parameter:
     span = context.record.pv_span
@@ -104,13 +106,24 @@ def between(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
 
 
 def lasts(values: FloatArray, context: Context) -> bool:
-    """A pulse is a stretch, not a spike."""
-    return bool(values[1] - values[0] >= 12.0 * context.record.sampling_interval_s)
+    """A pulse is a stretch, not a spike; one that reaches to either end of the record is a step at its other end."""
+    long_enough = values[1] - values[0] >= 12.0 * context.record.sampling_interval_s
+    return bool(long_enough and inside(float(values[0]), context) and inside(float(values[1]), context))
 
 
 def not_at_the_edge(values: FloatArray, context: Context) -> bool:
-    margin = 8.0 * context.record.sampling_interval_s
-    return bool(margin <= values[0] <= context.record.duration_s - margin)
+    return inside(float(values[0]), context)
+
+
+def inside(at_s: float, context: Context) -> bool:
+    """Whether a moment is apart from both ends of the record: from its start by as long as the states that the process
+    began with still show, which are fitted for its first lag alone.
+    """
+    record, plant = context.record, context.plant
+    margin = 8.0 * record.sampling_interval_s
+    shows = plant.theta + plant.tau2 + (plant.tau if plant.leak > 0.0 else 0.0)
+    begun = max(margin, min(shows, MOST_OF_START * record.duration_s))
+    return begun <= at_s <= record.duration_s - margin
 
 
 AFTER = "after a time"
