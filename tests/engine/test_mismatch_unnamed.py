@@ -8,7 +8,7 @@ import pytest
 from app.engine.mismatch import Comparison, Explanation, LinearSimulation, doubting, explain, simulate_again
 from app.engine.mismatch.adequacy import Pays, lack_of_fit
 from app.engine.mismatch.block import Context
-from app.engine.mismatch.doubting import doubted, runs_astray, without_name
+from app.engine.mismatch.doubting import HALF_SURE, HALF_SURE_OWN, doubted, runs_astray, without_name
 from app.engine.mismatch.experiment import experiment
 from app.engine.mismatch.fitting import fit_linear
 from app.engine.mismatch.naming import Believed
@@ -131,7 +131,10 @@ def test_a_generic_block_says_what_its_terms_are() -> None:
 
 def test_a_name_is_less_sure_for_what_it_leaves_and_what_has_none_is_not() -> None:
     left = (Pays("op_2", 30.0), Pays("pv_speed", 20.0))
-    name, unnamed = (doubted(Believed(code, (), 100.0, np.inf, None), left) for code in ("valve.deadband", "unnamed"))
+    codes = ("valve.deadband", "unnamed")
+    name, unnamed = (doubted(Believed(code, (), 100.0, np.inf, None), left, HALF_SURE) for code in codes)
     assert name.most < 0.1
+    own = doubted(Believed("valve.deadband", (), 100.0, np.inf, None), left, HALF_SURE_OWN)
+    assert name.most < 0.5 < own.most < 0.7
     assert [reason.code for reason in name.left] == ["lack_of_fit"]
     assert unnamed.most == 1.0

@@ -21,7 +21,9 @@ from app.engine.mismatch.worth import UNNAMED, no_worse
 
 CLEARLY = 20.0  # nat: by how much terms without a name must say more than names do, to take their place
 NOT_FAR = 0.5
-HALF_SURE = 0.1  # the share left beside a name at which it is as likely wrong as right
+# The share left beside a name at which it is as likely wrong as right. A linear loop of our own is a guess from the
+# same record and leaves something itself: real valves that stick are named rightly with shares up to 0.5.
+HALF_SURE, HALF_SURE_OWN = 0.1, 0.4
 
 
 def reviewed(base: Fit, selection: Selection) -> Selection:
@@ -39,7 +41,8 @@ def reviewed(base: Fit, selection: Selection) -> Selection:
     unnamed = None if own else without_name(base, lack_of_fit(base) if selection.effects else left)
     if unnamed is not None and unnamed.score > named + CLEARLY and not runs_astray(selection.fit, unnamed.fit):
         return Selection(unnamed.fit, (in_place_of(selection, unnamed, named),), selection.ranking)
-    return replace(selection, effects=tuple(doubted(effect, left) for effect in selection.effects))
+    half_sure = HALF_SURE_OWN if own else HALF_SURE
+    return replace(selection, effects=tuple(doubted(effect, left, half_sure) for effect in selection.effects))
 
 
 def runs_astray(names: Fit, unnamed: Fit) -> bool:
@@ -83,7 +86,7 @@ def in_place_of(selection: Selection, unnamed: Rival, named: float) -> Believed:
     return Believed(UNNAMED, alternatives, unnamed.gain, margin, unnamed, left=(Reason("nearest_name", text),))
 
 
-def doubted(effect: Believed, left: tuple[Pays, ...]) -> Believed:
+def doubted(effect: Believed, left: tuple[Pays, ...], half_sure: float) -> Believed:
     """An effect whose probability is the lower the more further terms explain beside it; what says no name is right
     stays as sure.
     """
@@ -96,4 +99,4 @@ def doubted(effect: Believed, left: tuple[Pays, ...]) -> Believed:
         f"it leaves {gain:.1f} nat that terms without a name explain ({names}), {100.0 * share:.0f} % of what both do: "
         "the physics may be another"
     )
-    return replace(effect, most=1.0 / (1.0 + (share / HALF_SURE) ** 2), left=(Reason("lack_of_fit", text),))
+    return replace(effect, most=1.0 / (1.0 + (share / half_sure) ** 2), left=(Reason("lack_of_fit", text),))
