@@ -65,7 +65,8 @@ def explain(
 
     from app.engine.mismatch import explain as explain_comparison
     from app.engine.mismatch import locate
-    from app.services.explaining.comparisons import Columns, read_comparison, simulation_from_json
+    from app.services.explaining.comparisons import Columns, read_comparison
+    from app.services.explaining.given_model import simulation_from_json
     from app.services.explaining.line import explanation_line, located_line
 
     started = perf_counter()

@@ -5,12 +5,13 @@ instants, and no other repeated value taken for it.
 import numpy as np
 import pytest
 
-from app.engine.mismatch import Comparison, LinearSimulation, explain, simulate_again
+from app.engine.mismatch import Comparison, Controller, LinearSimulation, explain, simulate_again
 from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.experiment import experiment
 from app.engine.mismatch.patterns import find_patterns
 from app.engine.mismatch.physics.sample_hold import SAMPLE_HOLD
 from app.engine.mismatch.plant import Plant, run_process
+from app.engine.mismatch.sampling import hold_of
 from app.engine.recording import FloatArray
 from app.engine.simulate.compression import keep, rebuild
 
@@ -131,3 +132,51 @@ def test_what_is_simulated_is_sampled_and_held_alike(every: float) -> None:
     changes = np.flatnonzero(np.diff(shown)) + 1
     assert np.mean(np.diff(changes)) == pytest.approx(every, rel=0.01)
     np.testing.assert_array_equal(shown[changes], pv[changes])
+
+
+def test_a_hold_is_seen_through_what_single_samples_do() -> None:
+    """A scan that comes a sample late, a value between two instants, values that were filled in."""
+    rng = np.random.default_rng(8)
+    pv = recorded(moves())
+    late = np.minimum(np.arange(0, N, 5) + rng.integers(0, 2, len(range(0, N, 5))), N - 1)
+    jittered = pv[late[np.maximum(np.searchsorted(late, np.arange(N), side="right") - 1, 0)]]
+    assert hold_of(jittered).interval == pytest.approx(5.0, rel=0.02)
+    stray = held(pv, 4.0)
+    stray[1001] += 0.3
+    assert hold_of(stray).interval == 4.0
+    empty = held(pv, 4.0)
+    at = np.sort(rng.choice(N, N // 33, replace=False))
+    kept = np.delete(np.arange(N), at)
+    assert hold_of(np.interp(np.arange(N), kept, empty[kept])).interval == 4.0
+
+
+def test_a_long_held_record_is_compared_with_its_trace() -> None:
+    n = 9000
+    rng = np.random.default_rng(5)
+    u = np.repeat(rng.uniform(-6.0, 6.0, n // 60), 60)
+    pv = 50.0 + run_process(u, TRUE, TS) + 0.1 * rng.normal(size=n)
+    trace = 50.0 + run_process(u, TRUE.changed(K=1.45), TS)
+    answer = explain(Comparison("long", TS, 40.0 + u, pv[np.arange(n) // 4 * 4], trace=trace))
+    assert [effect.code for effect in answer.effects] == ["sensor.sample_hold"]
+
+
+@pytest.mark.parametrize("every", [10, 25])
+def test_the_controller_is_judged_by_what_it_saw(every: int) -> None:
+    """A PI controller that acts each second on a PV that is taken every so many."""
+    rng = np.random.default_rng(6)
+    n, gain, integral = 3000, 0.4, 40.0
+    sp = np.repeat(50.0 + rng.uniform(-4.0, 4.0, n // 150), 150)
+    op, pv, x, shown, before = np.full(n, 40.0), np.full(n, 50.0), 0.0, 50.0, 0.0
+    for t in range(1, n):
+        x += (1.0 - np.exp(-1.0 / 30.0)) * (1.4 * (op[max(t - 4, 0)] - 40.0) - x)
+        shown = 50.0 + x + 0.05 * rng.normal() if t % every == 0 else shown
+        pv[t] = shown
+        error = sp[t] - shown
+        op[t] = op[t - 1] + gain * (error - before) + gain / integral * error
+        before = error
+    model = LinearSimulation(1.4, (30.0,), 3.0, controller=Controller(gain, integral))
+    answer = explain(Comparison("held", 1.0, op, pv, sp, simulation=model))
+    assert "controller_differs" not in {reason.code for reason in answer.evidence}
+    assert answer.closed_loop.law.kc == pytest.approx(gain, rel=0.01)
+    assert answer.closed_loop.law.ki == pytest.approx(gain * every / integral, rel=0.02)
+

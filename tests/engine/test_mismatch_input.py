@@ -212,3 +212,28 @@ def test_a_limit_that_op_is_driven_far_beyond_is_no_other_unit() -> None:
     answer = explain(Comparison("limit", TS, driven, limited, simulation=GIVEN))
     assert answer.effects[0].code in ("valve.saturation", "process.overflow")
     assert "parameters_off" not in {reason.code for reason in answer.evidence}
+
+
+@pytest.mark.parametrize("level", [0.5, 1.0])
+def test_a_rounded_trace_accuses_nothing(level: float) -> None:
+    trace = 50.0 + run_process(op() - 40.0, Plant(K=1.45, tau=28.5, theta=6.0), TS)
+    answer = explain(Comparison("rounded", TS, op(), pv(), trace=level * np.round(trace / level)))
+    assert answer.verdict == "consistent"
+    assert answer.fit.explained.rmse < 0.15
+
+
+def test_a_model_is_laid_at_the_level_of_pv() -> None:
+    """A model says how PV moves, not where it stands: odd first samples do not count against it."""
+    odd = pv()
+    odd[:3] += 3.0
+    given = LinearSimulation(gain=1.4, time_constants_s=(30.0,), dead_time_s=6.0)
+    answer = explain(Comparison("level", TS, op(), odd, simulation=given))
+    assert answer.fit.given.rmse < 0.15
+
+
+def test_an_op_whose_squares_are_no_numbers_is_constant() -> None:
+    with pytest.raises(DataError) as refused:
+        explain(Comparison("small", TS, 1e-200 * op(), pv()))
+    assert refused.value.code == "signal_constant"
+    assert explain(Comparison("small", TS, 1e-40 * op(), pv())).fit.refitted.rmse > 0.0
+

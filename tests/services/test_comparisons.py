@@ -1,13 +1,15 @@
 """Recordings and simulations as they come from files and from the store, brought to one time base."""
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import polars as pl
 import pytest
 
-from app.engine.mismatch import Comparison, Controller
-from app.engine.mismatch.result import ExplainedModel
+from app.engine.mismatch import Comparison, Controller, simulate_again
+from app.engine.mismatch.result import ExplainedModel, PartModel
 from app.engine.recording import Recording
 from app.errors import DataError, LoopauditError
 from app.services.explaining.comparisons import (
@@ -15,9 +17,9 @@ from app.services.explaining.comparisons import (
     comparison_of,
     read_comparison,
     seconds,
-    simulation_from_json,
     uniform,
 )
+from app.services.explaining.given_model import simulation_from_json
 from app.services.explaining.models import simulate_model
 
 
@@ -70,6 +72,36 @@ def test_a_model_may_bring_its_controller() -> None:
     assert simulation_from_json(told).controller == Controller(0.4, 30.0, 2.0)
     assert simulation_from_json('{"gain": 1.5, "controller": {"Kc": 0.4}}').controller == Controller(0.4)
     assert simulation_from_json('{"gain": 1.5, "controller": null}').controller is None
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        ('{"gain": 1.5, "time_constnat_s": 30}', "'time_constnat_s'"),
+        ('{"gain": 1.5, "controller": {"gain": 1, "integral": 30}}', "'integral'"),
+        ('{"gain": "1.5"}', "a number is needed"),
+        ('{"gain": true}', "a number is needed"),
+        ('{"gain": 1.5, "controller": "pid"}', "not an object"),
+        ('{"gain": 1.5, "controller": {}}', "its controller has no gain"),
+        ('{"gain": 1.5, "time_constants_s": [[3]]}', "a time constant is"),
+        ('{}', "the model has no gain"),
+    ],
+)
+def test_a_slip_in_a_model_is_said(told: str, words: str) -> None:
+    with pytest.raises(DataError, match=re.escape(words)) as refused:
+        simulation_from_json(told)
+    assert refused.value.code == "model_invalid"
+
+
+def test_a_model_with_other_values_than_its_parts_take_is_refused() -> None:
+    n = 150
+    part = PartModel("sensor.sample_hold/pattern", "sensor.sample_hold", (float("nan"),))
+    model = ExplainedModel(4.0, 40.0, 50.0, 5.0, 5.0, (("K", 1.0), ("tau", 20.0), ("theta", 0.0)), (part,), ())
+    for values in ((float("nan"),), (), (4.0, 5.0)):
+        wrong = replace(model, parts=(replace(part, values=values),))
+        with pytest.raises(DataError) as refused:
+            simulate_again(wrong, 40.0 + np.arange(n) % 7.0)
+        assert refused.value.code == "model_invalid"
 
 
 def code_of(path: Path, columns: Columns, simulated: str | None = None) -> str:

@@ -15,7 +15,7 @@ from app.errors import DataError
 
 LEAST_SAMPLES = 100
 LEAST_MOVES = 10
-LARGEST = 1e100
+LARGEST, STRONGEST = 1e100, 1e12
 WILD, WILD_SHARE, OUTSIDE = 30.0, 0.01, 5.0
 MOST_SAMPLES = 40_000
 QUICK_SAMPLES, MOST_QUICK_SAMPLES = 1500, 3000
@@ -106,7 +106,7 @@ def check_size(name: str, signal: FloatArray) -> None:
 def check_moves(comparison: Comparison) -> None:
     """OP and PV move, and something of PV is known."""
     for name, signal in (("OP", comparison.op), ("PV", comparison.pv)):
-        if not np.all(np.isfinite(signal)) or np.ptp(signal) <= 0.0:
+        if not np.all(np.isfinite(signal)) or np.ptp(signal) <= 1.0 / LARGEST:
             raise DataError(
                 "signal_constant", f"{name} is constant or not finite: there is nothing to compare a simulation with"
             )
@@ -166,11 +166,11 @@ def check_model(simulation: LinearSimulation, duration_s: float) -> None:
 def controller_fault(controller: Controller) -> str:
     """Why a controller cannot be simulated; empty where it can."""
     integral, derivative = controller.integral_time_s, controller.derivative_time_s
-    if not 1.0 / LARGEST <= abs(controller.gain) <= LARGEST:
+    if not 1.0 / STRONGEST <= abs(controller.gain) <= STRONGEST:
         return f"the gain of its controller is {controller.gain:g}; a finite number other than 0 is needed"
-    if integral is not None and not 0.0 < integral <= LARGEST:
+    if integral is not None and not 1.0 / STRONGEST <= integral <= LARGEST:
         return f"the integral time of its controller is {integral:g} s; more than 0 s is needed, null for none"
-    if not 0.0 <= derivative <= LARGEST:
+    if not 0.0 <= derivative <= STRONGEST:
         return f"the derivative time of its controller is {derivative:g} s; 0 s or more is needed"
     return ""
 

@@ -9,6 +9,7 @@ from scipy.optimize import least_squares
 
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit, best_of_noise
+from app.engine.mismatch.levels import rounded_off
 from app.engine.mismatch.plant import Plant, run_process
 from app.engine.mismatch.task import OWN_DEVIATION, Given, make_task, start_at
 from app.engine.recording import FloatArray
@@ -81,7 +82,8 @@ def fit_structure(record: Experiment, trace: FloatArray, structure: Structure) -
     left = float(np.std(rest) / max(min(np.std(y), np.std(record.pv)), 1e-300))
     given = Given(best.changed(b=0.0, x0=0.0), second_order=structure.second_order, integrating=structure.integrating)
     share = float(np.std(rest) / np.std(y))
-    return TraceModel(given, left, share, rest if left > ALIKE else np.zeros(record.samples))
+    linear = left <= ALIKE or rounded_off(trace, rest)
+    return TraceModel(given, left, share, np.zeros(record.samples) if linear else rest)
 
 
 def starts(record: Experiment, y: FloatArray, structure: Structure) -> list[FloatArray]:

@@ -21,6 +21,12 @@ class Law:
     explained: float
     sp: float | None = None
 
+    def at_interval(self, from_s: float, to_s: float) -> "Law":
+        """The same controller at another interval."""
+        if from_s == to_s:
+            return self
+        return replace(self, ki=self.ki * to_s / from_s, kd=self.kd * from_s / to_s)
+
 
 @dataclass(frozen=True)
 class Controller:

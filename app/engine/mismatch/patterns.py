@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from app.engine.evidence import Reason
 from app.engine.mismatch.block import Block, Part
 from app.engine.mismatch.experiment import Experiment
+from app.engine.mismatch.levels import level_spacing
 from app.engine.mismatch.physics.sample_hold import SAMPLE_HOLD
 from app.engine.mismatch.physics.sensor_pattern import (
     COMPRESSION,
@@ -115,24 +116,6 @@ def innovation_floor(pv: FloatArray) -> float:
     return float(np.std(np.diff(pv)) / np.sqrt(2.0))
 
 
-def level_spacing(pv: FloatArray) -> float:
-    """The spacing of the levels that PV takes, or 0 where it takes no regular levels."""
-    levels = np.unique(pv)
-    if not 3 <= len(levels) < 0.5 * len(pv):
-        return 0.0
-    gaps = np.diff(levels)
-    gaps = gaps[gaps > 1e-9 * (levels[-1] - levels[0])]  # less is one level, twice by rounding
-    step = float(np.min(gaps))
-    regular = gaps[gaps < 1.6 * np.quantile(gaps, 0.3)]
-    if step < 0.6 * float(np.median(regular)):
-        step = float(np.median(regular))
-    else:
-        step = float(np.mean(regular[np.abs(regular / step - 1.0) < 0.2]))
-    places = (pv - levels[0]) / step
-    fits = np.abs(places - np.round(places)) < 0.15
-    return step if np.mean(fits) > 0.97 else 0.0
-
-
 def quantised(record: Experiment, step: float) -> Pattern:
     text = f"PV takes {len(np.unique(record.pv))} levels, {step:.4g} apart, wider than its noise"
     everywhere = np.ones(record.samples, dtype=np.bool_)
@@ -153,8 +136,9 @@ def at_limit(record: Experiment, runs: tuple[Run, ...], sign: float, coarse: boo
         return None
     extreme = sign * np.max(sign * record.pv)
     near = np.abs(record.pv - extreme) <= 1e-6 * record.pv_span
-    repeated = sum(run.length for run in runs if near[run.first])
-    if repeated < LEAST_AT_LIMIT:
+    there = [run for run in runs if near[run.first]]
+    repeated = sum(run.length for run in there)
+    if repeated < LEAST_AT_LIMIT or (len(there) == 1 and jumps_free(record.pv, there[0])):
         return None
     block: Block = LIMIT_HIGH if sign > 0 else LIMIT_LOW
     text = f"PV stands at its {'highest' if sign > 0 else 'lowest'} value {extreme:.5g} for {repeated} samples"

@@ -7,6 +7,7 @@ import numpy as np
 from app.engine.evidence import Reason
 from app.engine.mismatch.beginning import answers_the_record
 from app.engine.mismatch.chain import simulate
+from app.engine.mismatch.closed_loop import Seen
 from app.engine.mismatch.comparison import Comparison, given_of, record_of
 from app.engine.mismatch.conclude import unrelated
 from app.engine.mismatch.experiment import Experiment
@@ -28,7 +29,8 @@ STRETCHES, ALIKE = 12, 0.8
 class Prepared:
     """A comparison ready to be explained: the record, the patterns of PV, the given model and its refit. off: how far
     its parameters are from the record, where that is further than it was trusted. unrelated: why the given trace is
-    none of this OP. given: the linear model of the simulation as it came, started where PV started.
+    none of this OP. given: the linear model of the simulation as it came, started where PV started. seen: what the
+    controller saw and did, before anything was shortened.
     """
 
     record: Experiment
@@ -38,6 +40,7 @@ class Prepared:
     off: tuple[Reason, ...] = ()
     unrelated: tuple[Reason, ...] = ()
     given: Plant | None = None
+    seen: Seen | None = None
 
 
 def prepare(comparison: Comparison, taken: Taken | None = None) -> Prepared:
@@ -53,7 +56,8 @@ def prepare(comparison: Comparison, taken: Taken | None = None) -> Prepared:
     record = record.comparing(usable)
     trace = comparison.trace
     if taken is not None and taken.comparison is comparison:
-        record, trace = taken.simulated_between(record), taken.sampled.trace
+        record = taken.simulated_between(record)
+        trace = comparison.trace if record.finer is None else taken.sampled.trace
     if trace is not None:
         laid = in_step(record.as_sampled, trace)
         behind = laid.behind
@@ -121,7 +125,12 @@ def off_by(given: Given, share: float) -> tuple[Reason, ...]:
 
 
 def as_pv_begins(record: Experiment, given: Given) -> Plant:
-    """The given model, started where PV started and, where it does not integrate, settled there."""
-    plant, start = given.plant, float(np.mean(record.pv_deviation[:3]))
-    settled = start - plant.K * float(np.mean(record.op_deviation[:3])) if plant.leak > 0.0 else 0.0
-    return plant.changed(b=settled, x0=start)
+    """The given model, started where PV started and, where it does not integrate, at the level of PV: a model says how
+    PV moves, not where it stands.
+    """
+    start = float(np.mean(record.pv_deviation[:3]))
+    plant = given.plant.changed(b=0.0, x0=start)
+    if plant.leak == 0.0:
+        return plant
+    beside = (record.pv_deviation - simulate(record, plant))[record.usable]
+    return plant.changed(b=float(np.mean(beside)) if len(beside) else 0.0)

@@ -73,8 +73,10 @@ def white(e: FloatArray, at: FloatArray) -> LagsTest:
 def independent(e: FloatArray, op: FloatArray, at: FloatArray, lags: int) -> LagsTest | None:
     """Haugh's test of innovations (N,) at the samples `at` on the whitened moves of OP one to `lags` samples before."""
     moves = np.diff(op, prepend=op[0])
-    if not np.any(moves):
+    largest = float(np.max(np.abs(moves)))
+    if largest == 0.0:
         return None
+    moves = moves / largest
     a = np.convolve(moves, np.concatenate(([1.0], -autoregression(moves, OP_ORDER))))[: len(op)]
     squares = correlations(e, a, at, np.arange(1, lags + 1)) ** 2
     return against_chance(len(at) * float(np.sum(squares)), lags)

@@ -14,7 +14,8 @@ IntArray = NDArray[np.int64]
 LEAST_MOVES, LEAST_VALUES = 20, 10
 SHORTEST = 1.4  # samples: below, PV repeats itself too rarely to show a hold
 LATE = 0.1  # of the interval: how far a change may be off its instant, beyond the sample that shows it
-ON_TIME, MOVED = 0.97, 0.7
+ON_TIME, MOVED = 0.93, 0.7
+JITTERED = 4.0  # samples: intervals from which on a scan may come a sample late
 RESTS = 5  # intervals: a longer rest is the end of a range, or a stuck sensor
 MOST_SIMULATED = 8000  # samples: beyond, OP's means over the intervals are simulated
 
@@ -48,15 +49,40 @@ def hold_of(pv: FloatArray, known: BoolArray | None = None) -> Hold | None:
     between = np.diff(at)
     usual = float(np.median(between))
     near = between[np.abs(between - usual) < max(0.5 * usual, 1.5)]
-    passed = np.maximum(np.round(between / np.mean(near)), 1.0).astype(np.int64)
-    count = np.concatenate(([0], np.cumsum(passed)))
-    interval = whole_or_not(float(np.polyfit(count, at, 1)[0]), int(count[-1]))
+    rough = float(np.mean(near))
+    if rough < SHORTEST:
+        return None
+    count, kept = counted(at, rough)
+    if kept.sum() < LEAST_MOVES:
+        return None
+    interval = whole_or_not(float(np.polyfit(count[kept], at[kept], 1)[0]), int(count[-1]))
     beside = at - interval * count
-    on_time = np.abs(beside - np.median(beside)) <= 0.5 * (1.0 + LATE * interval)
+    on_time = kept & (np.abs(beside - np.median(beside[kept])) <= lateness(interval))
+    passed = np.diff(count[on_time])
     few = np.sum(passed <= RESTS) < MOVED * np.sum(passed[passed <= RESTS])
     if interval < SHORTEST or np.mean(on_time) < ON_TIME or few:
         return None
-    return laid(at, count, interval, float(np.min(beside[on_time])), len(pv))
+    return laid(at[on_time], count[on_time], interval, float(np.min(beside[on_time])), len(pv))
+
+
+def counted(at: IntArray, interval: float) -> tuple[IntArray, BoolArray]:
+    """How many intervals from the first change each change (M,) is, from one that came on time to the next; and which
+    did: a stray one in between counts for none.
+    """
+    count, kept = np.zeros(len(at), dtype=np.int64), np.zeros(len(at), dtype=np.bool_)
+    before, reached, late = float(at[0]), 0, min(2.0 * lateness(interval), 0.5 * interval)
+    kept[0] = True
+    for k, change in enumerate(at.tolist()):
+        more = round((change - before) / interval)
+        count[k] = reached + more
+        if more > 0 and abs(change - before - more * interval) <= late:
+            before, reached, kept[k] = change, reached + more, True
+    return count, kept
+
+
+def lateness(interval: float) -> float:
+    """How far a change may be off its instant, in samples; of long intervals a whole sample, as a scan comes late."""
+    return max(0.5 * (1.0 + LATE * interval), 1.0 if interval >= JITTERED else 0.0)
 
 
 def whole_or_not(interval: float, count: int) -> float:

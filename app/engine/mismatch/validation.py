@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from app.engine.mismatch.block import Context, Part
+from app.engine.mismatch.block import Block, Context, Part
 from app.engine.mismatch.chain import simulate
 from app.engine.mismatch.experiment import Experiment, alike, experiment
 from app.engine.mismatch.fitting import Fit
 from app.engine.mismatch.holdout import judge
 from app.engine.mismatch.physics import named
 from app.engine.mismatch.plant import Plant
-from app.engine.mismatch.result import ExplainedModel, Improvement
+from app.engine.mismatch.result import ExplainedModel, Improvement, PartModel
 from app.engine.mismatch.windows import windows_of
 from app.engine.recording import FloatArray
 from app.errors import DataError
@@ -97,13 +97,23 @@ def rest_of(model: ExplainedModel, samples: int) -> FloatArray:
     return np.array(model.rest)
 
 
+def values_of(part: PartModel, block: Block, record: Experiment) -> FloatArray:
+    """The values of an exported part. Raises DataError("model_invalid") where they are not what its block takes."""
+    names = [parameter.name for parameter in block.parameters(Context(record, Plant(1.0, 1.0, 0.0)))]
+    values = np.array(part.values, dtype=np.float64)
+    if len(values) != len(names) or not np.all(np.isfinite(values)):
+        raise DataError("model_invalid", f"{part.name} needs finite values of {', '.join(names) or 'nothing'}")
+    return values
+
+
 def simulate_again(
     model: ExplainedModel, op: FloatArray, measured: tuple[tuple[str, FloatArray], ...] = ()
 ) -> FloatArray:
     """PV (N,) in its unit, simulated from OP (N,) with an exported model, started as in the record it was fitted to.
 
     measured: the signals that the model names. Raises DataError("signal_missing") where one of them is not given,
-    DataError("signal_length") where the model needs a part of the given simulation and OP is of another length.
+    DataError("signal_length") where the model needs a part of the given simulation and OP is of another length,
+    DataError("model_invalid") where a part has other values than it takes.
     """
     record = experiment(model.sampling_interval_s, op, op, None, measured)
     record = replace(
@@ -119,5 +129,5 @@ def simulate_again(
     missing = [part.name for part in model.parts if part.name not in known]
     if missing:
         raise DataError("signal_missing", f"the model needs signals for {', '.join(missing)}")
-    parts = tuple(Part(known[part.name], np.array(part.values)) for part in model.parts)
+    parts = tuple(Part(known[part.name], values_of(part, known[part.name], record)) for part in model.parts)
     return simulate(record, Plant(**dict(model.plant)), parts) + model.pv_mid

@@ -1,15 +1,13 @@
 """Files into comparisons: which column is OP, PV, SP, the simulation, and what else was measured."""
 
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
 
 from app.engine.evidence import Reason
-from app.engine.mismatch import Comparison, Controller, LinearSimulation
+from app.engine.mismatch import Comparison, LinearSimulation
 from app.engine.recording import FloatArray, Recording
 from app.errors import DataError, RequestError
 from app.ingest import read_recordings
@@ -286,45 +284,3 @@ def faults_of_the_clock(time: FloatArray, repeated: int) -> tuple[Reason, ...]:
     if repeated:
         found.append(Reason("times_repeated", f"{repeated} samples whose time was there before are left out"))
     return tuple(found)
-
-
-def simulation_from_json(text: str) -> LinearSimulation:
-    """A model as JSON: {"gain": 1.2, "time_constants_s": [30, 5], "dead_time_s": 4, "integrating": false, "controller":
-    {"gain": 0.5, "integral_time_s": 40, "derivative_time_s": 0}}, or a file with it; only its gain is needed. Its
-    figures are checked where it is compared.
-
-    Raises DataError("model_invalid") where it is no such JSON.
-    """
-    path = Path(text)
-    try:
-        found: dict[str, Any] = json.loads(
-            path.read_text(encoding="utf-8") if not text.lstrip().startswith("{") else text
-        )
-        integrating = found.get("integrating", found.get("integrator", False))
-        if integrating not in (True, False):
-            raise ValueError(f"integrating is {integrating!r}, true or false are needed")
-        taus = found.get("time_constants_s", found.get("time_constants", found.get("tau", [])))
-        taus = taus if isinstance(taus, list) else [taus]
-        return LinearSimulation(
-            float(found["gain"] if "gain" in found else found["K"]),
-            tuple(float(t) for t in taus),
-            float(found.get("dead_time_s", found.get("dead_time", found.get("theta", 0.0)))),
-            bool(integrating),
-            controller_from(found.get("controller")),
-        )
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
-        raise DataError(
-            "model_invalid", f"the model is not JSON with gain, time_constants_s, dead_time_s: {error}"
-        ) from error
-
-
-def controller_from(found: dict[str, Any] | None) -> Controller | None:
-    if found is None:
-        return None
-    integral = found.get("integral_time_s", found.get("Ti_s"))
-    derivative = found.get("derivative_time_s", found.get("Td_s"))
-    return Controller(
-        float(found["gain"] if "gain" in found else found["Kc"]),
-        None if integral is None else float(integral),
-        0.0 if derivative is None else float(derivative),
-    )

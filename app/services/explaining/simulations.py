@@ -26,8 +26,8 @@ from app.services.explaining.comparisons import (
     find,
     numbers,
     parsed,
-    simulation_from_json,
 )
+from app.services.explaining.given_model import simulation_from_json
 from app.services.plant.trend import NS_PER_S
 from app.storage.documents import Document
 from app.storage.loops import LoopRow

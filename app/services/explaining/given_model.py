@@ -1,0 +1,88 @@
+"""The model of a simulation as somebody writes it down, in JSON: a linear process, and perhaps its controller."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from app.engine.mismatch import Controller, LinearSimulation
+from app.errors import DataError
+
+# The first name of each row is ours; the others are what people write as well.
+MODEL = {
+    "gain": ("K", "Kp"),
+    "time_constants_s": ("time_constants", "time_constant_s", "time_constant", "taus", "tau", "tau_s"),
+    "dead_time_s": ("dead_time", "theta", "theta_s", "delay_s", "delay"),
+    "integrating": ("integrator",),
+    "controller": (),
+    "name": (),
+}
+CONTROLLER = {
+    "gain": ("Kc", "kc", "Kp", "kp"),
+    "integral_time_s": ("integral_time", "Ti_s", "Ti", "ti"),
+    "derivative_time_s": ("derivative_time", "Td_s", "Td", "td"),
+    "type": ("form", "name"),
+}
+
+
+def simulation_from_json(text: str) -> LinearSimulation:
+    """A model as JSON: {"gain": 1.2, "time_constants_s": [30, 5], "dead_time_s": 4, "integrating": false, "controller":
+    {"gain": 0.5, "integral_time_s": 40, "derivative_time_s": 0}}, or a file with it; only its gain is needed. Its
+    figures are checked where it is compared.
+
+    Raises DataError("model_invalid") where it is no such JSON.
+    """
+    try:
+        found = json.loads(Path(text).read_text(encoding="utf-8") if not text.lstrip().startswith("{") else text)
+        told = understood(found, MODEL, "the model")
+        integrating = told.get("integrating", False)
+        if integrating not in (True, False):
+            raise ValueError(f"integrating is {integrating!r}, true or false are needed")
+        taus = told.get("time_constants_s", [])
+        return LinearSimulation(
+            number(told, "gain", "the model"),
+            tuple(as_number(tau, "a time constant") for tau in (taus if isinstance(taus, list) else [taus])),
+            number(told, "dead_time_s", "the model", 0.0),
+            bool(integrating),
+            None if told.get("controller") is None else controller_from(told["controller"]),
+        )
+    except (OSError, ValueError, OverflowError, RecursionError) as error:
+        raise DataError(
+            "model_invalid", f"the model is not JSON with gain, time_constants_s, dead_time_s: {error}"
+        ) from error
+
+
+def controller_from(found: object) -> Controller:
+    told = understood(found, CONTROLLER, "its controller")
+    integral = None if told.get("integral_time_s") is None else number(told, "integral_time_s", "its controller")
+    return Controller(
+        number(told, "gain", "its controller"), integral, number(told, "derivative_time_s", "its controller", 0.0)
+    )
+
+
+def understood(found: object, names: Mapping[str, tuple[str, ...]], whose: str) -> dict[str, Any]:
+    """What is told by our own names. Raises ValueError for a name that is not known: it may be a slip, and what it
+    meant must not be left out unsaid.
+    """
+    if not isinstance(found, dict):
+        raise ValueError(f"{whose} is {found!r}, not an object with {', '.join(names)}")
+    ours = {other: name for name, others in names.items() for other in (name, *others)}
+    strange = [name for name in found if name not in ours]
+    if strange:
+        raise ValueError(f"{whose} has {', '.join(map(repr, strange))}; {', '.join(names)} are understood")
+    return {ours[name]: value for name, value in found.items()}
+
+
+def number(told: Mapping[str, Any], name: str, whose: str, otherwise: float | None = None) -> float:
+    value = told.get(name, otherwise)
+    if value is None:
+        if otherwise is not None:
+            return otherwise
+        raise ValueError(f"{whose} has no {name}")
+    return as_number(value, f"the {name} of {whose}")
+
+
+def as_number(value: object, what: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"{what} is {value!r}, a number is needed")
+    return float(value)
