@@ -4,9 +4,9 @@ from app.engine.evidence import Reason
 from app.engine.mismatch.closed_loop import ClosedLoop
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.law import Law, controller_of
-from app.engine.mismatch.result import Location, Window
+from app.engine.mismatch.result import NOWHERE, Location, Window
 
-NOWHERE = Location(None, (), "nowhere", None)
+NO_DERIVATIVE = 1e-3  # of the interval: what rounding leaves of it
 
 
 def controller_evidence(record: Experiment, closed: ClosedLoop | None) -> tuple[Reason, ...]:
@@ -41,7 +41,9 @@ def in_words(law: Law, record: Experiment) -> str:
     """Gain and times of a law."""
     shown = controller_of(law, record.sampling_interval_s)
     integral = "none" if shown.integral_time_s is None else f"{shown.integral_time_s:.4g} s"
-    return f"gain {shown.gain:.4g} OP/PV, integral time {integral}, derivative time {shown.derivative_time_s:.3g} s"
+    derivative = shown.derivative_time_s
+    rate = "none" if abs(derivative) < NO_DERIVATIVE * record.sampling_interval_s else f"{derivative:.3g} s"
+    return f"gain {shown.gain:.4g} OP/PV, integral time {integral}, derivative time {rate}"
 
 
 def at_the_controller(record: Experiment, closed: ClosedLoop | None) -> Location:

@@ -40,7 +40,7 @@ from app.engine.mismatch.preparing import Prepared, prepare
 from app.engine.mismatch.refitting import offered_beside
 from app.engine.mismatch.report import effects_of, export, location_of, pattern_effect, refit_estimates
 from app.engine.mismatch.residuals import residual_tests
-from app.engine.mismatch.result import Effect, Explanation, Improvement, Location, Traces
+from app.engine.mismatch.result import NOWHERE, Effect, Explanation, Improvement, Location, Traces
 from app.engine.mismatch.sampling import taken_of
 from app.engine.mismatch.selection import Selection
 from app.engine.mismatch.validation import validate
@@ -91,7 +91,7 @@ def locate(comparison: Comparison) -> Location:
     base = prepare(glimpse(comparison)).base
     few = too_few(base.record)
     if few or nothing_left(base):
-        return Location(None, (), "nowhere", None, few)
+        return replace(NOWHERE, evidence=few)
     return quick_location(base, (*library(base.record), *offered_beside(base)))
 
 

@@ -12,7 +12,7 @@ from app.engine.mismatch.naming import Believed
 from app.engine.mismatch.patterns import Pattern
 from app.engine.mismatch.physics.stem import NAME as STEM_START
 from app.engine.mismatch.plant import Plant
-from app.engine.mismatch.result import Effect, Estimate, ExplainedModel, Location, PartModel
+from app.engine.mismatch.result import NOWHERE, Effect, Estimate, ExplainedModel, Location, PartModel
 from app.engine.mismatch.task import OWN_DEVIATION
 from app.engine.mismatch.windows import Window, active_mask, windows_of
 from app.engine.mismatch.worth import hidden_gain
@@ -167,7 +167,7 @@ def refit_estimates(base: Fit) -> tuple[Estimate, ...]:
 def location_of(effects: tuple[Effect, ...]) -> Location:
     """Where the strongest effect acts."""
     if not effects:
-        return Location(None, (), "nowhere", None)
+        return NOWHERE
     first = effects[0]
     period = next((p.value for p in first.parameters if p.name == "period"), None)
     return Location(

@@ -49,6 +49,9 @@ class Location:
     evidence: tuple[Reason, ...] = ()
 
 
+NOWHERE = Location(None, (), "nowhere", None)
+
+
 @dataclass(frozen=True, eq=False)
 class Traces:
     """Whole-record signals (N,), in the unit of PV: recording and the three simulations; held_out marks what no fit
