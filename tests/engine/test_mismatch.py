@@ -2,7 +2,6 @@
 where nothing is.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -15,14 +14,10 @@ from app.engine.mismatch import (
     Comparison,
     Explanation,
     LinearSimulation,
-    closed_loop,
-    compile_kernels,
     explain,
     locate,
 )
-from app.engine.mismatch import noise as noise_module
 from app.engine.mismatch import pairs as pairs_module
-from app.engine.mismatch import plant as plant_module
 from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.chain import simulate
 from app.engine.mismatch.closed_loop import close, close_again
@@ -32,9 +27,9 @@ from app.engine.mismatch.experiment import experiment
 from app.engine.mismatch.fitting import fit_linear
 from app.engine.mismatch.holdout import Fitness, unseen_gain
 from app.engine.mismatch.law import identify_law
-from app.engine.mismatch.noise import NoiseModel, coloured, fit_noise, whiten
+from app.engine.mismatch.noise import NoiseModel, fit_noise, whiten
 from app.engine.mismatch.patterns import Run, find_patterns, jumps_free
-from app.engine.mismatch.physics import friction, library, two_tanks, valve_deadband, valve_slew_limit, valve_stiction
+from app.engine.mismatch.physics import friction, library, valve_deadband, valve_stiction
 from app.engine.mismatch.plant import Plant, run_process
 from app.engine.mismatch.report import CERTAIN, OWN_CERTAIN, probability_of
 from app.engine.mismatch.richer_noise import predictable, taken_by_noise
@@ -249,15 +244,6 @@ def test_what_is_hidden_has_no_innovations() -> None:
     assert np.all(e[100:200] == 0.0)
 
 
-def test_the_plant_answers_a_step_as_its_equation_does() -> None:
-    v = np.ones(200)
-    v[0] = 0.0
-    y = run_process(v, Plant(K=2.0, tau=20.0, theta=4.0), 1.0)
-    t = np.arange(200)
-    expected = np.where(t >= 5, 2.0 * (1.0 - np.exp(-(t - 5.0) / 20.0)), 0.0)
-    assert y == pytest.approx(expected, abs=1e-9)
-
-
 def controlled(n: int = 600) -> tuple[FloatArray, FloatArray, FloatArray]:
     """SP, OP and PV of a quiet PI loop around a first-order plant with dead time."""
     sp = 50.0 + np.repeat(np.array([0.0, 3.0, -2.0, 1.0]), n // 4)
@@ -392,45 +378,6 @@ def test_the_noisy_loop_shows_the_yper_that_the_clean_one_lacked() -> None:
         assert closed.with_noise.amplitude == pytest.approx(closed.recorded.amplitude, rel=0.3)
         assert closed.refitted.amplitude < 0.3 * closed.recorded.amplitude
         assert closed.law.sp is None if known is not None else closed.law.sp == pytest.approx(50.0, abs=0.2)
-
-
-def test_noise_is_coloured_as_it_was_whitened() -> None:
-    model = NoiseModel((0.93, 0.4), (0.3, 0.0))
-    e = np.random.default_rng(0).normal(size=500)
-    assert whiten(coloured(e, model), np.ones(500, dtype=bool), model) == pytest.approx(e)
-
-
-KERNELS = (
-    (plant_module, "_process"),
-    (friction, "_place"),
-    (friction, "_speed"),
-    (friction, "_sprung"),
-    (valve_slew_limit, "_limited"),
-    (two_tanks, "_tanks"),
-    (noise_module, "_whiten"),
-    (noise_module, "_minimise"),
-    (noise_module, "_colour"),
-    (closed_loop, "_follow"),
-)
-
-
-def test_every_kernel_of_a_comparison_runs_once_when_a_worker_starts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that is left out is compiled within the first explanation that needs it, a minute late."""
-    ran = set()
-
-    def noting(module: ModuleType, name: str) -> Callable:
-        kernel = getattr(module, name)
-
-        def noted(*given: object) -> object:
-            ran.add((module, name))
-            return kernel(*given)
-
-        return noted
-
-    for module, name in KERNELS:
-        monkeypatch.setattr(module, name, noting(module, name))
-    compile_kernels()
-    assert ran == set(KERNELS)
 
 
 def test_a_name_found_without_a_simulation_is_never_nearly_certain() -> None:

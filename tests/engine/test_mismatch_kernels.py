@@ -1,15 +1,29 @@
-"""What makes explanations quick changes none of their numbers."""
+"""What makes explanations quick changes none of their numbers, and is compiled before the first of them."""
+
+from collections.abc import Callable
+from types import ModuleType
 
 import numpy as np
 import pytest
 
-from app.engine.mismatch import compete, fitting
+from app.engine.mismatch import closed_loop, compete, compile_kernels, fitting
+from app.engine.mismatch import noise as noise_module
+from app.engine.mismatch import plant as plant_module
 from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.chain import Recent, simulate
 from app.engine.mismatch.experiment import Experiment, experiment
 from app.engine.mismatch.fitting import fit_linear, polish, quiet_noise
-from app.engine.mismatch.noise import NoiseModel, fit_noise, scaled_innovations, whiten
-from app.engine.mismatch.physics import library, oscillation
+from app.engine.mismatch.noise import NoiseModel, coloured, fit_noise, scaled_innovations, whiten
+from app.engine.mismatch.physics import (
+    friction,
+    gain_drift,
+    library,
+    oscillation,
+    resonance,
+    two_tanks,
+    valve_saturation,
+    valve_slew_limit,
+)
 from app.engine.mismatch.physics.valve_saturation import rounded
 from app.engine.mismatch.plant import Plant, delay, lag, run_process
 from app.engine.mismatch.scan import Start, task_with
@@ -164,3 +178,56 @@ def test_a_rounded_limit_is_straight_far_from_its_corner_and_logistic_at_it():
         under = sign * (0.4 - signal) / width
         expected = 0.4 - sign * width * np.logaddexp(0.0, under)
         np.testing.assert_allclose(rounded(signal, 0.4, width, sign), expected, atol=1e-14)
+
+
+def test_the_plant_answers_a_step_as_its_equation_does() -> None:
+    v = np.ones(200)
+    v[0] = 0.0
+    y = run_process(v, Plant(K=2.0, tau=20.0, theta=4.0), 1.0)
+    t = np.arange(200)
+    expected = np.where(t >= 5, 2.0 * (1.0 - np.exp(-(t - 5.0) / 20.0)), 0.0)
+    assert y == pytest.approx(expected, abs=1e-9)
+
+
+def test_noise_is_coloured_as_it_was_whitened() -> None:
+    model = NoiseModel((0.93, 0.4), (0.3, 0.0))
+    e = np.random.default_rng(0).normal(size=500)
+    assert whiten(coloured(e, model), np.ones(500, dtype=bool), model) == pytest.approx(e)
+
+
+KERNELS = (
+    (plant_module, "_process"),
+    (friction, "_place"),
+    (friction, "_speed"),
+    (friction, "_sprung"),
+    (valve_slew_limit, "_limited"),
+    (two_tanks, "_tanks"),
+    (noise_module, "_whiten"),
+    (noise_module, "_minimise"),
+    (noise_module, "_colour"),
+    (closed_loop, "_follow"),
+    (noise_module, "_scaled_innovations"),
+    (gain_drift, "_ramp"),
+    (oscillation, "_add_harmonics"),
+    (resonance, "_swing"),
+    (valve_saturation, "_rounded"),
+)
+
+
+def test_every_kernel_of_a_comparison_runs_once_when_a_worker_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that is left out is compiled within the first explanation that needs it, a minute late."""
+    ran = set()
+
+    def noting(module: ModuleType, name: str) -> Callable:
+        kernel = getattr(module, name)
+
+        def noted(*given: object) -> object:
+            ran.add((module, name))
+            return kernel(*given)
+
+        return noted
+
+    for module, name in KERNELS:
+        monkeypatch.setattr(module, name, noting(module, name))
+    compile_kernels()
+    assert ran == set(KERNELS)

@@ -134,56 +134,42 @@ def modelled_noise(found: Fit, seed: int = 0) -> FloatArray:
     return coloured(drawn, found.noise)
 
 
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """What a controller saw and did: sp (N,) or None, pv, op (N,), at its own interval in s."""
-
-    sampling_interval_s: float
-    sp: FloatArray | None
-    pv: FloatArray
-    op: FloatArray
-
-
-def seen_in(record: Experiment) -> Seen:
-    sp = record.sp if record.sp is not None and np.all(np.isfinite(record.sp)) else None
-    return Seen(record.sampling_interval_s, sp, record.pv, record.op)
-
-
 def close_again(
     base: Fit,
     final: Fit,
     sensors: tuple[Part, ...] = (),
-    seen: Seen | None = None,
+    acted: Experiment | None = None,
     given: Plant | None = None,
     controller: Controller | None = None,
 ) -> ClosedLoop | None:
     """The closed loop of a record beside its simulations; None where the law is not a PID of the error.
 
-    sensors: what sensor and historian do to PV on its way to the record. seen: what the controller saw and did, where
-    that was at another interval than the models'; None: their record. given: the linear model of the simulation as it
-    came; controller: its own, where it has one, else it runs under the recorded law.
+    sensors: what sensor and historian do to PV on its way to the record. acted: the record in which the controller
+    acted, where that is at another interval than the models'; None: theirs. given: the linear model of the simulation
+    as it came; controller: its own, where it has one, else it runs under the recorded law.
     """
     base, final = first_stretch(base), first_stretch(final)
     record = base.record
-    seen = seen_in(record) if seen is None else seen
-    found = identify_law(seen.sp, seen.pv, seen.op)
+    acted = record if acted is None else acted
+    recorded_sp = acted.sp if acted.sp is not None and np.all(np.isfinite(acted.sp)) else None
+    found = identify_law(recorded_sp, acted.pv, acted.op)
     if found.explained < IDENTIFIED:
         return None
-    law = found.at_interval(seen.sampling_interval_s, record.sampling_interval_s)
+    law = found.at_interval(acted.sampling_interval_s, record.sampling_interval_s)
     sp = np.full(record.samples, law.sp) if law.sp is not None or record.sp is None else record.sp
     still = np.zeros(record.samples, dtype=np.bool_)
     shown = figures(UniformRecord(record.sampling_interval_s, record.pv, record.op, sp, still))
     clean = [close(fit, law, sp) for fit in (base, final)]
     noisy = close(final, law, sp, modelled_noise(final))
-    shown_as = None if noisy is None else seen_through(noisy, final, sensors)
-    told = [None if loop is None else figures(loop) for loop in (*clean, noisy, shown_as)]
+    seen = None if noisy is None else seen_through(noisy, final, sensors)
+    told = [None if loop is None else figures(loop) for loop in (*clean, noisy, seen)]
     steps = (("the physics that was named", told[1]), (noise_in_words(final), told[2]), (in_words(sensors), told[3]))
     lacked = what_lacked(shown, told[0], steps)
     own = None
     if controller is not None:
-        at_seen = np.full(len(seen.pv), found.sp) if seen.sp is None else seen.sp
-        own = tried_on(controller.law(seen.sampling_interval_s), at_seen, seen.pv, seen.op)
-        own = own.at_interval(seen.sampling_interval_s, record.sampling_interval_s)
+        asked_for = np.full(acted.samples, found.sp) if recorded_sp is None else recorded_sp
+        own = tried_on(controller.law(acted.sampling_interval_s), asked_for, acted.pv, acted.op)
+        own = own.at_interval(acted.sampling_interval_s, record.sampling_interval_s)
     as_given = None if given is None else close(replace(base, plant=given, parts=()), own or law, sp)
     figures_given = None if as_given is None else figures(as_given)
     return ClosedLoop(law, shown, *told, lacked=lacked, given=figures_given, given_law=own)

@@ -68,7 +68,7 @@ def op_moves_nothing(final: Fit) -> tuple[Reason, ...]:
 
 def stands_still(final: Fit) -> tuple[Reason, ...]:
     """That PV does not answer an OP by which a controller wants to move it; nothing where it does."""
-    told = final.likelihood - fit_linear(at_rest(final.record), final.given).likelihood
+    told = answer_to_op(final)
     if told >= LEAST_ANSWER:
         return ()
     names = ", ".join(part.block.code for part in final.parts)
@@ -159,9 +159,9 @@ def unrelated(behind: TraceModel) -> tuple[Reason, ...]:
     return (Reason("simulation_unrelated", text),)
 
 
-def answer_to_op(base: Fit) -> float:
-    """Log-likelihood (nat) that the linear model gains over the same noise and an OP that stands still."""
-    return base.likelihood - fit_linear(at_rest(base.record), base.given).likelihood
+def answer_to_op(found: Fit) -> float:
+    """Log-likelihood (nat) that a model gains over the linear one under an OP that stands still."""
+    return found.likelihood - fit_linear(at_rest(found.record), found.given).likelihood
 
 
 def at_rest(record: Experiment) -> Experiment:

@@ -7,7 +7,7 @@ import numpy as np
 from app.engine import ENGINE_VERSION
 from app.engine.evidence import Reason
 from app.engine.mismatch.block import Context, Part
-from app.engine.mismatch.closed_loop import close_again, seen_in
+from app.engine.mismatch.closed_loop import close_again
 from app.engine.mismatch.comparison import Comparison, check, glimpse, record_of, shortened, without_wild
 from app.engine.mismatch.conclude import (
     conclude,
@@ -59,9 +59,9 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     """
     check(comparison)
     comparison = without_wild(comparison)
-    taken, seen = taken_of(comparison), seen_in(record_of(comparison))
+    taken, acted = taken_of(comparison), record_of(comparison)
     comparison = shortened(comparison if taken is None else taken.comparison)
-    prepared = replace(prepare(comparison, taken), seen=seen)
+    prepared = replace(prepare(comparison, taken), acted=acted)
     competed = compete(prepared)
     prepared = replace(prepared, base=competed.base, off=(*prepared.off, *competed.off))
     selection = competed.selection if prepared.unrelated else reviewed(prepared.base, competed.selection)
@@ -128,7 +128,7 @@ def assemble(
     )
     sensors = tuple(p.part for p in prepared.patterns)
     controller = None if comparison.simulation is None else comparison.simulation.controller
-    closed = close_again(prepared.base, final, sensors, prepared.seen, prepared.given, controller)
+    closed = close_again(prepared.base, final, sensors, prepared.acted, prepared.given, controller)
     return Explanation(
         name=comparison.name,
         verdict=conclusion.verdict,

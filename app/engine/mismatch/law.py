@@ -65,8 +65,11 @@ def tried_on(law: Law, sp: FloatArray, pv: FloatArray, op: FloatArray) -> Law:
     if not kept.any():
         return replace(law, explained=0.0)
     left = moves - terms(sp - pv) @ np.array([law.kc, law.ki, law.kd])
-    share = 1.0 - float(np.var(left[kept]) / max(np.var(moves[kept]), 1e-300))
-    return replace(law, explained=max(share, 0.0))
+    return replace(law, explained=max(share_explained(moves[kept], left[kept]), 0.0))
+
+
+def share_explained(moves: FloatArray, left: FloatArray) -> float:
+    return float(1.0 - np.var(left) / max(np.var(moves), 1e-300))
 
 
 def identify_law(
@@ -88,7 +91,7 @@ def identify_law(
         return Law(0.0, 0.0, 0.0, 0.0)
     numbers = np.linalg.lstsq(basis[kept], moves[kept], rcond=None)[0]
     left = moves[kept] - basis[kept] @ numbers
-    explained = float(1.0 - np.var(left) / max(np.var(moves[kept]), 1e-300))
+    explained = share_explained(moves[kept], left)
     kc, ki, kd = numbers[:3].tolist()
     if sp is not None:
         return Law(kc, ki, kd, explained)

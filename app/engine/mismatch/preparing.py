@@ -7,7 +7,6 @@ import numpy as np
 from app.engine.evidence import Reason
 from app.engine.mismatch.beginning import answers_the_record
 from app.engine.mismatch.chain import simulate
-from app.engine.mismatch.closed_loop import Seen
 from app.engine.mismatch.comparison import Comparison, given_of, record_of
 from app.engine.mismatch.conclude import unrelated
 from app.engine.mismatch.experiment import Experiment
@@ -29,8 +28,8 @@ STRETCHES, ALIKE = 12, 0.8
 class Prepared:
     """A comparison ready to be explained: the record, the patterns of PV, the given model and its refit. off: how far
     its parameters are from the record, where that is further than it was trusted. unrelated: why the given trace is
-    none of this OP. given: the linear model of the simulation as it came, started where PV started. seen: what the
-    controller saw and did, before anything was shortened.
+    none of this OP. given: the linear model of the simulation as it came, started where PV started. acted: the record
+    in which the controller acted, before anything was shortened.
     """
 
     record: Experiment
@@ -40,7 +39,7 @@ class Prepared:
     off: tuple[Reason, ...] = ()
     unrelated: tuple[Reason, ...] = ()
     given: Plant | None = None
-    seen: Seen | None = None
+    acted: Experiment | None = None
 
 
 def prepare(comparison: Comparison, taken: Taken | None = None) -> Prepared:
