@@ -177,9 +177,13 @@ def _scale(record: UniformRecord, config: HammersteinConfig) -> _Scaled:
 
 
 def _identify(scaled: _Scaled, v: FloatArray, space: SearchSpace, config: HammersteinConfig) -> GridResult:
-    search = search_orders(scaled.pv, v, space, config.criterion, config.stages)
-    search = polish(scaled.pv, v, search, config.curve_steps)
-    models = {m: _model_at(m, scaled, v, search, config) for m in _candidates(search, config)}
+    first_alike = _first_alike(v)
+    distinct, places = np.unique(first_alike, return_inverse=True)
+    search = search_orders(scaled.pv, v[distinct], space, config.criterion, config.stages)
+    search = polish(scaled.pv, v[distinct], search, config.curve_steps).at(places)
+    candidates = _candidates(search, config)
+    fitted = {m: _model_at(m, scaled, v, search, config) for m in sorted({int(first_alike[m]) for m in candidates})}
+    models = {m: fitted[int(first_alike[m])] for m in candidates}
     rmse_refined = np.full(len(v), np.nan)
     if config.refined > 0:
         rmse_refined[list(models)] = [model.rmse for model in models.values()]
@@ -198,6 +202,22 @@ def _identify(scaled: _Scaled, v: FloatArray, space: SearchSpace, config: Hammer
         stiction=best != 0,
         first_sample=search.first_sample,
     )
+
+
+def _first_alike(v: FloatArray) -> IntArray:
+    """(M,) for each row of v (M, N) the first one with the same samples: what it does to PV needs to be asked once.
+
+    A band that OP never leaves holds the stem, however much wider it is; and a finite record tells bands apart only
+    where some move of OP lies between them.
+    """
+    seen: dict[float, list[int]] = {}
+    alike = np.arange(len(v))
+    for m, total in enumerate(v.sum(axis=1).tolist()):
+        before = seen.setdefault(total, [])
+        alike[m] = next((k for k in before if np.array_equal(v[k], v[m])), m)
+        if alike[m] == m:
+            before.append(m)
+    return alike
 
 
 def _candidates(search: OrderSearch, config: HammersteinConfig) -> list[int]:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from app.engine import hammerstein
 from app.engine.armax import Order, SearchSpace
 from app.engine.hammerstein import HammersteinConfig, identify_one_parameter, identify_two_parameter
 from app.engine.recording import UniformRecord
-from app.engine.valve import two_parameter_he
+from app.engine.valve import one_parameter, two_parameter_he
 from app.errors import DataError
 
 SPACE = SearchSpace(3, 3, 3)
@@ -125,6 +126,22 @@ def test_what_is_refined():
     assert 3 <= np.count_nonzero(np.isfinite(some.rmse_refined)) <= 4
     assert np.all(whole.rmse_refined <= whole.rmse * (1.0 + 1e-9))
     assert whole.best == np.argmin(whole.rmse_refined)
+
+
+def test_bands_that_move_the_stem_alike_are_identified_once(monkeypatch):
+    record = record_behind(sticky(0.2, 0.2), samples=500)
+    asked = []
+    search = hammerstein.search_orders
+    monkeypatch.setattr(hammerstein, "search_orders", lambda y, v, *rest: asked.append(v) or search(y, v, *rest))
+    config = HammersteinConfig(points_d=21, d_max_share=2.0)
+    result = identify_one_parameter(record, SPACE, config)
+    stem = one_parameter(record.op, result.d)
+    assert len(asked[0]) == len(np.unique(stem, axis=0)) < len(stem)
+    held = np.ptp(stem, axis=1) == 0.0
+    assert np.count_nonzero(held) > 10
+    assert np.all(result.rmse[held] == result.rmse[-1])
+    alone = identify_one_parameter(record, SPACE, config, np.array([0, 20]))
+    assert result.rmse[[0, 20]] == pytest.approx(alone.rmse, rel=1e-12)
 
 
 @pytest.mark.parametrize("signal", ["pv", "op"])

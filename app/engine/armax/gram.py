@@ -1,5 +1,6 @@
 """Gram matrices of lagged signals, from one row and one column of correlations and exact corrections at the edges."""
 
+import numpy as np
 from numba import njit
 
 from app.engine.recording import FloatArray
@@ -51,21 +52,23 @@ def fill_lagged_gram(
             )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def eliminate(gram: FloatArray, k: int, size: int, floor: float) -> None:
     """Takes column k out of the columns after it (one step of a Cholesky factorisation, upper triangle, in place).
 
     gram[j, j] for j > k then is the residual sum of squares of column j given columns 0..k. A column whose own residual
     is not above `floor` adds nothing that those before it do not say: its pivot is set to 0 and it is left out.
     """
-    pivot = gram[k, k]
+    # Unsigned, because a signed index is checked for its sign at every element and keeps out of vector registers.
+    taken, end = np.uint64(k), np.uint64(size)
+    pivot = gram[taken, taken]
     if not pivot > floor:
-        gram[k, k] = 0.0
+        gram[taken, taken] = 0.0
         return
-    for i in range(k + 1, size):
-        factor = gram[k, i] / pivot
-        for j in range(i, size):
-            gram[i, j] -= factor * gram[k, j]
+    for i in range(taken + np.uint64(1), end):
+        factor = gram[taken, i] / pivot
+        for j in range(i, end):
+            gram[i, j] -= factor * gram[taken, j]
 
 
 @njit(cache=True, nogil=True)
@@ -82,10 +85,8 @@ def back_substitute(gram: FloatArray, size: int, coefficients: FloatArray) -> No
 
 
 @njit(cache=True, nogil=True)
-def solve_least_squares(
-    gram: FloatArray, size: int, tolerance: float, diagonal: FloatArray, coefficients: FloatArray
-) -> float:
-    """Coefficients of the last column on those before it, in place; returns the residual sum of squares (at least 0).
+def residual_of(gram: FloatArray, size: int, tolerance: float, diagonal: FloatArray) -> float:
+    """The residual sum of squares (at least 0) of the last column given those before it.
 
     gram: (size, size) upper triangle, destroyed. tolerance: a column whose residual is below this share of its own sum
     of squares is left out. diagonal: (size,) room to work.
@@ -94,5 +95,17 @@ def solve_least_squares(
         diagonal[k] = gram[k, k]
     for k in range(size - 1):
         eliminate(gram, k, size, tolerance * diagonal[k])
-    back_substitute(gram, size, coefficients)
     return max(gram[size - 1, size - 1], 0.0)
+
+
+@njit(cache=True, nogil=True)
+def solve_least_squares(
+    gram: FloatArray, size: int, tolerance: float, diagonal: FloatArray, coefficients: FloatArray
+) -> float:
+    """Coefficients of the last column on those before it, in place; returns what `residual_of` does.
+
+    gram, tolerance, diagonal: as there.
+    """
+    residual = residual_of(gram, size, tolerance, diagonal)
+    back_substitute(gram, size, coefficients)
+    return residual

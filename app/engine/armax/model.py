@@ -1,6 +1,6 @@
 """What an ARMAX search asks and answers: A(q) y = B(q) v + C(q) e with at least one sample of delay in B."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -82,6 +82,11 @@ class OrderSearch:
     def order(self, m: int) -> Order:
         """The order chosen at grid point m."""
         return Order(int(self.na[m]), int(self.nb[m]), int(self.nc[m]))
+
+    def at(self, places: IntArray) -> "OrderSearch":
+        """The same search with one row for each of `places` (any number of them), each a row of this one."""
+        rows = {name: getattr(self, name)[places] for name in ("na", "nb", "nc", "aic", "rmse", "a", "b", "c")}
+        return replace(self, **rows)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from app.engine.armax.gram import fill_lagged_gram, lagged_dot, solve_least_squares
+from app.engine.armax.gram import fill_lagged_gram, lagged_dot, residual_of
 from app.engine.recording import FloatArray
 from app.engine.valve import he_step, kano_start, kano_step
 
@@ -67,7 +67,7 @@ def residuals(
     first = max(lags_pv, lags_v + first_lag)
     size = lags_pv + lags_v + 1
     own, across = np.empty((lags_pv + 1, lags_pv + 1)), np.empty((lags_pv + 1, lags_v))
-    gram, diagonal, coefficients = np.zeros((size, size)), np.empty(size), np.empty(size)
+    gram, diagonal = np.zeros((size, size)), np.empty(size)
     out, v = np.empty((len(S), len(jumps))), np.empty(len(op))
     _fill_own_gram(own, pv, lags_pv + 1, 0, first)
     for a in range(len(S)):
@@ -82,5 +82,5 @@ def residuals(
             gram[:lags_pv, size - 1] = own[0, 1:]
             gram[lags_pv : size - 1, size - 1] = across[0]
             gram[size - 1, size - 1] = own[0, 0]
-            out[a, b] = solve_least_squares(gram, size, _COLLINEAR, diagonal, coefficients)
+            out[a, b] = residual_of(gram, size, _COLLINEAR, diagonal)
     return out
