@@ -20,12 +20,40 @@ def lagged_dot(x: FloatArray, y: FloatArray, i: int, j: int, first: int) -> floa
     return total
 
 
-@njit(cache=True, nogil=True)
-def add_lagged(out: FloatArray, weight: float, x: FloatArray, lag: int, first: int) -> None:
-    """out(t) += weight x(t - lag) for t = first..N-1."""
-    late_out, late_x = out[first:], x[first - lag : len(x) - lag]
-    for t in range(len(late_out)):
-        late_out[t] += weight * late_x[t]
+@njit(cache=True, nogil=True, fastmath=_REORDERED_SUMS)
+def lagged_dots(x: FloatArray, y: FloatArray, i: int, j: int, first: int, out: FloatArray) -> None:
+    """`lagged_dot` of x at lag i with y at the lags j, j + 1, .. into out (k,), four of them in one pass over x."""
+    late_x, end = x[first - i : len(x) - i], len(y) - j
+    whole = len(out) - len(out) % 4
+    for k in range(0, whole, 4):
+        y0, y1 = y[first - j - k : end - k], y[first - j - k - 1 : end - k - 1]
+        y2, y3 = y[first - j - k - 2 : end - k - 2], y[first - j - k - 3 : end - k - 3]
+        dot0 = dot1 = dot2 = dot3 = 0.0
+        for t in range(len(y0)):
+            dot0 += late_x[t] * y0[t]
+            dot1 += late_x[t] * y1[t]
+            dot2 += late_x[t] * y2[t]
+            dot3 += late_x[t] * y3[t]
+        out[k], out[k + 1], out[k + 2], out[k + 3] = dot0, dot1, dot2, dot3
+    for k in range(whole, len(out)):
+        out[k] = lagged_dot(x, y, i, j + k, first)
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def add_lagged(out: FloatArray, weights: FloatArray, x: FloatArray, first: int) -> None:
+    """out(t) += the sum of weights[k] x(t - 1 - k) over k, for t = first..N-1; four lags in one pass over out."""
+    late_out, end = out[first:], len(x) - 1
+    whole = len(weights) - len(weights) % 4
+    for k in range(0, whole, 4):
+        w0, w1, w2, w3 = weights[k], weights[k + 1], weights[k + 2], weights[k + 3]
+        x0, x1 = x[first - 1 - k : end - k], x[first - 2 - k : end - k - 1]
+        x2, x3 = x[first - 3 - k : end - k - 2], x[first - 4 - k : end - k - 3]
+        for t in range(len(late_out)):
+            late_out[t] += w0 * x0[t] + w1 * x1[t] + w2 * x2[t] + w3 * x3[t]
+    for k in range(whole, len(weights)):
+        weight, late_x = weights[k], x[first - 1 - k : end - k]
+        for t in range(len(late_out)):
+            late_out[t] += weight * late_x[t]
 
 
 @njit(cache=True, nogil=True)
@@ -41,14 +69,29 @@ def fill_lagged_gram(
     end = len(y)
     if rows == 0 or columns == 0:
         return
-    for j in range(columns):
-        gram[row, column + j] = lagged_dot(x, y, i0, j0 + j, first)
+    lagged_dots(x, y, i0, j0, first, gram[row, column : column + columns])
+    lagged_dots(y, x, j0, i0, first, gram[row : row + rows, column])
     for i in range(1, rows):
-        gram[row + i, column] = lagged_dot(x, y, i0 + i, j0, first)
         for j in range(1, columns):
             p, q = i0 + i, j0 + j
             gram[row + i, column + j] = (
                 gram[row + i - 1, column + j - 1] + x[first - p] * y[first - q] - x[end - p] * y[end - q]
+            )
+
+
+@njit(cache=True, nogil=True)
+def fill_own_gram(gram: FloatArray, place: int, x: FloatArray, lags: tuple, first: int) -> None:
+    """The upper triangle of `fill_lagged_gram` of x with itself, lags = (i0, number), from gram[place, place] on."""
+    i0, number = lags
+    end = len(x)
+    if number == 0:
+        return
+    lagged_dots(x, x, i0, i0, first, gram[place, place : place + number])
+    for i in range(1, number):
+        for j in range(i, number):
+            p, q = i0 + i, i0 + j
+            gram[place + i, place + j] = (
+                gram[place + i - 1, place + j - 1] + x[first - p] * x[first - q] - x[end - p] * x[end - q]
             )
 
 

@@ -3,7 +3,15 @@
 import numpy as np
 from numba import njit
 
-from app.engine.armax.gram import add_lagged, eliminate, fill_lagged_gram, lagged_dot, solve_least_squares
+from app.engine.armax.gram import (
+    add_lagged,
+    eliminate,
+    fill_lagged_gram,
+    fill_own_gram,
+    lagged_dot,
+    lagged_dots,
+    solve_least_squares,
+)
 from app.engine.armax.predict import filter_by_c, prediction_errors, reflect_to_stable, sum_of_squares
 from app.engine.recording import FloatArray
 
@@ -20,8 +28,9 @@ def long_autoregression(
 ) -> None:
     """Innovations of y from the last p samples of y and v, into `errors` (N,), 0 before sample p.
 
-    yy, yv, vv: Gram matrices of the lags 0..p of y and 1..p of v. room: (2p + 3, 2p + 1) to work in. The regressors are
-    interleaved by lag, so that where two say the same the longer lag is left out.
+    yy, yv, vv: Gram matrices of the lags 0..p of y and 1..p of v, of yy and vv the upper triangles. room: (2p + 3,
+    2p + 1) to work in. The regressors are interleaved by lag, so that where two say the same the longer lag is left
+    out.
     """
     p = vv.shape[0]
     size = 2 * p + 1
@@ -38,9 +47,8 @@ def long_autoregression(
     solve_least_squares(room, size, COLLINEAR, room[size], coefficients)
     errors[:p] = 0.0
     errors[p:] = y[p:]
-    for k in range(p):
-        add_lagged(errors, -coefficients[2 * k], y, k + 1, p)
-        add_lagged(errors, -coefficients[2 * k + 1], v, k + 1, p)
+    add_lagged(errors, -coefficients[0 : 2 * p : 2], y, p)
+    add_lagged(errors, -coefficients[1 : 2 * p : 2], v, p)
 
 
 @njit(cache=True, nogil=True)
@@ -63,13 +71,12 @@ def regression_gram(
     gram[na : na + nb, na : na + nb] = vv[:nb, :nb]
     fill_lagged_gram(gram, 0, na + nb, y, errors, (1, na, 1, nc), first)
     fill_lagged_gram(gram, na, na + nb, v, errors, (1, nb, 1, nc), first)
-    fill_lagged_gram(gram, na + nb, na + nb, errors, errors, (1, nc, 1, nc), first)
+    fill_own_gram(gram, na + nb, errors, (1, nc), first)
     for i in range(na):
         gram[i, target] = yy[0, i + 1]
     for j in range(nb):
         gram[na + j, target] = yv[0, j]
-    for k in range(nc):
-        gram[na + nb + k, target] = lagged_dot(y, errors, 0, k + 1, first)
+    lagged_dots(y, errors, 0, 1, first, gram[na + nb : target, target])
     gram[target, target] = yy[0, 0]
 
 
@@ -167,12 +174,12 @@ def filtered_gram(
     filter_by_c(v, c, filtered[1], 0)
     filter_by_c(errors, c, filtered[2], 0)
     y, v, e = filtered[0], filtered[1], filtered[2]
-    fill_lagged_gram(gram, 0, 0, y, y, (1, na, 1, na), first)
+    fill_own_gram(gram, 0, y, (1, na), first)
     fill_lagged_gram(gram, 0, na, y, v, (1, na, 1, nb), first)
     fill_lagged_gram(gram, 0, na + nb, y, e, (1, na, 1, nc), first)
-    fill_lagged_gram(gram, na, na, v, v, (1, nb, 1, nb), first)
+    fill_own_gram(gram, na, v, (1, nb), first)
     fill_lagged_gram(gram, na, na + nb, v, e, (1, nb, 1, nc), first)
-    fill_lagged_gram(gram, na + nb, na + nb, e, e, (1, nc, 1, nc), first)
+    fill_own_gram(gram, na + nb, e, (1, nc), first)
 
 
 @njit(cache=True, nogil=True)
@@ -194,12 +201,9 @@ def efficient_gram(
     target = na + nb + nc
     filtered_gram(y, v, errors, c, orders, first, filtered, gram)
     goal = filtered[0] + errors - filtered[2]
-    for i in range(na):
-        gram[i, target] = lagged_dot(filtered[0], goal, i + 1, 0, first)
-    for j in range(nb):
-        gram[na + j, target] = lagged_dot(filtered[1], goal, j + 1, 0, first)
-    for k in range(nc):
-        gram[na + nb + k, target] = lagged_dot(filtered[2], goal, k + 1, 0, first)
+    lagged_dots(goal, filtered[0], 0, 1, first, gram[:na, target])
+    lagged_dots(goal, filtered[1], 0, 1, first, gram[na : na + nb, target])
+    lagged_dots(goal, filtered[2], 0, 1, first, gram[na + nb : target, target])
     gram[target, target] = lagged_dot(goal, goal, 0, 0, first)
 
 
@@ -228,15 +232,15 @@ def search_grid(
     size = na + nb + nc + 1
     first = p + nc
     samples = len(y) - first
-    yy, yv, vv = np.empty((p + 1, p + 1)), np.empty((p + 1, p)), np.empty((p, p))
+    yy, yv, vv = np.zeros((p + 1, p + 1)), np.empty((p + 1, p)), np.zeros((p, p))
     gram, room = np.zeros((size, size)), np.zeros((3, size, size))
     long_room, errors = np.empty((2 * p + 3, 2 * p + 1)), np.empty(len(y))
     values, filtered = np.empty((na, nb, nc + 1)), np.zeros((3, len(y)))
     best = (1, 1, nc_min)
-    fill_lagged_gram(yy, 0, 0, y, y, (0, p + 1, 0, p + 1), first)
+    fill_own_gram(yy, 0, y, (0, p + 1), first)
     for m in range(v.shape[0]):
         fill_lagged_gram(yv, 0, 0, y, v[m], (0, p + 1, 1, p), first)
-        fill_lagged_gram(vv, 0, 0, v[m], v[m], (1, p, 1, p), first)
+        fill_own_gram(vv, 0, v[m], (1, p), first)
         long_autoregression(y, v[m], yy, yv, vv, long_room, errors)
         regression_gram(y, v[m], errors, yy, yv, vv, orders, first, gram)
         for stage in range(2, stages + 1):

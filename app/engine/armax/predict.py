@@ -59,7 +59,7 @@ def reflect_to_stable(c: FloatArray) -> None:
         c[:] = 0.0
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@njit(cache=True, nogil=True, fastmath=_REORDERED_SUMS)
 def filter_by_c(x: FloatArray, c: FloatArray, out: FloatArray, first: int) -> None:
     """out = x / C(q) from sample `first` on, at rest before it; in place where out is x."""
     n = len(c)
@@ -70,13 +70,18 @@ def filter_by_c(x: FloatArray, c: FloatArray, out: FloatArray, first: int) -> No
         for k in range(t):
             total -= c[k] * late_out[t - 1 - k]
         late_out[t] = total
-    # The newest value comes last, so that only one product waits for it.
-    oldest_first = c[::-1].copy()
+    if n == 0:
+        late_out[:] = late_x
+    if n == 0 or samples <= n:
+        return
+    # The newest value comes last and from a register, so that only one product waits for it.
+    older, newest = c[:0:-1].copy(), late_out[n - 1]
     for t in range(samples - n):
         total = late_x[t + n]
-        for k in range(n):
-            total -= oldest_first[k] * late_out[t + k]
-        late_out[t + n] = total
+        for k in range(n - 1):
+            total -= older[k] * late_out[t + k]
+        newest = total - c[0] * newest
+        late_out[t + n] = newest
 
 
 @njit(cache=True, nogil=True)
@@ -90,10 +95,8 @@ def prediction_errors(
     start = max(len(a), len(b))
     errors[:start] = 0.0
     errors[start:] = y[start:]
-    for i in range(len(a)):
-        add_lagged(errors, a[i], y, i + 1, start)
-    for j in range(len(b)):
-        add_lagged(errors, -b[j], v, j + 1, start)
+    add_lagged(errors, a, y, start)
+    add_lagged(errors, -b, v, start)
     filter_by_c(errors, c, errors, start)
 
 

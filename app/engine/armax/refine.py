@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numba import njit
 
-from app.engine.armax.gram import lagged_dot, solve_least_squares
+from app.engine.armax.gram import lagged_dot, lagged_dots, solve_least_squares
 from app.engine.armax.kernel import COLLINEAR, SMALLEST_RESIDUAL, criterion_value, filtered_gram
 from app.engine.armax.model import ArmaxModel, Order, OrderSearch
 from app.engine.armax.predict import SLOWEST_ROOT, filter_by_c, is_stable, prediction_errors, sum_of_squares
@@ -33,10 +33,8 @@ def _gradient(
     backwards[len(errors) - first :] = 0.0
     filter_by_c(backwards, c, backwards, 0)
     adjoint = backwards[::-1].copy()
-    for i in range(na):
-        gram[i, target] = lagged_dot(y, adjoint, i + 1, 0, start)
-    for j in range(nb):
-        gram[na + j, target] = lagged_dot(v, adjoint, j + 1, 0, start)
+    lagged_dots(adjoint, y, 0, 1, start, gram[:na, target])
+    lagged_dots(adjoint, v, 0, 1, start, gram[na : na + nb, target])
     for k in range(nc):
         gram[na + nb + k, target] = lagged_dot(errors, adjoint, k + 1, 0, max(start, k + 1))
 

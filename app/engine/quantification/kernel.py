@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from app.engine.armax.gram import fill_lagged_gram, lagged_dot, residual_of
+from app.engine.armax.gram import fill_lagged_gram, fill_own_gram, residual_of
 from app.engine.recording import FloatArray
 from app.engine.valve import he_step, kano_start, kano_step
 
@@ -35,18 +35,6 @@ def thinned(v: FloatArray, stride: int) -> FloatArray:
 
 
 @njit(cache=True, nogil=True)
-def _fill_own_gram(gram: FloatArray, x: FloatArray, lags: int, first_lag: int, first: int) -> None:
-    """The upper triangle of the Gram matrix of x at lags first_lag .. first_lag + lags - 1."""
-    end = len(x)
-    for j in range(lags):
-        gram[0, j] = lagged_dot(x, x, first_lag, first_lag + j, first)
-    for i in range(1, lags):
-        for j in range(i, lags):
-            p, q = first_lag + i, first_lag + j
-            gram[i, j] = gram[i - 1, j - 1] + x[first - p] * x[first - q] - x[end - p] * x[end - q]
-
-
-@njit(cache=True, nogil=True)
 def residuals(
     pv: FloatArray,
     op: FloatArray,
@@ -69,14 +57,14 @@ def residuals(
     own, across = np.empty((lags_pv + 1, lags_pv + 1)), np.empty((lags_pv + 1, lags_v))
     gram, diagonal = np.zeros((size, size)), np.empty(size)
     out, v = np.empty((len(S), len(jumps))), np.empty(len(op))
-    _fill_own_gram(own, pv, lags_pv + 1, 0, first)
+    fill_own_gram(own, 0, pv, (0, lags_pv + 1), first)
     for a in range(len(S)):
         for b in range(len(jumps)):
             stem(op, kano[b], S[a], S[a] * jumps[b], v)
             w = thinned(v, stride) if stride > 1 else v
             w = w - w.mean()
             fill_lagged_gram(across, 0, 0, pv, w, (0, lags_pv + 1, first_lag, lags_v), first)
-            _fill_own_gram(gram[lags_pv:, lags_pv:], w, lags_v, first_lag, first)
+            fill_own_gram(gram, lags_pv, w, (first_lag, lags_v), first)
             gram[:lags_pv, :lags_pv] = own[1:, 1:]
             gram[:lags_pv, lags_pv : size - 1] = across[1:]
             gram[:lags_pv, size - 1] = own[0, 1:]
