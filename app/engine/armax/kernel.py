@@ -87,32 +87,58 @@ def criterion_value(residual: float, samples: int, parameters: int, logarithmic:
     return (np.log(variance) if logarithmic else variance) + 2.0 * parameters / samples
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def eliminate_abreast(left: FloatArray, k: int, floor: float, factors: FloatArray) -> None:
+    """`eliminate` of column k in each of P matrices left (size, size, P) of the same columns; factors: (P,) room.
+
+    They lie abreast, because a row of one is too short for vector registers.
+    """
+    size, abreast = left.shape[0], left.shape[2]
+    for i in range(k + 1, size):
+        for m in range(abreast):
+            factors[m] = left[k, i, m] / left[k, k, m] if left[k, k, m] > floor else 0.0
+        for j in range(i, size):
+            for m in range(abreast):
+                left[i, j, m] -= factors[m] * left[k, j, m]
+
+
 @njit(cache=True, nogil=True)
 def sweep_orders(
-    gram: FloatArray, orders: tuple, samples: int, logarithmic: bool, room: FloatArray, values: FloatArray
+    gram: FloatArray,
+    orders: tuple,
+    samples: int,
+    logarithmic: bool,
+    room: FloatArray,
+    left: FloatArray,
+    values: FloatArray,
 ) -> None:
     """The criterion of every order into values (na, nb, nc + 1); `gram` is left as it is.
 
     The y lags are taken out one by one; after each, the v lags from a copy of what is left; after each of those, the
-    innovation lags from a copy of what is left then. Every order is one further step of a factorisation, not a new one.
-    room: (3, size, size).
+    innovation lags from a copy of what is left then, all copies abreast. Every order is one further step of a
+    factorisation, not a new one. room: (3, size, size), left: (nc + 1, nc + 1, na nb).
     """
     na, nb, nc = orders
     size = na + nb + nc + 1
     smallest = SMALLEST_RESIDUAL * gram[size - 1, size - 1]
+    factors = np.empty(na * nb)
     room[0] = gram
     for i in range(na):
         eliminate(room[0], i, size, COLLINEAR * gram[i, i])
         room[1, na:, na:] = room[0, na:, na:]
-        for j in range(na, na + nb):
-            eliminate(room[1], j, size, COLLINEAR * gram[j, j])
-            room[2, na + nb :, na + nb :] = room[1, na + nb :, na + nb :]
-            for k in range(nc + 1):
-                if k > 0:
-                    e = na + nb + k - 1
-                    eliminate(room[2], e, size, COLLINEAR * gram[e, e])
-                residual = max(room[2, size - 1, size - 1], smallest)
-                values[i, j - na, k] = criterion_value(residual, samples, i + j - na + 2 + k, logarithmic)
+        for j in range(nb):
+            eliminate(room[1], na + j, size, COLLINEAR * gram[na + j, na + j])
+            for r in range(nc + 1):
+                for s in range(r, nc + 1):
+                    left[r, s, i * nb + j] = room[1, na + nb + r, na + nb + s]
+    for k in range(nc + 1):
+        if k > 0:
+            e = na + nb + k - 1
+            eliminate_abreast(left, k - 1, COLLINEAR * gram[e, e], factors)
+        for i in range(na):
+            for j in range(nb):
+                residual = max(left[nc, nc, i * nb + j], smallest)
+                values[i, j, k] = criterion_value(residual, samples, i + j + 2 + k, logarithmic)
 
 
 @njit(cache=True, nogil=True)
@@ -235,7 +261,8 @@ def search_grid(
     yy, yv, vv = np.zeros((p + 1, p + 1)), np.empty((p + 1, p)), np.zeros((p, p))
     gram, room = np.zeros((size, size)), np.zeros((3, size, size))
     long_room, errors = np.empty((2 * p + 3, 2 * p + 1)), np.empty(len(y))
-    values, filtered = np.empty((na, nb, nc + 1)), np.zeros((3, len(y)))
+    left, values = np.empty((nc + 1, nc + 1, na * nb)), np.empty((na, nb, nc + 1))
+    filtered = np.zeros((3, len(y)))
     best = (1, 1, nc_min)
     fill_own_gram(yy, 0, y, (0, p + 1), first)
     for m in range(v.shape[0]):
@@ -246,7 +273,7 @@ def search_grid(
         for stage in range(2, stages + 1):
             if stage == 3:
                 efficient_gram(y, v[m], errors, c[m, : best[2]], orders, first, filtered, gram)
-            sweep_orders(gram, orders, samples, logarithmic, room, values)
+            sweep_orders(gram, orders, samples, logarithmic, room, left, values)
             best = fixed if fixed[0] > 0 else least(values, nc_min)
             solve_order(gram, orders, best, room, a[m], b[m], c[m])
             prediction_errors(y, v[m], a[m, : best[0]], b[m, : best[1]], c[m, : best[2]], errors)
