@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from app.engine.armax import Order, SearchSpace, estimate_order, refine, search_orders
-from app.engine.armax.gram import fill_lagged_gram
+from app.engine.armax.gram import add_lagged, fill_lagged_gram, fill_own_gram
 from app.engine.armax.kernel import sweep_orders
 from app.engine.armax.predict import SLOWEST_ROOT, filter_by_c, is_stable, reflect_to_stable
 from app.errors import DataError, RequestError
@@ -34,6 +34,22 @@ def test_lagged_gram_is_the_product_of_lag_matrices():
     assert np.allclose(gram[2:7, 1:8], lagged(x, range(1, 6), 12).T @ lagged(y, range(7), 12), atol=1e-12)
 
 
+def test_the_gram_matrix_of_one_signal_has_its_upper_triangle():
+    x, gram = np.random.default_rng(1).normal(size=200), np.zeros((9, 9))
+    fill_own_gram(gram, 2, x, (1, 7), 12)
+    whole = lagged(x, range(1, 8), 12).T @ lagged(x, range(1, 8), 12)
+    assert np.allclose(gram[2:, 2:], np.triu(whole), atol=1e-12)
+
+
+@pytest.mark.parametrize("lags", [0, 1, 4, 7])
+def test_lags_are_weighted_from_the_last_sample_on(lags):
+    rng = np.random.default_rng(2)
+    x, out, weights = rng.normal(size=50), rng.normal(size=50), rng.normal(size=lags)
+    expected = np.concatenate((out[:8], out[8:] + lagged(x, range(1, lags + 1), 8) @ weights)) if lags else out.copy()
+    add_lagged(out, weights, x, 8)
+    assert np.allclose(out, expected, atol=1e-12)
+
+
 @pytest.mark.parametrize("logarithmic", [False, True])
 def test_every_order_of_the_sweep_is_its_own_regression(logarithmic):
     rng = np.random.default_rng(3)
@@ -41,7 +57,8 @@ def test_every_order_of_the_sweep_is_its_own_regression(logarithmic):
     columns = rng.normal(size=(samples, na + nb + nc + 1)).cumsum(axis=0)
     gram, size = columns.T @ columns, na + nb + nc + 1
     values = np.empty((na, nb, nc + 1))
-    sweep_orders(gram, (na, nb, nc), samples, logarithmic, np.zeros((3, size, size)), values)
+    room, left = np.zeros((3, size, size)), np.empty((nc + 1, nc + 1, na * nb))
+    sweep_orders(gram, (na, nb, nc), samples, logarithmic, room, left, values)
     for i, j, k in np.ndindex(na, nb, nc + 1):
         chosen = [*range(i + 1), *range(na, na + j + 1), *range(na + nb, na + nb + k)]
         residual = np.linalg.lstsq(columns[:, chosen], columns[:, -1], rcond=None)[1][0]
