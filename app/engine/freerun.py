@@ -169,7 +169,7 @@ def valve_position(op: FloatArray, S: float, J: float) -> FloatArray:
     return v
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath={"contract"})
 def through_process(v: FloatArray, lag: float) -> FloatArray:
     """v (n,) through a first-order lag in samples at unit gain, or summed up where lag is INTEGRATOR."""
     x = np.empty(len(v))
@@ -189,7 +189,8 @@ def through_process(v: FloatArray, lag: float) -> FloatArray:
 
 # A sum runs in vector registers only if its order is free; nothing else is relaxed.
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
-def _dot(x: FloatArray, y: FloatArray) -> float:
+def dot(x: FloatArray, y: FloatArray) -> float:
+    """The sum of the products of x and y (n,)."""
     total = 0.0
     for t in range(len(y)):
         total += x[t] * y[t]
@@ -202,7 +203,7 @@ def _bank(y, op, S, J, lags, dead_times, drift):  # type: ignore[no-untyped-def]
     n, half = len(y), len(y) // 2
     xy = np.zeros((len(S), len(lags), len(dead_times), 2))
     xx = np.zeros((len(S), len(lags), len(dead_times), 2))
-    yy = np.array([_dot(y[:half], y[:half]), _dot(y[half:], y[half:])])
+    yy = np.array([dot(y[:half], y[:half]), dot(y[half:], y[half:])])
     for m in range(len(S)):
         v = valve_position(op, S[m], J[m])
         for i in range(len(lags)):
@@ -210,6 +211,6 @@ def _bank(y, op, S, J, lags, dead_times, drift):  # type: ignore[no-untyped-def]
             for k in range(len(dead_times)):
                 theta = dead_times[k]
                 early, late = x[: half - theta], x[half - theta : n - theta]
-                xy[m, i, k, 0], xy[m, i, k, 1] = _dot(early, y[theta:half]), _dot(late, y[half:])
-                xx[m, i, k, 0], xx[m, i, k, 1] = _dot(early, early), _dot(late, late)
+                xy[m, i, k, 0], xy[m, i, k, 1] = dot(early, y[theta:half]), dot(late, y[half:])
+                xx[m, i, k, 0], xx[m, i, k, 1] = dot(early, early), dot(late, late)
     return yy, xy, xx

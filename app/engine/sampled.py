@@ -9,6 +9,10 @@ from app.engine.recording import FloatArray
 ROUNDING = 1e-6
 
 
+# A sum runs in vector registers only if its order is free; nothing else is relaxed.
+_REORDERED_SUMS = {"reassoc", "contract"}
+
+
 @njit(cache=True, nogil=True)
 def moving_average(x: FloatArray, half: int) -> FloatArray:
     """Mean over 2 half + 1 samples around each sample of x (N,), over fewer at the ends."""
@@ -18,26 +22,41 @@ def moving_average(x: FloatArray, half: int) -> FloatArray:
     for i in range(n):
         total[i + 1] = total[i] + x[i]
     out = np.empty(n)
+    whole = max(n - 2 * half, 0)  # samples with a full window
+    middle, after, before = out[half : half + whole], total[n + 1 - whole :], total[:whole]
+    for i in range(whole):
+        middle[i] = (after[i] - before[i]) / (2 * half + 1)
     for i in range(n):
+        if half <= i < half + whole:
+            continue
         low, high = max(i - half, 0), min(i + half + 1, n)
         out[i] = (total[high] - total[low]) / (high - low)
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=_REORDERED_SUMS)
+def mean(x: FloatArray) -> float:
+    """Mean of x (N,)."""
+    total = 0.0
+    for i in range(len(x)):
+        total += x[i]
+    return total / len(x)
+
+
+@njit(cache=True, nogil=True, fastmath=_REORDERED_SUMS)
 def without_line(x: FloatArray) -> FloatArray:
     """x (N,) less its least-squares straight line."""
     n = len(x)
-    mean = x.mean()
+    level = mean(x)
     middle = (n - 1) / 2.0
     top = bottom = 0.0
     for i in range(n):
-        top += (i - middle) * (x[i] - mean)
+        top += (i - middle) * (x[i] - level)
         bottom += (i - middle) ** 2
     slope = top / bottom if bottom > 0.0 else 0.0
     out = np.empty(n)
     for i in range(n):
-        out[i] = x[i] - mean - slope * (i - middle)
+        out[i] = x[i] - level - slope * (i - middle)
     return out
 
 
@@ -56,30 +75,66 @@ def resample(x: FloatArray, samples_per_cycle: float, wanted: int) -> FloatArray
     m = max(round(n * wanted / samples_per_cycle), 16)
     if samples_per_cycle <= wanted:
         return np.interp(np.linspace(0, n - 1, m), np.arange(n), x)
-    edges = np.linspace(0, n, m + 1)
-    total = np.interp(edges, np.arange(n + 1), np.concatenate(([0.0], np.cumsum(x))))
-    return np.diff(total) / np.diff(edges)
+    return _averaged(x, m)
 
 
+@njit(cache=True, nogil=True)
+def _averaged(x: FloatArray, m: int) -> FloatArray:
+    """(m,) means of x (N,), a straight line between its cumulated samples, over equal pieces."""
+    n = len(x)
+    total = np.empty(n + 1)
+    total[0] = 0.0
+    for i in range(n):
+        total[i + 1] = total[i] + x[i]
+    out = np.empty(m)
+    edge, below = 0.0, 0.0
+    for k in range(m):
+        next_edge = float(n) if k == m - 1 else (k + 1) * (n / m)
+        whole = min(int(next_edge), n - 1)
+        upto = total[whole] + (total[whole + 1] - total[whole]) * (next_edge - whole)
+        out[k] = (upto - below) / (next_edge - edge)
+        edge, below = next_edge, upto
+    return out
+
+
+@njit(cache=True, nogil=True, fastmath=_REORDERED_SUMS)
 def correlation(a: FloatArray, b: FloatArray) -> float:
     """Pearson's correlation of a and b (N,); 0 where one of them does not vary."""
-    a, b = a - a.mean(), b - b.mean()
-    scale = float(np.sqrt((a @ a) * (b @ b)))
-    return float(a @ b) / scale if scale > 0.0 else 0.0
+    mean_a, mean_b = mean(a), mean(b)
+    aa = ab = bb = 0.0
+    for i in range(len(a)):
+        p, q = a[i] - mean_a, b[i] - mean_b
+        aa += p * p
+        ab += p * q
+        bb += q * q
+    scale = np.sqrt(aa * bb)
+    return ab / scale if scale > 0.0 else 0.0
 
 
+@njit(cache=True, nogil=True, fastmath=_REORDERED_SUMS)
 def skewness(x: FloatArray) -> float:
     """Absolute skewness of x (N,): the sign of a signal is free here."""
-    x = x - x.mean()
-    spread = float(np.sqrt(np.mean(x * x)))
-    return abs(float(np.mean(x**3))) / spread**3 if spread > 0.0 else 0.0
+    middle = mean(x)
+    second = third = 0.0
+    for i in range(len(x)):
+        p = x[i] - middle
+        second += p * p
+        third += p * p * p
+    spread = np.sqrt(second / len(x))
+    return abs(third / len(x)) / spread**3 if spread > 0.0 else 0.0
 
 
+@njit(cache=True, nogil=True, fastmath=_REORDERED_SUMS)
 def log_kurtosis(x: FloatArray) -> float:
     """Natural logarithm of the kurtosis of x (N,): 0 for a square wave, 0.4 a sine, 0.59 a triangle, 1.1 noise."""
-    x = x - x.mean()
-    variance = float(np.mean(x * x))
-    return float(np.log(np.mean(x**4) / variance**2)) if variance > 0.0 else 1.1
+    middle = mean(x)
+    second = fourth = 0.0
+    for i in range(len(x)):
+        p = x[i] - middle
+        second += p * p
+        fourth += p * p * (p * p)
+    variance = second / len(x)
+    return np.log(fourth / len(x) / variance**2) if variance > 0.0 else 1.1
 
 
 def burstiness(x: FloatArray, share: float = 0.2) -> float:

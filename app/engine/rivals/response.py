@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from app.engine.features import PER_CYCLE
-from app.engine.freerun import INTEGRATOR, through_process, valve_position
+from app.engine.freerun import INTEGRATOR, dot, through_process, valve_position
 from app.engine.recording import FloatArray
 from app.engine.sampled import without_drift
 
@@ -47,16 +47,14 @@ def _best(y, x, lags, dead_times, drift):  # type: ignore[no-untyped-def]
     """Fit and held-out share of the model that fits best over both halves."""
     n, half = len(y), len(y) // 2
     best, held = -1.0, 0.0
+    xy, xx, yy = np.zeros(2), np.zeros(2), np.zeros(2)
     for lag in lags:
         z = without_drift(through_process(x, lag), drift)
         for theta in dead_times:
-            xy, xx, yy = np.zeros(2), np.zeros(2), np.zeros(2)
             for part in range(2):
                 first, last = (theta, half) if part == 0 else (half, n)
-                for t in range(first, last):
-                    xy[part] += z[t - theta] * y[t]
-                    xx[part] += z[t - theta] ** 2
-                    yy[part] += y[t] ** 2
+                late, there = z[first - theta : last - theta], y[first:last]
+                xy[part], xx[part], yy[part] = dot(late, there), dot(late, late), dot(there, there)
             fit = xy.sum() ** 2 / (xx.sum() + 1e-12) / (yy.sum() + 1e-300)
             if fit > best:
                 best, held = fit, 0.0
