@@ -7,6 +7,7 @@ import numpy as np
 from scipy import fft
 
 from app.engine.recording import FloatArray, UniformRecord
+from app.engine.sampled import moving_average
 
 REGULAR_ABOVE = 1.0
 _TREND_SHARES = (0.0, 0.25, 0.08, 0.025)
@@ -68,7 +69,7 @@ def autocorrelation(x: FloatArray) -> FloatArray:
     x = x - x.mean()
     n = len(x)
     spectrum = fft.rfft(x, fft.next_fast_len(2 * n, real=True))
-    raw = fft.irfft(np.abs(spectrum) ** 2)[: n // 2]
+    raw = fft.irfft(spectrum.real**2 + spectrum.imag**2)[: n // 2]
     if raw[0] <= 0.0:
         return np.zeros(n // 2)
     return raw / raw[0] * (n / (n - np.arange(n // 2)))
@@ -126,11 +127,8 @@ def _without_trend(x: FloatArray, share: float) -> FloatArray:
         t = np.arange(n) - (n - 1) / 2
         x = x - x.mean()
         return x - t * (t @ x) / (t @ t)
-    half = max(2, int(share * n / 2))
-    total = np.concatenate(([0.0], np.cumsum(x - x.mean())))
-    i = np.arange(n)
-    low, high = np.maximum(i - half, 0), np.minimum(i + half + 1, n)
-    return x - x.mean() - (total[high] - total[low]) / (high - low)
+    x = x - x.mean()
+    return x - moving_average(x, max(2, int(share * n / 2)))
 
 
 def _swing(acf: FloatArray) -> _Swing | None:

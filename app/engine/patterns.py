@@ -23,11 +23,17 @@ def rho_3(op: FloatArray, pv: FloatArray) -> float:
     return max(_followed(op_moves, pv_moves), _followed(op_moves, -pv_moves)) / counted
 
 
+@njit(cache=True, nogil=True)
 def _moves(x: FloatArray) -> NDArray[np.int8]:
     """1, 0 or -1 for each step of x: rises, stands, falls."""
-    steps = np.diff(x)
-    scaled = (steps - steps.mean()) / (float(np.std(steps)) or 1.0)
-    return np.where(np.abs(scaled) > _MOVES_FROM, np.sign(scaled), 0.0).astype(np.int8)
+    steps = x[1:] - x[:-1]
+    steps -= steps.mean()
+    least = _MOVES_FROM * (np.sqrt(np.mean(steps * steps)) or 1.0)
+    moves = np.zeros(len(steps), dtype=np.int8)
+    for i in range(len(steps)):
+        if abs(steps[i]) > least:
+            moves[i] = 1 if steps[i] > 0.0 else -1
+    return moves
 
 
 @njit(cache=True, nogil=True)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numba import njit
 
 from app.engine.features.travel import REVERSAL, reversals
 from app.engine.features.window import ShapeWindow
@@ -73,10 +74,20 @@ def _travelled(op: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray
 
 def _explained(values: FloatArray, travelled: FloatArray) -> float:
     """Share of the variance of values (n,) between bins of equal counts of travelled (n,)."""
-    total = float(np.mean(values**2))
+    edges = np.quantile(travelled, np.linspace(0.0, 1.0, _BINS + 1)[1:-1])
+    return float(_between_bins(values, travelled, edges))
+
+
+@njit(cache=True, nogil=True)
+def _between_bins(values: FloatArray, places: FloatArray, edges: FloatArray) -> float:
+    """Share of the mean square of values (n,) that the means between the edges of their places hold; 0 where none."""
+    count, sums = np.zeros(len(edges) + 1), np.zeros(len(edges) + 1)
+    total = 0.0
+    for i in range(len(values)):
+        k = np.searchsorted(edges, places[i], side="right")
+        count[k] += 1.0
+        sums[k] += values[i]
+        total += values[i] ** 2
     if total <= 0.0:
         return 0.0
-    bins = np.digitize(travelled, np.quantile(travelled, np.linspace(0.0, 1.0, _BINS + 1)[1:-1]))
-    count = np.maximum(np.bincount(bins, minlength=_BINS), 1)
-    means = np.bincount(bins, weights=values, minlength=_BINS) / count
-    return float(np.sum(count * means**2) / len(values) / total)
+    return np.sum(sums**2 / np.maximum(count, 1.0)) / total

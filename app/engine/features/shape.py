@@ -1,16 +1,20 @@
 """The wave forms of OP and PV: triangle, sine, rectangle or noise."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 from scipy import fft
 
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import FloatArray
 from app.engine.sampled import log_kurtosis, skewness
 
-_HARMONIC_EDGES = (0.0, 0.5, 1.5, 2.5, 3.5, np.inf)
+ComplexArray = NDArray[np.complex128]
+
+_HARMONIC_EDGES = (0.5, 1.5, 2.5, 3.5)
 _FEWEST_HALF_CYCLE = 8
 _BISPECTRUM_LINES = 12
 _FEWEST_SEGMENTS = 4
@@ -90,10 +94,12 @@ def shape(window: ShapeWindow) -> Shape:
 
 def harmonic_shares(x: FloatArray) -> FloatArray:
     """(5,) shares of the power of x (n,): below the fundamental, fundamental, second, third, above."""
-    power = np.abs(fft.rfft(x * np.hanning(len(x)))) ** 2
+    lines = fft.rfft(x * np.hanning(len(x)))
+    power = lines.real**2 + lines.imag**2
     line = np.arange(len(power)) * PER_CYCLE / len(x)
-    band = np.digitize(line, _HARMONIC_EDGES[1:-1])
-    return np.bincount(band, weights=power, minlength=5) / (power.sum() + 1e-12)
+    edges = [0, *np.searchsorted(line, _HARMONIC_EDGES), len(power)]
+    shares = np.array([power[first:last].sum() for first, last in pairwise(edges)])
+    return shares / (power.sum() + 1e-12)
 
 
 def bicoherence(x: FloatArray) -> float:
@@ -107,13 +113,32 @@ def bicoherence(x: FloatArray) -> float:
         return 0.0
     pieces = np.array([x[s : s + size] for s in starts])
     lines = fft.rfft((pieces - pieces.mean(axis=1, keepdims=True)) * np.hanning(size), axis=1)
-    i = np.arange(1, _BISPECTRUM_LINES)
-    pairs = lines[:, i][:, :, None] * lines[:, i][:, None, :]
-    sums = np.conj(lines[:, i[:, None] + i[None, :]])
-    pair_power, sum_power = np.sum(np.abs(pairs) ** 2, axis=0), np.sum(np.abs(sums) ** 2, axis=0)
-    squared = np.abs(np.sum(pairs * sums, axis=0)) ** 2 / (pair_power * sum_power + 1e-12)
-    weight = np.mean(np.abs(sums), axis=0) * np.mean(np.abs(pairs), axis=0)
-    return float(np.sum(squared * weight) / (np.sum(weight) + 1e-12)) - 1.0 / len(starts)
+    return _coupling(lines, _BISPECTRUM_LINES) - 1.0 / len(starts)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _coupling(lines: ComplexArray, below: int) -> float:
+    """Mean squared bicoherence of the pairs of lines 1..below-1 of lines (segments, lines), weighted by amplitude."""
+    segments = lines.shape[0]
+    total = whole = 0.0
+    for i in range(1, below):
+        for j in range(1, below):
+            coupled = 0.0j
+            pair_power = sum_power = pair_size = sum_size = 0.0
+            for k in range(segments):
+                pair, other = lines[k, i] * lines[k, j], lines[k, i + j]
+                coupled += pair * other.conjugate()
+                pair_square = pair.real**2 + pair.imag**2
+                sum_square = other.real**2 + other.imag**2
+                pair_power += pair_square
+                sum_power += sum_square
+                pair_size += np.sqrt(pair_square)
+                sum_size += np.sqrt(sum_square)
+            squared = (coupled.real**2 + coupled.imag**2) / (pair_power * sum_power + 1e-12)
+            weight = (sum_size / segments) * (pair_size / segments)
+            total += squared * weight
+            whole += weight
+    return total / (whole + 1e-12)
 
 
 @njit(cache=True, nogil=True)

@@ -22,39 +22,49 @@ def held_out_sine(x: FloatArray) -> float:
 @njit(cache=True, nogil=True)
 def _held_out(x, periods):  # type: ignore[no-untyped-def]
     half = len(x) // 2
+    sine, cosine = np.empty(len(x)), np.empty(len(x))
     least, held = np.inf, -1.0
     for period in periods:
-        step = 2.0 * np.pi / period
-        a, b = _sine(x, 0, len(x), step)
-        left = _left(x, 0, len(x), step, a, b)
+        _fill_wave(2.0 * np.pi / period, sine, cosine)
+        a, b = _amplitudes(x, sine, cosine)
+        left = _left(x, sine, cosine, a, b)
         if left < least:
             least = left
-            a, b = _sine(x, 0, half, step)
-            held = 1.0 - _left(x, half, len(x), step, a, b)
+            a, b = _amplitudes(x[:half], sine[:half], cosine[:half])
+            held = 1.0 - _left(x[half:], sine[half:], cosine[half:], a, b)
     return held
 
 
 @njit(cache=True, nogil=True)
-def _sine(x, first, last, step):  # type: ignore[no-untyped-def]
-    """Least-squares amplitudes of sine and cosine over x[first:last]."""
+def _fill_wave(step, sine, cosine):  # type: ignore[no-untyped-def]
+    """sin(step t) and cos(step t), each sample the one before turned by `step`."""
+    turn_sine, turn_cosine = np.sin(step), np.cos(step)
+    s, c = 0.0, 1.0
+    for t in range(len(sine)):
+        sine[t], cosine[t] = s, c
+        s, c = s * turn_cosine + c * turn_sine, c * turn_cosine - s * turn_sine
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def _amplitudes(x, sine, cosine):  # type: ignore[no-untyped-def]
+    """Least-squares amplitudes of sine and cosine over x."""
     ss, cc, sc, xs, xc = 1e-9, 1e-9, 0.0, 0.0, 0.0
-    for t in range(first, last):
-        s, c = np.sin(step * t), np.cos(step * t)
-        ss += s * s
-        cc += c * c
-        sc += s * c
-        xs += x[t] * s
-        xc += x[t] * c
+    for t in range(len(x)):
+        ss += sine[t] * sine[t]
+        cc += cosine[t] * cosine[t]
+        sc += sine[t] * cosine[t]
+        xs += x[t] * sine[t]
+        xc += x[t] * cosine[t]
     det = ss * cc - sc * sc
     return (xs * cc - xc * sc) / det, (xc * ss - xs * sc) / det
 
 
-@njit(cache=True, nogil=True)
-def _left(x, first, last, step, a, b):  # type: ignore[no-untyped-def]
-    """Share of the variance of x[first:last] that the sine leaves over."""
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def _left(x, sine, cosine, a, b):  # type: ignore[no-untyped-def]
+    """Share of the variance of x that the wave leaves over."""
     left, total = 0.0, 1e-300
-    for t in range(first, last):
-        error = x[t] - a * np.sin(step * t) - b * np.cos(step * t)
+    for t in range(len(x)):
+        error = x[t] - a * sine[t] - b * cosine[t]
         left += error * error
         total += x[t] * x[t]
     return left / total
