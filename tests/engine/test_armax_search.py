@@ -10,6 +10,7 @@ from app.engine.armax import Order, SearchSpace, estimate_order, refine, search_
 from app.engine.armax.gram import add_lagged, fill_lagged_gram, fill_own_gram
 from app.engine.armax.kernel import sweep_orders
 from app.engine.armax.predict import SLOWEST_ROOT, filter_by_c, is_stable, reflect_to_stable
+from app.engine.armax.roots import roots_of
 from app.errors import DataError, RequestError
 
 
@@ -48,6 +49,27 @@ def test_lags_are_weighted_from_the_last_sample_on(lags):
     expected = np.concatenate((out[:8], out[8:] + lagged(x, range(1, lags + 1), 8) @ weights)) if lags else out.copy()
     add_lagged(out, weights, x, 8)
     assert np.allclose(out, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "c",
+    [
+        np.random.default_rng(4).normal(size=25),
+        np.random.default_rng(5).normal(size=10) * 3.0,
+        [0.5],
+        [-2.0, 1.0],  # one root twice
+        [0.0, 0.0, -8.0, 0.0, 0.0],  # roots at 0
+        [0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0, -1.0],
+    ],
+)
+def test_roots_are_the_eigenvalues_of_the_companion_matrix(c):
+    c = np.asarray(c)
+    found, expected = roots_of(c), np.roots(np.concatenate(([1.0], c)))
+    expected = np.concatenate((expected, np.zeros(len(c) - len(expected))))
+    assert len(found) == len(c)
+    assert np.allclose(np.abs(found[:, None] - expected).min(axis=0), 0.0, atol=1e-7)
+    assert np.allclose(np.abs(found[:, None] - expected).min(axis=1), 0.0, atol=1e-7)
 
 
 @pytest.mark.parametrize("logarithmic", [False, True])

@@ -23,9 +23,13 @@ def lagged_dot(x: FloatArray, y: FloatArray, i: int, j: int, first: int) -> floa
 @njit(cache=True, nogil=True, fastmath=_REORDERED_SUMS)
 def lagged_dots(x: FloatArray, y: FloatArray, i: int, j: int, first: int, out: FloatArray) -> None:
     """`lagged_dot` of x at lag i with y at the lags j, j + 1, .. into out (k,), four of them in one pass over x."""
-    late_x, end = x[first - i : len(x) - i], len(y) - j
-    whole = len(out) - len(out) % 4
-    for k in range(0, whole, 4):
+    late_x, end, lags = x[first - i : len(x) - i], len(y) - j, len(out)
+    if lags < 4:
+        for k in range(lags):
+            out[k] = lagged_dot(x, y, i, j + k, first)
+        return
+    for place in range(0, lags, 4):
+        k = min(place, lags - 4)  # the last four may overlap those before: the same sums again
         y0, y1 = y[first - j - k : end - k], y[first - j - k - 1 : end - k - 1]
         y2, y3 = y[first - j - k - 2 : end - k - 2], y[first - j - k - 3 : end - k - 3]
         dot0 = dot1 = dot2 = dot3 = 0.0
@@ -35,8 +39,6 @@ def lagged_dots(x: FloatArray, y: FloatArray, i: int, j: int, first: int, out: F
             dot2 += late_x[t] * y2[t]
             dot3 += late_x[t] * y3[t]
         out[k], out[k + 1], out[k + 2], out[k + 3] = dot0, dot1, dot2, dot3
-    for k in range(whole, len(out)):
-        out[k] = lagged_dot(x, y, i, j + k, first)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})

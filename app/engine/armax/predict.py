@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 
 from app.engine.armax.gram import add_lagged
+from app.engine.armax.roots import roots_of
 from app.engine.recording import FloatArray
 
 SLOWEST_ROOT = 0.998
@@ -39,12 +40,9 @@ def reflect_to_stable(c: FloatArray) -> None:
     n = len(c)
     if is_stable(c, SLOWEST_ROOT):
         return
-    polynomial = np.ones(n + 1, dtype=np.complex128)
-    for k in range(n):
-        polynomial[k + 1] = c[k]
     expanded = np.zeros(n + 1, dtype=np.complex128)
     expanded[0] = 1.0
-    for root in np.roots(polynomial):
+    for root in roots_of(c):
         radius = abs(root)
         if radius > 1.0:
             root = 1.0 / np.conj(root)
