@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from numba import njit
 from scipy import fft
 
 from app.engine.recording import FloatArray, UniformRecord
@@ -149,12 +150,18 @@ def _swing(acf: FloatArray) -> _Swing | None:
     return _Swing(period, min(float(np.mean(intervals)) / (3.0 * spread + 1e-12), 100.0), strength)
 
 
+@njit(cache=True, nogil=True)
 def _crossings(acf: FloatArray) -> FloatArray:
     """Lags (interpolated) of the first zero crossings between excursions beyond +-0.05."""
-    out = np.flatnonzero(np.abs(acf) > _HYSTERESIS)
-    if len(out) < 2:
-        return np.empty(0)
-    sides = np.sign(acf[out])
-    flips = np.flatnonzero(sides[1:] != sides[:-1])[:_CROSSINGS]
-    before, after = out[flips], out[flips + 1]
-    return before + (after - before) * acf[before] / (acf[before] - acf[after])
+    crossings = np.empty(_CROSSINGS)
+    count, before = 0, -1
+    for lag in range(len(acf)):
+        if not abs(acf[lag]) > _HYSTERESIS:
+            continue
+        if before >= 0 and (acf[lag] > 0.0) != (acf[before] > 0.0):
+            crossings[count] = before + (lag - before) * acf[before] / (acf[before] - acf[lag])
+            count += 1
+            if count == _CROSSINGS:
+                break
+        before = lag
+    return crossings[:count]

@@ -1,5 +1,7 @@
 """Small compiled operations on sampled signals that the features share."""
 
+from functools import lru_cache
+
 import numpy as np
 from numba import njit
 
@@ -135,6 +137,27 @@ def log_kurtosis(x: FloatArray) -> float:
         fourth += p * p * (p * p)
     variance = second / len(x)
     return np.log(fourth / len(x) / variance**2) if variance > 0.0 else 1.1
+
+
+@njit(cache=True, nogil=True)
+def quantiles(x: FloatArray, shares: tuple) -> FloatArray:
+    """Quantiles of x (N,) at shares in 0..1, on straight lines between the sorted values."""
+    ordered = np.sort(x)
+    out = np.empty(len(shares))
+    for k in range(len(shares)):
+        place = shares[k] * (len(x) - 1)
+        below = min(int(place), max(len(x) - 2, 0))
+        above = min(below + 1, len(x) - 1)
+        out[k] = ordered[below] + (ordered[above] - ordered[below]) * (place - below)
+    return out
+
+
+@lru_cache(maxsize=64)
+def hann(n: int) -> FloatArray:
+    """Hann's window (n,), read only."""
+    window = np.hanning(n)
+    window.flags.writeable = False
+    return window
 
 
 def burstiness(x: FloatArray, share: float = 0.2) -> float:

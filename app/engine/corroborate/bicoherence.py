@@ -8,7 +8,7 @@ from scipy import fft
 from app.engine.corroborate.case import Case
 from app.engine.corroborate.corroboration import Corroboration, Method, Says
 from app.engine.recording import FloatArray
-from app.engine.sampled import without_drift
+from app.engine.sampled import hann, without_drift
 
 METHOD = Method(
     "bicoherence",
@@ -72,7 +72,7 @@ def nonlinearity_indices(x: FloatArray, hop: int = _SEGMENT // 2) -> Nonlinearit
     """
     starts = np.arange(0, len(x) - _SEGMENT + 1, hop)
     pieces = x[starts[:, None] + np.arange(_SEGMENT)]
-    lines = fft.rfft((pieces - pieces.mean(axis=1, keepdims=True)) * np.hanning(_SEGMENT), axis=1)
+    lines = fft.rfft((pieces - pieces.mean(axis=1, keepdims=True)) * hann(_SEGMENT), axis=1)
     pairs, sums = lines[:, _FIRST] * lines[:, _SECOND], lines[:, _FIRST + _SECOND]
     power = np.mean(np.abs(pairs) ** 2, axis=0) * np.mean(np.abs(sums) ** 2, axis=0)
     coupled = np.abs(np.mean(pairs * np.conj(sums), axis=0)) ** 2

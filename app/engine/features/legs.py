@@ -1,7 +1,6 @@
 """How alike the legs of OP between its reversals are, and how alike PV answers along them."""
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numba import njit
@@ -9,10 +8,11 @@ from numba import njit
 from app.engine.features.travel import REVERSAL, reversals
 from app.engine.features.window import ShapeWindow
 from app.engine.recording import FloatArray
-from app.engine.sampled import burstiness
+from app.engine.sampled import burstiness, quantiles
 
 _FEWEST_LEGS = 4
 _BINS = 8
+_EDGES = tuple(k / _BINS for k in range(1, _BINS))
 _UNKNOWN_SPREAD = 0.6
 
 
@@ -43,7 +43,7 @@ def legs(window: ShapeWindow) -> Legs:
     dpv, dop = np.gradient(pv), np.gradient(op)
     ends = reversals(op, REVERSAL * float(np.std(op)))
     sizes = np.abs(np.diff(op[ends]))
-    swings = np.array([np.ptp(pv[a : b + 1]) for a, b in pairwise(ends)])
+    swings = _ranges(pv, ends)
     way, travelled = _travelled(op, ends)
     return Legs(
         leg_size_spread=_spread(sizes),
@@ -54,6 +54,16 @@ def legs(window: ShapeWindow) -> Legs:
         pv_corners=burstiness(np.gradient(dpv)),
         op_corners=burstiness(np.gradient(dop)),
     )
+
+
+@njit(cache=True, nogil=True)
+def _ranges(x: FloatArray, ends: FloatArray) -> FloatArray:
+    """Ranges of x (n,) between each of the indices `ends` and the next, both included."""
+    ranges = np.empty(max(len(ends) - 1, 0))
+    for k in range(len(ranges)):
+        leg = x[ends[k] : ends[k + 1] + 1]
+        ranges[k] = leg.max() - leg.min()
+    return ranges
 
 
 def _spread(x: FloatArray) -> float:
@@ -74,8 +84,7 @@ def _travelled(op: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray
 
 def _explained(values: FloatArray, travelled: FloatArray) -> float:
     """Share of the variance of values (n,) between bins of equal counts of travelled (n,)."""
-    edges = np.quantile(travelled, np.linspace(0.0, 1.0, _BINS + 1)[1:-1])
-    return float(_between_bins(values, travelled, edges))
+    return float(_between_bins(values, travelled, quantiles(travelled, _EDGES)))
 
 
 @njit(cache=True, nogil=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import FloatArray
-from app.engine.sampled import ROUNDING, moving_average, without_line
+from app.engine.sampled import ROUNDING, moving_average, quantiles, without_line
 
 _SAME_STEP = 0.02
 _FEWEST_STEPS = 10
@@ -41,7 +41,7 @@ def limits(window: ShapeWindow) -> Limits:
         op_at_limit=float(max(low.mean(), high.mean())),
         pv_moves_at_limit=max(_moved_within(moves, low), _moved_within(moves, high)),
         pv_quantum=_quantum(moved),
-        pv_least_step=float(np.log10(np.quantile(moved, 0.05) + 1e-3)) if len(moved) else 0.0,
+        pv_least_step=float(np.log10(quantiles(moved, (0.05,))[0] + 1e-3)) if len(moved) else 0.0,
         pv_held=float(np.mean(pv_steps <= ROUNDING)),
         op_held=float(np.mean(op_steps <= ROUNDING)),
     )

@@ -7,7 +7,7 @@ from scipy import fft
 
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import FloatArray
-from app.engine.sampled import ROUNDING, correlation
+from app.engine.sampled import ROUNDING, correlation, hann
 
 _SEGMENT = 3 * PER_CYCLE
 # In segments of three cycles the fundamental is line 3; its neighbours belong to it where the period wanders.
@@ -87,7 +87,7 @@ def _cross_correlation(pv: FloatArray, op: FloatArray) -> tuple[FloatArray, Floa
 def _coherency(pv: FloatArray, op: FloatArray) -> complex:
     size = min(_SEGMENT, len(pv))
     starts = range(0, len(pv) - size + 1, max(size // 2, 1))
-    taper = np.hanning(size)
+    taper = hann(size)
     y = fft.rfft(np.array([pv[s : s + size] * taper for s in starts]), _SEGMENT)[:, _FUNDAMENTAL]
     u = fft.rfft(np.array([op[s : s + size] * taper for s in starts]), _SEGMENT)[:, _FUNDAMENTAL]
     power = np.sqrt(np.sum(np.abs(y) ** 2) * np.sum(np.abs(u) ** 2))

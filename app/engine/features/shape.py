@@ -10,7 +10,7 @@ from scipy import fft
 
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import FloatArray
-from app.engine.sampled import log_kurtosis, skewness
+from app.engine.sampled import hann, log_kurtosis, skewness
 
 ComplexArray = NDArray[np.complex128]
 
@@ -94,7 +94,7 @@ def shape(window: ShapeWindow) -> Shape:
 
 def harmonic_shares(x: FloatArray) -> FloatArray:
     """(5,) shares of the power of x (n,): below the fundamental, fundamental, second, third, above."""
-    lines = fft.rfft(x * np.hanning(len(x)))
+    lines = fft.rfft(x * hann(len(x)))
     power = lines.real**2 + lines.imag**2
     line = np.arange(len(power)) * PER_CYCLE / len(x)
     edges = [0, *np.searchsorted(line, _HARMONIC_EDGES), len(power)]
@@ -112,7 +112,7 @@ def bicoherence(x: FloatArray) -> float:
     if len(starts) < _FEWEST_SEGMENTS:
         return 0.0
     pieces = np.array([x[s : s + size] for s in starts])
-    lines = fft.rfft((pieces - pieces.mean(axis=1, keepdims=True)) * np.hanning(size), axis=1)
+    lines = fft.rfft((pieces - pieces.mean(axis=1, keepdims=True)) * hann(size), axis=1)
     return _coupling(lines, _BISPECTRUM_LINES) - 1.0 / len(starts)
 
 

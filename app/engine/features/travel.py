@@ -8,7 +8,7 @@ from numba import njit
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.patterns import rho_3
 from app.engine.recording import FloatArray
-from app.engine.sampled import ROUNDING, burstiness, correlation
+from app.engine.sampled import ROUNDING, burstiness, correlation, quantiles
 
 REVERSAL = 0.7
 _STILL_BAND = 0.3
@@ -81,7 +81,7 @@ def _pieces(pv: FloatArray, op: FloatArray, size: int) -> tuple[FloatArray, Floa
 
 
 def _flat_share(op_travel: FloatArray, pv_range: FloatArray) -> float:
-    return _share(op_travel, pv_range < 0.3 * np.quantile(pv_range, 0.9))
+    return _share(op_travel, pv_range < 0.3 * quantiles(pv_range, (0.9,))[0])
 
 
 def _share(amount: FloatArray, where: FloatArray) -> float:
