@@ -226,12 +226,13 @@ def test_reflection_keeps_the_shape_of_the_spectrum():
     assert c == pytest.approx([1.0, 0.25])
 
 
-def test_filter_by_c_is_a_recursive_filter():
-    x = np.random.default_rng(8).normal(size=50)
-    c = np.array([0.5, -0.3, 0.1])
-    out = np.zeros(50)
+@pytest.mark.parametrize("samples", [0, 2, 6, 46, 47, 48, 49])
+@pytest.mark.parametrize("order", [0, 1, 3, 4, 12])
+def test_filter_by_c_is_a_recursive_filter(order, samples):
+    rng = np.random.default_rng(8)
+    x, c, out = rng.normal(size=4 + samples), rng.normal(size=order) / (order + 1), np.zeros(4 + samples)
     filter_by_c(x, c, out, 4)
-    assert np.allclose(out[4:], lfilter([1.0], [1.0, *c], x[4:]), atol=1e-12)
-    short = np.zeros(2)
-    filter_by_c(x[:2], c, short, 0)
-    assert np.allclose(short, [x[0], x[1] - 0.5 * x[0]])
+    expected = lfilter([1.0], [1.0, *c], x[4:]) if samples else x[4:]
+    assert np.allclose(out[4:], expected, atol=1e-12)
+    filter_by_c(x, c, x, 4)
+    assert np.array_equal(x[4:], out[4:])

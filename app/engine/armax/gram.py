@@ -129,9 +129,42 @@ def back_substitute(gram: FloatArray, size: int, coefficients: FloatArray) -> No
             coefficients[k] = rest / gram[k, k]
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def eliminate_abreast(grams: FloatArray, k: int, floors: FloatArray, factors: FloatArray) -> None:
+    """`eliminate` of column k in each of M matrices grams (size, size, M), but for the pivots set to 0.
+
+    They lie abreast, because a row of one is too short for vector registers. floors: (M,). factors: (M,) room.
+    """
+    size, abreast = grams.shape[0], grams.shape[2]
+    for i in range(k + 1, size):
+        for m in range(abreast):
+            factors[m] = grams[k, i, m] / grams[k, k, m] if grams[k, k, m] > floors[m] else 0.0
+        for j in range(i, size):
+            for m in range(abreast):
+                grams[i, j, m] -= factors[m] * grams[k, j, m]
+
+
 @njit(cache=True, nogil=True)
-def residual_of(gram: FloatArray, size: int, tolerance: float, diagonal: FloatArray) -> float:
-    """The residual sum of squares (at least 0) of the last column given those before it.
+def residuals_abreast(grams: FloatArray, tolerance: float, residuals: FloatArray) -> None:
+    """The residual sums of squares (M,), at least 0, of the last column given those before it, in each of M matrices.
+
+    grams: (size, size, M) upper triangles, destroyed. tolerance: a column whose residual is below this share of its own
+    sum of squares is left out.
+    """
+    size, abreast = grams.shape[0], grams.shape[2]
+    floors, factors = np.empty((size, abreast)), np.empty(abreast)
+    for k in range(size):
+        floors[k] = tolerance * grams[k, k]
+    for k in range(size - 1):
+        eliminate_abreast(grams, k, floors[k], factors)
+    residuals[:] = np.maximum(grams[size - 1, size - 1], 0.0)
+
+
+@njit(cache=True, nogil=True)
+def solve_least_squares(
+    gram: FloatArray, size: int, tolerance: float, diagonal: FloatArray, coefficients: FloatArray
+) -> float:
+    """Coefficients of the last column on those before it, in place; returns the residual sum of squares (at least 0).
 
     gram: (size, size) upper triangle, destroyed. tolerance: a column whose residual is below this share of its own sum
     of squares is left out. diagonal: (size,) room to work.
@@ -140,17 +173,5 @@ def residual_of(gram: FloatArray, size: int, tolerance: float, diagonal: FloatAr
         diagonal[k] = gram[k, k]
     for k in range(size - 1):
         eliminate(gram, k, size, tolerance * diagonal[k])
-    return max(gram[size - 1, size - 1], 0.0)
-
-
-@njit(cache=True, nogil=True)
-def solve_least_squares(
-    gram: FloatArray, size: int, tolerance: float, diagonal: FloatArray, coefficients: FloatArray
-) -> float:
-    """Coefficients of the last column on those before it, in place; returns what `residual_of` does.
-
-    gram, tolerance, diagonal: as there.
-    """
-    residual = residual_of(gram, size, tolerance, diagonal)
     back_substitute(gram, size, coefficients)
-    return residual
+    return max(gram[size - 1, size - 1], 0.0)

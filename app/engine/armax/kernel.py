@@ -6,6 +6,7 @@ from numba import njit
 from app.engine.armax.gram import (
     add_lagged,
     eliminate,
+    eliminate_abreast,
     fill_lagged_gram,
     fill_own_gram,
     lagged_dot,
@@ -87,21 +88,6 @@ def criterion_value(residual: float, samples: int, parameters: int, logarithmic:
     return (np.log(variance) if logarithmic else variance) + 2.0 * parameters / samples
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def eliminate_abreast(left: FloatArray, k: int, floor: float, factors: FloatArray) -> None:
-    """`eliminate` of column k in each of P matrices left (size, size, P) of the same columns; factors: (P,) room.
-
-    They lie abreast, because a row of one is too short for vector registers.
-    """
-    size, abreast = left.shape[0], left.shape[2]
-    for i in range(k + 1, size):
-        for m in range(abreast):
-            factors[m] = left[k, i, m] / left[k, k, m] if left[k, k, m] > floor else 0.0
-        for j in range(i, size):
-            for m in range(abreast):
-                left[i, j, m] -= factors[m] * left[k, j, m]
-
-
 @njit(cache=True, nogil=True)
 def sweep_orders(
     gram: FloatArray,
@@ -121,7 +107,7 @@ def sweep_orders(
     na, nb, nc = orders
     size = na + nb + nc + 1
     smallest = SMALLEST_RESIDUAL * gram[size - 1, size - 1]
-    factors = np.empty(na * nb)
+    floors, factors = np.empty(na * nb), np.empty(na * nb)
     room[0] = gram
     for i in range(na):
         eliminate(room[0], i, size, COLLINEAR * gram[i, i])
@@ -134,7 +120,8 @@ def sweep_orders(
     for k in range(nc + 1):
         if k > 0:
             e = na + nb + k - 1
-            eliminate_abreast(left, k - 1, COLLINEAR * gram[e, e], factors)
+            floors[:] = COLLINEAR * gram[e, e]
+            eliminate_abreast(left, k - 1, floors, factors)
         for i in range(na):
             for j in range(nb):
                 residual = max(left[nc, nc, i * nb + j], smallest)

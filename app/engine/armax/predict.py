@@ -57,29 +57,51 @@ def reflect_to_stable(c: FloatArray) -> None:
         c[:] = 0.0
 
 
-@njit(cache=True, nogil=True, fastmath=_REORDERED_SUMS)
+@njit(cache=True, nogil=True, fastmath={"contract"})
 def filter_by_c(x: FloatArray, c: FloatArray, out: FloatArray, first: int) -> None:
-    """out = x / C(q) from sample `first` on, at rest before it; in place where out is x."""
-    n = len(c)
-    samples = len(x) - first
+    """out = x / C(q) from sample `first` on, at rest before it; in place where out is x.
+
+    Four samples at a time: they share what they read of the samples before, and wait for each other only at the end.
+    """
+    n = max(len(c), 3)
     late_x, late_out = x[first:], out[first:]
-    for t in range(min(n, samples)):
-        total = late_x[t]
-        for k in range(t):
-            total -= c[k] * late_out[t - 1 - k]
-        late_out[t] = total
-    if n == 0:
-        late_out[:] = late_x
-    if n == 0 or samples <= n:
+    oldest_first = np.zeros(n)
+    oldest_first[n - len(c) :] = c[::-1]
+    begun = min(n, len(late_x))
+    _filter_one_by_one(late_x, c, late_out, 0, begun)
+    if begun < n:
         return
-    # The newest value comes last and from a register, so that only one product waits for it.
-    older, newest = c[:0:-1].copy(), late_out[n - 1]
-    for t in range(samples - n):
-        total = late_x[t + n]
-        for k in range(n - 1):
-            total -= older[k] * late_out[t + k]
-        newest = total - c[0] * newest
-        late_out[t + n] = newest
+    c1, c2, c3, further = oldest_first[n - 1], oldest_first[n - 2], oldest_first[n - 3], oldest_first[: n - 3]
+    third, second, last = late_out[n - 3], late_out[n - 2], late_out[n - 1]
+    fours = (len(late_x) - n) // 4
+    for four in range(fours):
+        new, known = late_x[n + 4 * four : n + 4 * four + 4], late_out[4 * four : 4 * four + n + 4]
+        e0, e1, e2, e3 = new[0], new[1], new[2], new[3]
+        out0, out1, out2 = known[0], known[1], known[2]
+        for k in range(len(further)):
+            tap, out3 = further[k], known[k + 3]
+            e0 -= tap * out0
+            e1 -= tap * out1
+            e2 -= tap * out2
+            e3 -= tap * out3
+            out0, out1, out2 = out1, out2, out3
+        e0 = e0 - c3 * third - c2 * second - c1 * last
+        e1 = e1 - c3 * second - c2 * last - c1 * e0
+        e2 = e2 - c3 * last - c2 * e0 - c1 * e1
+        e3 = e3 - c3 * e0 - c2 * e1 - c1 * e2
+        known[n], known[n + 1], known[n + 2], known[n + 3] = e0, e1, e2, e3
+        third, second, last = e1, e2, e3
+    _filter_one_by_one(late_x, c, late_out, n + 4 * fours, len(late_x))
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _filter_one_by_one(x: FloatArray, c: FloatArray, out: FloatArray, begin: int, end: int) -> None:
+    """out = x / C(q) for the samples begin..end-1, at rest before sample 0."""
+    for t in range(begin, end):
+        total = x[t]
+        for k in range(min(t, len(c))):
+            total -= c[k] * out[t - 1 - k]
+        out[t] = total
 
 
 @njit(cache=True, nogil=True)

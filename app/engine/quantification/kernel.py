@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from app.engine.armax.gram import fill_lagged_gram, fill_own_gram, residual_of
+from app.engine.armax.gram import fill_lagged_gram, fill_own_gram, residuals_abreast
 from app.engine.recording import FloatArray
 from app.engine.valve import he_step, kano_start, kano_step
 
@@ -55,7 +55,7 @@ def residuals(
     first = max(lags_pv, lags_v + first_lag)
     size = lags_pv + lags_v + 1
     own, across = np.empty((lags_pv + 1, lags_pv + 1)), np.empty((lags_pv + 1, lags_v))
-    gram, diagonal = np.zeros((size, size)), np.empty(size)
+    gram, grams = np.zeros((size, size)), np.empty((size, size, len(jumps)))
     out, v = np.empty((len(S), len(jumps))), np.empty(len(op))
     fill_own_gram(own, 0, pv, (0, lags_pv + 1), first)
     for a in range(len(S)):
@@ -70,5 +70,6 @@ def residuals(
             gram[:lags_pv, size - 1] = own[0, 1:]
             gram[lags_pv : size - 1, size - 1] = across[0]
             gram[size - 1, size - 1] = own[0, 0]
-            out[a, b] = residual_of(gram, size, _COLLINEAR, diagonal)
+            grams[:, :, b] = gram
+        residuals_abreast(grams, _COLLINEAR, out[a])
     return out
