@@ -32,6 +32,26 @@ def test_a_valve_counts_once_and_both_classes_alike():
     np.testing.assert_allclose(weight, [0.25, 0.25, 0.5, 1.0])
 
 
+def test_a_label_that_is_not_sure_counts_less_within_its_class():
+    weight = valve_weights(np.array(["a", "b", "c"]), np.array([1, 1, 0]), np.array([1.0, 0.25, 0.25]))
+    np.testing.assert_allclose(weight, [0.8, 0.2, 1.0])
+
+
+def test_a_sure_label_outweighs_two_doubtful_ones_that_say_the_opposite():
+    clear, doubted = samples(400, 0), samples(400, 1)
+    labels = np.concatenate((clear.sticky, 1 - doubted.sticky, 1 - doubted.sticky))
+    valves = np.array([str(k) for k in range(1200)])
+    values = np.concatenate((clear.values, doubted.values, doubted.values))
+
+    def right(trust: np.ndarray) -> float:
+        real = Samples(values, labels, valve_weights(valves, labels, trust))
+        model = fit(real, samples(40, 2), FitConfig(networks=1, steps=60, real_share=0.98))
+        test = samples(400, 3)
+        return float(((model.raw_log_odds(test.values) > 0) == (test.sticky == 1)).mean())
+
+    assert right(np.repeat([1.0, 0.25], [400, 800])) > right(np.ones(1200)) + 0.1
+
+
 def test_fit_separates_and_keeps_the_signs_of_physics():
     model = fit(samples(80, 0), samples(400, 1), FitConfig(networks=1, steps=60))
     test = samples(200, 2)
@@ -128,6 +148,14 @@ def test_the_report_names_who_is_on_the_wrong_side():
     assert "| y | sticky | 0.10 | reliable |" in text
 
 
+def test_the_report_tells_sure_labels_from_others():
+    valves, sticky = np.array(["a", "b", "b", "c", "d"]), np.array([1, 0, 0, 1, 1])
+    tiers, probability = np.array(["stated"] * 4 + ["likely"]), np.array([0.9, 0.6, 0.6, 0.3, 0.8])
+    text = report.by_tier(valves, sticky, tiers, probability)
+    assert "| stated | 3 | 2 | 0.500 | 0.250 |" in text
+    assert "| likely | 1 | 1 | - | - |" in text
+
+
 def test_simulated_loops_are_the_same_for_the_same_seed_and_hold_both_classes():
     one, two = list(known_loops(12, 5)), list(known_loops(12, 5))
     assert {loop.cause == "stiction" for loop in one} == {True, False}
@@ -159,3 +187,16 @@ def test_a_labelled_file_of_two_loops_is_refused(tmp_path):
     (tmp_path / "two.csv").write_text("time,A.PV,A.OP,B.PV,B.OP\n" + "\n".join(rows) + "\n")
     with pytest.raises(DataError, match="2 loops"):
         recordings.read(tmp_path / "two.csv")
+
+
+def test_a_label_without_a_tier_is_a_sure_one(tmp_path):
+    rng = np.random.default_rng(4)
+    rows = [f"{k},50,{rng.normal():.4f},{rng.normal():.4f}" for k in range(200)]
+    for name in ("one", "two"):
+        (tmp_path / f"{name}.csv").write_text("time,SP,PV,OP\n" + "\n".join(rows) + "\n")
+    head = "recording,valve,source,label,cause"
+    (tmp_path / "labels.csv").write_text(f"{head}\none,V1,ours,stiction,\n")
+    assert [loop.trust for loop in recordings.labelled(tmp_path)] == [1.0]
+    (tmp_path / "labels.csv").write_text(f"{head},tier\none,V1,ours,stiction,,stated\ntwo,V2,ours,stiction,,likely\n")
+    sure, likely = recordings.labelled(tmp_path)
+    assert 0.0 < likely.trust < sure.trust == 1.0

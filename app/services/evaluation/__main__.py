@@ -55,7 +55,7 @@ def main(arguments: list[str] | None = None) -> int:
     if options.verdicts:
         options.verdicts.write_text("".join(_line(loop, j) for loop, j in zip(loops, judged, strict=True)))
     if options.write:
-        whole = Samples(table.values, table.sticky, valve_weights(table.valves, table.sticky))
+        whole = table.samples()
         version = parameters.write(replace(fit(whole, simulated, config), calibration=calibration), _PARAMETERS)
         _say(f"wrote {_PARAMETERS.name}, version {version}")
     return 0
@@ -79,11 +79,12 @@ def _table(loops: list[Labelled]) -> Table:
         np.array([loop.features.values for loop in loops if loop.features is not None]),
         np.array([loop.valve for loop in loops]),
         np.array([loop.sticky for loop in loops], dtype=np.int64),
+        np.array([loop.trust for loop in loops]),
     )
 
 
 def _models_without_each_valve(table: Table, simulated: Samples, config: FitConfig) -> dict[str, ShapeModel]:
-    whole = Samples(table.values, table.sticky, valve_weights(table.valves, table.sticky))
+    whole = table.samples()
     valves: TextArray = np.unique(table.valves)
     return {str(v): fit(whole.part(table.valves != v), simulated, config) for v in valves}
 
@@ -131,6 +132,8 @@ def _print(loops: list[Labelled], judged: list[Judgement], models: dict[str, Sha
     _say("\nReliability diagram\n\n" + report.reliability_diagram(valves, sticky, probability))
     _say("\nAccuracy against coverage\n\n" + report.accuracy_coverage(valves, sticky, probability))
     scores = component_scores(loops, models, reference)
+    tiers = np.array([loop.tier for loop in loops])
+    _say("\nBy how sure the label is\n\n" + report.by_tier(valves, sticky, tiers, probability))
     _say("\nEach component alone\n\n" + report.components(valves, sticky, [("verdict", probability), *scores]))
     names = [loop.recording.name for loop in loops]
     _say("\nOn the wrong side\n\n" + report.failures(names, [loop.cause for loop in loops], sticky, judged))
@@ -147,7 +150,7 @@ def _print_nested(
 
 def _print_pairs(loops: list[Labelled], table: Table, raw: FloatArray, against: FloatArray, simulated: Samples) -> None:
     """The AUC of pairs of valves, fit and calibration without either."""
-    whole = Samples(table.values, table.sticky, valve_weights(table.valves, table.sticky))
+    whole = table.samples()
 
     def compared(*pair: str) -> tuple[float, float]:
         model = fit(whole.part(~np.isin(table.valves, pair)), simulated, FitConfig())

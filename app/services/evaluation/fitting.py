@@ -67,10 +67,10 @@ def class_weights(weight: FloatArray, sticky: IntArray) -> FloatArray:
     return weight / total[sticky]
 
 
-def valve_weights(valves: TextArray, sticky: IntArray) -> FloatArray:
-    """(n,) every valve counts once, however many recordings it has, and both classes count alike."""
+def valve_weights(valves: TextArray, sticky: IntArray, trust: FloatArray | float = 1.0) -> FloatArray:
+    """(n,) a valve counts once times its label's trust, however many recordings it has; both classes count alike."""
     _, valve, count = np.unique(valves, return_inverse=True, return_counts=True)
-    return class_weights(1.0 / count[valve], sticky)
+    return class_weights(trust / count[valve], sticky)
 
 
 def resembling_weights(simulated: Samples, real: FloatArray) -> Samples:

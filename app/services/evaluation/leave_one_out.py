@@ -13,17 +13,23 @@ from app.services.evaluation.fitting import (
     TextArray,
     class_weights,
     resembling_weights,
+    valve_weights,
 )
 from app.services.evaluation.plants import known_loops
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Features (n, F) of n recordings with their valves (n,) and labels (n,)."""
+    """Features (n, F) of n recordings with their valves (n,), their labels (n,) and what these count in a fit (n,)."""
 
     values: FloatArray
     valves: TextArray
     sticky: IntArray
+    trust: FloatArray
+
+    def samples(self) -> Samples:
+        """All recordings, ready to be fitted."""
+        return Samples(self.values, self.sticky, valve_weights(self.valves, self.sticky, self.trust))
 
 
 def simulated_samples(count: int, seed: int, real: FloatArray) -> Samples:

@@ -11,10 +11,17 @@ from app.engine.recording import Recording
 from app.errors import DataError
 from app.ingest import read_recordings
 
+STATED = "stated"
+"""The tier of a label that the plant or the data base itself gives, and of one that is given without a tier."""
+_TRUST_OF_OTHERS = 0.25
+
 
 @dataclass(frozen=True, eq=False)
 class Labelled:
-    """One recording with its label. features: None where PV or OP does not vary or the recording is not fit."""
+    """One recording with its label. features: None where PV or OP does not vary or the recording is not fit.
+
+    tier: how sure the label is; one that is not `stated` is likely, or said by later literature only.
+    """
 
     recording: Recording
     valve: str
@@ -25,6 +32,15 @@ class Labelled:
     fitness: Fitness
     oscillation: Oscillation | None
     features: Features | None
+
+    @property
+    def trust(self) -> float:
+        """What the label counts in a fit.
+
+        One that is right with probability r tells (2 r - 1)^2 of what a sure one does; one that is not stated is taken
+        to be right three times of four.
+        """
+        return 1.0 if self.tier == STATED else _TRUST_OF_OTHERS
 
 
 def labelled(folder: Path) -> list[Labelled]:
@@ -47,7 +63,7 @@ def _labelled(row: dict[str, str], recording: Recording) -> Labelled:
         recording,
         row["valve"],
         row["source"],
-        row["tier"],
+        row.get("tier") or STATED,
         row["cause"],
         row["label"] == "stiction",
         fitness,

@@ -49,6 +49,19 @@ def accuracy_coverage(valves: TextArray, sticky: IntArray, probability: FloatArr
     return _table(("surest share", "valves", "right"), rows)
 
 
+def by_tier(valves: TextArray, sticky: IntArray, tiers: TextArray, probability: FloatArray) -> str:
+    """AUC and forced balanced accuracy among the valves of each tier of labels; "-" where a class is missing in it."""
+    rows = []
+    for tier in np.unique(tiers):
+        inside = tiers == tier
+        label, p = valve_labels(valves[inside], sticky[inside]), by_valve(valves[inside], probability[inside])[1]
+        both = 0 < label.sum() < len(label)
+        forced = f"{balanced((p > 0.5) == (label == 1), label):.3f}" if both else "-"
+        auc = f"{area_under_curve(p, label):.3f}" if both else "-"
+        rows.append((str(tier), str(len(label)), str(int(label.sum())), auc, forced))
+    return _table(("label", "valves", "sticky", "AUC", "forced balanced accuracy"), rows)
+
+
 def components(valves: TextArray, sticky: IntArray, scores: Iterable[tuple[str, FloatArray]]) -> str:
     """AUC of each component alone, and its balanced accuracy at the threshold that suits these recordings best."""
     rows = []
