@@ -138,7 +138,7 @@ def _doubts(
     if oscillation.cycles < config.min_cycles:
         text = f"the record holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be trusted"
         doubts.append(Reason("few_cycles", text))
-    if weighing.window_spread > config.max_window_spread:
+    if weighing.window_spread > config.max_window_spread * abs(weighing.log_odds):
         doubts.append(Reason("windows_disagree", "parts of the record say different things about the valve"))
     if verdict == "no_stiction":
         doubts.extend(_uncoupled(weighing, config))

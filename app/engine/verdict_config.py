@@ -16,7 +16,8 @@ class VerdictConfig:
     min_coupling: least cross-correlation of PV and OP for a reliable verdict of no stiction.
     max_following, max_wave: for reliable stiction, PV and OP may follow the set point up to this strength of the rival,
     and one sine that keeps its phase may explain up to this share of both.
-    max_window_spread: largest standard deviation of the log-odds between windows for a reliable verdict.
+    max_window_spread: largest standard deviation of the log-odds between windows for a reliable verdict, over the log-odds
+    themselves: from one on, windows reach the other side.
     max_filled_share: largest share of filled samples for a reliable verdict; min_automatic_share: least in automatic.
     parameters_version: of the fitted numbers, so that a stored verdict says which ones it came from.
     """
@@ -27,7 +28,7 @@ class VerdictConfig:
     strong_swing: float = 0.4
     reliable_no_stiction_to: float = 0.25
     min_cycles: float = 5.0
-    max_window_spread: float = 1.5
+    max_window_spread: float = 1.0
     max_filled_share: float = 0.1
     min_automatic_share: float = 0.5
     min_coupling: float = 0.4
