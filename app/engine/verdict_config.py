@@ -16,8 +16,8 @@ class VerdictConfig:
     min_coupling: least cross-correlation of PV and OP for a reliable verdict of no stiction.
     max_following, max_wave: for reliable stiction, PV and OP may follow the set point up to this strength of the rival,
     and one sine that keeps its phase may explain up to this share of both.
-    max_window_spread: largest standard deviation of the log-odds between windows for a reliable verdict, over the log-odds
-    themselves: from one on, windows reach the other side.
+    max_window_spread: largest standard deviation of the log-odds between windows for a reliable verdict, over the
+    log-odds themselves: from one on, windows reach the other side.
     max_filled_share: largest share of filled samples for a reliable verdict; min_automatic_share: least in automatic.
     parameters_version: of the fitted numbers, so that a stored verdict says which ones it came from.
     """

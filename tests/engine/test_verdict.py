@@ -1,5 +1,7 @@
 """The verdict: right on textbook loops, the same in any unit, never surer than its data."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -20,7 +22,7 @@ from app.engine.simulate import (
     rebuild,
     simulate_loop,
 )
-from app.engine.verdict import judge, weigh
+from app.engine.verdict import conclude, judge, weigh
 from app.engine.verdict_config import VerdictConfig
 from app.engine.verdict_wording import spoken
 
@@ -175,3 +177,13 @@ def test_fitted_numbers_fit_the_features():
 
 def test_wording_speaks_of_features_only():
     assert set(spoken(True)) | set(spoken(False)) <= set(NAMES)
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize(("spread", "disagree"), [(0.8, False), (1.2, True)])
+def test_windows_disagree_where_their_spread_reaches_the_other_side_whatever_the_scale(scale, spread, disagree):
+    fitness = assess(sticky())
+    oscillation = detect(fitness.record)
+    weighing = replace(weigh(fitness.record, oscillation), log_odds=2.5 * scale, window_spread=2.5 * scale * spread)
+    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), None, VerdictConfig())
+    assert ("windows_disagree" in {reason.code for reason in said.reasons}) is disagree
