@@ -7,9 +7,11 @@ import pytest
 
 from app.engine.oscillation import detect
 from app.engine.quantification import QuantificationConfig, quantify
+from app.engine.quantification.kernel import he_stems, kano_stems, residuals
 from app.engine.quantification.quantify import lively_range
 from app.engine.recording import UniformRecord
 from app.engine.simulate import LinearValve, LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
+from app.engine.valve import two_parameter_he, two_parameter_kano
 
 _STICKY = LoopSpec(
     plant=first_order(1.0, 10.0, 2.0),
@@ -112,3 +114,29 @@ def test_lively_range_is_over_four_of_five_cycles():
     op = np.concatenate([[0.0, k] for k in (1.0, 1.0, 1.0, 1.0, 1.0, 9.0)])
     assert lively_range(op, 2) == 1.0
     assert lively_range(np.array([0.0, 5.0]), 10) == 5.0
+
+
+def test_stems_of_a_grid_move_as_the_valve_models_say():
+    rng = np.random.default_rng(5)
+    op = np.cumsum(rng.standard_normal(333))
+    S, J = np.repeat([0.0, 1.0, 4.0], 3), np.array([0.0, 0.0, 0.0, 0.0, 0.5, 1.0, 0.0, 3.0, 5.0])
+    for stems, model in ((he_stems, two_parameter_he), (kano_stems, two_parameter_kano)):
+        v = np.empty((len(S), len(op)))
+        means = stems(op, S, J, v)
+        np.testing.assert_array_equal(v, model(op, S, J))
+        np.testing.assert_allclose(means, v.mean(axis=1), rtol=1e-12)
+
+
+@pytest.mark.parametrize("valves", [1, 5, 32, 50])
+def test_valves_abreast_are_valves_one_by_one(valves):
+    rng = np.random.default_rng(6)
+    op, pv = np.cumsum(rng.standard_normal(400)), rng.standard_normal(400)
+    S = np.linspace(0.5, 6.0, valves)
+    together = residuals(pv, op, 1, S, 0.5 * S, False, 3, 4)
+    alone = [residuals(pv, op, 1, S[m : m + 1], 0.5 * S[m : m + 1], False, 3, 4)[0] for m in range(valves)]
+    np.testing.assert_allclose(together, alone, rtol=1e-12)
+    stem = two_parameter_he(op, S[-1:], 0.5 * S[-1:])[0]
+    stem = stem - stem.mean()
+    lags = np.column_stack([pv[5 - i : -i] for i in (1, 2, 3)] + [stem[5 - j : -j] for j in (1, 2, 3, 4)])
+    left = pv[5:] - lags @ np.linalg.lstsq(lags, pv[5:], rcond=None)[0]
+    np.testing.assert_allclose(together[-1], left @ left, rtol=1e-9)

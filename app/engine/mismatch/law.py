@@ -72,7 +72,9 @@ def share_explained(moves: FloatArray, left: FloatArray) -> float:
     return float(1.0 - np.var(left) / max(np.var(moves), 1e-300))
 
 
-def identify_law(sp: FloatArray | None, pv: FloatArray, op: FloatArray, usable: BoolArray | None = None) -> Law:
+def identify_law(
+    sp: FloatArray | None, pv: FloatArray, op: FloatArray, usable: BoolArray | None = None
+) -> Law:
     """The incremental PID law by least squares over the samples where OP moves. sp, pv, op: (N,). usable: (N,) False
     where PV was filled in or is at fault.
 

@@ -1,27 +1,49 @@
-"""One-step prediction of PV behind every valve of a grid, compiled: one regression a valve."""
+"""One-step prediction of PV behind every valve of a grid, compiled: one regression a valve, many valves abreast."""
 
 import numpy as np
 from numba import njit
 
 from app.engine.armax.gram import fill_lagged_gram, fill_own_gram, residuals_abreast
 from app.engine.recording import FloatArray
-from app.engine.valve import he_step, kano_start, kano_step
+from app.engine.valve import kano_start, kano_step
 
 _COLLINEAR = 1e-9
+_ABREAST = 32
+_SAMPLES_ABREAST = 64
 
 
 @njit(cache=True, nogil=True)
-def stem(op: FloatArray, kano: bool, S: float, J: float, v: FloatArray) -> None:
-    """v (N,) of Kano's or He's valve in the unit of OP, at rest at the first sample."""
-    state = np.zeros(6)
-    if kano:
-        kano_start(op[0], state, S, J)
+def he_stems(op: FloatArray, S: FloatArray, J: FloatArray, v: FloatArray) -> FloatArray:
+    """v (M, N) of He's valves in the unit of OP, at rest at the first sample, all abreast; returns their means (M,)."""
+    x, reach, behind = np.full(len(S), op[0]), 0.5 * (S + J), 0.5 * (S - J)
+    total = np.zeros(len(S))
+    moved = np.empty((_SAMPLES_ABREAST, len(S)))
+    for begin in range(0, len(op), _SAMPLES_ABREAST):
+        part = op[begin : begin + _SAMPLES_ABREAST]
+        for t in range(len(part)):
+            u = part[t]
+            for m in range(len(x)):
+                force = u - x[m]
+                slipped = u - behind[m] if force > 0.0 else u + behind[m]
+                x[m] = slipped if abs(force) > reach[m] else x[m]
+                moved[t, m] = x[m]
+                total[m] += x[m]
+        for m in range(len(x)):
+            for t in range(len(part)):
+                v[m, begin + t] = moved[t, m]
+    return total / len(op)
+
+
+@njit(cache=True, nogil=True)
+def kano_stems(op: FloatArray, S: FloatArray, J: FloatArray, v: FloatArray) -> FloatArray:
+    """v (M, N) of Kano's valves in the unit of OP, at rest at the first sample; returns their means (M,)."""
+    state, total = np.zeros(6), np.zeros(len(S))
+    for m in range(len(S)):
+        kano_start(op[0], state, S[m], J[m])
         for t in range(len(op)):
-            v[t] = kano_step(op[t], state, S, J)
-        return
-    state[0], state[1] = op[0], op[0]
-    for t in range(len(op)):
-        v[t] = he_step(op[t], state, S, J)
+            v[m, t] = kano_step(op[t], state, S[m], J[m])
+            total[m] += v[m, t]
+    return total / len(op)
 
 
 @njit(cache=True, nogil=True)
@@ -40,36 +62,61 @@ def residuals(
     op: FloatArray,
     stride: int,
     S: FloatArray,
-    jumps: FloatArray,
-    kano: np.ndarray,
+    J: FloatArray,
+    kano: bool,
     lags_pv: int,
     lags_v: int,
 ) -> FloatArray:
-    """Sum of squared one-step errors (len(S), len(jumps)) of PV on its own and the stem's last samples.
+    """Sum of squared one-step errors (M,) of PV on its own and the stem's last samples, one for each valve.
 
-    pv: (n,) about its mean, every `stride`-th sample. op: (n stride,). S: (.,) unit of OP. jumps: (.,) J / S of the
-    valve forms, Kano's where kano (.,) is True, He's elsewhere. The stem acts from the sample after on (thinned: from
-    the mean of the samples since the one before on), so that the controller's way from PV to OP is no explanation.
+    pv: (n,) about its mean, every `stride`-th sample. op: (n stride,). S, J: (M,) unit of OP, of Kano's valves or of
+    He's. The stem acts from the sample after on (thinned: from the mean of the samples since the one before on), so
+    that the controller's way from PV to OP is no explanation.
     """
     first_lag = 1 if stride == 1 else 0
     first = max(lags_pv, lags_v + first_lag)
-    size = lags_pv + lags_v + 1
-    own, across = np.empty((lags_pv + 1, lags_pv + 1)), np.empty((lags_pv + 1, lags_v))
-    gram, grams = np.zeros((size, size)), np.empty((size, size, len(jumps)))
-    out, v = np.empty((len(S), len(jumps))), np.empty(len(op))
+    goal, abreast = lags_pv + lags_v, min(_ABREAST, len(S))
+    own, across = np.zeros((lags_pv + 1, lags_pv + 1)), np.empty((lags_pv + 1, lags_v))
+    stem, grams = np.zeros((lags_v, lags_v)), np.zeros((goal + 1, goal + 1, abreast))
+    out, v = np.empty(len(S)), np.empty((abreast, len(op)))
     fill_own_gram(own, 0, pv, (0, lags_pv + 1), first)
-    for a in range(len(S)):
-        for b in range(len(jumps)):
-            stem(op, kano[b], S[a], S[a] * jumps[b], v)
-            w = thinned(v, stride) if stride > 1 else v
-            w = w - w.mean()
+    for place in range(0, len(S), abreast):
+        begin = min(place, len(S) - abreast)  # the last ones may overlap those before: the same errors again
+        valves = slice(begin, begin + abreast)
+        means = kano_stems(op, S[valves], J[valves], v) if kano else he_stems(op, S[valves], J[valves], v)
+        _fill_pv(grams, own, lags_pv)
+        for m in range(abreast):
+            if stride > 1:
+                w = thinned(v[m], stride)
+                w -= w.mean()
+            else:
+                w = v[m] - means[m]
             fill_lagged_gram(across, 0, 0, pv, w, (0, lags_pv + 1, first_lag, lags_v), first)
-            fill_own_gram(gram, lags_pv, w, (first_lag, lags_v), first)
-            gram[:lags_pv, :lags_pv] = own[1:, 1:]
-            gram[:lags_pv, lags_pv : size - 1] = across[1:]
-            gram[:lags_pv, size - 1] = own[0, 1:]
-            gram[lags_pv : size - 1, size - 1] = across[0]
-            gram[size - 1, size - 1] = own[0, 0]
-            grams[:, :, b] = gram
-        residuals_abreast(grams, _COLLINEAR, out[a])
+            fill_own_gram(stem, 0, w, (first_lag, lags_v), first)
+            _fill_stem(grams, m, across, stem)
+        residuals_abreast(grams, _COLLINEAR, out[valves])
     return out
+
+
+@njit(cache=True, nogil=True)
+def _fill_pv(grams: FloatArray, own: FloatArray, lags_pv: int) -> None:
+    """The lags of PV and PV itself, which no valve changes, into the upper triangles grams (size, size, M)."""
+    goal = grams.shape[0] - 1
+    for i in range(lags_pv):
+        grams[i, goal] = own[0, i + 1]
+        for j in range(i, lags_pv):
+            grams[i, j] = own[i + 1, j + 1]
+    grams[goal, goal] = own[0, 0]
+
+
+@njit(cache=True, nogil=True)
+def _fill_stem(grams: FloatArray, m: int, across: FloatArray, stem: FloatArray) -> None:
+    """The lags of the m-th stem against those of PV and against each other, likewise."""
+    lags_v, goal = stem.shape[0], grams.shape[0] - 1
+    lags_pv = goal - lags_v
+    for j in range(lags_v):
+        grams[lags_pv + j, goal, m] = across[0, j]
+        for i in range(lags_pv):
+            grams[i, lags_pv + j, m] = across[i + 1, j]
+        for i in range(j + 1):
+            grams[lags_pv + i, lags_pv + j, m] = stem[i, j]

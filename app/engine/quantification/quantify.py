@@ -68,17 +68,20 @@ def _weights(pv: FloatArray, op: FloatArray, stride: int, config: Quantification
     pv = pv / pv.std()
     low, high, count = config.S_shares
     shares = np.geomspace(low, high, count)
-    jumps = np.array((*config.he_jumps, *config.kano_jumps))
-    kano = np.arange(len(jumps)) >= len(config.he_jumps)
     op = np.ascontiguousarray(op)
 
-    def errors(S: FloatArray, J: FloatArray, form: FloatArray) -> FloatArray:
-        return residuals(pv, op, stride, S, J, form, config.lags_pv, config.lags_v)
+    def errors(S: FloatArray, jumps: FloatArray, kano: bool) -> FloatArray:
+        """(S, jumps) for each jump J / S of one valve form."""
+        J = np.outer(S, jumps)
+        found = residuals(pv, op, stride, np.repeat(S, len(jumps)), J.ravel(), kano, config.lags_pv, config.lags_v)
+        return found.reshape(J.shape)
 
-    linear = float(errors(np.zeros(1), np.zeros(1), np.zeros(1, dtype=np.bool_))[0, 0])
+    linear = float(errors(np.zeros(1), np.zeros(1), False)[0, 0])
+    he = errors(shares, np.array(config.he_jumps), False)
+    kano = errors(shares, np.array(config.kano_jumps), True)
     first = max(config.lags_pv, config.lags_v + (stride == 1))
     total = float(pv[first:] @ pv[first:])
-    return weigh(errors(shares, jumps, kano), linear, total, len(pv) - first, shares, config)
+    return weigh(np.hstack((he, kano)), linear, total, len(pv) - first, shares, config)
 
 
 def _size(
