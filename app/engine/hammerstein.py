@@ -180,22 +180,23 @@ def _identify(scaled: _Scaled, v: FloatArray, space: SearchSpace, config: Hammer
     first_alike = _first_alike(v)
     distinct, places = np.unique(first_alike, return_inverse=True)
     search = search_orders(scaled.pv, v[distinct], space, config.criterion, config.stages)
-    search = polish(scaled.pv, v[distinct], search, config.curve_steps).at(places)
-    candidates = _candidates(search, config)
-    fitted = {m: _model_at(m, scaled, v, search, config) for m in sorted({int(first_alike[m]) for m in candidates})}
-    models = {m: fitted[int(first_alike[m])] for m in candidates}
+    search = polish(scaled.pv, v[distinct], search, config.curve_steps)
+    candidates = _candidates(search.rmse[places], config)
+    asked = sorted({int(places[m]) for m in candidates})
+    fitted = {k: _model_at(k, scaled, v[distinct[k]], search, config) for k in asked}
+    models = {m: fitted[int(places[m])] for m in candidates}
     rmse_refined = np.full(len(v), np.nan)
     if config.refined > 0:
         rmse_refined[list(models)] = [model.rmse for model in models.values()]
     best = min(models, key=lambda m: (models[m].rmse, m))
     return GridResult(
         space=space,
-        rmse=search.rmse * scaled.pv_scale,
+        rmse=search.rmse[places] * scaled.pv_scale,
         rmse_refined=rmse_refined,
-        aic=search.aic,
-        na=search.na,
-        nb=search.nb,
-        nc=search.nc,
+        aic=search.aic[places],
+        na=search.na[places],
+        nb=search.nb[places],
+        nc=search.nc[places],
         best=best,
         model=models[best],
         model_without_stiction=models[0],
@@ -220,14 +221,15 @@ def _first_alike(v: FloatArray) -> IntArray:
     return alike
 
 
-def _candidates(search: OrderSearch, config: HammersteinConfig) -> list[int]:
+def _candidates(rmse: FloatArray, config: HammersteinConfig) -> list[int]:
     """No stiction and the lowest points of the curve, the smaller band first where two are level."""
-    lowest = np.argsort(search.rmse, kind="stable")[: max(config.refined, 1)]
+    lowest = np.argsort(rmse, kind="stable")[: max(config.refined, 1)]
     return sorted({0, *(int(m) for m in lowest)})
 
 
-def _model_at(m: int, scaled: _Scaled, v: FloatArray, search: OrderSearch, config: HammersteinConfig) -> ArmaxModel:
+def _model_at(k: int, scaled: _Scaled, v: FloatArray, search: OrderSearch, config: HammersteinConfig) -> ArmaxModel:
+    """The model behind one stem v (N,), the k-th of the search."""
     steps = config.steps if config.refined > 0 else 0
-    fitted = refine(scaled.pv, v[m], search.order(m), search, m, steps, config.tolerance)
+    fitted = refine(scaled.pv, v, search.order(k), search, k, steps, config.tolerance)
     gain = scaled.pv_scale / scaled.op_scale
     return replace(fitted, b=fitted.b * gain, rmse=fitted.rmse * scaled.pv_scale)

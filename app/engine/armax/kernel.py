@@ -235,8 +235,10 @@ def search_grid(
     a: FloatArray,
     b: FloatArray,
     c: FloatArray,
+    model_errors: FloatArray,
 ) -> None:
-    """The whole search: chosen (M, 3) orders, figures (M, 2) with AIC and RMSE, and coefficients, all in place.
+    """The whole search: chosen (M, 3) orders, figures (M, 2) with AIC and RMSE, coefficients and the chosen
+    models' one-step prediction errors (M, N), all in place.
 
     y: (N,) and the rows of v (M, N) are deviations from their mean. fixed: an order to take instead of the least AIC,
     or (0, 0, 0). Every order of every valve position is judged over the same samples, p + nc..N-1.
@@ -247,12 +249,13 @@ def search_grid(
     samples = len(y) - first
     yy, yv, vv = np.zeros((p + 1, p + 1)), np.empty((p + 1, p)), np.zeros((p, p))
     gram, room = np.zeros((size, size)), np.zeros((3, size, size))
-    long_room, errors = np.empty((2 * p + 3, 2 * p + 1)), np.empty(len(y))
+    long_room = np.empty((2 * p + 3, 2 * p + 1))
     left, values = np.empty((nc + 1, nc + 1, na * nb)), np.empty((na, nb, nc + 1))
     filtered = np.zeros((3, len(y)))
     best = (1, 1, nc_min)
     fill_own_gram(yy, 0, y, (0, p + 1), first)
     for m in range(v.shape[0]):
+        errors = model_errors[m]
         fill_lagged_gram(yv, 0, 0, y, v[m], (0, p + 1, 1, p), first)
         fill_own_gram(vv, 0, v[m], (1, p), first)
         long_autoregression(y, v[m], yy, yv, vv, long_room, errors)

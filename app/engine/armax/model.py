@@ -1,6 +1,6 @@
 """What an ARMAX search asks and answers: A(q) y = B(q) v + C(q) e with at least one sample of delay in B."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -62,8 +62,9 @@ class OrderSearch:
 
     na, nb, nc: (M,). aic: (M,) the criterion's least value. rmse: (M,) root mean square of the one-step prediction
     error of the chosen model over the samples first_sample..N-1, in the unit of y. a, b, c: (M, na_max), (M, nb_max),
-    (M, nc_max) coefficients, zero beyond the chosen order. first_sample: the sample from which every model of the
-    search is judged. long_order: order of the long autoregression that gave the innovations.
+    (M, nc_max) coefficients, zero beyond the chosen order. errors: (M, N) one-step prediction errors of the chosen
+    model, 0 before sample max(na, nb). first_sample: the sample from which every model of the search is judged.
+    long_order: order of the long autoregression that gave the innovations.
     """
 
     space: SearchSpace
@@ -76,17 +77,13 @@ class OrderSearch:
     a: FloatArray
     b: FloatArray
     c: FloatArray
+    errors: FloatArray
     first_sample: int
     long_order: int
 
     def order(self, m: int) -> Order:
         """The order chosen at grid point m."""
         return Order(int(self.na[m]), int(self.nb[m]), int(self.nc[m]))
-
-    def at(self, places: IntArray) -> "OrderSearch":
-        """The same search with one row for each of `places` (any number of them), each a row of this one."""
-        rows = {name: getattr(self, name)[places] for name in ("na", "nb", "nc", "aic", "rmse", "a", "b", "c")}
-        return replace(self, **rows)
 
 
 @dataclass(frozen=True, eq=False)

@@ -55,22 +55,22 @@ def minimise(
     a: FloatArray,
     b: FloatArray,
     c: FloatArray,
+    errors: FloatArray,
     first: int,
     steps: int,
     tolerance: float,
 ) -> tuple:
-    """Improves a, b, c in place; returns (sum of squares over first..N-1, steps taken, whether it converged).
+    """Improves a, b, c and their one-step errors (N,) in place.
 
-    C must be stable at the start. A step that would raise the sum of squares or make C unstable is damped and taken
-    again.
+    Returns (sum of squares over first..N-1, steps taken, whether it converged). C must be stable at the start. A step
+    that would raise the sum of squares or make C unstable is damped and taken again.
     """
     na, nb, nc = len(a), len(b), len(c)
     size = na + nb + nc + 1
     gram, room, step = np.zeros((size, size)), np.zeros((size + 1, size)), np.zeros(size)
     filtered = np.zeros((3, len(y)))
-    errors, trial_errors = np.empty(len(y)), np.empty(len(y))
+    trial_errors = np.empty(len(y))
     trial_a, trial_b, trial_c = a.copy(), b.copy(), c.copy()
-    prediction_errors(y, v, a, b, c, errors)
     best = sum_of_squares(errors, first)
     damping = 0.0
     for taken in range(steps):
@@ -107,15 +107,16 @@ def minimise_grid(
     a: FloatArray,
     b: FloatArray,
     c: FloatArray,
+    errors: FloatArray,
     first: int,
     steps: int,
     tolerance: float,
 ) -> FloatArray:
-    """`minimise` for each row of v with its own order; coefficients in place; (M,) RMSE."""
+    """`minimise` for each row of v with its own order; coefficients and errors in place; (M,) RMSE."""
     rmse = np.empty(v.shape[0])
     for m in range(v.shape[0]):
         na, nb, nc = orders[m]
-        total, _, _ = minimise(y, v[m], a[m, :na], b[m, :nb], c[m, :nc], first, steps, tolerance)
+        total, _, _ = minimise(y, v[m], a[m, :na], b[m, :nb], c[m, :nc], errors[m], first, steps, tolerance)
         rmse[m] = np.sqrt(total / (len(y) - first))
     return rmse
 
@@ -123,17 +124,17 @@ def minimise_grid(
 def polish(y: FloatArray, v: FloatArray, search: OrderSearch, steps: int) -> OrderSearch:
     """The search with every grid point's coefficients moved `steps` steps towards their least one-step RMSE.
 
-    y: (N,), v: (M, N) as they were searched. The orders and their AIC stay; a, b, c and rmse are new. The second
-    regression of the search is consistent and not efficient: on real recordings its one-step RMSE lies 0.8 % above the
-    least at the median of grid points and 18 % at the worst, after three steps 0.08 % and 2 %, after eight 0.004 % and
-    1 %.
+    y: (N,), v: (M, N) as they were searched. The orders and their AIC stay; a, b, c, errors and rmse are new. The
+    second regression of the search is consistent and not efficient: on real recordings its one-step RMSE lies 0.8 %
+    above the least at the median of grid points and 18 % at the worst, after three steps 0.08 % and 2 %, after eight
+    0.004 % and 1 %.
     """
     if steps == 0:
         return search
-    a, b, c = search.a.copy(), search.b.copy(), search.c.copy()
+    a, b, c, errors = search.a.copy(), search.b.copy(), search.c.copy(), search.errors.copy()
     orders = np.stack((search.na, search.nb, search.nc), axis=1)
-    rmse = minimise_grid(centred(y), centred(v), orders, a, b, c, search.first_sample, steps, TOLERANCE)
-    return replace(search, a=a, b=b, c=c, rmse=rmse)
+    rmse = minimise_grid(centred(y), centred(v), orders, a, b, c, errors, search.first_sample, steps, TOLERANCE)
+    return replace(search, a=a, b=b, c=c, errors=errors, rmse=rmse)
 
 
 def refine(
@@ -148,9 +149,9 @@ def refine(
     """The ARMAX model of one order with the least sum of squared one-step prediction errors, from a good start.
 
     y: (N,) process output. v: (N,) valve position. Any unit; both are taken as deviations from their mean.
-    start, point: the search and the grid point whose coefficients begin, and whose samples the errors are judged over;
-    without it a search of this order alone. steps: most Levenberg-Marquardt steps. tolerance: relative change of the
-    sum of squares that ends it.
+    start, point: the search of the same y and v and its grid point of this order, whose coefficients begin, and over
+    whose samples the errors are judged; without it a search of this order alone. steps: most Levenberg-Marquardt steps.
+    tolerance: relative change of the sum of squares that ends it.
     The errors before sample max(na, nb) are taken as 0, so this is conditional maximum likelihood for Gaussian e.
     Raises what `search_orders` raises. Misleads: a sum of squares may have several minima; the one next to the start is
     found. Source: Ljung, System Identification, 1999, chapter 10.
@@ -158,8 +159,8 @@ def refine(
     if start is None:
         start = estimate_order(y, v[None, :], order)
     a, b, c = (x[point, :n].copy() for x, n in ((start.a, order.na), (start.b, order.nb), (start.c, order.nc)))
-    y, v = centred(y), centred(v)
-    total, taken, converged = minimise(y, v, a, b, c, start.first_sample, steps, tolerance)
+    y, v, errors = centred(y), centred(v), start.errors[point].copy()
+    total, taken, converged = minimise(y, v, a, b, c, errors, start.first_sample, steps, tolerance)
     samples = len(y) - start.first_sample
     total = max(total, SMALLEST_RESIDUAL * float(y @ y))
     return ArmaxModel(

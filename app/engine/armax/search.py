@@ -68,8 +68,9 @@ def _run(
     points, p = v.shape[0], long_order(len(y), space)
     chosen, figures = np.zeros((points, 3), dtype=np.int64), np.zeros((points, 2))
     a, b, c = (np.zeros((points, n)) for n in (space.na_max, space.nb_max, space.nc_max))
+    errors = np.empty(v.shape)
     orders = (space.na_max, space.nb_max, space.nc_max)
-    search_grid(y, v, orders, space.nc_min, fixed, stages, p, criterion == "log", chosen, figures, a, b, c)
+    search_grid(y, v, orders, space.nc_min, fixed, stages, p, criterion == "log", chosen, figures, a, b, c, errors)
     return OrderSearch(
         space=space,
         criterion=criterion,
@@ -81,6 +82,7 @@ def _run(
         a=a,
         b=b,
         c=c,
+        errors=errors,
         first_sample=p + space.nc_max,
         long_order=p,
     )

@@ -1,6 +1,6 @@
 """All features of a record, averaged over its windows."""
 
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -74,5 +74,9 @@ def _row(window: ShapeWindow, oscillation: Oscillation) -> FloatArray:
         legs(window),
     )
     regularity = float(np.log(np.clip(oscillation.regularity, _LEAST_REGULAR, _MOST_REGULAR)))
-    row = [*(value for group in groups for value in astuple(group)), oscillation.strength, regularity]
+    row = [
+        *(getattr(group, field.name) for group in groups for field in fields(group)),
+        oscillation.strength,
+        regularity,
+    ]
     return np.nan_to_num(np.array(row, dtype=np.float64))
