@@ -96,7 +96,7 @@ def judge(
         text = "PV or OP does not vary in the audited stretch: nothing can be said"
         return Judgement("inconclusive", 0.5, "not_reliable", (Reason("no_variation", text),), None)
     judgement = conclude(weighing, oscillation, fitness, reference, config)
-    methods = corroborate(record, oscillation, integrating)
+    methods = corroborate(record, oscillation, integrating, weighing.features.windows)
     return replace(judgement, reasons=(*judgement.reasons, _methods_reason(methods)))
 
 

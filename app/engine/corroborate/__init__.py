@@ -18,6 +18,7 @@ from app.engine.corroborate.relay import relay
 from app.engine.corroborate.shape_analysis import shape_analysis
 from app.engine.corroborate.sigmoid import sigmoid
 from app.engine.corroborate.slope_ratio import slope_ratio
+from app.engine.features import ShapeWindow
 from app.engine.oscillation import Oscillation
 from app.engine.recording import UniformRecord
 
@@ -38,13 +39,16 @@ METHODS: tuple[Callable[[Case], Corroboration], ...] = (
 
 
 def corroborate(
-    record: UniformRecord, oscillation: Oscillation, integrating: bool | None = None
+    record: UniformRecord,
+    oscillation: Oscillation,
+    integrating: bool | None = None,
+    windows: tuple[ShapeWindow, ...] | None = None,
 ) -> tuple[Corroboration, ...]:
     """What every method says of one loop, in the order of METHODS; a method outside its assumptions says so.
 
     oscillation: of this record. integrating: whether the process integrates; None where it is not known, in which case
-    it is taken as self-regulating, and the texts say so. Nothing changes with the unit, offset or sign of PV or OP, nor
-    with the time unit.
+    it is taken as self-regulating, and the texts say so. windows: the record's, where they are at hand. Nothing changes
+    with the unit, offset or sign of PV or OP, nor with the time unit.
     """
-    case = Case(record, oscillation, integrating)
+    case = Case(record, oscillation, integrating, windows)
     return tuple(method(case) for method in METHODS)

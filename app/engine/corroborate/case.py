@@ -30,9 +30,12 @@ class Case:
     record: UniformRecord
     oscillation: Oscillation
     integrating: bool | None = None
+    windows_at_hand: tuple[ShapeWindow, ...] | None = None
 
     @cached_property
     def windows(self) -> tuple[ShapeWindow, ...]:
+        if self.windows_at_hand is not None:
+            return self.windows_at_hand
         return tuple(shape_windows(self.record, self.oscillation, most=_WINDOWS))
 
     @cached_property

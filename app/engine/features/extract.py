@@ -28,10 +28,14 @@ NAMES: tuple[str, ...] = (
 
 @dataclass(frozen=True, eq=False)
 class Features:
-    """values: (F,) in the order of NAMES, averaged over the W windows; table: (W, F) window by window."""
+    """values: (F,) in the order of NAMES, averaged over the W windows; table: (W, F) window by window.
+
+    windows: those of the whole record, where they were looked at here.
+    """
 
     values: FloatArray
     table: FloatArray
+    windows: tuple[ShapeWindow, ...] | None = None
 
     def named(self, name: str) -> float:
         return float(self.values[NAMES.index(name)])
@@ -42,11 +46,11 @@ def extract(record: UniformRecord, oscillation: Oscillation, most_windows: int =
 
     No feature changes with the unit, offset or sign of PV or OP, with the time unit, or with the set point.
     """
-    rows = [_row(window, oscillation) for window in shape_windows(record, oscillation, most_windows)]
-    if not rows:
+    windows = tuple(shape_windows(record, oscillation, most_windows))
+    if not windows:
         return None
-    table = np.array(rows)
-    return Features(table.mean(axis=0), table)
+    table = np.array([_row(window, oscillation) for window in windows])
+    return Features(table.mean(axis=0), table, windows)
 
 
 def observe(record: UniformRecord, oscillation: Oscillation) -> Features | None:
@@ -61,7 +65,8 @@ def observe(record: UniformRecord, oscillation: Oscillation) -> Features | None:
     calm = extract(rest, detect(rest))
     if calm is None:
         return features
-    return Features((features.values + calm.values) / 2, np.concatenate((features.table, calm.table)))
+    table = np.concatenate((features.table, calm.table))
+    return Features((features.values + calm.values) / 2, table, features.windows)
 
 
 def _row(window: ShapeWindow, oscillation: Oscillation) -> FloatArray:
