@@ -53,3 +53,14 @@ def test_the_page_can_be_written_from_the_figures_that_are_kept() -> None:
     assert "## Reading a day of" in page
     assert "rounds of one run each" in page
     assert "in this order" in page
+
+
+def test_the_page_says_which_sections_another_machine_measured() -> None:
+    figures = read(FIGURES)
+    for found in figures["sections"].values():
+        found["machine"] |= {"processor": "One"}
+    assert "Not so for" not in performance_page(figures)
+    figures["sections"]["audit"]["machine"] |= {"processor": "Other", "date": "9999-01-01 00:00 UTC"}
+    page = performance_page(figures)
+    machines = page[page.index("## The machine") : page.index("## Targets")]
+    assert machines.index("Other") < machines.index("Not so for api, ingest, plant, search**") < machines.index("One")

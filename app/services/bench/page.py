@@ -70,14 +70,26 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def _machine(sections: Figures) -> str:
-    told = [section["machine"] for section in sections.values() if "machine" in section]
+    """The machine of the newest figures, and any other one with the sections that were measured there."""
+    told = {name: section["machine"] for name, section in sections.items() if "machine" in section}
     if not told:
         return ""
-    it = max(told, key=lambda machine: machine["date"])
+    newest = max(told.values(), key=lambda machine: machine["date"])
+    measured_on: dict[str, list[str]] = {}
+    for name, machine in told.items():
+        measured_on.setdefault(_described(machine), []).append(name)
+    lines = [f"{_described(newest)}. Newest figures of {newest['date']}.\n"]
+    for machine, names in measured_on.items():
+        if machine != _described(newest):
+            lines.append(f"**Not so for {', '.join(names)}**: {machine}.\n")
+    return "## The machine\n\n" + "\n".join(lines)
+
+
+def _described(it: Figures) -> str:
     versions = ", ".join(f"{name} {version}" for name, version in it["versions"].items())
     return (
-        f"## The machine\n\n{it['processor']}, {it['cores']} cores, {it['memory_gb']} GB, {it['system']}, Python "
-        f"{it['python']}, engine {it['engine']}. {versions}. Newest figures of {it['date']}.\n"
+        f"{it['processor']}, {it['cores']} cores, {it['memory_gb']} GB, {it['system']}, Python {it['python']}, engine "
+        f"{it['engine']}. {versions}"
     )
 
 
