@@ -7,11 +7,11 @@ import pytest
 
 from app.engine.oscillation import detect
 from app.engine.quantification import QuantificationConfig, quantify
-from app.engine.quantification.kernel import he_stems, kano_stems, residuals
+from app.engine.quantification.kernel import residuals
 from app.engine.quantification.quantify import lively_range
 from app.engine.recording import UniformRecord
 from app.engine.simulate import LinearValve, LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
-from app.engine.valve import two_parameter_he, two_parameter_kano
+from app.engine.valve import he_stems, kano_stems, two_parameter_he, two_parameter_kano
 
 _STICKY = LoopSpec(
     plant=first_order(1.0, 10.0, 2.0),

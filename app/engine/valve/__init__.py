@@ -1,5 +1,8 @@
-"""Valve models: OP in, stem position out. One step function each, for the grid and the closed-loop simulator."""
+"""Valve models: OP in, stem position out. One step function each, for the grid and the closed-loop simulator;
+he_stems and kano_stems move many valves abreast.
+"""
 
+from app.engine.valve.abreast import he_stems, kano_stems
 from app.engine.valve.choudhury import choudhury_start, choudhury_step, two_parameter_choudhury
 from app.engine.valve.he import he_step, two_parameter_he
 from app.engine.valve.kano import kano_start, kano_step, two_parameter_kano
@@ -12,8 +15,10 @@ __all__ = [
     "PhysicalValve",
     "choudhury_start",
     "choudhury_step",
+    "he_stems",
     "he_step",
     "kano_start",
+    "kano_stems",
     "kano_step",
     "one_parameter",
     "one_parameter_step",

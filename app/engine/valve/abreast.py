@@ -1,0 +1,65 @@
+"""Many valves of one form moved by the same OP, all abreast: one after another would wait at every sample."""
+
+import numpy as np
+from numba import njit
+
+from app.engine.recording import FloatArray
+
+_SAMPLES_ABREAST = 64
+
+
+@njit(cache=True, nogil=True)
+def he_stems(op: FloatArray, S: FloatArray, J: FloatArray, v: FloatArray) -> FloatArray:
+    """v (M, N) of He's valves in the unit of OP, at rest at the first sample, all abreast; returns their means (M,)."""
+    x, reach, behind = np.full(len(S), op[0]), 0.5 * (S + J), 0.5 * (S - J)
+    total = np.zeros(len(S))
+    moved = np.empty((_SAMPLES_ABREAST, len(S)))
+    for begin in range(0, len(op), _SAMPLES_ABREAST):
+        part = op[begin : begin + _SAMPLES_ABREAST]
+        for t in range(len(part)):
+            u = part[t]
+            for m in range(len(x)):
+                force = u - x[m]
+                slipped = u - behind[m] if force > 0.0 else u + behind[m]
+                x[m] = slipped if abs(force) > reach[m] else x[m]
+                moved[t, m] = x[m]
+                total[m] += x[m]
+        for m in range(len(x)):
+            for t in range(len(part)):
+                v[m, begin + t] = moved[t, m]
+    return total / len(op)
+
+
+@njit(cache=True, nogil=True)
+def kano_stems(op: FloatArray, S: FloatArray, J: FloatArray, v: FloatArray) -> FloatArray:
+    """v (M, N) of Kano's valves in the unit of OP, at rest at the first sample, all abreast; returns their means (M,).
+
+    Sample by sample what `app.engine.valve.kano_step` does.
+    """
+    x, behind = np.full(len(S), op[0]), 0.5 * (S - J)
+    stopped_at, direction, rests = op[0] + behind, np.ones(len(S)), np.ones(len(S))
+    moved, total = np.empty((_SAMPLES_ABREAST, len(S))), np.zeros(len(S))
+    before, step_before = op[0], 0.0
+    for begin in range(0, len(op), _SAMPLES_ABREAST):
+        part = op[begin : begin + _SAMPLES_ABREAST]
+        for t in range(len(part)):
+            u = part[t]
+            step = u - before
+            halts = 1.0 if step * step_before <= 0.0 else 0.0
+            for m in range(len(x)):
+                stops = halts * (1.0 - rests[m])
+                stopped_at[m] = before if stops == 1.0 else stopped_at[m]
+                resting = rests[m] + stops
+                since_stop = direction[m] * (u - stopped_at[m])
+                turns = resting if -since_stop > S[m] else 0.0
+                starts = 1.0 if since_stop > J[m] else turns
+                direction[m] = -direction[m] if turns == 1.0 else direction[m]
+                rests[m] = resting if starts == 0.0 else 0.0
+                x[m] = u - direction[m] * behind[m] if rests[m] == 0.0 else x[m]
+                moved[t, m] = x[m]
+                total[m] += x[m]
+            before, step_before = u, step
+        for m in range(len(x)):
+            for t in range(len(part)):
+                v[m, begin + t] = moved[t, m]
+    return total / len(op)
