@@ -88,8 +88,8 @@ class Processes:
         self.running.append(process)
         return process
 
-    def run(self, *arguments: str, timeout: float = 120) -> subprocess.CompletedProcess[str]:
-        """A command that ends; its exit code is for the test to judge."""
+    def run(self, *arguments: str, timeout: float = 400) -> subprocess.CompletedProcess[str]:
+        """A command that ends, compiling on a busy machine included; its exit code is for the test to judge."""
         return subprocess.run(
             [sys.executable, "-m", "app", *arguments],
             cwd=ROOT,
