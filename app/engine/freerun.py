@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from app.engine.recording import FloatArray
-from app.engine.sampled import without_drift
+from app.engine.sampled import dot, without_drift
 from app.engine.valve import he_step
 
 INTEGRATOR = -1.0
@@ -185,16 +185,6 @@ def through_process(v: FloatArray, lag: float) -> FloatArray:
         level = keep * level + (1.0 - keep) * v[t]
         x[t] = level
     return x
-
-
-# A sum runs in vector registers only if its order is free; nothing else is relaxed.
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
-def dot(x: FloatArray, y: FloatArray) -> float:
-    """The sum of the products of x and y (n,)."""
-    total = 0.0
-    for t in range(len(y)):
-        total += x[t] * y[t]
-    return total
 
 
 @njit(cache=True, nogil=True)

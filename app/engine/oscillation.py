@@ -123,12 +123,10 @@ def _thinned(x: FloatArray, stride: int) -> FloatArray:
 
 def _without_trend(x: FloatArray, share: float) -> FloatArray:
     """x less a straight line, or less its moving average over `share` of its length (shorter at the ends)."""
-    n = len(x)
+    n, x = len(x), x - x.mean()
     if share == 0.0:
         t = np.arange(n) - (n - 1) / 2
-        x = x - x.mean()
         return x - t * (t @ x) / (t @ t)
-    x = x - x.mean()
     return x - moving_average(x, max(2, int(share * n / 2)))
 
 

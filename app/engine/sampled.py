@@ -11,18 +11,33 @@ from app.engine.recording import FloatArray
 ROUNDING = 1e-6
 
 
-# A sum runs in vector registers only if its order is free; nothing else is relaxed.
-_REORDERED_SUMS = {"reassoc", "contract"}
+REORDERED_SUMS = {"reassoc", "contract"}
+"""What a compiled loop that adds up a signal may relax: only a sum whose order is free runs in vector registers."""
+
+
+@njit(cache=True, nogil=True)
+def cumulated(x: FloatArray) -> FloatArray:
+    """(N + 1,) sums of the first 0, 1, .. N samples of x (N,)."""
+    total = np.empty(len(x) + 1)
+    total[0] = 0.0
+    for i in range(len(x)):
+        total[i + 1] = total[i] + x[i]
+    return total
+
+
+@njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)
+def dot(x: FloatArray, y: FloatArray) -> float:
+    """The sum of the products of x and y (N,)."""
+    total = 0.0
+    for i in range(len(y)):
+        total += x[i] * y[i]
+    return total
 
 
 @njit(cache=True, nogil=True)
 def moving_average(x: FloatArray, half: int) -> FloatArray:
     """Mean over 2 half + 1 samples around each sample of x (N,), over fewer at the ends."""
-    n = len(x)
-    total = np.empty(n + 1)
-    total[0] = 0.0
-    for i in range(n):
-        total[i + 1] = total[i] + x[i]
+    n, total = len(x), cumulated(x)
     out = np.empty(n)
     whole = max(n - 2 * half, 0)  # samples with a full window
     middle, after, before = out[half : half + whole], total[n + 1 - whole :], total[:whole]
@@ -36,7 +51,7 @@ def moving_average(x: FloatArray, half: int) -> FloatArray:
     return out
 
 
-@njit(cache=True, nogil=True, fastmath=_REORDERED_SUMS)
+@njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)
 def mean(x: FloatArray) -> float:
     """Mean of x (N,)."""
     total = 0.0
@@ -45,7 +60,7 @@ def mean(x: FloatArray) -> float:
     return total / len(x)
 
 
-@njit(cache=True, nogil=True, fastmath=_REORDERED_SUMS)
+@njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)
 def without_line(x: FloatArray) -> FloatArray:
     """x (N,) less its least-squares straight line."""
     n = len(x)
@@ -83,11 +98,7 @@ def resample(x: FloatArray, samples_per_cycle: float, wanted: int) -> FloatArray
 @njit(cache=True, nogil=True)
 def _averaged(x: FloatArray, m: int) -> FloatArray:
     """(m,) means of x (N,), a straight line between its cumulated samples, over equal pieces."""
-    n = len(x)
-    total = np.empty(n + 1)
-    total[0] = 0.0
-    for i in range(n):
-        total[i + 1] = total[i] + x[i]
+    n, total = len(x), cumulated(x)
     out = np.empty(m)
     edge, below = 0.0, 0.0
     for k in range(m):
@@ -99,7 +110,7 @@ def _averaged(x: FloatArray, m: int) -> FloatArray:
     return out
 
 
-@njit(cache=True, nogil=True, fastmath=_REORDERED_SUMS)
+@njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)
 def correlation(a: FloatArray, b: FloatArray) -> float:
     """Pearson's correlation of a and b (N,); 0 where one of them does not vary."""
     mean_a, mean_b = mean(a), mean(b)
@@ -113,7 +124,7 @@ def correlation(a: FloatArray, b: FloatArray) -> float:
     return ab / scale if scale > 0.0 else 0.0
 
 
-@njit(cache=True, nogil=True, fastmath=_REORDERED_SUMS)
+@njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)
 def skewness(x: FloatArray) -> float:
     """Absolute skewness of x (N,): the sign of a signal is free here."""
     middle = mean(x)
@@ -126,7 +137,7 @@ def skewness(x: FloatArray) -> float:
     return abs(third / len(x)) / spread**3 if spread > 0.0 else 0.0
 
 
-@njit(cache=True, nogil=True, fastmath=_REORDERED_SUMS)
+@njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)
 def log_kurtosis(x: FloatArray) -> float:
     """Natural logarithm of the kurtosis of x (N,): 0 for a square wave, 0.4 a sine, 0.59 a triangle, 1.1 noise."""
     middle = mean(x)

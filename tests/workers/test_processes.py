@@ -74,8 +74,8 @@ def test_a_killed_worker_and_a_deadly_loop_leave_a_run_that_ends(plant: Any, sma
     plant.start("worker", DEADLY="FIC7")
     plant.wait("the end of the run", lambda: ended(plant, run.id))
     found = audits.get_audit(plant.backend, run.id)
-    assert (found.state, found.done, found.failed) == ("partial", LOOPS - 1, 1)
     assert [(failure.loop, failure.code) for failure in found.failures] == [("FIC7", "worker_lost")]
+    assert (found.state, found.done, found.failed) == ("partial", LOOPS - 1, 1)
     assert verdicts_of(plant, run.id) == LOOPS - 1
     assert loops.loop_health(plant.backend, "FIC6")["audit_id"] == run.id
 

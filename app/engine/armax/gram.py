@@ -4,12 +4,10 @@ import numpy as np
 from numba import njit
 
 from app.engine.recording import FloatArray
-
-# A dot product runs in vector registers only if its sum may be taken in another order; nothing else is relaxed.
-_REORDERED_SUMS = {"reassoc", "contract"}
+from app.engine.sampled import REORDERED_SUMS
 
 
-@njit(cache=True, nogil=True, fastmath=_REORDERED_SUMS)
+@njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)
 def lagged_dot(x: FloatArray, y: FloatArray, i: int, j: int, first: int) -> float:
     """The sum of x(t - i) y(t - j) over t = first..N-1."""
     # Slices, because an index with an offset is checked for its sign at every sample and keeps out of vector registers.
@@ -20,7 +18,7 @@ def lagged_dot(x: FloatArray, y: FloatArray, i: int, j: int, first: int) -> floa
     return total
 
 
-@njit(cache=True, nogil=True, fastmath=_REORDERED_SUMS)
+@njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)
 def lagged_dots(x: FloatArray, y: FloatArray, i: int, j: int, first: int, out: FloatArray) -> None:
     """`lagged_dot` of x at lag i with y at the lags j, j + 1, .. into out (k,), four of them in one pass over x."""
     late_x, end, lags = x[first - i : len(x) - i], len(y) - j, len(out)

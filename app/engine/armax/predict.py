@@ -6,11 +6,10 @@ from numba import njit
 from app.engine.armax.gram import add_lagged
 from app.engine.armax.roots import roots_of
 from app.engine.recording import FloatArray
+from app.engine.sampled import REORDERED_SUMS
 
 SLOWEST_ROOT = 0.998
 """The roots of C stay within this radius: nearer to 1 the start of the record is not forgotten within it."""
-
-_REORDERED_SUMS = {"reassoc", "contract"}
 
 
 @njit(cache=True, nogil=True)
@@ -120,7 +119,7 @@ def prediction_errors(
     filter_by_c(errors, c, errors, start)
 
 
-@njit(cache=True, nogil=True, fastmath=_REORDERED_SUMS)
+@njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)
 def sum_of_squares(errors: FloatArray, first: int) -> float:
     total = 0.0
     for t in range(first, len(errors)):

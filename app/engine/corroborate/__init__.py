@@ -18,7 +18,7 @@ from app.engine.corroborate.relay import relay
 from app.engine.corroborate.shape_analysis import shape_analysis
 from app.engine.corroborate.sigmoid import sigmoid
 from app.engine.corroborate.slope_ratio import slope_ratio
-from app.engine.features import ShapeWindow
+from app.engine.features import ShapeWindow, shape_windows
 from app.engine.oscillation import Oscillation
 from app.engine.recording import UniformRecord
 
@@ -50,5 +50,7 @@ def corroborate(
     it is taken as self-regulating, and the texts say so. windows: the record's, where they are at hand. Nothing changes
     with the unit, offset or sign of PV or OP, nor with the time unit.
     """
-    case = Case(record, oscillation, integrating, windows)
+    if windows is None:
+        windows = tuple(shape_windows(record, oscillation))
+    case = Case(record, oscillation, windows, integrating)
     return tuple(method(case) for method in METHODS)

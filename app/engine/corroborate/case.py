@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from app.engine.corroborate.half_cycles import half_cycles
-from app.engine.features import ShapeWindow, shape_windows
+from app.engine.features import ShapeWindow
 from app.engine.oscillation import REGULAR_ABOVE, Oscillation
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.sampled import without_drift
@@ -16,27 +16,20 @@ FEWEST_CYCLES = 3.0
 FEWEST_HALF_CYCLES = 4
 # Where SP moves by more than this share of PV at the speed of the oscillation, PV follows it, whatever the valve does.
 _SP_SHARE = 0.25
-_WINDOWS = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One loop: its record, its oscillation, and whether the process integrates (None: not known).
+    """One loop: its record, its oscillation and windows, and whether the process integrates (None: not known).
 
-    What several methods need is prepared once, at first use: up to three windows of some fifteen cycles, brought to
-    forty samples a cycle, without drift, at unit standard deviation. So no method sees units, offsets or time units.
+    The windows are without drift and at unit standard deviation, so that no method sees units, offsets or time units.
+    What several methods need of them is prepared once, at first use.
     """
 
     record: UniformRecord
     oscillation: Oscillation
-    integrating: bool | None = None
-    windows_at_hand: tuple[ShapeWindow, ...] | None = None
-
-    @cached_property
-    def windows(self) -> tuple[ShapeWindow, ...]:
-        if self.windows_at_hand is not None:
-            return self.windows_at_hand
-        return tuple(shape_windows(self.record, self.oscillation, most=_WINDOWS))
+    windows: tuple[ShapeWindow, ...]
+    integrating: bool | None
 
     @cached_property
     def pv_halves(self) -> FloatArray:

@@ -10,7 +10,7 @@ from app.engine.features.quadrature import Quadrature, quadrature
 from app.engine.features.shape import Shape, shape
 from app.engine.features.steady import at_rest
 from app.engine.features.travel import Travel, travel
-from app.engine.features.window import PER_CYCLE, ShapeWindow, shape_windows
+from app.engine.features.window import MOST_WINDOWS, PER_CYCLE, ShapeWindow, shape_windows
 from app.engine.freerun import FreeRun, free_run
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import FloatArray, UniformRecord
@@ -30,18 +30,18 @@ NAMES: tuple[str, ...] = (
 class Features:
     """values: (F,) in the order of NAMES, averaged over the W windows; table: (W, F) window by window.
 
-    windows: those of the whole record, where they were looked at here.
+    windows: those of the whole record.
     """
 
     values: FloatArray
     table: FloatArray
-    windows: tuple[ShapeWindow, ...] | None = None
+    windows: tuple[ShapeWindow, ...]
 
     def named(self, name: str) -> float:
         return float(self.values[NAMES.index(name)])
 
 
-def extract(record: UniformRecord, oscillation: Oscillation, most_windows: int = 3) -> Features | None:
+def extract(record: UniformRecord, oscillation: Oscillation, most_windows: int = MOST_WINDOWS) -> Features | None:
     """The features of a record, or None where PV or OP does not vary.
 
     No feature changes with the unit, offset or sign of PV or OP, with the time unit, or with the set point.

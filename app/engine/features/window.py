@@ -10,6 +10,8 @@ from app.engine.sampled import moving_average, resample, without_drift, without_
 
 PER_CYCLE = 40
 CYCLES = 15
+MOST_WINDOWS = 3
+"""Windows of a record that are looked at, at most: what judges a loop was trained on so many."""
 _DRIFT_HALF = 60
 _SMOOTHING_HALF = 2
 _FEWEST_SAMPLES = 64
@@ -37,7 +39,7 @@ class ShapeWindow:
     even_op: FloatArray
 
 
-def shape_windows(record: UniformRecord, oscillation: Oscillation, most: int = 4) -> list[ShapeWindow]:
+def shape_windows(record: UniformRecord, oscillation: Oscillation, most: int = MOST_WINDOWS) -> list[ShapeWindow]:
     """Up to `most` windows spread over the record, none where PV or OP does not vary.
 
     Where hardly any of the variance of OP and PV is in the oscillation (a ripple on a slow ramp), the scale is an

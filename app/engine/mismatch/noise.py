@@ -13,13 +13,13 @@ import numpy as np
 from numba import njit
 
 from app.engine.recording import BoolArray, FloatArray
+from app.engine.sampled import REORDERED_SUMS
 
 POLE_MAX = 0.9995
 ZERO_MAX = 0.97
 Four = tuple[float, float, float, float]
 LONG_GAP = 4
 SETTLING, SHARE_OF_SETTLING = 3, 20
-REORDERED_SUMS = {"reassoc", "contract"}
 FIRST_STEPS, LAST_STEPS, PURSUED = 8, 17, 2
 STARTS = (
     (0.95, 0.0, 0.4, 0.0),

@@ -5,7 +5,7 @@ from numba import njit
 
 from app.engine.features import PER_CYCLE
 from app.engine.recording import FloatArray
-from app.engine.sampled import without_drift
+from app.engine.sampled import REORDERED_SUMS, without_drift
 
 _PERIODS = PER_CYCLE * np.linspace(0.96, 1.04, 13)
 _DRIFT_HALF = int(1.5 * PER_CYCLE)
@@ -20,7 +20,7 @@ def held_out_sine(x: FloatArray) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _held_out(x, periods):  # type: ignore[no-untyped-def]
+def _held_out(x: FloatArray, periods: FloatArray) -> float:
     half = len(x) // 2
     sine, cosine = np.empty(len(x)), np.empty(len(x))
     least, held = np.inf, -1.0
@@ -36,7 +36,7 @@ def _held_out(x, periods):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _fill_wave(step, sine, cosine):  # type: ignore[no-untyped-def]
+def _fill_wave(step: float, sine: FloatArray, cosine: FloatArray) -> None:
     """sin(step t) and cos(step t), each sample the one before turned by `step`."""
     turn_sine, turn_cosine = np.sin(step), np.cos(step)
     s, c = 0.0, 1.0
@@ -45,8 +45,8 @@ def _fill_wave(step, sine, cosine):  # type: ignore[no-untyped-def]
         s, c = s * turn_cosine + c * turn_sine, c * turn_cosine - s * turn_sine
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
-def _amplitudes(x, sine, cosine):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)
+def _amplitudes(x: FloatArray, sine: FloatArray, cosine: FloatArray) -> tuple[float, float]:
     """Least-squares amplitudes of sine and cosine over x."""
     ss, cc, sc, xs, xc = 1e-9, 1e-9, 0.0, 0.0, 0.0
     for t in range(len(x)):
@@ -59,8 +59,8 @@ def _amplitudes(x, sine, cosine):  # type: ignore[no-untyped-def]
     return (xs * cc - xc * sc) / det, (xc * ss - xs * sc) / det
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
-def _left(x, sine, cosine, a, b):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)
+def _left(x: FloatArray, sine: FloatArray, cosine: FloatArray, a: float, b: float) -> float:
     """Share of the variance of x that the wave leaves over."""
     left, total = 0.0, 1e-300
     for t in range(len(x)):

@@ -6,9 +6,9 @@ import numpy as np
 from numba import njit
 
 from app.engine.features import PER_CYCLE
-from app.engine.freerun import INTEGRATOR, dot, through_process, valve_position
+from app.engine.freerun import INTEGRATOR, through_process, valve_position
 from app.engine.recording import FloatArray
-from app.engine.sampled import without_drift
+from app.engine.sampled import dot, without_drift
 
 _LAGS = (0.0, 0.04, 0.1, 0.25, 0.6, INTEGRATOR)
 _DEAD_TIMES = (0.0, 0.03, 0.07, 0.13, 0.22)
