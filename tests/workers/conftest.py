@@ -22,7 +22,7 @@ SCRIPT = Path(__file__).with_name("run_process.py")
 QUICK = {
     "LOOPAUDIT_SWEEP_S": "0.5",
     "LOOPAUDIT_STALLED_S": "1",
-    "LOOPAUDIT_LEASE_S": "2",
+    "LOOPAUDIT_LEASE_S": "5",
     "LOOPAUDIT_LOOP_LIMIT_S": "1",
     "LOOPAUDIT_CHUNK_LOOPS": "4",
     "LOOPAUDIT_MAX_ATTEMPTS": "2",
