@@ -38,7 +38,7 @@ def log_structured(**_: object) -> None:
 @signals.worker_init.connect
 def warm_up(sender: Any, **_: object) -> None:
     """In the parent, once: its children inherit what is compiled and loaded."""
-    log.warning("compiling the kernels; at the first start of a version this takes about a minute")
+    log.warning("compiling the kernels; at the first start of a version this takes a minute or two")
     _compile_aside()
     chunks.warm_up()
     reading.warm_up()
