@@ -8,7 +8,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import httpx
@@ -140,6 +140,21 @@ def backend(settings: Settings) -> Iterator[Backend]:
     opened = Backend.open(settings)
     yield opened
     opened.close()
+
+
+@pytest.fixture(scope="module")
+def open_plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Backend]]:
+    """Opens an empty plant on the embedded default, with given settings, until the module's last test has run."""
+    with ExitStack() as stack:
+
+        def opened(**settings: object) -> Backend:
+            made = Settings(data_dir=tmp_path_factory.mktemp("plant"), **settings)
+            migrate(made)
+            backend = Backend.open(made)
+            stack.callback(backend.close)
+            return backend
+
+        yield opened
 
 
 @pytest.fixture

@@ -12,11 +12,8 @@ from app.services.access import keys
 from app.services.access.identity import Role
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk, warm_up
-from app.services.backend import Backend
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import receive
-from app.services.upkeep.operations import migrate
-from app.settings import Settings
 
 sync_api = pytest.importorskip("playwright.sync_api")
 
@@ -46,21 +43,18 @@ def page(tmp_path_factory) -> Iterator["sync_api.Page"]:
 
 
 @pytest.fixture(scope="module")
-def plant(serve, tmp_path_factory) -> Iterator[tuple[str, str]]:
+def plant(serve, open_plant) -> Iterator[tuple[str, str]]:
     """A plant of one audited loop that asks for keys: its address, and a key of an administrator."""
-    settings = Settings(data_dir=tmp_path_factory.mktemp("browser"), require_keys=True)
-    migrate(settings)
     warm_up()
-    backend = Backend.open(settings)
+    backend = open_plant(require_keys=True)
     with receive(backend, filename="plant.csv") as receiving:
         receiving.write(EXPORT)
         upload = receiving.commit().upload
     read_upload(backend, int(upload.id), owner="test")
     audit_chunk(backend, int(start_audit(backend).id), "test")
     key = keys.create_key(backend, "me", Role.admin, lifetime=timedelta(days=1)).text
-    with serve(create_app(settings)) as client:
+    with serve(create_app(backend.settings)) as client:
         yield str(client.base_url), key
-    backend.close()
 
 
 def test_a_person_logs_in_looks_and_logs_out_and_no_page_breaks_the_policy(page, plant):

@@ -15,8 +15,6 @@ from app.services.auditing.chunks import audit_chunk, warm_up
 from app.services.backend import Backend
 from app.services.intake.reading import read_upload
 from app.services.upkeep.metrics import metrics
-from app.services.upkeep.operations import migrate
-from app.settings import Settings
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 DASHBOARD = json.loads((DOCS / "grafana" / "loopaudit.json").read_text(encoding="utf-8"))
@@ -40,13 +38,9 @@ def export() -> bytes:
 
 
 @pytest.fixture(scope="module")
-def backend(tmp_path_factory):
-    settings = Settings(data_dir=tmp_path_factory.mktemp("data"))
-    migrate(settings)
+def backend(open_plant) -> Backend:
     warm_up()  # compiled on first use, which is not a loop's time to lose
-    backend = Backend.open(settings)
-    yield backend
-    backend.close()
+    return open_plant()
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,6 @@ from app.services.explaining.comparisons import Columns, read_comparison
 from app.services.explaining.line import explanation_line
 from app.services.explaining.working import explain_next
 from app.services.intake.reading import read_upload
-from app.services.upkeep.operations import migrate
-from app.settings import Settings
 
 TAG = 'AREA 1/<b>"TIC" 7%2F'
 URL = f"/v1/loops/{quote(TAG, safe='')}/explanations"
@@ -27,22 +25,14 @@ SIMULATED = [20.0 + 0.5 * op for op in OP]
 
 
 @pytest.fixture(scope="module")
-def settings(tmp_path_factory) -> Settings:
-    return Settings(data_dir=tmp_path_factory.mktemp("data"), explanation_samples=5000)
+def backend(open_plant) -> Backend:
+    return open_plant(explanation_samples=5000)
 
 
 @pytest.fixture(scope="module")
-def client(serve, settings):
-    migrate(settings)
-    with serve(create_app(settings)) as connection:
+def client(serve, backend):
+    with serve(create_app(backend.settings)) as connection:
         yield connection
-
-
-@pytest.fixture(scope="module")
-def backend(settings, client):
-    opened = Backend.open(settings)
-    yield opened
-    opened.close()
 
 
 def uploaded(client, backend, body: str, filename: str) -> str:

@@ -11,8 +11,6 @@ from sqlalchemy import func, select
 from app.main import create_app
 from app.services.backend import Backend
 from app.services.intake.reading import read_upload
-from app.services.upkeep.operations import migrate
-from app.settings import Settings
 from app.storage.tables import loops, series
 from tests.fuzz.files import FILES, HEADER, NAMES, rows
 
@@ -22,22 +20,13 @@ SENT = [name for name in FILES if "cut at" not in name and name not in LARGE]
 
 
 @pytest.fixture(scope="module")
-def settings(tmp_path_factory) -> Settings:
-    made = Settings(data_dir=tmp_path_factory.mktemp("hostile"))
-    migrate(made)
-    return made
+def backend(open_plant) -> Backend:
+    return open_plant()
 
 
 @pytest.fixture(scope="module")
-def backend(settings) -> Iterator[Backend]:
-    opened = Backend.open(settings)
-    yield opened
-    opened.close()
-
-
-@pytest.fixture(scope="module")
-def client(serve, settings) -> Iterator[httpx.Client]:
-    with serve(create_app(settings)) as connection:
+def client(serve, backend) -> Iterator[httpx.Client]:
+    with serve(create_app(backend.settings)) as connection:
         yield connection
 
 

@@ -13,7 +13,6 @@ from app.main import create_app
 from app.services.auditing.chunks import audit_chunk, warm_up
 from app.services.backend import Backend
 from app.services.intake.reading import read_upload
-from app.services.upkeep.operations import migrate
 from app.settings import Settings
 
 TAGS = ["FIC101", "LIC7", "=AREA 1/<b>\"FIC' 1</b>?&#%2F"]
@@ -34,23 +33,15 @@ def wide(*tags: str, samples: int = 400) -> bytes:
 
 
 @pytest.fixture(scope="module")
-def settings(tmp_path_factory) -> Settings:
-    return Settings(data_dir=tmp_path_factory.mktemp("data"), max_upload_bytes=1_000_000)
-
-
-@pytest.fixture(scope="module")
-def client(serve, settings):
-    migrate(settings)
-    with serve(create_app(settings)) as connection:
-        yield connection
-
-
-@pytest.fixture(scope="module")
-def backend(settings, client):
+def backend(open_plant) -> Backend:
     warm_up()  # compiled on first use, which is not a loop's time to lose
-    backend = Backend.open(settings)
-    yield backend
-    backend.close()
+    return open_plant(max_upload_bytes=1_000_000)
+
+
+@pytest.fixture(scope="module")
+def client(serve, backend):
+    with serve(create_app(backend.settings)) as connection:
+        yield connection
 
 
 def sent(client, body: bytes, **params) -> dict:
@@ -130,8 +121,8 @@ def test_uploads_that_are_refused(client, request_, status, code):
     assert answer.json()["code"] == (code or answer.json()["code"])
 
 
-def test_nothing_is_left_of_a_refused_upload(client, settings):
-    assert not list(settings.uploads_dir.glob(".part-*"))
+def test_nothing_is_left_of_a_refused_upload(client, backend):
+    assert not list(backend.settings.uploads_dir.glob(".part-*"))
 
 
 # Loops

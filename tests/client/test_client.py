@@ -16,20 +16,14 @@ from app.main import create_app
 from app.services.auditing.audit_line import ReliabilityRow
 from app.services.backend import Backend
 from app.services.intake.reading import read_upload
-from app.services.upkeep.operations import migrate
-from app.settings import Settings
 
 ROOM = Path(app.client.__file__).parent
 TAG = "AREA 1/FIC?#%2F"
 
 
 @pytest.fixture(scope="module")
-def backend(tmp_path_factory):
-    settings = Settings(data_dir=tmp_path_factory.mktemp("data"))
-    migrate(settings)
-    backend = Backend.open(settings)
-    yield backend
-    backend.close()
+def backend(open_plant) -> Backend:
+    return open_plant()
 
 
 @pytest.fixture(scope="module")

@@ -26,7 +26,6 @@ import pytest
 from app.services.auditing.audits import get_audit
 from app.services.backend import Backend
 from app.services.intake.uploads import get_upload, path_of
-from app.services.upkeep.operations import migrate
 from app.settings import Settings
 
 CLIENTS = int(os.environ.get("LOAD_CLIENTS", "50"))
@@ -43,17 +42,13 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
-def settings(tmp_path_factory) -> Settings:
-    made = Settings(data_dir=tmp_path_factory.mktemp("load"), max_uploads=AT_ONCE, max_requests=100)
-    migrate(made)
-    return made
+def backend(open_plant) -> Backend:
+    return open_plant(max_uploads=AT_ONCE, max_requests=100)
 
 
 @pytest.fixture(scope="module")
-def backend(settings) -> Iterator[Backend]:
-    opened = Backend.open(settings)
-    yield opened
-    opened.close()
+def settings(backend) -> Settings:
+    return backend.settings
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 import csv
 import io
-from collections.abc import Iterator
 
 import pytest
 
@@ -12,8 +11,6 @@ from app.services.auditing.chunks import audit_chunk, warm_up
 from app.services.backend import Backend
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import receive
-from app.services.upkeep.operations import migrate
-from app.settings import Settings
 
 HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
 TAGS = ("FIC101", "LIC7", HOSTILE)
@@ -34,26 +31,18 @@ def wide(*tags: str, samples: int = 600) -> bytes:
 
 
 @pytest.fixture(scope="module")
-def web_settings(tmp_path_factory) -> Settings:
-    settings = Settings(data_dir=tmp_path_factory.mktemp("pages"))
-    migrate(settings)
-    return settings
-
-
-@pytest.fixture(scope="module")
-def web_backend(web_settings) -> Iterator[Backend]:
+def web_backend(open_plant) -> Backend:
     warm_up()
-    backend = Backend.open(web_settings)
+    backend = open_plant()
     with receive(backend, filename="<i>plant.csv") as receiving:
         receiving.write(wide(*TAGS))
         receipt = receiving.commit()
     read_upload(backend, int(receipt.upload.id), "test")
     audit_chunk(backend, int(start_audit(backend, LoopFilter()).id), "test")
-    yield backend
-    backend.close()
+    return backend
 
 
 @pytest.fixture(scope="module")
-def client(serve, web_settings, web_backend):
-    with serve(create_app(web_settings)) as found:
+def client(serve, web_backend):
+    with serve(create_app(web_backend.settings)) as found:
         yield found

@@ -61,12 +61,12 @@ def test_what_was_asked_stays_text(client):
     assert re.search(r"&lt;script|%3Cscript", text)
 
 
-def test_a_fault_names_the_request_and_not_its_cause(serve, web_settings, web_backend, monkeypatch):
+def test_a_fault_names_the_request_and_not_its_cause(serve, web_backend, monkeypatch):
     def fails(*_):
         raise RuntimeError("secret detail")
 
     monkeypatch.setattr("app.services.plant.overview.overview", fails)
-    with serve(create_app(web_settings)) as client:
+    with serve(create_app(web_backend.settings)) as client:
         answer = client.get("/", headers=BROWSER | {"X-Request-Id": "asked-by-a-test"})
         assert answer.headers["Connection"] == "close"  # as the server does after a fault
         text = told(answer, 500, "internal_error")
@@ -76,9 +76,9 @@ def test_a_fault_names_the_request_and_not_its_cause(serve, web_settings, web_ba
     assert (problem.status_code, problem.json()["request_id"]) == (500, "asked-by-a-test")
 
 
-def test_a_role_that_is_too_low_and_no_key_at_all(serve, web_settings, web_backend):
+def test_a_role_that_is_too_low_and_no_key_at_all(serve, web_backend):
     key = create_key(web_backend, "looks", Role.read, lifetime=None).text
-    with serve(create_app(web_settings, keys_required=True)) as client:
+    with serve(create_app(web_backend.settings, keys_required=True)) as client:
         bearer = BROWSER | {"Authorization": f"Bearer {key}"}
         told(client.post("/runs", headers=bearer), 403, "role")
         assert '<a href="/login">' in told(client.post("/runs", headers=BROWSER), 401, "key_needed")

@@ -2,7 +2,6 @@
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -89,13 +88,11 @@ def test_the_routes_send_files_to_keep(client, two_nights):
 
 
 @pytest.fixture
-def unaudited(settings) -> Iterator[Backend]:
+def unaudited(backend) -> Backend:
     """A plant with a loop that nobody has audited."""
-    backend = Backend.open(settings)
     with backend.database.write() as connection:
         loops.ensure(connection, ["NEW1"])
-    yield backend
-    backend.close()
+    return backend
 
 
 def test_what_was_not_audited_has_no_report(unaudited):
@@ -132,12 +129,12 @@ def test_ticks_are_round(low, high, expected):
     assert ticks(low, high) == pytest.approx(expected)
 
 
-def test_the_command_writes_one(two_nights, web_settings, tmp_path, monkeypatch):
+def test_the_command_writes_one(two_nights, web_backend, tmp_path, monkeypatch):
     from typer.testing import CliRunner
 
     from app.cli.main import cli
 
-    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(web_settings.data_dir))
+    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(web_backend.settings.data_dir))
     file = tmp_path / "report.html"
     assert CliRunner().invoke(cli, ["report", "--loop", "FIC101", "--out", str(file)]).exit_code == 0
     assert "<h1>FIC101" in Path(file).read_text(encoding="utf-8")

@@ -11,22 +11,17 @@ from app.main import create_app
 from app.services.access import keys
 from app.services.access.identity import Role
 from app.services.backend import Backend
-from app.services.upkeep.operations import migrate
 from app.settings import Settings
 
 
 @pytest.fixture(scope="module")
-def settings(tmp_path_factory) -> Settings:
-    made = Settings(data_dir=tmp_path_factory.mktemp("access"), key_recheck_s=0, require_keys=True)
-    migrate(made)
-    return made
+def backend(open_plant) -> Backend:
+    return open_plant(key_recheck_s=0, require_keys=True)
 
 
 @pytest.fixture(scope="module")
-def backend(settings) -> Iterator[Backend]:
-    opened = Backend.open(settings)
-    yield opened
-    opened.close()
+def settings(backend) -> Settings:
+    return backend.settings
 
 
 @pytest.fixture(scope="module")
