@@ -5,8 +5,9 @@ from typing import Literal
 
 import numpy as np
 
-from app.engine.armax import ArmaxModel, Criterion, OrderSearch, SearchSpace, polish, refine, search_orders
+from app.engine.armax import ArmaxModel, Criterion, OrderSearch, SearchSpace, refine, search_orders
 from app.engine.armax.model import IntArray, Stages
+from app.engine.armax.search import check_length
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.valve import one_parameter, two_parameter_choudhury, two_parameter_he, two_parameter_kano
 from app.errors import DataError
@@ -118,44 +119,151 @@ class _Scaled:
     op_scale: float
 
 
+class Identification:
+    """Hammerstein identification of one record in one search space after another, by one valve model or the other.
+
+    What has been asked of a stem in a space is not asked again: bands that move it alike share their answer, also where
+    the other valve model lays them.
+    """
+
+    def __init__(self, record: UniformRecord, config: HammersteinConfig = HammersteinConfig()) -> None:
+        """record: PV and OP, (N,), any unit.
+
+        Raises DataError("flat_signal") where PV or OP never moves and DataError("not_finite") where a value is missing.
+        """
+        self._scaled, self._config = _scale(record, config), config
+        self._stems: dict[SearchSpace, _Stems] = {}
+
+    def one_parameter(self, space: SearchSpace, points: IntArray | None = None) -> OneParameterResult:
+        """Hammerstein identification with the one-parameter valve (figure 2, eqs 1-7): is the least RMSE at d = 0?
+
+        space: the orders searched. points: which points of the grid are tried, increasing, the first of them 0 (no
+        stiction); all where None. d and the RMSE come back in the units of OP and PV; a change of unit, sign or zero of
+        either changes nothing else, unless eq 7 is asked for on raw signals.
+        Raises DataError("record_too_short") as `search_orders` does.
+
+        Misleads: the least RMSE of one-step predictions is often won by the noise model, and the answer changes with
+        the search space: that is what the reliability measure is for. A stem that slips takes OP's value, so a band
+        slightly off slips at other samples: between grid points stick-slip may be missed or found at another d.
+        Source: Srinivasan, Spinner, Rengaswamy 2015, doi 10.1021/acs.iecr.5b00939.
+        """
+        op, op_scale = self._scaled.op, self._scaled.op_scale
+        d = np.linspace(0.0, self._config.d_max_share, self._config.points_d) * np.ptp(op)
+        d = d if points is None else d[points]
+        return OneParameterResult(d=d * op_scale, **vars(self._identify(one_parameter(op, d), space)))
+
+    def two_parameter(self, space: SearchSpace) -> TwoParameterResult:
+        """Hammerstein identification with a two-parameter valve: is the least RMSE at S = J = 0?
+
+        space, units and errors as `one_parameter`; S and J in the unit of OP. The same source.
+        """
+        op, op_scale = self._scaled.op, self._scaled.op_scale
+        S, J = (share * np.ptp(op) for share in _stiction_grid(self._config))
+        v = TWO_PARAMETER[self._config.valve_model](op, S, J)
+        return TwoParameterResult(S=S * op_scale, J=J * op_scale, **vars(self._identify(v, space)))
+
+    def _identify(self, v: FloatArray, space: SearchSpace) -> GridResult:
+        if space not in self._stems:
+            self._stems[space] = _Stems(self._scaled, space, self._config)
+        stems = self._stems[space]
+        places = stems.searched(v)
+        rmse = stems.rmse[places]
+        models = {m: stems.model(places[m]) for m in _candidates(rmse, self._config)}
+        rmse_refined = np.full(len(v), np.nan)
+        if self._config.refined > 0:
+            rmse_refined[list(models)] = [model.rmse for model in models.values()]
+        best = min(models, key=lambda m: (models[m].rmse, m))
+        return GridResult(
+            space=space,
+            rmse=rmse,
+            rmse_refined=rmse_refined,
+            aic=stems.aic[places],
+            na=stems.orders[places, 0],
+            nb=stems.orders[places, 1],
+            nc=stems.orders[places, 2],
+            best=best,
+            model=models[best],
+            model_without_stiction=models[0],
+            stiction=best != 0,
+            first_sample=stems.first_sample,
+        )
+
+
 def identify_one_parameter(
     record: UniformRecord,
     space: SearchSpace,
     config: HammersteinConfig = HammersteinConfig(),
     points: IntArray | None = None,
 ) -> OneParameterResult:
-    """Hammerstein identification with the one-parameter valve (figure 2, eqs 1-7): is the least RMSE at d = 0?
-
-    record: PV and OP, (N,), any unit. space: the orders searched. points: which points of the grid are tried,
-    increasing, the first of them 0 (no stiction); all where None. d and the RMSE come back in the units of OP and PV;
-    a change of unit, sign or zero of either changes nothing else, unless eq 7 is asked for on raw signals.
-    Raises DataError("flat_signal") where PV or OP never moves, DataError("not_finite") and
-    DataError("record_too_short") as `search_orders` does.
-
-    Misleads: the least RMSE of one-step predictions is often won by the noise model, and the answer changes with the
-    search space: that is what the reliability measure is for. A stem that slips takes OP's value, so a band slightly
-    off slips at other samples: between grid points stick-slip may be missed or found at another d.
-    Source: Srinivasan, Spinner, Rengaswamy 2015, doi 10.1021/acs.iecr.5b00939.
-    """
-    scaled = _scale(record, config)
-    d = np.linspace(0.0, config.d_max_share, config.points_d) * np.ptp(scaled.op)
-    d = d if points is None else d[points]
-    found = _identify(scaled, one_parameter(scaled.op, d), space, config)
-    return OneParameterResult(d=d * scaled.op_scale, **vars(found))
+    """`Identification.one_parameter` of a record in one search space."""
+    return Identification(record, config).one_parameter(space, points)
 
 
 def identify_two_parameter(
     record: UniformRecord, space: SearchSpace, config: HammersteinConfig = HammersteinConfig()
 ) -> TwoParameterResult:
-    """Hammerstein identification with a two-parameter valve: is the least RMSE at S = J = 0?
+    """`Identification.two_parameter` of a record in one search space."""
+    return Identification(record, config).two_parameter(space)
 
-    record, space, units and errors as `identify_one_parameter`; S and J in the unit of OP. The same source.
+
+class _Stems:
+    """The distinct stems that were searched in one space, in the order in which they were met.
+
+    rmse, aic: (K,), orders: (K, 3); RMSE in the unit of PV. first_sample: errors are judged from this sample on.
     """
-    scaled = _scale(record, config)
-    S, J = _stiction_grid(config)
-    S, J = S * np.ptp(scaled.op), J * np.ptp(scaled.op)
-    found = _identify(scaled, TWO_PARAMETER[config.valve_model](scaled.op, S, J), space, config)
-    return TwoParameterResult(S=S * scaled.op_scale, J=J * scaled.op_scale, **vars(found))
+
+    def __init__(self, scaled: _Scaled, space: SearchSpace, config: HammersteinConfig) -> None:
+        check_length(len(scaled.pv), space)
+        self._scaled, self._space, self._config = scaled, space, config
+        self._rows: list[FloatArray] = []
+        self._alike: dict[float, list[int]] = {}
+        self._found: list[tuple[OrderSearch, int]] = []
+        self._models: dict[int, ArmaxModel] = {}
+        self.rmse, self.aic, self.orders = np.empty(0), np.empty(0), np.empty((0, 3), dtype=np.int64)
+        self.first_sample = 0
+
+    def searched(self, v: FloatArray) -> IntArray:
+        """(M,) where each row of v (M, N), in the unit of OP as scaled, stands among the stems; new ones are searched.
+
+        A band that OP never leaves holds the stem, however much wider it is; and a finite record tells bands apart only
+        where some move of OP lies between them.
+        """
+        known = len(self._rows)
+        places = np.array([self._place(row, total) for row, total in zip(v, v.sum(axis=1).tolist(), strict=True)])
+        if len(self._rows) > known:
+            self._search(np.stack(self._rows[known:]))
+        return places
+
+    def model(self, place: int) -> ArmaxModel:
+        """The model behind one stem, refined where the configuration refines, in engineering units."""
+        if place not in self._models:
+            steps = self._config.steps if self._config.refined > 0 else 0
+            search, k = self._found[place]
+            row, order = self._rows[place], search.order(k)
+            fitted = refine(self._scaled.pv, row, order, search, k, steps, self._config.tolerance)
+            gain = self._scaled.pv_scale / self._scaled.op_scale
+            self._models[place] = replace(fitted, b=fitted.b * gain, rmse=fitted.rmse * self._scaled.pv_scale)
+        return self._models[place]
+
+    def _place(self, row: FloatArray, total: float) -> int:
+        """Where the stem `row` (N,) with this sum stands; at the end, if it is new."""
+        before = self._alike.setdefault(total, [])
+        for place in before:
+            if np.array_equal(self._rows[place], row):
+                return place
+        before.append(len(self._rows))
+        self._rows.append(row)
+        return before[-1]
+
+    def _search(self, v: FloatArray) -> None:
+        config = self._config
+        search = search_orders(self._scaled.pv, v, self._space, config.criterion, config.stages, config.curve_steps)
+        self._found += [(search, k) for k in range(len(v))]
+        self.rmse = np.append(self.rmse, search.rmse * self._scaled.pv_scale)
+        self.aic = np.append(self.aic, search.aic)
+        orders = np.stack((search.na, search.nb, search.nc), axis=1)
+        self.orders = np.append(self.orders, orders, axis=0)
+        self.first_sample = search.first_sample
 
 
 def _stiction_grid(config: HammersteinConfig) -> tuple[FloatArray, FloatArray]:
@@ -176,60 +284,7 @@ def _scale(record: UniformRecord, config: HammersteinConfig) -> _Scaled:
     return _Scaled(pv=pv / pv_scale, op=op / op_scale, pv_scale=pv_scale, op_scale=op_scale)
 
 
-def _identify(scaled: _Scaled, v: FloatArray, space: SearchSpace, config: HammersteinConfig) -> GridResult:
-    first_alike = _first_alike(v)
-    distinct, places = np.unique(first_alike, return_inverse=True)
-    search = search_orders(scaled.pv, v[distinct], space, config.criterion, config.stages)
-    search = polish(scaled.pv, v[distinct], search, config.curve_steps)
-    candidates = _candidates(search.rmse[places], config)
-    asked = sorted({int(places[m]) for m in candidates})
-    fitted = {k: _model_at(k, scaled, v[distinct[k]], search, config) for k in asked}
-    models = {m: fitted[int(places[m])] for m in candidates}
-    rmse_refined = np.full(len(v), np.nan)
-    if config.refined > 0:
-        rmse_refined[list(models)] = [model.rmse for model in models.values()]
-    best = min(models, key=lambda m: (models[m].rmse, m))
-    return GridResult(
-        space=space,
-        rmse=search.rmse[places] * scaled.pv_scale,
-        rmse_refined=rmse_refined,
-        aic=search.aic[places],
-        na=search.na[places],
-        nb=search.nb[places],
-        nc=search.nc[places],
-        best=best,
-        model=models[best],
-        model_without_stiction=models[0],
-        stiction=best != 0,
-        first_sample=search.first_sample,
-    )
-
-
-def _first_alike(v: FloatArray) -> IntArray:
-    """(M,) for each row of v (M, N) the first one with the same samples: what it does to PV needs to be asked once.
-
-    A band that OP never leaves holds the stem, however much wider it is; and a finite record tells bands apart only
-    where some move of OP lies between them.
-    """
-    seen: dict[float, list[int]] = {}
-    alike = np.arange(len(v))
-    for m, total in enumerate(v.sum(axis=1).tolist()):
-        before = seen.setdefault(total, [])
-        alike[m] = next((k for k in before if np.array_equal(v[k], v[m])), m)
-        if alike[m] == m:
-            before.append(m)
-    return alike
-
-
 def _candidates(rmse: FloatArray, config: HammersteinConfig) -> list[int]:
     """No stiction and the lowest points of the curve, the smaller band first where two are level."""
     lowest = np.argsort(rmse, kind="stable")[: max(config.refined, 1)]
     return sorted({0, *(int(m) for m in lowest)})
-
-
-def _model_at(k: int, scaled: _Scaled, v: FloatArray, search: OrderSearch, config: HammersteinConfig) -> ArmaxModel:
-    """The model behind one stem v (N,), the k-th of the search."""
-    steps = config.steps if config.refined > 0 else 0
-    fitted = refine(scaled.pv, v, search.order(k), search, k, steps, config.tolerance)
-    gain = scaled.pv_scale / scaled.op_scale
-    return replace(fitted, b=fitted.b * gain, rmse=fitted.rmse * scaled.pv_scale)

@@ -5,10 +5,10 @@ from typing import Literal
 
 import numpy as np
 
-from app.engine import hammerstein, yper
+from app.engine import yper
 from app.engine.armax import SearchSpace
 from app.engine.armax.model import IntArray
-from app.engine.hammerstein import HammersteinConfig, OneParameterResult, TwoParameterResult
+from app.engine.hammerstein import HammersteinConfig, Identification, OneParameterResult, TwoParameterResult
 from app.engine.recording import UniformRecord
 from app.engine.yper import YperResult
 from app.errors import DataError
@@ -137,10 +137,10 @@ def climb(
     raw = yper.compute(record.pv, record.op, record.sampling_interval_s, "raw")
     high = scale_free.yper_pct > config.yper_threshold_pct
     first = config.rungs.index(config.high if high else config.nominal)
-    rungs, ending = _climb_from(record, config, first, high, hammerstein_config)
+    identification = Identification(record, hammerstein_config)
+    rungs, ending = _climb_from(identification, config, first, high, hammerstein_config)
     if config.two_parameter:
-        space = _narrower(rungs[-1].space, config)
-        two = hammerstein.identify_two_parameter(record, space, hammerstein_config)
+        two = identification.two_parameter(_narrower(rungs[-1].space, config))
         rungs[-1] = replace(rungs[-1], two=two)
     return Reference(yper=scale_free, yper_raw=raw, high=high, rungs=tuple(rungs), ending=ending)
 
@@ -155,9 +155,13 @@ def _narrower(space: SearchSpace, config: LadderConfig) -> SearchSpace:
 
 
 def _climb_from(
-    record: UniformRecord, config: LadderConfig, first: int, high: bool, hammerstein_config: HammersteinConfig
+    identification: Identification,
+    config: LadderConfig,
+    first: int,
+    high: bool,
+    hammerstein_config: HammersteinConfig,
 ) -> tuple[list[Rung], Ending]:
-    rungs = [_first_bearable(record, config, first, high, hammerstein_config)]
+    rungs = [_first_bearable(identification, config, first, high)]
     if not config.widen and not rungs[-1].agrees:
         return rungs, "not_widened"
     for orders in config.rungs[first + 1 :]:
@@ -165,7 +169,7 @@ def _climb_from(
             break
         points = _points_for_wider(rungs, config, hammerstein_config)
         try:
-            rungs.append(_try(record, SearchSpace(*orders), high, hammerstein_config, points))
+            rungs.append(_try(identification, SearchSpace(*orders), high, points))
         except DataError as refused:
             if refused.code != "record_too_short":
                 raise
@@ -184,25 +188,17 @@ def _points_for_wider(
     return np.union1d(spread, lowest)
 
 
-def _first_bearable(
-    record: UniformRecord, config: LadderConfig, first: int, high: bool, hammerstein_config: HammersteinConfig
-) -> Rung:
+def _first_bearable(identification: Identification, config: LadderConfig, first: int, high: bool) -> Rung:
     for orders in config.rungs[first:0:-1]:
         try:
-            return _try(record, SearchSpace(*orders), high, hammerstein_config)
+            return _try(identification, SearchSpace(*orders), high)
         except DataError as refused:
             if refused.code != "record_too_short":
                 raise
-    return _try(record, SearchSpace(*config.rungs[0]), high, hammerstein_config)
+    return _try(identification, SearchSpace(*config.rungs[0]), high)
 
 
-def _try(
-    record: UniformRecord,
-    space: SearchSpace,
-    high: bool,
-    config: HammersteinConfig,
-    points: IntArray | None = None,
-) -> Rung:
-    one = hammerstein.identify_one_parameter(record, space, config, points)
+def _try(identification: Identification, space: SearchSpace, high: bool, points: IntArray | None = None) -> Rung:
+    one = identification.one_parameter(space, points)
     reading = read_table2(high, one.stiction)
     return Rung(space=space, one=one, two=None, stiction=one.stiction, reading=reading, agrees=reading in RELIABLE)

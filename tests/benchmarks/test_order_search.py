@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from statsmodels.tsa.statespace.sarimax import SARIMAX
 
-from app.engine.armax import Order, SearchSpace, polish, refine, search_orders
+from app.engine.armax import Order, SearchSpace, refine, search_orders
 from app.engine.hammerstein import HammersteinConfig, identify_one_parameter, identify_two_parameter
 from app.engine.recording import UniformRecord
 from app.engine.valve import one_parameter, two_parameter_he
@@ -78,8 +78,8 @@ def test_one_and_two_parameter_search(signals):
         print(
             f"\n{name} x {SPACE.orders} orders, N = {len(pv)}: {1e3 * seconds:.2f} ms, {fits} fits, "
             f"{1e9 * seconds / fits:.0f} ns a fit; with a third regression "
-            f"{1e3 * median_s(lambda v=v: search_orders(pv, v, SPACE, stages=3), 25):.2f} ms, three refining steps "
-            f"{1e3 * median_s(lambda v=v, s=search: polish(pv, v, s, 3), 25):.2f} ms"
+            f"{1e3 * median_s(lambda v=v: search_orders(pv, v, SPACE, stages=3), 25):.2f} ms, with three steps more "
+            f"{1e3 * median_s(lambda v=v: search_orders(pv, v, SPACE, steps=3), 25):.2f} ms"
         )
         print(
             f"  the Gram matrices need {products / 1e6:.1f} M products: {1e3 * products / peak:.3f} ms at the "

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from app.engine import hammerstein
 from app.engine.armax import Order, SearchSpace
-from app.engine.hammerstein import HammersteinConfig, identify_one_parameter, identify_two_parameter
+from app.engine.hammerstein import HammersteinConfig, Identification, identify_one_parameter, identify_two_parameter
 from app.engine.recording import UniformRecord
 from app.engine.valve import one_parameter, two_parameter_he
 from app.errors import DataError
@@ -142,6 +142,24 @@ def test_bands_that_move_the_stem_alike_are_identified_once(monkeypatch):
     assert np.all(result.rmse[held] == result.rmse[-1])
     alone = identify_one_parameter(record, SPACE, config, np.array([0, 20]))
     assert result.rmse[[0, 20]] == pytest.approx(alone.rmse, rel=1e-12)
+
+
+def test_a_stem_that_both_valve_models_lay_is_identified_once(monkeypatch):
+    """S = J = d is the one-parameter valve."""
+    record, asked = record_behind(sticky(0.2, 0.2), samples=500), []
+    search = hammerstein.search_orders
+    monkeypatch.setattr(hammerstein, "search_orders", lambda y, v, *rest: asked.append(v) or search(y, v, *rest))
+    config = HammersteinConfig(points_d=11, d_max_share=1.0, points_S=5, S_max_share=1.0, jump_shares=(0.5, 1.0))
+    identification = Identification(record, config)
+    one, two = identification.one_parameter(SPACE), identification.two_parameter(SPACE)
+    stems = np.concatenate([one_parameter(record.op, one.d), two_parameter_he(record.op, two.S, two.J)])
+    assert sum(map(len, asked)) == len(np.unique(stems, axis=0)) <= len(stems) - 6
+    alone = identify_two_parameter(record, SPACE, config)
+    assert two.best == alone.best
+    assert np.array_equal(two.rmse, alone.rmse)
+    assert np.array_equal(two.rmse_refined, alone.rmse_refined, equal_nan=True)
+    other = identification.one_parameter(SearchSpace(1, 1, 1))
+    assert np.array_equal(other.rmse, identify_one_parameter(record, SearchSpace(1, 1, 1), config).rmse)
 
 
 @pytest.mark.parametrize("signal", ["pv", "op"])

@@ -25,20 +25,23 @@ def answers(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """Stands in for the identification: says stiction in the spaces of `stiction_in`, notes what was asked."""
     said = SimpleNamespace(stiction_in=set(), too_short_for=set(), asked=[], asked_two=[], points=[])
 
-    def one(_: UniformRecord, space: SearchSpace, __: object, points: object = None) -> SimpleNamespace:
-        said.points.append(points)
-        orders = (space.na_max, space.nb_max, space.nc_max)
-        said.asked.append(orders)
-        if orders in said.too_short_for:
-            raise DataError("record_too_short", "needs more")
-        return SimpleNamespace(stiction=orders in said.stiction_in)
+    class Answering:
+        def __init__(self, _: UniformRecord, __: object) -> None:
+            pass
 
-    def two(_: UniformRecord, space: SearchSpace, __: object) -> str:
-        said.asked_two.append((space.na_max, space.nb_max, space.nc_max))
-        return "surface"
+        def one_parameter(self, space: SearchSpace, points: object = None) -> SimpleNamespace:
+            said.points.append(points)
+            orders = (space.na_max, space.nb_max, space.nc_max)
+            said.asked.append(orders)
+            if orders in said.too_short_for:
+                raise DataError("record_too_short", "needs more")
+            return SimpleNamespace(stiction=orders in said.stiction_in)
 
-    monkeypatch.setattr(reliability.hammerstein, "identify_one_parameter", one)
-    monkeypatch.setattr(reliability.hammerstein, "identify_two_parameter", two)
+        def two_parameter(self, space: SearchSpace) -> str:
+            said.asked_two.append((space.na_max, space.nb_max, space.nc_max))
+            return "surface"
+
+    monkeypatch.setattr(reliability, "Identification", Answering)
     return said
 
 

@@ -1,7 +1,7 @@
 """ARMAX models: all orders of a search space for a whole valve grid at once, and exact fits of single orders."""
 
 from app.engine.armax.model import ArmaxModel, Criterion, Order, OrderSearch, SearchSpace
-from app.engine.armax.refine import polish, refine
+from app.engine.armax.refine import refine
 from app.engine.armax.search import estimate_order, search_orders
 
 __all__ = [
@@ -11,7 +11,6 @@ __all__ = [
     "OrderSearch",
     "SearchSpace",
     "estimate_order",
-    "polish",
     "refine",
     "search_orders",
 ]

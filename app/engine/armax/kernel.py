@@ -13,7 +13,7 @@ from app.engine.armax.gram import (
     lagged_dots,
     solve_least_squares,
 )
-from app.engine.armax.predict import filter_by_c, prediction_errors, reflect_to_stable, sum_of_squares
+from app.engine.armax.predict import filter_by_c, reflect_to_stable
 from app.engine.recording import FloatArray
 
 COLLINEAR = 1e-11
@@ -218,55 +218,3 @@ def efficient_gram(
     lagged_dots(goal, filtered[1], 0, 1, first, gram[na : na + nb, target])
     lagged_dots(goal, filtered[2], 0, 1, first, gram[na + nb : target, target])
     gram[target, target] = lagged_dot(goal, goal, 0, 0, first)
-
-
-@njit(cache=True, nogil=True)
-def search_grid(
-    y: FloatArray,
-    v: FloatArray,
-    orders: tuple,
-    nc_min: int,
-    fixed: tuple,
-    stages: int,
-    p: int,
-    logarithmic: bool,
-    chosen: np.ndarray,
-    figures: FloatArray,
-    a: FloatArray,
-    b: FloatArray,
-    c: FloatArray,
-    model_errors: FloatArray,
-) -> None:
-    """The whole search: chosen (M, 3) orders, figures (M, 2) with AIC and RMSE, coefficients and the chosen
-    models' one-step prediction errors (M, N), all in place.
-
-    y: (N,) and the rows of v (M, N) are deviations from their mean. fixed: an order to take instead of the least AIC,
-    or (0, 0, 0). Every order of every valve position is judged over the same samples, p + nc..N-1.
-    """
-    na, nb, nc = orders
-    size = na + nb + nc + 1
-    first = p + nc
-    samples = len(y) - first
-    yy, yv, vv = np.zeros((p + 1, p + 1)), np.empty((p + 1, p)), np.zeros((p, p))
-    gram, room = np.zeros((size, size)), np.zeros((3, size, size))
-    long_room = np.empty((2 * p + 3, 2 * p + 1))
-    left, values = np.empty((nc + 1, nc + 1, na * nb)), np.empty((na, nb, nc + 1))
-    filtered = np.zeros((3, len(y)))
-    best = (1, 1, nc_min)
-    fill_own_gram(yy, 0, y, (0, p + 1), first)
-    for m in range(v.shape[0]):
-        errors = model_errors[m]
-        fill_lagged_gram(yv, 0, 0, y, v[m], (0, p + 1, 1, p), first)
-        fill_own_gram(vv, 0, v[m], (1, p), first)
-        long_autoregression(y, v[m], yy, yv, vv, long_room, errors)
-        regression_gram(y, v[m], errors, yy, yv, vv, orders, first, gram)
-        for stage in range(2, stages + 1):
-            if stage == 3:
-                efficient_gram(y, v[m], errors, c[m, : best[2]], orders, first, filtered, gram)
-            sweep_orders(gram, orders, samples, logarithmic, room, left, values)
-            best = fixed if fixed[0] > 0 else least(values, nc_min)
-            solve_order(gram, orders, best, room, a[m], b[m], c[m])
-            prediction_errors(y, v[m], a[m, : best[0]], b[m, : best[1]], c[m, : best[2]], errors)
-        chosen[m] = best
-        figures[m, 0] = values[best[0] - 1, best[1] - 1, best[2]]
-        figures[m, 1] = np.sqrt(sum_of_squares(errors, first) / samples)

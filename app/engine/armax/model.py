@@ -62,9 +62,8 @@ class OrderSearch:
 
     na, nb, nc: (M,). aic: (M,) the criterion's least value. rmse: (M,) root mean square of the one-step prediction
     error of the chosen model over the samples first_sample..N-1, in the unit of y. a, b, c: (M, na_max), (M, nb_max),
-    (M, nc_max) coefficients, zero beyond the chosen order. errors: (M, N) one-step prediction errors of the chosen
-    model, 0 before sample max(na, nb). first_sample: the sample from which every model of the search is judged.
-    long_order: order of the long autoregression that gave the innovations.
+    (M, nc_max) coefficients, zero beyond the chosen order. first_sample: the sample from which every model of the
+    search is judged. long_order: order of the long autoregression that gave the innovations.
     """
 
     space: SearchSpace
@@ -77,7 +76,6 @@ class OrderSearch:
     a: FloatArray
     b: FloatArray
     c: FloatArray
-    errors: FloatArray
     first_sample: int
     long_order: int
 

