@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from app.engine.armax import Order, SearchSpace, estimate_order, refine, search_orders
 from app.engine.armax.gram import add_lagged, fill_lagged_gram, fill_own_gram
-from app.engine.armax.kernel import sweep_orders
+from app.engine.armax.kernel import criterion_value, least, sweep_orders, sweep_rooms
 from app.engine.armax.predict import SLOWEST_ROOT, filter_by_c, is_stable, reflect_to_stable
 from app.engine.armax.roots import roots_of
 from app.errors import DataError, RequestError
@@ -72,20 +72,27 @@ def test_roots_are_the_eigenvalues_of_the_companion_matrix(c):
     assert np.allclose(np.abs(found[:, None] - expected).min(axis=1), 0.0, atol=1e-7)
 
 
-@pytest.mark.parametrize("logarithmic", [False, True])
-def test_every_order_of_the_sweep_is_its_own_regression(logarithmic):
+def test_every_order_of_the_sweep_is_its_own_regression():
     rng = np.random.default_rng(3)
     na, nb, nc, samples = 3, 2, 4, 60
     columns = rng.normal(size=(samples, na + nb + nc + 1)).cumsum(axis=0)
-    gram, size = columns.T @ columns, na + nb + nc + 1
-    values = np.empty((na, nb, nc + 1))
-    room, left = np.zeros((3, size, size)), np.empty((nc + 1, nc + 1, na * nb))
-    sweep_orders(gram, (na, nb, nc), samples, logarithmic, room, left, values)
+    residuals = np.empty((na, nb, nc + 1))
+    sweep_orders(columns.T @ columns, (na, nb, nc), sweep_rooms((na, nb, nc)), residuals)
     for i, j, k in np.ndindex(na, nb, nc + 1):
         chosen = [*range(i + 1), *range(na, na + j + 1), *range(na + nb, na + nb + k)]
-        residual = np.linalg.lstsq(columns[:, chosen], columns[:, -1], rcond=None)[1][0]
-        fit = np.log(residual / samples) if logarithmic else residual / samples
-        assert values[i, j, k] == pytest.approx(fit + 2 * len(chosen) / samples, rel=1e-9)
+        expected = np.linalg.lstsq(columns[:, chosen], columns[:, -1], rcond=None)[1][0]
+        assert residuals[i, j, k] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("logarithmic", [False, True])
+@pytest.mark.parametrize("nc_min", [0, 1])
+def test_the_chosen_order_has_the_least_criterion(logarithmic, nc_min):
+    samples, residuals = 60, np.random.default_rng(4).uniform(50.0, 70.0, (4, 3, 6))
+    parameters = 2 + sum(np.meshgrid(*map(np.arange, residuals.shape), indexing="ij"))
+    values = criterion_value.py_func(residuals, samples, parameters, logarithmic)[:, :, nc_min:]
+    i, j, k = np.unravel_index(np.argmin(values), values.shape)
+    assert least(residuals, samples, logarithmic, nc_min) == (i + 1, j + 1, k + nc_min)
+    assert least(np.ones((4, 3, 6)), samples, logarithmic, nc_min) == (1, 1, nc_min)
 
 
 def test_the_order_and_coefficients_of_a_simulation_are_found():

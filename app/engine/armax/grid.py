@@ -5,12 +5,14 @@ from numba import njit
 
 from app.engine.armax.gram import fill_lagged_gram, fill_own_gram
 from app.engine.armax.kernel import (
+    criterion_value,
     efficient_gram,
     least,
     long_autoregression,
     regression_gram,
     solve_order,
     sweep_orders,
+    sweep_rooms,
 )
 from app.engine.armax.minimise import TOLERANCE, minimise
 from app.engine.armax.predict import prediction_errors
@@ -48,7 +50,7 @@ def search_grid(
     yy, yv, vv = np.zeros((p + 1, p + 1)), np.empty((p + 1, p)), np.zeros((p, p))
     gram, room = np.zeros((size, size)), np.zeros((3, size, size))
     long_room = np.empty((2 * p + 3, 2 * p + 1))
-    left, values = np.empty((nc + 1, nc + 1, na * nb)), np.empty((na, nb, nc + 1))
+    rooms, residuals = sweep_rooms(orders), np.empty((na, nb, nc + 1))
     filtered, errors = np.zeros((3, len(y))), np.empty(len(y))
     best = (1, 1, nc_min)
     fill_own_gram(yy, 0, y, (0, p + 1), first)
@@ -61,12 +63,13 @@ def search_grid(
         for stage in range(2, stages + 1):
             if stage == 3:
                 efficient_gram(y, stem, errors, c[m, : best[2]], orders, first, filtered, gram)
-            sweep_orders(gram, orders, samples, logarithmic, room, left, values)
-            best = fixed if fixed[0] > 0 else least(values, nc_min)
+            sweep_orders(gram, orders, rooms, residuals)
+            best = fixed if fixed[0] > 0 else least(residuals, samples, logarithmic, nc_min)
             solve_order(gram, orders, best, room, a[m], b[m], c[m])
             model = a[m, : best[0]], b[m, : best[1]], c[m, : best[2]]
             prediction_errors(y, stem, *model, errors)
         chosen[m] = best
-        figures[m, 0] = values[best[0] - 1, best[1] - 1, best[2]]
+        residual = residuals[best[0] - 1, best[1] - 1, best[2]]
+        figures[m, 0] = criterion_value(residual, samples, best[0] + best[1] + best[2], logarithmic)
         total, _, _ = minimise(y, stem, *model, errors, first, steps, TOLERANCE)
         figures[m, 1] = np.sqrt(total / samples)

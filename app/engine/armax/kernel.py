@@ -89,55 +89,87 @@ def criterion_value(residual: float, samples: int, parameters: int, logarithmic:
 
 
 @njit(cache=True, nogil=True)
-def sweep_orders(
-    gram: FloatArray,
-    orders: tuple,
-    samples: int,
-    logarithmic: bool,
-    room: FloatArray,
-    left: FloatArray,
-    values: FloatArray,
-) -> None:
-    """The criterion of every order into values (na, nb, nc + 1); `gram` is left as it is.
+def sweep_orders(gram: FloatArray, orders: tuple, rooms: tuple, residuals: FloatArray) -> None:
+    """The residual sum of squares of every order into residuals (na, nb, nc + 1); `gram` is left as it is.
 
-    The y lags are taken out one by one; after each, the v lags from a copy of what is left; after each of those, the
-    innovation lags from a copy of what is left then, all copies abreast. Every order is one further step of a
-    factorisation, not a new one. room: (3, size, size), left: (nc + 1, nc + 1, na nb).
+    The innovation lags are taken out one by one, and what is left after each is kept; from all that is kept, abreast,
+    the y lags one by one, and from all that is left after each of those the v lags. Every order is one further step of
+    a factorisation, not a new one. rooms: as `sweep_rooms` makes them, to work in.
     """
     na, nb, nc = orders
-    size = na + nb + nc + 1
-    smallest = SMALLEST_RESIDUAL * gram[size - 1, size - 1]
-    floors, factors = np.empty(na * nb), np.empty(na * nb)
-    room[0] = gram
-    for i in range(na):
-        eliminate(room[0], i, size, COLLINEAR * gram[i, i])
-        room[1, na:, na:] = room[0, na:, na:]
-        for j in range(nb):
-            eliminate(room[1], na + j, size, COLLINEAR * gram[na + j, na + j])
-            for r in range(nc + 1):
-                for s in range(r, nc + 1):
-                    left[r, s, i * nb + j] = room[1, na + nb + r, na + nb + s]
+    whole, without_e, without_y, floors, factors = rooms
+    size, abreast = na + nb + nc + 1, nc + 1
+    _innovations_first(gram, orders, whole)
     for k in range(nc + 1):
         if k > 0:
             e = na + nb + k - 1
-            floors[:] = COLLINEAR * gram[e, e]
-            eliminate_abreast(left, k - 1, floors, factors)
-        for i in range(na):
-            for j in range(nb):
-                residual = max(left[nc, nc, i * nb + j], smallest)
-                values[i, j, k] = criterion_value(residual, samples, i + j + 2 + k, logarithmic)
+            eliminate(whole, k - 1, size, COLLINEAR * gram[e, e])
+        _keep(whole, nc, without_e, k)
+    for k in range(na):
+        floors[:abreast] = COLLINEAR * gram[k, k]
+        eliminate_abreast(without_e, k, floors[:abreast], factors[:abreast])
+        _keep_abreast(without_e, na, without_y, k * abreast)
+    smallest = SMALLEST_RESIDUAL * gram[size - 1, size - 1]
+    for k in range(nb):
+        floors[:] = COLLINEAR * gram[na + k, na + k]
+        eliminate_abreast(without_y, k, floors, factors)
+        residuals[:, k] = np.maximum(without_y[nb, nb], smallest).reshape((na, abreast))
 
 
 @njit(cache=True, nogil=True)
-def least(values: FloatArray, nc_min: int) -> tuple:
-    """The order (na, nb, nc) of the least value; of equal ones the first, which is the smaller."""
-    best = (0, 0, nc_min)
-    for i in range(values.shape[0]):
-        for j in range(values.shape[1]):
-            for k in range(nc_min, values.shape[2]):
-                if values[i, j, k] < values[best]:
-                    best = (i, j, k)
-    return best[0] + 1, best[1] + 1, best[2]
+def sweep_rooms(orders: tuple) -> tuple:
+    """Room for `sweep_orders`: one matrix of all lags, nc + 1 without those of the innovations, na (nc + 1) without
+    those of y too, and two rows of as many numbers."""
+    na, nb, nc = orders
+    size, last = na + nb + nc + 1, na * (nc + 1)
+    without_e, without_y = np.empty((na + nb + 1, na + nb + 1, nc + 1)), np.empty((nb + 1, nb + 1, last))
+    return np.empty((size, size)), without_e, without_y, np.empty(last), np.empty(last)
+
+
+@njit(cache=True, nogil=True)
+def _innovations_first(gram: FloatArray, orders: tuple, whole: FloatArray) -> None:
+    """The upper triangle over [innovation lags, y lags, v lags, y] into `whole`, of one over [y, v, innovations, y]."""
+    na, nb, nc = orders
+    size = na + nb + nc + 1
+    places = np.concatenate((np.arange(na + nb, size - 1), np.arange(na + nb), np.array([size - 1])))
+    for i in range(size):
+        for j in range(i, size):
+            whole[i, j] = gram[min(places[i], places[j]), max(places[i], places[j])]
+
+
+@njit(cache=True, nogil=True)
+def _keep(matrix: FloatArray, first: int, kept: FloatArray, place: int) -> None:
+    """The upper triangle of a matrix from row and column `first` on into kept[:, :, place]."""
+    for i in range(kept.shape[0]):
+        for j in range(i, kept.shape[0]):
+            kept[i, j, place] = matrix[first + i, first + j]
+
+
+@njit(cache=True, nogil=True)
+def _keep_abreast(matrices: FloatArray, first: int, kept: FloatArray, place: int) -> None:
+    """The same of matrices (size, size, M) that lie abreast, into kept[:, :, place : place + M]."""
+    for i in range(kept.shape[0]):
+        for j in range(i, kept.shape[0]):
+            for m in range(matrices.shape[2]):
+                kept[i, j, place + m] = matrices[first + i, first + j, m]
+
+
+@njit(cache=True, nogil=True)
+def least(residuals: FloatArray, samples: int, logarithmic: bool, nc_min: int) -> tuple:
+    """The order (na, nb, nc) of the least criterion; of equal ones the first, which is the smaller."""
+    na, nb, kinds = residuals.shape
+    penalty = 2.0 * np.arange(na + nb + kinds) / samples
+    growth = np.exp(penalty)  # of the variance that costs as much: the logarithm of a product is that of each, added
+    best, lowest = (1, 1, nc_min), np.inf
+    for i in range(na):
+        for j in range(nb):
+            for k in range(nc_min, kinds):
+                parameters = i + j + 2 + k
+                variance = residuals[i, j, k] / samples
+                value = variance * growth[parameters] if logarithmic else variance + penalty[parameters]
+                if value < lowest:
+                    best, lowest = (i + 1, j + 1, k), value
+    return best
 
 
 @njit(cache=True, nogil=True)
