@@ -128,6 +128,21 @@ def test_stems_of_a_grid_move_as_the_valve_models_say():
         np.testing.assert_allclose(means, v.mean(axis=1), rtol=1e-12)
 
 
+@pytest.mark.parametrize("kano", [False, True])
+@pytest.mark.parametrize("stride", [1, 2])
+def test_a_stem_that_never_moves_explains_nothing(kano, stride):
+    """Its mean is off its level by rounding; what is left of it must not become a regressor."""
+    rng = np.random.default_rng(6)
+    op, pv = 50.3 + 0.1 * rng.random(400 * stride), rng.standard_normal(400) + 0.3
+    S = np.array([0.02, 1.0, 3.0])
+    found = residuals(pv, op, stride, S, 0.5 * S, kano, 3, 4)
+    first = 5 if stride == 1 else 4
+    own = np.column_stack([pv[first - lag : len(pv) - lag] for lag in (1, 2, 3)])
+    alone = np.linalg.lstsq(own, pv[first:], rcond=None)[1][0]
+    np.testing.assert_allclose(found[1:], alone, rtol=1e-12)
+    assert found[0] < alone
+
+
 @pytest.mark.parametrize("valves", [1, 5, 32, 50])
 def test_valves_abreast_are_valves_one_by_one(valves):
     rng = np.random.default_rng(6)

@@ -36,16 +36,40 @@ def residuals(
 
     pv: (n,) about its mean, every `stride`-th sample. op: (n stride,). S, J: (M,) unit of OP, of Kano's valves or of
     He's. The stem acts from the sample after on (thinned: from the mean of the samples since the one before on), so
-    that the controller's way from PV to OP is no explanation.
+    that the controller's way from PV to OP is no explanation. A stem that OP never moves explains nothing.
     """
     first_lag = 1 if stride == 1 else 0
     first = max(lags_pv, lags_v + first_lag)
-    goal, abreast = lags_pv + lags_v, min(_ABREAST, len(S))
-    own, across = np.zeros((lags_pv + 1, lags_pv + 1)), np.empty((lags_pv + 1, lags_v))
-    stem, grams = np.zeros((lags_v, lags_v)), np.zeros((goal + 1, goal + 1, abreast))
-    out, v = np.empty(len(S)), np.empty((abreast, len(op)))
+    own, grams = np.zeros((lags_pv + 1, lags_pv + 1)), np.zeros((lags_pv + lags_v + 1, lags_pv + lags_v + 1, 1))
+    out = np.empty(len(S))
     fill_own_gram(own, 0, pv, (0, lags_pv + 1), first)
-    for place in range(0, len(S), abreast):
+    _fill_pv(grams, own, lags_pv)
+    residuals_abreast(grams, _COLLINEAR, out[:1])
+    out[:] = out[0]
+    moving = np.flatnonzero(np.max(np.abs(op - op[0])) > 0.5 * (S + J))
+    out[moving] = _of_moving(pv, op, stride, S[moving], J[moving], kano, own, lags_v, first)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _of_moving(
+    pv: FloatArray,
+    op: FloatArray,
+    stride: int,
+    S: FloatArray,
+    J: FloatArray,
+    kano: bool,
+    own: FloatArray,
+    lags_v: int,
+    first: int,
+) -> FloatArray:
+    """`residuals` of valves that OP moves. own: Gram matrix of PV and its lags over the samples from `first` on."""
+    first_lag, lags_pv = 1 if stride == 1 else 0, own.shape[0] - 1
+    goal, abreast = lags_pv + lags_v, min(_ABREAST, len(S))
+    across, stem = np.empty((lags_pv + 1, lags_v)), np.zeros((lags_v, lags_v))
+    grams, v = np.zeros((goal + 1, goal + 1, abreast)), np.empty((abreast, len(op)))
+    out = np.empty(len(S))
+    for place in range(0, len(S), _ABREAST):
         begin = min(place, len(S) - abreast)  # the last ones may overlap those before: the same errors again
         valves = slice(begin, begin + abreast)
         means = kano_stems(op, S[valves], J[valves], v) if kano else he_stems(op, S[valves], J[valves], v)
