@@ -122,8 +122,9 @@ def controller_action(pv: FloatArray, op: FloatArray) -> tuple[float, float]:
     columns = np.column_stack((pv, integral, np.ones_like(t), t, t * t))
     scale = np.maximum(columns.std(axis=0), 1e-12)
     scale[2] = 1.0
-    normal = (columns / scale).T @ (columns / scale) + 1e-9 * len(pv) * np.eye(5)
-    proportional, integrating = np.linalg.solve(normal, (columns / scale).T @ op)[:2]
+    columns /= scale
+    normal = columns.T @ columns + 1e-9 * len(pv) * np.eye(5)
+    proportional, integrating = np.linalg.solve(normal, columns.T @ op)[:2]
     strongest = proportional if abs(proportional) > abs(integrating) else integrating
     share = abs(integrating) / (abs(proportional) + abs(integrating) + 1e-12)
     return float(np.sign(strongest)), float(share)

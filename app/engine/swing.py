@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
+from app.engine.sampled import hann, without_line
 
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
 
@@ -54,7 +54,7 @@ def swing_of(record: UniformRecord, oscillation: Oscillation) -> Swing | None:
     if not oscillation.regular or oscillation.period_s is None or np.ptp(record.pv) == 0.0:
         return None
     n = record.samples
-    spectrum = np.fft.rfft(signal.detrend(record.pv) * np.hanning(n))
+    spectrum = np.fft.rfft(without_line(record.pv) * hann(n))
     peak = _peak(np.abs(spectrum), n * record.sampling_interval_s / oscillation.period_s)
     if peak is None:
         return None

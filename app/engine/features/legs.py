@@ -40,7 +40,7 @@ class Legs:
 def legs(window: ShapeWindow) -> Legs:
     """The features of `Legs` for one window."""
     pv, op = window.pv_smooth, window.op_smooth
-    dpv, dop = np.gradient(pv), np.gradient(op)
+    dpv, dop = window.pv_slope, window.op_slope
     ends = reversals(op, REVERSAL * float(np.std(op)))
     sizes = np.abs(np.diff(op[ends]))
     swings = _ranges(pv, ends)

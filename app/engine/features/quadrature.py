@@ -48,7 +48,7 @@ class Quadrature:
 def quadrature(window: ShapeWindow) -> Quadrature:
     """The features of `Quadrature` for one window. Every sign is dropped: the sign of PV and OP is free."""
     pv, op = window.pv_smooth, window.op_smooth
-    dpv, dop = np.gradient(pv), np.gradient(op)
+    dpv, dop = window.pv_slope, window.op_slope
     forward, backward, zero = _cross_correlation(window.pv, window.op)
     odd, even = np.abs(forward - backward) / 2, np.abs(forward + backward) / 2
     coherency = _coherency(window.pv, window.op)

@@ -66,8 +66,8 @@ def travel(window: ShapeWindow) -> Travel:
         leg_sharpness=float(np.median(legs[:, 1])) if some else 0.0,
         leg_spread=float(np.std(legs[:, 0])) if some else 0.0,
         leg_contrast=_contrast(legs, float(np.std(pv))),
-        pv_bursts=burstiness(np.gradient(pv)),
-        op_bursts=burstiness(np.gradient(op)),
+        pv_bursts=burstiness(window.pv_slope),
+        op_bursts=burstiness(window.op_slope),
         sticking=rho_3(op[::_STRIDE], pv[::_STRIDE]),
         sticking_fine=rho_3(op[:: _STRIDE // 2], pv[:: _STRIDE // 2]),
     )

@@ -1,6 +1,7 @@
 """The windows on which shapes are looked at: some fifteen periods, brought to forty samples a period."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -37,6 +38,16 @@ class ShapeWindow:
     raw_op: FloatArray
     even_pv: FloatArray
     even_op: FloatArray
+
+    @cached_property
+    def pv_slope(self) -> FloatArray:
+        """(n,) slope of pv_smooth, a sample."""
+        return np.gradient(self.pv_smooth)
+
+    @cached_property
+    def op_slope(self) -> FloatArray:
+        """(n,) slope of op_smooth, a sample."""
+        return np.gradient(self.op_smooth)
 
 
 def shape_windows(record: UniformRecord, oscillation: Oscillation, most: int = MOST_WINDOWS) -> list[ShapeWindow]:

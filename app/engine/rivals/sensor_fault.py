@@ -71,10 +71,10 @@ def _spikes(pv: FloatArray, op: FloatArray) -> tuple[int, float]:
     """How many spikes, and the share of the variance of PV about its running median that they hold."""
     if len(pv) < _FEWEST_SAMPLES:
         return 0, 0.0
-    around = np.lib.stride_tricks.sliding_window_view(pv, 5)
-    off = around[:, 2] - np.median(around, axis=1)
+    around = _around(pv)
+    off = around[2] - np.sort(around, axis=0)[2]
     usual = float(np.median(np.abs(np.diff(pv))))
-    beside = np.ptp(around[:, [0, 1, 3, 4]], axis=1)
+    beside = np.ptp(around[[0, 1, 3, 4]], axis=0)
     spike = (np.abs(off) > _SPIKE_SIZE * usual) & (beside < _RETURNS_WITHIN * np.abs(off)) & (usual > 0.0)
     spike &= ~_op_stays(op)
     total = float(off @ off)
@@ -84,8 +84,12 @@ def _spikes(pv: FloatArray, op: FloatArray) -> tuple[int, float]:
 def _op_stays(op: FloatArray) -> BoolArray:
     """(n - 4,) where OP moves and stays moved: it answered a load that is there, not a value that was none."""
     after = np.abs(np.concatenate((op[5:], op[-1:])) - np.concatenate((op[:1], op[:-5])))
-    kick = np.ptp(np.lib.stride_tricks.sliding_window_view(op, 5), axis=1)
-    return after > _OP_STAYS * kick
+    return after > _OP_STAYS * np.ptp(_around(op), axis=0)
+
+
+def _around(x: FloatArray) -> FloatArray:
+    """(5, n - 4) the two samples before each inner one of x (n,), it and the two after it."""
+    return np.stack([x[k : len(x) - 4 + k] for k in range(5)])
 
 
 def _moved(op: FloatArray, where: BoolArray) -> float:
