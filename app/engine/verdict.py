@@ -7,7 +7,7 @@ import numpy as np
 
 from app.engine.corroborate import Corroboration, corroborate
 from app.engine.evidence import Reason
-from app.engine.features import NAMES, Features, observe
+from app.engine.features import NAMES, Features, beyond_chance, observe
 from app.engine.fitness import Fitness
 from app.engine.judgement import Judgement, Reliability, Verdict
 from app.engine.oscillation import Oscillation
@@ -140,8 +140,7 @@ def _doubts(
         doubts.append(Reason("few_cycles", text))
     if weighing.window_spread > config.max_window_spread * abs(weighing.log_odds):
         doubts.append(Reason("windows_disagree", "parts of the record say different things about the valve"))
-    if verdict == "no_stiction":
-        doubts.extend(_uncoupled(weighing, config))
+    doubts.extend(_uncoupled(weighing, config))
     if verdict == "stiction":
         doubts.extend(_shaped_outside(weighing, config))
         doubts.extend(Reason(rival.cause, rival.text) for rival in weighing.rivals if rival.stands_out and rival.counts)
@@ -150,12 +149,20 @@ def _doubts(
 
 
 def _uncoupled(weighing: Weighing, config: VerdictConfig) -> tuple[Reason, ...]:
-    """A valve is cleared by what PV does on its account; where PV hardly hears OP, nothing is shown."""
+    """Where PV and OP are strangers (a tag of another loop, a loop that is not closed), nothing is shown of a valve.
+
+    A weak cross-correlation is enough where it is more than chance: a healthy loop that is shaken has no other.
+    """
     heard = max(weighing.features.named("ccf_odd"), weighing.features.named("ccf_even"))
-    if heard >= config.min_coupling:
+    if heard >= config.min_coupling or _certainly_coupled(weighing, config):
         return ()
-    text = f"PV and OP hardly move together (cross-correlation {heard:.2f}): a sticky valve could hide in the rest"
+    text = f"PV and OP move together no more than strangers would (cross-correlation {heard:.2f})"
     return (Reason("uncoupled", text),)
+
+
+def _certainly_coupled(weighing: Weighing, config: VerdictConfig) -> bool:
+    errors = [beyond_chance(window) for window in weighing.features.windows]
+    return bool(errors) and float(np.mean(errors)) >= config.min_coupling_errors
 
 
 def _shaped_outside(weighing: Weighing, config: VerdictConfig) -> list[Reason]:

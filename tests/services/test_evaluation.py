@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from app.engine.features import NAMES
+from app.engine.fitness import assess
 from app.engine.judgement import Judgement
+from app.engine.recording import Recording
 from app.errors import DataError
 from app.ingest import read_recordings
 from app.services.evaluation import fitting, parameters, recordings, report, scoring
@@ -12,6 +14,7 @@ from app.services.evaluation.fitting import FitConfig, Samples, class_weights, f
 from app.services.evaluation.leave_one_out import by_valve
 from app.services.evaluation.leave_pair_out import area_by_pairs
 from app.services.evaluation.plants import known_loops
+from app.services.evaluation.strangers import judged, strangers
 
 
 def samples(n: int, seed: int) -> Samples:
@@ -200,3 +203,26 @@ def test_a_label_without_a_tier_is_a_sure_one(tmp_path):
     (tmp_path / "labels.csv").write_text(f"{head},tier\none,V1,ours,stiction,,stated\ntwo,V2,ours,stiction,,likely\n")
     sure, likely = recordings.labelled(tmp_path)
     assert 0.0 < likely.trust < sure.trust == 1.0
+
+
+def of_valve(valve: str, seed: int, samples: int = 600) -> recordings.Labelled:
+    """A recording of the valve with a constant in PV and in OP that tells where they came from."""
+    rng = np.random.default_rng(seed)
+    pv, op = np.cumsum(rng.normal(size=samples)) + 1000.0 * seed, rng.normal(size=samples) + 1000.0 * seed
+    recording = Recording(valve, np.arange(float(samples)), pv, op)
+    return recordings.Labelled(recording, valve, "", "stated", "", True, assess(recording), None, None)
+
+
+def test_strangers_are_pv_and_op_of_different_valves():
+    loops = [of_valve("a", 1), of_valve("a", 2), of_valve("b", 3), of_valve("c", 4, samples=250)]
+    drawn = list(strangers(loops, 60, seed=1))
+    sources = {(round(pair.pv.mean() / 1000.0), round(pair.op.mean() / 1000.0)) for pair in drawn}
+    assert sources == {(1, 3), (2, 3), (3, 1), (3, 2)}
+    again = list(strangers(loops, 60, seed=1))
+    assert [pair.fingerprint() for pair in again] == [pair.fingerprint() for pair in drawn]
+
+
+def test_nothing_is_said_reliably_of_strangers():
+    said = [judged(pair) for pair in strangers([of_valve("a", 1), of_valve("b", 3)], 4, seed=1)]
+    assert said
+    assert all(judgement is not None and judgement.reliability == "not_reliable" for judgement in said)

@@ -2,8 +2,8 @@
 
 --write puts the model fitted on all of them into app/engine/verdict_parameters.py; --verdicts FILE writes the
 leave-one-valve-out verdicts as JSON lines for the scorer; --pairs fits a model for each pair of a sticky and a healthy
-valve as well (minutes). Simulated loops and networks have fixed seeds: the same
-recordings give the same numbers.
+valve as well (minutes); --strangers N asks the engine of PV and OP of different valves. Simulated loops and networks
+have fixed seeds: the same recordings give the same numbers.
 """
 
 import argparse
@@ -29,6 +29,8 @@ from app.services.evaluation.fitting import FitConfig, IntArray, Samples, TextAr
 from app.services.evaluation.leave_one_out import Table, simulated_samples
 from app.services.evaluation.leave_pair_out import area_by_pairs
 from app.services.evaluation.recordings import Labelled, labelled
+from app.services.evaluation.strangers import judged as judged_strangers
+from app.services.evaluation.strangers import strangers
 
 _PARAMETERS = Path(shape_model.__file__).with_name("verdict_parameters.py")
 
@@ -52,6 +54,8 @@ def main(arguments: list[str] | None = None) -> int:
     _print_nested(loops, table, raw, against, models)
     if options.pairs:
         _print_pairs(loops, table, raw, against, simulated)
+    if options.strangers:
+        _print_strangers(usable, options.strangers, options.seed)
     if options.verdicts:
         options.verdicts.write_text("".join(_line(loop, j) for loop, j in zip(loops, judged, strict=True)))
     if options.write:
@@ -70,6 +74,7 @@ def _options() -> argparse.ArgumentParser:
     parser.add_argument("--verdicts", type=Path, help="write the verdicts as JSON lines")
     parser.add_argument("--write", action="store_true", help="write the fitted parameters into the engine")
     parser.add_argument("--pairs", action="store_true", help="AUC from models that miss two valves each (minutes)")
+    parser.add_argument("--strangers", type=int, default=0, help="pairs of PV and OP of different valves to draw")
     parser.add_argument("--reference", action="store_true", help="run the published rule beside it (minutes)")
     return parser
 
@@ -161,6 +166,13 @@ def _print_pairs(loops: list[Labelled], table: Table, raw: FloatArray, against: 
     valves, sticky = _labels(loops)
     area = area_by_pairs(np.unique(valves), scoring.valve_labels(valves, sticky), compared)
     _say(f"\nWith one sticky and one healthy valve left out at a time, all nested: AUC {area:.3f}")
+
+
+def _print_strangers(loops: list[Labelled], count: int, seed: int) -> None:
+    said = [j for j in map(judged_strangers, strangers(loops, count, seed)) if j is not None]
+    sure = [j.verdict for j in said if j.reliability == "reliable"]
+    called, cleared = sure.count("stiction"), sure.count("no_stiction")
+    _say(f"\nOf {len(said)} pairs of strangers {called} are called sticky and {cleared} cleared, reliably")
 
 
 def _stated(loops: list[Labelled], model: ShapeModel) -> float:
