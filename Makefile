@@ -19,7 +19,7 @@ help:
 	@echo "make coverage every branch of claim and finish and of the readers, or it fails"
 	@echo "make load     many clients at once against a real API process"
 	@echo "make pictures the README's pictures, of the demo plant in Chromium"
-	@echo "make lint     style and import rules"
+	@echo "make lint     style, import rules and types"
 	@echo "make audit-deps  known holes in the pinned dependencies (needs a network)"
 	@echo "make lock     pin the dependencies anew"
 
@@ -50,6 +50,7 @@ test: install browser
 lint: install
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
+	$(BIN)/mypy app workers migrations
 
 # Each section beside its peers (SECTIONS="search audit" for some); the page keeps the figures of the others.
 POSTGRES ?= postgresql+psycopg://127.0.0.1/postgres

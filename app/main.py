@@ -84,7 +84,7 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
     app.include_router(pages.router)
     app.include_router(login.router)
     app.mount("/static", pages.static)
-    app.openapi = described(app)
+    app.openapi = described(app)  # type: ignore[method-assign]  # as FastAPI says to extend it
     return app
 
 

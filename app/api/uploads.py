@@ -14,6 +14,7 @@ from app.api.problems import responses
 from app.api.spooling import spooled
 from app.errors import RequestError
 from app.services.intake import uploads as service
+from app.services.results import Receipt
 
 BLOCK_BYTES = 1 << 20
 LARGEST_MAPPING = 16 << 20  # 14,000 loops of four tags each: 5 MiB as CSV with every column, 11 MiB as JSON
@@ -99,7 +100,7 @@ def refuse_encodings(request: Request) -> None:
         raise RequestError("content_encoding", f"Content-Encoding {encoding[:40]!r} is not understood; gzip or none is")
 
 
-async def store(request: Request, backend: Services, filename: str | None, time_zone: str | None) -> service.Receipt:
+async def store(request: Request, backend: Services, filename: str | None, time_zone: str | None) -> Receipt:
     content_type = request.headers.get("content-type", "application/octet-stream")
     if not content_type.lower().startswith(MULTIPART):
         described = Description(filename or NAMELESS, content_type, service.ReadingOptions(time_zone))
@@ -132,7 +133,7 @@ async def blocks(part: UploadFile) -> AsyncIterator[bytes]:
         yield block
 
 
-async def received(backend: Services, described: Description, chunks: AsyncIterator[bytes]) -> service.Receipt:
+async def received(backend: Services, described: Description, chunks: AsyncIterator[bytes]) -> Receipt:
     """Writes what arrives in blocks, away from the event loop: other requests go on while a disk is slow or a
     mapping long."""
     who = caller().who

@@ -200,4 +200,4 @@ def _harris_index(error: FloatArray, horizon: int) -> float | None:
     gram[np.diag_indices_from(gram)] += 1e-9 * gram[0, 0]
     residual = future - past @ np.linalg.solve(gram, past.T @ future)
     degrees = max(rows - HARRIS_TERMS, 1)
-    return float(min(1.0, (residual @ residual / degrees) / np.mean(future**2)))
+    return min(1.0, float(residual @ residual / degrees / np.mean(future**2)))

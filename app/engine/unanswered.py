@@ -4,7 +4,7 @@ import numpy as np
 
 from app.engine.evidence import Reason
 from app.engine.judgement import Judgement
-from app.engine.recording import FloatArray, Recording
+from app.engine.recording import BoolArray, FloatArray, Recording
 
 CAUSE = "stuck_valve_or_dead_transmitter"
 # What a plant finds when it looks is a stuck valve a little more often than a dead transmitter: a prior, not a fit.
@@ -39,6 +39,6 @@ def _controller_works(recording: Recording) -> bool:
     return float(np.mean(_away(pv, sp))) >= _OFF_SHARE
 
 
-def _away(pv: FloatArray, sp: FloatArray) -> FloatArray:
+def _away(pv: FloatArray, sp: FloatArray) -> BoolArray:
     # What differs in the last digits of a float only is the same set point.
     return np.isfinite(sp) & (np.abs(sp - pv) > 1e-6 * np.maximum(np.abs(sp), np.abs(pv)))

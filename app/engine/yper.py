@@ -64,7 +64,7 @@ def compute(pv: FloatArray, op: FloatArray, sampling_interval_s: float, scaling:
         weighted[-1] /= 2.0
     return YperResult(
         yper_pct=100.0 * float(weighted[significant].sum() / weighted.sum()),
-        frequency_hz=np.fft.rfftfreq(len(y), sampling_interval_s)[1:],
+        frequency_hz=np.fft.rfftfreq(len(y), sampling_interval_s)[1:].astype(np.float64, copy=False),
         pv_amplitude=pv_amplitude,
         op_amplitude=op_amplitude,
         threshold_amplitude=threshold_amplitude,

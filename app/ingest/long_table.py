@@ -324,7 +324,7 @@ class LongTable:
         self._tally.values_kept += int(np.count_nonzero(np.isfinite(values)))
         return SignalBlock(place.tag, place.loop, place.signal, time_ns, values)
 
-    def _block(self, place: Place, time_ns: TimeArray, values: FloatArray, lines: NDArray[np.int64]) -> SignalBlock:
+    def _block(self, place: Place, time_ns: TimeArray, values: FloatArray, lines: NDArray[np.uint32]) -> SignalBlock:
         order = in_order(time_ns)
         if order is not None:
             self._tally.backward = True

@@ -1,5 +1,7 @@
 """Order of time: sorting what came backward, and one value for a time that came twice."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,7 +36,7 @@ def without_stutter(time_ns: TimeArray) -> TimeArray:
 
 
 def last_of_repeats(
-    time_ns: TimeArray, matrix: FloatArray, lines: NDArray[np.int64], tags: list[str], log: RejectLog
+    time_ns: TimeArray, matrix: FloatArray, lines: NDArray[np.integer[Any]], tags: list[str], log: RejectLog
 ) -> tuple[TimeArray, FloatArray]:
     """One row a time: of the values given for it the last stands, and where an earlier one differed that one is
     counted."""

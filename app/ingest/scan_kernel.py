@@ -1,5 +1,7 @@
 """Rows of a long table in one pass over their bytes, compiled: most of what a row says stood in an earlier one."""
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -10,7 +12,7 @@ Numbers = NDArray[np.int64]
 Table = NDArray[np.int32]
 
 # Nothing is made here, so nothing is counted either: counting arrays at each call took two thirds of the time.
-COMPILED = {"cache": True, "nogil": True, "_nrt": False}
+COMPILED: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
 TIME, QUALITY, TAG, VALUE, OTHER = 0, 1, 2, 3, 4  # what stands in a column
 NEW = TAG  # of `counts`
 NONE = -1
@@ -59,7 +61,7 @@ def _place(text: Bytes, start: int, end: int, places: int) -> int:
     found = np.uint64(14695981039346656037)
     for i in range(start, end):
         found = (found ^ np.uint64(text[i])) * np.uint64(1099511628211)
-    return np.int64((found ^ (found >> np.uint64(29))) & np.uint64(places - 1))
+    return np.int64((found ^ (found >> np.uint64(29))) & np.uint64(places - 1))  # type: ignore[return-value]
 
 
 @njit(**COMPILED)

@@ -4,7 +4,7 @@ does not grow with the file."""
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,7 +101,8 @@ def _read(file: IO[bytes], held: int | Grid) -> Piece:
         values = np.frombuffer(raw, np.float64).reshape(shape)
         return Grid(held.codes, held.time_ns, values, held.lines, held.places)
     raw = file.read(held * ROW_BYTES)
-    columns, start = [], 0
+    columns: list[Any] = []
+    start = 0
     for kind in TYPES:
         columns.append(np.frombuffer(raw, kind, held, start))
         start += held * kind.itemsize

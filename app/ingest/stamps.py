@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 import polars as pl
@@ -232,10 +232,12 @@ class TimeReader:
 
     def _repeated(self, texts: pl.Series) -> TimeArray:
         """Texts that have numbers: each is read once, and goes to UTC in the order of the rows."""
-        numbers = texts.to_physical()
-        numbers = (numbers.fill_null(int(numbers.max() or 0) + 1) if numbers.null_count() else numbers).to_numpy()
+        of_rows = texts.to_physical()
+        if of_rows.null_count():
+            of_rows = of_rows.fill_null(cast("int", of_rows.max() or 0) + 1)
+        numbers = of_rows.to_numpy()
         starts = np.flatnonzero(np.concatenate(([True], numbers[1:] != numbers[:-1])))  # of runs of one text
-        row_of = np.zeros(int(numbers.max()) + 1, dtype=np.intp)
+        row_of = np.zeros(int(np.max(numbers)) + 1, dtype=np.intp)
         row_of[numbers[starts]] = starts
         each = self._as_written(texts[row_of].cast(pl.String))
         return np.repeat(self._in_utc(each[numbers[starts]]), np.diff(starts, append=len(numbers)))

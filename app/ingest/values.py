@@ -1,6 +1,8 @@
 """Columns of values: text in numeric columns, numbers that are none, sentinels. What is refused becomes NaN and is
 counted."""
 
+from typing import Any
+
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
@@ -47,7 +49,7 @@ def _stands_clear(others: FloatArray, sentinel: float) -> bool:
     return sentinel < low - span or sentinel > high + span
 
 
-def refuse_sentinels(values: FloatArray, lines: NDArray[np.int64], tag: str, log: RejectLog) -> FloatArray:
+def refuse_sentinels(values: FloatArray, lines: NDArray[np.integer[Any]], tag: str, log: RejectLog) -> FloatArray:
     found = is_sentinel(values)
     if found is None:
         return values

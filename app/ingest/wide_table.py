@@ -307,7 +307,7 @@ class WideTable:
         for own in by_columns.values():
             whole = joined_grid(own)
             given = np.stack([np.isfinite(grid.values).any(axis=1) for grid in own])
-            everywhere = given.all(axis=0)
+            everywhere = np.asarray(given.all(axis=0))
             for row, column in enumerate(own[0].codes):
                 place = self._places[int(column)]
                 parts = [own[at] for at in np.flatnonzero(given[:, row])]

@@ -25,14 +25,14 @@ MOST_WAITING = 2000
 class Channel(filesystem.Channel):
     """One folder with `waiting` (a file a message) and `queues` (which queue hears which exchange)."""
 
-    def _put(self, queue: str, payload: Any, **options: Any) -> None:
+    def _put(self, queue: str, payload: Any, **options: Any) -> None:  # type: ignore[override]  # as kombu's own do
         waiting = self._folder("waiting")
         if self._size(queue) >= MOST_WAITING:
             return
         name = f"{time.time_ns():020d}_{uuid.uuid4().hex}.{queue}.msg"
         _write_whole(waiting / name, dumps(payload))
 
-    def _get(self, queue: str) -> Any:
+    def _get(self, queue: str) -> Any:  # type: ignore[override]
         taken = self._folder("taken")
         for path in self._waiting(queue):
             mine = taken / f"{os.getpid()}_{path.name}"

@@ -121,7 +121,7 @@ def _in_unit(loop: DemoLoop, unit: str, number: int) -> DemoLoop:
     return replace(loop, unit=unit, tag=f"{loop.tag}{number}")
 
 
-def _loop(process: Process, truth: str, right: str, **changes: object) -> DemoLoop:
+def _loop(process: Process, truth: str, right: str, **changes: Any) -> DemoLoop:
     spec = LoopSpec(
         plant=process.plant,
         controller=process.pid,
@@ -202,7 +202,7 @@ Records = dict[str, SimulatedLoop]
 
 def _columns(records: Records) -> dict[str, np.ndarray]:
     """Every signal of the plant's unit by its historian tag: PV, OP, SP and MODE (1 automatic, 0 manual) a loop."""
-    columns = {}
+    columns: dict[str, np.ndarray] = {}
     for tag, record in records.items():
         automatic = not isinstance(record.spec.controller, Manual)
         columns |= {f"{tag}.PV": record.pv, f"{tag}.OP": record.op, f"{tag}.SP": record.sp}

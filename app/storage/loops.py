@@ -58,10 +58,10 @@ def ensure(connection: Connection, tags: Iterable[str]) -> dict[str, int]:
     """The ids of the loops with these tags; loops that are not there yet are created."""
     wanted = sorted(set(tags))
     ids = ids_of(connection, wanted)
-    missing = [{"tag": tag, "created_at": now()} for tag in wanted if tag not in ids]
+    missing = [tag for tag in wanted if tag not in ids]
     if missing:
-        insert_new_rows(connection, loops, missing)
-        ids |= ids_of(connection, [row["tag"] for row in missing])
+        insert_new_rows(connection, loops, [{"tag": tag, "created_at": now()} for tag in missing])
+        ids |= ids_of(connection, missing)
     return ids
 
 

@@ -181,7 +181,8 @@ def texts(connection: Connection, loop_ids: Sequence[int], form: str) -> dict[in
     """The stored JSON of the loops' newest rows, where it is of this form. Bytes as they are stored: 40 MB of text are
     not taken apart and put together again."""
     if connection.dialect.name == "postgresql":
-        with connection.connection.cursor() as cursor:
+        driver: Any = connection.connection.driver_connection
+        with driver.cursor() as cursor:
             cursor.adapters.register_loader("text", _as_bytes())
             cursor.execute(ROWS_OF, (form, list(loop_ids)))
             return dict(cursor.fetchall())

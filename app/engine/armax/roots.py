@@ -36,7 +36,7 @@ def roots_of(c: FloatArray) -> ComplexArray:
     polynomial = np.ones(n + 1, dtype=np.complex128)
     for k in range(n):
         polynomial[k + 1] = c[k]
-    return np.roots(polynomial)
+    return np.roots(polynomial)  # type: ignore[return-value]  # complex coefficients have complex roots
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

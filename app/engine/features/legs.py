@@ -7,7 +7,7 @@ from numba import njit
 
 from app.engine.features.travel import REVERSAL, reversals
 from app.engine.features.window import ShapeWindow
-from app.engine.recording import FloatArray
+from app.engine.recording import FloatArray, IntArray
 from app.engine.sampled import burstiness, quantiles
 
 _FEWEST_LEGS = 4
@@ -57,7 +57,7 @@ def legs(window: ShapeWindow) -> Legs:
 
 
 @njit(cache=True, nogil=True)
-def _ranges(x: FloatArray, ends: FloatArray) -> FloatArray:
+def _ranges(x: FloatArray, ends: IntArray) -> FloatArray:
     """Ranges of x (n,) between each of the indices `ends` and the next, both included."""
     ranges = np.empty(max(len(ends) - 1, 0))
     for k in range(len(ranges)):
@@ -72,7 +72,7 @@ def _spread(x: FloatArray) -> float:
     return float(np.std(np.log(np.maximum(x, 1e-3 * x.max() + 1e-12))))
 
 
-def _travelled(op: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _travelled(op: FloatArray, ends: IntArray) -> tuple[FloatArray, FloatArray]:
     """Direction (1 or -1) and travel since the last reversal of the samples between the first and the last turn."""
     if len(ends) < 2:
         return np.empty(0), np.empty(0)

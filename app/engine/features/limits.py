@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.features.window import PER_CYCLE, ShapeWindow
-from app.engine.recording import FloatArray
+from app.engine.recording import BoolArray, FloatArray
 from app.engine.sampled import ROUNDING, moving_average, quantiles, without_line
 
 _SAME_STEP = 0.02
@@ -52,7 +52,7 @@ def _steps(x: FloatArray) -> FloatArray:
     return np.abs(np.diff(x)) / (float(np.std(without_line(x))) or 1.0)
 
 
-def _at_extremes(op: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _at_extremes(op: FloatArray) -> tuple[BoolArray, BoolArray]:
     band = 5e-3 * float(np.ptp(op))
     return op <= op.min() + band, op >= op.max() - band
 
@@ -63,7 +63,7 @@ def _movement(pv: FloatArray) -> FloatArray:
     return np.abs(smooth[step:] - smooth[:-step])
 
 
-def _moved_within(moves: FloatArray, there: FloatArray) -> float:
+def _moved_within(moves: FloatArray, there: BoolArray) -> float:
     step = len(there) - len(moves)
     total = float(moves.sum())
     return float(moves[there[step:] & there[:-step]].sum()) / total if total > 0.0 else 0.0

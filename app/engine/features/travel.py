@@ -7,7 +7,7 @@ from numba import njit
 
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.patterns import rho_3
-from app.engine.recording import FloatArray
+from app.engine.recording import BoolArray, FloatArray, IntArray
 from app.engine.sampled import ROUNDING, burstiness, correlation, quantiles
 
 REVERSAL = 0.7
@@ -84,7 +84,7 @@ def _flat_share(op_travel: FloatArray, pv_range: FloatArray) -> float:
     return _share(op_travel, pv_range < 0.3 * quantiles(pv_range, (0.9,))[0])
 
 
-def _share(amount: FloatArray, where: FloatArray) -> float:
+def _share(amount: FloatArray, where: BoolArray) -> float:
     total = float(amount.sum())
     return float(amount[where].sum()) / total if total > 0.0 else 0.0
 
@@ -117,7 +117,7 @@ def _legs(pv: FloatArray, op: FloatArray, reversal: float, band: float) -> Float
 
 
 @njit(cache=True, nogil=True)
-def reversals(x: FloatArray, reversal: float) -> FloatArray:
+def reversals(x: FloatArray, reversal: float) -> IntArray:
     """Indices of the extremes of x (at unit deviation) from which it comes back by more than `reversal`."""
     turns = np.empty(len(x) + 1, dtype=np.int64)
     first, direction = _first_turn(x, reversal)

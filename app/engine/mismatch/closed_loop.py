@@ -162,9 +162,15 @@ def close_again(
     clean = [close(fit, law, sp) for fit in (base, final)]
     noisy = close(final, law, sp, modelled_noise(final))
     seen = None if noisy is None else seen_through(noisy, final, sensors)
-    told = [None if loop is None else figures(loop) for loop in (*clean, noisy, seen)]
-    steps = (("the physics that was named", told[1]), (noise_in_words(final), told[2]), (in_words(sensors), told[3]))
-    lacked = what_lacked(shown, told[0], steps)
+    refitted, explained, with_noise, as_recorded = (
+        None if loop is None else figures(loop) for loop in (*clean, noisy, seen)
+    )
+    steps = (
+        ("the physics that was named", explained),
+        (noise_in_words(final), with_noise),
+        (in_words(sensors), as_recorded),
+    )
+    lacked = what_lacked(shown, refitted, steps)
     own = None
     if controller is not None:
         asked_for = np.full(acted.samples, found.sp) if recorded_sp is None else recorded_sp
@@ -172,7 +178,9 @@ def close_again(
         own = own.at_interval(acted.sampling_interval_s, record.sampling_interval_s)
     as_given = None if given is None else close(replace(base, plant=given, parts=()), own or law, sp)
     figures_given = None if as_given is None else figures(as_given)
-    return ClosedLoop(law, shown, *told, lacked=lacked, given=figures_given, given_law=own)
+    return ClosedLoop(
+        law, shown, refitted, explained, with_noise, as_recorded, lacked=lacked, given=figures_given, given_law=own
+    )
 
 
 def seen_through(loop: UniformRecord, found: Fit, sensors: tuple[Part, ...]) -> UniformRecord:

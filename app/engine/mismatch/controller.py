@@ -4,7 +4,8 @@ from app.engine.evidence import Reason
 from app.engine.mismatch.closed_loop import ClosedLoop
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.law import Law, controller_of
-from app.engine.mismatch.result import NOWHERE, Location, Window
+from app.engine.mismatch.result import NOWHERE, Location
+from app.engine.mismatch.windows import Window
 
 NO_DERIVATIVE = 1e-3  # of the interval: what rounding leaves of it
 

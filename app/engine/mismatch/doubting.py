@@ -13,11 +13,12 @@ from app.engine.mismatch.conclude import nothing_left, too_few
 from app.engine.mismatch.fitting import Fit, fit
 from app.engine.mismatch.holdout import FreeRuns, mostly_worse, refit_without, stretches, unseen_gain
 from app.engine.mismatch.naming import Believed
+from app.engine.mismatch.physics.generic import CODE as UNNAMED
 from app.engine.mismatch.physics.terms import made_of
 from app.engine.mismatch.scan import task_with
 from app.engine.mismatch.selection import Selection
 from app.engine.mismatch.task import OWN_DEVIATION, start_at
-from app.engine.mismatch.worth import UNNAMED, no_worse
+from app.engine.mismatch.worth import no_worse
 
 CLEARLY = 20.0  # nat: by how much terms without a name must say more than names do, to take their place
 NOT_FAR = 0.5

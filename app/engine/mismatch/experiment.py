@@ -59,7 +59,7 @@ class Experiment:
     @cached_property
     def time_s(self) -> FloatArray:
         """(N,) seconds from the start; made once, because every simulation asks for it."""
-        return np.arange(self.samples) * self.sampling_interval_s
+        return np.arange(self.samples, dtype=np.float64) * self.sampling_interval_s
 
     @cached_property
     def op_follows_pv(self) -> bool:

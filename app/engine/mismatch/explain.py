@@ -106,7 +106,7 @@ def assemble(
     held = kept_out(final, usable)
     seen = free_runs(prepared, final, held)
     traces = Traces(
-        np.arange(prepared.record.samples) * comparison.sampling_interval_s,
+        np.arange(prepared.record.samples, dtype=np.float64) * comparison.sampling_interval_s,
         comparison.pv,
         prepared.given_trace,
         seen.refitted,

@@ -79,7 +79,7 @@ def fit_structure(record: Experiment, trace: FloatArray, structure: Structure) -
             break
     assert best is not None  # noqa: S101 - there are starts
     rest = y - run_process(record.op_deviation, best, ts)
-    left = float(np.std(rest) / max(min(np.std(y), np.std(record.pv)), 1e-300))
+    left = float(np.std(rest) / max(min(float(np.std(y)), float(np.std(record.pv))), 1e-300))
     given = Given(best.changed(b=0.0, x0=0.0), second_order=structure.second_order, integrating=structure.integrating)
     share = float(np.std(rest) / np.std(y))
     linear = left <= ALIKE or rounded_off(trace, rest)
@@ -119,7 +119,7 @@ def left_by(record: Experiment, y: FloatArray, structure: Structure, z: FloatArr
     plants = [plant_of(record, structure, z, *unit) for unit in units]
     columns = [run_process(u if k == 0 else zero, plant, ts) for k, plant in enumerate(plants)]
     basis = np.stack(columns, axis=1)
-    numbers = np.linalg.lstsq(basis, y, rcond=None)[0]
+    numbers: FloatArray = np.linalg.lstsq(basis, y, rcond=None)[0].astype(np.float64, copy=False)
     return y - basis @ numbers, numbers
 
 

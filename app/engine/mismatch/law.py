@@ -69,7 +69,7 @@ def tried_on(law: Law, sp: FloatArray, pv: FloatArray, op: FloatArray) -> Law:
 
 
 def share_explained(moves: FloatArray, left: FloatArray) -> float:
-    return float(1.0 - np.var(left) / max(np.var(moves), 1e-300))
+    return 1.0 - float(np.var(left)) / max(float(np.var(moves)), 1e-300)
 
 
 def identify_law(

@@ -4,11 +4,11 @@ from app.engine.evidence import Reason
 from app.engine.mismatch.block import Block, Context, Part
 from app.engine.mismatch.compete import glance
 from app.engine.mismatch.fitting import Fit
+from app.engine.mismatch.physics.generic import CODE as UNNAMED
 from app.engine.mismatch.refitting import CODE
 from app.engine.mismatch.report import whole
 from app.engine.mismatch.result import Location
 from app.engine.mismatch.windows import windows_of
-from app.engine.mismatch.worth import UNNAMED
 
 
 def quick_location(base: Fit, blocks: tuple[Block, ...]) -> Location:

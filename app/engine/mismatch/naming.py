@@ -7,9 +7,10 @@ import numpy as np
 from app.engine.evidence import Reason
 from app.engine.mismatch.compete import Rival
 from app.engine.mismatch.physics import CLOSE, NEAR, NEAR_SHARE, TWINS
+from app.engine.mismatch.physics.generic import CODE as UNNAMED
 from app.engine.mismatch.refitting import CODE as PARAMETERS
 from app.engine.mismatch.task import OWN_DEVIATION
-from app.engine.mismatch.worth import UNNAMED, worth
+from app.engine.mismatch.worth import worth
 
 INDISTINCT = 5.0
 MOST_ALTERNATIVES = 2

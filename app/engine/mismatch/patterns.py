@@ -229,7 +229,7 @@ def how_compressed(record: Experiment, kept: IntArray) -> Part:
 
 def door_width(record: Experiment, stored: int) -> float:
     """The widest door that a second passage of PV keeps nearly all of its stored samples through, unit of PV."""
-    time_s = np.arange(record.samples) * record.sampling_interval_s
+    time_s = np.arange(record.samples, dtype=np.float64) * record.sampling_interval_s
     low, high = 1e-6 * record.pv_span, 0.5 * record.pv_span
     for _ in range(18):
         width = float(np.sqrt(low * high))

@@ -12,7 +12,7 @@ from scipy.special import chdtrc, chdtri
 
 from app.engine.mismatch.noise import fit_noise, whiten
 from app.engine.mismatch.richer_noise import autoregression
-from app.engine.recording import BoolArray, FloatArray
+from app.engine.recording import BoolArray, FloatArray, IntArray
 
 LAGS = 20
 LEAST_A_LAG = 5
@@ -63,14 +63,14 @@ def residual_tests(
     return ResidualTests(white(e, at), independent(e, op, at, lags))
 
 
-def white(e: FloatArray, at: FloatArray) -> LagsTest:
+def white(e: FloatArray, at: IntArray) -> LagsTest:
     """Ljung and Box's test of innovations (N,) at the samples `at`; zero elsewhere."""
     count, lags = len(at), np.arange(1, LAGS + 1)
     squares = correlations(e, e, at, lags) ** 2
     return against_chance(count * (count + 2.0) * float(np.sum(squares / (count - lags))), LAGS)
 
 
-def independent(e: FloatArray, op: FloatArray, at: FloatArray, lags: int) -> LagsTest | None:
+def independent(e: FloatArray, op: FloatArray, at: IntArray, lags: int) -> LagsTest | None:
     """Haugh's test of innovations (N,) at the samples `at` on the whitened moves of OP one to `lags` samples before."""
     moves = np.diff(op, prepend=op[0])
     largest = float(np.max(np.abs(moves)))
@@ -82,7 +82,7 @@ def independent(e: FloatArray, op: FloatArray, at: FloatArray, lags: int) -> Lag
     return against_chance(len(at) * float(np.sum(squares)), lags)
 
 
-def correlations(now: FloatArray, before: FloatArray, at: FloatArray, lags: FloatArray) -> FloatArray:
+def correlations(now: FloatArray, before: FloatArray, at: IntArray, lags: IntArray) -> FloatArray:
     """(lags,) correlations of one series (N,) at the samples `at` with another (N,) so many samples before."""
     size = np.sqrt(np.sum(now[at] ** 2) * np.sum(before[at] ** 2)) + 1e-300
     return np.array([now[at[at >= lag]] @ before[at[at >= lag] - lag] for lag in lags]) / size

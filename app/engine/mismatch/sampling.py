@@ -33,7 +33,7 @@ class Hold:
 
     @property
     def instants(self) -> FloatArray:
-        return self.first + self.interval * np.arange(len(self.shown))
+        return self.first + self.interval * np.arange(len(self.shown), dtype=np.float64)
 
 
 def hold_of(pv: FloatArray, known: BoolArray | None = None) -> Hold | None:

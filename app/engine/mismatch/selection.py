@@ -20,12 +20,12 @@ from app.engine.mismatch.pairs import (
     with_rivals,
 )
 from app.engine.mismatch.physics import TWINS
+from app.engine.mismatch.physics.generic import CODE as UNNAMED
 from app.engine.mismatch.ranking import best_of_each_code, ranked
 from app.engine.mismatch.refitting import CODE as PARAMETERS
 from app.engine.mismatch.worth import (
     LEAST_OF_PENALTY,
     SECOND_MUST_GAIN,
-    UNNAMED,
     free_run_error,
     makes_sense,
     nearer,

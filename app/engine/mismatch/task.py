@@ -156,8 +156,19 @@ def make_task(record: Experiment, given: Given, blocks: tuple[Block, ...]) -> Ta
         offered = [part_free(parameter, block.rough) for parameter in block.parameters(context)]
         free += [replace(f, name=f"{k}.{f.name}") for f in offered]
         counts.append(len(offered))
-    numbers = np.array([(f.centre, 1.0 / f.deviation, f.low, f.high, f.scale) for f in free]).T
-    return Task(record, given, blocks, tuple(free), tuple(counts), *numbers, np.array([f.log for f in free]))
+    return Task(
+        record,
+        given,
+        blocks,
+        tuple(free),
+        tuple(counts),
+        centre=np.array([f.centre for f in free]),
+        certainty=np.array([1.0 / f.deviation for f in free]),
+        low=np.array([f.low for f in free]),
+        high=np.array([f.high for f in free]),
+        scale=np.array([f.scale for f in free]),
+        log=np.array([f.log for f in free]),
+    )
 
 
 def start_at(task: Task, plant: Plant, values: FloatArray) -> FloatArray:

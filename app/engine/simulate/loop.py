@@ -110,13 +110,13 @@ def simulate_loop(spec: LoopSpec, duration_s: float, sampling_interval_s: float,
     if samples < 2:
         raise DataError("simulation_too_short", f"{duration_s} s at {sampling_interval_s} s gives {samples} samples")
     first = math.ceil(spec.settle_s / sampling_interval_s) * every
-    step_times = (np.arange(first + (samples - 1) * every + 1) - first) * step_s
+    step_times = (np.arange(first + (samples - 1) * every + 1, dtype=np.float64) - first) * step_s
     driven = _driven(spec, step_times, np.random.default_rng(seed))
     rows = _run(spec, driven, step_s, every, first)
     if not np.all(np.isfinite(rows)):
         raise DataError("simulation_unstable", "PV or OP grew beyond all bounds; limit OP or tune the controller down")
     return SimulatedLoop(
-        time_s=np.arange(samples) * sampling_interval_s,
+        time_s=np.arange(samples, dtype=np.float64) * sampling_interval_s,
         sp=driven[0, first::every].copy(),
         pv=rows[0],
         op=rows[1],
@@ -144,6 +144,10 @@ def _driven(spec: LoopSpec, time_s: FloatArray, rng: np.random.Generator) -> Flo
     return np.array(rows)
 
 
+def _instrument(limits: tuple[float, float], resolution: float, rest: float) -> kernel.Instrument:
+    return kernel.Instrument(float(limits[0]), float(limits[1]), float(resolution), float(rest))
+
+
 def _run(spec: LoopSpec, driven: FloatArray, step_s: float, every: int, first: int) -> FloatArray:
     frozen_s = spec.transmitter_frozen_from_s
     return kernel.run(
@@ -153,7 +157,7 @@ def _run(spec: LoopSpec, driven: FloatArray, step_s: float, every: int, first: i
         plant.discretise(spec.plant, step_s),
         controller.discretise(spec.controller, step_s),
         actuator.compiled(spec.valve, spec.op_start, step_s),
-        kernel.Instrument(*map(float, spec.pv_limits), float(spec.pv_resolution), float(spec.pv_start)),
-        kernel.Instrument(*map(float, spec.op_limits), float(spec.op_resolution), float(spec.op_start)),
+        _instrument(spec.pv_limits, spec.pv_resolution, spec.pv_start),
+        _instrument(spec.op_limits, spec.op_resolution, spec.op_start),
         driven.shape[1] if frozen_s is None else first + math.ceil(frozen_s / step_s - 1e-9),
     )

@@ -68,7 +68,9 @@ def shared_answers(settings: Settings) -> bool:
 
 
 def _storage(url: str) -> "Storage":
-    return storage_from_string(url, socket_timeout=0.5, socket_connect_timeout=0.5, key_prefix="loopaudit-rate")
+    return storage_from_string(  # type: ignore[return-value]  # asynchronous for other addresses only
+        url, socket_timeout=0.5, socket_connect_timeout=0.5, key_prefix="loopaudit-rate"
+    )
 
 
 def _errors(limiter: SlidingWindowCounterRateLimiter) -> tuple[type[Exception], ...]:

@@ -5,6 +5,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -160,11 +161,9 @@ def _audited(work: Work, run: AuditRow, config: AuditConfig) -> NewVerdict:
 def recording_of(loop: LoopRow, samples: Samples) -> Recording:
     """The engine's record of stored samples: the same that a file with these samples gives, with the loop's spans."""
     signals = samples.signals
-    own = ("pv", "op", "sp", "automatic")
+    own: dict[str, Any] = {name: signals.get(name) for name in ("pv", "op", "sp", "automatic")}
     others: Mapping[str, np.ndarray] = {name.removeprefix("tag:"): signals[name] for name in signals if name not in own}
-    stretch = LoopSamples(
-        loop.tag, samples.time_ns, *(signals.get(name) for name in own), others=MappingProxyType(others)
-    )
+    stretch = LoopSamples(loop.tag, samples.time_ns, **own, others=MappingProxyType(others))
     recording = to_recording(stretch, loop.tag)
     return replace(recording, pv_range=loop.pv_range, op_range=loop.op_range, integrating=loop.integrating)
 

@@ -28,7 +28,7 @@ def time_limit(seconds: float, *, watchdog: bool) -> Iterator[None]:
         return
     before = signal.signal(signal.SIGALRM, _ring)
     if watchdog:
-        faulthandler.dump_traceback_later(WATCHDOG_AFTER * seconds, exit=True, file=sys.__stderr__)
+        faulthandler.dump_traceback_later(WATCHDOG_AFTER * seconds, exit=True, file=sys.__stderr__ or 2)
     # Again and again: what is raised while C code calls back into Python is ignored.
     signal.setitimer(signal.ITIMER_REAL, seconds, RING_AGAIN_S)
     try:

@@ -63,6 +63,7 @@ def _stages(
     oscillation = detect(audited)
     fitness = with_cycles(fitness, oscillation, config.fitness)
     features = extract(audited, oscillation)
+    assert features is not None  # noqa: S101 - the loops of the bench move
     last = reference.last
     space = last.space if last.two is None else last.two.space
     return [

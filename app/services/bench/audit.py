@@ -4,6 +4,7 @@ import cProfile
 import pstats
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,7 @@ def run(bench: Bench) -> Figures:
 def _spread(plant: dict[str, Recording], samples: int) -> Figures:
     """What the audits of a plant's kinds of loop cost, each a median of its own."""
     config = AuditConfig()
-    ms = 1e3 * np.array([median_s(lambda r=recording: audit(r, config), REPEATS) for recording in plant.values()])
+    ms = 1e3 * np.array([median_s(partial(audit, recording, config), REPEATS) for recording in plant.values()])
     return {
         "samples": samples,
         "loops": len(ms),
@@ -54,7 +55,7 @@ def _spread(plant: dict[str, Recording], samples: int) -> Figures:
 
 
 def _recordings(count: int, samples: int) -> dict[str, Recording]:
-    steps = 60.0 * np.arange(samples)
+    steps = 60.0 * np.arange(samples, dtype=np.float64)
     return {loop.tag: Recording(loop.tag, steps, loop.pv, loop.op, loop.sp) for loop in records(count, samples)}
 
 
@@ -62,7 +63,7 @@ def _longest(bench: Bench) -> Recording:
     """A sticking loop of the greatest length."""
     samples = bench.sizes.lengths[-1]
     loop = list(records(22, samples))[-1]
-    return Recording(loop.tag, 60.0 * np.arange(samples), loop.pv, loop.op, loop.sp)
+    return Recording(loop.tag, 60.0 * np.arange(samples, dtype=np.float64), loop.pv, loop.op, loop.sp)
 
 
 def _part(recording: Recording, samples: int) -> Recording:
@@ -86,7 +87,7 @@ def _growth(bench: Bench, whole: Recording) -> list[Figures]:
         for name, config in (("ms", AuditConfig()), ("ms_all_samples", unlimited)):
             if name == "ms_all_samples" and samples > 20_000 and rows[-1][name] > 4000:
                 continue
-            row[name] = 1e3 * median_s(lambda r=recording, c=config: audit(r, c), 3 if samples < 20_000 else 1)
+            row[name] = 1e3 * median_s(partial(audit, recording, config), 3 if samples < 20_000 else 1)
         rows.append(row)
     return rows
 

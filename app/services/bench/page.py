@@ -220,8 +220,8 @@ def _audit(found: Figures) -> str:
         linear = "" if before is None else number(_slope(before, row, "ms_all_samples"))
         rows.append((f"{row['samples']:,}", number(row["ms"]), number(row.get("ms_all_samples")), linear))
         before = row
-    head = ("samples", "ms, as configured", "ms, all samples identified", "growth of the latter against linear")
-    text += table(head, rows) + "\n"
+    columns = ("samples", "ms, as configured", "ms, all samples identified", "growth of the latter against linear")
+    text += table(columns, rows) + "\n"
     for name, label in (("grid", "values of d"), ("search_space", "greatest na, nb, nc")):
         text += table((label, "one-parameter identification, ms"), [(r["value"], number(r["ms"])) for r in found[name]])
         text += "\n"

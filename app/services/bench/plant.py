@@ -15,7 +15,7 @@ from app.services.bench.bench import Bench, Figures
 from app.services.bench.loops import SimulatedRecord, records, times_ns
 from app.services.bench.measure import Memory, children_of, processor_s
 from app.services.bench.servers import plant_backend, workers
-from app.storage import loops, series
+from app.storage import loops, series, tables
 from app.storage.samples import Samples
 from app.storage.series import Stretch
 from app.storage.tables import audit_items, verdicts
@@ -138,7 +138,7 @@ def _sizes(backend: Backend) -> Figures:
     """Bytes a loop and night in each of the tables that grow, indexes included."""
     with backend.database.read() as connection:
         nights = connection.scalar(select(func.count()).select_from(audit_items)) or 1
-        stretches = connection.scalar(select(func.count()).select_from(series.series)) or 1
+        stretches = connection.scalar(select(func.count()).select_from(tables.series)) or 1
         rows = {"series": stretches, "verdicts": nights, "verdict_details": nights, "audit_items": nights}
         return {
             table: (connection.exec_driver_sql(f"SELECT pg_total_relation_size('{table}')").scalar() or 0) / count

@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from functools import partial
 from io import StringIO
 from typing import Any
 
@@ -109,7 +110,7 @@ def _ours(record: Record, orders: tuple[Order, ...]) -> Figures:
     for order in orders:
         for band in _bands(record):
             aic[_key(order, band)] = refine(record.pv, record.one[band], order).aic_log
-    ms = 1e3 * float(np.mean([median_s(lambda o=order: refine(record.pv, record.one[0], o), 5) for order in orders]))
+    ms = 1e3 * float(np.mean([median_s(partial(refine, record.pv, record.one[0], order), 5) for order in orders]))
     return {"ms_a_fit": ms, "aic": aic}
 
 
@@ -146,7 +147,8 @@ def _agreement(
 ) -> dict[str, Any]:
     """Whether both choose the same order for each band, and the same band for each order; and where not, by how much
     N times our criterion the two winners differ."""
-    same, apart = 0, []
+    same = 0
+    apart: list[dict[str, object]] = []
     groups = [[_key(order, band) for order in orders] for band in bands]
     groups += [[_key(order, band) for band in bands] for order in orders]
     for group in groups:

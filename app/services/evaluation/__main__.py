@@ -17,7 +17,7 @@ import numpy as np
 
 from app.engine import shape_model
 from app.engine.judgement import Judgement
-from app.engine.recording import FloatArray
+from app.engine.recording import FloatArray, IntArray
 from app.engine.rivals import compete
 from app.engine.shape_model import ShapeModel
 from app.engine.unanswered import unanswered
@@ -25,8 +25,8 @@ from app.engine.verdict import conclude, counted_against, weigh_features
 from app.engine.verdict_config import VerdictConfig
 from app.services.evaluation import parameters, report, scoring
 from app.services.evaluation.components import component_scores
-from app.services.evaluation.fitting import FitConfig, IntArray, Samples, TextArray, fit, platt, valve_weights
-from app.services.evaluation.leave_one_out import Table, simulated_samples
+from app.services.evaluation.fitting import FitConfig, Samples, TextArray, fit, platt, valve_weights
+from app.services.evaluation.leave_one_out import Table, by_valve, simulated_samples
 from app.services.evaluation.leave_pair_out import area_by_pairs
 from app.services.evaluation.recordings import Labelled, labelled
 from app.services.evaluation.strangers import judged as judged_strangers
@@ -131,7 +131,7 @@ def _print(loops: list[Labelled], judged: list[Judgement], models: dict[str, Sha
     valves, sticky = _labels(loops)
     probability = _probabilities(judged)
     label = scoring.valve_labels(valves, sticky)
-    auc, forced = scoring.bootstrap(label, scoring.by_valve(valves, probability)[1])
+    auc, forced = scoring.bootstrap(label, by_valve(valves, probability)[1])
     _say(f"{len(loops)} recordings of {len(label)} valves, leave one valve out\n")
     _say(report.headline(scoring.figures(valves, sticky, judged), auc, forced))
     _say("\nReliability diagram\n\n" + report.reliability_diagram(valves, sticky, probability))

@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from app.engine.features import NAMES
-from app.engine.recording import FloatArray
+from app.engine.recording import FloatArray, IntArray
 from app.engine.shape_model import ShapeModel
 
-IntArray = NDArray[np.int64]
 TextArray = NDArray[np.str_]
 
 # The sign that physics gives each feature of the logistic, fixed before anything was fitted; the others stay out.

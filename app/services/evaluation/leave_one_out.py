@@ -6,9 +6,8 @@ import numpy as np
 
 from app.engine.features import extract
 from app.engine.oscillation import detect
-from app.engine.recording import FloatArray
+from app.engine.recording import FloatArray, IntArray
 from app.services.evaluation.fitting import (
-    IntArray,
     Samples,
     TextArray,
     class_weights,

@@ -5,7 +5,8 @@ from itertools import product
 
 import numpy as np
 
-from app.services.evaluation.fitting import IntArray, TextArray
+from app.engine.recording import IntArray
+from app.services.evaluation.fitting import TextArray
 
 Compared = Callable[[str, str], tuple[float, float]]
 

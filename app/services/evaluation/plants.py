@@ -142,7 +142,7 @@ def _disturbance(rng: np.random.Generator, cause: str) -> Signal:
         waves = _waves(rng, float(rng.uniform(1.0, 2.0)))
     elif cause == "stiction" and rng.random() < 0.15:
         waves = _waves(rng, float(rng.uniform(0.1, 0.5)))
-    steps = ()
+    steps: tuple[tuple[float, float], ...] = ()
     if rng.random() < 0.15:
         steps = tuple((float(rng.uniform(0, 1000)), 2.0 * size * float(rng.normal())) for _ in range(3))
     tau_s = float(10 ** rng.uniform(0.3, 2.5))

@@ -58,7 +58,7 @@ def _labelled(row: dict[str, str], recording: Recording) -> Labelled:
     if fitness.record is not None and fitness.auditable:
         oscillation = detect(fitness.record)
         fitness = with_cycles(fitness, oscillation)
-        features = observe(fitness.record, oscillation)
+        features = observe(fitness.audited, oscillation)
     return Labelled(
         recording,
         row["valve"],

@@ -5,8 +5,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from app.engine.judgement import Judgement
-from app.engine.recording import FloatArray
-from app.services.evaluation.fitting import IntArray, TextArray
+from app.engine.recording import FloatArray, IntArray
+from app.services.evaluation.fitting import TextArray
 from app.services.evaluation.leave_one_out import by_valve
 from app.services.evaluation.scoring import Figures, Interval, area_under_curve, balanced, valve_labels
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.judgement import Judgement
-from app.engine.recording import FloatArray
-from app.services.evaluation.fitting import IntArray, TextArray
+from app.engine.recording import BoolArray, FloatArray, IntArray
+from app.services.evaluation.fitting import TextArray
 from app.services.evaluation.leave_one_out import by_valve
 
 
@@ -54,7 +54,7 @@ def figures(valves: TextArray, sticky: IntArray, judgements: list[Judgement]) ->
     reliable = np.array([j.reliability == "reliable" for j in judgements]) & (said >= 0)
     probability = np.array([0.5 if j.stiction_probability is None else j.stiction_probability for j in judgements])
 
-    def mean(values: FloatArray) -> FloatArray:
+    def mean(values: FloatArray | BoolArray) -> FloatArray:
         return by_valve(valves, values.astype(float))[1]
 
     p, weight = mean(probability), mean(reliable)
@@ -78,8 +78,8 @@ def bootstrap(label: IntArray, probability: FloatArray, draws: int = 2000, seed:
     areas, forced = [], []
     for _ in range(draws):
         s, h = rng.choice(sticky, len(sticky)), rng.choice(healthy, len(healthy))
-        areas.append(np.mean((s[:, None] > h) + 0.5 * (s[:, None] == h)))
-        forced.append(0.5 * (np.mean(s > 0.5) + np.mean(h <= 0.5)))
+        areas.append(float(np.mean((s[:, None] > h) + 0.5 * (s[:, None] == h))))
+        forced.append(0.5 * float(np.mean(s > 0.5) + np.mean(h <= 0.5)))
     return _interval(areas), _interval(forced)
 
 

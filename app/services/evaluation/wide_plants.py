@@ -195,7 +195,7 @@ def _resolution(rng: np.random.Generator, drawn: _Draw, movement: float) -> floa
 def _exercised(loop: SimulatedLoop) -> bool:
     moved = np.diff(loop.v)
     directions = np.sign(moved[np.abs(moved) > 1e-3])
-    return int(np.count_nonzero(np.diff(directions))) >= _FEWEST_REVERSALS and np.ptp(loop.op) <= _LARGEST_TRAVEL
+    return int(np.count_nonzero(np.diff(directions))) >= _FEWEST_REVERSALS and float(np.ptp(loop.op)) <= _LARGEST_TRAVEL
 
 
 def _historian(rng: np.random.Generator, time_s: FloatArray) -> Callable[[FloatArray], FloatArray]:

@@ -46,7 +46,7 @@ def simulate_model(model: ExplainedModel, comparison: Comparison) -> SimulatedRe
         raise DataError("interval_differs", f"the model was fitted at {fitted:g} s, the recording has {got:g} s")
     driven = at_interval(comparison, factor)
     pv = simulate_again(model, driven.op, driven.measured)
-    return SimulatedRecord(np.arange(len(pv)) * model.sampling_interval_s, driven.op, pv)
+    return SimulatedRecord(np.arange(len(pv), dtype=np.float64) * model.sampling_interval_s, driven.op, pv)
 
 
 def simulate_files(model: Path, recording: Path, columns: Columns) -> SimulatedRecord:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 from markupsafe import Markup, escape
 
@@ -39,7 +40,7 @@ def chart(x: Sequence[float], lines: Sequence[Line], ends: Ends, *, title: str, 
     known = [value for line in lines for value in line.values if value is not None]
     if not known:
         return Markup('<p class="weak">{}: nothing to show.</p>').format(title)
-    low, high = more.get("limits") or _limits(known)  # type: ignore[misc]
+    low, high = cast("tuple[float, float] | None", more.get("limits")) or _limits(known)
     place = _Place(ends, low, high, width, height)
     body = [_frame(place, ends)]
     if more.get("shaded"):

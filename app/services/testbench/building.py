@@ -153,7 +153,7 @@ def _moving(kind: str, size: float, clock: _Clock, rng: np.random.Generator) -> 
     return Signal(noise_sd=float(np.hypot(size, _LOAD_PCT)), noise_tau_s=slow_s)
 
 
-def _random_steps(size: float, apart_s: float, rng: np.random.Generator, count: int = 40) -> tuple:  # type: ignore[type-arg]
+def _random_steps(size: float, apart_s: float, rng: np.random.Generator, count: int = 40) -> tuple:
     """Steps between levels of that size (standard deviation) around zero, so that they do not wander off."""
     levels = np.concatenate(([0.0], size * rng.standard_normal(count)))
     times = np.cumsum(rng.exponential(apart_s, count)) - 2.0 * apart_s
@@ -201,12 +201,13 @@ def _recorded(case: Case, spec: LoopSpec, clock: _Clock, period_s: float, moveme
 
 
 def _historian(case: Case, recording: Recording) -> Recording:
-    if case.recorder == "none":
+    recorder = case.recorder
+    if recorder == "none":
         return recording
 
     def stored(x: FloatArray) -> FloatArray:
         band = case.recorder_share * float(np.std(x))
-        return rebuild(recording.time_s, x, keep(recording.time_s, x, band, case.recorder), case.recorder)
+        return rebuild(recording.time_s, x, keep(recording.time_s, x, band, recorder), recorder)
 
     return replace(recording, pv=stored(recording.pv), op=stored(recording.op))
 

@@ -107,7 +107,7 @@ def wide(rng: np.random.Generator, cause: Cause) -> Case:
     )
 
 
-def _one_of(rng: np.random.Generator, choices: tuple):  # type: ignore[no-untyped-def, type-arg]
+def _one_of(rng: np.random.Generator, choices: tuple):  # type: ignore[no-untyped-def]
     return choices[int(rng.integers(len(choices)))]
 
 

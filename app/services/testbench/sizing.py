@@ -68,7 +68,7 @@ def _drawn(rng: np.random.Generator) -> Case:
     return replace(
         ordinary(rng, "stiction"),
         plant=PLANTS[rng.integers(len(PLANTS))],
-        controller=("PI", "PI", "PID", "P")[rng.integers(4)],  # type: ignore[arg-type]
+        controller=("PI", "PI", "PID", "P")[rng.integers(4)],
         tightness=float(rng.uniform(0.08, 0.75)),
         size_pct=float(np.exp(rng.uniform(0.0, 3.0))),
         J_ratio=(0.0, 0.1, 0.3, 0.6, 1.0)[rng.integers(5)],
@@ -76,9 +76,9 @@ def _drawn(rng: np.random.Generator) -> Case:
         noise_share=(0.0, 0.03, 0.1, 0.25)[rng.integers(4)],
         points_per_cycle=float(np.exp(rng.uniform(np.log(8.0), np.log(250.0)))),
         cycles=float(rng.uniform(6.0, 40.0)),
-        load=("coloured", "sine", "steps")[rng.integers(3)],  # type: ignore[arg-type]
+        load=("coloured", "sine", "steps")[rng.integers(3)],
         load_share=float(np.exp(rng.uniform(np.log(0.02), np.log(0.4)))),
-        set_point=("constant", "constant", "few_steps")[rng.integers(3)],  # type: ignore[arg-type]
+        set_point=("constant", "constant", "few_steps")[rng.integers(3)],
         resolution_share=(0.0, 0.0, 0.05)[rng.integers(3)],
     )
 

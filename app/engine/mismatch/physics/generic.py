@@ -51,7 +51,7 @@ def dynamic(signal: FloatArray, values: FloatArray, context: Context) -> FloatAr
 def static(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """Powers of OP behind the process lag: whatever curve it lacks; one delay and one lag pass them all."""
     ts, u = context.record.sampling_interval_s, context.record.op_deviation / context.record.op_span
-    curve = np.polynomial.polynomial.polyval(u, np.concatenate((np.zeros(POWERS[0]), values)))
+    curve: FloatArray = np.polynomial.polynomial.polyval(u, np.concatenate((np.zeros(POWERS[0]), values))).astype(float)
     return signal + lag(acting(curve, context), slowness(context), ts)
 
 
