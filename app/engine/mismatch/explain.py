@@ -160,13 +160,13 @@ def sensors_of(found: Fit, patterns: tuple[Pattern, ...]) -> tuple[Part, ...]:
     kept = []
     for pattern in patterns:
         through = seen_through(signal, (pattern.part,), context)
-        if pattern.hides_pv or left_by(found.record, through) <= left_by(found.record, signal):
+        if pattern.hides_pv or variance_left(found.record, through) <= variance_left(found.record, signal):
             signal = through
             kept.append(pattern.part)
     return tuple(kept)
 
 
-def left_by(record: Experiment, signal: FloatArray) -> float:
+def variance_left(record: Experiment, signal: FloatArray) -> float:
     """Variance of what a simulation (N,) leaves of PV where it is compared; 0 where nothing is."""
     left = (record.pv_deviation - signal)[record.usable]
     return float(np.var(left)) if len(left) else 0.0

@@ -93,7 +93,7 @@ def starts(record: Experiment, y: FloatArray, structure: Structure) -> list[Floa
     ts = record.sampling_interval_s
     taus = TIMES if not structure.integrating or structure.second_order else TIMES[:1]
     points = [np.array([theta, np.log(tau * ts), np.log(0.3 * tau * ts)]) for tau in taus for theta in DEAD_TIMES]
-    errors = [float(np.sum(left_by(record, y, structure, z)[0] ** 2)) for z in points]
+    errors = [float(np.sum(project(record, y, structure, z)[0] ** 2)) for z in points]
     kept: list[FloatArray] = []
     for k in np.argsort(errors, kind="stable"):
         z = points[int(k)]
@@ -111,7 +111,7 @@ def plant_of(record: Experiment, structure: Structure, z: FloatArray, K: float, 
     return Plant(K, first, float(abs(z[0])) * record.sampling_interval_s, b, x0, second, leak)
 
 
-def left_by(record: Experiment, y: FloatArray, structure: Structure, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+def project(record: Experiment, y: FloatArray, structure: Structure, z: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Residual (N,) and the linear numbers (gain, offset, start) of the best plant with dead time and lags z."""
     ts, u = record.sampling_interval_s, record.op_deviation
     zero = np.zeros_like(u)
@@ -129,14 +129,14 @@ def descend_trace(record: Experiment, y: FloatArray, structure: Structure, start
     low = [0.0, np.log(0.05 * ts), np.log(0.05 * ts)]
     high = [0.2 * record.samples, np.log(record.duration_s), np.log(record.duration_s)]
     z = least_squares(
-        lambda z: left_by(record, y, structure, z)[0],
+        lambda z: project(record, y, structure, z)[0],
         np.clip(start, low, high),
         bounds=(low, high),
         max_nfev=40,
         diff_step=1e-4,
         x_scale=[1.0, 0.3, 0.3],
     ).x
-    K, b, x0 = left_by(record, y, structure, z)[1].tolist()
+    K, b, x0 = project(record, y, structure, z)[1].tolist()
     return plant_of(record, structure, z, K, b, x0)
 
 
