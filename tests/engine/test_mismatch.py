@@ -3,6 +3,7 @@ where nothing is.
 """
 
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -38,28 +39,12 @@ from app.engine.mismatch.validation import simulate_again
 from app.engine.recording import FloatArray
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
 from app.engine.simulate.compression import keep, rebuild
+from tests.engine import open_loop
 
 N, TS = 1200, 2.0
 TRUE = Plant(K=1.4, tau=30.0, theta=6.0)
 GIVEN = LinearSimulation(gain=1.45, time_constants_s=(28.5,), dead_time_s=6.0)
-
-
-def moves(seed: int = 3) -> FloatArray:
-    """OP as deviation: steps that hold for a while, and the small moves of a controller."""
-    rng = np.random.default_rng(seed)
-    steps = np.repeat(rng.uniform(-6.0, 6.0, N // 60), 60)
-    slow = np.zeros(N)
-    for t in range(1, N):
-        slow[t] = 0.97 * slow[t - 1] + 0.25 * rng.normal()
-    return steps + slow
-
-
-def noise(seed: int = 4) -> FloatArray:
-    rng = np.random.default_rng(seed)
-    load = np.zeros(N)
-    for t in range(1, N):
-        load[t] = 0.93 * load[t - 1] + 0.06 * rng.normal()
-    return load + 0.08 * rng.normal(size=N)
+moves, noise = partial(open_loop.moves, N, 60), partial(open_loop.noise, N)
 
 
 def recorded(v: FloatArray, added: FloatArray | float = 0.0) -> FloatArray:

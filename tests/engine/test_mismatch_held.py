@@ -2,6 +2,8 @@
 instants, and no other repeated value taken for it.
 """
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -14,28 +16,18 @@ from app.engine.mismatch.plant import Plant, run_process
 from app.engine.mismatch.sampling import hold_of
 from app.engine.recording import FloatArray
 from app.engine.simulate.compression import keep, rebuild
+from tests.engine import open_loop
 
 N, TS = 1600, 2.0
 INSTANTS = np.arange(N) * TS
 TRUE = Plant(K=1.4, tau=30.0, theta=6.0)
 GIVEN = LinearSimulation(gain=1.45, time_constants_s=(28.5,), dead_time_s=6.0)
+moves, noise = partial(open_loop.moves, N, 50), partial(open_loop.noise, N)
 INTERVALS = (1.5, 2.0, 2.5, 3.0, 4.0, 6.6, 7.25, 9.0, 20.0, 40.0)  # samples
 
 
-def moves(seed: int = 3) -> FloatArray:
-    rng = np.random.default_rng(seed)
-    slow = np.zeros(N)
-    for t in range(1, N):
-        slow[t] = 0.97 * slow[t - 1] + 0.25 * rng.normal()
-    return np.repeat(rng.uniform(-6.0, 6.0, N // 50), 50) + slow
-
-
-def recorded(v: FloatArray, seed: int = 4) -> FloatArray:
-    rng = np.random.default_rng(seed)
-    load = np.zeros(N)
-    for t in range(1, N):
-        load[t] = 0.93 * load[t - 1] + 0.06 * rng.normal()
-    return 50.0 + run_process(v, TRUE, TS) + load + 0.08 * rng.normal(size=N)
+def recorded(v: FloatArray) -> FloatArray:
+    return 50.0 + run_process(v, TRUE, TS) + noise()
 
 
 def held(pv: FloatArray, every: float, first: float = 0.0) -> FloatArray:

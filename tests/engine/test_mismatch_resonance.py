@@ -1,5 +1,7 @@
 """A process that swings by itself: named with its poles, and none named where the poles are real."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete
@@ -10,25 +12,11 @@ from app.engine.mismatch.experiment import experiment
 from app.engine.mismatch.physics.resonance import swinging
 from app.engine.mismatch.plant import Plant, run_process
 from app.engine.recording import FloatArray
+from tests.engine import open_loop
 
 N, TS, THETA = 1500, 2.0, 6.0
 GIVEN = LinearSimulation(gain=1.45, time_constants_s=(28.5,), dead_time_s=THETA)
-
-
-def moves(seed: int = 3) -> FloatArray:
-    rng = np.random.default_rng(seed)
-    slow = np.zeros(N)
-    for t in range(1, N):
-        slow[t] = 0.97 * slow[t - 1] + 0.25 * rng.normal()
-    return np.repeat(rng.uniform(-6.0, 6.0, N // 60), 60) + slow
-
-
-def noise(seed: int = 4) -> FloatArray:
-    rng = np.random.default_rng(seed)
-    load = np.zeros(N)
-    for t in range(1, N):
-        load[t] = 0.93 * load[t - 1] + 0.06 * rng.normal()
-    return load + 0.08 * rng.normal(size=N)
+moves, noise = partial(open_loop.moves, N, 60), partial(open_loop.noise, N)
 
 
 def second_order(u: FloatArray, natural_s: float, damping: float) -> FloatArray:
