@@ -44,6 +44,7 @@ def search_grid(
     takes. Every order of every valve position is judged over the same samples, p + nc..N-1.
     """
     na, nb, nc = orders
+    now, last = np.int64(0), np.int64(1)  # not literals: numba would compile what takes them once more for each
     size = na + nb + nc + 1
     first = p + nc
     samples = len(y) - first
@@ -53,11 +54,11 @@ def search_grid(
     rooms, residuals = sweep_rooms(orders), np.empty((na, nb, nc + 1))
     filtered, errors = np.zeros((3, len(y))), np.empty(len(y))
     best = (1, 1, nc_min)
-    fill_own_gram(yy, 0, y, (0, p + 1), first)
+    fill_own_gram(yy, now, y, (now, p + 1), first)
     for m in range(v.shape[0]):
         stem = v[m] - means[m]
-        fill_lagged_gram(yv, 0, 0, y, stem, (0, p + 1, 1, p), first)
-        fill_own_gram(vv, 0, stem, (1, p), first)
+        fill_lagged_gram(yv, now, now, y, stem, (now, p + 1, last, p), first)
+        fill_own_gram(vv, now, stem, (last, p), first)
         long_autoregression(y, stem, yy, yv, vv, long_room, errors)
         regression_gram(y, stem, errors, yy, yv, vv, orders, first, gram)
         for stage in range(2, stages + 1):

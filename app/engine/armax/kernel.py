@@ -66,18 +66,19 @@ def regression_gram(
 ) -> None:
     """The upper triangle over [y lags 1..na, v lags 1..nb, innovation lags 1..nc, y] into gram (size, size)."""
     na, nb, nc = orders
+    now, last = np.int64(0), np.int64(1)  # not literals: numba would compile what takes them once more for each
     target = na + nb + nc
     gram[:na, :na] = yy[1 : na + 1, 1 : na + 1]
     gram[:na, na : na + nb] = yv[1 : na + 1, :nb]
     gram[na : na + nb, na : na + nb] = vv[:nb, :nb]
-    fill_lagged_gram(gram, 0, na + nb, y, errors, (1, na, 1, nc), first)
-    fill_lagged_gram(gram, na, na + nb, v, errors, (1, nb, 1, nc), first)
-    fill_own_gram(gram, na + nb, errors, (1, nc), first)
+    fill_lagged_gram(gram, now, na + nb, y, errors, (last, na, last, nc), first)
+    fill_lagged_gram(gram, na, na + nb, v, errors, (last, nb, last, nc), first)
+    fill_own_gram(gram, na + nb, errors, (last, nc), first)
     for i in range(na):
         gram[i, target] = yy[0, i + 1]
     for j in range(nb):
         gram[na + j, target] = yv[0, j]
-    lagged_dots(y, errors, 0, 1, first, gram[na + nb : target, target])
+    lagged_dots(y, errors, now, last, first, gram[na + nb : target, target])
     gram[target, target] = yy[0, 0]
 
 
@@ -215,16 +216,17 @@ def filtered_gram(
     These lags are the derivatives of the prediction errors, but for the first samples. filtered: (3, N), filled.
     """
     na, nb, nc = orders
-    filter_by_c(y, c, filtered[0], 0)
-    filter_by_c(v, c, filtered[1], 0)
-    filter_by_c(errors, c, filtered[2], 0)
+    now, last = np.int64(0), np.int64(1)  # not literals: numba would compile what takes them once more for each
+    filter_by_c(y, c, filtered[0], now)
+    filter_by_c(v, c, filtered[1], now)
+    filter_by_c(errors, c, filtered[2], now)
     y, v, e = filtered[0], filtered[1], filtered[2]
-    fill_own_gram(gram, 0, y, (1, na), first)
-    fill_lagged_gram(gram, 0, na, y, v, (1, na, 1, nb), first)
-    fill_lagged_gram(gram, 0, na + nb, y, e, (1, na, 1, nc), first)
-    fill_own_gram(gram, na, v, (1, nb), first)
-    fill_lagged_gram(gram, na, na + nb, v, e, (1, nb, 1, nc), first)
-    fill_own_gram(gram, na + nb, e, (1, nc), first)
+    fill_own_gram(gram, now, y, (last, na), first)
+    fill_lagged_gram(gram, now, na, y, v, (last, na, last, nb), first)
+    fill_lagged_gram(gram, now, na + nb, y, e, (last, na, last, nc), first)
+    fill_own_gram(gram, na, v, (last, nb), first)
+    fill_lagged_gram(gram, na, na + nb, v, e, (last, nb, last, nc), first)
+    fill_own_gram(gram, na + nb, e, (last, nc), first)
 
 
 @njit(cache=True, nogil=True)
@@ -243,10 +245,11 @@ def efficient_gram(
     With y', v' and e' the signals through the model's 1/C, y' + e - e' is regressed on the lags of y', v' and e'.
     """
     na, nb, nc = orders
+    now, last = np.int64(0), np.int64(1)  # not literals: numba would compile what takes them once more for each
     target = na + nb + nc
     filtered_gram(y, v, errors, c, orders, first, filtered, gram)
     goal = filtered[0] + errors - filtered[2]
-    lagged_dots(goal, filtered[0], 0, 1, first, gram[:na, target])
-    lagged_dots(goal, filtered[1], 0, 1, first, gram[na : na + nb, target])
-    lagged_dots(goal, filtered[2], 0, 1, first, gram[na + nb : target, target])
-    gram[target, target] = lagged_dot(goal, goal, 0, 0, first)
+    lagged_dots(goal, filtered[0], now, last, first, gram[:na, target])
+    lagged_dots(goal, filtered[1], now, last, first, gram[na : na + nb, target])
+    lagged_dots(goal, filtered[2], now, last, first, gram[na + nb : target, target])
+    gram[target, target] = lagged_dot(goal, goal, now, now, first)

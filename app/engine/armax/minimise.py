@@ -23,15 +23,16 @@ def _gradient(
     the steps would stall where C is slow.
     """
     na, nb, nc = orders
+    now, last = np.int64(0), np.int64(1)  # not literals: numba would compile what takes them once more for each
     start, target = max(na, nb), na + nb + nc
     backwards = errors[::-1].copy()
     backwards[len(errors) - first :] = 0.0
-    filter_by_c(backwards, c, backwards, 0)
+    filter_by_c(backwards, c, backwards, now)
     adjoint = backwards[::-1].copy()
-    lagged_dots(adjoint, y, 0, 1, start, gram[:na, target])
-    lagged_dots(adjoint, v, 0, 1, start, gram[na : na + nb, target])
+    lagged_dots(adjoint, y, now, last, start, gram[:na, target])
+    lagged_dots(adjoint, v, now, last, start, gram[na : na + nb, target])
     for k in range(nc):
-        gram[na + nb + k, target] = lagged_dot(errors, adjoint, k + 1, 0, max(start, k + 1))
+        gram[na + nb + k, target] = lagged_dot(errors, adjoint, k + 1, now, max(start, k + 1))
 
 
 @njit(cache=True, nogil=True)

@@ -38,11 +38,12 @@ def residuals(
     He's. The stem acts from the sample after on (thinned: from the mean of the samples since the one before on), so
     that the controller's way from PV to OP is no explanation. A stem that OP never moves explains nothing.
     """
+    now = np.int64(0)  # not a literal: numba would compile what takes it once more
     first_lag = 1 if stride == 1 else 0
     first = max(lags_pv, lags_v + first_lag)
     own, grams = np.zeros((lags_pv + 1, lags_pv + 1)), np.zeros((lags_pv + lags_v + 1, lags_pv + lags_v + 1, 1))
     out = np.empty(len(S))
-    fill_own_gram(own, 0, pv, (0, lags_pv + 1), first)
+    fill_own_gram(own, now, pv, (now, lags_pv + 1), first)
     _fill_pv(grams, own, lags_pv)
     residuals_abreast(grams, _COLLINEAR, out[:1])
     out[:] = out[0]
@@ -64,6 +65,7 @@ def _of_moving(
     first: int,
 ) -> FloatArray:
     """`residuals` of valves that OP moves. own: Gram matrix of PV and its lags over the samples from `first` on."""
+    now = np.int64(0)  # not a literal: numba would compile what takes it once more
     first_lag, lags_pv = 1 if stride == 1 else 0, own.shape[0] - 1
     goal, abreast = lags_pv + lags_v, min(_ABREAST, len(S))
     across, stem = np.empty((lags_pv + 1, lags_v)), np.zeros((lags_v, lags_v))
@@ -80,8 +82,8 @@ def _of_moving(
                 w -= w.mean()
             else:
                 w = v[m] - means[m]
-            fill_lagged_gram(across, 0, 0, pv, w, (0, lags_pv + 1, first_lag, lags_v), first)
-            fill_own_gram(stem, 0, w, (first_lag, lags_v), first)
+            fill_lagged_gram(across, now, now, pv, w, (now, lags_pv + 1, first_lag, lags_v), first)
+            fill_own_gram(stem, now, w, (first_lag, lags_v), first)
             _fill_stem(grams, m, across, stem)
         residuals_abreast(grams, _COLLINEAR, out[valves])
     return out
