@@ -1,5 +1,6 @@
 """Whether a loop oscillates, with which period, and how regularly: the autocorrelation method."""
 
+import math
 from dataclasses import dataclass
 from itertools import product
 
@@ -135,8 +136,9 @@ def _swing(acf: FloatArray) -> _Swing | None:
     crossings = _crossings(acf)
     if len(crossings) < 3:
         return None
-    intervals = np.diff(crossings)
-    period = 2.0 * float(np.mean(intervals))
+    intervals = np.diff(crossings).tolist()
+    mean = sum(intervals) / len(intervals)
+    period = 2.0 * mean
     if period < _MIN_PERIOD_SAMPLES:
         return None
     # The first swing: it starts at the second crossing (from below to above) and ends at the third.
@@ -144,8 +146,8 @@ def _swing(acf: FloatArray) -> _Swing | None:
     strength = min(float(np.max(acf[int(crossings[1]) : int(crossings[2]) + 2])), 1.0)
     if len(intervals) < 3:
         return _Swing(period, 0.3, strength)
-    spread = float(np.std(intervals, ddof=1))
-    return _Swing(period, min(float(np.mean(intervals)) / (3.0 * spread + 1e-12), 100.0), strength)
+    spread = math.sqrt(sum((interval - mean) ** 2 for interval in intervals) / (len(intervals) - 1))
+    return _Swing(period, min(mean / (3.0 * spread + 1e-12), 100.0), strength)
 
 
 @njit(cache=True, nogil=True)

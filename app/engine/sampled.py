@@ -43,9 +43,8 @@ def moving_average(x: FloatArray, half: int) -> FloatArray:
     middle, after, before = out[half : half + whole], total[n + 1 - whole :], total[:whole]
     for i in range(whole):
         middle[i] = (after[i] - before[i]) / (2 * half + 1)
-    for i in range(n):
-        if half <= i < half + whole:
-            continue
+    for k in range(n - whole):
+        i = k if k < half else k + whole
         low, high = max(i - half, 0), min(i + half + 1, n)
         out[i] = (total[high] - total[low]) / (high - low)
     return out
