@@ -44,7 +44,7 @@ def search_grid(
     takes. Every order of every valve position is judged over the same samples, p + nc..N-1.
     """
     na, nb, nc = orders
-    now, last = np.int64(0), np.int64(1)  # not literals: numba would compile what takes them once more for each
+    now, last = int(np.int64(0)), int(np.int64(1))  # no literals: numba compiles a kernel anew for each of them
     size = na + nb + nc + 1
     first = p + nc
     samples = len(y) - first
@@ -52,7 +52,7 @@ def search_grid(
     gram, room = np.zeros((size, size)), np.zeros((3, size, size))
     long_room = np.empty((2 * p + 3, 2 * p + 1))
     rooms, residuals = sweep_rooms(orders), np.empty((na, nb, nc + 1))
-    filtered, errors = np.zeros((3, len(y))), np.empty(len(y))
+    errors = np.empty(len(y))
     best = (1, 1, nc_min)
     fill_own_gram(yy, now, y, (now, p + 1), first)
     for m in range(v.shape[0]):
@@ -63,7 +63,7 @@ def search_grid(
         regression_gram(y, stem, errors, yy, yv, vv, orders, first, gram)
         for stage in range(2, stages + 1):
             if stage == 3:
-                efficient_gram(y, stem, errors, c[m, : best[2]], orders, first, filtered, gram)
+                efficient_gram(y, stem, errors, c[m, : best[2]], orders, first, gram)
             sweep_orders(gram, orders, rooms, residuals)
             best = fixed if fixed[0] > 0 else least(residuals, samples, logarithmic, nc_min)
             solve_order(gram, orders, best, room, a[m], b[m], c[m])

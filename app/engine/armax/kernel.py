@@ -66,7 +66,7 @@ def regression_gram(
 ) -> None:
     """The upper triangle over [y lags 1..na, v lags 1..nb, innovation lags 1..nc, y] into gram (size, size)."""
     na, nb, nc = orders
-    now, last = np.int64(0), np.int64(1)  # not literals: numba would compile what takes them once more for each
+    now, last = int(np.int64(0)), int(np.int64(1))  # no literals: numba compiles a kernel anew for each of them
     target = na + nb + nc
     gram[:na, :na] = yy[1 : na + 1, 1 : na + 1]
     gram[:na, na : na + nb] = yv[1 : na + 1, :nb]
@@ -201,25 +201,13 @@ def solve_order(
 
 
 @njit(cache=True, nogil=True)
-def filtered_gram(
-    y: FloatArray,
-    v: FloatArray,
-    errors: FloatArray,
-    c: FloatArray,
-    orders: tuple,
-    first: int,
-    filtered: FloatArray,
-    gram: FloatArray,
-) -> None:
+def filtered_gram(filtered: FloatArray, orders: tuple, first: int, gram: FloatArray) -> None:
     """The Gram matrix of the lags 1.. of y, v and the errors, each through 1/C; upper triangle without the last column.
 
-    These lags are the derivatives of the prediction errors, but for the first samples. filtered: (3, N), filled.
+    These lags are the derivatives of the prediction errors, but for the first samples. filtered: the three in rows.
     """
     na, nb, nc = orders
-    now, last = np.int64(0), np.int64(1)  # not literals: numba would compile what takes them once more for each
-    filter_by_c(y, c, filtered[0], now)
-    filter_by_c(v, c, filtered[1], now)
-    filter_by_c(errors, c, filtered[2], now)
+    now, last = int(np.int64(0)), int(np.int64(1))  # no literals: numba compiles a kernel anew for each of them
     y, v, e = filtered[0], filtered[1], filtered[2]
     fill_own_gram(gram, now, y, (last, na), first)
     fill_lagged_gram(gram, now, na, y, v, (last, na, last, nb), first)
@@ -231,23 +219,19 @@ def filtered_gram(
 
 @njit(cache=True, nogil=True)
 def efficient_gram(
-    y: FloatArray,
-    v: FloatArray,
-    errors: FloatArray,
-    c: FloatArray,
-    orders: tuple,
-    first: int,
-    filtered: FloatArray,
-    gram: FloatArray,
+    y: FloatArray, v: FloatArray, errors: FloatArray, c: FloatArray, orders: tuple, first: int, gram: FloatArray
 ) -> None:
     """The third regression: one Gauss-Newton step from a model of one order to every order, upper triangle.
 
     With y', v' and e' the signals through the model's 1/C, y' + e - e' is regressed on the lags of y', v' and e'.
     """
     na, nb, nc = orders
-    now, last = np.int64(0), np.int64(1)  # not literals: numba would compile what takes them once more for each
+    now, last = int(np.int64(0)), int(np.int64(1))  # no literals: numba compiles a kernel anew for each of them
     target = na + nb + nc
-    filtered_gram(y, v, errors, c, orders, first, filtered, gram)
+    filtered = np.empty((3, len(y)))
+    filtered[0], filtered[1], filtered[2] = y, v, errors
+    filter_by_c(filtered, c, filtered)
+    filtered_gram(filtered, orders, first, gram)
     goal = filtered[0] + errors - filtered[2]
     lagged_dots(goal, filtered[0], now, last, first, gram[:na, target])
     lagged_dots(goal, filtered[1], now, last, first, gram[na : na + nb, target])

@@ -14,21 +14,17 @@ TOLERANCE = 1e-9
 
 @njit(cache=True, nogil=True)
 def _gradient(
-    y: FloatArray, v: FloatArray, errors: FloatArray, c: FloatArray, orders: tuple, first: int, gram: FloatArray
+    y: FloatArray, v: FloatArray, errors: FloatArray, adjoint: FloatArray, orders: tuple, gram: FloatArray
 ) -> None:
-    """The exact half gradient of the sum of squares over first..N-1, into the last column of `gram`.
+    """The exact half gradient of the sum of squares, into the last column of `gram`.
 
-    One filter by 1/C backwards in time serves all coefficients: each derivative is then a lagged dot product from the
-    first error on. With the lags of the forward filtered signals the start of the record would be slightly wrong, and
-    the steps would stall where C is slow.
+    adjoint: (N,) the errors that are counted, filtered by 1/C backwards in time. One such filter serves all
+    coefficients: each derivative is then a lagged dot product from the first error on. With the lags of the forward
+    filtered signals the start of the record would be slightly wrong, and the steps would stall where C is slow.
     """
     na, nb, nc = orders
-    now, last = np.int64(0), np.int64(1)  # not literals: numba would compile what takes them once more for each
+    now, last = int(np.int64(0)), int(np.int64(1))  # no literals: numba compiles a kernel anew for each of them
     start, target = max(na, nb), na + nb + nc
-    backwards = errors[::-1].copy()
-    backwards[len(errors) - first :] = 0.0
-    filter_by_c(backwards, c, backwards, now)
-    adjoint = backwards[::-1].copy()
     lagged_dots(adjoint, y, now, last, start, gram[:na, target])
     lagged_dots(adjoint, v, now, last, start, gram[na : na + nb, target])
     for k in range(nc):
@@ -64,14 +60,17 @@ def minimise(
     na, nb, nc = len(a), len(b), len(c)
     size = na + nb + nc + 1
     gram, room, step = np.zeros((size, size)), np.zeros((size + 1, size)), np.zeros(size)
-    filtered = np.zeros((3, len(y)))
+    signals, filtered = np.zeros((4, len(y))), np.empty((4, len(y)))
+    signals[0], signals[1] = y, v
     trial_errors = np.empty(len(y))
     trial_a, trial_b, trial_c = a.copy(), b.copy(), c.copy()
     best = sum_of_squares(errors, first)
     damping = 0.0
     for taken in range(steps):
-        filtered_gram(y, v, errors, c, (na, nb, nc), first, filtered, gram)
-        _gradient(y, v, errors, c, (na, nb, nc), first, gram)
+        signals[2], signals[3, : len(y) - first] = errors, errors[::-1][: len(y) - first]
+        filter_by_c(signals, c, filtered)
+        filtered_gram(filtered, (na, nb, nc), first, gram)
+        _gradient(y, v, errors, filtered[3, ::-1].copy(), (na, nb, nc), gram)
         while True:
             _damped_step(gram, damping, room, step)
             trial_a[:] = a - step[:na]

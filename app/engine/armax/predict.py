@@ -57,40 +57,40 @@ def reflect_to_stable(c: FloatArray) -> None:
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def filter_by_c(x: FloatArray, c: FloatArray, out: FloatArray, first: int) -> None:
-    """out = x / C(q) from sample `first` on, at rest before it; in place where out is x.
+def filter_by_c(x: FloatArray, c: FloatArray, out: FloatArray) -> None:
+    """out = x / C(q) for each row of x (K, N), at rest before the first sample; in place where out is x.
 
     Four samples at a time: they share what they read of the samples before, and wait for each other only at the end.
+    All rows abreast: while one waits, another goes on.
     """
-    n = max(len(c), 3)
-    late_x, late_out = x[first:], out[first:]
+    n, (rows, samples) = max(len(c), 3), x.shape
     oldest_first = np.zeros(n)
     oldest_first[n - len(c) :] = c[::-1]
-    begun = min(n, len(late_x))
-    _filter_one_by_one(late_x, c, late_out, 0, begun)
-    if begun < n:
-        return
+    begun = min(n, samples)
+    for row in range(rows):
+        _filter_one_by_one(x[row], c, out[row], 0, begun)
     c1, c2, c3, further = oldest_first[n - 1], oldest_first[n - 2], oldest_first[n - 3], oldest_first[: n - 3]
-    third, second, last = late_out[n - 3], late_out[n - 2], late_out[n - 1]
-    fours = (len(late_x) - n) // 4
-    for four in range(fours):
-        new, known = late_x[n + 4 * four : n + 4 * four + 4], late_out[4 * four : 4 * four + n + 4]
-        e0, e1, e2, e3 = new[0], new[1], new[2], new[3]
-        out0, out1, out2 = known[0], known[1], known[2]
-        for k in range(len(further)):
-            tap, out3 = further[k], known[k + 3]
-            e0 -= tap * out0
-            e1 -= tap * out1
-            e2 -= tap * out2
-            e3 -= tap * out3
-            out0, out1, out2 = out1, out2, out3
-        e0 = e0 - c3 * third - c2 * second - c1 * last
-        e1 = e1 - c3 * second - c2 * last - c1 * e0
-        e2 = e2 - c3 * last - c2 * e0 - c1 * e1
-        e3 = e3 - c3 * e0 - c2 * e1 - c1 * e2
-        known[n], known[n + 1], known[n + 2], known[n + 3] = e0, e1, e2, e3
-        third, second, last = e1, e2, e3
-    _filter_one_by_one(late_x, c, late_out, n + 4 * fours, len(late_x))
+    fours = (samples - begun) // 4
+    for begin in range(0, 4 * fours, 4):
+        for row in range(rows):
+            new, known = x[row, n + begin : n + begin + 4], out[row, begin : begin + n + 4]
+            e0, e1, e2, e3 = new[0], new[1], new[2], new[3]
+            out0, out1, out2 = known[0], known[1], known[2]
+            for k in range(len(further)):
+                tap, out3 = further[k], known[k + 3]
+                e0 -= tap * out0
+                e1 -= tap * out1
+                e2 -= tap * out2
+                e3 -= tap * out3
+                out0, out1, out2 = out1, out2, out3
+            third, second, last = known[n - 3], known[n - 2], known[n - 1]
+            e0 = e0 - c3 * third - c2 * second - c1 * last
+            e1 = e1 - c3 * second - c2 * last - c1 * e0
+            e2 = e2 - c3 * last - c2 * e0 - c1 * e1
+            e3 = e3 - c3 * e0 - c2 * e1 - c1 * e2
+            known[n], known[n + 1], known[n + 2], known[n + 3] = e0, e1, e2, e3
+    for row in range(rows):
+        _filter_one_by_one(x[row], c, out[row], begun + 4 * fours, samples)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
@@ -116,7 +116,8 @@ def prediction_errors(
     errors[start:] = y[start:]
     add_lagged(errors, a, y, start)
     add_lagged(errors, -b, v, start)
-    filter_by_c(errors, c, errors, start)
+    late = errors[start:].reshape((1, len(errors) - start))
+    filter_by_c(late, c, late)
 
 
 @njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)

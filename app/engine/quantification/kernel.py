@@ -38,7 +38,7 @@ def residuals(
     He's. The stem acts from the sample after on (thinned: from the mean of the samples since the one before on), so
     that the controller's way from PV to OP is no explanation. A stem that OP never moves explains nothing.
     """
-    now = np.int64(0)  # not a literal: numba would compile what takes it once more
+    now = int(np.int64(0))  # no literal: numba compiles a kernel anew for each of them
     first_lag = 1 if stride == 1 else 0
     first = max(lags_pv, lags_v + first_lag)
     own, grams = np.zeros((lags_pv + 1, lags_pv + 1)), np.zeros((lags_pv + lags_v + 1, lags_pv + lags_v + 1, 1))
@@ -65,7 +65,7 @@ def _of_moving(
     first: int,
 ) -> FloatArray:
     """`residuals` of valves that OP moves. own: Gram matrix of PV and its lags over the samples from `first` on."""
-    now = np.int64(0)  # not a literal: numba would compile what takes it once more
+    now = int(np.int64(0))  # no literal: numba compiles a kernel anew for each of them
     first_lag, lags_pv = 1 if stride == 1 else 0, own.shape[0] - 1
     goal, abreast = lags_pv + lags_v, min(_ABREAST, len(S))
     across, stem = np.empty((lags_pv + 1, lags_v)), np.zeros((lags_v, lags_v))
