@@ -173,6 +173,8 @@ def valve_position(op: FloatArray, S: float, J: float) -> FloatArray:
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def through_process(v: FloatArray, lag: float) -> FloatArray:
     """v (n,) through a first-order lag in samples at unit gain, or summed up where lag is INTEGRATOR."""
+    if lag == 0.0:
+        return v.copy()
     x = np.empty(len(v))
     if lag < 0.0:
         mean, total = v.mean(), 0.0
@@ -180,7 +182,7 @@ def through_process(v: FloatArray, lag: float) -> FloatArray:
             total += v[t] - mean
             x[t] = total
         return x
-    keep = np.exp(-1.0 / lag) if lag > 0.0 else 0.0
+    keep = np.exp(-1.0 / lag)
     level = v[0]
     for t in range(len(v)):
         level = keep * level + (1.0 - keep) * v[t]
