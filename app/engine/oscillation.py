@@ -70,8 +70,9 @@ def autocorrelation(x: FloatArray) -> FloatArray:
     """
     x = x - x.mean()
     n = len(x)
-    spectrum = fft.rfft(x, fft.next_fast_len(2 * n, real=True))
-    raw = fft.irfft(spectrum.real**2 + spectrum.imag**2)[: n // 2]
+    size = fft.next_fast_len(n + n // 2, real=True)  # no lag that is asked for hears the other end of x
+    spectrum = fft.rfft(x, size)
+    raw = fft.irfft(spectrum.real**2 + spectrum.imag**2, size)[: n // 2]
     if raw[0] <= 0.0:
         return np.zeros(n // 2)
     return raw / raw[0] * (n / (n - np.arange(n // 2)))

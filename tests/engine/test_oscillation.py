@@ -68,6 +68,15 @@ def test_long_records_are_thinned_and_keep_their_period():
     assert found.period_s == pytest.approx(500.0, rel=0.03)
 
 
+@pytest.mark.parametrize("n", [2, 7, 500, 550, 560, 933, 1000, 1625])
+def test_autocorrelation_is_the_sum_of_products_whatever_the_length(n):
+    x = np.cumsum(np.random.default_rng(n).normal(size=n))
+    moves = x - x.mean()
+    lags = np.arange(n // 2)
+    direct = np.correlate(moves, moves, "full")[n - 1 :][: n // 2] / (moves @ moves) * n / (n - lags)
+    assert autocorrelation(x) == pytest.approx(direct, abs=1e-9)
+
+
 def test_autocorrelation_of_a_sine_is_a_cosine_and_of_a_constant_zero():
     acf = autocorrelation(cycle(20))
     np.testing.assert_allclose(acf[:41:20], 1.0, atol=0.02)
