@@ -9,7 +9,7 @@ from numba import njit
 from scipy import fft
 
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.sampled import moving_average
+from app.engine.sampled import moving_average, unlike
 
 REGULAR_ABOVE = 1.0
 _TREND_SHARES = (0.0, 0.25, 0.08, 0.025)
@@ -111,7 +111,7 @@ def detect(record: UniformRecord) -> Oscillation:
 def _signals(record: UniformRecord, stride: int) -> list[tuple[str, FloatArray]]:
     signals = [("pv", record.pv), ("op", record.op)]
     if record.sp is not None and np.ptp(record.sp) > 0.0:
-        signals.append(("error", record.pv - record.sp))
+        signals.append(("error", unlike(record.pv, record.sp)))
     return [(name, _thinned(x, stride)) for name, x in signals if _varies(x)]
 
 

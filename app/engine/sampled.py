@@ -76,6 +76,17 @@ def without_line(x: FloatArray) -> FloatArray:
     return out
 
 
+def unlike(x: FloatArray, given: FloatArray) -> FloatArray:
+    """x (N,) less what a straight line over `given` (N,) says of it, whatever the units; 0 where nothing is left.
+
+    For PV and SP this is the control error, also where the two are recorded in different units.
+    """
+    x, given = x - x.mean(), given - given.mean()
+    power = float(given @ given)
+    left = x - (float(x @ given) / power) * given if power > 0.0 else x
+    return left if float(left @ left) > ROUNDING**2 * float(x @ x) else np.zeros_like(x)
+
+
 @njit(cache=True, nogil=True)
 def without_drift(x: FloatArray, half: int) -> FloatArray:
     """x (N,) less its straight line and, where N allows it, less its moving average over 2 half + 1 samples."""

@@ -10,7 +10,8 @@ CAUSE = "stuck_valve_or_dead_transmitter"
 # What a plant finds when it looks is a stuck valve a little more often than a dead transmitter: a prior, not a fit.
 PRIOR = 0.6
 _FEWEST_VALUES = 10
-_OFF_SHARE = 0.9
+_OFF_SHARE = 0.5
+_SAME_DIGITS = 1e-6
 _TEXT = "OP travels and PV does not answer at all: the valve is stuck, or the transmitter is dead; look at both"
 
 
@@ -18,7 +19,7 @@ def unanswered(recording: Recording) -> Judgement:
     """The judgement on a recording whose PV was refused as flat, and nothing else.
 
     Where the recording itself shows a controller at work against the standing PV (in automatic by its mode, SP away
-    from PV for nine tenths of the time, OP on ten values or more), nothing but a stuck valve or a dead transmitter is
+    from PV for most of the time, OP on ten values or more), nothing but a stuck valve or a dead transmitter is
     left, and the verdict is "inconclusive" with the prior between the two. Else "not_auditable": a flat PV may also be
     a signal that nobody maintains. Reliable it is never.
     """
@@ -40,5 +41,7 @@ def _controller_works(recording: Recording) -> bool:
 
 
 def _away(pv: FloatArray, sp: FloatArray) -> BoolArray:
+    known = np.isfinite(sp)
     # What differs in the last digits of a float only is the same set point.
-    return np.isfinite(sp) & (np.abs(sp - pv) > 1e-6 * np.maximum(np.abs(sp), np.abs(pv)))
+    largest = max(float(np.max(np.abs(x[known]), initial=0.0)) for x in (pv, sp))
+    return known & (np.abs(sp - pv) > _SAME_DIGITS * largest)

@@ -11,6 +11,7 @@ from app.engine.audit import Audit, audit
 from app.engine.recording import Recording
 from app.engine.simulate import LinearValve, LoopSpec, Pid, Signal, TwoParameterValve, Wave, first_order, simulate_loop
 from app.ingest import read_recordings
+from app.services.evaluation.recordings import read
 
 _STICKY = LoopSpec(
     plant=first_order(1.0, 10.0, 3.0),
@@ -25,9 +26,12 @@ _SIMULATED = {
     "wave": replace(_STICKY, valve=LinearValve(), load=Signal(noise_sd=0.2, waves=(Wave(2.0, 70.0),))),
     "wandering": replace(_STICKY, valve=LinearValve(), load=Signal(noise_sd=3.0, noise_tau_s=60.0)),
 }
-_RECORDED = ("CHEM1", "CHEM3", "PAP2", "PAP3", "CHEM28")
+_RECORDED = ("CHEM1", "CHEM3", "CHEM21", "CHEM35", "PAP2", "PAP3", "CHEM28")
 CHANGES = {
     "PV in other units": lambda r: replace(r, pv=1.8 * r.pv + 32.0, sp=None if r.sp is None else 1.8 * r.sp + 32.0),
+    "PV alone in other units": lambda r: replace(r, pv=1.8 * r.pv + 32.0),
+    "PV alone tiny": lambda r: replace(r, pv=1e-9 * r.pv),
+    "PV alone reversed": lambda r: replace(r, pv=7.0 - r.pv),
     "PV tiny": lambda r: replace(r, pv=1e-6 * r.pv, sp=None if r.sp is None else 1e-6 * r.sp),
     "PV reversed": lambda r: replace(r, pv=7.0 - r.pv, sp=None if r.sp is None else 7.0 - r.sp),
     "OP in milliamperes": lambda r: replace(r, op=0.16 * r.op + 4.0),
@@ -49,8 +53,7 @@ def recording(name: str, shared_dir: Path) -> Recording:
     path = shared_dir / "recordings" / f"{name}.csv"
     if not path.exists():
         pytest.skip(f"{path.name} is not there")
-    data = np.genfromtxt(path, delimiter=",", names=True, usecols=("time", "PV", "OP"))
-    return Recording(name, data["time"] - data["time"][0], data["PV"], data["OP"])
+    return read(path)
 
 
 @cache

@@ -8,7 +8,7 @@ from scipy import fft
 from app.engine.corroborate.case import Case
 from app.engine.corroborate.corroboration import Corroboration, Method, Says
 from app.engine.recording import FloatArray
-from app.engine.sampled import hann, without_drift
+from app.engine.sampled import hann, unlike, without_drift
 
 METHOD = Method(
     "bicoherence",
@@ -93,7 +93,7 @@ def _hop(per_cycle: float) -> int:
 def _error(case: Case) -> tuple[FloatArray, float]:
     """The control error (PV where SP was not recorded), thinned, without drift, its newest part; samples a cycle."""
     record, per_cycle = case.record, case.oscillation.samples_per_cycle or 0.0
-    error = record.pv if record.sp is None else record.pv - record.sp
+    error = record.pv if record.sp is None else unlike(record.pv, record.sp)
     stride = max(1, int(per_cycle / _SAMPLES_A_CYCLE))
     error = error[-_LONGEST * stride :]
     thinned = error[: len(error) // stride * stride].reshape(-1, stride).mean(axis=1)

@@ -10,7 +10,7 @@ from scipy import fft
 
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import FloatArray
-from app.engine.sampled import hann, log_kurtosis, skewness
+from app.engine.sampled import ROUNDING, hann, log_kurtosis, skewness
 
 ComplexArray = NDArray[np.complex128]
 
@@ -148,9 +148,13 @@ def triangle_index(x: FloatArray) -> float:
     The peak of the triangle is free between 0.2 and 0.8 of the half cycle. 0.5 where no half cycle is long enough.
     """
     total = weight = 0.0
-    start = -1
-    for i in range(1, len(x)):
-        if (x[i] >= 0.0) == (x[i - 1] >= 0.0):
+    start, side = -1, 0.0
+    for i in range(len(x)):
+        # What lies on zero but for rounding stays on the side where it was.
+        if abs(x[i]) <= ROUNDING or x[i] * side > 0.0:
+            continue
+        crossed, side = side != 0.0, x[i]
+        if not crossed:
             continue
         if start >= 0 and i - start >= _FEWEST_HALF_CYCLE:
             half = np.abs(x[start:i])

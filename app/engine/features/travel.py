@@ -168,7 +168,7 @@ def _quickest_quarter(pv: FloatArray) -> float:
     n = len(pv)
     step = max(1, n // 4)
     whole = pv.max() - pv.min()
-    if whole <= 0.0 or n <= step:
+    if whole <= ROUNDING or n <= step:
         return 1.0
     most = 0.0
     for i in range(n - step):

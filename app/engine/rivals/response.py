@@ -14,6 +14,7 @@ _LAGS = (0.0, 0.04, 0.1, 0.25, 0.6, INTEGRATOR)
 _DEAD_TIMES = (0.0, 0.03, 0.07, 0.13, 0.22)
 _DRIFT_HALF = int(1.5 * PER_CYCLE)
 _WORST = -1.0
+_STANDS = 1e-9
 
 
 @dataclass(frozen=True)
@@ -27,11 +28,15 @@ class Response:
 def response(y: FloatArray, x: FloatArray) -> Response:
     """The best first-order lag or integrator with dead time from x to y, (n,) each at PER_CYCLE samples a cycle.
 
-    The same models, drift removal and halves as `freerun`; only the gain is regressed, of either sign.
+    The same models, drift removal and halves as `freerun`; only the gain is regressed, of either sign. Nothing follows
+    from an x that does not move.
     """
+    spread = float(np.std(x))
+    if spread <= _STANDS * float(np.max(np.abs(x))):
+        return Response(0.0, 0.0)
     lags = np.array([lag if lag == INTEGRATOR else lag * PER_CYCLE for lag in _LAGS])
     dead_times = np.round(np.array(_DEAD_TIMES) * PER_CYCLE).astype(np.int64)
-    fit, held_out = _best(without_drift(y, _DRIFT_HALF), x, lags, dead_times, _DRIFT_HALF)
+    fit, held_out = _best(without_drift(y, _DRIFT_HALF), x / spread, lags, dead_times, _DRIFT_HALF)
     return Response(float(fit), float(held_out))
 
 

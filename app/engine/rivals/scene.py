@@ -10,7 +10,7 @@ from app.engine.freerun import controller_action, cycle_range
 from app.engine.oscillation import Oscillation, autocorrelation
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.rivals.periodic import held_out_sine
-from app.engine.sampled import moving_average, resample, without_drift, without_line
+from app.engine.sampled import ROUNDING, moving_average, resample, without_drift, without_line
 
 _WINDOWS = 2
 _SMOOTHING_HALF = 2
@@ -118,6 +118,7 @@ def decay_ratio(acf: FloatArray) -> float:
 
 def _opposition(pv: FloatArray, op: FloatArray) -> float:
     action, _ = controller_action(without_drift(pv, 2 * PER_CYCLE), without_drift(op, 2 * PER_CYCLE))
-    steps = np.diff(moving_average(pv, _SMOOTHING_HALF)) * np.diff(moving_average(op, _SMOOTHING_HALF))
-    signs = np.sign(steps[steps != 0.0])
+    pv_steps, op_steps = (np.diff(moving_average(x, _SMOOTHING_HALF)) / (np.std(x) or 1.0) for x in (pv, op))
+    moved = (np.abs(pv_steps) > ROUNDING) & (np.abs(op_steps) > ROUNDING)
+    signs = np.sign(pv_steps[moved] * op_steps[moved])
     return action * float(signs.mean()) if len(signs) else 0.0
