@@ -6,14 +6,15 @@ from functools import lru_cache
 import numpy as np
 
 from app.engine.corroborate import Corroboration, corroborate
+from app.engine.coupling import strangers_chance
 from app.engine.evidence import Reason
-from app.engine.features import NAMES, Features, beyond_chance, observe
+from app.engine.features import NAMES, Features, observe
 from app.engine.fitness import Fitness
 from app.engine.judgement import Judgement, Reliability, Verdict
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.reliability import Reference
-from app.engine.rivals import Rival, compete, contest
+from app.engine.rivals import Rival, compete, contest, held_out_fundamental
 from app.engine.shape_model import ShapeModel, fitted_model
 from app.engine.verdict_config import VerdictConfig
 from app.engine.verdict_wording import spoken
@@ -41,7 +42,16 @@ class Weighing:
 
     @property
     def probability(self) -> float:
-        return 1.0 / (1.0 + float(np.exp(-np.clip(self.log_odds, -20.0, 20.0))))
+        return _logistic(self.log_odds)
+
+    @property
+    def probability_by_shapes(self) -> float:
+        """The same before the rivals were counted."""
+        return _logistic(self.log_odds + counted_against(self.rivals))
+
+
+def _logistic(log_odds: float) -> float:
+    return 1.0 / (1.0 + float(np.exp(-np.clip(log_odds, -20.0, 20.0))))
 
 
 @lru_cache(maxsize=1)
@@ -130,17 +140,13 @@ def _doubts(
 ) -> tuple[Reason, ...]:
     """Why the verdict is not reliable; empty where it is."""
     doubts = []
-    cycling = oscillation.regular and oscillation.strength >= config.strong_swing
-    enough = config.reliable_cycling_from if cycling else config.reliable_stiction_from
-    if config.reliable_no_stiction_to < weighing.probability < enough:
-        text = f"the evidence is not clear enough: probability of stiction {weighing.probability:.2f}"
-        doubts.append(Reason("evidence_not_clear", text))
+    doubts.extend(_unclear(weighing, oscillation, config))
     if oscillation.cycles < config.min_cycles:
         text = f"the record holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be trusted"
         doubts.append(Reason("few_cycles", text))
     if weighing.window_spread > config.max_window_spread * abs(weighing.log_odds):
         doubts.append(Reason("windows_disagree", "parts of the record say different things about the valve"))
-    doubts.extend(_uncoupled(weighing, config))
+    doubts.extend(_unrelated(fitness, oscillation, config))
     if verdict == "stiction":
         doubts.extend(_shaped_outside(weighing, config))
         doubts.extend(Reason(rival.cause, rival.text) for rival in weighing.rivals if rival.stands_out and rival.counts)
@@ -148,21 +154,37 @@ def _doubts(
     return tuple(doubts)
 
 
-def _uncoupled(weighing: Weighing, config: VerdictConfig) -> tuple[Reason, ...]:
-    """Where PV and OP are strangers (a tag of another loop, a loop that is not closed), nothing is shown of a valve.
-
-    A weak cross-correlation is enough where it is more than chance: a healthy loop that is shaken has no other.
+def _unclear(weighing: Weighing, oscillation: Oscillation, config: VerdictConfig) -> list[Reason]:
+    """A limit cycle is evidence of its own, a sine that comes from outside is none; and a rival that stands out makes
+    stiction the less likely cause, but clears no valve whose shapes do not.
     """
-    heard = max(weighing.features.named("ccf_odd"), weighing.features.named("ccf_even"))
-    if heard >= config.min_coupling or _certainly_coupled(weighing, config):
+    probability, shapes = weighing.probability, weighing.probability_by_shapes
+    cycling = oscillation.regular and oscillation.strength >= config.strong_swing and not _keeps_phase(weighing, config)
+    enough = config.reliable_cycling_from if cycling else config.reliable_stiction_from
+    if config.reliable_no_stiction_to < probability < enough:
+        text = f"the evidence is not clear enough: probability of stiction {probability:.2f}"
+        return [Reason("evidence_not_clear", text)]
+    if probability <= config.reliable_no_stiction_to < shapes:
+        text = f"another cause explains the record, but the shapes do not clear the valve: {shapes:.2f} by them alone"
+        return [Reason("not_cleared", text)]
+    return []
+
+
+def _keeps_phase(weighing: Weighing, config: VerdictConfig) -> bool:
+    """Whether the oscillation is all but one sine, under whatever noise: a valve that sticks lets go now and then."""
+    window = weighing.features.windows[0]
+    return all(held_out_fundamental(x) >= config.max_wave for x in (window.pv, window.op))
+
+
+def _unrelated(fitness: Fitness, oscillation: Oscillation, config: VerdictConfig) -> tuple[Reason, ...]:
+    """Where PV and OP are one signal, or may be strangers (a tag of another loop), nothing is shown of a valve."""
+    record = fitness.audited
+    if 1.0 - np.corrcoef(record.pv, record.op)[0, 1] ** 2 < config.min_difference:
+        return (Reason("same_signal", "PV is OP on another scale: one tag for both, or a loop without a process"),)
+    if strangers_chance(record, oscillation) < config.max_strangers_chance:
         return ()
-    text = f"PV and OP move together no more than strangers would (cross-correlation {heard:.2f})"
+    text = "what is new in PV and what is new in OP have nothing to do with each other: tags of two loops, or no loop"
     return (Reason("uncoupled", text),)
-
-
-def _certainly_coupled(weighing: Weighing, config: VerdictConfig) -> bool:
-    errors = [beyond_chance(window) for window in weighing.features.windows]
-    return bool(errors) and float(np.mean(errors)) >= config.min_coupling_errors
 
 
 def _shaped_outside(weighing: Weighing, config: VerdictConfig) -> list[Reason]:

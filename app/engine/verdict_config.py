@@ -13,8 +13,9 @@ class VerdictConfig:
     leave-one-valve-out scores for 97 % right. reliable_cycling_from: enough for stiction where the loop oscillates
     regularly with at least `strong_swing`, as a limit cycle does.
     min_cycles: fewest cycles of the oscillation in the record for a reliable verdict.
-    min_coupling: least cross-correlation of PV and OP for a reliable verdict; min_coupling_errors: a smaller one is
-    enough where it is this many standard errors of one between unrelated signals.
+    max_strangers_chance: for a reliable verdict, two signals that have nothing to do with each other are as alike as
+    PV and OP with less than this probability.
+    min_difference: for a reliable verdict, the least share of the variance of PV that a straight line over OP leaves.
     max_following, max_wave: for reliable stiction, PV and OP may follow the set point up to this strength of the rival,
     and one sine that keeps its phase may explain up to this share of both.
     max_window_spread: largest standard deviation of the log-odds between windows for a reliable verdict, over the
@@ -32,8 +33,8 @@ class VerdictConfig:
     max_window_spread: float = 1.0
     max_filled_share: float = 0.1
     min_automatic_share: float = 0.5
-    min_coupling: float = 0.4
-    min_coupling_errors: float = 3.0
+    max_strangers_chance: float = 1e-3
+    min_difference: float = 1e-5
     max_following: float = 0.85
     max_wave: float = 0.955
     parameters_version: str = VERSION

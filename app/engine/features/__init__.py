@@ -1,10 +1,9 @@
 """What a loop's signals look like, in numbers that no unit, offset, sign or time scale changes."""
 
 from app.engine.features.extract import NAMES, Features, extract, observe
-from app.engine.features.quadrature import beyond_chance
 from app.engine.features.window import PER_CYCLE, ShapeWindow, cycle_samples, shape_windows, spans
 
 __all__ = [
-    "NAMES", "PER_CYCLE", "Features", "ShapeWindow", "beyond_chance", "cycle_samples", "extract", "observe",
+    "NAMES", "PER_CYCLE", "Features", "ShapeWindow", "cycle_samples", "extract", "observe",
     "shape_windows", "spans",
 ]  # fmt: skip

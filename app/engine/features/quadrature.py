@@ -10,7 +10,6 @@ from app.engine.recording import FloatArray
 from app.engine.sampled import ROUNDING, correlation, hann
 
 _SEGMENT = 3 * PER_CYCLE
-_HALF_CYCLE = PER_CYCLE // 2
 # In segments of three cycles the fundamental is line 3; its neighbours belong to it where the period wanders.
 _FUNDAMENTAL = slice(2, 6)
 
@@ -76,32 +75,13 @@ def _direction(slope: FloatArray) -> FloatArray:
     return np.where(np.abs(slope) > ROUNDING, np.sign(slope), 0.0)
 
 
-def beyond_chance(window: ShapeWindow) -> float:
-    """Largest cross-correlation of OP and PV within half a cycle, over the standard error of one between strangers.
-
-    The variance of the cross-correlation of two signals that have nothing to do with each other is the sum over all
-    lags of the product of their autocorrelations, divided by n (Bartlett): what wanders or swings looks alike by
-    chance sooner than noise does. That sum is the sum of the squares of their cross-correlation, which is what is
-    taken. It counts in full where the two are related: signals that swing together as long as the window lasts come
-    out small, and there the cross-correlation itself speaks. Source: Bartlett 1935, doi 10.2307/2342284.
-    """
-    full = _correlogram(window.pv, window.op)
-    near = max(float(np.abs(full[: _HALF_CYCLE + 1]).max()), float(np.abs(full[-_HALF_CYCLE:]).max()))
-    return near / float(np.sqrt(np.sum(full**2) / len(window.pv)))
-
-
 def _cross_correlation(pv: FloatArray, op: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     """Cross-correlation at lags 1..half a cycle, at the same negative lags, and at zero."""
-    full = _correlogram(pv, op)
-    lags = np.arange(1, _HALF_CYCLE + 1)
-    return full[lags], full[-lags], float(full[0])
-
-
-def _correlogram(pv: FloatArray, op: FloatArray) -> FloatArray:
-    """Cross-correlation at all lags, the negative ones from the end."""
     n = len(pv)
     size = fft.next_fast_len(2 * n, real=True)
-    return fft.irfft(fft.rfft(op, size) * np.conj(fft.rfft(pv, size)), size) / n
+    full = fft.irfft(fft.rfft(op, size) * np.conj(fft.rfft(pv, size)), size) / n
+    lags = np.arange(1, PER_CYCLE // 2 + 1)
+    return full[lags], full[-lags], float(full[0])
 
 
 def _coherency(pv: FloatArray, op: FloatArray) -> complex:

@@ -2,6 +2,7 @@
 
 from app.engine.rivals.compete import compete
 from app.engine.rivals.contest import contest, runner_up, winner
+from app.engine.rivals.periodic import held_out_fundamental
 from app.engine.rivals.rival import Rival
 
-__all__ = ["Rival", "compete", "contest", "runner_up", "winner"]
+__all__ = ["Rival", "compete", "contest", "held_out_fundamental", "runner_up", "winner"]

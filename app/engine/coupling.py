@@ -1,0 +1,53 @@
+"""Whether PV and OP have anything to do with each other, whatever swings and wanders in each."""
+
+import numpy as np
+from scipy.signal import lfilter
+from scipy.special import chdtrc
+
+from app.engine.autoregression import autoregression
+from app.engine.features import PER_CYCLE
+from app.engine.oscillation import Oscillation
+from app.engine.recording import FloatArray, UniformRecord
+
+ORDER = 20
+LAGS = 20
+SAMPLES_A_LAG = 6
+FEWEST_CYCLES = 8
+# A spike in one innovation is one sample, however large.
+_CLIPPED_AT = 4.0
+
+
+def strangers_chance(record: UniformRecord, oscillation: Oscillation) -> float:
+    """Probability that PV and OP which have nothing to do with each other are as alike as these, 0 to 1.
+
+    Two signals that swing, or wander, look alike by chance. So each is first foretold from its own past, and only what
+    is new in one is compared with what is new in the other, up to LAGS samples before and after, some half a cycle at
+    most. 1 where the record is too short, or one of the two foretells itself altogether. Source: Haugh 1976, Checking
+    the independence of two covariance-stationary time series, doi 10.1080/01621459.1976.10480353.
+    """
+    per_cycle = min(oscillation.samples_per_cycle or PER_CYCLE, record.samples / FEWEST_CYCLES)
+    stride = max(1, int(per_cycle / PER_CYCLE))
+    pv, op = (_innovations(_thinned(x, stride)) for x in (record.pv, record.op))
+    if pv is None or op is None:
+        return 1.0
+    n = len(pv)
+    lags = range(-LAGS, LAGS + 1)
+    products = [pv[max(0, lag) : n + min(0, lag)] @ op[max(0, -lag) : n - max(0, lag)] for lag in lags]
+    return float(chdtrc(2 * LAGS + 1, n * np.sum(np.square(products))))
+
+
+def _thinned(x: FloatArray, stride: int) -> FloatArray:
+    return x[: len(x) // stride * stride].reshape(-1, stride).mean(axis=1)
+
+
+def _innovations(x: FloatArray) -> FloatArray | None:
+    """What the past of x does not foretell, of power 1; None where x is too short or foretells itself."""
+    if len(x) < SAMPLES_A_LAG * ORDER or np.ptp(x) == 0.0:
+        return None
+    x = (x - x.mean()) / x.std()
+    e = lfilter(np.concatenate(([1.0], -autoregression(x, ORDER))), [1.0], x)[ORDER:]
+    spread = float(np.std(e))
+    if spread == 0.0:
+        return None
+    e = np.clip(e, -_CLIPPED_AT * spread, _CLIPPED_AT * spread)
+    return np.asarray(e / np.sqrt(e @ e))
