@@ -1,16 +1,15 @@
 """Whether PV and OP have anything to do with each other, whatever swings and wanders in each."""
 
 import numpy as np
-from scipy.signal import lfilter
 from scipy.special import chdtrc
 
-from app.engine.autoregression import autoregression
 from app.engine.features import PER_CYCLE
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
 
 ORDER = 20
 LAGS = 20
+RIDGE = 1e-9
 SAMPLES_A_LAG = 6
 FEWEST_CYCLES = 8
 # A spike in one innovation is one sample, however large.
@@ -45,7 +44,10 @@ def _innovations(x: FloatArray) -> FloatArray | None:
     if len(x) < SAMPLES_A_LAG * ORDER or np.ptp(x) == 0.0:
         return None
     x = (x - x.mean()) / x.std()
-    e = lfilter(np.concatenate(([1.0], -autoregression(x, ORDER))), [1.0], x)[ORDER:]
+    # Least squares, not Yule and Walker: their weights leave a part of what swings in both, which is alike by chance.
+    past = np.column_stack((np.lib.stride_tricks.sliding_window_view(x[:-1], ORDER), np.ones(len(x) - ORDER)))
+    gram = past.T @ past + RIDGE * len(x) * np.eye(ORDER + 1)
+    e = x[ORDER:] - past @ np.linalg.solve(gram, past.T @ x[ORDER:])
     spread = float(np.std(e))
     if spread == 0.0:
         return None

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc, chdtri
 
-from app.engine.autoregression import autoregression
 from app.engine.mismatch.noise import fit_noise, whiten
+from app.engine.mismatch.richer_noise import autoregression
 from app.engine.recording import BoolArray, FloatArray, IntArray
 
 LAGS = 20
