@@ -128,6 +128,9 @@ class Export:
             notes.append(
                 f"{len(self._grouping.second)} tags name a signal that their loop has already; kept beside it: {shown}"
             )
+        if self._grouping.of_other_number:
+            shown = ", ".join(self._grouping.of_other_number[:5])
+            notes.append(f"of another number than PV and OP, and not read as set point or mode: {shown}")
         return tuple(notes)
 
 

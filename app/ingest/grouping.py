@@ -24,6 +24,7 @@ _WORDS: Mapping[str, Signal] = MappingProxyType(
         **dict.fromkeys(("MODE", "MD", "MODEACTUAL", "CTRLMODE", "CONTROLLERMODE", "AUTOMAN"), "MODE"),
     }
 )
+_OPTIONAL = frozenset({"SP", "MODE"})
 _ATTRIBUTES = frozenset(
     {"CV", "VALUE", "ACTUAL", "ACT", "VAL", "F"}
 )  # DeltaV writes FIC101/PV.CV and FIC101/MODE.ACTUAL
@@ -39,6 +40,7 @@ _UNIT = re.compile(r"\s*(\([^()]*\)|\[[^\[\]]*\])$")  # FIC101.PV (degC), FIC101
 _BRACKET = re.compile(r"[\[(].*$")
 _NO_LETTER = re.compile(r"[^A-Za-z]+")
 _SERVER = re.compile(r"^\\\\[^\\]+\\")
+_NUMBERED = re.compile(r"\D*(\d+)\D*")
 
 
 @dataclass(frozen=True)
@@ -212,6 +214,21 @@ def _by_start(tag: str, name: str) -> Place | None:
     return Place(tag, found["loop"], signal) if found and signal else None
 
 
+def _number(tag: str) -> str:
+    """The number of a name without a loop: `2` of Mode2, nothing of Mode and of FIC101.MODE."""
+    if place(tag, "").loop != "":
+        return ""
+    found = _NUMBERED.fullmatch(_BRACKET.sub("", _SERVER.sub("", tag.strip())))
+    return found[1] if found else ""
+
+
+def _precedence(tag: str) -> int:
+    """Plain names first, then PV and OP by their number, then what has to have the number of these."""
+    if not _number(tag):
+        return 0
+    return 2 if place(tag, "").signal in _OPTIONAL else 1
+
+
 class Grouping:
     """Places tags as they come: the first tag of a loop's signal has it, a second one is kept as a further signal."""
 
@@ -223,6 +240,12 @@ class Grouping:
         self._others: dict[str, list[str]] = {}
         self._places: dict[str, Place] = {}
         self.second: list[str] = []
+        self.of_other_number: list[str] = []
+
+    def place_all(self, tags: Iterable[str]) -> None:
+        """Tags that are known at once: which of them has a signal does not hang on their order where one is plain."""
+        for tag in sorted(tags, key=_precedence):
+            self.place(tag)
 
     def place(self, tag: str) -> Place:
         tag = tag.replace("\0", "\N{REPLACEMENT CHARACTER}")  # no data base takes it in a text
@@ -233,7 +256,7 @@ class Grouping:
 
     def _settle(self, tag: str) -> Place:
         mapped = self._mapping.find(tag) if self._mapping else None
-        found = Place(tag, mapped.loop, mapped.signal) if mapped else place(tag, self._stem)
+        found = Place(tag, mapped.loop, mapped.signal) if mapped else self._by_name(tag)
         loop = self._spelling.setdefault(found.loop.casefold(), found.loop)
         owner = self._taken.setdefault((loop, found.signal), tag) if found.signal != "OTHER" else None
         if owner == tag:
@@ -242,6 +265,19 @@ class Grouping:
             self.second.append(tag)
         self._others.setdefault(loop, []).append(tag)
         return Place(tag, loop, "OTHER")
+
+    def _by_name(self, tag: str) -> Place:
+        """A set point or a mode of another number than PV and OP is another loop's: none is better than a wrong one."""
+        found = place(tag, self._stem)
+        number = _number(tag) if found.signal in _OPTIONAL else ""
+        if not number:
+            return found
+        loop = self._spelling.get(found.loop.casefold(), found.loop)
+        beside = (self._taken.get((loop, "PV")), self._taken.get((loop, "OP")))
+        if any(other and _number(other) == number for other in beside):
+            return found
+        self.of_other_number.append(tag)
+        return Place(tag, found.loop, "OTHER")
 
     def attach_bare(self, tags: Iterable[str]) -> None:
         """In a file of one loop without tags, the other columns belong to that loop."""
@@ -286,6 +322,5 @@ class Grouping:
 def group(tags: Iterable[str], mapping: TagMapping | None = None, stem: str = "") -> tuple[LoopTags, ...]:
     """The loops of a list of tags."""
     grouping = Grouping(stem, mapping)
-    for tag in tags:
-        grouping.place(tag)
+    grouping.place_all(tags)
     return grouping.loops()

@@ -44,6 +44,7 @@ class WideTable:
         self._plan, self._grouping, self._options, self._log, self._tally = plan, grouping, options, log, tally
         self._times = [TimeReader(group.form, options) for group in plan.groups]
         self._spreaders: list[Spreader] = []
+        grouping.place_all(value.tag for group in plan.groups for value in group.values)
         self._places = {value.index: grouping.place(value.tag) for group in plan.groups for value in group.values}
         self._modes = frozenset(index for index, place in self._places.items() if place.signal == "MODE")
         part_of_loop = PartOfLoop()

@@ -45,6 +45,25 @@ def test_bare_names_belong_to_the_file() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("tags", "expected"),
+    [
+        (["PV", "OP", "SP", "Mode2"], LoopTags("F9", "PV", "OP", "SP", others=("Mode2",))),
+        (["Mode2", "PV2", "PV", "OP"], LoopTags("F9", "PV", "OP", others=("PV2", "Mode2"))),
+        (["SP 2", "PV1", "OP_1", "SP1", "MODE1"], LoopTags("F9", "PV1", "OP_1", "SP1", "MODE1", others=("SP 2",))),
+        (["Mode2", "PV", "OP", "MODE"], LoopTags("F9", "PV", "OP", mode="MODE", others=("Mode2",))),
+        (["PV", "OP", "Mode (0=man, 1=auto)"], LoopTags("F9", "PV", "OP", mode="Mode (0=man, 1=auto)")),
+    ],
+)
+def test_a_number_behind_a_bare_name_is_another_signals(tags: list[str], expected: LoopTags) -> None:
+    assert group(tags, stem="F9") == (expected,)
+
+
+def test_a_mapping_may_give_a_loop_the_mode_of_another_number() -> None:
+    mapping = TagMapping.from_bytes(b"tag,loop,signal\nMode2,F9,MODE\n")
+    assert group(["PV", "OP", "Mode2"], mapping, stem="F9") == (LoopTags("F9", "PV", "OP", mode="Mode2"),)
+
+
 def test_mapping_comes_first_and_carries_spans() -> None:
     mapping = TagMapping.from_bytes(b"tag;loop;signal;unit;low;high\nT1;FIC1;PV;t/h;0;12,5\nT2;FIC1;OP;%;0;100\n")
     assert group(["T1", "T2"], mapping) == (LoopTags("FIC1", "T1", "T2"),)

@@ -20,6 +20,16 @@ def test_one_loop_is_named_by_its_file(tmp_path: Path) -> None:
     assert recording.others["AUX"].tolist() == [7, 8, 9]
 
 
+def test_the_mode_of_another_loop_does_not_take_a_loop_out_of_automatic(tmp_path: Path) -> None:
+    path = tmp_path / "FC1.csv"
+    path.write_text("time,PV2,Mode2,SP,PV,OP\n" + "".join(f"{i},7,MAN,5,{i},2\n" for i in range(3)))
+    content = read_recordings(path)
+    (recording,) = content.recordings
+    assert recording.automatic is None
+    assert (recording.pv.tolist(), recording.others["PV2"].tolist()) == ([0, 1, 2], [7, 7, 7])
+    assert any("Mode2" in note and "not read as set point or mode" in note for note in content.notes)
+
+
 def test_several_loops_and_those_without_a_signal(tmp_path: Path) -> None:
     path = tmp_path / "night.csv"
     path.write_text(

@@ -43,7 +43,7 @@ def check_automatic(automatic: BoolArray | None, kept: int, config: FitnessConfi
         return not_evaluated("not_in_automatic", "the mode was not recorded")
     share = float(np.mean(automatic)) if len(automatic) else 0.0
     text = (
-        f"in automatic for {100 * share:.1f} % of the samples, {kept} of them in a row; "
+        f"by its recorded mode in automatic for {100 * share:.1f} % of the samples, {kept} of them in a row; "
         f"at least {config.min_samples} in a row are needed"
     )
     return _finding("not_in_automatic", kept >= config.min_samples, text, share, None, "share")
