@@ -10,6 +10,7 @@ from app.api import models
 from app.api.permissions import ROUTES
 from app.services import wording
 from app.services.auditing import audit_line
+from app.services.auditing.reason_wording import REASON_WORDS
 from app.services.explaining import wording as explanation_wording
 
 TABLES: tuple[tuple[str, str, type[BaseModel]], ...] = (
@@ -35,12 +36,20 @@ TABLES: tuple[tuple[str, str, type[BaseModel]], ...] = (
     ("A member of a group", "`members` of a group", models.GroupMemberOut),
     ("A row of the trail", "`GET /v1/trail`", models.TrailRowOut),
 )
-CODES: tuple[tuple[str, Mapping[str, str]], ...] = (
-    ("Verdicts", wording.VERDICT_WORDS),
-    ("Reliability", wording.RELIABILITY_WORDS),
-    ("Likely causes, and explanations that compete with stiction", wording.CAUSE_WORDS),
-    ("Verdicts of an explanation", explanation_wording.VERDICT_WORDS),
-    ("Effects that a simulation lacks", explanation_wording.EFFECT_WORDS),
+SAID = "Stable codes, and what the pages say for them."
+CODES: tuple[tuple[str, str, Mapping[str, str]], ...] = (
+    ("Verdicts", SAID, wording.VERDICT_WORDS),
+    ("Reliability", SAID, wording.RELIABILITY_WORDS),
+    ("Likely causes, and explanations that compete with stiction", SAID, wording.CAUSE_WORDS),
+    (
+        "Codes of the reasons",
+        "`reasons` of a verdict, and the checks of its data and of its size. A competing explanation is a reason "
+        "too where it stands out, by its code above; x is what was measured.",
+        REASON_WORDS,
+    ),
+    ("Verdicts of an explanation", SAID, explanation_wording.VERDICT_WORDS),
+    ("Effects that a simulation lacks", SAID, explanation_wording.EFFECT_WORDS),
+    ("Evidence of an explanation", "`evidence` of `loopaudit explain`.", explanation_wording.EVIDENCE_WORDS),
 )
 
 
@@ -50,8 +59,8 @@ def page() -> Iterator[str]:
     yield "Null means: not known, or not to be had from this record.\n"
     for title, where, model in TABLES:
         yield from section(title, where, described(model))
-    for title, words in CODES:
-        yield from section(title, "Stable codes, and what the pages say for them.", words.items())
+    for title, where, words in CODES:
+        yield from section(title, where, words.items())
     yield from section("Routes", "`open`: without a key. A role may do what `read` may, and what names it.", roles())
 
 

@@ -53,6 +53,38 @@ EFFECT_WORDS = {
     "disturbance.coupling": "another signal moves PV",
     "unnamed": "something that fits no known physics",
 }
+EVIDENCE_WORDS = {
+    "likelihood": "how much more the effect explains than the simulation without it",
+    "margin": "how far behind the next name is",
+    "residual": "what the free run leaves of PV",
+    "refit": "the simulation's own parameters, fitted to the record",
+    "scan": "what the effect gains in a quick scan",
+    "no_effect_pays": "the best effect gains less than is asked of it",
+    "own_dynamics": "no simulation was given, and our own loop needed more lags",
+    "parameters_off": "other parameters of the simulation explain the record better than any effect, or are far off",
+    "lack_of_fit": "terms without a name still explain much of what the effect leaves",
+    "nearest_name": "the name that came nearest, where none fits",
+    "held_out_disagrees": "data that no fit has seen refuse what was fitted",
+    "held_out_worse": "the free run on data that no fit has seen is worse with the effect, which stands nevertheless",
+    "op_moves_nothing": "PV does not answer OP",
+    "too_few_data": "too few samples, or too short a record, to judge a simulation by",
+    "too_little_excitation": "OP explains too little of PV to judge a simulation by",
+    "simulation_unrelated": "the simulated trace does not answer the recorded OP",
+    "simulation_shifted": "the simulation is early or late and was shifted before it was compared",
+    "simulation_cut": "samples of the simulation outside the recording are not compared",
+    "controller_cleared": "a PID law explains OP: the controller does its part",
+    "controller_not_evaluated": "no PID law explains OP: the controller is not judged",
+    "controller_differs": "the simulation's controller is tuned otherwise than the recorded one",
+    "yper_lacked": "what the clean simulation lacked for Yper to come out as recorded",
+    "pv_held": "PV is held between measurements",
+    "pv_levels": "PV takes few levels",
+    "pv_at_limit": "PV stands at a limit",
+    "pv_repeats": "PV repeats one value while the loop moves",
+    "pv_straight": "PV lies on straight lines between few samples",
+    "wild_samples": "samples of PV far outside of all others are left out",
+    "time_runs_back": "times run back in the file",
+    "times_repeated": "samples whose time was there before are left out",
+}
 SHOWN_WINDOWS = 4
 SIZED_ELSEWHERE = ("valve.stiction", "valve.deadband")
 NO_SIZE = "fitted to reproduce PV, not to measure the valve: its size, with an interval that was tried, is the audit's"

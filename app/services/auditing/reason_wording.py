@@ -1,0 +1,89 @@
+"""What the codes of a verdict's reasons mean: the reason itself says what was measured."""
+
+import re
+
+from app.engine.features import NAMES
+from app.engine.verdict_wording import spoken
+
+# Codes of the checks before an audit. The first part refuses a recording; the others only make it doubtful.
+_DATA = {
+    "too_short": "The recording has too few samples.",
+    "missing_values": "PV and OP have a value together in too few samples.",
+    "not_in_automatic": "The recorded mode says automatic for too few samples in a row.",
+    "gaps": "Holes leave no stretch that is long enough.",
+    "filled": "Too many samples had to be interpolated.",
+    "op_flat": "OP holds one value: no controller acts, or the signal is frozen.",
+    "pv_flat": "PV holds one value: the valve is stuck, or the transmitter is dead.",
+    "op_at_limits": "OP stands at an end of its span for most of the time.",
+    "samples_per_cycle": "An oscillation has too few samples a cycle to have a shape.",
+    "irregular_sampling": "Sampling is irregular: the record was interpolated to even steps.",
+    "pv_quantised": "PV has few levels over its range: its resolution is coarse.",
+    "op_quantised": "OP has few levels over its range.",
+    "pv_interpolated": "PV mostly lies on straight lines: the historian compressed it.",
+    "op_interpolated": "OP mostly lies on straight lines: the historian compressed it, or it integrates a standing PV.",
+    "stored_points": "The historian stored too few points of PV a cycle: the shape is its own.",
+    "filled_share": "So many samples were interpolated that the verdict is not reliable.",
+    "mode_share": "The loop was in automatic for too small a part of the recording for the verdict to be reliable.",
+    "record_too_short": "The record is too short to be identified.",
+    "flat_signal": "PV or OP does not move in the stretch that was to be identified.",
+    "not_finite": "PV or OP has missing values in the stretch that was to be identified.",
+    "signal_length": "PV and OP differ in length.",
+}
+_DOUBTS = {
+    "no_variation": "PV or OP does not vary in the audited stretch: nothing can be said.",
+    "evidence_not_clear": "The probability of stiction is too near one half for the verdict to be reliable.",
+    "not_cleared": "Another cause explains the record, but the shapes alone do not clear the valve.",
+    "few_cycles": "The record holds too few cycles to be trusted.",
+    "windows_disagree": "Parts of the record say different things about the valve.",
+    "uncoupled": "What is new in PV and in OP have nothing to do with each other: they may be of two loops.",
+    "same_signal": "PV is OP on another scale: one tag for both, or a loop without a process.",
+    "set_point_moves": "PV and OP mostly follow the set point, so that their shape need not be the valve's.",
+    "nearly_sinusoidal": "PV and OP are nearly one sine, so that their shape need not be the valve's.",
+    "pv_does_not_answer": "OP travels and PV does not answer at all: a stuck valve, or a dead transmitter.",
+    "prior_only": "The probability is a prior between these two causes, not a measurement.",
+}
+_METHODS = {
+    "published_methods": "How the published methods vote; they do not move the verdict.",
+    "reference_disagrees": "The published rule says otherwise than the verdict.",
+    "yper_high_stiction": "Published rule: Yper is high and the identification finds stiction; reliable by table 2.",
+    "yper_low_no_stiction": "Published rule: Yper is low and the identification finds none; reliable by table 2.",
+    "yper_high_no_stiction": "Published rule: Yper is high, yet the identification finds none; not reliable.",
+    "yper_low_stiction": "Published rule: Yper is low, yet the identification finds stiction; not reliable.",
+    "rmse_least_with_stiction": "Published rule: a valve with a stiction band predicts PV best.",
+    "rmse_least_without_stiction": "Published rule: a valve without a stiction band predicts PV best.",
+    "two_parameter_disagrees": "Published rule: the two-parameter valve model and the one-parameter one disagree.",
+    "search_space_widened": "Published rule: the search space was widened to reach agreement.",
+    "search_space_not_widened": "Published rule: the search space was not widened, because the shapes clear the valve.",
+    "record_too_short_to_widen": "Published rule: the record is too short for the next search space.",
+    "reference_only": "Verdict and probability come from the published rule alone and are not calibrated.",
+}
+_EPISODES = {
+    "short_lived_stiction": "The valve sticks in one spell of a long record and not in the rest.",
+    "stiction_ended": "The valve stuck at the beginning of the record and has not since.",
+    "stiction_began": "The valve sticks up to the end of the record and did not at its beginning.",
+}
+_SIZE = {
+    "size_regularity": "The oscillation is too irregular for the size of stiction to be told.",
+    "size_cycles": "The record has too few cycles for the size to be told.",
+    "size_samples_per_cycle": "A cycle has too few samples for the size to be told.",
+    "size_evidence": "Stiction explains too little of PV for its size to be told.",
+    "size_as_sampled": "A historian rebuilt PV or OP, so that the size cannot be told.",
+    "size_width": "The interval of the size is too wide for it to be told.",
+}
+_VALUE = re.compile(r"\{value[^}%]*(%?)\}")
+
+
+def _shape(name: str) -> str:
+    """What a shape says for and against stiction, without the value that it had."""
+    sides = (("for", spoken(True).get(name)), ("against", spoken(False).get(name)))
+    told = [f"{side} stiction: {_VALUE.sub(_placeholder, text)}" for side, text in sides if text]
+    return "; ".join(told)
+
+
+def _placeholder(found: re.Match[str]) -> str:
+    return "x %" if found[1] else "x"
+
+
+_SHAPES = {f"shape_{name}": _shape(name) for name in NAMES if _shape(name)}
+
+REASON_WORDS = {**_DOUBTS, **_DATA, **_METHODS, **_EPISODES, **_SIZE, **_SHAPES}
