@@ -8,7 +8,7 @@ import polars as pl
 
 from app.errors import DataError
 from app.ingest.align import stretches
-from app.ingest.frames import Dialect, FrameReader, in_short
+from app.ingest.frames import UNREADABLE, Dialect, FrameReader, in_short
 from app.ingest.grouping import Grouping, TagMapping
 from app.ingest.head import Head, look, with_tail
 from app.ingest.layouts import recognise
@@ -62,7 +62,7 @@ class Export:
         self._taken = True
         try:
             yield from table.batches(self._source.reader(self._plan.width, table.types(), self._log))
-        except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+        except UNREADABLE as error:
             raise DataError("not_an_export", f"the file's rows cannot be read: {in_short(error)}") from error
         if not self._tally.rows_kept:
             raise DataError("nothing_readable", f"none of {self._tally.rows_read} rows has a readable time and values")
@@ -202,5 +202,5 @@ def read_export(
         ) from error
     try:
         return Export(path, filename or path.name, mapping, options)
-    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+    except UNREADABLE as error:
         raise DataError("not_an_export", f"the file cannot be read: {in_short(error)}") from error

@@ -86,6 +86,10 @@ class Numbers:
         return Numbers(self.values[:, at], self.missing[:, at])
 
 
+UNREADABLE: tuple[type[BaseException], ...] = (pl.exceptions.PolarsError, pl.exceptions.PanicException)
+"""What polars raises at bytes that it cannot read: its own errors, and a panic where its core did not expect them."""
+
+
 def in_short(error: BaseException) -> str:
     """What polars says, without the advice that follows on further lines."""
     return str(error).partition("\n")[0][:200]
@@ -169,7 +173,7 @@ class FrameReader:
             texts = self._parse(rows.data, schema, sorted(columns))
             if texts.height == rows.frame.height:
                 return texts
-        except pl.exceptions.PolarsError:
+        except UNREADABLE:
             pass  # as text polars is stricter about quotes than as numbers
         return self._split(rows, sorted(columns))
 
@@ -219,7 +223,7 @@ class FrameReader:
             frame = self._first_fields(lines)
             if frame is None:
                 frame = self._parse(lines.data, self._schema(), self._texts)
-        except (pl.exceptions.PolarsError, UnicodeDecodeError):
+        except (*UNREADABLE, UnicodeDecodeError):
             return None
         shape = (lines.count, width)
         column = fields[FIELD]
@@ -248,7 +252,7 @@ class FrameReader:
                 frame = self._parse(lines.data, self._schema(), self._columns)
                 if frame.height == lines.count:
                     return Rows(frame, lines.first, lines.data)
-            except pl.exceptions.PolarsError:
+            except UNREADABLE:
                 pass  # the chunk has odd rows: they are found line by line
         data, faults = self._cleaned(lines)
         return Rows(self._parse(data, self._schema(), self._columns), lines.first, data, faults)

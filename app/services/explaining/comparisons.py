@@ -11,6 +11,7 @@ from app.engine.mismatch import Comparison, LinearSimulation
 from app.engine.recording import FloatArray, Recording
 from app.errors import DataError, RequestError
 from app.ingest import read_recordings
+from app.ingest.frames import UNREADABLE
 from app.services.explaining.aligning import Aligned, beyond, onto, sample_by_sample
 
 SYNONYMS = {
@@ -46,7 +47,7 @@ def read_table(path: Path) -> pl.DataFrame:
         if path.suffix.lower() == ".parquet":
             return pl.read_parquet(path)
         return parsed(path.read_text(encoding="utf-8-sig", errors="replace"))
-    except pl.exceptions.PolarsError as error:
+    except UNREADABLE as error:
         raise DataError("not_a_table", f"{path} cannot be read as a table: {error}") from error
 
 
@@ -105,7 +106,7 @@ def _stamps(texts: pl.Series) -> pl.Series | None:
     """Texts as instants; None where not one of them is."""
     try:
         stamps = texts.str.to_datetime(strict=False)
-    except pl.exceptions.PolarsError:  # polars guesses one form for all, and raises where it finds none
+    except UNREADABLE:  # polars guesses one form for all, and raises where it finds none
         return None
     return stamps if stamps.null_count() < len(stamps) else None
 

@@ -15,6 +15,7 @@ from app.engine.mismatch.comparison import LEAST_SAMPLES, check
 from app.engine.recording import FloatArray, Recording
 from app.errors import DataError, RequestError
 from app.ingest import IngestOptions
+from app.ingest.frames import UNREADABLE
 from app.ingest.stamps import NO_TIME, TimeReader, find_form
 from app.services.auditing.chunks import origin_ns, recording_of
 from app.services.explaining.aligning import Aligned, onto
@@ -116,7 +117,7 @@ def _kept_csv(text: str, samples: Samples, recording: Recording, options: Ingest
     """The simulated PV of a table at its times. Raises DataError where it is no table with numbers."""
     try:
         table = parsed(text)
-    except pl.exceptions.PolarsError as error:
+    except UNREADABLE as error:
         raise DataError("not_a_table", f"the simulation cannot be read as CSV: {error}") from error
     at = find(table, None, SYNONYMS["time"])
     column = find(table, None, (*SIMULATED, *SYNONYMS["pv"])) or table.columns[-1]
