@@ -86,7 +86,7 @@ class Numbers:
         return Numbers(self.values[:, at], self.missing[:, at])
 
 
-UNREADABLE: tuple[type[BaseException], ...] = (pl.exceptions.PolarsError, pl.exceptions.PanicException)
+UNREADABLE = (pl.exceptions.PolarsError, pl.exceptions.PanicException)
 """What polars raises at bytes that it cannot read: its own errors, and a panic where its core did not expect them."""
 
 

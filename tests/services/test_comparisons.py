@@ -16,6 +16,7 @@ from app.services.explaining.comparisons import (
     Columns,
     comparison_of,
     read_comparison,
+    read_table,
     seconds,
     uniform,
 )
@@ -189,3 +190,13 @@ def test_a_simulation_with_a_hole_is_refused(tmp_path: Path) -> None:
         read_comparison(recording, Columns(), str(other))
     assert raised.value.code == "simulation_not_finite"
     assert "10 samples" in str(raised.value)
+
+
+def test_a_panic_of_the_reader_is_a_file_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def panics(*_: object, **__: object) -> pl.DataFrame:
+        raise pl.exceptions.PanicException("index out of bounds")
+
+    monkeypatch.setattr(pl, "read_csv", panics)
+    with pytest.raises(DataError) as refused:
+        read_table(write(tmp_path / "simulation.csv", "time,PV\n0,1\n"))
+    assert refused.value.code == "not_a_table"
