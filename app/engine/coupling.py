@@ -6,6 +6,7 @@ from scipy.special import chdtrc
 from app.engine.features import PER_CYCLE
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
+from app.engine.sampled import thinned
 
 ORDER = 20
 LAGS = 20
@@ -26,17 +27,13 @@ def strangers_chance(record: UniformRecord, oscillation: Oscillation) -> float:
     """
     per_cycle = min(oscillation.samples_per_cycle or PER_CYCLE, record.samples / FEWEST_CYCLES)
     stride = max(1, int(per_cycle / PER_CYCLE))
-    pv, op = (_innovations(_thinned(x, stride)) for x in (record.pv, record.op))
+    pv, op = (_innovations(thinned(x, stride)) for x in (record.pv, record.op))
     if pv is None or op is None:
         return 1.0
     n = len(pv)
     lags = range(-LAGS, LAGS + 1)
     products = [pv[max(0, lag) : n + min(0, lag)] @ op[max(0, -lag) : n - max(0, lag)] for lag in lags]
     return float(chdtrc(2 * LAGS + 1, n * np.sum(np.square(products))))
-
-
-def _thinned(x: FloatArray, stride: int) -> FloatArray:
-    return x[: len(x) // stride * stride].reshape(-1, stride).mean(axis=1)
 
 
 def _innovations(x: FloatArray) -> FloatArray | None:

@@ -6,9 +6,9 @@ from typing import Literal
 import numpy as np
 
 from app.engine.armax import ArmaxModel, Criterion, OrderSearch, SearchSpace, refine, search_orders
-from app.engine.armax.model import IntArray, Stages
+from app.engine.armax.model import Stages
 from app.engine.armax.search import check_length
-from app.engine.recording import FloatArray, UniformRecord
+from app.engine.recording import FloatArray, IntArray, UniformRecord
 from app.engine.valve import one_parameter, two_parameter_choudhury, two_parameter_he, two_parameter_kano
 from app.errors import DataError
 

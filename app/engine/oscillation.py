@@ -9,7 +9,7 @@ from numba import njit
 from scipy import fft
 
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.sampled import moving_average, unlike
+from app.engine.sampled import moving_average, thinned, unlike
 
 REGULAR_ABOVE = 1.0
 _TREND_SHARES = (0.0, 0.25, 0.08, 0.025)
@@ -112,15 +112,11 @@ def _signals(record: UniformRecord, stride: int) -> list[tuple[str, FloatArray]]
     signals = [("pv", record.pv), ("op", record.op)]
     if record.sp is not None and np.ptp(record.sp) > 0.0:
         signals.append(("error", unlike(record.pv, record.sp)))
-    return [(name, _thinned(x, stride)) for name, x in signals if _varies(x)]
+    return [(name, thinned(x, stride)) for name, x in signals if _varies(x)]
 
 
 def _varies(x: FloatArray) -> bool:
     return len(x) >= 16 and float(np.ptp(x)) > 1e-9 * float(np.max(np.abs(x)))
-
-
-def _thinned(x: FloatArray, stride: int) -> FloatArray:
-    return x if stride == 1 else x[: len(x) // stride * stride].reshape(-1, stride).mean(axis=1)
 
 
 def _without_trend(x: FloatArray, share: float) -> FloatArray:

@@ -7,9 +7,8 @@ import numpy as np
 
 from app.engine import yper
 from app.engine.armax import SearchSpace
-from app.engine.armax.model import IntArray
 from app.engine.hammerstein import HammersteinConfig, Identification, OneParameterResult, TwoParameterResult
-from app.engine.recording import UniformRecord
+from app.engine.recording import IntArray, UniformRecord
 from app.engine.yper import YperResult
 from app.errors import DataError
 

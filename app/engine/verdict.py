@@ -15,6 +15,7 @@ from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.reliability import Reference
 from app.engine.rivals import Rival, compete, contest, held_out_fundamental
+from app.engine.sampled import correlation
 from app.engine.shape_model import ShapeModel, fitted_model
 from app.engine.verdict_config import VerdictConfig
 from app.engine.verdict_wording import spoken
@@ -179,7 +180,7 @@ def _keeps_phase(weighing: Weighing, config: VerdictConfig) -> bool:
 def _unrelated(fitness: Fitness, oscillation: Oscillation, config: VerdictConfig) -> tuple[Reason, ...]:
     """Where PV and OP are one signal, or may be strangers (a tag of another loop), nothing is shown of a valve."""
     record = fitness.audited
-    if 1.0 - np.corrcoef(record.pv, record.op)[0, 1] ** 2 < config.min_difference:
+    if 1.0 - correlation(record.pv, record.op) ** 2 < config.min_difference:
         return (Reason("same_signal", "PV is OP on another scale: one tag for both, or a loop without a process"),)
     if strangers_chance(record, oscillation) < config.max_strangers_chance:
         return ()

@@ -61,7 +61,7 @@ def _place(text: Bytes, start: int, end: int, places: int) -> int:
     found = np.uint64(14695981039346656037)
     for i in range(start, end):
         found = (found ^ np.uint64(text[i])) * np.uint64(1099511628211)
-    return np.int64((found ^ (found >> np.uint64(29))) & np.uint64(places - 1))  # type: ignore[return-value]
+    return np.int64((found ^ (found >> np.uint64(29))) & np.uint64(places - 1))  # type: ignore[return-value]  # compiled, it is int
 
 
 @njit(**COMPILED)

@@ -32,7 +32,7 @@ class Channel(filesystem.Channel):
         name = f"{time.time_ns():020d}_{uuid.uuid4().hex}.{queue}.msg"
         _write_whole(waiting / name, dumps(payload))
 
-    def _get(self, queue: str) -> Any:  # type: ignore[override]
+    def _get(self, queue: str) -> Any:  # type: ignore[override]  # as above
         taken = self._folder("taken")
         for path in self._waiting(queue):
             mine = taken / f"{os.getpid()}_{path.name}"

@@ -3,15 +3,11 @@
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
-from app.engine.recording import FloatArray
+from app.engine.recording import FloatArray, IntArray
 from app.errors import RequestError
 
 Criterion = Literal["paper", "log"]
 Stages = Literal[2, 3]
-IntArray = NDArray[np.int64]
 
 LARGEST_ORDER = 50
 

@@ -1,11 +1,8 @@
 """What can be said of one signal without knowing its unit: constant runs, quantisation, straight lines."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from app.engine.recording import BoolArray, FloatArray
-
-IntArray = NDArray[np.int64]
+from app.engine.recording import BoolArray, FloatArray, IntArray
 
 # Beyond this a number is a bad-value marker of some system or an overflow on its way: its square is not finite.
 LARGEST_PLAUSIBLE = 1e100

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from app.engine.evidence import Reason
 from app.engine.mismatch.block import Block, Part
@@ -20,10 +19,8 @@ from app.engine.mismatch.physics.sensor_pattern import (
     STUCK,
 )
 from app.engine.mismatch.sampling import hold_of
-from app.engine.recording import BoolArray, FloatArray
+from app.engine.recording import BoolArray, FloatArray, IntArray
 from app.engine.simulate.compression import keep
-
-IntArray = NDArray[np.int64]
 
 LEAST_RUN = 10
 LEAST_AT_LIMIT, LEAST_FREE = 12, 25

@@ -3,13 +3,10 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from app.engine.mismatch.comparison import Comparison, record_of
 from app.engine.mismatch.experiment import Experiment, Finer, alike
-from app.engine.recording import BoolArray, FloatArray
-
-IntArray = NDArray[np.int64]
+from app.engine.recording import BoolArray, FloatArray, IntArray
 
 LEAST_MOVES, LEAST_VALUES = 20, 10
 SHORTEST = 1.4  # samples: below, PV repeats itself too rarely to show a hold

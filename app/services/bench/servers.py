@@ -125,7 +125,7 @@ def _await(started: "subprocess.Popen[bytes]", ready: "object") -> None:
     while not ready():  # type: ignore[operator]
         if started.poll() is not None or time.monotonic() > deadline:
             tail = Path(started.log).read_text(errors="replace")[-1500:]  # type: ignore[attr-defined]
-            raise SkippedError(f"{started.args[-2:]!r} did not come up: {tail}")  # type: ignore[index]
+            raise SkippedError(f"{started.args[-2:]!r} did not come up: {tail}")  # type: ignore[index]  # a list here
         time.sleep(0.1)
 
 

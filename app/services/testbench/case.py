@@ -1,7 +1,7 @@
 """One case of the bench: every factor of a simulated loop, and how ordinary and wide cases are drawn."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -107,7 +107,7 @@ def wide(rng: np.random.Generator, cause: Cause) -> Case:
     )
 
 
-def _one_of(rng: np.random.Generator, choices: tuple):  # type: ignore[no-untyped-def]
+def _one_of(rng: np.random.Generator, choices: tuple[Any, ...]) -> Any:
     return choices[int(rng.integers(len(choices)))]
 
 
