@@ -22,8 +22,14 @@ _WORDS: Mapping[str, Signal] = MappingProxyType(
         ),
         **dict.fromkeys(("SP", "SV", "SETP", "SETPOINT", "SPT", "WSP", "SETPOINTVALUE"), "SP"),
         **dict.fromkeys(("MODE", "MD", "MODEACTUAL", "CTRLMODE", "CONTROLLERMODE", "AUTOMAN"), "MODE"),
+        "ISTWERT": "PV",
+        **dict.fromkeys(("STELLWERT", "STELLGROESSE"), "OP"),
+        "SOLLWERT": "SP",
+        "BETRIEBSART": "MODE",
     }
 )
+_SPELLED_OUT = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "AE", "Ö": "OE", "Ü": "UE", "ß": "ss"})
+_AUDITED = frozenset({"PV", "OP"})
 _OPTIONAL = frozenset({"SP", "MODE"})
 _ATTRIBUTES = frozenset(
     {"CV", "VALUE", "ACTUAL", "ACT", "VAL", "F"}
@@ -178,6 +184,7 @@ def place(tag: str, stem: str) -> Place:
 
 def _bare(name: str) -> Signal | None:
     """The signal that a name without a loop tells. A loop may be called by a number, or in other letters: 4711.PV."""
+    name = name.translate(_SPELLED_OUT)
     signal = _WORDS.get(_plain(name))
     if signal is None:
         return None
@@ -280,10 +287,15 @@ class Grouping:
         return Place(tag, found.loop, "OTHER")
 
     def attach_bare(self, tags: Iterable[str]) -> None:
-        """In a file of one loop without tags, the other columns belong to that loop."""
-        for tag in tags:
+        """In a file of one loop without tags, the other columns belong to that loop; of one loop it is where PV and OP
+        have no tag, or no other loop's have one."""
+        places = [place(tag, "") for tag in tags]
+        bare = {found.signal for found in places if found.loop == ""}
+        if not bare.issuperset(_AUDITED) and any(found.loop and found.signal in _AUDITED for found in places):
+            return
+        for tag, loop, _ in places:
             mapped = self._mapping is not None and self._mapping.find(tag) is not None
-            if tag not in self._places and not mapped and place(tag, "").loop != "":
+            if tag not in self._places and not mapped and loop != "":
                 self._others.setdefault(self._stem, []).append(tag)
                 self._places[tag] = Place(tag, self._stem, "OTHER")
 

@@ -12,6 +12,7 @@ from typing import IO
 import numpy as np
 
 from app.errors import DataError
+from app.ingest.heading import after_lines, whole_heading
 from app.ingest.model import IngestOptions
 
 HEAD_BYTES = 1 << 18
@@ -24,6 +25,8 @@ COUNTED_BYTES = 1 << 18
 RATIO_FREE_BYTES = 64 << 20  # below this a high ratio is a quiet plant, not a bomb
 _BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 _DOUBLE_BYTES = re.compile(rb"[\x80-\xff]{2,}")
+_CHINESE = re.compile(r"[\u4e00-\u9fff]+")
+_INSIDE_A_WORD = re.compile(r"(?<=[a-z])[\u4e00-\u9fff](?=[a-z])")  # two accented letters, as in Stellgröße
 _CONTROL = bytes(set(range(32)) - set(b"\t\n\r\f\x1a"))
 
 
@@ -49,7 +52,9 @@ class TextFile:
             raise DataError("empty_file", "the file holds nothing; an export with a time column and signals is needed")
         self.encoding = detect_encoding(first)
         self._bare_returns = False
-        self.head = self._decode_head(first)
+        head = self._decode_head(first)
+        self._heading = whole_heading(head)
+        self.head = self._heading.text + after_lines(head, self._heading.count)
         _refuse_binary(self.head)
 
     @property
@@ -68,7 +73,7 @@ class TextFile:
     def _decode_head(self, first: bytes) -> str:
         text = codecs.getincrementaldecoder(self.encoding)("replace").decode(first)
         self._bare_returns = "\r" in text and "\n" not in text
-        return text.replace("\r\n", "\n").replace("\r", "\n")
+        return text.replace("\r\n", "\n").replace("\r", "\n" if self._bare_returns else " ")
 
     def tail(self) -> str:
         """Whole lines from the file's end; nothing where it is packed, in another encoding than UTF-8 or short."""
@@ -83,7 +88,7 @@ class TextFile:
     def chunks(self) -> Iterator[Lines]:
         """The whole file; memory is bounded by the chunk size and the longest line allowed."""
         number, carry = 1, b""
-        for piece in self._utf8():
+        for piece in self._with_heading(self._utf8()):
             end = piece.rfind(b"\n")
             if end < 0:
                 carry += piece
@@ -97,6 +102,17 @@ class TextFile:
             number += lines.count
         if carry:
             yield Lines(carry + b"\n", number, 1)
+
+    def _with_heading(self, pieces: Iterator[bytes]) -> Iterator[bytes]:
+        """The same text with its heading as it was made whole."""
+        taken, count = b"", self._heading.count
+        for piece in pieces:
+            taken += piece
+            if taken.count(b"\n") >= count:
+                yield self._heading.text.encode("utf-8", "replace") + after_lines(taken, count)
+                yield from pieces
+                return
+        yield taken
 
     def _check_line(self, carry: bytes) -> None:
         if len(carry) > self._options.max_line_bytes:
@@ -228,7 +244,8 @@ def _reads_as_chinese(first: bytes) -> bool:
         return False
     strange = [character for character in text if ord(character) > 127]
     common = sum("\u4e00" <= character <= "\u9fff" or "\u3000" <= character <= "\u303f" for character in strange)
-    return bool(strange) and common >= 0.8 * len(strange)
+    words = len(_CHINESE.findall(text))
+    return bool(strange) and common >= 0.8 * len(strange) and 2 * len(_INSIDE_A_WORD.findall(text)) < words
 
 
 def _refuse_binary(head: str) -> None:

@@ -304,6 +304,31 @@ def test_latin_letters_and_bytes_that_are_none(read: Read) -> None:
     assert dict(content.rejects.counts) == {"not_a_number": 1}
 
 
+def test_two_accented_letters_side_by_side_are_no_chinese(read: Read) -> None:
+    rows = "".join(f"08.06.2000 12:13:0{i};5{i},5;4{i},5\n" for i in range(4))
+    for names in ("Zeit;Istwert;Stellgröße", "Zeit;Füß.Istwert.PV;Füß.Istwert.OP"):
+        content = read(f"{names}\n{rows}".encode("cp1252"), name="FIC1.csv")
+        assert content.summary.encoding == "cp1252"
+        assert [loop.op.tolist() for loop in content.loops.values()] == [[40.5, 41.5, 42.5, 43.5]]
+
+
+@pytest.mark.parametrize("chunk_bytes", [1, 50, 1 << 20])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_names_broken_inside_their_quotes(read: Read, end: str, chunk_bytes: int) -> None:
+    names = ["Plant 7, night shift", 'time,"A.PV\n[m3/h]","A.OP\n[%]","B.PV', '\n",B.OP']
+    rows = [f"2024-03-01 00:00:0{i},{i},1{i},2{i},3{i}" for i in range(6)] + ['2024-03-01 00:00:06,"6,16,26,36']
+    text = end.join([*"\n".join(names).split("\n"), *rows, ""])
+    content = read(text, options=IngestOptions(chunk_bytes=chunk_bytes))
+    assert content.loops["A"].pv.tolist() == [0, 1, 2, 3, 4, 5]
+    assert content.loops["B"].op.tolist() == [30, 31, 32, 33, 34, 35]
+    assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(13, "unbalanced_quote")]
+
+
+def test_rows_with_open_quotes_are_no_names(read: Read) -> None:
+    first = '2024-03-01 00:00:00,"1,10\n2024-03-01 00:00:30,"1,10\n'
+    assert dict(read(HEADER + first + GOOD).rejects.counts) == {"unbalanced_quote": 2}
+
+
 def test_rejects_are_counted_all_and_listed_some(read: Read) -> None:
     rows = "".join(f"2024-03-01 {i // 60:02d}:{i % 60:02d}:00,No Data,{i}\n" for i in range(500))
     content = read(HEADER + rows, options=IngestOptions(max_rejects=10))

@@ -7,6 +7,8 @@ import pytest
 from app.errors import DataError
 from app.ingest import LoopTags, TagMapping, group, read_export
 
+from .conftest import Read
+
 
 @pytest.mark.parametrize(
     ("tags", "expected"),
@@ -129,3 +131,16 @@ def test_a_zero_byte_far_into_a_file_does_not_come_into_a_name(tmp_path: Path) -
     loops = {loop.loop: loop for loop in read_export(path).loops()}
     assert len(loops) == 12_001
     assert loops["FIC\N{REPLACEMENT CHARACTER}101"].pv is not None
+
+
+def test_a_bare_mode_or_output_leaves_the_tags_their_loops(read: Read) -> None:
+    rows = "".join(f"2024-03-01 00:0{i}:00,1,2,3,4,0,5\n" for i in range(4))
+    for bare in ("Mode", "OP", "SP"):
+        loops = read(f"time,A.PV,A.OP,B.PV,B.OP,{bare},TI1\n{rows}", name="night.csv").loops
+        assert {name: (loop.pv is not None, loop.op is not None) for name, loop in loops.items() if name in "AB"} == {
+            "A": (True, True),
+            "B": (True, True),
+        }
+    one = read(f"time,A.PV,A.OP,PV,OP,Mode,TI1\n{rows}", name="night.csv").loops
+    assert list(one) == ["night"]
+    assert sorted(one["night"].others) == ["A.OP", "A.PV", "TI1"]

@@ -1,0 +1,51 @@
+"""A heading whose quoted names hold line ends, as spreadsheets write wrapped cells, made one line."""
+
+from dataclasses import dataclass
+from typing import AnyStr
+
+from app.ingest.head import HEAD_ROWS, find_delimiter, split_line
+
+PREAMBLE_LINES = 40
+MOST_LINES = 1 << 16
+
+
+@dataclass(frozen=True)
+class Heading:
+    """The first `count` lines of a file made anew, as many lines as they were; no lines where nothing is broken."""
+
+    count: int
+    text: str
+
+
+NOTHING_BROKEN = Heading(0, "")
+
+
+def whole_heading(head: str) -> Heading:
+    """The row of names in one line where it was broken inside quotes, empty lines before it: line numbers stay.
+
+    It is a row of names, and not rows of data with quotes left open, where it has as many fields as the rows behind it
+    and none of the lines it was broken into has.
+    """
+    lines = head.split("\n", MOST_LINES)[:-1]
+    first = next((i for i, line in enumerate(lines[:PREAMBLE_LINES]) if line.count('"') % 2), None)
+    if first is None:
+        return NOTHING_BROKEN
+    last = next((i for i in range(first + 1, len(lines)) if lines[i].count('"') % 2), None)
+    following = [] if last is None else [line for line in lines[last + 1 : last + 1 + HEAD_ROWS] if line.strip()]
+    if last is None or not following:
+        return NOTHING_BROKEN
+    delimiter = find_delimiter(following)
+    broken, names = lines[first : last + 1], " ".join(lines[first : last + 1])
+    width = len(split_line(following[len(following) // 2], delimiter))
+    whole = len(split_line(names, delimiter)) == width > 1
+    if not whole or any(line.count(delimiter) >= width - 1 for line in broken[1:]):
+        return NOTHING_BROKEN
+    return Heading(last + 1, "\n".join([*lines[:first], *[""] * (last - first), names]) + "\n")
+
+
+def after_lines(text: AnyStr, count: int) -> AnyStr:
+    """What follows the first `count` lines."""
+    end = 0
+    for _ in range(count):
+        end = text.find("\n" if isinstance(text, str) else b"\n", end) + 1
+    return text[end:]
