@@ -15,6 +15,7 @@ FIRST_YEAR, LAST_YEAR = 1971, 2199
 SAMPLE = 400
 LEAST_SHARE = 0.5  # of a sample of a column of times that is readable
 NO_TIME = np.iinfo(np.int64).min
+SHORTEST_STEP_S = 0.02  # what a historian keeps of a loop is slower: such a step at such a time is one of days
 Kind = Literal["text", "relative", "epoch", "epoch_pair", "serial"]
 
 _ISO = ("%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%Y%m%d")
@@ -105,9 +106,10 @@ def _number_form(sample: list[str], name: str) -> TimeForm | None:
         if middle > above:
             return TimeForm("epoch", scale=scale) if middle < above * 100 else None
     steps = np.diff(np.sort(values))
-    dated = re.search(r"date|stamp", name, re.IGNORECASE)
-    if dated and 20000 < middle < 80000 and np.any(values % 1) and len(steps) and float(np.median(steps)) < 0.5:
-        return TimeForm("serial", scale=86400e9)
+    step = float(np.median(steps)) if len(steps) else np.inf
+    days = re.search(r"date|stamp", name, re.IGNORECASE) or step < SHORTEST_STEP_S
+    if days and 20000 < middle < 80000 and np.any(values % 1) and step < 0.5:
+        return TimeForm("serial", scale=86400e9, notes=("times are days since 1899-12-30, as spreadsheets count them",))
     unit = _UNIT.search(name.strip())
     if unit is None:
         return TimeForm("relative")

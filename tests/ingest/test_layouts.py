@@ -34,6 +34,12 @@ def test_wide(read: Read) -> None:
     assert content.rejects.total == 0
 
 
+@pytest.mark.parametrize("title", ["Plant 7, night shift", "Report,2024-03-01", "Server: a,User: b,Period: c"])
+def test_a_title_with_a_comma_is_not_the_names(read: Read, title: str) -> None:
+    content = read(f"{title}\n\ntime,A.PV,A.OP,B.PV,B.OP\n2024-03-01 00:00:00,1,2,3,4\n2024-03-01 00:01:00,5,6,7,8\n")
+    assert {name: loop.op.tolist() for name, loop in content.loops.items()} == {"A": [2, 6], "B": [4, 8]}
+
+
 def test_long_with_quality_below_a_preamble_and_comments(read: Read) -> None:
     content = read(
         "* exported by hand\n[Data]\nTagname,TimeStamp,Value,DataQuality\n"
@@ -350,6 +356,13 @@ def test_days_since_1900(read: Read) -> None:
     rows = "".join(f"{45352 + i / 1440:.8f},{i},1\n" for i in range(4))
     loop = read("Date,A.PV,A.OP\n" + rows).loops["A"]
     np.testing.assert_allclose(loop.time_ns - START, MINUTE * np.arange(4), atol=10**6)
+
+
+def test_days_since_1900_under_the_name_of_a_time(read: Read) -> None:
+    rows = "".join(f"{45352 + i / 8640:.10f},{i},1\n" for i in range(4))
+    content = read("time,A.PV,A.OP\n" + rows)
+    np.testing.assert_allclose(content.loops["A"].time_ns - START, MINUTE // 6 * np.arange(4), atol=10**6)
+    assert content.summary.notes == ("times are days since 1899-12-30, as spreadsheets count them",)
 
 
 @pytest.mark.parametrize(("unit", "nanoseconds"), [("ms", 10**6), ("min", MINUTE), ("h", 60 * MINUTE), ("us", 1000)])

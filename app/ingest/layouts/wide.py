@@ -15,9 +15,15 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
             continue
         time = time_columns(names) or (0,)
         first_row = first_row_of_times(head, time[0], options)
+        if any(wider(row, names) and time_columns(row) for row in head.rows[index + 1 : max(first_row, 0)]):
+            continue  # a title with a comma in it stands above the names
         if first_row > index and not signal_of_numbers(head, names, first_row, time[0]):
             return wide_from(head, "wide", names, first_row, options, time)
     return None
+
+
+def wider(row: tuple[str, ...], names: tuple[str, ...]) -> bool:
+    return sum(map(bool, row)) > sum(map(bool, names))
 
 
 def signal_of_numbers(head: Head, names: tuple[str, ...], first_row: int, column: int) -> bool:
