@@ -146,8 +146,14 @@ def audit_file(path: Path) -> AuditedFile:
     content = read_recordings(path)
     notes = tuple(in_words(content))
     if not content.recordings:
-        return AuditedFile(path, notes=(*notes, "skipped: no loop with PV and OP in it"), skipped=True)
-    return AuditedFile(path, tuple(timed_line(recording) for recording in content.recordings), notes)
+        return AuditedFile(path, notes=(*notes, *_nothing_in(content)), skipped=True)
+    lines = tuple(timed_line(recording) for recording in content.recordings)
+    return AuditedFile(path, lines, (*content.damage, *notes), failed=bool(content.damage))
+
+
+def _nothing_in(content: "RecordingsRead") -> tuple[str, ...]:
+    """What the file holds instead may tell why."""
+    return ("skipped: no loop with PV and OP in it", *content.notes)
 
 
 def timed_line(recording: Any) -> dict[str, Any]:

@@ -75,6 +75,10 @@ class Export:
     def rejects(self) -> Rejects:
         return self._log.result()
 
+    def damage(self) -> tuple[str, ...]:
+        """What of the file itself was lost on its way here."""
+        return self._source.damage
+
     def summary(self) -> FileSummary:
         head, tally = self._source.head, self._tally
         return FileSummary(
@@ -150,6 +154,11 @@ class TextSource:
     @property
     def notes(self) -> list[str]:
         return self._file.notes
+
+    @property
+    def damage(self) -> tuple[str, ...]:
+        """All that a text file has to note by itself."""
+        return tuple(self._file.notes)
 
     def reader(self, width: int, types: dict[int, pl.DataType], log: RejectLog) -> FrameReader:
         return FrameReader(self._file, Dialect(self.head.delimiter, self.head.decimal_mark, width), types, log)

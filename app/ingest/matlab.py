@@ -56,6 +56,8 @@ class MatlabSource:
     encoding = "matlab"
     compressed = False
 
+    damage: tuple[str, ...] = ()  # a damaged one is refused whole
+
     def __init__(self, path: Path, stem: str, options: IngestOptions) -> None:
         self.notes: list[str] = []
         found = sorted(self._loops(read_variables(path, options)), key=lambda loop: -len(loop.time_s))

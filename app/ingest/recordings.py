@@ -17,13 +17,14 @@ from app.ingest.model import NANOSECONDS, IngestOptions, LoopSamples, Reject, Si
 @dataclass(frozen=True, eq=False)
 class RecordingsRead:
     """The recordings of a file, what was refused (the first of it; `reject_counts` has all by code), and the loops
-    passed over."""
+    passed over. `damage`: what of the file itself was lost on its way."""
 
     recordings: tuple[Recording, ...]
     rejects: tuple[Reject, ...]
     skipped: tuple[str, ...]
     reject_counts: Mapping[str, int]
     notes: tuple[str, ...]
+    damage: tuple[str, ...] = ()
 
 
 def read_recordings(
@@ -42,9 +43,9 @@ def read_recordings(
         to_recording(samples, export.stem if single else f"{export.stem}:{loop}") for loop, samples in audited.items()
     )
     rejects = export.rejects()
-    return RecordingsRead(
-        recordings, rejects.listed, tuple(_skipped(loops, audited)), rejects.counts, export.summary().notes
-    )
+    skipped = tuple(_skipped(loops, audited))
+    notes = export.summary().notes
+    return RecordingsRead(recordings, rejects.listed, skipped, rejects.counts, notes, export.damage())
 
 
 def _skipped(loops: Mapping[str, LoopSamples], audited: Mapping[str, LoopSamples]) -> list[str]:
@@ -53,7 +54,8 @@ def _skipped(loops: Mapping[str, LoopSamples], audited: Mapping[str, LoopSamples
         if loop in audited or (samples.pv is None and samples.op is None and samples.sp is None):
             continue
         missing = [name for name, signal in (("PV", samples.pv), ("OP", samples.op)) if signal is None]
-        skipped.append(f"{loop}: no {' and no '.join(missing)}")
+        beside = f"; beside it there is {', '.join(list(samples.others)[:5])}" if samples.others else ""
+        skipped.append(f"{loop}: no {' and no '.join(missing)}{beside}")
     return skipped
 
 

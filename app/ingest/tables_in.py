@@ -26,13 +26,14 @@ WORKBOOK_BYTES = 1 << 30  # a workbook is unpacked whole
 @dataclass(frozen=True, eq=False)
 class Table:
     """A table in a file: `part(offset, count, columns)` are rows of it, of columns c0, c1, ... those with these
-    numbers. apart: columns are read without the others."""
+    numbers. apart: columns are read without the others. `notes`: what was odd about the file."""
 
     width: int
     height: int
     names: tuple[str, ...]
     part: Callable[[int, int, Sequence[int]], pl.DataFrame]
     apart: bool = False
+    notes: tuple[str, ...] = ()
 
 
 class TableReader:
@@ -75,11 +76,13 @@ class TableReader:
 class TableSource:
     """A file with a table whose layout is known."""
 
+    damage: tuple[str, ...] = ()  # a damaged one is refused whole
+
     def __init__(self, table: Table, stem: str, kind: str, names_in_rows: bool, options: IngestOptions) -> None:
         self._table, self._names_in_rows = table, names_in_rows
         self.encoding = kind
         self.compressed = False
-        self.notes: list[str] = []
+        self.notes = list(table.notes)
         self.head = _head(table, stem, names_in_rows)
         plan = recognise(self.head, options)
         if plan is None:
@@ -101,13 +104,14 @@ def open_frames(path: Path, stem: str, options: IngestOptions) -> TableSource | 
     if start == b"PAR1":
         return TableSource(_parquet(path, options), stem, "parquet", False, options)
     if start == b"PK\x03\x04" and _is_workbook(path, options):
-        return TableSource(_workbook(path), stem, "xlsx", True, options)
+        return _of_workbook(path, stem, options)
     return None
 
 
 def _parquet(path: Path, options: IngestOptions) -> Table:
     scan = pl.scan_parquet(path, hive_partitioning=False, glob=False)
-    names = tuple(scan.collect_schema().names())
+    schema = scan.collect_schema()
+    names = tuple(schema.names())
     height = int(scan.select(pl.len()).collect().item())
     if height * max(1, len(names)) * 8 > options.max_bytes:
         raise DataError(
@@ -117,7 +121,10 @@ def _parquet(path: Path, options: IngestOptions) -> Table:
     def part(offset: int, count: int, columns: Sequence[int]) -> pl.DataFrame:
         return scan.slice(offset, count).select(pl.col(names[i]).alias(name_of(i)) for i in columns).collect()
 
-    return Table(len(names), height, names, part, apart=True)
+    closed = [name for name, kind in schema.items() if _holds_no_values(kind)]
+    shown = ", ".join(name[:80] for name in closed[:5])
+    notes = (f"{len(closed)} columns hold lists, structures or bytes, which are no values: {shown}",) if closed else ()
+    return Table(len(names), height, names, part, apart=True, notes=notes)
 
 
 def _is_workbook(path: Path, options: IngestOptions) -> bool:
@@ -134,7 +141,18 @@ def _is_workbook(path: Path, options: IngestOptions) -> bool:
     return True
 
 
-def _workbook(path: Path) -> Table:
+def _of_workbook(path: Path, stem: str, options: IngestOptions) -> TableSource:
+    """The first sheet with a layout that is known: a cover or a pivot table may stand before it."""
+    unknown: DataError | None = None
+    for table in _sheets(path):
+        try:
+            return TableSource(table, stem, "xlsx", True, options)
+        except DataError as error:
+            unknown = error
+    raise unknown or DataError("unknown_layout", "the workbook has no sheet with cells in it")
+
+
+def _sheets(path: Path) -> Iterator[Table]:
     try:
         import fastexcel
     except ImportError as error:
@@ -142,23 +160,35 @@ def _workbook(path: Path) -> Table:
             "excel_not_installed", "reading workbooks needs the extra 'excel': pip install loopaudit[excel]"
         ) from error
     try:
-        sheet = fastexcel.read_excel(path).load_sheet(0, header_row=None, dtypes="string")
-        frame = sheet.to_polars()
+        workbook = fastexcel.read_excel(path)
+        names = workbook.sheet_names
+        for number, name in enumerate(names):
+            frame = workbook.load_sheet(number, header_row=None, dtypes="string").to_polars()
+            others = f"the workbook has {len(names)} sheets; the one read is {name[:80]!r}"
+            if frame.height and frame.width:
+                yield _sheet(frame, (others,) if len(names) > 1 else ())
     except fastexcel.FastExcelError as error:
         raise DataError("not_an_export", f"the workbook cannot be read: {in_short(error)}") from error
+
+
+def _sheet(frame: pl.DataFrame, notes: tuple[str, ...]) -> Table:
     frame.columns = [name_of(index) for index in range(frame.width)]
 
     def part(offset: int, count: int, columns: Sequence[int]) -> pl.DataFrame:
         return frame.slice(offset, count).select(name_of(i) for i in columns)
 
-    return Table(frame.width, frame.height, (), part)
+    return Table(frame.width, frame.height, (), part, notes=notes)
+
+
+def _holds_no_values(kind: pl.DataType) -> bool:
+    return kind.is_nested() or kind == pl.Binary
 
 
 def _as(column: pl.Series, wanted: pl.DataType) -> pl.Series:
     """A column in the type wanted; times stay times, and lists or bytes are no values."""
     if column.dtype == wanted or (wanted == pl.String and isinstance(column.dtype, pl.Datetime)):
         return column
-    if column.dtype.is_nested() or column.dtype == pl.Binary:
+    if _holds_no_values(column.dtype):
         return pl.Series(column.name, [None] * len(column), dtype=wanted)
     if isinstance(wanted, pl.Categorical):
         return column.cast(pl.String, strict=False).cast(wanted)

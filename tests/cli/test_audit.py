@@ -1,6 +1,7 @@
 """`loopaudit audit`: which files are taken, what comes out, in which order, with which exit code."""
 
 import csv
+import gzip
 import io
 import json
 import subprocess
@@ -74,6 +75,23 @@ def test_a_named_file_that_is_no_recording_makes_it_1_and_alone_2(folder):
     done = audit(folder / "labels.csv")
     assert done.exit_code == 2
     assert done.stdout == ""
+
+
+def test_a_file_that_was_cut_on_its_way_is_audited_and_makes_it_1(folder, tmp_path):
+    packed = gzip.compress((folder / "L1.csv").read_bytes())
+    (tmp_path / "cut.csv.gz").write_bytes(packed[: len(packed) * 3 // 4])
+    done = audit(tmp_path, "--format", "jsonl")
+    assert done.exit_code == 1
+    assert [line["recording"] for line in lines(done)] == ["cut"]
+    assert "the gzip file is damaged after" in done.stderr
+
+
+def test_a_file_without_pv_and_op_says_what_is_in_it(folder, tmp_path):
+    text = (folder / "L0.csv").read_text().replace("PV,OP", "Durchfluss,Ventil")
+    (tmp_path / "other.csv").write_text(text)
+    done = audit(tmp_path / "other.csv")
+    assert done.exit_code == 2
+    assert "Durchfluss" in done.stderr
 
 
 def test_a_table_and_a_file_of_csv(folder, tmp_path):

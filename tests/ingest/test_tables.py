@@ -67,6 +67,16 @@ def test_workbook(read: Read, tmp_path: Path) -> None:
     assert dict(content.rejects.counts) == {"not_a_number": 1}
 
 
+def test_a_workbook_whose_data_is_behind_a_cover(read: Read) -> None:
+    pytest.importorskip("fastexcel", reason="the extra 'excel' is not installed")
+    data = [["", "Time", "A.PV", "A.OP"], *(["", f"2024-03-01 00:0{i}:00", f"{i}", f"1{i}"] for i in range(3))]
+    content = read(workbook([["Report of the month"]], [], [["made by"], ["a macro"], *data]))
+    assert content.loops["A"].op.tolist() == [10, 11, 12]
+    assert content.summary.notes == ("the workbook has 3 sheets; the one read is 'S3'",)
+    assert code_of(read, workbook([["Report"]], [["of", "nothing"]])) == "unknown_layout"
+    assert code_of(read, workbook([])) == "unknown_layout"
+
+
 @pytest.mark.parametrize("keep", [100, 400, 700])
 def test_damaged_tables(read: Read, keep: int) -> None:
     whole = parquet(pl.DataFrame({"t": TIMES, "A.PV": [1.0, 2.0, 3.0, 4.0]}))
@@ -101,6 +111,7 @@ def test_columns_that_hold_no_numbers_leave_the_others(read: Read) -> None:
     loop = content.loops["A"]
     assert loop.pv.tolist() == [1, 2, 3, 4]
     assert (loop.op, loop.sp, loop.automatic) == (None, None, None)
+    assert content.summary.notes == ("2 columns hold lists, structures or bytes, which are no values: A.OP, A.SP",)
     assert dict(content.rejects.counts) == {"unknown_mode": 4}
 
 
@@ -142,22 +153,27 @@ KIND = "application/vnd.openxmlformats-officedocument.spreadsheetml"
 RELATIONS = "application/vnd.openxmlformats-package.relationships+xml"
 
 
-def workbook(rows: list[list[str]]) -> bytes:
-    """The smallest workbook that there is."""
-    cells = "".join("<row>" + "".join(map(cell, row)) + "</row>" for row in rows)
-    sheets = '<sheets><sheet name="S" sheetId="1" r:id="r1"/></sheets>'
-    types = (
+def workbook(*sheets: list[list[str]]) -> bytes:
+    """The smallest workbook that there is of these sheets."""
+    numbers = range(1, len(sheets) + 1)
+    listed = "".join(f'<sheet name="S{n}" sheetId="{n}" r:id="r{n}"/>' for n in numbers)
+    types = "".join(
+        f'<Override PartName="/xl/worksheets/sheet{n}.xml" ContentType="{KIND}.worksheet+xml"/>' for n in numbers
+    )
+    types += (
         f'<Default Extension="rels" ContentType="{RELATIONS}"/>'
         f'<Override PartName="/xl/workbook.xml" ContentType="{KIND}.sheet.main+xml"/>'
-        f'<Override PartName="/xl/worksheets/sheet1.xml" ContentType="{KIND}.worksheet+xml"/>'
     )
     parts = {
         "[Content_Types].xml": f'<Types xmlns="{PACKAGE}/content-types">{types}</Types>',
-        "_rels/.rels": relation("officeDocument", "xl/workbook.xml"),
-        "xl/workbook.xml": f'<workbook xmlns="{MAIN}" xmlns:r="{OFFICE}">{sheets}</workbook>',
-        "xl/_rels/workbook.xml.rels": relation("worksheet", "worksheets/sheet1.xml"),
-        "xl/worksheets/sheet1.xml": f'<worksheet xmlns="{MAIN}"><sheetData>{cells}</sheetData></worksheet>',
+        "_rels/.rels": relations("officeDocument", ["xl/workbook.xml"]),
+        "xl/workbook.xml": f'<workbook xmlns="{MAIN}" xmlns:r="{OFFICE}"><sheets>{listed}</sheets></workbook>',
+        "xl/_rels/workbook.xml.rels": relations("worksheet", [f"worksheets/sheet{n}.xml" for n in numbers]),
     }
+    for n, rows in zip(numbers, sheets, strict=True):
+        cells = "".join("<row>" + "".join(map(cell, row)) + "</row>" for row in rows)
+        sheet = f'<worksheet xmlns="{MAIN}"><sheetData>{cells}</sheetData></worksheet>'
+        parts[f"xl/worksheets/sheet{n}.xml"] = sheet
     return archive(parts)
 
 
@@ -173,6 +189,8 @@ def cell(text: str) -> str:
     return f'<c t="inlineStr"><is><t>{text}</t></is></c>'
 
 
-def relation(kind: str, target: str) -> str:
-    inner = f'<Relationship Id="r1" Type="{OFFICE}/{kind}" Target="{target}"/>'
+def relations(kind: str, targets: list[str]) -> str:
+    inner = "".join(
+        f'<Relationship Id="r{n}" Type="{OFFICE}/{kind}" Target="{target}"/>' for n, target in enumerate(targets, 1)
+    )
     return f'<Relationships xmlns="{PACKAGE}/relationships">{inner}</Relationships>'
