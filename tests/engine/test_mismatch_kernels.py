@@ -5,6 +5,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from app.engine.mismatch import closed_loop, compete, compile_kernels, fitting
 from app.engine.mismatch import noise as noise_module
@@ -25,7 +26,7 @@ from app.engine.mismatch.physics import (
     valve_slew_limit,
 )
 from app.engine.mismatch.physics.valve_saturation import rounded
-from app.engine.mismatch.plant import Plant, delay, lag, run_process
+from app.engine.mismatch.plant import Plant, delay, run_process
 from app.engine.mismatch.scan import Start, task_with
 from app.engine.mismatch.task import Given, start_at
 
@@ -109,10 +110,16 @@ def test_a_delay_interpolates_and_holds_the_first_value_before(late: float):
     np.testing.assert_allclose(delay(v, late * TS, TS), expected, atol=1e-12)
 
 
-def test_two_lags_in_one_pass_are_one_behind_the_other():
-    given = record()
-    alone = run_process(given.op_deviation, PLANT.changed(tau2=0.0), TS)
-    np.testing.assert_allclose(run_process(given.op_deviation, PLANT, TS), lag(alone, PLANT.tau2, TS), atol=1e-12)
+@pytest.mark.parametrize(("tau", "tau2"), [(30.0, 8.0), (0.2, 8.0), (8.0, 0.2), (8.0, 8.0), (8.0, 8.0 + 1e-7)])
+def test_two_lags_are_exact_whichever_is_the_shorter(tau: float, tau2: float) -> None:
+    """A signal held over each sample: between two samples the state follows the matrix exponential."""
+    given, K, b = record().op_deviation, 1.3, 0.2
+    move = expm(TS * np.array([[-1.0 / tau, 0.0, 1.0 / tau], [1.0 / tau2, -1.0 / tau2, 0.0], [0.0, 0.0, 0.0]]))
+    state, expected = np.zeros(2), np.zeros(len(given))
+    for t in range(1, len(given)):
+        state = move[:2, :2] @ state + move[:2, 2] * (K * given[t - 1] + b)
+        expected[t] = state[1]
+    np.testing.assert_allclose(run_process(given, Plant(K, tau, 0.0, b=b, tau2=tau2), TS), expected, atol=1e-9)
 
 
 def base() -> fitting.Fit:

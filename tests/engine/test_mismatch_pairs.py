@@ -15,13 +15,15 @@ from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.chain import simulate
 from app.engine.mismatch.compete import Rival, survey
 from app.engine.mismatch.experiment import Experiment, experiment
-from app.engine.mismatch.fitting import Fit, fit, fit_linear
+from app.engine.mismatch.fitting import Fit, finish, fit, fit_linear
 from app.engine.mismatch.holdout import FreeRuns, mostly_worse, stretches
 from app.engine.mismatch.noise import NoiseModel
 from app.engine.mismatch.pairing import Candidate, couples, joint_scores, reordered
+from app.engine.mismatch.pairs import Pair, paying_alone
 from app.engine.mismatch.physics import additive, library, valve_deadband
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.scan import ground
+from app.engine.mismatch.searching import searched
 from app.engine.mismatch.task import Given, make_task, start_at
 from app.engine.mismatch.worth import gain_under, hidden_gain, pays_beside
 from app.engine.recording import FloatArray
@@ -185,3 +187,41 @@ def test_a_drift_is_where_it_was_put(both: Fit) -> None:
     assert len(found.parts[0].values) == len(parameters)
     assert found.parts[0].values[0] == pytest.approx(2.0, rel=0.1)
     assert found.parts[1].values[2] == pytest.approx(3.0, rel=0.1)
+
+
+def begun(base: Fit, part: Part) -> Fit:
+    """A part beside the linear refit, nothing fitted."""
+    task = make_task(base.record, base.given, (part.block,))
+    return finish(task, start_at(task, base.plant, part.values), base.noise)
+
+
+def against(base: Fit, first: Fit) -> Rival | None:
+    """What is said instead of a deadband that stands like `first` with a drift beside it; None: both."""
+    found = fitted(base, (backlash(), drift()))
+    # As beside what stands for the whole process: the numbers of its linear plant mean nothing.
+    found = replace(found, plant=found.plant.changed(tau=400.0, theta=30.0))
+    alone = Rival(DEADBAND, first, first.likelihood - base.likelihood, base)
+    second = Rival(RAMP, found, found.likelihood - first.likelihood, first)
+    return paying_alone(Pair(alone, second, 1000.0, ()), base, (alone,), (DEADBAND,))
+
+
+def test_a_second_does_not_pay_beside_a_first_that_stands_poorly() -> None:
+    base = fit_linear(recorded((backlash(),)), Given(PLANT))
+    poor = begun(base, Part(DEADBAND, np.array([1.2, 0.0])))
+    assert fitted(base, (backlash(), drift())).likelihood > poor.likelihood + 100.0
+    said = against(base, poor)
+    assert said is not None
+    assert said.block is DEADBAND
+    assert said.fit.parts[0].values[0] == pytest.approx(2.0, rel=0.02)
+
+
+def test_two_that_pay_beside_each_other_stay(both: Fit) -> None:
+    assert against(both, begun(both, Part(DEADBAND, np.array([1.2, 0.0])))) is None
+
+
+def test_a_band_is_looked_for_again_where_its_first_scan_passed_over_it() -> None:
+    base = fit_linear(recorded((backlash(),), 0.01), Given(PLANT))
+    poor = begun(base, Part(DEADBAND, np.array([1.7, 0.0])))
+    again = searched(Rival(DEADBAND, poor, poor.likelihood - base.likelihood, base), (DEADBAND,))
+    assert again.gain == pytest.approx(again.fit.likelihood - base.likelihood)
+    assert again.fit.parts[0].values[0] == pytest.approx(2.0, rel=0.01)

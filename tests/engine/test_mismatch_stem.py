@@ -1,15 +1,12 @@
 """A valve's stem stands anywhere when a record begins: the sticking valve is named alone, with where it stood."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
-from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain, pairs
+from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain
 from app.engine.mismatch.block import Context
 from app.engine.mismatch.experiment import experiment
 from app.engine.mismatch.fitting import finish, fit_linear
-from app.engine.mismatch.pairs import Pair, second_from_pair
 from app.engine.mismatch.physics import additive, by_name, friction
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.report import estimates
@@ -156,18 +153,3 @@ def test_what_has_no_parameters_tells_none() -> None:
     task = make_task(RECORD, base.given, (by_name(RECORD)["process.integrating"],))
     found = finish(task, start_at(task, base.plant, np.zeros(0)), base.noise)
     assert estimates(found, found.parts[0]) == ()
-
-
-@pytest.mark.parametrize(("alone", "stays"), [(285.0, False), (200.0, True)])
-def test_a_start_that_only_the_pair_had_is_no_merit_of_its_first(
-    monkeypatch: pytest.MonkeyPatch, alone: float, stays: bool
-) -> None:
-    base = SimpleNamespace(plant=PLANT)
-    both = SimpleNamespace(likelihood=299.0, plant=PLANT, parts=("first", "second"))
-    first = SimpleNamespace(block=SimpleNamespace(penalty=14.0))
-    again = SimpleNamespace(fit=SimpleNamespace(likelihood=alone))
-    monkeypatch.setattr(pairs, "alone_as", lambda part, over, plant: again if part == "second" else None)
-    monkeypatch.setattr(pairs, "makes_sense", lambda _: True)
-    # Stand-ins hold only what is asked of a rival and a fit.
-    pair = Pair(first, SimpleNamespace(fit=both), 150.0, ())  # type: ignore[arg-type]
-    assert second_from_pair(pair, base) is (None if stays else again)  # type: ignore[arg-type]

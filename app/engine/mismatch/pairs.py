@@ -4,13 +4,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.engine.mismatch.block import Block
 from app.engine.mismatch.compete import Rival
-from app.engine.mismatch.fitting import Fit, fit
+from app.engine.mismatch.fitting import Fit
 from app.engine.mismatch.limits import limit_bonus
 from app.engine.mismatch.naming import Believed, believed, own_doubt, twins_of
 from app.engine.mismatch.pairing import alone_as, reordered
 from app.engine.mismatch.ranking import best_of_each_code, reconciled
-from app.engine.mismatch.task import make_task, start_at
+from app.engine.mismatch.searching import best_alone
 from app.engine.mismatch.worth import (
     SECOND_MUST_GAIN,
     gain_under,
@@ -83,30 +84,19 @@ def pairs_of(found: Fit, base: Fit, ranking: tuple[Rival, ...]) -> tuple[Pair, .
     return Places(first, (second,)).pairs(best_of_each_code(ranking))
 
 
-def first_from_pair(pair: Pair) -> Rival | None:
-    """The first of a pair fitted alone from where the pair stands, if that leaves the second too little: what a better
-    start of the first gains is nothing that the second explains.
-    """
-    first, found = pair.first, pair.second.fit
-    task = make_task(found.record, found.given, tuple(part.block for part in first.fit.parts))
-    known = [part.values for part in found.parts[: len(first.fit.parts)]]
-    alone = fit(task, start_at(task, found.plant, np.concatenate(known)), found.noise, 2, 6)
-    better = alone.likelihood - first.fit.likelihood
-    if better <= 0.0:
-        return None
-    again = replace(first, fit=alone, gain=first.gain + better)
-    second = reconciled(replace(pair.second, over=alone, gain=pair.second.gain - better))
-    return None if pays_beside(second, again) else again
-
-
-def second_from_pair(pair: Pair, base: Fit) -> Rival | None:
-    """The second of a pair fitted alone from where the pair stands, if that leaves the first too little: a start that
-    only the pair had is nothing that the first explains.
+def paying_alone(pair: Pair, base: Fit, ranking: tuple[Rival, ...], blocks: tuple[Block, ...]) -> Rival | None:
+    """The better of a pair alone, where one of them does not pay beside the other as well as that is known alone: a
+    start that only the pair had is nothing that the one beside explains. None where both pay.
     """
     found = pair.second.fit
-    alone = alone_as(found.parts[-1], base, found.plant)
-    enough = found.likelihood - alone.fit.likelihood >= pair.first.block.penalty + SECOND_MUST_GAIN
-    return None if enough or not makes_sense(alone) else alone
+    known = {rival.block.name: rival for rival in reversed(ranking)}
+    first, second = (best_alone(p, found, base, known.get(p.block.name), blocks) for p in found.parts[-2:])
+    gain = found.likelihood - first.fit.likelihood
+    beside = reconciled(Rival(pair.second.block, found, gain, first.fit))
+    singles = (*best_of_each_code(ranking), *(rival for rival in (first, second) if makes_sense(rival)))
+    if Places(first, (beside,)).pairs(singles):
+        return None
+    return max(first, second, key=worth)
 
 
 def first_beside(pair: Pair, _: Fit) -> Rival:

@@ -130,17 +130,23 @@ def _first_state(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
 
 @njit(cache=True, nogil=True)
 def _two_lags(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
-    """What `_first_state` and behind it `_lag` make (N,), in one pass."""
+    """The state of `_first_state` behind a second lag (N,): exact, whichever of the two lags is the shorter, because a
+    first lag shorter than the interval does not let its output pass for a ramp.
+    """
     K, tau, _, b, x, tau2, leak = p[:7]
     y = np.empty(len(u))
-    stay, further = np.exp(-leak * ts / tau), np.exp(-ts / tau2)
-    gain = (1.0 - stay) / leak if leak > 1e-9 else ts / tau
-    slope = 1.0 - tau2 / ts * (1.0 - further)
+    rate, further_rate = leak / tau, 1.0 / tau2
+    stay, further = np.exp(-rate * ts), np.exp(-further_rate * ts)
+    apart = (rate - further_rate) * ts
+    # (exp(-b) - exp(-a)) / (a - b), in its limit where the two lags are one.
+    share = further_rate * ts * further * (-np.expm1(-apart) / apart if abs(apart) > 1e-9 else 1.0)
+    gain = (1.0 - stay) / leak
+    level = (1.0 - further - share) / leak
     y[0] = x
     for t in range(1, len(u)):
-        following = stay * x + gain * (K * u[t - 1] + b)
-        y[t] = further * y[t - 1] + ((1.0 - further) * x + slope * (following - x))
-        x = following
+        drive = K * u[t - 1] + b
+        y[t] = further * y[t - 1] + (share * x + level * drive)
+        x = stay * x + gain * drive
     return y
 
 
@@ -208,16 +214,19 @@ def _process(v: FloatArray, p: FloatArray, ts: float) -> FloatArray:
     if integrating and tau2 > 1e-9:
         u = _behind_actuator(u, tau2, ts)
     behind = tau2 > 1e-9 and not integrating
-    if behind and zero == 0.0 and not head > 0.0 and high > 1e29 and low < -1e29:
+    linear = not head > 0.0 and high > 1e29 and low < -1e29
+    if behind and linear and zero == 0.0:
         y = _two_lags(u, p, ts)
         return _lag(y, tau3, ts) if tau3 > 1e-9 else y
     if head > 0.0:
         x = _vessel_state(u, p, ts)
-    elif high > 1e29 and low < -1e29:
+    elif linear:
         x = _first_state(u, p, ts)
     else:
         x = _bounded_state(u, p, ts)
-    y = _lag(x, tau2, ts) if behind else x
+    y = x
+    if behind:
+        y = _two_lags(u, p, ts) if linear else _lag(x, tau2, ts)
     if zero != 0.0:
         y = y - zero * ((x - y) / tau2 if behind else _slopes(x, u, p))
     return _lag(y, tau3, ts) if tau3 > 1e-9 else y

@@ -19,7 +19,11 @@ def ranked(
     if not competed:
         return ()
     every = with_kindred(competed, max(competed, key=worth), blocks)
-    return tuple(sorted(every, key=lambda rival: -worth(rival)))
+    return by_worth(every)
+
+
+def by_worth(rivals_: tuple[Rival, ...]) -> tuple[Rival, ...]:
+    return tuple(sorted(rivals_, key=lambda rival: -worth(rival)))
 
 
 def reconciled(rival: Rival) -> Rival:

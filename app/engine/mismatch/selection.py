@@ -12,17 +12,17 @@ from app.engine.mismatch.pairs import (
     Places,
     chosen,
     first_beside,
-    first_from_pair,
     first_of,
     pairs_of,
+    paying_alone,
     second_beside,
-    second_from_pair,
     with_rivals,
 )
 from app.engine.mismatch.physics import TWINS
 from app.engine.mismatch.physics.generic import CODE as UNNAMED
-from app.engine.mismatch.ranking import best_of_each_code, ranked
+from app.engine.mismatch.ranking import best_of_each_code, by_worth, ranked
 from app.engine.mismatch.refitting import CODE as PARAMETERS
+from app.engine.mismatch.searching import searched
 from app.engine.mismatch.worth import (
     LEAST_OF_PENALTY,
     SECOND_MUST_GAIN,
@@ -61,7 +61,7 @@ def select(base: Fit, blocks: tuple[Block, ...], already: tuple[str, ...] = ()) 
     """
     offered = tuple(block for block in blocks if block.code not in already)
     surveyed = survey(base, offered)
-    first = ranked(base, offered, surveyed=surveyed)
+    first = deepened(ranked(base, offered, surveyed=surveyed), offered)
     asked = SECOND_MUST_GAIN if already else 0.0
     names = best_of_each_code(first)
     pays = bool(first) and worth(first[0]) > asked
@@ -81,7 +81,7 @@ def select(base: Fit, blocks: tuple[Block, ...], already: tuple[str, ...] = ()) 
             places = beside[other.block.name] = seconds(other, names, offered)
             pairs += places.pairs(names)
     best = with_rivals(chosen(pairs), beside)
-    alone = first_from_pair(best) or second_from_pair(best, base)
+    alone = paying_alone(best, base, first, offered)
     if alone is not None:
         lone = Selection(alone.fit, (believed(alone, names),), first)
         return lone if pays and stands(lone) else single
@@ -89,6 +89,14 @@ def select(base: Fit, blocks: tuple[Block, ...], already: tuple[str, ...] = ()) 
     ordered = tuple(sorted(effects, key=lambda effect: -effect.gain))
     both = Selection(best.second.fit, ordered, names, single if pays else None)
     return both if stands(both) else single
+
+
+def deepened(ranking: tuple[Rival, ...], blocks: tuple[Block, ...]) -> tuple[Rival, ...]:
+    """A ranking in which the names that others are looked for beside stand as well as they can: beside one in a poor
+    optimum anything pays that leads to a better.
+    """
+    deeper = {rival: searched(rival, blocks) for rival in leaders(ranking)}
+    return by_worth(tuple(deeper.get(rival, rival) for rival in ranking))
 
 
 def stands(selection: Selection) -> bool:
