@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from app.engine.fitness.signals import usable_values
+from app.engine.fitness.signals import resolution, usable_values
 from app.engine.oscillation import autocorrelation
 from app.engine.recording import BoolArray, FloatArray, Recording
 from app.errors import DataError
@@ -138,7 +138,7 @@ def _response_time_s(error: FloatArray, time_s: FloatArray) -> float | None:
 
     Gaps are closed up, so that a record with long gaps gives a value that is too short.
     """
-    if len(error) < SHORTEST_FOR_RESPONSE or np.ptp(error) == 0.0:
+    if len(error) < SHORTEST_FOR_RESPONSE or np.ptp(error) <= resolution(error):
         return None
     below = np.flatnonzero(autocorrelation(error) < np.exp(-1.0))
     return None if len(below) == 0 else float(below[0] * np.median(np.diff(time_s)))
@@ -190,9 +190,11 @@ def _turning(op: FloatArray, band: float) -> tuple[float, int]:
 def _harris_index(error: FloatArray, horizon: int) -> float | None:
     """Residual variance of an autoregression that looks `horizon` samples back, over the mean square."""
     rows = len(error) - horizon - HARRIS_TERMS + 1
-    if rows < 5 * HARRIS_TERMS or np.ptp(error) == 0.0:
+    if rows < 5 * HARRIS_TERMS or np.ptp(error) <= resolution(error):
         return None
     error = error - np.mean(error)
+    if not np.mean(error[horizon + HARRIS_TERMS - 1 :] ** 2) > 0.0:
+        return None  # so small that no square of it is left
     past = np.lib.stride_tricks.sliding_window_view(error, HARRIS_TERMS)[:rows]
     future = error[horizon + HARRIS_TERMS - 1 :]
     # Normal equations with a trace of ridge: exact enough for an index, and a twentieth of the cost of an SVD.

@@ -54,7 +54,9 @@ def swing_of(record: UniformRecord, oscillation: Oscillation) -> Swing | None:
     if not oscillation.regular or oscillation.period_s is None or np.ptp(record.pv) == 0.0:
         return None
     n = record.samples
-    spectrum = np.fft.rfft(without_line(record.pv) * hann(n))
+    # By a power of two, so exactly: lines and bands are shares, and the square of 1e-200 is none.
+    pv = np.ldexp(record.pv, -int(np.frexp(np.max(np.abs(record.pv)))[1]))
+    spectrum = np.fft.rfft(without_line(pv) * hann(n))
     peak = _peak(np.abs(spectrum), n * record.sampling_interval_s / oscillation.period_s)
     if peak is None:
         return None

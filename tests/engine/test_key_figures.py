@@ -58,6 +58,19 @@ def test_what_cannot_be_had_is_none():
     assert compute(recording([np.nan, np.nan])).op_travel_per_h is None
 
 
+@pytest.mark.parametrize("move", [np.nextafter(20.0, 21.0) - 20.0, -3e-15])
+def test_what_moves_by_a_rounding_alone_stands(move):
+    pv = np.full(300, 20.0)
+    pv[5] += move
+    figures = compute(recording(np.arange(300.0), pv, np.full(300, 10.0)))
+    assert (figures.harris_index, figures.response_time_s) == (None, None)
+
+
+def test_a_signal_whose_square_is_nothing():
+    noise = 1e-200 * np.random.default_rng(1).normal(size=400)
+    assert compute(recording(np.arange(400.0), noise)).harris_index is None
+
+
 def test_horizon_below_one_sample_is_refused():
     with pytest.raises(DataError, match="horizon"):
         compute(recording([1.0, 2.0]), harris_horizon_samples=0)

@@ -105,6 +105,19 @@ def wave(tag: str, period_s: float, phase: float = 0.0, start_s: float = 0.0, un
     return Candidate(tag, swing, 0.2, unit)
 
 
+def test_a_swing_is_the_same_in_any_unit():
+    pv = np.sin(np.arange(600) / 9.0) + 0.05 * np.random.default_rng(0).normal(size=600)
+    detected = detect(UniformRecord(10.0, pv, -pv, None, np.zeros(600, dtype=np.bool_), 0.0))
+    swings = [
+        swing_of(UniformRecord(10.0, pv * scale, -pv, None, np.zeros(600, dtype=np.bool_), 0.0), detected)
+        for scale in (1.0, 2.0**-1000, 1e-200, 1e90)
+    ]
+    for swing in swings:
+        assert swing is not None
+        np.testing.assert_allclose(swing.lines, swings[0].lines, atol=1e-12)
+        np.testing.assert_allclose(swing.bands, swings[0].bands, atol=1e-12)
+
+
 @pytest.mark.parametrize("onset_s", [0.0, 5000.0])
 def test_one_sticky_valve_that_shakes_ten_loops_is_the_likeliest_source(onset_s):
     found = [group for group in groups(candidates(onset_s)) if group.in_step]

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from app.engine import yper
+from app.engine.fitness.signals import resolution, usable_values
 from app.engine.freerun import valve_position
 from app.errors import DataError
 from app.ingest import carried
@@ -65,10 +66,22 @@ def _record(backend: Backend, tag: str, audit_id: str | None) -> tuple[_Record |
         window = [iso_utc(given.window_start) or "", iso_utc(given.window_end) or ""]
     if samples is None or len(samples) < 2:
         return None, window
+    pv, op, sp = (_usable(samples.signals.get(name)) for name in ("pv", "op", "sp"))
     missing = np.full(len(samples), np.nan)
-    pv, op = samples.signals.get("pv", missing), samples.signals.get("op", missing)
-    sp = samples.signals.get("sp")
-    return _Record(samples, pv, op, None if sp is None else carried(sp), _inside(samples, given)), window
+    inside = _inside(samples, given)
+    record = _Record(
+        samples,
+        missing if pv is None else pv,
+        missing if op is None else op,
+        None if sp is None else carried(sp),
+        inside,
+    )
+    return record, window
+
+
+def _usable(signal: FloatArray | None) -> FloatArray | None:
+    """What the audit takes for missing is missing in its charts: one bad-value marker would be all they show."""
+    return None if signal is None else np.where(usable_values(signal), signal, np.nan)
 
 
 def _inside(samples: Samples, given: Any) -> np.ndarray:
@@ -123,7 +136,7 @@ def _errors(record: _Record) -> dict[str, Any] | None:
         return None
     error = (record.sp - record.pv)[record.inside]
     error = error[np.isfinite(error)]
-    if len(error) < 2 or np.ptp(error) == 0.0:
+    if len(error) < 2 or np.ptp(error) <= resolution(error):
         return None
     count, edges = np.histogram(error, BINS)
     return {"middle": numbers((edges[1:] + edges[:-1]) / 2), "share_pct": numbers(100.0 * count / len(error))}
