@@ -159,7 +159,10 @@ class Settings(BaseSettings):
     @field_validator("time_zone")
     @classmethod
     def _known_zone(cls, name: str) -> str:
-        ZoneInfo(name)
+        try:
+            ZoneInfo(name)
+        except (LookupError, ValueError, OSError) as error:
+            raise ValueError(f"{name!r} is no time zone; an IANA name is needed, such as Europe/Berlin") from error
         return name
 
     @field_validator("data_dir")

@@ -17,5 +17,8 @@ def load_settings() -> "Settings":
     try:
         return Settings()
     except ValidationError as error:
-        wrong = (f"LOOPAUDIT_{'_'.join(map(str, item['loc'])).upper()}: {item['msg']}" for item in error.errors())
+        wrong = (
+            f"LOOPAUDIT_{'_'.join(map(str, item['loc'])).upper()}: {item['msg'].removeprefix('Value error, ')}"
+            for item in error.errors()
+        )
         raise RequestError("settings", "; ".join(wrong)) from None

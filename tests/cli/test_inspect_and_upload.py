@@ -172,11 +172,15 @@ def test_upload_to_no_address_is_2(tmp_path, monkeypatch, capsys, url):
     assert err.startswith("loopaudit: ")
 
 
-def test_a_setting_that_cannot_be_used_is_named(monkeypatch, capsys):
-    monkeypatch.setenv("LOOPAUDIT_NIGHTLY_AT", "late")
+@pytest.mark.parametrize(
+    ("name", "value"), [("NIGHTLY_AT", "late"), ("TIME_ZONE", "Middle/Earth"), ("TIME_ZONE", "../../etc/passwd")]
+)
+def test_a_setting_that_cannot_be_used_is_named(monkeypatch, capsys, name, value):
+    monkeypatch.setenv(f"LOOPAUDIT_{name}", value)
     code, _, err = as_program(monkeypatch, capsys, "nightly")
     assert code == 2
-    assert "LOOPAUDIT_NIGHTLY_AT" in err
+    assert err.startswith(f"loopaudit: LOOPAUDIT_{name}: ")
+    assert "Value error" not in err
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.0.2.1", "plant-server", ""])  # noqa: S104 - asks for keys
