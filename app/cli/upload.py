@@ -74,7 +74,9 @@ def send(client: "ServiceClient", file: Path, wait_s: float | None, how: "Readin
 
 
 def report(file: Path, state: dict[str, Any]) -> None:
-    """The result on stdout; rows that were refused on stderr, with their lines."""
+    """The result on stdout; what was odd and the rows that were refused on stderr, with their lines."""
     typer.echo(f"{file}\t{state['id']}\t{state['state']}\tloops {len(state.get('loops') or ())}")
+    for note in state.get("notes") or ():
+        say(f"{file}: {note}")
     for reject in (state.get("rejects") or ())[:3]:
         say(f"{file}: line {reject['line']}: {reject['text']} [{reject['code']}]")

@@ -10,6 +10,7 @@ from typer.testing import CliRunner, Result
 
 from app.cli.main import main
 from app.cli.serve import asks_for_keys
+from app.cli.upload import report
 from app.main import create_app
 from app.services.backend import Backend
 from app.services.intake.reading import read_upload
@@ -251,3 +252,14 @@ def test_a_check_without_tables_is_one_line(tmp_path, monkeypatch, capsys):
     assert code == 2
     assert "[database_away]" in said
     assert len(said.splitlines()) == 1
+
+
+def test_what_is_odd_about_an_upload_is_said(tmp_path, capsys):
+    state = {"id": "7", "state": "done", "loops": ["A"], "notes": ["the gzip file is damaged after 9 bytes"]}
+    reject = {"line": 3, "text": "Bad Input", "code": "not_a_number"}
+    report(tmp_path / "night.csv.gz", {**state, "rejects": [reject]})
+    told = capsys.readouterr().err.splitlines()
+    assert [line.partition("night.csv.gz: ")[2] for line in told] == [
+        "the gzip file is damaged after 9 bytes",
+        "line 3: Bad Input [not_a_number]",
+    ]
