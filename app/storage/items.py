@@ -111,6 +111,19 @@ def failures(connection: Connection, audit_id: int, limit: int) -> list[FailureR
     return [FailureRow(*row) for row in connection.execute(query)]
 
 
+def newest_failure(connection: Connection, loop_id: int, after: int) -> tuple[int, str] | None:
+    """The newest run after run `after` in which this audit failed, and why; one that was called off has not."""
+    query = (
+        select(audit_items.c.audit_id, audit_items.c.text)
+        .where(audit_items.c.loop_id == loop_id, audit_items.c.state == "failed", audit_items.c.audit_id > after)
+        .where(audit_items.c.code != "cancelled")
+        .order_by(audit_items.c.audit_id.desc())
+        .limit(1)
+    )
+    found = connection.execute(query).first()
+    return None if found is None else (found.audit_id, found.text)
+
+
 def _take(connection: Connection, audit_id: int, owner: str, chosen: Select[Any], lease_s: float) -> list[Claim]:
     running = select(audits.c.id).where(audits.c.id == audit_id, audits.c.state.in_(("planned", "running")))
     # A common table expression runs once; PostgreSQL may run a plain subquery for each row, past its limit.

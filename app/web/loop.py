@@ -36,6 +36,7 @@ def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
     found = loops.get_loop(backend, tag)
     told = {"it": found, "tag": found.tag, "notes": notes.list_notes(backend, tag)}
     told["explanation"] = newest_in_words(backend, tag)
+    told["failure"] = loops.newest_failure(backend, tag)
     try:
         row = loops.loop_health(backend, tag)
     except NotFoundError:

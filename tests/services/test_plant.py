@@ -14,7 +14,9 @@ from app.services.backend import Backend
 from app.services.plant import glossary, notes
 from app.services.plant import overview as plant
 from app.services.plant.groups import groups_of, plant_groups
-from app.services.plant.loops import loop_health, verdict_history
+from app.services.plant.loops import loop_health, newest_failure, verdict_history
+from app.storage import items, loops
+from app.storage.items import Failure
 from app.storage.tables import newest_rows, verdicts
 
 AddLoops = Callable[..., dict[str, int]]
@@ -34,6 +36,26 @@ def rewrite(backend: Backend, run: int, loop: int, **values: object) -> None:
         connection.execute(update(verdicts).where(*mine).values(**values))
         if "verdict" in values:
             connection.execute(update(newest_rows).where(*after).values(verdict_before=values["verdict"]))
+
+
+def test_an_audit_that_failed_is_told_until_one_has_not(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("A", "B")
+    assert newest_failure(backend, "A") is None
+    run = int(start_audit(backend).id)
+    with backend.database.write() as connection:
+        [claim] = [c for c in items.claim(connection, run, "test", 2, 60.0) if c.loop_id == loop_named(backend, "A")]
+        items.fail(connection, [Failure(claim, "fault", "it broke")])
+    assert newest_failure(backend, "A") == (run, "it broke")
+    assert newest_failure(backend, "B") is None
+    audited(backend)
+    assert newest_failure(backend, "A") is None
+
+
+def loop_named(backend: Backend, tag: str) -> int:
+    with backend.database.read() as connection:
+        row = loops.by_tag(connection, tag)
+    assert row is not None
+    return row.id
 
 
 @pytest.fixture

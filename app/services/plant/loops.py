@@ -10,7 +10,7 @@ from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.moments import iso_utc, moment_of
 from app.services.results import LoopView, Page
-from app.storage import loops, verdicts
+from app.storage import items, loops, verdicts
 from app.storage.loops import SETTABLE, LoopRow
 
 SPANS = (("pv_low", "pv_high"), ("op_low", "op_high"))
@@ -85,6 +85,13 @@ def verdict_history(backend: Backend, tag: str, limit: int = 100, cursor: str | 
         found = verdicts.history(connection, row.id, limit + 1, before[0] if before else None)
     following = encode(found[limit - 1]["audit_id"]) if len(found) > limit else None
     return Page([as_row(verdict) for verdict in found[:limit]], following)
+
+
+def newest_failure(backend: Backend, tag: str) -> tuple[int, str] | None:
+    """Run and reason where the audit of a loop has failed since its newest verdict."""
+    row = find(backend, tag)
+    with backend.database.read() as connection:
+        return items.newest_failure(connection, row.id, row.newest_audit_id or 0)
 
 
 def verdict_detail(backend: Backend, tag: str, audit_id: str | None = None) -> dict[str, Any]:
