@@ -19,6 +19,8 @@ Search = Annotated[str | None, Query(max_length=200, description="Part of a tag.
 Unit = Annotated[str | None, Query(max_length=200, description="Plant unit.")]
 Points = Annotated[int, Query(ge=2, le=10000, description="About how many points are wanted.")]
 Instant = Annotated[IsoTime | None, Query(description="ISO 8601; without an offset it is UTC.")]
+From = Annotated[IsoTime | None, Query(alias="from", description="Another name of start, as explanations have it.")]
+To = Annotated[IsoTime | None, Query(alias="to", description="Another name of end, as explanations have it.")]
 
 # The routes with more behind the tag come first: a tag may hold slashes.
 
@@ -46,9 +48,17 @@ def verdicts(backend: Services, tag: LoopTag, limit: Limit = 100, cursor: Cursor
 
 
 @router.get("/loops/{tag:path}/trend", response_model=TrendOut, responses=responses(404, 422), summary="PV, OP and SP")
-def trend(backend: Services, tag: LoopTag, points: Points = 2000, start: Instant = None, end: Instant = None) -> Any:
+def trend(
+    backend: Services,
+    tag: LoopTag,
+    points: Points = 2000,
+    start: Instant = None,
+    end: Instant = None,
+    from_: From = None,
+    to: To = None,
+) -> Any:
     """The series of a loop, thinned to what a screen shows: of each stretch the least and the greatest value."""
-    return thinned(backend, tag, points=points, start=start, end=end)
+    return thinned(backend, tag, points=points, start=start or from_, end=end or to)
 
 
 @router.get("/loops/{tag:path}", response_model=LoopOut, responses=responses(404), summary="One loop")

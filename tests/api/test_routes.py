@@ -192,6 +192,8 @@ def test_health_trend_and_history_of_a_loop(client, plant, tag):
     assert trend["samples"] == 400
     assert len(trend["time"]) == len(trend["pv"]) == len(trend["op"]) == len(trend["sp"]) <= 120
     part = client.get(f"{url}/trend", params={"start": "2026-01-01T00:10:00Z", "end": "2026-01-01T00:15:00Z"}).json()
+    same = client.get(f"{url}/trend", params={"from": "2026-01-01T00:10:00Z", "to": "2026-01-01T00:15:00Z"}).json()
+    assert same == part
     assert part["samples"] in (60, 61)
     assert part["time"][0] == "2026-01-01T00:10:00Z"
 
