@@ -160,21 +160,27 @@ def _unclear(weighing: Weighing, oscillation: Oscillation, config: VerdictConfig
     stiction the less likely cause, but clears no valve whose shapes do not.
     """
     probability, shapes = weighing.probability, weighing.probability_by_shapes
-    cycling = oscillation.regular and oscillation.strength >= config.strong_swing and not _keeps_phase(weighing, config)
-    enough = config.reliable_cycling_from if cycling else config.reliable_stiction_from
-    if config.reliable_no_stiction_to < probability < enough:
-        text = f"the evidence is not clear enough: probability of stiction {probability:.2f}"
-        return [Reason("evidence_not_clear", text)]
-    if probability <= config.reliable_no_stiction_to < shapes:
+    if probability <= config.reliable_no_stiction_to:
+        if shapes <= config.reliable_no_stiction_to:
+            return []
         text = f"another cause explains the record, but the shapes do not clear the valve: {shapes:.2f} by them alone"
         return [Reason("not_cleared", text)]
-    return []
+    if probability >= config.reliable_stiction_from:
+        return []
+    if probability >= config.reliable_cycling_from and _limit_cycle(weighing, oscillation, config):
+        return []
+    text = f"the evidence is not clear enough: probability of stiction {probability:.2f}"
+    return [Reason("evidence_not_clear", text)]
 
 
-def _keeps_phase(weighing: Weighing, config: VerdictConfig) -> bool:
-    """Whether the oscillation is all but one sine, under whatever noise: a valve that sticks lets go now and then."""
+def _limit_cycle(weighing: Weighing, oscillation: Oscillation, config: VerdictConfig) -> bool:
+    """Whether the loop swings regularly and strongly, and not as one sine under noise does: a valve that sticks lets go
+    now and then.
+    """
+    if not oscillation.regular or oscillation.strength < config.strong_swing:
+        return False
     window = weighing.features.windows[0]
-    return all(held_out_fundamental(x) >= config.max_wave for x in (window.pv, window.op))
+    return any(held_out_fundamental(x) < config.max_wave for x in (window.pv, window.op))
 
 
 def _unrelated(fitness: Fitness, oscillation: Oscillation, config: VerdictConfig) -> tuple[Reason, ...]:

@@ -1,10 +1,16 @@
 """Gram matrices of lagged signals, from one row and one column of correlations and exact corrections at the edges."""
 
+from typing import cast
+
 import numpy as np
 from numba import njit
 
 from app.engine.recording import FloatArray
 from app.engine.sampled import REORDERED_SUMS
+
+# Numbers of NumPy, because numba compiles a kernel anew for each literal that it is called with.
+NOW, LAST = cast(int, np.int64(0)), cast(int, np.int64(1))
+"""The lag of the present sample, and of the last one before it."""
 
 
 @njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from app.engine.armax.gram import fill_lagged_gram, fill_own_gram
+from app.engine.armax.gram import LAST, NOW, fill_lagged_gram, fill_own_gram
 from app.engine.armax.kernel import (
     criterion_value,
     efficient_gram,
@@ -44,7 +44,6 @@ def search_grid(
     takes. Every order of every valve position is judged over the same samples, p + nc..N-1.
     """
     na, nb, nc = orders
-    now, last = int(np.int64(0)), int(np.int64(1))  # no literals: numba compiles a kernel anew for each of them
     size = na + nb + nc + 1
     first = p + nc
     samples = len(y) - first
@@ -54,11 +53,11 @@ def search_grid(
     rooms, residuals = sweep_rooms(orders), np.empty((na, nb, nc + 1))
     errors = np.empty(len(y))
     best = (1, 1, nc_min)
-    fill_own_gram(yy, now, y, (now, p + 1), first)
+    fill_own_gram(yy, NOW, y, (NOW, p + 1), first)
     for m in range(v.shape[0]):
         stem = v[m] - means[m]
-        fill_lagged_gram(yv, now, now, y, stem, (now, p + 1, last, p), first)
-        fill_own_gram(vv, now, stem, (last, p), first)
+        fill_lagged_gram(yv, NOW, NOW, y, stem, (NOW, p + 1, LAST, p), first)
+        fill_own_gram(vv, NOW, stem, (LAST, p), first)
         long_autoregression(y, stem, yy, yv, vv, long_room, errors)
         regression_gram(y, stem, errors, yy, yv, vv, orders, first, gram)
         for stage in range(2, stages + 1):

@@ -4,6 +4,8 @@ import numpy as np
 from numba import njit
 
 from app.engine.armax.gram import (
+    LAST,
+    NOW,
     add_lagged,
     eliminate,
     eliminate_abreast,
@@ -66,19 +68,18 @@ def regression_gram(
 ) -> None:
     """The upper triangle over [y lags 1..na, v lags 1..nb, innovation lags 1..nc, y] into gram (size, size)."""
     na, nb, nc = orders
-    now, last = int(np.int64(0)), int(np.int64(1))  # no literals: numba compiles a kernel anew for each of them
     target = na + nb + nc
     gram[:na, :na] = yy[1 : na + 1, 1 : na + 1]
     gram[:na, na : na + nb] = yv[1 : na + 1, :nb]
     gram[na : na + nb, na : na + nb] = vv[:nb, :nb]
-    fill_lagged_gram(gram, now, na + nb, y, errors, (last, na, last, nc), first)
-    fill_lagged_gram(gram, na, na + nb, v, errors, (last, nb, last, nc), first)
-    fill_own_gram(gram, na + nb, errors, (last, nc), first)
+    fill_lagged_gram(gram, NOW, na + nb, y, errors, (LAST, na, LAST, nc), first)
+    fill_lagged_gram(gram, na, na + nb, v, errors, (LAST, nb, LAST, nc), first)
+    fill_own_gram(gram, na + nb, errors, (LAST, nc), first)
     for i in range(na):
         gram[i, target] = yy[0, i + 1]
     for j in range(nb):
         gram[na + j, target] = yv[0, j]
-    lagged_dots(y, errors, now, last, first, gram[na + nb : target, target])
+    lagged_dots(y, errors, NOW, LAST, first, gram[na + nb : target, target])
     gram[target, target] = yy[0, 0]
 
 
@@ -207,14 +208,13 @@ def filtered_gram(filtered: FloatArray, orders: tuple, first: int, gram: FloatAr
     These lags are the derivatives of the prediction errors, but for the first samples. filtered: the three in rows.
     """
     na, nb, nc = orders
-    now, last = int(np.int64(0)), int(np.int64(1))  # no literals: numba compiles a kernel anew for each of them
     y, v, e = filtered[0], filtered[1], filtered[2]
-    fill_own_gram(gram, now, y, (last, na), first)
-    fill_lagged_gram(gram, now, na, y, v, (last, na, last, nb), first)
-    fill_lagged_gram(gram, now, na + nb, y, e, (last, na, last, nc), first)
-    fill_own_gram(gram, na, v, (last, nb), first)
-    fill_lagged_gram(gram, na, na + nb, v, e, (last, nb, last, nc), first)
-    fill_own_gram(gram, na + nb, e, (last, nc), first)
+    fill_own_gram(gram, NOW, y, (LAST, na), first)
+    fill_lagged_gram(gram, NOW, na, y, v, (LAST, na, LAST, nb), first)
+    fill_lagged_gram(gram, NOW, na + nb, y, e, (LAST, na, LAST, nc), first)
+    fill_own_gram(gram, na, v, (LAST, nb), first)
+    fill_lagged_gram(gram, na, na + nb, v, e, (LAST, nb, LAST, nc), first)
+    fill_own_gram(gram, na + nb, e, (LAST, nc), first)
 
 
 @njit(cache=True, nogil=True)
@@ -226,14 +226,13 @@ def efficient_gram(
     With y', v' and e' the signals through the model's 1/C, y' + e - e' is regressed on the lags of y', v' and e'.
     """
     na, nb, nc = orders
-    now, last = int(np.int64(0)), int(np.int64(1))  # no literals: numba compiles a kernel anew for each of them
     target = na + nb + nc
     filtered = np.empty((3, len(y)))
     filtered[0], filtered[1], filtered[2] = y, v, errors
     filter_by_c(filtered, c, filtered)
     filtered_gram(filtered, orders, first, gram)
     goal = filtered[0] + errors - filtered[2]
-    lagged_dots(goal, filtered[0], now, last, first, gram[:na, target])
-    lagged_dots(goal, filtered[1], now, last, first, gram[na : na + nb, target])
-    lagged_dots(goal, filtered[2], now, last, first, gram[na + nb : target, target])
-    gram[target, target] = lagged_dot(goal, goal, now, now, first)
+    lagged_dots(goal, filtered[0], NOW, LAST, first, gram[:na, target])
+    lagged_dots(goal, filtered[1], NOW, LAST, first, gram[na : na + nb, target])
+    lagged_dots(goal, filtered[2], NOW, LAST, first, gram[na + nb : target, target])
+    gram[target, target] = lagged_dot(goal, goal, NOW, NOW, first)

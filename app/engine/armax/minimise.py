@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from app.engine.armax.gram import lagged_dot, lagged_dots, solve_least_squares
+from app.engine.armax.gram import LAST, NOW, lagged_dot, lagged_dots, solve_least_squares
 from app.engine.armax.kernel import COLLINEAR, filtered_gram
 from app.engine.armax.predict import SLOWEST_ROOT, filter_by_c, is_stable, prediction_errors, sum_of_squares
 from app.engine.recording import FloatArray
@@ -23,12 +23,11 @@ def _gradient(
     filtered signals the start of the record would be slightly wrong, and the steps would stall where C is slow.
     """
     na, nb, nc = orders
-    now, last = int(np.int64(0)), int(np.int64(1))  # no literals: numba compiles a kernel anew for each of them
     start, target = max(na, nb), na + nb + nc
-    lagged_dots(adjoint, y, now, last, start, gram[:na, target])
-    lagged_dots(adjoint, v, now, last, start, gram[na : na + nb, target])
+    lagged_dots(adjoint, y, NOW, LAST, start, gram[:na, target])
+    lagged_dots(adjoint, v, NOW, LAST, start, gram[na : na + nb, target])
     for k in range(nc):
-        gram[na + nb + k, target] = lagged_dot(errors, adjoint, k + 1, now, max(start, k + 1))
+        gram[na + nb + k, target] = lagged_dot(errors, adjoint, k + 1, NOW, max(start, k + 1))
 
 
 @njit(cache=True, nogil=True)

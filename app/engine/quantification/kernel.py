@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from app.engine.armax.gram import fill_lagged_gram, fill_own_gram, residuals_abreast
+from app.engine.armax.gram import NOW, fill_lagged_gram, fill_own_gram, residuals_abreast
 from app.engine.recording import FloatArray
 from app.engine.valve import he_stems, kano_stems
 
@@ -38,12 +38,11 @@ def residuals(
     He's. The stem acts from the sample after on (thinned: from the mean of the samples since the one before on), so
     that the controller's way from PV to OP is no explanation. A stem that OP never moves explains nothing.
     """
-    now = int(np.int64(0))  # no literal: numba compiles a kernel anew for each of them
     first_lag = 1 if stride == 1 else 0
     first = max(lags_pv, lags_v + first_lag)
     own, grams = np.zeros((lags_pv + 1, lags_pv + 1)), np.zeros((lags_pv + lags_v + 1, lags_pv + lags_v + 1, 1))
     out = np.empty(len(S))
-    fill_own_gram(own, now, pv, (now, lags_pv + 1), first)
+    fill_own_gram(own, NOW, pv, (NOW, lags_pv + 1), first)
     _fill_pv(grams, own, lags_pv)
     residuals_abreast(grams, _COLLINEAR, out[:1])
     out[:] = out[0]
@@ -65,7 +64,6 @@ def _of_moving(
     first: int,
 ) -> FloatArray:
     """`residuals` of valves that OP moves. own: Gram matrix of PV and its lags over the samples from `first` on."""
-    now = int(np.int64(0))  # no literal: numba compiles a kernel anew for each of them
     first_lag, lags_pv = 1 if stride == 1 else 0, own.shape[0] - 1
     goal, abreast = lags_pv + lags_v, min(_ABREAST, len(S))
     across, stem = np.empty((lags_pv + 1, lags_v)), np.zeros((lags_v, lags_v))
@@ -82,8 +80,8 @@ def _of_moving(
                 w -= w.mean()
             else:
                 w = v[m] - means[m]
-            fill_lagged_gram(across, now, now, pv, w, (now, lags_pv + 1, first_lag, lags_v), first)
-            fill_own_gram(stem, now, w, (first_lag, lags_v), first)
+            fill_lagged_gram(across, NOW, NOW, pv, w, (NOW, lags_pv + 1, first_lag, lags_v), first)
+            fill_own_gram(stem, NOW, w, (first_lag, lags_v), first)
             _fill_stem(grams, m, across, stem)
         residuals_abreast(grams, _COLLINEAR, out[valves])
     return out
