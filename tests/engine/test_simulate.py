@@ -1,13 +1,15 @@
 """The closed-loop simulator against what can be worked out by hand."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import signal
+from scipy import linalg, signal
 
+from app.engine.recording import FloatArray
 from app.engine.simulate import (
     LinearController,
     LinearValve,
@@ -39,7 +41,7 @@ def open_loop(plant: Plant, **changes: object) -> LoopSpec:
 
 def test_first_order_step_response_is_exact_at_any_step() -> None:
     loop = simulate_loop(open_loop(first_order(2.0, 30.0)), 300.0, 10.0)
-    assert loop.pv == pytest.approx(2.0 * (1.0 - np.exp(-loop.time_s / 30.0)), abs=1e-12)
+    assert loop.pv == pytest.approx(2.0 * (1.0 - np.exp(-loop.time_s / 30.0)), abs=1e-11)
 
 
 @given(theta=st.floats(0.0, 40.0), step=st.sampled_from([0.5, 1.0, 5.0]))
@@ -58,7 +60,7 @@ def test_second_order_step_response_matches_scipy() -> None:
 
 def test_integrator_ramps_with_its_gain_after_the_dead_time() -> None:
     loop = simulate_loop(open_loop(integrator(0.02, 7.0)), 100.0, 5.0)
-    assert loop.pv == pytest.approx(0.02 * np.maximum(0.0, loop.time_s - 7.0), abs=1e-12)
+    assert loop.pv == pytest.approx(0.02 * np.maximum(0.0, loop.time_s - 7.0), abs=1e-11)
     assert loop.spec.plant.integrating
 
 
@@ -150,6 +152,24 @@ def test_same_seed_same_record_other_seed_another() -> None:
     spec = noisy(TwoParameterValve(5.0, 2.0))
     assert np.array_equal(simulate_loop(spec, 500.0, 5.0, 7).pv, simulate_loop(spec, 500.0, 5.0, 7).pv)
     assert not np.array_equal(simulate_loop(spec, 500.0, 5.0, 7).pv, simulate_loop(spec, 500.0, 5.0, 8).pv)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_last_bits_of_the_machine_s_libraries_make_no_other_loop(seed: int, monkeypatch) -> None:
+    """A sticky valve under noise turns them into another moment at which it slips, and then all is another."""
+    load = Signal(noise_sd=0.4, noise_tau_s=40.0, waves=(Wave(0.3, 170.0),))
+    spec = replace(noisy(TwoParameterValve(4.0, 2.0), second_order(1.0, 9.0, 1.2, 3.5)), load=load)
+    here = simulate_loop(spec, 4000.0, 1.0, seed)
+    for module, name in ((linalg, "expm"), (signal, "lfilter"), (np, "sin")):
+        monkeypatch.setattr(module, name, nudged(getattr(module, name)))
+    elsewhere = simulate_loop(spec, 4000.0, 1.0, seed)
+    assert np.array_equal(here.pv, elsewhere.pv)
+    assert np.array_equal(here.op, elsewhere.op)
+
+
+def nudged(function: Callable[..., FloatArray]) -> Callable[..., FloatArray]:
+    """The same function on a machine where the last bit of its answers is another."""
+    return lambda *given: np.nextafter(function(*given), np.inf)
 
 
 @pytest.mark.parametrize(

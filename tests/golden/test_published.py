@@ -58,7 +58,7 @@ class Case:
 
 CASES = [
     Case("System I", "system_one", (5, 5, 25), WIDE, 0, 0.8352, 0, 0.00, 0.00, 0.00),
-    Case("System II, classic valve", "system_two", (5, 5, 25), WIDE, 0.73029, 0.6938, 0, 4.14, 34.98, 35.04),
+    Case("System II, classic valve", "system_two", (5, 5, 25), WIDE, 0.82436, 0.7328, 0, 4.28, 31.62, 31.77),
     Case(
         "System II, no Coulomb friction",
         "system_two_slip_only",

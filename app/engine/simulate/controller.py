@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import linalg, signal
+from scipy import signal
 
 from app.engine.recording import FloatArray
+from app.engine.simulate.hold import zero_order_hold
 from app.errors import DataError
 
 FASTEST_TRACKING_STEPS = 1.0
@@ -101,17 +102,13 @@ def _linear(controller: LinearController, step_s: float) -> DiscreteController:
     if len(controller.numerator) > len(controller.denominator):
         raise DataError("controller_improper", f"{controller} must not have more zeros than poles")
     a, b, c, d = signal.tf2ss(controller.numerator, controller.denominator)
-    order = len(a)
-    block = np.zeros((order + 1, order + 1))
-    block[:order, :order], block[:order, order:] = a, b
-    held = linalg.expm(block * step_s)
-    gamma = held[:order, order].copy()
+    phi, gamma = zero_order_hold(a, b, step_s)
     return DiscreteController(
-        a=np.ascontiguousarray(held[:order, :order]),
+        a=phi,
         b_sp=gamma,
         b_pv=-gamma,
         c=np.ascontiguousarray(c[0]),
         d_sp=float(d[0, 0]),
         d_pv=-float(d[0, 0]),
-        tracking=np.zeros(order),
+        tracking=np.zeros(len(a)),
     )

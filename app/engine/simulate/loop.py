@@ -9,6 +9,7 @@ from app.engine.recording import FloatArray, Recording, UniformRecord
 from app.engine.simulate import actuator, controller, kernel, plant
 from app.engine.simulate.actuator import LinearValve, Valve
 from app.engine.simulate.controller import Controller, Manual
+from app.engine.simulate.digits import in_eleven_digits
 from app.engine.simulate.plant import Plant
 from app.engine.simulate.signals import Signal
 from app.errors import DataError
@@ -154,8 +155,8 @@ def _run(spec: LoopSpec, driven: FloatArray, step_s: float, every: int, first: i
         driven,
         every,
         first,
-        plant.discretise(spec.plant, step_s),
-        controller.discretise(spec.controller, step_s),
+        in_eleven_digits(plant.discretise(spec.plant, step_s)),
+        in_eleven_digits(controller.discretise(spec.controller, step_s)),
         actuator.compiled(spec.valve, spec.op_start, step_s),
         _instrument(spec.pv_limits, spec.pv_resolution, spec.pv_start),
         _instrument(spec.op_limits, spec.op_resolution, spec.op_start),

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import linalg, signal
+from scipy import signal
 
 from app.engine.recording import FloatArray
+from app.engine.simulate.hold import zero_order_hold
 from app.errors import DataError
 
 
@@ -84,8 +85,8 @@ def discretise(plant: Plant, step_s: float) -> DiscretePlant:
     steps = plant.dead_time_s / step_s
     delay_steps = int(np.floor(steps + 1e-9))
     late_s = max(0.0, plant.dead_time_s - delay_steps * step_s)
-    phi_early, gamma_now = _held(a, b, step_s - late_s)
-    phi_late, gamma_late = _held(a, b, late_s)
+    phi_early, gamma_now = zero_order_hold(a, b, step_s - late_s)
+    phi_late, gamma_late = zero_order_hold(a, b, late_s)
     return DiscretePlant(
         phi=phi_early @ phi_late,
         gamma_now=gamma_now,
@@ -93,13 +94,3 @@ def discretise(plant: Plant, step_s: float) -> DiscretePlant:
         c=np.ascontiguousarray(c[0]),
         delay_steps=delay_steps,
     )
-
-
-def _held(a: FloatArray, b: FloatArray, time_s: float) -> tuple[FloatArray, FloatArray]:
-    order = len(a)
-    if time_s == 0.0:
-        return np.eye(order), np.zeros(order)
-    block = np.zeros((order + 1, order + 1))
-    block[:order, :order], block[:order, order:] = a, b
-    both = linalg.expm(block * time_s)
-    return both[:order, :order], both[:order, order]

@@ -7,6 +7,7 @@ import numpy as np
 from scipy import signal
 
 from app.engine.recording import FloatArray
+from app.engine.simulate.digits import in_seven_digits
 
 WaveForm = Literal["sine", "square", "triangle"]
 
@@ -59,7 +60,7 @@ class Signal:
 def _form(wave: Wave, time_s: FloatArray) -> FloatArray:
     angle = 2.0 * np.pi * time_s / wave.period_s + wave.phase_rad
     if wave.form == "sine":
-        return np.sin(angle)
+        return in_seven_digits(np.sin(angle))
     if wave.form == "square":
         # Half-open halves: a sample that falls on an edge belongs to what follows, whatever the rounding.
         return np.where(np.mod(angle + 1e-9, 2.0 * np.pi) < np.pi, 1.0, -1.0)
@@ -69,7 +70,7 @@ def _form(wave: Wave, time_s: FloatArray) -> FloatArray:
 def _coloured(spec: Signal, time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
     white = rng.standard_normal(len(time_s))
     if not spec.noise_tau_s or len(time_s) < 2:
-        return spec.noise_sd * white
+        return in_seven_digits(spec.noise_sd * white)
     pole = np.exp(-(time_s[1] - time_s[0]) / spec.noise_tau_s)
     white[1:] *= np.sqrt(1.0 - pole**2)  # the first sample is drawn from the stationary distribution
-    return spec.noise_sd * signal.lfilter([1.0], [1.0, -pole], white)
+    return in_seven_digits(spec.noise_sd * signal.lfilter([1.0], [1.0, -pole], white))

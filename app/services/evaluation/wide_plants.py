@@ -27,6 +27,7 @@ from app.engine.simulate import (
     second_order,
     simulate_loop,
 )
+from app.services.testbench.case import log_uniform
 from app.services.testbench.tuning import tuned
 
 CAUSES = ("stiction", "tuning", "oscillation", "load", "steps", "saturation", "quantisation", "set_point", "quiet")
@@ -63,8 +64,8 @@ def draw(rng: np.random.Generator) -> tuple[UniformRecord, str, float, float] | 
     Raises DataError where the loop runs away.
     """
     cause, kind = str(rng.choice(CAUSES, p=_CHANCES)), str(rng.choice(_PLANTS, p=_PLANT_CHANCES))
-    tau_s = _log(rng, 1.5, 60.0)
-    dead_s = tau_s * _log(rng, *{"fast": (0.02, 0.06), "dead": (1.0, 4.0)}.get(kind, (0.05, 0.8)))
+    tau_s = log_uniform(rng, 1.5, 60.0)
+    dead_s = tau_s * log_uniform(rng, *{"fast": (0.02, 0.06), "dead": (1.0, 4.0)}.get(kind, (0.05, 0.8)))
     S = 1.0 if cause == "stiction" else 0.0
     J = S * float(rng.choice([0.0, rng.random(), 1.0, 1.3], p=[0.2, 0.5, 0.25, 0.05]))
     drawn = _Draw(cause, kind, S, J, tau_s + dead_s)
@@ -113,28 +114,30 @@ def _spec(rng: np.random.Generator, drawn: _Draw, plant: Plant) -> LoopSpec:
 def _controller(rng: np.random.Generator, drawn: _Draw, plant: Plant) -> Pid:
     kinds, chances = (("P", "PI", "PID"), (0.25, 0.65, 0.1)) if drawn.level else (("PI", "PID"), (0.88, 0.12))
     kind = str(rng.choice(kinds, p=chances))
-    tightness = float(rng.uniform(1.0, 1.15)) if drawn.cause == "tuning" else _log(rng, 0.04, 0.9)
+    tightness = float(rng.uniform(1.0, 1.15)) if drawn.cause == "tuning" else log_uniform(rng, 0.04, 0.9)
     controller = tuned(plant, kind, drawn.slow_s, tightness)  # type: ignore[arg-type]
     if kind == "P":
         return controller
-    return replace(controller, Ti_s=controller.Ti_s * _log(rng, 0.35 if drawn.level else 0.5, 4.0))
+    return replace(controller, Ti_s=controller.Ti_s * log_uniform(rng, 0.35 if drawn.level else 0.5, 4.0))
 
 
 def _disturbance(rng: np.random.Generator, drawn: _Draw) -> Signal:
     slow_s = drawn.slow_s
-    calm = Signal(noise_sd=_log(rng, 0.01, 0.3), noise_tau_s=slow_s * _log(rng, 2.0, 20.0))
+    calm = Signal(noise_sd=log_uniform(rng, 0.01, 0.3), noise_tau_s=slow_s * log_uniform(rng, 2.0, 20.0))
     if drawn.sticky:
         pushed = replace(calm, value=0.6 * float(rng.choice([-1.0, 1.0])))
         kind = str(rng.choice(["coloured", "waves", "steps", "calm"], p=[0.35, 0.15, 0.1, 0.4]))
         if kind == "coloured":
-            return replace(pushed, noise_sd=_log(rng, 0.1, 1.5))
+            return replace(pushed, noise_sd=log_uniform(rng, 0.1, 1.5))
         if kind == "waves":
-            return replace(pushed, waves=_waves(rng, slow_s, _log(rng, 0.1, 2.0)))
-        return replace(pushed, steps=_steps(rng, _log(rng, 0.1, 1.0), 25.0 * slow_s)) if kind == "steps" else pushed
+            return replace(pushed, waves=_waves(rng, slow_s, log_uniform(rng, 0.1, 2.0)))
+        if kind == "steps":
+            return replace(pushed, steps=_steps(rng, log_uniform(rng, 0.1, 1.0), 25.0 * slow_s))
+        return pushed
     if drawn.cause in ("oscillation", "saturation"):
         return replace(calm, waves=_waves(rng, slow_s, 1.0))
     if drawn.cause == "steps":
-        return replace(calm, steps=_steps(rng, 1.0, slow_s * _log(rng, 8.0, 60.0)))
+        return replace(calm, steps=_steps(rng, 1.0, slow_s * log_uniform(rng, 8.0, 60.0)))
     return replace(calm, noise_sd=1.0) if drawn.cause == "load" else calm
 
 
@@ -146,12 +149,12 @@ def _set_point(rng: np.random.Generator, drawn: _Draw) -> Signal:
     if kind == "waves":
         return Signal(waves=_waves(rng, slow_s, size))
     if kind == "noise":
-        return Signal(noise_sd=size, noise_tau_s=slow_s * _log(rng, 3.0, 30.0))
-    return Signal(steps=_steps(rng, size, slow_s * _log(rng, 20.0, 200.0)))
+        return Signal(noise_sd=size, noise_tau_s=slow_s * log_uniform(rng, 3.0, 30.0))
+    return Signal(steps=_steps(rng, size, slow_s * log_uniform(rng, 20.0, 200.0)))
 
 
 def _waves(rng: np.random.Generator, slow_s: float, size: float) -> tuple[Wave, ...]:
-    period_s, phase = slow_s * _log(rng, 4.0, 40.0), float(rng.uniform(0.0, 6.28))
+    period_s, phase = slow_s * log_uniform(rng, 4.0, 40.0), float(rng.uniform(0.0, 6.28))
     form = rng.choice(["sine", "triangle", "square"], p=[0.6, 0.25, 0.15])
     waves = [Wave(size, period_s, form, phase)]
     if rng.random() < 0.4:
@@ -173,23 +176,23 @@ def _recorded(rng: np.random.Generator, drawn: _Draw, spec: LoopSpec) -> Simulat
     look = simulate_loop(spec, 300.0 * drawn.slow_s, finest_s, seed=1)
     period_s = detect(look.uniform()).period_s or 15.0 * drawn.slow_s
     movement = float(np.std(look.true_pv)) or 1.0
-    per_cycle, cycles = _log(rng, 6.0, 150.0), _log(rng, 4.0, 40.0)
+    per_cycle, cycles = log_uniform(rng, 6.0, 150.0), log_uniform(rng, 4.0, 40.0)
     samples, interval_s = int(np.clip(per_cycle * cycles, 250, 1500)), period_s / per_cycle
-    noise = movement * _log(rng, 0.005, 0.6 if drawn.sticky else 0.9)
+    noise = movement * log_uniform(rng, 0.005, 0.6 if drawn.sticky else 0.9)
     seen = replace(
         spec,
         noise=Signal(noise_sd=noise, noise_tau_s=float(rng.choice([0.0, 0.0, 1.0])) * interval_s),
         step_s=interval_s / int(np.ceil(interval_s / finest_s)),
         pv_resolution=_resolution(rng, drawn, movement),
-        op_resolution=float(np.std(look.op)) * _log(rng, 0.01, 0.2) if rng.random() < 0.15 else 0.0,
+        op_resolution=float(np.std(look.op)) * log_uniform(rng, 0.01, 0.2) if rng.random() < 0.15 else 0.0,
     )
     return simulate_loop(seen, samples * interval_s, interval_s, int(rng.integers(2**31)))
 
 
 def _resolution(rng: np.random.Generator, drawn: _Draw, movement: float) -> float:
     if drawn.cause == "quantisation":
-        return 1.2 * movement * _log(rng, 0.5, 2.0)
-    return movement * _log(rng, 0.02, 0.5) if rng.random() < 0.15 else 0.0
+        return 1.2 * movement * log_uniform(rng, 0.5, 2.0)
+    return movement * log_uniform(rng, 0.02, 0.5) if rng.random() < 0.15 else 0.0
 
 
 def _exercised(loop: SimulatedLoop) -> bool:
@@ -202,10 +205,6 @@ def _historian(rng: np.random.Generator, time_s: FloatArray) -> Callable[[FloatA
     kind = rng.choice(["exception", "swinging_door"])
 
     def stored(x: FloatArray) -> FloatArray:
-        return rebuild(time_s, x, keep(time_s, x, _log(rng, 0.05, 0.6) * float(np.std(x)), kind), kind)
+        return rebuild(time_s, x, keep(time_s, x, log_uniform(rng, 0.05, 0.6) * float(np.std(x)), kind), kind)
 
     return stored
-
-
-def _log(rng: np.random.Generator, low: float, high: float) -> float:
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))

@@ -17,7 +17,7 @@ from app.engine.recording import UniformRecord
 from app.errors import DataError
 from app.services.evaluation.plants import known_loops
 from app.services.testbench.building import build
-from app.services.testbench.case import PLANTS, Case, ordinary
+from app.services.testbench.case import PLANTS, Case, log_uniform, ordinary
 
 _VERIFY_VALVES = ("he", "choudhury", "kano", "one_parameter", "physical")
 
@@ -70,14 +70,14 @@ def _drawn(rng: np.random.Generator) -> Case:
         plant=PLANTS[rng.integers(len(PLANTS))],
         controller=("PI", "PI", "PID", "P")[rng.integers(4)],
         tightness=float(rng.uniform(0.08, 0.75)),
-        size_pct=float(np.exp(rng.uniform(0.0, 3.0))),
+        size_pct=log_uniform(rng, 1.0, 20.0),
         J_ratio=(0.0, 0.1, 0.3, 0.6, 1.0)[rng.integers(5)],
         valve=_VERIFY_VALVES[rng.integers(len(_VERIFY_VALVES))],  # type: ignore[arg-type]
         noise_share=(0.0, 0.03, 0.1, 0.25)[rng.integers(4)],
-        points_per_cycle=float(np.exp(rng.uniform(np.log(8.0), np.log(250.0)))),
+        points_per_cycle=log_uniform(rng, 8.0, 250.0),
         cycles=float(rng.uniform(6.0, 40.0)),
         load=("coloured", "sine", "steps")[rng.integers(3)],
-        load_share=float(np.exp(rng.uniform(np.log(0.02), np.log(0.4)))),
+        load_share=log_uniform(rng, 0.02, 0.4),
         set_point=("constant", "constant", "few_steps")[rng.integers(3)],
         resolution_share=(0.0, 0.0, 0.05)[rng.integers(3)],
     )
