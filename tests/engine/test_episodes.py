@@ -101,7 +101,7 @@ def test_units_and_time_do_not_move_an_episode():
 
 def test_an_audit_says_when_the_valve_stuck_and_leaves_its_verdict():
     recording = simulate_loop(STICKY, 10.0, 1.0).recording("x")
-    made = record((FREE, 4000), (STICKY, 1800), (FREE, 3200))
+    made = record((FREE, 3500), (STICKY, 2500), (FREE, 3000))
     recording = type(recording)("x", np.arange(made.samples, dtype=float), made.pv, made.op)
     answer = audit(recording)
     quiet = audit(recording, AuditConfig(episodes=EpisodeConfig(long_samples=10**9)))
