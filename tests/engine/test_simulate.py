@@ -1,5 +1,6 @@
 """The closed-loop simulator against what can be worked out by hand."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -50,6 +51,25 @@ def test_dead_time_is_exact_between_steps_too(theta: float, step: float) -> None
     loop = simulate_loop(open_loop(first_order(2.0, 30.0, theta), step_s=step), 200.0, 5.0)
     late = np.maximum(0.0, loop.time_s - theta)
     assert loop.pv == pytest.approx(2.0 * (1.0 - np.exp(-late / 30.0)), abs=1e-9)
+
+
+@pytest.mark.parametrize(("order", "tau_s", "step_s"), [(3, 3600.0, 360.0), (4, 600.0, 60.0)])
+def test_slow_lags_of_high_order_settle_where_they_must(order: int, tau_s: float, step_s: float) -> None:
+    """Their discrete form has entries of very different size, and the least of them hold the gain."""
+    plant = from_zeros_poles((), (-1.0 / tau_s,) * order, tau_s**-order)
+    loop = simulate_loop(open_loop(plant), 400.0 * step_s, step_s)
+    t = loop.time_s / tau_s
+    rising = 1.0 - np.exp(-t) * sum(t**k / math.factorial(k) for k in range(order))
+    assert loop.pv == pytest.approx(rising, abs=1e-9)
+
+
+@pytest.mark.parametrize("size", [1e-60, 1.0, 1e60])
+def test_noise_of_any_size_is_the_same_noise(size: float) -> None:
+    times = np.arange(50.0)
+    unit, other = (
+        Signal(noise_sd=sd, noise_tau_s=4.0).sample(times, np.random.default_rng(1)) for sd in (1.0, size)
+    )
+    assert other / size == pytest.approx(unit, rel=1e-6)
 
 
 def test_second_order_step_response_matches_scipy() -> None:

@@ -5,14 +5,11 @@ from scipy import linalg
 
 from app.engine.recording import FloatArray
 
-_NOTHING = 1e-15
-
 
 def zero_order_hold(a: FloatArray, b: FloatArray, time_s: float) -> tuple[FloatArray, FloatArray]:
     """State matrix (n, n) and input column (n,) over time_s of x' = a x + b u with u held; a (n, n), b (n, 1).
 
-    By the exponential of the block matrix (Van Loan 1978, doi 10.1109/TAC.1978.1101743). What is rounding beside its
-    largest element is 0.
+    By the exponential of the block matrix (Van Loan 1978, doi 10.1109/TAC.1978.1101743).
     """
     order = len(a)
     if time_s == 0.0:
@@ -20,5 +17,4 @@ def zero_order_hold(a: FloatArray, b: FloatArray, time_s: float) -> tuple[FloatA
     block = np.zeros((order + 1, order + 1))
     block[:order, :order], block[:order, order:] = a, b
     held = linalg.expm(block * time_s)
-    held[np.abs(held) < _NOTHING * np.max(np.abs(held))] = 0.0
     return np.ascontiguousarray(held[:order, :order]), held[:order, order].copy()
