@@ -141,7 +141,8 @@ def _response_time_s(error: FloatArray, time_s: FloatArray) -> float | None:
     if len(error) < SHORTEST_FOR_RESPONSE or np.ptp(error) <= resolution(error):
         return None
     below = np.flatnonzero(autocorrelation(error) < np.exp(-1.0))
-    return None if len(below) == 0 else float(below[0] * np.median(np.diff(time_s)))
+    # At no lag at all it is 1, or 0 where the square of the error is too small a number.
+    return None if len(below) == 0 or below[0] == 0 else float(below[0] * np.median(np.diff(time_s)))
 
 
 def _saturation_pct(op: FloatArray, op_range: tuple[float, float] | None) -> float | None:

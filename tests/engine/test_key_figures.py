@@ -68,7 +68,8 @@ def test_what_moves_by_a_rounding_alone_stands(move):
 
 def test_a_signal_whose_square_is_nothing():
     noise = 1e-200 * np.random.default_rng(1).normal(size=400)
-    assert compute(recording(np.arange(400.0), noise)).harris_index is None
+    figures = compute(recording(np.arange(400.0), noise))
+    assert (figures.harris_index, figures.response_time_s) == (None, None)
 
 
 def test_horizon_below_one_sample_is_refused():
