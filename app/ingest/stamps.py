@@ -41,6 +41,7 @@ _NUMBER = re.compile(r"[+-]?\d+([.,]\d+)?([eE][+-]?\d+)?")
 _ZONE = re.compile(r"(Z|[+-]\d{2}:?\d{2})$")
 _EPOCH_UNITS = ((1e17, 1.0), (1e14, 1e3), (1e11, 1e6), (1e8, 1e9))
 _UNIT = re.compile(r"[\[(_ ](ms|milliseconds?|min|minutes?|h|hours?|days?|us|µs)[\])]?$", re.IGNORECASE)
+_SECONDS = re.compile(r"(^|[\[(_ ]|time)(s|secs?|seconds?)[\])]?$", re.IGNORECASE)
 _UNIT_SECONDS = {"m": 60.0, "h": 3600.0, "d": 86400.0, "u": 1e-6, "µ": 1e-6}
 _PARTS = {"%Y": r"\d{4}", "%b": "[a-z]{3}", "%p": "[ap]m", "%.f": r"(\.\d+)?"}
 _PARTS |= dict.fromkeys(("%m", "%d", "%H", "%I", "%M"), r" ?\d{1,2}") | dict.fromkeys(("%y", "%S"), r"\d{2}")
@@ -105,17 +106,27 @@ def _number_form(sample: list[str], name: str) -> TimeForm | None:
     for above, scale in _EPOCH_UNITS:
         if middle > above:
             return TimeForm("epoch", scale=scale) if middle < above * 100 else None
-    steps = np.diff(np.sort(values))
-    step = float(np.median(steps)) if len(steps) else np.inf
-    days = re.search(r"date|stamp", name, re.IGNORECASE) or step < SHORTEST_STEP_S
-    if days and 20000 < middle < 80000 and np.any(values % 1) and step < 0.5:
-        return TimeForm("serial", scale=86400e9, notes=("times are days since 1899-12-30, as spreadsheets count them",))
     unit = _UNIT.search(name.strip())
-    if unit is None:
+    word = unit.group(1).lower() if unit else ""
+    if _serial_days(values, name, word):
+        return TimeForm("serial", scale=86400e9, notes=("times are days since 1899-12-30, as spreadsheets count them",))
+    if not word:
         return TimeForm("relative")
-    word = unit.group(1).lower()
     seconds = 1e-3 if word.startswith(("ms", "mil")) else _UNIT_SECONDS[word[0]]
     return TimeForm("relative", scale=seconds * 1e9, notes=(f"times are in {word} by the column's name",))
+
+
+def _serial_days(values: FloatArray, name: str, unit: str) -> bool:
+    """Whether numbers are days as spreadsheets count them: by their size and their step, where the name does not tell
+    another unit."""
+    if not 20000 < float(np.median(values)) < 80000 or not np.any(values % 1):
+        return False
+    if _SECONDS.search(name.strip()) or (unit and not unit.startswith("day")):
+        return False
+    steps = np.diff(np.unique(values))  # a long table has a stamp once a tag
+    step = float(np.median(steps)) if len(steps) else np.inf
+    dated = re.search(r"date|stamp", name, re.IGNORECASE) is not None
+    return step < (0.5 if dated else SHORTEST_STEP_S if not unit else 0.0)
 
 
 def _text_form(sample: list[str], options: IngestOptions) -> TimeForm | None:

@@ -40,6 +40,22 @@ def test_a_title_with_a_comma_is_not_the_names(read: Read, title: str) -> None:
     assert {name: loop.op.tolist() for name, loop in content.loops.items()} == {"A": [2, 6], "B": [4, 8]}
 
 
+@pytest.mark.parametrize(
+    "heading",
+    [
+        ",A.PV,A.OP,A.SP\nTime,Flow,Valve,Set",
+        'Time,A.PV,A.OP,\n"Time (UTC)",Flow,Valve,comment',
+        "time,PV,OP,\ns,bar,%,date",
+    ],
+)
+def test_a_row_of_descriptions_or_units_is_not_the_names(read: Read, heading: str) -> None:
+    """Though it is wider than the row of names and tells a time too."""
+    content = read(f"{heading}\n2024-03-01 00:00:00,1,2,3\n2024-03-01 00:01:00,5,6,7\n", name="A.csv")
+    assert {name: (loop.pv.tolist(), loop.op.tolist()) for name, loop in content.loops.items()} == {
+        "A": ([1, 5], [2, 6])
+    }
+
+
 def test_long_with_quality_below_a_preamble_and_comments(read: Read) -> None:
     content = read(
         "* exported by hand\n[Data]\nTagname,TimeStamp,Value,DataQuality\n"
@@ -363,6 +379,19 @@ def test_days_since_1900_under_the_name_of_a_time(read: Read) -> None:
     content = read("time,A.PV,A.OP\n" + rows)
     np.testing.assert_allclose(content.loops["A"].time_ns - START, MINUTE // 6 * np.arange(4), atol=10**6)
     assert content.summary.notes == ("times are days since 1899-12-30, as spreadsheets count them",)
+
+
+@pytest.mark.parametrize("name", ["Time [s]", "time_s", "Time (sec)", "seconds", "Timestamp [s]"])
+def test_seconds_by_their_name_are_no_days(read: Read, name: str) -> None:
+    content = read(f"{name},A.PV,A.OP\n" + "".join(f"{30000 + i / 100:.2f},{i},1\n" for i in range(9)))
+    np.testing.assert_allclose(np.diff(content.loops["A"].time_ns), 10**7, atol=1000)
+
+
+@pytest.mark.parametrize("name", ["time_s", "time"])
+def test_stamps_that_come_once_a_tag_are_no_days(read: Read, name: str) -> None:
+    rows = "".join(f"{30000.5 + i},A.{signal},{i}\n" for i in range(9) for signal in ("PV", "OP", "SP"))
+    loop = read(f"{name},tag,value\n" + rows).loops["A"]
+    assert np.diff(loop.time_ns).tolist() == [10**9] * 8
 
 
 @pytest.mark.parametrize(("unit", "nanoseconds"), [("ms", 10**6), ("min", MINUTE), ("h", 60 * MINUTE), ("us", 1000)])

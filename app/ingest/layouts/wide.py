@@ -15,11 +15,23 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
             continue
         time = time_columns(names) or (0,)
         first_row = first_row_of_times(head, time[0], options)
-        if any(wider(row, names) and time_columns(row) for row in head.rows[index + 1 : max(first_row, 0)]):
+        if any(names_better(row, names) for row in head.rows[index + 1 : max(first_row, 0)]):
             continue  # a title with a comma in it stands above the names
         if first_row > index and not signal_of_numbers(head, names, first_row, time[0]):
             return wide_from(head, "wide", names, first_row, options, time)
     return None
+
+
+def names_better(row: tuple[str, ...], names: tuple[str, ...]) -> bool:
+    """Whether the names stand in the lower row: a row of descriptions or units below them may be the wider one too."""
+    if not wider(row, names) or not time_columns(row):
+        return False
+    above = audited_signals(names)
+    return above == 0 or audited_signals(row) > above
+
+
+def audited_signals(names: tuple[str, ...]) -> int:
+    return sum(place(name, "").signal in ("PV", "OP") for name in names)
 
 
 def wider(row: tuple[str, ...], names: tuple[str, ...]) -> bool:
