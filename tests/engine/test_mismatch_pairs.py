@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Explanation, explain
-from app.engine.mismatch.block import Context, Part
+from app.engine.mismatch.block import Block, Context, Part
 from app.engine.mismatch.chain import simulate
 from app.engine.mismatch.compete import Rival, survey
 from app.engine.mismatch.experiment import Experiment, experiment
@@ -20,10 +20,10 @@ from app.engine.mismatch.holdout import FreeRuns, mostly_worse, stretches
 from app.engine.mismatch.noise import NoiseModel
 from app.engine.mismatch.pairing import Candidate, couples, joint_scores, reordered
 from app.engine.mismatch.pairs import Pair, paying_alone
-from app.engine.mismatch.physics import additive, library, valve_deadband
+from app.engine.mismatch.physics import additive, friction, library, valve_deadband, valve_slew_limit
 from app.engine.mismatch.plant import Plant
-from app.engine.mismatch.scan import ground
-from app.engine.mismatch.searching import searched
+from app.engine.mismatch.scan import Start, ground
+from app.engine.mismatch.searching import Begun, foremost, searched
 from app.engine.mismatch.task import Given, make_task, start_at
 from app.engine.mismatch.worth import gain_under, hidden_gain, pays_beside
 from app.engine.recording import FloatArray
@@ -225,3 +225,27 @@ def test_a_band_is_looked_for_again_where_its_first_scan_passed_over_it() -> Non
     again = searched(Rival(DEADBAND, poor, poor.likelihood - base.likelihood, base), (DEADBAND,))
     assert again.gain == pytest.approx(again.fit.likelihood - base.likelihood)
     assert again.fit.parts[0].values[0] == pytest.approx(2.0, rel=0.01)
+
+
+def kept_of(form: Block, context: Context, others: FloatArray) -> list[int]:
+    """Which starts of one size are kept that differ in the second number alone, best first; others: (M,) its values."""
+    size = form.starts(context, np.zeros(N))[0, 0]
+    points = [Begun(form, Start(np.array([size, other]), -float(k))) for k, other in enumerate(others)]
+    return [round(-point.start.gain) for point in foremost(points, context)]
+
+
+@pytest.mark.parametrize("unit", [1e-3, 0.01, 1.0, 50.0])
+def test_the_neighbours_of_a_start_depend_on_no_unit_of_op(unit: float) -> None:
+    op = unit * op_moves()
+    context = Context(experiment(TS, op, op_moves()), PLANT.changed(K=PLANT.K / unit))
+    reach = context.record.op_range * np.array([0.0, 0.1, 0.5, 0.6, -0.5])
+    assert kept_of(valve_slew_limit.BLOCKS[0], context, reach) == [0, 2, 4]
+
+
+@pytest.mark.parametrize("unit", [1 / 3600.0, 1.0, 1e3])
+def test_the_neighbours_of_a_start_depend_on_no_unit_of_time(unit: float) -> None:
+    """Times are compared by their logarithms."""
+    plant = PLANT.changed(tau=unit * PLANT.tau, theta=unit * PLANT.theta)
+    context = Context(experiment(unit * TS, op_moves(), op_moves()), plant)
+    before_the_lag = next(form for form in friction.BLOCKS if form.form == "before-the-lag")
+    assert kept_of(before_the_lag, context, unit * np.array([0.5, 0.6, 5.0, 6.0, 60.0])) == [0, 2, 4]

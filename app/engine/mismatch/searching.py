@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Part
+from app.engine.mismatch.block import Block, Context, Parameter, Part
 from app.engine.mismatch.compete import Rival, descended
 from app.engine.mismatch.fitting import Fit
 from app.engine.mismatch.pairing import alone_as, fit_again, placed, without
@@ -39,7 +39,7 @@ def searched(rival: Rival, blocks: tuple[Block, ...]) -> Rival:
     forms = [block for block in blocks if block.code == rival.block.code and jumps(block, context)]
     under = ground(without(found, -1), found.noise)
     points = [Begun(form, start) for form in forms for start in scan(finely(form, found), (under,))[0]]
-    fits = (begun_from(found, point) for point in foremost(points))
+    fits = (begun_from(found, point) for point in foremost(points, context))
     best = max((found, *fits), key=score_of)
     if best is found:
         return rival
@@ -68,22 +68,34 @@ def finely(form: Block, found: Fit) -> Block:
     return replace(form, starts=starts)
 
 
-def foremost(points: list[Begun]) -> list[Begun]:
+def foremost(points: list[Begun], context: Context) -> list[Begun]:
     """The best points that are not neighbours."""
     kept: list[Begun] = []
     for point in sorted(points, key=lambda point: point.form.penalty - point.start.gain):
-        if not any(neighbours(point, other) for other in kept):
+        if not any(neighbours(point, other, context) for other in kept):
             kept.append(point)
         if len(kept) == PURSUED:
             break
     return kept
 
 
-def neighbours(one: Begun, other: Begun) -> bool:
+def neighbours(one: Begun, other: Begun, context: Context) -> bool:
+    """Whether two points are nearly one: in the logarithm of the size, and in the range that each other parameter has,
+    which depends on no unit.
+    """
     a, b = one.start.values, other.start.values
     if one.form is not other.form or abs(np.log(a[0] / b[0])) > NEAR:
         return False
-    return bool(np.all(np.abs(a[1:] - b[1:]) < NEAR_OTHERWISE))
+    others = one.form.parameters(context)[1 : len(a)]
+    return all(within_range(p, *pair) < NEAR_OTHERWISE for p, *pair in zip(others, a[1:], b[1:], strict=True))
+
+
+def within_range(parameter: Parameter, a: float, b: float) -> float:
+    """How far apart two values of a parameter are, as a share of its range, by logarithms where it is fitted so."""
+    low, high = parameter.low, parameter.high
+    if parameter.log:
+        a, b, low, high = (float(np.log(value)) for value in (a, b, low, high))
+    return abs(a - b) / (high - low + 1e-300)
 
 
 def begun_from(found: Fit, point: Begun) -> Fit:
