@@ -17,6 +17,7 @@ from app.engine.mismatch.compete import Rival, survey
 from app.engine.mismatch.experiment import Experiment, experiment
 from app.engine.mismatch.fitting import Fit, finish, fit, fit_linear
 from app.engine.mismatch.holdout import FreeRuns, mostly_worse, stretches
+from app.engine.mismatch.naming import believed
 from app.engine.mismatch.noise import NoiseModel
 from app.engine.mismatch.pairing import Candidate, couples, joint_scores, reordered
 from app.engine.mismatch.pairs import Pair, paying_alone
@@ -24,8 +25,9 @@ from app.engine.mismatch.physics import additive, friction, library, valve_deadb
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.scan import Start, ground
 from app.engine.mismatch.searching import Begun, foremost, searched
+from app.engine.mismatch.selection import Selection, in_place_of
 from app.engine.mismatch.task import Given, make_task, start_at
-from app.engine.mismatch.worth import gain_under, hidden_gain, pays_beside
+from app.engine.mismatch.worth import gain_under, hidden_gain, pays_beside, worth
 from app.engine.recording import FloatArray
 
 N, TS = 1000, 2.0
@@ -249,3 +251,40 @@ def test_the_neighbours_of_a_start_depend_on_no_unit_of_time(unit: float) -> Non
     context = Context(experiment(unit * TS, op_moves(), op_moves()), plant)
     before_the_lag = next(form for form in friction.BLOCKS if form.form == "before-the-lag")
     assert kept_of(before_the_lag, context, unit * np.array([0.5, 0.6, 5.0, 6.0, 60.0])) == [0, 2, 4]
+
+
+def said_for(best: Rival, alone: Rival) -> Rival:
+    """Which effect is named where a pair is refused, `best` paid first and `alone` is the better of the pair."""
+    single = Selection(best.fit, (believed(best, (best,)),), (best,))
+    return in_place_of(single, alone).effects[0].rival
+
+
+@pytest.fixture(scope="module")
+def deadband() -> Rival:
+    base = fit_linear(recorded((backlash(),)), Given(PLANT))
+    found = fitted(base, (backlash(),))
+    return Rival(DEADBAND, found, found.likelihood - base.likelihood, base)
+
+
+def test_one_of_a_refused_pair_is_named_alone_where_it_is_worth_as_much_as_the_best(deadband: Rival) -> None:
+    better, equal = replace(deadband, gain=deadband.gain), replace(deadband)
+    best = replace(deadband, gain=deadband.gain - 1.0)
+    assert worth(best) < worth(better)
+    assert said_for(best, better) is better
+    assert said_for(deadband, equal) is equal
+
+
+def test_the_best_effect_stays_where_one_of_a_refused_pair_is_worth_less(deadband: Rival) -> None:
+    """By less than what another name would have to be better by."""
+    less = replace(deadband, gain=deadband.gain - 1.0)
+    assert 0.0 < worth(less) < worth(deadband)
+    assert said_for(deadband, less) is deadband
+
+
+def test_the_best_effect_stays_where_one_of_a_refused_pair_makes_no_sense(deadband: Rival) -> None:
+    senseless = replace(deadband, block=replace(DEADBAND, sensible=lambda *_: False))
+    task = make_task(deadband.over.record, deadband.over.given, (senseless.block,))
+    astray = finish(task, deadband.fit.x, deadband.fit.noise)
+    senseless = replace(senseless, fit=astray)
+    assert worth(senseless) == -np.inf
+    assert said_for(deadband, senseless) is deadband

@@ -83,8 +83,7 @@ def select(base: Fit, blocks: tuple[Block, ...], already: tuple[str, ...] = ()) 
     best = with_rivals(chosen(pairs), beside)
     alone = paying_alone(best, base, first, offered)
     if alone is not None:
-        lone = Selection(alone.fit, (believed(alone, names),), first)
-        return lone if pays and stands(lone) else single
+        return in_place_of(single, alone) if pays else single
     effects = (first_of(best, beside.get(best.second.block.name)), believed(best.second, best.names))
     ordered = tuple(sorted(effects, key=lambda effect: -effect.gain))
     both = Selection(best.second.fit, ordered, names, single if pays else None)
@@ -97,6 +96,14 @@ def deepened(ranking: tuple[Rival, ...], blocks: tuple[Block, ...]) -> tuple[Riv
     """
     deeper = {rival: searched(rival, blocks) for rival in leaders(ranking)}
     return by_worth(tuple(deeper.get(rival, rival) for rival in ranking))
+
+
+def in_place_of(single: Selection, alone: Rival) -> Selection:
+    """What is said where one of a refused pair pays alone: that one, where it is worth at least what the best `single`
+    effect is, which paid; that effect otherwise.
+    """
+    lone = Selection(alone.fit, (believed(alone, best_of_each_code(single.ranking)),), single.ranking)
+    return lone if worth(alone) >= worth(single.ranking[0]) and stands(lone) else single
 
 
 def stands(selection: Selection) -> bool:
