@@ -148,7 +148,8 @@ def audit_file(path: Path) -> AuditedFile:
     if not content.recordings:
         return AuditedFile(path, notes=(*notes, *_nothing_in(content)), skipped=True)
     lines = tuple(timed_line(recording) for recording in content.recordings)
-    return AuditedFile(path, lines, (*content.damage, *notes), failed=bool(content.damage))
+    told = tuple(dict.fromkeys((*content.damage, *content.notes, *notes)))  # a damage is a note of the file too
+    return AuditedFile(path, lines, told, failed=bool(content.damage))
 
 
 def _nothing_in(content: "RecordingsRead") -> tuple[str, ...]:

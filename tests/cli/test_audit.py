@@ -83,7 +83,16 @@ def test_a_file_that_was_cut_on_its_way_is_audited_and_makes_it_1(folder, tmp_pa
     done = audit(tmp_path, "--format", "jsonl")
     assert done.exit_code == 1
     assert [line["recording"] for line in lines(done)] == ["cut"]
-    assert "the gzip file is damaged after" in done.stderr
+    assert done.stderr.count("the gzip file is damaged after") == 1
+
+
+def test_how_a_recording_was_read_is_told_beside_its_line(tmp_path):
+    rows = "\n".join(f"{45352 + k / 8640:.10f},{50 + k % 7},{40 + k % 5}" for k in range(300))
+    (tmp_path / "days.csv").write_text(f"time,PV,OP\n{rows}\n")
+    done = audit(tmp_path / "days.csv", "--format", "jsonl")
+    assert done.exit_code == 0
+    assert [line["recording"] for line in lines(done)] == ["days"]
+    assert done.stderr.count("times are days since 1899-12-30") == 1
 
 
 def test_a_file_without_pv_and_op_says_what_is_in_it(folder, tmp_path):
