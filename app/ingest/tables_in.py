@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from app.errors import DataError
 from app.ingest.frames import NUMBERED, Rows, in_short, name_of
+from app.ingest.grouping import group
 from app.ingest.head import HEAD_ROWS, Head, find_decimal_mark
 from app.ingest.layouts import recognise
 from app.ingest.model import IngestOptions
@@ -142,14 +143,35 @@ def _is_workbook(path: Path, options: IngestOptions) -> bool:
 
 
 def _of_workbook(path: Path, stem: str, options: IngestOptions) -> TableSource:
-    """The first sheet with a layout that is known: a cover or a pivot table may stand before it."""
+    """The first sheet that names PV and OP of a loop, else the first with a layout that is known: a cover with dates or
+    a pivot table may stand before it."""
+    known: TableSource | None = None
     unknown: DataError | None = None
-    for table in _sheets(path):
-        try:
-            return TableSource(table, stem, "xlsx", True, options)
-        except DataError as error:
-            unknown = error
+    try:
+        for table in _sheets(path):
+            try:
+                source = TableSource(table, stem, "xlsx", True, options)
+            except DataError as error:
+                unknown = error
+                continue
+            if _names_a_loop(source.plan, table, stem):
+                return source
+            known = known or source
+    except DataError:  # a sheet that cannot be read takes nothing from one before it
+        if known is None:
+            raise
+    if known is not None:
+        return known
     raise unknown or DataError("unknown_layout", "the workbook has no sheet with cells in it")
+
+
+def _names_a_loop(plan: Plan, table: Table, stem: str) -> bool:
+    if isinstance(plan, LongPlan):
+        cells = table.part(plan.first_row, table.height, [plan.tag]).to_series()
+        tags = [str(tag) for tag in cells.drop_nulls().unique(maintain_order=True)]
+    else:
+        tags = [column.tag for timed in plan.groups for column in timed.values]
+    return any(loop.pv and loop.op for loop in group(tags, stem=stem))
 
 
 def _sheets(path: Path) -> Iterator[Table]:

@@ -77,6 +77,19 @@ def test_a_workbook_whose_data_is_behind_a_cover(read: Read) -> None:
     assert code_of(read, workbook([])) == "unknown_layout"
 
 
+def test_a_cover_with_dates_does_not_hide_the_data(read: Read) -> None:
+    pytest.importorskip("fastexcel", reason="the extra 'excel' is not installed")
+    cover = [["Date", "Author", "Version"], ["2024-03-01", "A. Smith", "1"], ["2024-03-02", "B. Jones", "2"]]
+    times = [f"2024-03-01 00:0{i}:00" for i in range(3)]
+    wide = [["Time", "A.PV", "A.OP"], *([time, f"{i}", f"1{i}"] for i, time in enumerate(times))]
+    rows = [[time, f"A.{name}", f"{ten}{i}"] for name, ten in (("PV", ""), ("OP", 1)) for i, time in enumerate(times)]
+    for data in (wide, [["Time", "Tag", "Value"], *rows]):
+        content = read(workbook(cover, data, wide))
+        assert content.loops["A"].op.tolist() == [10, 11, 12]
+        assert content.summary.notes == ("the workbook has 3 sheets; the one read is 'S2'",)
+    assert read(workbook(cover, [["a macro"]])).summary.notes[0].endswith("'S1'")
+
+
 @pytest.mark.parametrize("keep", [100, 400, 700])
 def test_damaged_tables(read: Read, keep: int) -> None:
     whole = parquet(pl.DataFrame({"t": TIMES, "A.PV": [1.0, 2.0, 3.0, 4.0]}))
