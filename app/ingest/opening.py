@@ -27,6 +27,7 @@ _BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codec
 _DOUBLE_BYTES = re.compile(rb"[\x80-\xff]{2,}")
 _CHINESE = re.compile(r"[\u4e00-\u9fff]+")
 _INSIDE_A_WORD = re.compile(r"(?<=[a-z])[\u4e00-\u9fff](?=[a-z])")  # two accented letters, as in Stellgröße
+_INSIDE_CAPITALS = re.compile(rb"(?<=[A-Z])[\xc0-\xdf]{2}(?=[A-Z])")  # capitals and ß alone: a tag may be A泵PV
 _CONTROL = bytes(set(range(32)) - set(b"\t\n\r\f\x1a"))
 
 
@@ -245,7 +246,8 @@ def _reads_as_chinese(first: bytes) -> bool:
     strange = [character for character in text if ord(character) > 127]
     common = sum("\u4e00" <= character <= "\u9fff" or "\u3000" <= character <= "\u303f" for character in strange)
     words = len(_CHINESE.findall(text))
-    return bool(strange) and common >= 0.8 * len(strange) and 2 * len(_INSIDE_A_WORD.findall(text)) < words
+    accented = len(_INSIDE_A_WORD.findall(text)) + len(_INSIDE_CAPITALS.findall(first))
+    return bool(strange) and common >= 0.8 * len(strange) and 2 * accented < words
 
 
 def _refuse_binary(head: str) -> None:

@@ -306,10 +306,17 @@ def test_latin_letters_and_bytes_that_are_none(read: Read) -> None:
 
 def test_two_accented_letters_side_by_side_are_no_chinese(read: Read) -> None:
     rows = "".join(f"08.06.2000 12:13:0{i};5{i},5;4{i},5\n" for i in range(4))
-    for names in ("Zeit;Istwert;Stellgröße", "Zeit;Füß.Istwert.PV;Füß.Istwert.OP"):
+    for names in ("Zeit;Istwert;Stellgröße", "ZEIT;ISTWERT;STELLGRÖßE", "Zeit;Füß.Istwert.PV;Füß.Istwert.OP"):
         content = read(f"{names}\n{rows}".encode("cp1252"), name="FIC1.csv")
         assert content.summary.encoding == "cp1252"
         assert [loop.op.tolist() for loop in content.loops.values()] == [[40.5, 41.5, 42.5, 43.5]]
+
+
+def test_a_chinese_letter_between_capitals_stays_one(read: Read) -> None:
+    rows = "".join(f"2024-03-01 00:00:0{i},{i},1{i}\n" for i in range(4))
+    content = read(f"时间,A泵B.PV,A泵B.OP\n{rows}".encode("gb18030"))
+    assert content.summary.encoding == "gb18030"
+    assert list(content.loops) == ["A泵B"]
 
 
 @pytest.mark.parametrize("chunk_bytes", [1, 50, 1 << 20])
