@@ -1,8 +1,10 @@
 """The plant's loops: what they are, what was last said about each, and their series."""
 
+from datetime import datetime
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
+from fastapi.exceptions import RequestValidationError
 from starlette.requests import Request
 
 from app.api.backend import Cursor, IsoTime, Limit, Services
@@ -11,6 +13,7 @@ from app.api.models import HealthOut, LoopOut, LoopPage, LoopPatch, TrendOut, Ve
 from app.api.paths import LoopTag
 from app.api.problems import responses
 from app.services.plant import loops as service
+from app.services.plant.trend import instant_ns
 from app.services.plant.trend import trend as thinned
 
 router = APIRouter(tags=["loops"])
@@ -58,7 +61,15 @@ def trend(
     to: To = None,
 ) -> Any:
     """The series of a loop, thinned to what a screen shows: of each stretch the least and the greatest value."""
-    return thinned(backend, tag, points=points, start=start or from_, end=end or to)
+    return thinned(backend, tag, points=points, start=one_of("start", start, from_), end=one_of("end", end, to))
+
+
+def one_of(name: str, moment: datetime | None, other: datetime | None) -> datetime | None:
+    """A bound that has two names; given by both it has to be the same instant."""
+    if moment is not None and other is not None and instant_ns(moment) != instant_ns(other):
+        text = f"given by two names, as {moment.isoformat()} and {other.isoformat()}; give one of them"
+        raise RequestValidationError([{"type": "value_error", "loc": ("query", name), "msg": text}])
+    return other if moment is None else moment
 
 
 @router.get("/loops/{tag:path}", response_model=LoopOut, responses=responses(404), summary="One loop")

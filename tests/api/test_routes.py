@@ -196,6 +196,16 @@ def test_health_trend_and_history_of_a_loop(client, plant, tag):
     assert same == part
     assert part["samples"] in (60, 61)
     assert part["time"][0] == "2026-01-01T00:10:00Z"
+    again = {"start": "2026-01-01T00:10:00Z", "from": "2026-01-01T00:10:00", "end": "2026-01-01T00:15:00Z"}
+    assert client.get(f"{url}/trend", params=again).json() == part
+
+
+@pytest.mark.parametrize(("name", "other"), [("start", "from"), ("end", "to")])
+def test_one_bound_of_a_trend_is_given_once(client, plant, name, other):
+    params = {name: "2026-01-01T00:10:00Z", other: "2026-01-01T00:11:00Z"}
+    answer = client.get("/v1/loops/FIC101/trend", params=params)
+    assert (answer.status_code, answer.json()["code"]) == (422, "invalid_request")
+    assert answer.json()["errors"][0]["where"] == f"query.{name}"
 
 
 # Table
