@@ -146,15 +146,10 @@ def audit_file(path: Path) -> AuditedFile:
     content = read_recordings(path)
     notes = tuple(in_words(content))
     if not content.recordings:
-        return AuditedFile(path, notes=(*notes, *_nothing_in(content)), skipped=True)
+        # What the file holds instead may tell why.
+        return AuditedFile(path, notes=(*notes, "skipped: no loop with PV and OP in it", *content.notes), skipped=True)
     lines = tuple(timed_line(recording) for recording in content.recordings)
-    told = tuple(dict.fromkeys((*content.damage, *content.notes, *notes)))  # a damage is a note of the file too
-    return AuditedFile(path, lines, told, failed=bool(content.damage))
-
-
-def _nothing_in(content: "RecordingsRead") -> tuple[str, ...]:
-    """What the file holds instead may tell why."""
-    return ("skipped: no loop with PV and OP in it", *content.notes)
+    return AuditedFile(path, lines, (*content.notes, *notes), failed=bool(content.damage))
 
 
 def timed_line(recording: Any) -> dict[str, Any]:

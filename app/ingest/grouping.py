@@ -29,7 +29,8 @@ _WORDS: Mapping[str, Signal] = MappingProxyType(
     }
 )
 _SPELLED_OUT = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "AE", "Ö": "OE", "Ü": "UE", "ß": "ss"})
-_AUDITED = frozenset({"PV", "OP"})
+AUDITED = frozenset({"PV", "OP"})
+"""The signals without which a loop cannot be audited."""
 _OPTIONAL = frozenset({"SP", "MODE"})
 _ATTRIBUTES = frozenset(
     {"CV", "VALUE", "ACTUAL", "ACT", "VAL", "F"}
@@ -291,7 +292,7 @@ class Grouping:
         have no tag, or no other loop's have one."""
         places = [place(tag, "") for tag in tags]
         bare = {found.signal for found in places if found.loop == ""}
-        if not bare.issuperset(_AUDITED) and any(found.loop and found.signal in _AUDITED for found in places):
+        if not bare.issuperset(AUDITED) and any(found.loop and found.signal in AUDITED for found in places):
             return
         for tag, loop, _ in places:
             mapped = self._mapping is not None and self._mapping.find(tag) is not None

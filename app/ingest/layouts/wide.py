@@ -2,7 +2,7 @@
 apart are of this form."""
 
 from app.ingest.columns import first_row_of_times, time_columns, wide_from
-from app.ingest.grouping import place
+from app.ingest.grouping import AUDITED, place
 from app.ingest.head import Head, is_number
 from app.ingest.model import IngestOptions
 from app.ingest.plans import WidePlan
@@ -31,7 +31,7 @@ def names_better(row: tuple[str, ...], names: tuple[str, ...]) -> bool:
 
 
 def audited_signals(names: tuple[str, ...]) -> int:
-    return sum(place(name, "").signal in ("PV", "OP") for name in names)
+    return sum(place(name, "").signal in AUDITED for name in names)
 
 
 def wider(row: tuple[str, ...], names: tuple[str, ...]) -> bool:
