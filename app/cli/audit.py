@@ -12,10 +12,11 @@ from typing import IO, TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.messages import ExitCode, progress, say
+from app.cli.zone import TimeZoneOption, read_in
 from app.errors import DataError, LoopauditError
 
 if TYPE_CHECKING:
-    from app.ingest import RecordingsRead
+    from app.ingest import IngestOptions, RecordingsRead
 
 THREAD_LIMITS = (
     "OMP_NUM_THREADS",
@@ -57,6 +58,7 @@ def audit(
     ] = Format.table,
     out: Annotated[Path | None, typer.Option("--out", help="Write the results here instead of stdout.")] = None,
     jobs: Annotated[int, typer.Option("--jobs", min=0, help="Processes, one thread each; 0: one a core.")] = 0,
+    time_zone: TimeZoneOption = "UTC",
 ) -> None:
     """Audit files or folders of recordings without a service: one line a recording.
 
@@ -70,11 +72,14 @@ def audit(
       loopaudit audit recordings/ --format jsonl > verdicts.jsonl
 
       loopaudit audit recordings/ --format csv --out verdicts.csv --jobs 4
+
+      loopaudit audit export.csv --time-zone Europe/Berlin
     """
+    options = read_in(time_zone)
     files = recording_files(paths)
     audited = []
     with destination(out) as stream, progress("auditing", len(files)) as advance:
-        for result in audit_files(files, jobs):
+        for result in audit_files(files, jobs, options):
             advance(label=result.path.name)
             for note in result.notes:
                 say(f"{result.path}: {note}")
@@ -105,10 +110,10 @@ def recording_files(paths: list[Path]) -> list[Path]:
     return files
 
 
-def audit_files(files: list[Path], jobs: int) -> Iterator[AuditedFile]:
+def audit_files(files: list[Path], jobs: int, options: "IngestOptions") -> Iterator[AuditedFile]:
     """Results in the order of the files, whichever process is done first."""
     with executor(len(files), jobs) as pool:
-        futures = [pool.submit(audit_file, file) for file in files]
+        futures = [pool.submit(audit_file, file, options) for file in files]
         for file, future in zip(files, futures, strict=True):
             yield outcome(file, future)
 
@@ -139,11 +144,11 @@ def outcome(file: Path, future: "Future[AuditedFile]") -> AuditedFile:
     return AuditedFile(file, notes=(f"fault of loopaudit: {type(error).__name__}: {error}",), failed=True)
 
 
-def audit_file(path: Path) -> AuditedFile:
+def audit_file(path: Path, options: "IngestOptions") -> AuditedFile:
     """Reads and audits one file; runs in a worker process."""
     from app.ingest import read_recordings
 
-    content = read_recordings(path)
+    content = read_recordings(path, options=options)
     notes = tuple(in_words(content))
     if not content.recordings:
         # What the file holds instead may tell why.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.messages import say
+from app.cli.zone import TimeZoneOption, read_in
 
 if TYPE_CHECKING:
     from app.engine.mismatch import Comparison, Explanation
@@ -47,6 +48,7 @@ def explain(
     plot: Annotated[Path | None, typer.Option("--plot", help="Write a plot: HTML, or a small picture (.svg).")] = None,
     model: Annotated[Path | None, typer.Option("--model", help="Write the explained model, for simulate.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Only where they differ, in a second, no names.")] = False,
+    time_zone: TimeZoneOption = "UTC",
 ) -> None:
     """Compare a recording with a simulation: where they differ, which physics was left out, and the fit with it.
 
@@ -69,8 +71,8 @@ def explain(
     from app.services.explaining.given_model import simulation_from_json
     from app.services.explaining.line import explanation_line, located_line
 
-    started = perf_counter()
-    comparison = read_comparison(file, Columns(op, pv, sp, loop), sim)
+    started, options = perf_counter(), read_in(time_zone)
+    comparison = read_comparison(file, Columns(op, pv, sp, loop), sim, options)
     if sim_model is not None:
         comparison = replace(comparison, trace=None, simulation=simulation_from_json(sim_model))
     if quick:
@@ -80,7 +82,7 @@ def explain(
     second = None
     if validate is not None:
         columns = Columns(validate_op or op, validate_pv or pv, sp, loop)
-        second = read_comparison(validate, columns, None if sim is None or Path(sim).is_file() else sim)
+        second = read_comparison(validate, columns, None if sim is None or Path(sim).is_file() else sim, options)
     explanation = explain_comparison(comparison, second)
     line = explanation_line(explanation, perf_counter() - started)
     write_files(explanation, comparison, trace, plot)

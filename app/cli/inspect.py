@@ -10,6 +10,7 @@ import typer
 
 from app.cli.mapping import MappingOption, mapping_bytes
 from app.cli.messages import ExitCode
+from app.cli.zone import TimeZoneOption, read_in
 from app.errors import DataError
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ SHOWN_LOOPS = 200
 
 def inspect(
     file: Annotated[Path, typer.Argument(help="An export or a recording.")],
-    time_zone: Annotated[str, typer.Option("--time-zone", help="Zone of time stamps that name none (IANA).")] = "UTC",
+    time_zone: TimeZoneOption = "UTC",
     mapping: MappingOption = None,
 ) -> None:
     """Say what a file holds, before anything is sent: layout, loops, times, and what would be refused and why.
@@ -36,14 +37,14 @@ def inspect(
       loopaudit inspect export.csv --mapping tags.csv
     """
     from app.cli.tables import console_for
-    from app.ingest import IngestOptions, TagMapping
+    from app.ingest import TagMapping
     from app.ingest import inspect as look
 
     if not file.is_file():
         raise DataError("no_such_file", f"{file} is not there or not a file")
     tags = mapping_bytes(mapping)
     mapped = None if tags is None else TagMapping.from_bytes(tags)
-    report = look(file, mapping=mapped, options=IngestOptions(time_zone=time_zone))
+    report = look(file, mapping=mapped, options=read_in(time_zone))
     console = console_for(sys.stdout)
     for line in facts(report):
         console.print(line, markup=False)

@@ -49,6 +49,7 @@ from app.ingest.model import (
     SignalBlock,
 )
 from app.ingest.recordings import RecordingsRead, read_recordings, to_recording
+from app.ingest.stamps import check_time_zone
 
 __all__ = [
     "Export",
@@ -67,6 +68,7 @@ __all__ = [
     "TagMapping",
     "align",
     "carried",
+    "check_time_zone",
     "group",
     "inspect",
     "is_export_name",

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from zoneinfo import ZoneInfo
 
 import polars as pl
 
@@ -19,6 +18,7 @@ from app.ingest.opening import TextFile
 from app.ingest.plans import Plan, WidePlan
 from app.ingest.preparing import prepared
 from app.ingest.rejecting import RejectLog
+from app.ingest.stamps import check_time_zone
 from app.ingest.tables_in import open_frames
 from app.ingest.tally import Tally
 from app.ingest.wide_table import WideTable
@@ -203,12 +203,7 @@ def read_export(
     iterating).
     """
     options = options or IngestOptions()
-    try:
-        ZoneInfo(options.time_zone)
-    except (ValueError, OSError, LookupError) as error:
-        raise DataError(
-            "unknown_time_zone", f"{options.time_zone!r} is no time zone; an IANA name is needed"
-        ) from error
+    check_time_zone(options.time_zone)
     try:
         return Export(path, filename or path.name, mapping, options)
     except UNREADABLE as error:

@@ -4,11 +4,13 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal, cast
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from app.errors import DataError
 from app.ingest.model import NANOSECONDS, FloatArray, IngestOptions, TimeArray
 
 FIRST_YEAR, LAST_YEAR = 1971, 2199
@@ -75,6 +77,14 @@ class TimeForm:
             "epoch_pair": "epoch:ns",
             "serial": "serial days",
         }[self.kind]
+
+
+def check_time_zone(name: str) -> None:
+    """Raises DataError("unknown_time_zone") where it names none."""
+    try:
+        ZoneInfo(name)
+    except (ValueError, OSError, LookupError) as error:
+        raise DataError("unknown_time_zone", f"{name!r} is no time zone; an IANA name is needed") from error
 
 
 def find_form(sample: list[str], name: str, options: IngestOptions) -> TimeForm | None:

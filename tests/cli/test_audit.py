@@ -130,3 +130,22 @@ def test_names_in_a_folder_that_are_taken(tmp_path):
     (tmp_path / "folder.csv").mkdir()
     taken = [path.name for path in recording_files([tmp_path])]
     assert taken == ["a.csv", "b.CSV", "c.parquet", "d.csv.gz", "e.xlsx", "g.mat", "h.TSV"]
+
+
+def test_local_times_are_read_in_the_zone_that_is_named(tmp_path):
+    """Two in the morning comes twice that night; read as UTC the second pass runs back into the first."""
+    path = tmp_path / "FIC1.csv"
+    rows = [f"2024-10-27 {hour:02d}:{k:02d}:00,{k % 7},{k % 5}" for hour in (1, 2, 2, 3) for k in range(60)]
+    path.write_text("time,PV,OP\n" + "\n".join(rows) + "\n")
+    (line,) = lines(audit(path, "--format", "jsonl", "--time-zone", "Europe/Berlin"))
+    assert line["samples"] == 240
+    (line,) = lines(audit(path, "--format", "jsonl"))
+    assert line["samples"] == 180
+
+
+@pytest.mark.parametrize("command", ["audit", "explain", "inspect"])
+def test_a_zone_that_is_none_is_refused_before_a_file_is_opened(command, tmp_path):
+    path = tmp_path / "FIC1.csv"
+    path.write_text("no recording")
+    refused = CliRunner().invoke(cli, [command, str(path), "--time-zone", "Mars/Base"])
+    assert refused.exception.code == "unknown_time_zone"

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from app.engine.mismatch import Comparison, Controller, simulate_again
 from app.engine.mismatch.result import ExplainedModel, PartModel
 from app.engine.recording import Recording
 from app.errors import DataError, LoopauditError
+from app.ingest import IngestOptions
 from app.services.explaining.comparisons import (
     Columns,
     comparison_of,
@@ -85,7 +87,7 @@ def test_a_model_may_bring_its_controller() -> None:
         ('{"gain": 1.5, "controller": "pid"}', "not an object"),
         ('{"gain": 1.5, "controller": {}}', "its controller has no gain"),
         ('{"gain": 1.5, "time_constants_s": [[3]]}', "a time constant is"),
-        ('{}', "the model has no gain"),
+        ("{}", "the model has no gain"),
     ],
 )
 def test_a_slip_in_a_model_is_said(told: str, words: str) -> None:
@@ -200,3 +202,29 @@ def test_a_panic_of_the_reader_is_a_file_that_cannot_be_read(tmp_path: Path, mon
     with pytest.raises(DataError) as refused:
         read_table(write(tmp_path / "simulation.csv", "time,PV\n0,1\n"))
     assert refused.value.code == "not_a_table"
+
+
+@pytest.mark.parametrize("form", ["%m/%d/%Y %I:%M:%S %p", "%d.%m.%Y %H:%M", "%Y-%m-%dT%H:%M:%SZ"])
+def test_a_table_whose_columns_are_named_tells_times_as_exports_do(tmp_path: Path, form: str) -> None:
+    start = datetime(2024, 1, 31, 23, 30)
+    lines = [f"{start + timedelta(minutes=k):{form}},{k % 7},{k % 5}" for k in range(200)]
+    path = write(tmp_path / "F1.csv", "time,y1,u1\n" + "\n".join(lines))
+    found = read_comparison(path, Columns(op="u1", pv="y1"), None)
+    assert (found.sampling_interval_s, len(found.pv)) == (60.0, 200)
+
+
+def test_a_typed_time_of_a_table_is_in_seconds(tmp_path: Path) -> None:
+    stamps = [datetime(2024, 1, 1) + timedelta(seconds=10 * k) for k in range(200)]
+    path = tmp_path / "F1.parquet"
+    pl.DataFrame({"time": stamps, "y1": [k % 7 for k in range(200)], "u1": [k % 5 for k in range(200)]}).write_parquet(
+        path
+    )
+    assert read_comparison(path, Columns(op="u1", pv="y1"), None).sampling_interval_s == 10.0
+
+
+@pytest.mark.parametrize("columns", [Columns(), Columns(op="OP", pv="PV")])
+def test_local_times_are_read_in_the_zone_that_is_named(tmp_path: Path, columns: Columns) -> None:
+    stamps = [f"2024-10-27 {hour:02d}:{k:02d}:00" for hour in (1, 2, 2, 3) for k in range(60)]
+    path = write(tmp_path / "F1.csv", "time,PV,OP\n" + "\n".join(f"{t},{k % 7},{k % 5}" for k, t in enumerate(stamps)))
+    found = read_comparison(path, columns, None, IngestOptions(time_zone="Europe/Berlin"))
+    assert (found.sampling_interval_s, len(found.pv), found.notes) == (60.0, 240, ())

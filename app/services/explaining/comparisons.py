@@ -10,8 +10,10 @@ from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison, LinearSimulation
 from app.engine.recording import FloatArray, Recording
 from app.errors import DataError, RequestError
-from app.ingest import read_recordings
+from app.ingest import IngestOptions, read_recordings
 from app.ingest.frames import UNREADABLE
+from app.ingest.model import NANOSECONDS
+from app.ingest.stamps import NO_TIME, TimeReader, find_form
 from app.services.explaining.aligning import Aligned, beyond, onto, sample_by_sample
 
 SYNONYMS = {
@@ -24,6 +26,7 @@ SIMULATED = ("pv_sim", "pvsim", "sim", "simulation", "simulated")
 NOT_MEASURED = ("mode", "quality", "status", "ts", "auto")
 GAP_INTERVALS = 3.0
 SPARSE = 3.0
+READ_PLAINLY = IngestOptions()
 NO_EXPORT = ("unknown_layout", "not_an_export", "nothing_readable")
 
 
@@ -79,20 +82,19 @@ def numbers(table: pl.DataFrame, column: str) -> FloatArray:
     return table[column].cast(pl.Float64, strict=False).to_numpy().astype(np.float64)
 
 
-def seconds(table: pl.DataFrame) -> FloatArray:
+def seconds(table: pl.DataFrame, options: IngestOptions = READ_PLAINLY) -> FloatArray:
     """Times in s; a second a sample where the table tells none."""
-    time = times_of(table)
+    time = times_of(table, options)
     return np.arange(table.height, dtype=np.float64) if time is None else time
 
 
-def times_of(table: pl.DataFrame) -> FloatArray | None:
+def times_of(table: pl.DataFrame, options: IngestOptions = READ_PLAINLY) -> FloatArray | None:
     """Times in s: from numbers, from stamps, or by the constant interval in a column Ts; None where none are told."""
     column = find(table, None, SYNONYMS["time"])
     if column is not None:
-        if table[column].dtype == pl.String:
-            stamps = _stamps(table[column])
-            if stamps is not None:
-                return (stamps.cast(pl.Datetime("us")).to_physical().cast(pl.Float64).to_numpy() - 0.0) / 1e6
+        stamps = None if table[column].dtype.is_numeric() else _stamps(table[column], options)
+        if stamps is not None:
+            return stamps
         time = numbers(table, column)
         known = time[np.isfinite(time)]
         if len(known) == len(time):
@@ -102,16 +104,18 @@ def times_of(table: pl.DataFrame) -> FloatArray | None:
     return None
 
 
-def _stamps(texts: pl.Series) -> pl.Series | None:
-    """Texts as instants; None where not one of them is."""
-    try:
-        stamps = texts.str.to_datetime(strict=False)
-    except UNREADABLE:  # polars guesses one form for all, and raises where it finds none
+def _stamps(column: pl.Series, options: IngestOptions) -> FloatArray | None:
+    """Times in s as exports tell them, NaN where one is none; None where the column does not hold times."""
+    form = find_form(column.cast(pl.String).drop_nulls().to_list(), column.name, options)
+    if form is None:
         return None
-    return stamps if stamps.null_count() < len(stamps) else None
+    at_ns = TimeReader(form, options).read(column)
+    return np.where(at_ns == NO_TIME, np.nan, at_ns / NANOSECONDS)
 
 
-def read_comparison(path: Path, columns: Columns, simulated: str | None) -> Comparison:
+def read_comparison(
+    path: Path, columns: Columns, simulated: str | None, options: IngestOptions = READ_PLAINLY
+) -> Comparison:
     """A recording file with the simulation named by `simulated`: a column of it, or a file with a simulated trace.
 
     Any layout that ingest reads, as long as no columns are named; a table with a header otherwise. Without `simulated`
@@ -120,13 +124,13 @@ def read_comparison(path: Path, columns: Columns, simulated: str | None) -> Comp
     named = columns.op is not None or columns.pv is not None or columns.sp is not None
     from_file = simulated is not None and Path(simulated).is_file()
     if not named and not from_file:
-        recording = exported(path, columns.loop)
+        recording = exported(path, columns.loop, options)
         if recording is not None:
             return of_export(recording, simulated)
-    return of_table(path, columns, simulated)
+    return of_table(path, columns, simulated, options)
 
 
-def exported(path: Path, loop: str | None) -> Recording | None:
+def exported(path: Path, loop: str | None, options: IngestOptions) -> Recording | None:
     """The loop's recording in an export of any layout; None where ingest finds no loop in it.
 
     Raises DataError("several_loops", "no_such_loop") where it is not clear which loop is meant.
@@ -134,7 +138,7 @@ def exported(path: Path, loop: str | None) -> Recording | None:
     if not path.is_file():
         raise DataError("no_such_file", f"{path} is not there")
     try:
-        found = read_recordings(path).recordings
+        found = read_recordings(path, options=options).recordings
     except DataError as error:
         if error.code in NO_EXPORT:
             return None
@@ -162,7 +166,7 @@ def of_export(recording: Recording, simulated: str | None) -> Comparison:
     return comparison_of(replace(recording, others=others), trace=recording.others[name])
 
 
-def of_table(path: Path, columns: Columns, simulated: str | None) -> Comparison:
+def of_table(path: Path, columns: Columns, simulated: str | None, options: IngestOptions) -> Comparison:
     table = read_table(path)
     op, pv = find(table, columns.op, SYNONYMS["op"]), find(table, columns.pv, SYNONYMS["pv"])
     if op is None or pv is None:
@@ -174,8 +178,8 @@ def of_table(path: Path, columns: Columns, simulated: str | None) -> Comparison:
     if op == pv:
         raise RequestError("same_column", f"OP and PV are both taken from the column {op}; they must be two")
     sp = find(table, columns.sp, SYNONYMS["sp"])
-    time = seconds(table)
-    trace_column, laid = simulated_trace(table, simulated)
+    time = seconds(table, options)
+    trace_column, laid = simulated_trace(table, simulated, options)
     used = {op, pv, sp, trace_column, find(table, None, SYNONYMS["time"])}
     others = {
         c: numbers(table, c)
@@ -213,7 +217,9 @@ def comparison_of(
     return found if trace is not None else replace(found, simulation=simulation)
 
 
-def simulated_trace(table: pl.DataFrame, simulated: str | None) -> tuple[str | None, Aligned | None]:
+def simulated_trace(
+    table: pl.DataFrame, simulated: str | None, options: IngestOptions
+) -> tuple[str | None, Aligned | None]:
     """The column of the recording's table that holds the simulation, and the simulation; or that of a file, laid onto
     the recording's times where both tell them, else sample by sample.
     """
@@ -223,7 +229,7 @@ def simulated_trace(table: pl.DataFrame, simulated: str | None) -> tuple[str | N
         return column, None if column is None else Aligned(numbers(table, column))
     other = read_table(path)
     column = find(other, None, (*SIMULATED, *SYNONYMS["pv"])) or other.columns[-1]
-    trace, time, other_time = numbers(other, column), times_of(table), times_of(other)
+    trace, time, other_time = numbers(other, column), times_of(table, options), times_of(other, options)
     if time is None or other_time is None:
         return None, sample_by_sample(table.height, trace)
     return None, onto(time, other_time, trace)
