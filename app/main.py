@@ -7,7 +7,7 @@ from contextlib import asynccontextmanager
 from importlib.metadata import version
 from typing import Any
 
-from fastapi import APIRouter, FastAPI
+from fastapi import APIRouter, Depends, FastAPI
 from fastapi.concurrency import run_in_threadpool
 
 from app.api import (
@@ -27,6 +27,7 @@ from app.api.bodies import LimitBodies
 from app.api.crowding import LimitCrowd
 from app.api.guard import Guard
 from app.api.headers import SecurityHeaders, WholeFiles
+from app.api.parameters import only_known
 from app.api.paths import KeepTagsEncoded
 from app.api.request_ids import RequestIds
 from app.api.schema import described
@@ -89,7 +90,7 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
 
 
 def api() -> APIRouter:
-    router = APIRouter(prefix="/v1")
+    router = APIRouter(prefix="/v1", dependencies=[Depends(only_known)])
     for module in (uploads, explanations, reports, notes, loops, reliability, audits, groups, trail):
         router.include_router(module.router)
     return router

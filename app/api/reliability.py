@@ -4,7 +4,7 @@ from enum import StrEnum
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 from starlette.requests import Request
 
 from app.api.backend import Services
@@ -36,8 +36,6 @@ class Format(StrEnum):
 
 class TableQuery(BaseModel):
     """Which rows, in which order; all filters that are given must hold."""
-
-    model_config = ConfigDict(extra="forbid")
 
     limit: int = Field(1000, ge=1, le=LARGEST_PAGE, description="Rows a page.")
     cursor: str | None = Field(None, max_length=LONGEST_CURSOR, description="`next_cursor` of the page before.")

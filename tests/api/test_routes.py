@@ -380,6 +380,21 @@ def test_openapi_describes_every_field_and_parameter(client):
             assert not [p["name"] for p in operation.get("parameters", ()) if not p.get("description")], (method, path)
 
 
+def test_a_parameter_that_a_route_does_not_know_is_refused_by_each_that_takes_any(client):
+    taking = [
+        (method, re.sub(r"{\w+}", "x", path), parameters[0]["name"])
+        for path, operations in client.get("/openapi.json").json()["paths"].items()
+        for method, operation in operations.items()
+        if (parameters := [one for one in operation.get("parameters", ()) if one["in"] == "query"])
+    ]
+    assert len(taking) > 8
+    for method, path, known in taking:
+        answer = client.request(method, path, params={"limt": 5})
+        assert (answer.status_code, answer.json()["code"]) == (422, "invalid_request"), path
+        (error,) = answer.json()["errors"]
+        assert (error["where"], f" {known}" in error["what"]) == ("query.limt", True), path
+
+
 def test_openapi_says_that_errors_are_problems_and_refers_to_what_is_there(client):
     schema = client.get("/openapi.json").json()
     text = json.dumps(schema)
