@@ -117,6 +117,10 @@ class Export:
             notes.append(
                 f"{self._tally.stuttering} stamps repeated the one before; their rows went into the missing step"
             )
+        if units := self._tally.units.told():
+            notes.append(
+                f"numbers have their unit behind them, and were read where it is the one of their tag: {units}"
+            )
         loops = self._grouping.loops()
         if not any(loop.pv or loop.op or loop.sp for loop in loops):
             shown = ", ".join([tag for loop in loops for tag in loop.others[:5]][:25])

@@ -5,6 +5,8 @@ import re
 from collections import Counter
 from dataclasses import dataclass, replace
 
+from app.ingest.units import without_unit
+
 DELIMITERS = ("\t", ";", "|", ",")
 HEAD_ROWS = 400
 TAIL_ROWS = 150
@@ -73,15 +75,21 @@ def split_line(line: str, delimiter: str) -> tuple[str, ...]:
 
 def find_decimal_mark(rows: tuple[tuple[str, ...], ...], delimiter: str) -> str:
     if delimiter == ",":
-        quoted = sum(bool(_COMMA_NUMBER.fullmatch(field)) for row in rows for field in row)
+        quoted = sum(_is_comma_number(field) for row in rows for field in row)
         return "," if quoted > 2 and quoted > sum("." in f for row in rows for f in row if is_number(f)) else "."
     commas = points = 0
     for row in rows:
         for field in row:
-            commas += bool(_COMMA_NUMBER.fullmatch(field))
+            commas += _is_comma_number(field)
             points += "." in field and is_number(field)
     return "," if commas > points else "."
 
 
+def _is_comma_number(text: str) -> bool:
+    return bool(_COMMA_NUMBER.fullmatch(without_unit(text)))
+
+
 def is_number(text: str, decimal_mark: str = ".") -> bool:
-    return bool(_NUMBER.fullmatch(text.replace(",", ".") if decimal_mark == "," else text))
+    """Whether a field is a number, perhaps with its unit behind it."""
+    number = without_unit(text)
+    return bool(_NUMBER.fullmatch(number.replace(",", ".") if decimal_mark == "," else number))

@@ -18,9 +18,9 @@ from app.ingest.quality import Quality
 from app.ingest.rejecting import RejectLog
 from app.ingest.scanning import Scan, Scanner
 from app.ingest.spilling import PartOfLoop, Spill
-from app.ingest.stamps import NO_TIME, TimeReader, to_numbers
+from app.ingest.stamps import NO_TIME, TimeReader
 from app.ingest.tally import Tally
-from app.ingest.values import SENTINELS, refuse_sentinels
+from app.ingest.values import SENTINELS, odd_numbers, refuse_sentinels, says_something
 from app.ingest.wide_table import joined_times
 
 BATCH_ROWS = 1_000_000  # more than these are parted in files
@@ -251,11 +251,12 @@ class LongTable:
         odd = np.flatnonzero(
             rows.frame[name_of(self._plan.value)].is_null().to_numpy() & texts.is_not_null().to_numpy() & kept
         )
-        words = texts[odd]
-        found = np.where(modes[odd], automatic_flags(words), to_numbers(words))
-        values[odd] = found
-        bad = odd[~np.isfinite(found) & (words.str.strip_chars(' "').str.len_bytes() > 0).to_numpy()]
-        for code, at in (("unknown_mode", bad[modes[bad]]), ("not_a_number", bad[~modes[bad]])):
+        of_modes, others = odd[modes[odd]], odd[~modes[odd]]
+        values[of_modes] = automatic_flags(texts[of_modes])
+        unknown = of_modes[np.isnan(values[of_modes]) & says_something(texts[of_modes])]
+        tags = rows.frame[name_of(self._plan.tag)][others].cast(pl.String)
+        values[others], bad = odd_numbers(texts[others], tags, self._tally.units)
+        for code, at in (("unknown_mode", unknown), ("not_a_number", others[bad])):
             self._refuse(rows, code, at, (texts[int(row)] for row in at))
 
     def _refuse_quality(

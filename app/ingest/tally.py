@@ -1,8 +1,9 @@
 """What was counted while a file is read."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from app.ingest.model import TimeArray
+from app.ingest.units import UnitsOfTags
 
 
 @dataclass
@@ -17,6 +18,7 @@ class Tally:
     stuttering: int = 0
     first_time_ns: int | None = None
     last_time_ns: int | None = None
+    units: UnitsOfTags = field(default_factory=UnitsOfTags)
 
     def saw_times(self, time_ns: TimeArray) -> None:
         """`time_ns` is in order, and not empty."""

@@ -10,20 +10,30 @@ from numpy.typing import NDArray
 from app.ingest.model import FloatArray
 from app.ingest.rejecting import RejectLog
 from app.ingest.stamps import to_numbers
+from app.ingest.units import UnitsOfTags
 
 SENTINELS = (-9999.0, -99.125)
 
 
-def refuse_texts(texts: pl.Series, rows: NDArray[np.int64], lines: list[int], tag: str, log: RejectLog) -> FloatArray:
-    """The numbers among texts that the fast reader could not read; the others are refused with their text as the
-    reason."""
-    numbers = to_numbers(texts)
-    words = texts.to_list()
-    bad = np.array([word is not None and word.strip(' "') != "" for word in words], dtype=bool) & ~np.isfinite(numbers)
-    if np.any(bad):
-        at = np.flatnonzero(bad)
-        log.add_many("not_a_number", [lines[i] for i in at], (words[i] for i in at), tag)
-    return np.where(bad, np.nan, numbers)
+def odd_numbers(texts: pl.Series, tags: pl.Series, units: UnitsOfTags) -> tuple[FloatArray, NDArray[np.int64]]:
+    """The numbers among texts that the fast reader could not read, NaN where there is none, and which of the texts say
+    something else."""
+    numbers = to_numbers(texts).copy()
+    odd = np.flatnonzero(~np.isfinite(numbers) & says_something(texts))
+    if len(odd):
+        numbers[odd] = units.read(texts[odd], tags[odd])
+    return numbers, odd[np.isnan(numbers[odd])]
+
+
+def says_something(texts: pl.Series) -> NDArray[np.bool_]:
+    return (texts.str.strip_chars(' "').str.len_bytes() > 0).fill_null(False).to_numpy()
+
+
+def refuse_texts(texts: pl.Series, lines: list[int], tag: str, units: UnitsOfTags, log: RejectLog) -> FloatArray:
+    """The numbers among texts of a tag; the others are refused with their text as the reason."""
+    numbers, bad = odd_numbers(texts, pl.repeat(tag, len(texts), dtype=pl.String, eager=True), units)
+    log.add_many("not_a_number", [lines[i] for i in bad], (texts[int(i)] for i in bad), tag)
+    return numbers
 
 
 def is_sentinel(values: FloatArray) -> NDArray[np.bool_] | None:
