@@ -25,6 +25,11 @@ def odd_numbers(texts: pl.Series, tags: pl.Series, units: UnitsOfTags) -> tuple[
     return numbers, odd[np.isnan(numbers[odd])]
 
 
+def numbers_of(texts: pl.Series, tag: str) -> FloatArray:
+    """The numbers among texts of a tag, NaN where there is none."""
+    return odd_numbers(texts, pl.repeat(tag, len(texts), dtype=pl.String, eager=True), UnitsOfTags())[0]
+
+
 def says_something(texts: pl.Series) -> NDArray[np.bool_]:
     return (texts.str.strip_chars(' "').str.len_bytes() > 0).fill_null(False).to_numpy()
 

@@ -228,3 +228,9 @@ def test_local_times_are_read_in_the_zone_that_is_named(tmp_path: Path, columns:
     path = write(tmp_path / "F1.csv", "time,PV,OP\n" + "\n".join(f"{t},{k % 7},{k % 5}" for k, t in enumerate(stamps)))
     found = read_comparison(path, columns, None, IngestOptions(time_zone="Europe/Berlin"))
     assert (found.sampling_interval_s, len(found.pv), found.notes) == (60.0, 240, ())
+
+
+def test_numbers_of_a_table_whose_columns_are_named_are_read_as_exports_have_them(tmp_path: Path) -> None:
+    lines = [f"{k};{k % 7},25;{30 + k % 5},5 %" for k in range(200)]
+    found = read_comparison(write(tmp_path / "F1.csv", "time;y1;u1\n" + "\n".join(lines)), Columns("u1", "y1"), None)
+    assert (found.pv[:3].tolist(), found.op[:3].tolist()) == ([0.25, 1.25, 2.25], [30.5, 31.5, 32.5])

@@ -14,6 +14,7 @@ from app.ingest import IngestOptions, read_recordings
 from app.ingest.frames import UNREADABLE
 from app.ingest.model import NANOSECONDS
 from app.ingest.stamps import NO_TIME, TimeReader, find_form
+from app.ingest.values import numbers_of
 from app.services.explaining.aligning import Aligned, beyond, onto, sample_by_sample
 
 SYNONYMS = {
@@ -79,6 +80,8 @@ def find(table: pl.DataFrame, name: str | None, usual: tuple[str, ...]) -> str |
 
 
 def numbers(table: pl.DataFrame, column: str) -> FloatArray:
+    if table[column].dtype == pl.String:
+        return numbers_of(table[column], column)
     return table[column].cast(pl.Float64, strict=False).to_numpy().astype(np.float64)
 
 
