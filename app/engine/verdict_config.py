@@ -38,3 +38,11 @@ class VerdictConfig:
     max_following: float = 0.85
     max_wave: float = 0.955
     parameters_version: str = VERSION
+
+    def __post_init__(self) -> None:
+        clear, cycling, sticks = self.reliable_no_stiction_to, self.reliable_cycling_from, self.reliable_stiction_from
+        if not 0.0 <= clear < cycling <= sticks:
+            raise ValueError(
+                "needed is 0 <= reliable_no_stiction_to < reliable_cycling_from <= reliable_stiction_from; "
+                f"got {clear:g}, {cycling:g}, {sticks:g}"
+            )

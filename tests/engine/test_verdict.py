@@ -259,3 +259,19 @@ def noisy_wave(seed: int) -> Recording:
 def test_noise_does_not_make_a_sine_from_outside_sticky_and_reliable():
     said = [verdict(noisy_wave(seed)) for seed in range(20)]
     assert not [s for s in said if (s.verdict, s.reliability) == ("stiction", "reliable")]
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"reliable_cycling_from": 0.9},
+        {"reliable_stiction_from": 0.6},
+        {"reliable_no_stiction_to": 0.7},
+        {"reliable_no_stiction_to": -0.1},
+        {"reliable_stiction_from": float("nan")},
+    ],
+)
+def test_probabilities_of_a_reliable_verdict_that_are_out_of_order_are_refused(settings):
+    with pytest.raises(ValueError, match="reliable_cycling_from <= reliable_stiction_from"):
+        VerdictConfig(**settings)
+    assert VerdictConfig(reliable_cycling_from=0.85).reliable_stiction_from == 0.85
