@@ -99,14 +99,12 @@ def as_json(line: dict[str, Any]) -> str:
 
 
 def write_files(explanation: "Explanation", comparison: "Comparison", trace: Path | None, plot: Path | None) -> None:
-    from app.services.explaining.plot import explanation_html, trace_rows
+    from app.services.explaining.plot import explanation_html
     from app.services.explaining.svg import explanation_svg
+    from app.services.explaining.trace_table import as_csv, trace_rows
 
     if trace is not None:
-        import numpy as np
-
-        header, rows = trace_rows(explanation)
-        np.savetxt(trace, rows, fmt="%.8g", delimiter=",", header=",".join(header), comments="")
+        trace.write_text(as_csv(*trace_rows(explanation)), encoding="utf-8")
         say(f"wrote {trace}")
     if plot is not None:
         drawn = plot.suffix.lower() in (".html", ".htm", ".svg")

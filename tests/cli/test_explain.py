@@ -91,6 +91,18 @@ def test_a_model_without_a_recording_is_refused(tmp_path: Path) -> None:
         assert result.exception.code == "model_invalid"
 
 
+def test_a_trace_leaves_the_simulation_empty_that_was_not_given(recording: Path, tmp_path: Path) -> None:
+    alone, trace = tmp_path / "FIC1.csv", tmp_path / "trace.csv"
+    lines = recording.read_text().splitlines()
+    alone.write_text("\n".join(line.rpartition(",")[0] for line in lines) + "\n")
+    assert runner.invoke(cli, ["explain", str(alone), "--trace", str(trace)]).exit_code == 0
+    header, *rows = (line.split(",") for line in trace.read_text().splitlines())
+    empty = {name for name, *cells in zip(header, *rows, strict=True) if not any(cells)}
+    assert empty == {"PV_given", "residual_given"}
+    assert len(rows) == 600
+    assert all(cell == "" or np.isfinite(float(cell)) for row in rows for cell in row)
+
+
 def test_a_first_look_comes_without_names(recording: Path) -> None:
     result = runner.invoke(cli, ["explain", str(recording), "--sim", "PV_sim", "--quick", "--format", "json"])
     assert result.exit_code == 0, result.output

@@ -80,22 +80,3 @@ def mark_windows(figure: go.Figure, explanation: Explanation) -> None:
             row=2,
             col=1,
         )
-
-
-def trace_rows(explanation: Explanation) -> tuple[list[str], FloatArray]:
-    """Header and (N, columns) of `--trace`: time, PV, the three simulations and their residuals."""
-    t = explanation.traces
-    missing = np.full(len(t.pv), np.nan)
-    given = missing if t.given is None else t.given
-    columns = [t.time_s, t.pv, given, t.refitted, t.explained, t.pv - given, t.pv - t.refitted, t.pv - t.explained]
-    header = [
-        "time",
-        "PV",
-        "PV_given",
-        "PV_refitted",
-        "PV_explained",
-        "residual_given",
-        "residual_refitted",
-        "residual_explained",
-    ]
-    return header, np.stack(columns, axis=1)

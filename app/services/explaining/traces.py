@@ -1,6 +1,5 @@
 """The traces of a stored explanation: whole as CSV, thinned for a chart."""
 
-import io
 from typing import Any
 
 import numpy as np
@@ -8,6 +7,7 @@ import numpy as np
 from app.engine.recording import FloatArray
 from app.services.backend import Backend
 from app.services.explaining.explanations import stored_answer
+from app.services.explaining.trace_table import as_csv
 from app.services.moments import iso_utc, moment_of
 from app.services.plant.trend import NS_PER_S, extremes
 from app.storage.samples import Samples
@@ -21,10 +21,7 @@ def trace_csv(backend: Backend, tag: str, explanation_id: str) -> str:
     answer = stored_answer(backend, tag, explanation_id)
     assert answer.signals is not None  # noqa: S101 - an answer that is done has its traces
     header = answer.told["header"]
-    text = io.StringIO()
-    rows = np.stack([column(answer.signals, name) for name in header], axis=1)
-    np.savetxt(text, rows, fmt="%.8g", delimiter=",", header=",".join(header), comments="")
-    return text.getvalue()
+    return as_csv(header, np.stack([column(answer.signals, name) for name in header], axis=1))
 
 
 def plot(backend: Backend, tag: str, explanation_id: str, points: int = 2000) -> dict[str, Any]:

@@ -16,8 +16,8 @@ from app.services.auditing.limits import TimeLimitError, time_limit
 from app.services.backend import Backend
 from app.services.explaining.explanations import newest_samples
 from app.services.explaining.line import explanation_line, rounded, windows
-from app.services.explaining.plot import trace_rows
 from app.services.explaining.simulations import comparison_with
+from app.services.explaining.trace_table import trace_rows
 from app.services.explaining.trigger import trigger_of
 from app.services.heartbeat import Heartbeat
 from app.services.plant.trend import NS_PER_S
