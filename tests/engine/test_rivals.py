@@ -49,6 +49,41 @@ def test_op_in_line_with_a_wandering_pv_is_a_disturbance():
     assert rivals(pv, -3 * pv + noise(8, 0.01))["disturbance"].stands_out
 
 
+def taken_back(sp=None) -> dict[str, Rival]:
+    """A load that jumps every 150 s, and a slow integrating controller that takes it back."""
+    levels = np.random.default_rng(21).normal(size=9)
+    steps = tuple((100.0 + 150.0 * k, 4.0 * size) for k, size in enumerate(np.diff(levels)))
+    spec = LoopSpec(
+        plant=first_order(1.0, 3.0, 1.0),
+        controller=Pid(0.1, 4.0),
+        load=Signal(steps=steps),
+        noise=Signal(noise_sd=0.02),
+        step_s=0.25,
+        settle_s=100.0,
+    )
+    record = simulate_loop(spec, float(N), 1.0, 5).uniform()
+    return rivals(record.pv, record.op, sp)
+
+
+def test_jumps_of_pv_that_go_back_along_with_op_are_the_loads_and_count_against_stiction():
+    found = taken_back()["disturbance"]
+    assert found.stands_out
+    assert found.counts == 3.0
+    assert "the load jumps" in found.text
+
+
+def test_jumps_of_pv_are_not_looked_at_where_the_set_point_moves():
+    assert taken_back(sp=np.sin(CYCLE / 7))["disturbance"].counts == 0.0
+
+
+@pytest.mark.parametrize("slip", [0.0, 0.5, 1.0])
+def test_jumps_of_a_valve_that_stands_between_them_are_not_the_loads(slip: float):
+    triangle = 8.0 * np.abs((T / 100.0) % 1.0 - 0.5) - 2.0
+    pv = through_process(valve_position(triangle, 1.5, 1.5 * slip), 2.0) + noise(22, 0.01)
+    seen = rivals(pv, triangle)["disturbance"]
+    assert seen.counts == 0.0
+
+
 def test_pure_sines_in_line_are_tuning_or_a_sine_from_outside():
     found = rivals(np.sin(CYCLE) + noise(9, 0.01), -np.sin(CYCLE) + noise(10, 0.01))
     assert found["tuning_or_sinusoidal_disturbance"].stands_out

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from app.engine.rivals.jumps import Jumps, jumps
 from app.engine.rivals.rival import Rival, rising
 from app.engine.rivals.scene import Scene
 
@@ -12,6 +13,9 @@ WAVE = 0.7
 OPPOSED = 0.65
 """Opposition of OP and PV from which on the loop itself may be at its limit of stability."""
 UNEXPLAINED = 0.3
+TAKEN_BACK = 0.5
+"""From where on jumps of PV that go back along with OP are the load's."""
+_AGAINST_JUMPS = 3.0
 
 
 def outside_wave(scene: Scene) -> Rival:
@@ -33,10 +37,15 @@ def outside_wave(scene: Scene) -> Rival:
 
 
 def load_disturbance(scene: Scene) -> Rival:
-    """OP answers PV in line, or PV does not follow from OP through any valve: PV is shaken from outside.
+    """OP answers PV in line, or PV does not follow from OP through any valve, or it jumps and OP takes it back: PV is
+    shaken from outside.
 
-    Misleads where OP has little to do with PV for other reasons: a wrong pairing of signals, a loop in manual.
+    Misleads where OP has little to do with PV for other reasons: a wrong pairing of signals, a loop in manual. Jumps
+    are not looked at where the set point moves, which makes PV jump too.
     """
+    seen = None if scene.sp else jumps(scene.features.windows)
+    if seen is not None and seen.taken_back >= TAKEN_BACK:
+        return _load_steps(seen)
     follows = scene.features.named("causal_sticky")
     unexplained = rising(follows, 2 * UNEXPLAINED - 0.1, 0.1)
     text = (
@@ -44,6 +53,15 @@ def load_disturbance(scene: Scene) -> Rival:
         f"valve explains {100 * follows:.0f} % of PV from OP"
     )
     return Rival("disturbance", max(_in_line(scene), unexplained), text, statistic=follows, threshold=UNEXPLAINED)
+
+
+def _load_steps(seen: Jumps) -> Rival:
+    text = (
+        f"PV makes {100 * seen.jumping:.0f} % of its movement in a tenth of the time, and of the rest OP explains "
+        f"{100 * seen.along:.0f} %: the load jumps and the controller takes it back; a stuck valve would leave PV still"
+    )
+    strength = rising(seen.taken_back, 2 * TAKEN_BACK - 1.0, 1.0)
+    return Rival("disturbance", strength, text, _AGAINST_JUMPS, statistic=seen.taken_back, threshold=TAKEN_BACK)
 
 
 def no_oscillation(scene: Scene) -> Rival:
