@@ -52,7 +52,7 @@ class TextFile:
         if not first.strip():
             raise DataError("empty_file", "the file holds nothing; an export with a time column and signals is needed")
         self.encoding = detect_encoding(first)
-        self._bare_returns = False
+        self._bare_returns = self._doubled_returns = False
         head = self._decode_head(first)
         self._heading = whole_heading(head)
         self.head = self._heading.text + after_lines(head, self._heading.count)
@@ -74,6 +74,8 @@ class TextFile:
     def _decode_head(self, first: bytes) -> str:
         text = codecs.getincrementaldecoder(self.encoding)("replace").decode(first)
         self._bare_returns = "\r" in text and "\n" not in text
+        self._doubled_returns = "\r\r\n" in text
+        text = text.replace("\r\r\n", "\r\n")
         return text.replace("\r\n", "\n").replace("\r", "\n" if self._bare_returns else " ")
 
     def tail(self) -> str:
@@ -84,7 +86,7 @@ class TextFile:
         with self._path.open("rb") as stream:
             stream.seek(size - TAIL_BYTES)
             text = stream.read(TAIL_BYTES).decode("utf-8", "replace")
-        return text.replace("\r\n", "\n").partition("\n")[2]
+        return text.replace("\r\r\n", "\n").replace("\r\n", "\n").partition("\n")[2]
 
     def chunks(self) -> Iterator[Lines]:
         """The whole file; memory is bounded by the chunk size and the longest line allowed."""
@@ -98,6 +100,8 @@ class TextFile:
             whole = not carry and end + 1 == len(piece)
             data = piece if whole else b"".join((carry, memoryview(piece)[: end + 1]))
             carry = piece[end + 1 :]
+            if self._doubled_returns:
+                data = data.replace(b"\r\r\n", b"\r\n")
             lines = Lines(data, number, count_lines(data))
             yield lines
             number += lines.count

@@ -452,3 +452,16 @@ def test_tags_of_the_mapping_that_did_not_come_are_counted(read: Read) -> None:
 def test_a_file_of_modes_is_told(read: Read) -> None:
     notes = read("time,FIC1.MODE\n2024-03-01 00:00:00,0\n2024-03-01 00:01:00,1\n").summary.notes
     assert notes == ("of its loops the file has the mode alone",)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "cp1252"])
+@pytest.mark.parametrize("chunk_bytes", [200, 1 << 20])
+def test_line_ends_that_were_made_twice(read: Read, encoding: str, chunk_bytes: int) -> None:
+    """A file of Windows sent as one of Unix."""
+    rows = [f"2026-01-01 00:00:{k:02d},{k},Größe,{k},AUTO" for k in range(50)]
+    text = "\r\r\n".join(["Time,A.PV,Note,A.OP,A.MODE", *rows, ""])
+    content = read(text.encode(encoding), options=IngestOptions(chunk_bytes=chunk_bytes))
+    assert content.loops["A"].op.tolist() == list(range(50))
+    assert content.loops["A"].automatic.tolist() == [1] * 50
+    assert dict(content.rejects.counts) == {"not_a_number": 50}
+    assert content.rejects.listed[-1].line == 51

@@ -56,6 +56,22 @@ def test_a_row_of_descriptions_or_units_is_not_the_names(read: Read, heading: st
     }
 
 
+@pytest.mark.parametrize("title", ['"Report of unit 5', 'Flow, 3" line', '"a\n\n"b "c', '"a" b"\nmore, "text'])
+@pytest.mark.parametrize(
+    "names", ["time,A.PV,A.OP", 'time,"A.PV","A.OP"', 'time,"A\nPV","A.OP"', '"time","A.PV","A\nOP"']
+)
+def test_names_below_a_title_that_leaves_a_quote_open(read: Read, title: str, names: str) -> None:
+    content = read(f"{title}\n{names}\n" + "".join(f"2024-03-01 00:{k:02d}:00,{k},5\n" for k in range(20)))
+    ((name, loop),) = content.loops.items()
+    assert (name, loop.pv.tolist(), loop.op.tolist()) == ("A", list(range(20)), [5] * 20)
+
+
+@pytest.mark.parametrize("title", ['Flow, 3" line, "Unit 5"', "Unit,5,night"])
+def test_a_title_as_wide_as_the_names_is_not_the_names(read: Read, title: str) -> None:
+    content = read(f"{title}\ntime,A.PV,A.OP\n2024-03-01 00:00:00,1,2\n2024-03-01 00:01:00,5,6\n")
+    assert {name: loop.op.tolist() for name, loop in content.loops.items()} == {"A": [2, 6]}
+
+
 def test_long_with_quality_below_a_preamble_and_comments(read: Read) -> None:
     content = read(
         "* exported by hand\n[Data]\nTagname,TimeStamp,Value,DataQuality\n"

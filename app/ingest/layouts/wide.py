@@ -24,10 +24,12 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
 
 def names_better(row: tuple[str, ...], names: tuple[str, ...]) -> bool:
     """Whether the names stand in the lower row: a row of descriptions or units below them may be the wider one too."""
-    if not wider(row, names) or not time_columns(row):
+    if not time_columns(row):
         return False
-    above = audited_signals(names)
-    return above == 0 or audited_signals(row) > above
+    above, below = audited_signals(names), audited_signals(row)
+    if wider(row, names):
+        return above == 0 or below > above
+    return above == 0 < below and not time_columns(names)
 
 
 def audited_signals(names: tuple[str, ...]) -> int:
