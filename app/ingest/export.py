@@ -38,7 +38,7 @@ class Export:
         self._tally = Tally()
         self.stem = stem_of(name)
         source = (
-            open_frames(path, self.stem, options)
+            open_frames(path, self.stem, mapping, options)
             or open_matlab(path, self.stem, options)
             or _open_text(path, self.stem, options)
         )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from app.errors import DataError
 from app.ingest.frames import NUMBERED, Rows, in_short, name_of
-from app.ingest.grouping import group
+from app.ingest.grouping import TagMapping, group
 from app.ingest.head import HEAD_ROWS, Head, find_decimal_mark
 from app.ingest.layouts import recognise
 from app.ingest.model import IngestOptions
@@ -98,14 +98,14 @@ class TableSource:
         return TableReader(self._table, known, self._names_in_rows)
 
 
-def open_frames(path: Path, stem: str, options: IngestOptions) -> TableSource | None:
+def open_frames(path: Path, stem: str, mapping: TagMapping | None, options: IngestOptions) -> TableSource | None:
     """The file as a table, or None where it is none of the kinds known here."""
     with path.open("rb") as stream:
         start = stream.read(4)
     if start == b"PAR1":
         return TableSource(_parquet(path, options), stem, "parquet", False, options)
     if start == b"PK\x03\x04" and _is_workbook(path, options):
-        return _of_workbook(path, stem, options)
+        return _of_workbook(path, stem, mapping, options)
     return None
 
 
@@ -142,9 +142,9 @@ def _is_workbook(path: Path, options: IngestOptions) -> bool:
     return True
 
 
-def _of_workbook(path: Path, stem: str, options: IngestOptions) -> TableSource:
-    """The first sheet that names PV and OP of a loop, else the first with a layout that is known: a cover with dates or
-    a pivot table may stand before it."""
+def _of_workbook(path: Path, stem: str, mapping: TagMapping | None, options: IngestOptions) -> TableSource:
+    """The first sheet that names PV and OP of a loop, by the mapping or by itself, else the first with a layout that is
+    known: a cover with dates or a pivot table may stand before it."""
     known: TableSource | None = None
     unknown: DataError | None = None
     try:
@@ -154,7 +154,7 @@ def _of_workbook(path: Path, stem: str, options: IngestOptions) -> TableSource:
             except DataError as error:
                 unknown = error
                 continue
-            if _names_a_loop(source.plan, table, stem):
+            if _names_a_loop(source.plan, table, stem, mapping):
                 return source
             known = known or source
     except DataError:  # a sheet that cannot be read takes nothing from one before it
@@ -165,13 +165,13 @@ def _of_workbook(path: Path, stem: str, options: IngestOptions) -> TableSource:
     raise unknown or DataError("unknown_layout", "the workbook has no sheet with cells in it")
 
 
-def _names_a_loop(plan: Plan, table: Table, stem: str) -> bool:
+def _names_a_loop(plan: Plan, table: Table, stem: str, mapping: TagMapping | None) -> bool:
     if isinstance(plan, LongPlan):
         cells = table.part(plan.first_row, table.height, [plan.tag]).to_series()
         tags = [str(tag) for tag in cells.drop_nulls().unique(maintain_order=True)]
     else:
         tags = [column.tag for timed in plan.groups for column in timed.values]
-    return any(loop.pv and loop.op for loop in group(tags, stem=stem))
+    return any(loop.pv and loop.op for loop in group(tags, mapping, stem))
 
 
 def _sheets(path: Path) -> Iterator[Table]:

@@ -11,7 +11,7 @@ import polars as pl
 import pytest
 
 from app.errors import DataError
-from app.ingest import IngestOptions
+from app.ingest import IngestOptions, TagMapping
 
 from .conftest import Read
 
@@ -88,6 +88,17 @@ def test_a_cover_with_dates_does_not_hide_the_data(read: Read) -> None:
         assert content.loops["A"].op.tolist() == [10, 11, 12]
         assert content.summary.notes == ("the workbook has 3 sheets; the one read is 'S2'",)
     assert read(workbook(cover, [["a macro"]])).summary.notes[0].endswith("'S1'")
+
+
+def test_a_mapping_tells_the_sheet_with_the_data(read: Read) -> None:
+    """Tags whose names do not tell their loops, and a sheet before them with dates and numbers."""
+    pytest.importorskip("fastexcel", reason="the extra 'excel' is not installed")
+    cover = [["Date", "Shift", "Tons"], ["2024-03-01", "1", "812"], ["2024-03-02", "2", "799"]]
+    data = [["Time", "X17", "X18"], *([f"2024-03-01 00:0{i}:00", f"{i}", f"1{i}"] for i in range(3))]
+    mapping = TagMapping.from_bytes(b"tag,loop,signal\nX17,A,PV\nX18,A,OP\n")
+    content = read(workbook(cover, data), mapping=mapping)
+    assert content.loops["A"].op.tolist() == [10, 11, 12]
+    assert read(workbook(cover, data)).summary.notes[0].endswith("'S1'")
 
 
 @pytest.mark.parametrize("keep", [100, 400, 700])
