@@ -23,7 +23,7 @@ from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.chain import simulate
 from app.engine.mismatch.closed_loop import close, close_again
 from app.engine.mismatch.compete import Rival
-from app.engine.mismatch.conclude import unseen_data_refuse
+from app.engine.mismatch.conclude import free_run_astray, unseen_data_refuse
 from app.engine.mismatch.experiment import experiment
 from app.engine.mismatch.fitting import fit_linear
 from app.engine.mismatch.holdout import Fitness, unseen_gain
@@ -37,7 +37,7 @@ from app.engine.mismatch.richer_noise import predictable, taken_by_noise
 from app.engine.mismatch.task import GIVEN_DEVIATION, OWN_DEVIATION, Given
 from app.engine.mismatch.validation import simulate_again
 from app.engine.recording import FloatArray
-from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
+from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, integrator, simulate_loop
 from app.engine.simulate.compression import keep, rebuild
 from tests.engine import open_loop
 
@@ -303,6 +303,26 @@ def test_a_record_that_tells_too_little_clears_nothing() -> None:
     short = slice(0, 150)
     late = explain(Comparison("short", TS, 40.0 + moves()[short], recorded(moves())[short], simulation=slow))
     assert late.verdict != "consistent"
+
+
+def test_a_free_run_that_leaves_pv_altogether_clears_nothing(with_backlash: Explanation) -> None:
+    spec = LoopSpec(
+        plant=integrator(0.02, 4.0, 10.0),
+        controller=Pid(2.0, 60.0),
+        load=Signal(noise_sd=1.0, noise_tau_s=300.0),
+        noise=Signal(noise_sd=0.02),
+        step_s=1.0,
+        settle_s=600.0,
+    )
+    loop = simulate_loop(spec, N * TS, TS, 3).uniform()
+    model = LinearSimulation(gain=0.02, time_constants_s=(10.0,), dead_time_s=4.0, integrating=True)
+    answer = explain(Comparison("level", TS, loop.op, loop.pv, simulation=model))
+    assert answer.effects == ()
+    assert answer.verdict == "inconclusive"
+    assert answer.evidence[0].code == "free_run_astray"
+    followed = replace(with_backlash.fit, refitted=Fitness(1.0, -299.0))
+    assert free_run_astray(followed) == ()
+    assert "5 times as far" in free_run_astray(replace(followed, refitted=Fitness(1.0, -400.0)))[0].text
 
 
 def test_names_that_unseen_data_refuse_do_not_stand(with_backlash: Explanation) -> None:

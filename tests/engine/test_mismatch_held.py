@@ -171,4 +171,3 @@ def test_the_controller_is_judged_by_what_it_saw(every: int) -> None:
     assert "controller_differs" not in {reason.code for reason in answer.evidence}
     assert answer.closed_loop.law.kc == pytest.approx(gain, rel=0.01)
     assert answer.closed_loop.law.ki == pytest.approx(gain * every / integral, rel=0.02)
-

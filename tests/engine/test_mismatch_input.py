@@ -236,4 +236,3 @@ def test_an_op_whose_squares_are_no_numbers_is_constant() -> None:
         explain(Comparison("small", TS, 1e-200 * op(), pv()))
     assert refused.value.code == "signal_constant"
     assert explain(Comparison("small", TS, 1e-40 * op(), pv())).fit.refitted.rmse > 0.0
-

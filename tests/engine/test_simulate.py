@@ -66,9 +66,7 @@ def test_slow_lags_of_high_order_settle_where_they_must(order: int, tau_s: float
 @pytest.mark.parametrize("size", [1e-60, 1.0, 1e60])
 def test_noise_of_any_size_is_the_same_noise(size: float) -> None:
     times = np.arange(50.0)
-    unit, other = (
-        Signal(noise_sd=sd, noise_tau_s=4.0).sample(times, np.random.default_rng(1)) for sd in (1.0, size)
-    )
+    unit, other = (Signal(noise_sd=sd, noise_tau_s=4.0).sample(times, np.random.default_rng(1)) for sd in (1.0, size))
     assert other / size == pytest.approx(unit, rel=1e-6)
 
 

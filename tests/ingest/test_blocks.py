@@ -45,15 +45,19 @@ FILES: dict[str, Callable[[], str]] = {
     "two rows of half a length": lambda: "\n".join([HEAD, *plain()[:20], "1,2,3,4", "5,6,7,8", *plain()[21:]]) + "\n",
     "quotes": lambda: "\n".join([HEAD, *plain()[:20], row(20).replace("20.25", '"20.25"'), *plain()[21:]]) + "\n",
     "a mark between the units": lambda: "\n".join([HEAD, *plain()[:20], row(20) + "\x1f7", *plain()[21:]]) + "\n",
-    "an empty time and one with an accent": lambda: "\n".join(
-        [HEAD, *plain()[:20], row(20)[19:], row(21).replace("2026", "f\u00e9vrier"), *plain()[22:]]
-    )
-    + "\n",
-    "a mode behind many columns": lambda: "\n".join(
-        ["DateTime,A.PV,A.OP,A.SP,B.PV,B.OP,C.PV,D.PV,D.OP,E.PV,A.MODE"]
-        + [f"2026-01-31 00:{k:02d}:00,{k},{k},50,{-k},1,2,3,4,{k}.5,{'AUTO' if k % 3 else '?'}" for k in range(ROWS)]
-    )
-    + "\n",
+    "an empty time and one with an accent": lambda: (
+        "\n".join([HEAD, *plain()[:20], row(20)[19:], row(21).replace("2026", "f\u00e9vrier"), *plain()[22:]]) + "\n"
+    ),
+    "a mode behind many columns": lambda: (
+        "\n".join(
+            ["DateTime,A.PV,A.OP,A.SP,B.PV,B.OP,C.PV,D.PV,D.OP,E.PV,A.MODE"]
+            + [
+                f"2026-01-31 00:{k:02d}:00,{k},{k},50,{-k},1,2,3,4,{k}.5,{'AUTO' if k % 3 else '?'}"
+                for k in range(ROWS)
+            ]
+        )
+        + "\n"
+    ),
     "a comment and an empty line": lambda: "\n".join([HEAD, *plain()[:20], "# shift", "", *plain()[20:]]) + "\n",
 }
 

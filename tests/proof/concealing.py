@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from generator import Loop, coloured
 from numpy.random import Generator
-from plants import Backlash, FrictionValve, MovedMass, SlewValve, StaticValve, StickingValve
+from plants import Backlash, FrictionValve, MovedMass, SlewValve, StaticValve, StickingValve, softplus
 
 from app.engine.recording import FloatArray
 
@@ -52,7 +52,7 @@ def valve_saturation(loop: Loop, rng: Generator, foreign: bool) -> Windows:
         over = side * u - limit
         if width <= 0.0:
             return side * min(side * u, limit)
-        return side * (limit - width * math.log1p(math.exp(min(-over / width, 60.0))))
+        return side * (limit - width * softplus(-over / width))
 
     loop.valve = StaticValve(curve)
     return (("op_beyond", side * limit),)  # type: ignore[return-value]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.random import Generator
-from plants import Controller, Process, Sensor, Valve
+from plants import Controller, Process, Sensor, Valve, softplus
 
 from app.engine.recording import FloatArray
 
@@ -185,4 +185,4 @@ def limited(level: float, loop: Loop) -> float:
         return level
     if loop.softness <= 0.0:
         return min(level, loop.limit)
-    return loop.limit - loop.softness * math.log1p(math.exp(min((loop.limit - level) / loop.softness, 50.0)))
+    return loop.limit - loop.softness * softplus((loop.limit - level) / loop.softness)

@@ -14,6 +14,11 @@ SUBSTEPS = 6
 FINE = 15
 
 
+def softplus(x: float) -> float:
+    """log(1 + exp(x)) for any x: what is far inside a rounded limit is not changed by it."""
+    return max(x, 0.0) + math.log1p(math.exp(-abs(x)))
+
+
 @dataclass
 class Process:
     """Lags in a row (or an integrator and a lag) behind a dead time, integrated by Heun's rule. Deviations from the

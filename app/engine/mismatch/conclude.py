@@ -19,6 +19,7 @@ LEAST_TIMES = 4.0
 LEAST_COMPARED = 100
 ROUNDING = 1e-9
 UNRELATED = 0.7
+ASTRAY_PCT = -300.0  # fit of a free run that is four times as far from PV as PV's own mean is
 
 
 @dataclass(frozen=True)
@@ -31,15 +32,15 @@ class Conclusion:
 
 
 def conclude(
-    base: Fit, shown: tuple[Effect, ...], fitted: tuple[Effect, ...], refused: tuple[Reason, ...]
+    base: Fit, shown: tuple[Effect, ...], fitted: tuple[Effect, ...], refused: tuple[Reason, ...], seen: Improvement
 ) -> Conclusion:
     """shown: effects that PV shows by itself. fitted: those that a competition named. refused: why those that it named
-    first do not stand.
+    first do not stand. seen: the free runs over the stretch kept out.
     """
     effects = (*shown, *fitted)
     if effects:
         return Conclusion("missing_physics", effects, refused)
-    doubts = (*refused, *too_little_told(base))
+    doubts = (*refused, *too_little_told(base)) or free_run_astray(seen)
     return Conclusion("inconclusive" if doubts else "consistent", (), doubts)
 
 
@@ -132,6 +133,20 @@ def too_little_told(base: Fit) -> tuple[Reason, ...]:
         text = f"OP explains {told:.1f} nat of PV, at least {LEAST_ANSWER:.0f} are needed to judge a simulation by"
         return (Reason("too_little_excitation", text),)
     return ()
+
+
+def free_run_astray(seen: Improvement) -> tuple[Reason, ...]:
+    """Why a free run that leaves PV altogether clears no simulation, although noise that wanders would explain it: what
+    acts as slowly as that noise cannot be told from it. An integrating process adds up the least load.
+    """
+    far = seen.refitted.fit_pct
+    if not far < ASTRAY_PCT:
+        return ()
+    text = (
+        f"the free run leaves PV by {seen.refitted.rmse:.4g} over the stretch kept out, {1.0 - far / 100.0:.0f} times "
+        "as far as PV's own mean: a load that wanders explains it, and so would one that drifts or steps"
+    )
+    return (Reason("free_run_astray", text),)
 
 
 def too_few(record: Experiment) -> tuple[Reason, ...]:

@@ -125,6 +125,7 @@ def assemble(
         tuple(pattern_effect(p, prepared.record) for p in prepared.patterns),
         tuple(told for e in selection.effects for told in effects_of(e, final)),
         refused,
+        improvement,
     )
     sensors = tuple(p.part for p in prepared.patterns)
     controller = None if comparison.simulation is None else comparison.simulation.controller

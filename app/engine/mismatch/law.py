@@ -72,9 +72,7 @@ def share_explained(moves: FloatArray, left: FloatArray) -> float:
     return 1.0 - float(np.var(left)) / max(float(np.var(moves)), 1e-300)
 
 
-def identify_law(
-    sp: FloatArray | None, pv: FloatArray, op: FloatArray, usable: BoolArray | None = None
-) -> Law:
+def identify_law(sp: FloatArray | None, pv: FloatArray, op: FloatArray, usable: BoolArray | None = None) -> Law:
     """The incremental PID law by least squares over the samples where OP moves. sp, pv, op: (N,). usable: (N,) False
     where PV was filled in or is at fault.
 

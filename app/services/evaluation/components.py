@@ -22,12 +22,8 @@ def component_scores(
     loops: list[Labelled], models: dict[str, ShapeModel], reference: bool
 ) -> list[tuple[str, FloatArray]]:
     """(name, (n,) scores, NaN where the component does not apply); higher speaks for stiction."""
-    logistic = [
-        None if x.features is None else float(models[x.valve].logistic_part(x.features.values)) for x in loops
-    ]
-    network = [
-        None if x.features is None else float(models[x.valve].network_part(x.features.values)) for x in loops
-    ]
+    logistic = [None if x.features is None else float(models[x.valve].logistic_part(x.features.values)) for x in loops]
+    network = [None if x.features is None else float(models[x.valve].network_part(x.features.values)) for x in loops]
     scores = [("shape logistic", _array(logistic)), ("shape networks", _array(network))]
     for name in _SHOWN:
         values = [None if x.features is None else SIGNS[name] * x.features.named(name) for x in loops]
