@@ -11,6 +11,7 @@ import typer
 
 from app.cli.messages import say
 from app.cli.zone import TimeZoneOption, read_in
+from app.errors import RequestError
 
 if TYPE_CHECKING:
     from app.engine.mismatch import Comparison, Explanation
@@ -72,6 +73,10 @@ def explain(
     from app.services.explaining.line import explanation_line, located_line
 
     started, options = perf_counter(), read_in(time_zone)
+    if sim is not None and sim_model is not None:
+        raise RequestError("several_simulations", "--sim and --sim-model are both given; one simulation is compared")
+    if quick and any(given is not None for given in (validate, trace, plot, model)):
+        raise RequestError("quick_alone", "--quick has no fit: --validate, --trace, --plot and --model need one")
     comparison = read_comparison(file, Columns(op, pv, sp, loop), sim, options)
     if sim_model is not None:
         comparison = replace(comparison, trace=None, simulation=simulation_from_json(sim_model))

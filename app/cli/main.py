@@ -1,6 +1,7 @@
 """The `loopaudit` command. Each command's module imports what it needs when it runs, so that --help is quick."""
 
 import sys
+from inspect import cleandoc
 
 import typer
 
@@ -62,6 +63,16 @@ cli.command("backup", rich_help_panel=RUN)(upkeep.backup)
 cli.command("restore", rich_help_panel=RUN)(upkeep.restore)
 cli.add_typer(keys.cli, name="keys", rich_help_panel=RUN)
 cli.command("trail", rich_help_panel=RUN)(trail.trail)
+
+
+def unwrapped(text: str) -> str:
+    """Each paragraph in one line, its indent kept: terminals are narrower or wider than this source."""
+    paragraphs = (paragraph.split("\n") for paragraph in cleandoc(text).split("\n\n"))
+    return "\n\n".join(" ".join((first, *map(str.strip, rest))) for first, *rest in paragraphs)
+
+
+for registered in cli.registered_commands:
+    registered.help = unwrapped(registered.callback.__doc__ or "") if registered.callback else None
 
 
 def show_version(wanted: bool) -> None:

@@ -1,6 +1,7 @@
 """An export file, opened: its blocks of signals or stretches of loops, what was refused, and what it holds."""
 
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 import polars as pl
@@ -13,7 +14,7 @@ from app.ingest.head import Head, look, with_tail
 from app.ingest.layouts import recognise
 from app.ingest.long_table import LongTable
 from app.ingest.matlab import open_matlab
-from app.ingest.model import FileSummary, IngestOptions, LoopSamples, Rejects, SignalBlock
+from app.ingest.model import NANOSECONDS, FileSummary, IngestOptions, LoopSamples, Rejects, SignalBlock
 from app.ingest.opening import TextFile
 from app.ingest.plans import Plan, WidePlan
 from app.ingest.preparing import prepared
@@ -96,7 +97,7 @@ class Export:
             values_kept=tally.values_kept,
             first_time_ns=tally.first_time_ns,
             last_time_ns=tally.last_time_ns,
-            notes=self._notes(),
+            notes=(*self.notes(), *self._origin()),
         )
 
     def _zone(self) -> str:
@@ -105,12 +106,16 @@ class Export:
             return "none: relative times"
         return "in the file" if form.zoned or form.kind in ("epoch", "epoch_pair") else self._options.time_zone
 
-    def _notes(self) -> tuple[str, ...]:
+    def _origin(self) -> tuple[str, ...]:
+        """Which instant relative times were given: it matters where samples of several files come together."""
+        if self._plan.form.kind != "relative":
+            return ()
+        start = f"{datetime.fromtimestamp(self._options.start_ns / NANOSECONDS, UTC):%Y-%m-%d %H:%M:%S}"
+        return (f"times are relative to a start that the file does not tell; 0 was taken for {start} UTC",)
+
+    def notes(self) -> tuple[str, ...]:
+        """What is to be said of how the rows were read so far."""
         notes = [*self._source.notes, *self._plan.notes, *self._plan.form.notes]
-        if self._plan.form.kind == "relative":
-            notes.append(
-                "times are relative: second 0 was given the instant that the options name (1970-01-01 UTC unless said)"
-            )
         if self._tally.backward:
             notes.append("rows were not in order of time; they were sorted")
         if self._tally.stuttering:

@@ -44,8 +44,7 @@ def read_recordings(
     )
     rejects = export.rejects()
     skipped = tuple(_skipped(loops, audited))
-    notes = export.summary().notes
-    return RecordingsRead(recordings, rejects.listed, skipped, rejects.counts, notes, export.damage())
+    return RecordingsRead(recordings, rejects.listed, skipped, rejects.counts, export.notes(), export.damage())
 
 
 def _skipped(loops: Mapping[str, LoopSamples], audited: Mapping[str, LoopSamples]) -> list[str]:

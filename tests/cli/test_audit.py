@@ -95,6 +95,10 @@ def test_how_a_recording_was_read_is_told_beside_its_line(tmp_path):
     assert done.stderr.count("times are days since 1899-12-30") == 1
 
 
+def test_relative_times_of_a_recording_are_nothing_to_be_told(folder):
+    assert audit(folder / "L0.csv").stderr == ""
+
+
 def test_a_file_without_pv_and_op_says_what_is_in_it(folder, tmp_path):
     text = (folder / "L0.csv").read_text().replace("PV,OP", "Durchfluss,Ventil")
     (tmp_path / "other.csv").write_text(text)

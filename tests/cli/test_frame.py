@@ -4,6 +4,7 @@ import resource
 import subprocess
 import sys
 from collections.abc import Iterator
+from itertools import pairwise
 
 import click
 import pytest
@@ -69,6 +70,15 @@ def test_every_command_teaches_by_an_example_of_itself(command):
     assert "Usage" in result.output
     examples = " ".join(result.output.partition("Examples")[2].split())
     assert f"loopaudit {' '.join(command)}" in examples
+
+
+@pytest.mark.parametrize("columns", ["60", "80", "140"])
+def test_help_is_broken_only_where_the_terminal_ends(columns):
+    told = CliRunner().invoke(cli, ["explain", "--help"], env={"COLUMNS": columns}).output.partition("Examples")[0]
+    lines = [line.rstrip() for line in told.splitlines()]
+    for line, below in pairwise(lines):
+        word = below.split()[:1]
+        assert not line or not word or len(f"{line} {word[0]}") >= int(columns), line
 
 
 @pytest.mark.parametrize(

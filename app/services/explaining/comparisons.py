@@ -46,7 +46,7 @@ class Columns:
 def read_table(path: Path) -> pl.DataFrame:
     """A delimited file or parquet with a header. Raises DataError where it is missing or is no table."""
     if not path.is_file():
-        raise DataError("no_such_file", f"{path} is not there")
+        raise DataError("no_such_file", f"{path} is not there or not a file")
     try:
         if path.suffix.lower() == ".parquet":
             return pl.read_parquet(path)
@@ -139,7 +139,7 @@ def exported(path: Path, loop: str | None, options: IngestOptions) -> Recording 
     Raises DataError("several_loops", "no_such_loop") where it is not clear which loop is meant.
     """
     if not path.is_file():
-        raise DataError("no_such_file", f"{path} is not there")
+        raise DataError("no_such_file", f"{path} is not there or not a file")
     try:
         found = read_recordings(path, options=options).recordings
     except DataError as error:
@@ -162,7 +162,9 @@ def of_export(recording: Recording, simulated: str | None) -> Comparison:
     name = next((tag for tag in recording.others if tag.strip().lower() in wanted), None)
     if simulated is not None and name is None:
         there = ", ".join(recording.others) or "no further signals"
-        raise RequestError("no_such_column", f"there is no column {simulated}; beside PV, OP and SP there is {there}")
+        raise RequestError(
+            "no_such_column", f"there is no file and no column {simulated}; beside PV, OP and SP there is {there}"
+        )
     if name is None:
         return comparison_of(recording)
     others = {tag: values for tag, values in recording.others.items() if tag != name}
