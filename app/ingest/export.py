@@ -22,6 +22,7 @@ from app.ingest.rejecting import RejectLog
 from app.ingest.stamps import check_time_zone
 from app.ingest.tables_in import open_frames
 from app.ingest.tally import Tally
+from app.ingest.values import Writing
 from app.ingest.wide_table import WideTable
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".tab", ".dat", ".parquet", ".pq", ".xlsx", ".xlsm", ".mat", ".gz")
@@ -36,7 +37,6 @@ class Export:
     def __init__(self, path: Path, name: str, mapping: TagMapping | None, options: IngestOptions) -> None:
         self._options = options
         self._log = RejectLog(options.max_rejects)
-        self._tally = Tally()
         self.stem = stem_of(name)
         source = (
             open_frames(path, self.stem, mapping, options)
@@ -44,6 +44,7 @@ class Export:
             or _open_text(path, self.stem, options)
         )
         self._source = source
+        self._tally = Tally(writing=Writing(source.head.thousands_mark))
         self._grouping = Grouping(self.stem, mapping)
         self._plan: Plan = prepared(source.plan, self._grouping, source.head, options, self._log)
         self._taken = False
@@ -122,7 +123,7 @@ class Export:
             notes.append(
                 f"{self._tally.stuttering} stamps repeated the one before; their rows went into the missing step"
             )
-        if units := self._tally.units.told():
+        if units := self._tally.writing.units.told():
             notes.append(
                 f"numbers have their unit behind them, and were read where it is the one of their tag: {units}"
             )

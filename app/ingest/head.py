@@ -25,6 +25,14 @@ class Head:
     delimiter: str
     decimal_mark: str
 
+    @property
+    def thousands_mark(self) -> str:
+        """What stands between thousands: the one of point and comma that is not seen before decimals. Empty where
+        neither is seen there: 1,005 may be either."""
+        if self.decimal_mark == ",":
+            return "."
+        return "," if any("." in text and is_number(text) for row in self.rows for text in row) else ""
+
     def row(self, index: int) -> tuple[str, ...]:
         return self.rows[index] if index < len(self.rows) else ()
 

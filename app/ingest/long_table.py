@@ -255,7 +255,7 @@ class LongTable:
         values[of_modes] = automatic_flags(texts[of_modes])
         unknown = of_modes[np.isnan(values[of_modes]) & says_something(texts[of_modes])]
         tags = rows.frame[name_of(self._plan.tag)][others].cast(pl.String)
-        values[others], bad = odd_numbers(texts[others], tags, self._tally.units)
+        values[others], bad = odd_numbers(texts[others], tags, self._tally.writing)
         for code, at in (("unknown_mode", unknown), ("not_a_number", others[bad])):
             self._refuse(rows, code, at, (texts[int(row)] for row in at))
 

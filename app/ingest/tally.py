@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from app.ingest.model import TimeArray
-from app.ingest.units import UnitsOfTags
+from app.ingest.values import Writing
 
 
 @dataclass
@@ -18,7 +18,7 @@ class Tally:
     stuttering: int = 0
     first_time_ns: int | None = None
     last_time_ns: int | None = None
-    units: UnitsOfTags = field(default_factory=UnitsOfTags)
+    writing: Writing = field(default_factory=Writing)
 
     def saw_times(self, time_ns: TimeArray) -> None:
         """`time_ns` is in order, and not empty."""

@@ -242,7 +242,7 @@ class WideTable:
             at = np.flatnonzero(numbers.missing[:, position] & column.is_not_null().to_numpy() & kept)
             if len(at):
                 numbers.values[at, position] = refuse_texts(
-                    column[at], rows.lines(at), value.tag, self._tally.units, self._log
+                    column[at], rows.lines(at), value.tag, self._tally.writing, self._log
                 )
 
     def _refuse_odd_numbers(self, rows: Rows, group: TimedColumns, numbers: Numbers, kept: NDArray[np.bool_]) -> None:

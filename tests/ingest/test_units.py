@@ -1,4 +1,4 @@
-"""Numbers with their unit behind them are numbers; what only looks so is refused."""
+"""Numbers with their unit behind them, or with their thousands parted, are numbers; what only looks so is refused."""
 
 import numpy as np
 import pytest
@@ -66,3 +66,29 @@ def test_values_with_units_are_no_tags(read: Read) -> None:
     """Without names, a column is one of tags where it holds no numbers."""
     rows = [f"{stamp},FIC1.{s},{k} %" for k, stamp in enumerate(STAMPS) for s in ("PV", "OP")]
     assert read("\n".join(rows) + "\n").loops["FIC1"].samples == 40
+
+
+@pytest.mark.parametrize(
+    ("texts", "delimiter", "expected"),
+    [
+        (["995.5", '"1,000.5"', '"-1,234,567.25"'], ",", [995.5, 1000.5, -1234567.25]),
+        (["995.5", '"1,005"', '"12,345 kg/h"'], ",", [995.5, 1005, 12345]),
+        (["995.5", "1,005", "-2,005"], ";", [995.5, 1005, -2005]),
+        (["0.5", "1,005", "0,995"], ";", [0.5, 1.005, 0.995]),
+        (["0.5", "1,005", "12,5"], ";", [0.5, 1.005, 12.5]),
+        (["995,5", "1.000,5", "-1.234.567,25 %"], ";", [995.5, 1000.5, -1234567.25]),
+        (["995,5", "1'000,5", "1\N{NO-BREAK SPACE}005,25"], ";", [995.5, 1000.5, 1005.25]),
+        (["995", "1’005", "12\N{NARROW NO-BREAK SPACE}345"], ";", [995, 1005, 12345]),
+    ],
+)
+def test_thousands_may_be_parted(read: Read, texts: list[str], delimiter: str, expected: list[float]) -> None:
+    content = read(wide([texts[0]] * (40 - len(texts)) + texts, delimiter))
+    assert content.loops["FIC1"].op[40 - len(texts) :].tolist() == expected
+    assert content.rejects.total == 0
+
+
+@pytest.mark.parametrize("text", ["1,00,5.5", "1,0000.5", "1,000,5", "12'34", "1'000,000.5", "1.234,567.8"])
+def test_digits_that_are_parted_otherwise_are_no_number(read: Read, text: str) -> None:
+    content = read(wide(["30.5"] * 39 + [text], ";"))
+    assert np.isnan(content.loops["FIC1"].op[39])
+    assert dict(content.rejects.counts) == {"not_a_number": 1}
