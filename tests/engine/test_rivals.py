@@ -5,11 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.engine.features import extract
+from app.engine.features import extract, shape_windows
 from app.engine.freerun import through_process, valve_position
 from app.engine.oscillation import detect
 from app.engine.recording import UniformRecord
 from app.engine.rivals import Rival, compete, contest, runner_up, winner
+from app.engine.rivals.jumps import Jumps, jumps
 from app.engine.simulate import LoopSpec, Pid, Signal, first_order, simulate_loop
 
 N = 1200
@@ -82,6 +83,20 @@ def test_jumps_of_a_valve_that_stands_between_them_are_not_the_loads(slip: float
     pv = through_process(valve_position(triangle, 1.5, 1.5 * slip), 2.0) + noise(22, 0.01)
     seen = rivals(pv, triangle)["disturbance"]
     assert seen.counts == 0.0
+
+
+@pytest.mark.parametrize("seed", [29, 125, 126, 140])
+@pytest.mark.parametrize(("scale", "offset"), [(1.0, 1000.0), (0.1, -5.0), (-3.7, 0.0)])
+def test_jumps_of_a_coarse_pv_depend_on_no_unit(seed: int, scale: float, offset: float):
+    """Many of its steps are alike; which of them are quiet must not be a matter of rounding."""
+    pv = np.round(np.cumsum(np.random.default_rng(seed).normal(size=100)) / 2.0)
+    op = np.round(-np.cumsum(pv - pv.mean()) / 5.0)
+    assert jumps_of(scale * pv + offset, op).taken_back == pytest.approx(jumps_of(pv, op).taken_back, abs=1e-6)
+
+
+def jumps_of(pv: np.ndarray, op: np.ndarray) -> Jumps:
+    record = UniformRecord(1.0, pv, op, None, np.zeros(len(pv), bool))
+    return jumps(tuple(shape_windows(record, detect(record))))
 
 
 def test_pure_sines_in_line_are_tuning_or_a_sine_from_outside():

@@ -7,7 +7,7 @@ from numba import njit
 
 from app.engine.features import PER_CYCLE, ShapeWindow
 from app.engine.recording import FloatArray
-from app.engine.sampled import moving_average
+from app.engine.sampled import ROUNDING, moving_average
 
 _SMOOTHING_HALF = 1
 _LATEST = PER_CYCLE // 10
@@ -70,7 +70,8 @@ def _explained(y: FloatArray, x: FloatArray, share: float) -> float:
     left = np.abs(y)
     gain = 0.0
     for _ in range(_REFITS):
-        most = np.partition(left, last)[last]
+        # Steps of a coarse signal come in equal sizes, which a change of unit parts by rounding: all of them or none.
+        most = np.partition(left, last)[last] + ROUNDING
         xy, xx, yy, rest = 0.0, 0.0, 0.0, 0.0
         for i in range(len(y)):
             if left[i] <= most:
