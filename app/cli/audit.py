@@ -11,6 +11,7 @@ from typing import IO, TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from app.cli.mapping import MappingOption, mapping_bytes
 from app.cli.messages import ExitCode, progress, say
 from app.cli.zone import TimeZoneOption, read_in
 from app.errors import DataError, LoopauditError
@@ -39,6 +40,14 @@ class Format(StrEnum):
 
 
 @dataclass(frozen=True)
+class Reading:
+    """How files are read; `mapping` as its bytes, which another process can be sent."""
+
+    options: "IngestOptions"
+    mapping: bytes | None = None
+
+
+@dataclass(frozen=True)
 class AuditedFile:
     """What became of one file: the audit lines of its recordings, or why there are none."""
 
@@ -59,6 +68,7 @@ def audit(
     out: Annotated[Path | None, typer.Option("--out", help="Write the results here instead of stdout.")] = None,
     jobs: Annotated[int, typer.Option("--jobs", min=0, help="Processes, one thread each; 0: one a core.")] = 0,
     time_zone: TimeZoneOption = "UTC",
+    mapping: MappingOption = None,
 ) -> None:
     """Audit files or folders of recordings without a service: one line a recording.
 
@@ -73,13 +83,13 @@ def audit(
 
       loopaudit audit recordings/ --format csv --out verdicts.csv --jobs 4
 
-      loopaudit audit export.csv --time-zone Europe/Berlin
+      loopaudit audit export.csv --time-zone Europe/Berlin --mapping tags.csv
     """
-    options = read_in(time_zone)
+    how = Reading(read_in(time_zone), mapping_bytes(mapping))
     files = recording_files(paths)
     audited = []
     with destination(out) as stream, progress("auditing", len(files)) as advance:
-        for result in audit_files(files, jobs, options):
+        for result in audit_files(files, jobs, how):
             advance(label=result.path.name)
             for note in result.notes:
                 say(f"{result.path}: {note}")
@@ -110,10 +120,10 @@ def recording_files(paths: list[Path]) -> list[Path]:
     return files
 
 
-def audit_files(files: list[Path], jobs: int, options: "IngestOptions") -> Iterator[AuditedFile]:
+def audit_files(files: list[Path], jobs: int, how: Reading) -> Iterator[AuditedFile]:
     """Results in the order of the files, whichever process is done first."""
     with executor(len(files), jobs) as pool:
-        futures = [pool.submit(audit_file, file, options) for file in files]
+        futures = [pool.submit(audit_file, file, how) for file in files]
         for file, future in zip(files, futures, strict=True):
             yield outcome(file, future)
 
@@ -144,11 +154,12 @@ def outcome(file: Path, future: "Future[AuditedFile]") -> AuditedFile:
     return AuditedFile(file, notes=(f"fault of loopaudit: {type(error).__name__}: {error}",), failed=True)
 
 
-def audit_file(path: Path, options: "IngestOptions") -> AuditedFile:
+def audit_file(path: Path, how: Reading) -> AuditedFile:
     """Reads and audits one file; runs in a worker process."""
-    from app.ingest import read_recordings
+    from app.ingest import TagMapping, read_recordings
 
-    content = read_recordings(path, options=options)
+    mapping = None if how.mapping is None else TagMapping.from_bytes(how.mapping)
+    content = read_recordings(path, mapping=mapping, options=how.options)
     notes = tuple(in_words(content))
     if not content.recordings:
         # What the file holds instead may tell why.

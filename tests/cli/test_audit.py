@@ -153,3 +153,18 @@ def test_a_zone_that_is_none_is_refused_before_a_file_is_opened(command, tmp_pat
     path.write_text("no recording")
     refused = CliRunner().invoke(cli, [command, str(path), "--time-zone", "Mars/Base"])
     assert refused.exception.code == "unknown_time_zone"
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_tags_that_do_not_tell_their_loops_are_grouped_by_a_mapping(folder, tmp_path, jobs):
+    mapping = tmp_path / "tags.csv"
+    mapping.write_text("tag,loop,signal\nX17,FIC9,PV\nX18,FIC9,OP\n")
+    strange = []
+    for name in ("L0", "L1"):
+        head, *rows = (folder / f"{name}.csv").read_text().splitlines()
+        assert head == "time,SP,PV,OP"
+        strange.append(tmp_path / f"{name}.csv")
+        strange[-1].write_text("\n".join(("time,X16,X17,X18", *rows)) + "\n")
+    assert audit(*strange).exit_code == 2
+    done = audit(*strange, "--mapping", mapping, "--format", "jsonl", "--jobs", jobs)
+    assert (done.exit_code, [line["loop"] for line in lines(done)]) == (0, ["L0", "L1"]), done.stderr
