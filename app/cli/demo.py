@@ -35,7 +35,7 @@ def demo(
         bool | None,
         typer.Option("--serve/--no-serve", help="Keep the pages up afterwards. By default on a terminal only."),
     ] = None,
-    port: Annotated[int, typer.Option("--port", min=0, help="Port of the service; 0: any free one.")] = 0,
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port of the service; 0: any free one.")] = 0,
 ) -> None:
     """Audit a demo plant of 60 simulated loops on the embedded default and print its table beside the truth.
 

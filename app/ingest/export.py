@@ -11,7 +11,7 @@ from app.ingest.align import stretches
 from app.ingest.frames import UNREADABLE, Dialect, FrameReader, in_short
 from app.ingest.grouping import Grouping, TagMapping
 from app.ingest.head import Head, look, with_tail
-from app.ingest.layouts import recognise
+from app.ingest.layouts import not_recognised, recognise
 from app.ingest.long_table import LongTable
 from app.ingest.matlab import open_matlab
 from app.ingest.model import NANOSECONDS, FileSummary, IngestOptions, LoopSamples, Rejects, SignalBlock
@@ -181,11 +181,7 @@ def _open_text(path: Path, stem: str, options: IngestOptions) -> TextSource:
     if plan is not None and plan.form.rivals:
         plan = recognise(with_tail(head, file.tail()), options) or plan
     if plan is None:
-        raise DataError(
-            "unknown_layout",
-            "no column of times with signals beside it was found; needed is a row of names with time, PV and OP "
-            "(or tags such as FIC101.PV), or rows of tag, time and value",
-        )
+        raise not_recognised(head)
     return TextSource(file, plan, head, file.compressed)
 
 

@@ -13,7 +13,7 @@ from app.errors import DataError
 from app.ingest.frames import NUMBERED, Rows, in_short, name_of
 from app.ingest.grouping import TagMapping, group
 from app.ingest.head import HEAD_ROWS, Head, find_decimal_mark
-from app.ingest.layouts import recognise
+from app.ingest.layouts import not_recognised, recognise
 from app.ingest.model import IngestOptions
 from app.ingest.plans import LongPlan, Plan
 from app.ingest.rejecting import RejectLog
@@ -87,9 +87,7 @@ class TableSource:
         self.head = _head(table, stem, names_in_rows)
         plan = recognise(self.head, options)
         if plan is None:
-            raise DataError(
-                "unknown_layout", "the table has no column of times with signals, or with tags and values, beside it"
-            )
+            raise not_recognised(self.head)
         self.plan: Plan = plan
 
     def reader(self, width: int, types: dict[int, pl.DataType], log: RejectLog) -> TableReader:

@@ -465,3 +465,15 @@ def test_line_ends_that_were_made_twice(read: Read, encoding: str, chunk_bytes: 
     assert content.loops["A"].automatic.tolist() == [1] * 50
     assert dict(content.rejects.counts) == {"not_a_number": 50}
     assert content.rejects.listed[-1].line == 51
+
+
+@pytest.mark.parametrize(
+    "names", ["time,PV,OP", "Time;FIC1.PV;FIC1.OP", "Tag,Timestamp,Value", "Report of the night\n\ntime,PV,OP"]
+)
+@pytest.mark.parametrize(
+    ("rows", "why"), [("", "there is none"), ("later,later,later\n", "the first of them is 'later'")]
+)
+def test_names_without_rows_are_told_from_files_without_names(read: Read, names: str, rows: str, why: str) -> None:
+    rows = rows.replace(",", ";") if ";" in names else rows
+    with pytest.raises(DataError, match=f"no row has a time that can be read; {why}"):
+        read(f"{names}\n{rows}")

@@ -5,6 +5,8 @@ A new layout is a new file with a function `sniff(head, options) -> Plan | None`
 
 from collections.abc import Callable
 
+from app.errors import DataError
+from app.ingest.columns import TAG_NAMES, VALUE_NAMES, plain, time_columns
 from app.ingest.head import Head
 from app.ingest.layouts import aveva, dcs_tab, ignition, long, long_bare, per_tag, pi_datalink, trendminer, wide
 from app.ingest.model import IngestOptions
@@ -12,6 +14,7 @@ from app.ingest.plans import Plan
 
 Sniff = Callable[[Head, IngestOptions], Plan | None]
 
+NAMES_WITHIN = 30
 LAYOUTS: tuple[Sniff, ...] = (
     dcs_tab.sniff,
     ignition.sniff,
@@ -27,3 +30,25 @@ LAYOUTS: tuple[Sniff, ...] = (
 
 def recognise(head: Head, options: IngestOptions) -> Plan | None:
     return next((plan for sniff in LAYOUTS if (plan := sniff(head, options)) is not None), None)
+
+
+def not_recognised(head: Head) -> DataError:
+    """That no layout is known; where names are there, that their rows are missing or have no times."""
+    at = next((index for index, row in enumerate(head.rows[:NAMES_WITHIN]) if _are_names(row)), None)
+    if at is None:
+        return DataError(
+            "unknown_layout",
+            "no column of times with signals beside it was found; needed is a row of names with time, PV and OP "
+            "(or tags such as FIC101.PV), or rows of tag, time and value",
+        )
+    names = head.rows[at]
+    below = head.column(time_columns(names)[0], at + 1)
+    shown = f"the first of them is {below[0][:60]!r}" if below else "there is none"
+    named = ", ".join(names[:5])[:200]
+    return DataError("unknown_layout", f"below the names {named} no row has a time that can be read; {shown}")
+
+
+def _are_names(row: tuple[str, ...]) -> bool:
+    known = {plain(name) for name in row}
+    long_names = bool(known & TAG_NAMES) and not known.isdisjoint(VALUE_NAMES)
+    return bool(time_columns(row)) and (long_names or wide.audited_signals(row) > 0)
