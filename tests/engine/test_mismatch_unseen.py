@@ -1,9 +1,10 @@
 """What is said of names where the stretch that no fit has seen speaks against them."""
 
+import numpy as np
 import pytest
 
 from app.engine.mismatch.conclude import held_out_worse
-from app.engine.mismatch.holdout import Fitness
+from app.engine.mismatch.holdout import Fitness, judge
 from app.engine.mismatch.result import Effect, Improvement
 
 NAMED = Effect("valve.deadband", ("valve.stiction",), 0.9, "valve", (), (), "after OP reversals", (), 40.0)
@@ -34,3 +35,12 @@ def test_names_that_stand_beside_a_worse_free_run_say_so(
 @pytest.mark.parametrize(("effects", "error"), [((NAMED,), 0.9), ((NAMED,), float("nan")), ((), 1.2)])
 def test_nothing_is_said_where_nothing_is_worse_or_named(effects: tuple[Effect, ...], error: float) -> None:
     assert held_out_worse(effects, improved(1.0, error), 1.0, [False]) == ()
+
+
+@pytest.mark.parametrize("level", [0.0, 50.1, 1000.3])
+def test_a_pv_that_stands_has_no_fit(level: float) -> None:
+    """The deviation of equal values from their mean is rounding: a hundred million million per cent of it is no fit."""
+    pv = np.full(450, level)
+    found = judge(pv, pv + 0.01, np.ones(450, dtype=np.bool_))
+    assert found.rmse == pytest.approx(0.01)
+    assert np.isnan(found.fit_pct)

@@ -17,12 +17,13 @@ from app.engine.recording import BoolArray, FloatArray
 SHARE = 0.3
 WORSE_UNSEEN, MUCH_WORSE = 1.05, 1.3
 SEEN_AT_LEAST = 0.35
+STANDS = 1e-12
 PLACES = (0.7, 0.0, 0.35, 0.5, 0.2)
 
 
 @dataclass(frozen=True, eq=False)
 class Fitness:
-    """How well a free run follows PV over some samples. rmse: unit of PV; fit_pct: 100 (1 - rmse / deviation of PV).
+    """How well a free run follows PV over some samples. rmse: unit of PV; fit_pct: 100 (1 - rmse / deviation of PV), NaN where PV stands.
     tests: of what it leaves there, where they were made.
     """
 
@@ -38,7 +39,9 @@ def judge(pv: FloatArray, simulated: FloatArray, where: BoolArray) -> Fitness:
         return Fitness(float("nan"), float("nan"))
     rmse = float(np.sqrt(np.mean(error**2)))
     spread = float(np.std(recorded))
-    return Fitness(rmse, 100.0 * (1.0 - rmse / spread) if spread > 0.0 else float("nan"))
+    # The deviation of equal values from their mean is rounding.
+    moves = spread > STANDS * float(np.max(np.abs(recorded)))
+    return Fitness(rmse, 100.0 * (1.0 - rmse / spread) if moves else float("nan"))
 
 
 @dataclass(frozen=True, eq=False)
