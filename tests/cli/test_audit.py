@@ -111,7 +111,7 @@ def test_a_table_and_a_file_of_csv(folder, tmp_path):
     done = audit(folder / "L1.csv")
     assert done.exit_code == 0
     assert "L1" in done.stdout
-    assert "1 recordings:" in done.stdout
+    assert "1 recording:" in done.stdout
     out = tmp_path / "verdicts.csv"
     done = audit(folder / "L1.csv", "--format", "csv", "--out", out)
     assert done.stdout == ""
