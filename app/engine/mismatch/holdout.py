@@ -23,8 +23,8 @@ PLACES = (0.7, 0.0, 0.35, 0.5, 0.2)
 
 @dataclass(frozen=True, eq=False)
 class Fitness:
-    """How well a free run follows PV over some samples. rmse: unit of PV; fit_pct: 100 (1 - rmse / deviation of PV), NaN where PV stands.
-    tests: of what it leaves there, where they were made.
+    """How well a free run follows PV over some samples. rmse: unit of PV; fit_pct: 100 (1 - rmse / deviation of PV),
+    NaN where PV stands. tests: of what it leaves there, where they were made.
     """
 
     rmse: float
