@@ -20,6 +20,7 @@ from app.services.backend import DATABASE_AWAY
 
 MEDIA_TYPE = "application/problem+json"
 LONGEST_ECHO = 200
+MOST_ERRORS = 20
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 # Codes of services whose status differs from the one of their class.
@@ -84,7 +85,9 @@ class Problem(BaseModel):
     detail: str = Field(description="What was got and what is needed, for people.")
     instance: str = Field(description="Path of the request.")
     request_id: str | None = Field(None, description="Names this request in the log and the trail of the service.")
-    errors: list[dict[str, Any]] | None = Field(None, description="For invalid_request: where, and what is wrong.")
+    errors: list[dict[str, Any]] | None = Field(
+        None, description="For invalid_request: where, and what is wrong; the first 20."
+    )
 
 
 def install(app: FastAPI) -> None:
@@ -181,7 +184,10 @@ async def _http_error(request: Request, error: Exception) -> Response:
 
 async def _invalid_request(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)  # noqa: S101 - as above
-    errors = [{"where": ".".join(map(str, item["loc"])), "what": item["msg"]} for item in error.errors()]
+    errors = [
+        {"where": ".".join(map(str, item["loc"]))[:LONGEST_ECHO], "what": item["msg"]}
+        for item in error.errors()[:MOST_ERRORS]
+    ]
     detail = "; ".join(f"{item['where']}: {item['what']}" for item in errors[:3])
     return respond(request, 422, "invalid_request", detail, errors=errors)
 

@@ -380,6 +380,13 @@ def test_openapi_describes_every_field_and_parameter(client):
             assert not [p["name"] for p in operation.get("parameters", ()) if not p.get("description")], (method, path)
 
 
+def test_a_refusal_is_no_longer_than_what_was_wrong(client):
+    asked = "&".join(f"{k}{'x' * 1000}" for k in range(50))
+    answer = client.get(f"/v1/reliability?{asked}")
+    assert answer.json()["code"] == "invalid_request"
+    assert len(answer.content) < len(asked)
+
+
 def test_a_parameter_that_a_route_does_not_know_is_refused_by_each_that_takes_any(client):
     taking = [
         (method, re.sub(r"{\w+}", "x", path), parameters[0]["name"])
