@@ -213,6 +213,20 @@ def test_a_table_whose_columns_are_named_tells_times_as_exports_do(tmp_path: Pat
     assert (found.sampling_interval_s, len(found.pv)) == (60.0, 200)
 
 
+@pytest.mark.parametrize("times", ["{0}", "{0}.25", "{0}000", "{0}000000000"])
+def test_times_that_count_from_1970_are_told_by_their_size(tmp_path: Path, times: str) -> None:
+    lines = [f"{times.format(1_700_000_000 + 5 * k)},{k % 7},{k % 5}" for k in range(200)]
+    path = write(tmp_path / "F1.csv", "time,y1,u1\n" + "\n".join(lines))
+    assert read_comparison(path, Columns(op="u1", pv="y1"), None).sampling_interval_s == 5.0
+
+
+def test_days_of_a_spreadsheet_are_days(tmp_path: Path) -> None:
+    lines = [f"{45000 + k / 8640:.9f},{k % 7},{k % 5}" for k in range(200)]
+    path = write(tmp_path / "F1.csv", "time,y1,u1\n" + "\n".join(lines))
+    found = read_comparison(path, Columns(op="u1", pv="y1"), None)
+    assert found.sampling_interval_s == pytest.approx(10.0, abs=1e-3)
+
+
 def test_a_typed_time_of_a_table_is_in_seconds(tmp_path: Path) -> None:
     stamps = [datetime(2024, 1, 1) + timedelta(seconds=10 * k) for k in range(200)]
     path = tmp_path / "F1.parquet"

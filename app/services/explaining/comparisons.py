@@ -95,7 +95,7 @@ def times_of(table: pl.DataFrame, options: IngestOptions = READ_PLAINLY) -> Floa
     """Times in s: from numbers, from stamps, or by the constant interval in a column Ts; None where none are told."""
     column = find(table, None, SYNONYMS["time"])
     if column is not None:
-        stamps = None if table[column].dtype.is_numeric() else _stamps(table[column], options)
+        stamps = _stamps(table[column], options)
         if stamps is not None:
             return stamps
         time = numbers(table, column)
@@ -108,9 +108,10 @@ def times_of(table: pl.DataFrame, options: IngestOptions = READ_PLAINLY) -> Floa
 
 
 def _stamps(column: pl.Series, options: IngestOptions) -> FloatArray | None:
-    """Times in s as exports tell them, NaN where one is none; None where the column does not hold times."""
+    """Times in s as exports tell them, NaN where one is none; None where the column does not hold times, or numbers
+    that are seconds already."""
     form = find_form(column.cast(pl.String).drop_nulls().to_list(), column.name, options)
-    if form is None:
+    if form is None or (column.dtype.is_numeric() and form.kind == "relative"):
         return None
     at_ns = TimeReader(form, options).read(column)
     return np.where(at_ns == NO_TIME, np.nan, at_ns / NANOSECONDS)
