@@ -40,7 +40,7 @@ def conclude(
     effects = (*shown, *fitted)
     if effects:
         return Conclusion("missing_physics", effects, refused)
-    doubts = (*refused, *too_little_told(base)) or free_run_astray(seen)
+    doubts = (*refused, *too_little_told(base)) or free_run_astray(seen, float(np.ptp(base.record.pv)))
     return Conclusion("inconclusive" if doubts else "consistent", (), doubts)
 
 
@@ -135,16 +135,20 @@ def too_little_told(base: Fit) -> tuple[Reason, ...]:
     return ()
 
 
-def free_run_astray(seen: Improvement) -> tuple[Reason, ...]:
-    """Why a free run that leaves PV altogether clears no simulation, although noise that wanders would explain it: what
+def free_run_astray(seen: Improvement, pv_range: float) -> tuple[Reason, ...]:
+    """Why a free run that is far from PV clears no simulation, although noise that wanders would explain it: what
     acts as slowly as that noise cannot be told from it. An integrating process adds up the least load.
+
+    pv_range: from the lowest to the highest PV of the record, not zero. Where PV rests over the stretch kept out, far
+    may be little of it.
     """
     far = seen.refitted.fit_pct
     if not far < ASTRAY_PCT:
         return ()
     text = (
         f"the free run leaves PV by {seen.refitted.rmse:.4g} over the stretch kept out, {1.0 - far / 100.0:.0f} times "
-        "as far as PV's own mean: a load that wanders explains it, and so would one that drifts or steps"
+        f"as far as PV's own mean there and {100.0 * seen.refitted.rmse / pv_range:.2g} % of PV's range: a load that "
+        "wanders explains it, and so would one that drifts or steps"
     )
     return (Reason("free_run_astray", text),)
 
