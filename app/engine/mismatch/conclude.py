@@ -147,7 +147,7 @@ def free_run_astray(seen: Improvement, pv_range: float) -> tuple[Reason, ...]:
         return ()
     text = (
         f"the free run leaves PV by {seen.refitted.rmse:.4g} over the stretch kept out, {1.0 - far / 100.0:.0f} times "
-        f"as far as PV's own mean there and {100.0 * seen.refitted.rmse / pv_range:.2g} % of PV's range: a load that "
+        f"as far as PV's own mean there and {100.0 * seen.refitted.rmse / pv_range:.1f} % of PV's range: a load that "
         "wanders explains it, and so would one that drifts or steps"
     )
     return (Reason("free_run_astray", text),)
