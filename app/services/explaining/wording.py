@@ -68,7 +68,7 @@ EVIDENCE_WORDS = {
     "held_out_worse": "the free run on data that no fit has seen is worse with the effect, which stands nevertheless",
     "op_moves_nothing": "PV does not answer OP",
     "too_few_data": "too few samples, or too short a record, to judge a simulation by",
-    "free_run_astray": "the free run is far from PV on unseen data: what acts slowly is not told from a load that wanders",
+    "free_run_astray": "the free run is far from PV on unseen data, as where a load wanders, or acts slowly",
     "too_little_excitation": "OP explains too little of PV to judge a simulation by",
     "simulation_unrelated": "the simulated trace does not answer the recorded OP",
     "simulation_shifted": "the simulation is early or late and was shifted before it was compared",
