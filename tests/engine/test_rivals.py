@@ -11,7 +11,7 @@ from app.engine.oscillation import detect
 from app.engine.recording import UniformRecord
 from app.engine.rivals import Rival, compete, contest, runner_up, winner
 from app.engine.rivals.jumps import Jumps, jumps
-from app.engine.simulate import LoopSpec, Pid, Signal, first_order, simulate_loop
+from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, Wave, first_order, simulate_loop
 
 N = 1200
 T = np.arange(N)
@@ -43,6 +43,29 @@ def test_pv_and_op_that_follow_a_moving_set_point_are_explained_by_it():
     sp = np.cumsum(noise(4))
     found = rivals(sp + noise(5, 0.1), 2 * sp + noise(6, 0.1), sp=sp)
     assert found["set_point_following"].stands_out
+
+
+def following(S: float, period_s: float) -> dict[str, Rival]:
+    """A flow whose set point swings by 20, with a valve of stiction band S."""
+    spec = LoopSpec(
+        plant=first_order(1.0, 3.0, 1.0),
+        controller=Pid(0.6, 4.0),
+        valve=TwoParameterValve(S, S),
+        sp=Signal(waves=(Wave(20.0, period_s),)),
+        noise=Signal(noise_sd=0.1),
+        step_s=0.25,
+        settle_s=100.0,
+    )
+    record = simulate_loop(spec, float(N), 1.0, 5).uniform()
+    return rivals(record.pv, record.op, record.sp)
+
+
+def test_a_set_point_behind_all_that_moves_counts_against_stiction_that_explains_nothing():
+    found = following(0.0, 120.0)["set_point_following"]
+    assert found.strength >= 0.85
+    assert found.counts == 1.0
+    assert "no better than one that follows" in found.text
+    assert following(15.0, 300.0)["set_point_following"].counts == 0.0
 
 
 def test_op_in_line_with_a_wandering_pv_is_a_disturbance():

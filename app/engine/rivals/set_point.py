@@ -9,13 +9,19 @@ from app.engine.sampled import correlation
 
 FOLLOWED = 0.7
 _NOTHING = 0.4
+ALL = 0.85
+"""Strength from which on the set point is behind all that PV and OP do."""
+_STICTION_EXPLAINS = 0.005
+_AGAINST_STICTION = 1.0
 
 
 def set_point_following(scene: Scene) -> Rival:
     """PV and OP both follow from the set point through a lag and a dead time, on cycles that the fit has not seen.
 
     Not evaluated where the set point is not known or stands. Misleads in a sticky inner loop of a cascade, whose set
-    point is moved by the loop around it at the same period.
+    point is moved by the loop around it at the same period: it counts against stiction only where the set point is
+    behind all that PV and OP do and from OP a sticky valve explains less than half a per cent more of PV's variance
+    than one that follows.
     """
     if not scene.sp:
         return not_evaluated("set_point_following", "the set point does not move or is not known")
@@ -29,4 +35,8 @@ def set_point_following(scene: Scene) -> Rival:
         f"PV follows from the set point ({100 * pv:.0f} % of its variance on unseen cycles) and so does OP "
         f"({100 * op:.0f} %)"
     )
-    return Rival("set_point_following", strength, text, statistic=min(pv, op), threshold=FOLLOWED, explained=pv)
+    plain = strength >= ALL and scene.features.named("misfit_drop") < _STICTION_EXPLAINS
+    if plain:
+        text += "; from OP a sticky valve explains PV no better than one that follows"
+    counts = _AGAINST_STICTION if plain else 0.0
+    return Rival("set_point_following", strength, text, counts, statistic=min(pv, op), threshold=FOLLOWED, explained=pv)
