@@ -19,6 +19,7 @@ LEAST_TIMES = 4.0
 LEAST_COMPARED = 100
 ROUNDING = 1e-9
 UNRELATED = 0.7
+ASTRAY_SHARE = 0.5
 ASTRAY_PCT = -300.0  # fit of a free run that is four times as far from PV as PV's own mean is
 
 
@@ -140,10 +141,10 @@ def free_run_astray(seen: Improvement, pv_range: float) -> tuple[Reason, ...]:
     acts as slowly as that noise cannot be told from it. An integrating process adds up the least load.
 
     pv_range: from the lowest to the highest PV of the record, not zero. Where PV rests over the stretch kept out, far
-    may be little of it.
+    may be little of it: half of it is asked as well.
     """
     far = seen.refitted.fit_pct
-    if not far < ASTRAY_PCT:
+    if not (far < ASTRAY_PCT and seen.refitted.rmse > ASTRAY_SHARE * pv_range):
         return ()
     text = (
         f"the free run leaves PV by {seen.refitted.rmse:.4g} over the stretch kept out, {1.0 - far / 100.0:.0f} times "
