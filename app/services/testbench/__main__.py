@@ -42,8 +42,12 @@ def document(outcomes: list[Outcome]) -> str:
     """All tables, the most telling first."""
     table = tables.rows(outcomes)
     everything = [o for o in outcomes if o.factor == WIDE]
+    told = [o for o in outcomes if o.exercised or not o.sticky]
+    sure = [o for o in told if o.reliable and not o.abstained]
+    wrong = sum(o.wrong for o in sure)
     parts = [
-        f"{len(outcomes)} loops.",
+        f"{len(outcomes)} loops. Of the {len(told)} healthy or exercised ones {len(sure)} verdicts are "
+        f"called reliable, {wrong} of them wrong.",
         "## Where it starts to fail\n\n"
         f"Levels on which fewer than {100 * tables.FEWEST_FOUND:.0f} % of the exercised sticky valves are called "
         f"sticky, or more than {100 * tables.MOST_ACCUSED:.0f} % of the healthy ones.\n\n" + tables.failing(table),
