@@ -24,8 +24,8 @@ one loop's blocks.
 * `mapping.find(tag)` has what the plant's mapping says besides: `.attributes` (unit, low, high, loop_type, ...),
 `.number("low")`.
 
-Reject codes: bad_time, not_a_number, not_finite, sentinel, bad_quality, off_line, unknown_mode, ragged_row,
-unbalanced_quote,
+Reject codes: bad_time, not_a_number, unclear_mark, not_finite, sentinel, bad_quality, off_line, unknown_mode,
+ragged_row, unbalanced_quote,
 duplicate_time, name_too_long, no_tag.
 DataError codes: empty_file, not_an_export, unknown_layout, nothing_readable, decompressed_too_large, line_too_long,
 too_many_tags,

@@ -13,6 +13,7 @@ from app.ingest.grouping import Grouping, TagMapping
 from app.ingest.head import Head, look, with_tail
 from app.ingest.layouts import not_recognised, recognise
 from app.ingest.long_table import LongTable
+from app.ingest.marks import DoubtfulMarks
 from app.ingest.matlab import open_matlab
 from app.ingest.model import NANOSECONDS, FileSummary, IngestOptions, LoopSamples, Rejects, SignalBlock
 from app.ingest.opening import TextFile
@@ -44,7 +45,8 @@ class Export:
             or _open_text(path, self.stem, options)
         )
         self._source = source
-        self._tally = Tally(writing=Writing(source.head.thousands_mark))
+        usual = "thousands" if source.head.delimiter == "," else "decimals"
+        self._tally = Tally(writing=Writing(source.head.thousands_mark, marks=DoubtfulMarks(usual)))
         self._grouping = Grouping(self.stem, mapping)
         self._plan: Plan = prepared(source.plan, self._grouping, source.head, options, self._log)
         self._taken = False
@@ -127,6 +129,8 @@ class Export:
             notes.append(
                 f"numbers have their unit behind them, and were read where it is the one of their tag: {units}"
             )
+        if marks := self._tally.writing.marks.told():
+            notes.append(f"the mark of numbers such as 1,000 may part thousands or decimals: {marks}")
         loops = self._grouping.loops()
         if not any(loop.pv or loop.op or loop.sp for loop in loops):
             shown = ", ".join([tag for loop in loops for tag in loop.others[:5]][:25])
@@ -171,7 +175,8 @@ class TextSource:
         return tuple(self._file.notes)
 
     def reader(self, width: int, types: dict[int, pl.DataType], log: RejectLog) -> FrameReader:
-        return FrameReader(self._file, Dialect(self.head.delimiter, self.head.decimal_mark, width), types, log)
+        head = self.head
+        return FrameReader(self._file, Dialect(head.delimiter, head.decimal_mark, width, head.marks_told), types, log)
 
 
 def _open_text(path: Path, stem: str, options: IngestOptions) -> TextSource:

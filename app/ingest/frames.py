@@ -4,7 +4,7 @@ read again."""
 import io
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from app.ingest.ahead import ahead, side_by_side
 from app.ingest.head import split_line
+from app.ingest.marks import has_doubtful_points, pointed
 from app.ingest.opening import Lines, TextFile
 from app.ingest.plans import LongPlan
 from app.ingest.rejecting import RejectLog
@@ -35,6 +36,15 @@ class Dialect:
     delimiter: str
     decimal_mark: str
     width: int
+    marks_told: bool = True  # else numbers with any mark are left to who knows their tags
+
+    @property
+    def decimal_comma(self) -> bool:
+        return self.decimal_mark == "," and self.marks_told
+
+    @property
+    def points_doubtful(self) -> bool:
+        return self.decimal_mark == "," or not self.marks_told
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +148,9 @@ class FrameReader:
         self._scanner: Scanner | None = None
 
     def scanning(self, plan: LongPlan) -> Scanner | None:
-        self._scanner = Scanner(plan, self._dialect.delimiter, self._dialect.decimal_mark)
+        self._scanner = Scanner(
+            plan, self._dialect.delimiter, self._dialect.decimal_mark if self._dialect.marks_told else "\0"
+        )
         return self._scanner
 
     def rows(self, first_row: int, columns: Sequence[int] | None = None) -> Iterator[Rows]:
@@ -207,10 +219,22 @@ class FrameReader:
 
     def _part(self, lines: Lines) -> Rows:
         rows = self._read_chunk(lines)
+        if self._dialect.points_doubtful and has_doubtful_points(rows.data, self._dialect.delimiter):
+            rows = self._without_points(rows)
         for name in rows.frame.columns:
             if self._types[name] is NUMBERED and rows.frame[name].n_unique() > rows.frame.height // 2:
                 self._types[name] = pl.String()  # it hardly repeats: numbering costs more than it saves
         return rows
+
+    def _without_points(self, rows: Rows) -> Rows:
+        """The numbers with a point missing, in columns in which one may part thousands."""
+        found = pointed(self.texts(rows, [index for index in self._columns if index not in self._texts]))
+        if rows.block is not None:
+            for name, at in found.items():
+                rows.block.missing[at, int(name[1:])] = True
+            return rows
+        marked = [pl.when(pl.Series(~at)).then(pl.col(name)).alias(name) for name, at in found.items()]
+        return replace(rows, frame=rows.frame.with_columns(marked))
 
     def _read_block(self, lines: Lines) -> Rows | None:
         """A chunk of plain rows, all of full length: its fields are one column of numbers to polars, and only the
@@ -266,7 +290,7 @@ class FrameReader:
             schema=schema,
             columns=None if len(columns) == len(schema) else columns,
             separator=separator or self._dialect.delimiter,
-            decimal_comma=self._dialect.decimal_mark == "," and self._dialect.delimiter != ",",
+            decimal_comma=self._dialect.decimal_comma and self._dialect.delimiter != ",",
             quote_char='"' if b'"' in data else None,
             ignore_errors=True,
             missing_columns="insert",

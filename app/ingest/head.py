@@ -4,7 +4,9 @@ import csv
 import re
 from collections import Counter
 from dataclasses import dataclass, replace
+from functools import cached_property
 
+from app.ingest.marks import before_decimals, other_mark
 from app.ingest.units import without_unit
 
 DELIMITERS = ("\t", ";", "|", ",")
@@ -12,6 +14,8 @@ HEAD_ROWS = 400
 TAIL_ROWS = 150
 HEAD_CHARACTERS = 1 << 20
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_SURE = {mark: re.compile(before_decimals(mark, r"(?:[eE][+-]?\d+)?$")) for mark in ".,"}
+_WHOLE = re.compile(r"[+-]?0*[1-9]\d*")
 _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 
 
@@ -25,13 +29,25 @@ class Head:
     delimiter: str
     decimal_mark: str
 
+    @cached_property
+    def marks_told(self) -> bool:
+        """Whether it is seen what stands before decimals: in 1,005 it is not. A point of 1.005 is taken for one, unless
+        whole numbers stand in its column."""
+        if any(_surely(text, self.decimal_mark) for row in self.rows for text in row):
+            return True
+        if self.decimal_mark == ",":
+            return False
+        with_point = {column for row in self.rows for column, text in enumerate(row) if "." in text and is_number(text)}
+        return any(
+            not any(_WHOLE.fullmatch(without_unit(row[column])) for row in self.rows if column < len(row))
+            for column in with_point
+        )
+
     @property
     def thousands_mark(self) -> str:
-        """What stands between thousands: the one of point and comma that is not seen before decimals. Empty where
-        neither is seen there: 1,005 may be either."""
-        if self.decimal_mark == ",":
-            return "."
-        return "," if any("." in text and is_number(text) for row in self.rows for text in row) else ""
+        """What stands between thousands: the one of point and comma that does not stand before decimals. Empty where
+        that is not told."""
+        return other_mark(self.decimal_mark) if self.marks_told else ""
 
     def row(self, index: int) -> tuple[str, ...]:
         return self.rows[index] if index < len(self.rows) else ()
@@ -82,15 +98,22 @@ def split_line(line: str, delimiter: str) -> tuple[str, ...]:
 
 
 def find_decimal_mark(rows: tuple[tuple[str, ...], ...], delimiter: str) -> str:
-    if delimiter == ",":
-        quoted = sum(_is_comma_number(field) for row in rows for field in row)
-        return "," if quoted > 2 and quoted > sum("." in f for row in rows for f in row if is_number(f)) else "."
     commas = points = 0
     for row in rows:
         for field in row:
             commas += _is_comma_number(field)
             points += "." in field and is_number(field)
+    if delimiter == "," and commas <= 2:
+        return "."
+    if commas and points:  # those that tell more than that they have a mark go first
+        sure_commas, sure_points = (sum(_surely(field, mark) for row in rows for field in row) for mark in ",.")
+        commas, points = (sure_commas, sure_points) if sure_commas != sure_points else (commas, points)
     return "," if commas > points else "."
+
+
+def _surely(text: str, decimal_mark: str) -> bool:
+    """Whether a number shows that the mark is the one before decimals."""
+    return ("," in text or "." in text) and bool(_SURE[decimal_mark].match(without_unit(text)))
 
 
 def _is_comma_number(text: str) -> bool:

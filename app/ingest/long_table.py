@@ -20,7 +20,7 @@ from app.ingest.scanning import Scan, Scanner
 from app.ingest.spilling import PartOfLoop, Spill
 from app.ingest.stamps import NO_TIME, TimeReader
 from app.ingest.tally import Tally
-from app.ingest.values import SENTINELS, odd_numbers, refuse_sentinels, says_something
+from app.ingest.values import SENTINELS, odd_numbers, refuse_sentinels, refused_as, says_something
 from app.ingest.wide_table import joined_times
 
 BATCH_ROWS = 1_000_000  # more than these are parted in files
@@ -254,10 +254,16 @@ class LongTable:
         of_modes, others = odd[modes[odd]], odd[~modes[odd]]
         values[of_modes] = automatic_flags(texts[of_modes])
         unknown = of_modes[np.isnan(values[of_modes]) & says_something(texts[of_modes])]
-        tags = rows.frame[name_of(self._plan.tag)][others].cast(pl.String)
-        values[others], bad = odd_numbers(texts[others], tags, self._tally.writing)
-        for code, at in (("unknown_mode", unknown), ("not_a_number", others[bad])):
-            self._refuse(rows, code, at, (texts[int(row)] for row in at))
+        all_tags = rows.frame[name_of(self._plan.tag)].cast(pl.String)
+        tags = all_tags[others]
+        self._tally.writing.learn(
+            texts[others], tags, lambda: pl.DataFrame({"tag": all_tags, "number": values}).filter(~modes)
+        )
+        found = odd_numbers(texts[others], tags, self._tally.writing)
+        values[others] = found.values
+        refused = {code: others[at] for code, at in found.refused.items()}
+        for code, at in {"unknown_mode": unknown, **refused}.items():
+            self._refuse(rows, code, at, (refused_as(code, texts[int(row)]) for row in at))
 
     def _refuse_quality(
         self, rows: Rows, kept: NDArray[np.bool_], codes: NDArray[np.uint32], values: FloatArray

@@ -1,6 +1,7 @@
 """Columns of values: text in numeric columns, numbers that are none, sentinels. What is refused becomes NaN and is
 counted."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -8,51 +9,96 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from app.ingest.marks import DOUBTFUL, GROUPED, WHOLE, DoubtfulMarks, before_decimals, other_mark
 from app.ingest.model import FloatArray
 from app.ingest.rejecting import RejectLog
 from app.ingest.stamps import to_numbers
 from app.ingest.units import UnitsOfTags
 
 SENTINELS = (-9999.0, -99.125)
-_GROUPED = r"^[ \"]*[+-]?[1-9]\d{0,2}(?:%s\d{3})+(?:%s\d+)?(?:[^\d.,].*)?$"
-_DECIMAL_COMMA = r"^[ \"]*[+-]?(?:0?,\d|\d+,(?:\d{1,2}|\d{4,})(?:\D|$))"  # what thousands never look like
 _BETWEEN_DIGITS = "['\N{RIGHT SINGLE QUOTATION MARK}\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}]"  # never decimal marks
 
 
-@dataclass(frozen=True)
+@dataclass
 class Writing:
-    """How a file writes numbers that are not plain. thousands: the mark between them, empty where the file does not
-    tell it from the decimal mark. units: behind the numbers of each tag."""
+    """How a file writes numbers that are not plain. thousands: the mark between them, empty as long as the file does
+    not tell it from the decimal mark; what is in doubt until then is left to `marks`. units: behind the numbers of each
+    tag."""
 
     thousands: str = ""
     units: UnitsOfTags = field(default_factory=UnitsOfTags)
+    marks: DoubtfulMarks = field(default_factory=DoubtfulMarks)
 
-    def whole(self, texts: pl.Series) -> pl.Series:
-        """Texts with the thousands of their numbers joined."""
-        parted = [(_GROUPED % (_BETWEEN_DIGITS, "[.,]"), _BETWEEN_DIGITS)]
-        if self.thousands and not (self.thousands == "," and texts.str.contains(_DECIMAL_COMMA).any()):
-            mark, decimal_mark = (",", ".") if self.thousands == "," else (".", ",")
-            parted.append((_GROUPED % (f"[{mark}]", f"[{decimal_mark}]"), f"[{mark}]"))
-        for form, marks in parted:
-            at = texts.str.contains(form).fill_null(False)
-            texts = texts.zip_with(~at, texts.str.replace_all(marks, "")) if at.any() else texts
+    def learn(self, texts: pl.Series, tags: pl.Series, beside: Callable[[], pl.DataFrame]) -> None:
+        """Looks for what tells thousands from decimals, before numbers are read. beside: tag and number of what was
+        read without a mark."""
+        if self.thousands:
+            return
+        sure = [mark for mark in ",." if texts.str.contains(before_decimals(mark)).any()]
+        if len(sure) == 1:
+            self.thousands = other_mark(sure[0])
+            return
+        doubtful = texts.str.extract(DOUBTFUL)
+        if doubtful.null_count() < len(doubtful):
+            with_unit = pl.DataFrame({"tag": tags, "number": to_numbers(texts.str.extract(WHOLE))})
+            self.marks.look(
+                pl.DataFrame({"tag": tags, "number": to_numbers(doubtful)}), pl.concat((beside(), with_unit))
+            )
+
+    def whole(self, texts: pl.Series, tags: pl.Series) -> pl.Series:
+        """Texts with the thousands of their numbers joined, null where it is not clear which these are."""
+        texts = _joined(texts, GROUPED % (_BETWEEN_DIGITS, "[.,]"), _BETWEEN_DIGITS)
+        if not self.thousands:
+            return self._by_tag(texts, tags)
+        decimal_mark = other_mark(self.thousands)
+        of_decimals = tags.filter(texts.str.contains(before_decimals(self.thousands)).fill_null(False)).unique()
+        others = ~tags.is_in(of_decimals.implode())
+        return _joined(texts, GROUPED % (f"[{self.thousands}]", f"[{decimal_mark}]"), f"[{self.thousands}]", others)
+
+    def _by_tag(self, texts: pl.Series, tags: pl.Series) -> pl.Series:
+        at = texts.str.contains(DOUBTFUL).fill_null(False)
+        if at.any():
+            found = {tag: self.marks.meant(tag) for tag in tags.filter(at).unique(maintain_order=True)}
+            meant = tags.replace_strict(found, default=None, return_dtype=pl.String)
+            thousands = at & (meant == "thousands").fill_null(False)
+            texts = texts.zip_with(~thousands, texts.str.replace_all("[.,]", ""))
+            texts = texts.set(at & (meant == "").fill_null(False), None)
         return texts
 
 
-def odd_numbers(texts: pl.Series, tags: pl.Series, writing: Writing) -> tuple[FloatArray, NDArray[np.int64]]:
-    """The numbers among texts that the fast reader could not read, NaN where there is none, and which of the texts say
-    something else."""
-    texts = writing.whole(texts)
-    numbers = to_numbers(texts).copy()
-    odd = np.flatnonzero(~np.isfinite(numbers) & says_something(texts))
+def _joined(texts: pl.Series, form: str, marks: str, where: pl.Series | bool = True) -> pl.Series:
+    at = texts.str.contains(form).fill_null(False) & where
+    return texts.zip_with(~at, texts.str.replace_all(marks, "")) if at.any() else texts
+
+
+@dataclass(frozen=True, eq=False)
+class OddNumbers:
+    """values (n,): NaN where there is none. refused: by code, which of the texts say something else."""
+
+    values: FloatArray
+    refused: dict[str, NDArray[np.int64]]
+
+
+def refused_as(code: str, text: str) -> str:
+    return f"{text.strip()} may have decimals or parted thousands" if code == "unclear_mark" else text
+
+
+def odd_numbers(texts: pl.Series, tags: pl.Series, writing: Writing) -> OddNumbers:
+    """The numbers among texts that the fast reader could not read."""
+    whole = writing.whole(texts, tags)
+    numbers = to_numbers(whole).copy()
+    odd = np.flatnonzero(~np.isfinite(numbers) & says_something(whole))
     if len(odd):
-        numbers[odd] = writing.units.read(texts[odd], tags[odd])
-    return numbers, odd[np.isnan(numbers[odd])]
+        numbers[odd] = writing.units.read(whole[odd], tags[odd])
+    unclear = np.flatnonzero((whole.is_null() & texts.is_not_null()).to_numpy())
+    return OddNumbers(numbers, {"not_a_number": odd[np.isnan(numbers[odd])], "unclear_mark": unclear})
 
 
 def numbers_of(texts: pl.Series, tag: str) -> FloatArray:
     """The numbers among texts of a tag, NaN where there is none."""
-    return odd_numbers(texts, pl.repeat(tag, len(texts), dtype=pl.String, eager=True), Writing())[0]
+    writing, tags = Writing(), pl.repeat(tag, len(texts), dtype=pl.String, eager=True)
+    writing.learn(texts, tags, lambda: pl.DataFrame(schema={"tag": pl.String, "number": pl.Float64}))
+    return odd_numbers(texts, tags, writing).values
 
 
 def says_something(texts: pl.Series) -> NDArray[np.bool_]:
@@ -61,9 +107,10 @@ def says_something(texts: pl.Series) -> NDArray[np.bool_]:
 
 def refuse_texts(texts: pl.Series, lines: list[int], tag: str, writing: Writing, log: RejectLog) -> FloatArray:
     """The numbers among texts of a tag; the others are refused with their text as the reason."""
-    numbers, bad = odd_numbers(texts, pl.repeat(tag, len(texts), dtype=pl.String, eager=True), writing)
-    log.add_many("not_a_number", [lines[i] for i in bad], (texts[int(i)] for i in bad), tag)
-    return numbers
+    found = odd_numbers(texts, pl.repeat(tag, len(texts), dtype=pl.String, eager=True), writing)
+    for code, at in found.refused.items():
+        log.add_many(code, [lines[i] for i in at], (refused_as(code, texts[int(i)]) for i in at), tag)
+    return found.values
 
 
 def is_sentinel(values: FloatArray) -> NDArray[np.bool_] | None:

@@ -234,16 +234,36 @@ class WideTable:
             return
         texts = reader.texts(rows, [group.values[i].index for i in odd])
         filled = texts.null_count().row(0)
+        found: list[tuple[int, NDArray[np.int64], pl.Series]] = []
         for position, count in zip(odd, filled, strict=True):
-            value = group.values[position]
             if count == texts.height:
                 continue
-            column = texts[name_of(value.index)]
+            column = texts[name_of(group.values[position].index)]
             at = np.flatnonzero(numbers.missing[:, position] & column.is_not_null().to_numpy() & kept)
             if len(at):
-                numbers.values[at, position] = refuse_texts(
-                    column[at], rows.lines(at), value.tag, self._tally.writing, self._log
-                )
+                found.append((position, at, column[at]))
+        self._learn_marks(group, numbers, found)
+        for position, at, column in found:
+            numbers.values[at, position] = refuse_texts(
+                column, rows.lines(at), group.values[position].tag, self._tally.writing, self._log
+            )
+
+    def _learn_marks(
+        self, group: TimedColumns, numbers: Numbers, found: list[tuple[int, NDArray[np.int64], pl.Series]]
+    ) -> None:
+        """found: position, rows and texts of each column that has any."""
+        if self._tally.writing.thousands or not found:
+            return
+
+        def beside() -> pl.DataFrame:
+            plain = ((p, numbers.values[~numbers.missing[:, p], p]) for p, _, _ in found)
+            return pl.concat([pl.DataFrame({"tag": of(p, len(values)), "number": values}) for p, values in plain])
+
+        def of(position: int, count: int) -> pl.Series:
+            return pl.repeat(group.values[position].tag, count, dtype=pl.String, eager=True)
+
+        texts = pl.concat([column.rename("text") for _, _, column in found])
+        self._tally.writing.learn(texts, pl.concat([of(p, len(at)) for p, at, _ in found]), beside)
 
     def _refuse_odd_numbers(self, rows: Rows, group: TimedColumns, numbers: Numbers, kept: NDArray[np.bool_]) -> None:
         matrix = numbers.values

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from app.ingest import IngestOptions
 from tests.ingest.conftest import Read
 
 STAMPS = [f"2026-01-01 00:00:{k:02d}" for k in range(40)]
@@ -40,7 +41,7 @@ def test_numbers_in_another_unit_than_the_ones_before_are_refused(read: Read) ->
 
 
 @pytest.mark.parametrize(
-    "text", ["30 B", "30 S", "30 OPEN", "30 %%", "30 - 40 %", "12:30", "1.234,5 %", "% 30", "30e %", "%"]
+    "text", ["30 B", "30 S", "30 OPEN", "30 %%", "30 - 40 %", "12:30", "1.23,5 %", "% 30", "30e %", "%"]
 )
 def test_what_is_behind_a_number_and_no_unit_refuses_it(read: Read, text: str) -> None:
     content = read(wide(["30"] * 39 + [text], ";"))
@@ -92,3 +93,111 @@ def test_digits_that_are_parted_otherwise_are_no_number(read: Read, text: str) -
     content = read(wide(["30.5"] * 39 + [text], ";"))
     assert np.isnan(content.loops["FIC1"].op[39])
     assert dict(content.rejects.counts) == {"not_a_number": 1}
+
+
+DOUBT = "the mark of numbers such as 1,000 may part thousands or decimals: "
+
+
+@pytest.mark.parametrize("mark", [",", "."])
+@pytest.mark.parametrize("unit", ["", " kg/h"])
+def test_what_has_no_mark_tells_thousands(read: Read, mark: str, unit: str) -> None:
+    texts = [f"{n}{unit}" if n < 1000 else f"1{mark}{n - 1000:03d}{unit}" for n in range(980, 1020)]
+    content = read(wide(texts, ";"))
+    assert content.loops["FIC1"].op.tolist() == list(range(980, 1020))
+    assert f"{DOUBT}read as thousands: FIC1.OP" in content.summary.notes
+
+
+def test_thousands_are_told_behind_the_start_of_the_file(read: Read) -> None:
+    stamps = np.datetime_as_string(np.datetime64("2026-01-01T00:00:00") + np.arange(1200))
+    rows = [f"{s};{k % 7};" + (f"{k}" if k < 1000 else f"1.{k - 1000:03d}") for k, s in enumerate(stamps)]
+    content = read("Time;FIC1.PV;FIC1.OP\n" + "\n".join(rows) + "\n")
+    assert content.loops["FIC1"].op.tolist() == list(range(1200))
+
+
+def test_what_has_no_mark_tells_decimals(read: Read) -> None:
+    content = read(wide(["50", "51"] * 19 + ["50,125", "50,875"], ";"))
+    assert content.loops["FIC1"].op[38:].tolist() == [50.125, 50.875]
+    assert content.summary.notes == (f"{DOUBT}read as decimals: FIC1.OP",)
+
+
+def test_marks_that_nothing_tells_are_refused(read: Read) -> None:
+    content = read(wide(["500", "450"] * 19 + ["25,125", "12,500"], ";"))
+    assert np.isnan(content.loops["FIC1"].op).tolist() == [False] * 38 + [True] * 2
+    assert dict(content.rejects.counts) == {"unclear_mark": 2}
+    assert content.rejects.listed[0].text == "25,125 may have decimals or parted thousands"
+    assert content.summary.notes == (f"{DOUBT}refused: FIC1.OP",)
+
+
+@pytest.mark.parametrize(("delimiter", "expected", "how"), [(";", 50.123, "decimals"), (",", 50123, "thousands")])
+def test_marks_in_all_numbers_are_told(read: Read, delimiter: str, expected: float, how: str) -> None:
+    content = read(wide(['"50,123"'] * 40, delimiter))
+    assert content.loops["FIC1"].op.tolist() == [expected] * 40
+    assert content.summary.notes == (f"{DOUBT}read as {how}: FIC1.OP",)
+
+
+@pytest.mark.parametrize("text", ["0,123", "-0,512", "12,5", "12,3456", "1234,567", "1.234,567", "1.234.567"])
+def test_one_number_tells_decimals(read: Read, text: str) -> None:
+    content = read(wide(["50,123"] * 39 + [text], ";"))
+    assert content.loops["FIC1"].op[:39].tolist() == [50.123] * 39
+    assert content.loops["FIC1"].op[39] == float(text.replace(".", "").replace(",", "."))
+    assert content.summary.notes == ()
+
+
+@pytest.mark.parametrize("text", ["0.123", "12.5", "1234.567", "1,234.567", "1,234,567"])
+def test_one_number_tells_thousands(read: Read, text: str) -> None:
+    content = read(wide(["50,123"] * 39 + [text], ";"))
+    assert content.loops["FIC1"].op.tolist() == [50123.0] * 39 + [float(text.replace(",", ""))]
+    assert content.summary.notes == ()
+
+
+@pytest.mark.parametrize("quote", ["", '"'])
+def test_a_point_beside_decimal_commas_parts_thousands(read: Read, quote: str) -> None:
+    content = read(wide(["999,5", f"{quote}1.000{quote}", f"{quote}-1.001{quote}", "999"] * 10, ";"))
+    assert content.loops["FIC1"].op.tolist() == [999.5, 1000, -1001, 999] * 10
+
+
+def test_points_before_decimals_stay_so_in_their_column(read: Read) -> None:
+    rows = [f"{stamp};{k},5;{('1.005', '1.5')[k % 2]}" for k, stamp in enumerate(STAMPS)]
+    content = read("Time;FIC1.PV;FIC1.OP\n" + "\n".join(rows) + "\n")
+    assert content.loops["FIC1"].op.tolist() == [1.005, 1.5] * 20
+
+
+def test_each_tag_of_a_long_table_tells_its_marks(read: Read) -> None:
+    values = {"FIC1.PV": ("999", "1,001"), "FIC1.OP": ("50", "50,125"), "FIC1.SP": ("450", "12,500")}
+    rows = [f"{stamp};{tag};{texts[k % 2]}" for k, stamp in enumerate(STAMPS) for tag, texts in values.items()]
+    content = read("Time;Tag;Value\n" + "\n".join(rows) + "\n")
+    loop = content.loops["FIC1"]
+    assert loop.pv.tolist() == [999, 1001] * 20
+    assert loop.op.tolist() == [50, 50.125] * 20
+    assert dict(content.rejects.counts) == {"unclear_mark": 20}
+    (note,) = content.summary.notes
+    assert note == f"{DOUBT}read as thousands: FIC1.PV; read as decimals: FIC1.OP; refused: FIC1.SP"
+
+
+def test_points_part_thousands_in_a_table_of_many_columns(read: Read) -> None:
+    names = [f"FIC{n}.{s}" for n in range(120) for s in ("PV", "OP")]
+    rows = [";".join((stamp, *(("999,5", "1.000")[k % 2] for _ in names))) for k, stamp in enumerate(STAMPS)]
+    content = read("\n".join((";".join(("Time", *names)), *rows)) + "\n")
+    assert content.loops["FIC77"].op.tolist() == [999.5, 1000] * 20
+
+
+def test_a_tag_is_not_read_both_ways(read: Read) -> None:
+    """Its first chunk has a mark in every number, a later one does not."""
+    stamps = np.datetime_as_string(np.datetime64("2026-01-01T00:00:00") + np.arange(1200))
+    texts = [f"1,{k % 90:03d}" if k < 600 or k % 2 else f"{900 + k % 90}" for k in range(1200)]
+    rows = [f"{stamp};{k % 7};{text}" for k, (stamp, text) in enumerate(zip(stamps, texts, strict=True))]
+    table = "Time;FIC1.PV;FIC1.OP\n" + "\n".join(rows) + "\n"
+    content = read(table, options=IngestOptions(chunk_bytes=10_000))
+    op = content.loops["FIC1"].op
+    assert np.nanmax(op[:300]) < 2
+    assert np.isnan(op[901::2]).all()
+    assert content.summary.notes == (f"{DOUBT}refused: FIC1.OP",)
+
+
+@pytest.mark.parametrize("delimiter", [",", ";"])
+def test_few_points_that_tell_outweigh_many_commas_that_do_not(read: Read, delimiter: str) -> None:
+    rows = [delimiter.join((stamp, f'"1,0{k + 10}"', f'"2,0{k + 10}"', f"{k}.5")) for k, stamp in enumerate(STAMPS)]
+    names = delimiter.join(("Time", "FIC1.PV", "FIC1.SP", "FIC1.OP"))
+    loop = read("\n".join((names, *rows)) + "\n").loops["FIC1"]
+    assert loop.pv.tolist() == [1010 + k for k in range(40)]
+    assert loop.op.tolist() == [k + 0.5 for k in range(40)]

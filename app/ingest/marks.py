@@ -1,0 +1,105 @@
+"""Points and commas in numbers: which of them stands before decimals and which between thousands.
+
+Either may be meant where exactly three digits follow one to three others that do not begin with 0: 1,000 is one or a
+thousand.
+"""
+
+import numpy as np
+import polars as pl
+
+COMMA, POINT, RETURN, LINE_FEED, QUOTE, BLANK = b',.\r\n" '
+_BEFORE, _BEHIND = r"^[ \"]*[+-]?", r"(?:[^\d.,].*)?$"
+GROUPED = _BEFORE + r"[1-9]\d{0,2}(?:%s\d{3})+(?:%s\d+)?" + _BEHIND
+DOUBTFUL = r"^[ \"]*([+-]?[1-9]\d{0,2}[.,]\d{3})" + _BEHIND
+WHOLE = r"^[ \"]*([+-]?\d+)(?:\s*[^\d\s.,:+-].*)?$"
+POINTED = _BEFORE + r"\d+\.\d+[ \"]*$"
+BESIDE_DECIMALS, BESIDE_THOUSANDS = 10.0, 100.0  # how far off what has no mark is from 1 where it is meant as 1,000
+
+
+def other_mark(mark: str) -> str:
+    return "." if mark == "," else ","
+
+
+def before_decimals(mark: str, behind: str = _BEHIND) -> str:
+    """What a number looks like where the mark stands before decimals for sure, or the other one between thousands."""
+    decimals = rf"0?[{mark}]\d+|\d+[{mark}](?:\d{{1,2}}|\d{{4,}})|\d{{4,}}[{mark}]\d+"
+    parted = rf"[1-9]\d{{0,2}}(?:[{other_mark(mark)}]\d{{3}})+[{mark}]\d+"
+    twice = rf"[1-9]\d{{0,2}}(?:[{other_mark(mark)}]\d{{3}}){{2,}}"
+    return rf"{_BEFORE}(?:{decimals}|{parted}|{twice}){behind}"
+
+
+class DoubtfulMarks:
+    """How numbers with a doubtful mark are read in a file whose start does not tell: by what its numbers without a mark
+    are near to, each tag by itself; tags without any as the others; where none has any, as usual."""
+
+    def __init__(self, usual: str = "decimals") -> None:
+        self._usual = usual
+        self._of: dict[str, str] = {}  # decimals, thousands or, where neither is clear, nothing
+
+    def look(self, doubtful: pl.DataFrame, beside: pl.DataFrame) -> None:
+        """Tags and numbers. doubtful: their mark is taken for one before decimals. beside: those without a mark."""
+        both = _sizes(doubtful).join(_sizes(beside), on="tag", maintain_order="left", suffix="_beside")
+        for tag, size, size_beside in both.iter_rows():
+            found = _meant(size_beside / size)
+            self._of[tag] = found if self._of.get(tag, found) == found else ""
+
+    def meant(self, tag: str) -> str:
+        """decimals, thousands or nothing where it is not clear; the same from now on."""
+        known = [found for found in self._of.values() if found]
+        return self._of.setdefault(tag, known[0] if known else self._usual)
+
+    def told(self) -> str:
+        """What was read as what; nothing where no mark was in doubt."""
+        words = {"decimals": "read as decimals", "thousands": "read as thousands", "": "refused"}
+        tags_of: dict[str, list[str]] = {}
+        for tag, found in self._of.items():
+            tags_of.setdefault(words[found], []).append(tag)
+        return "; ".join(
+            f"{how}: {', '.join(tags[:3])}{', ...' if len(tags) > 3 else ''}" for how, tags in tags_of.items()
+        )
+
+
+def _sizes(numbers: pl.DataFrame) -> pl.DataFrame:
+    """How large the numbers of a tag are, but for zeros."""
+    size = numbers.select("tag", pl.col("number").abs()).filter(pl.col("number").is_between(0, np.inf, closed="none"))
+    return size.group_by("tag", maintain_order=True).agg(pl.col("number").median())
+
+
+def _meant(ratio: float) -> str:
+    if BESIDE_DECIMALS < ratio < BESIDE_THOUSANDS:
+        return ""
+    return "decimals" if ratio <= BESIDE_DECIMALS else "thousands"
+
+
+def has_doubtful_points(data: bytes, delimiter: str) -> bool:
+    """Whether a whole field of the lines, the last of them ended too, is a number as 1.000 that points may part."""
+    if b"." not in data:
+        return False
+    text = np.frombuffer(data, np.uint8)
+    at = np.flatnonzero(text == POINT)
+    at = at[at < len(text) - 4]
+    at = at[_is_one_of(text[at + 4], ord(delimiter), RETURN, LINE_FEED, QUOTE, BLANK)]
+    for step in (-1, 1, 2, 3):
+        at = at[_is_digit(text[at + step])]
+    first = at - 1
+    for _ in range(2):
+        first -= _is_digit(text[first - 1])
+    first -= _is_one_of(text[first - 1], *b"+-")
+    return bool(_is_one_of(text[first - 1], ord(delimiter), LINE_FEED, QUOTE, BLANK).any())
+
+
+def _is_digit(found: np.ndarray) -> np.ndarray:
+    return (found >= ord("0")) & (found <= ord("9"))
+
+
+def _is_one_of(found: np.ndarray, *bytes_: int) -> np.ndarray:
+    same = found == bytes_[0]
+    for byte in bytes_[1:]:
+        same |= found == byte
+    return same
+
+
+def pointed(texts: pl.DataFrame) -> dict[str, np.ndarray]:
+    """By column, where numbers with a point stand: of columns with one that points may part."""
+    found = {column.name: column.str.contains(POINTED).fill_null(False).to_numpy() for column in texts}
+    return {name: at for name, at in found.items() if texts[name].str.contains(DOUBTFUL).any() and at.any()}
