@@ -44,7 +44,8 @@ class Dialect:
 
     @property
     def points_doubtful(self) -> bool:
-        return self.decimal_mark == "," or not self.marks_told
+        """Whether a point may part thousands; where commas part the fields it does so beside decimal commas alone."""
+        return self.decimal_mark == "," if self.marks_told else self.delimiter != ","
 
 
 @dataclass(frozen=True, eq=False)

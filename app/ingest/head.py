@@ -11,6 +11,7 @@ from app.ingest.units import without_unit
 
 DELIMITERS = ("\t", ";", "|", ",")
 HEAD_ROWS = 400
+PREAMBLE_ROWS = 30
 TAIL_ROWS = 150
 HEAD_CHARACTERS = 1 << 20
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
@@ -32,14 +33,17 @@ class Head:
     @cached_property
     def marks_told(self) -> bool:
         """Whether it is seen what stands before decimals: in 1,005 it is not. A point of 1.005 is taken for one, unless
-        whole numbers stand in its column."""
-        if any(_surely(text, self.decimal_mark) for row in self.rows for text in row):
+        whole numbers stand in its column and commas do not part the fields."""
+        rows = data_rows(self.rows)
+        if any(_surely(text, self.decimal_mark) for row in rows for text in row):
             return True
         if self.decimal_mark == ",":
             return False
-        with_point = {column for row in self.rows for column, text in enumerate(row) if "." in text and is_number(text)}
+        with_point = {column for row in rows for column, text in enumerate(row) if "." in text and is_number(text)}
+        if self.delimiter == ",":
+            return bool(with_point)
         return any(
-            not any(_WHOLE.fullmatch(without_unit(row[column])) for row in self.rows if column < len(row))
+            not any(_WHOLE.fullmatch(without_unit(row[column])) for row in rows if column < len(row))
             for column in with_point
         )
 
@@ -99,6 +103,7 @@ def split_line(line: str, delimiter: str) -> tuple[str, ...]:
 
 def find_decimal_mark(rows: tuple[tuple[str, ...], ...], delimiter: str) -> str:
     commas = points = 0
+    rows = data_rows(rows)
     for row in rows:
         for field in row:
             commas += _is_comma_number(field)
@@ -107,8 +112,26 @@ def find_decimal_mark(rows: tuple[tuple[str, ...], ...], delimiter: str) -> str:
         return "."
     if commas and points:  # those that tell more than that they have a mark go first
         sure_commas, sure_points = (sum(_surely(field, mark) for row in rows for field in row) for mark in ",.")
-        commas, points = (sure_commas, sure_points) if sure_commas != sure_points else (commas, points)
+        if sure_commas != sure_points:
+            return "," if sure_commas > sure_points else "."
+        if delimiter == ",":
+            return "."
     return "," if commas > points else "."
+
+
+def data_rows(rows: tuple[tuple[str, ...], ...]) -> tuple[tuple[str, ...], ...]:
+    """The rows from the first one on that has numbers where many have them: a version in a preamble is no value."""
+    where = [tuple(column for column, text in enumerate(row) if _may_be_number(text)) for row in rows]
+    times = Counter(columns for columns in where if columns)
+    most = max(times.values(), default=0)
+    for index, columns in enumerate(where[:PREAMBLE_ROWS]):
+        if columns and 2 * times[columns] >= most:
+            return rows[index:]
+    return rows[PREAMBLE_ROWS:] or rows
+
+
+def _may_be_number(text: str) -> bool:
+    return is_number(text) or _is_comma_number(text)
 
 
 def _surely(text: str, decimal_mark: str) -> bool:

@@ -8,11 +8,12 @@ import numpy as np
 import polars as pl
 
 COMMA, POINT, RETURN, LINE_FEED, QUOTE, BLANK = b',.\r\n" '
-_BEFORE, _BEHIND = r"^[ \"]*[+-]?", r"(?:[^\d.,].*)?$"
+_BEFORE, _BEHIND = r"^[ \"]*[+-]?", r"(?:[^\d.,eE].*)?$"
 GROUPED = _BEFORE + r"[1-9]\d{0,2}(?:%s\d{3})+(?:%s\d+)?" + _BEHIND
 DOUBTFUL = r"^[ \"]*([+-]?[1-9]\d{0,2}[.,]\d{3})" + _BEHIND
 WHOLE = r"^[ \"]*([+-]?\d+)(?:\s*[^\d\s.,:+-].*)?$"
 POINTED = _BEFORE + r"\d+\.\d+[ \"]*$"
+PARTED_FROM = 1000.0  # what parts thousands writes no such number without a mark
 BESIDE_DECIMALS, BESIDE_THOUSANDS = 10.0, 100.0  # how far off what has no mark is from 1 where it is meant as 1,000
 
 
@@ -22,7 +23,7 @@ def other_mark(mark: str) -> str:
 
 def before_decimals(mark: str, behind: str = _BEHIND) -> str:
     """What a number looks like where the mark stands before decimals for sure, or the other one between thousands."""
-    decimals = rf"0?[{mark}]\d+|\d+[{mark}](?:\d{{1,2}}|\d{{4,}})|\d{{4,}}[{mark}]\d+"
+    decimals = rf"0?[{mark}]\d+|\d+[{mark}](?:\d{{1,2}}|\d{{4,}})|\d{{4,}}[{mark}]\d+|\d+[{mark}]\d+[eE][+-]?\d+"
     parted = rf"[1-9]\d{{0,2}}(?:[{other_mark(mark)}]\d{{3}})+[{mark}]\d+"
     twice = rf"[1-9]\d{{0,2}}(?:[{other_mark(mark)}]\d{{3}}){{2,}}"
     return rf"{_BEFORE}(?:{decimals}|{parted}|{twice}){behind}"
@@ -39,8 +40,8 @@ class DoubtfulMarks:
     def look(self, doubtful: pl.DataFrame, beside: pl.DataFrame) -> None:
         """Tags and numbers. doubtful: their mark is taken for one before decimals. beside: those without a mark."""
         both = _sizes(doubtful).join(_sizes(beside), on="tag", maintain_order="left", suffix="_beside")
-        for tag, size, size_beside in both.iter_rows():
-            found = _meant(size_beside / size)
+        for tag, size, _, size_beside, largest_beside in both.iter_rows():
+            found = _meant(size_beside / size, largest_beside)
             self._of[tag] = found if self._of.get(tag, found) == found else ""
 
     def meant(self, tag: str) -> str:
@@ -60,15 +61,19 @@ class DoubtfulMarks:
 
 
 def _sizes(numbers: pl.DataFrame) -> pl.DataFrame:
-    """How large the numbers of a tag are, but for zeros."""
+    """How large the numbers of a tag are, in the middle and at most, but for zeros."""
     size = numbers.select("tag", pl.col("number").abs()).filter(pl.col("number").is_between(0, np.inf, closed="none"))
-    return size.group_by("tag", maintain_order=True).agg(pl.col("number").median())
+    return size.group_by("tag", maintain_order=True).agg(
+        pl.col("number").median(), pl.col("number").max().alias("largest")
+    )
 
 
-def _meant(ratio: float) -> str:
-    if BESIDE_DECIMALS < ratio < BESIDE_THOUSANDS:
-        return ""
-    return "decimals" if ratio <= BESIDE_DECIMALS else "thousands"
+def _meant(ratio: float, largest_beside: float) -> str:
+    if ratio <= BESIDE_DECIMALS:
+        return "decimals"
+    if largest_beside >= PARTED_FROM:
+        return "decimals" if ratio < BESIDE_THOUSANDS else ""
+    return "thousands" if ratio >= BESIDE_THOUSANDS else ""
 
 
 def has_doubtful_points(data: bytes, delimiter: str) -> bool:

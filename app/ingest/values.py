@@ -41,9 +41,8 @@ class Writing:
         doubtful = texts.str.extract(DOUBTFUL)
         if doubtful.null_count() < len(doubtful):
             with_unit = pl.DataFrame({"tag": tags, "number": to_numbers(texts.str.extract(WHOLE))})
-            self.marks.look(
-                pl.DataFrame({"tag": tags, "number": to_numbers(doubtful)}), pl.concat((beside(), with_unit))
-            )
+            without_mark = pl.concat((beside(), with_unit)).filter(~pl.col("number").is_in(SENTINELS))
+            self.marks.look(pl.DataFrame({"tag": tags, "number": to_numbers(doubtful)}), without_mark)
 
     def whole(self, texts: pl.Series, tags: pl.Series) -> pl.Series:
         """Texts with the thousands of their numbers joined, null where it is not clear which these are."""

@@ -201,3 +201,57 @@ def test_few_points_that_tell_outweigh_many_commas_that_do_not(read: Read, delim
     loop = read("\n".join((names, *rows)) + "\n").loops["FIC1"]
     assert loop.pv.tolist() == [1010 + k for k in range(40)]
     assert loop.op.tolist() == [k + 0.5 for k in range(40)]
+
+
+@pytest.mark.parametrize("beside", ["1", "100", "999"])
+def test_points_are_decimals_where_commas_part_the_fields(read: Read, beside: str) -> None:
+    content = read(wide([beside, "1.125"] * 20))
+    assert content.loops["FIC1"].op.tolist() == [float(beside), 1.125] * 20
+    assert content.summary.notes == ()
+
+
+def test_points_behind_the_start_of_the_file_are_decimals_where_commas_part_the_fields(read: Read) -> None:
+    stamps = np.datetime_as_string(np.datetime64("2026-01-01T00:00:00") + np.arange(600))
+    texts = ["500"] * 450 + ["10.125"] * 150
+    rows = [f"{stamp},{k % 7},{text}" for k, (stamp, text) in enumerate(zip(stamps, texts, strict=True))]
+    content = read("Time,FIC1.PV,FIC1.OP\n" + "\n".join(rows) + "\n")
+    assert content.loops["FIC1"].op.tolist() == [float(text) for text in texts]
+    assert content.summary.notes == ()
+
+
+def test_many_quoted_commas_do_not_outweigh_few_points_where_commas_part_the_fields(read: Read) -> None:
+    rows = [f'{stamp},"5,{k + 100}","5,{k + 200}",50.125' for k, stamp in enumerate(STAMPS)]
+    loop = read("Time,FIC1.PV,FIC1.SP,FIC1.OP\n" + "\n".join(rows) + "\n").loops["FIC1"]
+    assert loop.pv.tolist() == [5100 + k for k in range(40)]
+    assert loop.op.tolist() == [50.125] * 40
+
+
+@pytest.mark.parametrize("delimiter", [",", ";"])
+def test_an_exponent_tells_decimals(read: Read, delimiter: str) -> None:
+    content = read(wide(['"5,125E+01"', '"-1,250E-02"'] * 20, delimiter))
+    assert content.loops["FIC1"].op.tolist() == [51.25, -0.0125] * 20
+    assert content.summary.notes == ()
+
+
+@pytest.mark.parametrize("preamble", ["Version;4.2\nCycle;0.5\n\n", "Version;4.2;\nCycle;0.5;\n;;\n"])
+def test_numbers_of_a_preamble_do_not_tell_thousands(read: Read, preamble: str) -> None:
+    rows = [f"{stamp};50,{k + 100};40,{k + 200}" for k, stamp in enumerate(STAMPS)]
+    loop = read(preamble + "Time;FIC1.PV;FIC1.OP\n" + "\n".join(rows) + "\n").loops["FIC1"]
+    assert loop.pv.tolist() == [float(f"50.{k + 100}") for k in range(40)]
+
+
+def test_nothing_is_parted_beside_thousands_without_a_mark(read: Read) -> None:
+    content = read(wide(["1500", "50,125"] * 20, ";"))
+    assert content.loops["FIC1"].op.tolist() == [1500, 50.125] * 20
+    content = read(wide(["5000", "1,125"] * 20, ";"))
+    assert dict(content.rejects.counts) == {"unclear_mark": 20}
+
+
+@pytest.mark.parametrize("layout", ["wide", "long"])
+def test_a_word_for_no_data_does_not_tell_thousands(read: Read, layout: str) -> None:
+    texts = ["-9999"] + ["50,125"] * 39
+    rows = [f"{stamp};FIC1.OP;{text}" for stamp, text in zip(STAMPS, texts, strict=True)]
+    content = read(wide(texts, ";") if layout == "wide" else "Time;Tag;Value\n" + "\n".join(rows) + "\n")
+    op = content.loops["FIC1"].op
+    assert op[np.isfinite(op)].tolist() == [50.125] * 39
+    assert dict(content.rejects.counts) == {"sentinel": 1}
