@@ -49,6 +49,10 @@ class DoubtfulMarks:
         known = [found for found in self._of.values() if found]
         return self._of.setdefault(tag, known[0] if known else self._usual)
 
+    def met(self) -> list[str]:
+        """The tags whose marks were in doubt so far."""
+        return list(self._of)
+
     def told(self) -> str:
         """What was read as what; nothing where no mark was in doubt."""
         words = {"decimals": "read as decimals", "thousands": "read as thousands", "": "refused"}

@@ -49,10 +49,20 @@ class Writing:
         texts = _joined(texts, GROUPED % (_BETWEEN_DIGITS, "[.,]"), _BETWEEN_DIGITS)
         if not self.thousands:
             return self._by_tag(texts, tags)
+        texts = self._as_before(texts, tags)
         decimal_mark = other_mark(self.thousands)
         of_decimals = tags.filter(texts.str.contains(before_decimals(self.thousands)).fill_null(False)).unique()
         others = ~tags.is_in(of_decimals.implode())
         return _joined(texts, GROUPED % (f"[{self.thousands}]", f"[{decimal_mark}]"), f"[{self.thousands}]", others)
+
+    def _as_before(self, texts: pl.Series, tags: pl.Series) -> pl.Series:
+        """Null where a tag's doubtful marks were read otherwise before the file told them: none is read both ways."""
+        at = tags.is_in(self.marks.met()) & texts.str.contains(DOUBTFUL).fill_null(False)
+        if at.any():
+            before = tags.replace_strict({tag: self.marks.meant(tag) for tag in tags.filter(at).unique()}, default=None)
+            are_thousands = texts.str.contains(self.thousands, literal=True)
+            texts = texts.set(at & ((before == "thousands") != are_thousands).fill_null(False), None)
+        return texts
 
     def _by_tag(self, texts: pl.Series, tags: pl.Series) -> pl.Series:
         at = texts.str.contains(DOUBTFUL).fill_null(False)

@@ -255,3 +255,16 @@ def test_a_word_for_no_data_does_not_tell_thousands(read: Read, layout: str) -> 
     op = content.loops["FIC1"].op
     assert op[np.isfinite(op)].tolist() == [50.125] * 39
     assert dict(content.rejects.counts) == {"sentinel": 1}
+
+
+@pytest.mark.parametrize(("delimiter", "late"), [(";", "1,012.5"), (",", "0,5")])
+def test_what_tells_late_does_not_have_a_tag_read_both_ways(read: Read, delimiter: str, late: str) -> None:
+    stamps = np.datetime_as_string(np.datetime64("2026-01-01T00:00:00") + np.arange(1200))
+    texts = [f"5,{k % 90 + 100}" for k in range(1200)]
+    texts[900] = late
+    rows = [delimiter.join((s, str(k % 7), f'"{text}"')) for k, (s, text) in enumerate(zip(stamps, texts, strict=True))]
+    names = delimiter.join(("Time", "FIC1.PV", "FIC1.OP"))
+    content = read("\n".join((names, *rows)) + "\n", options=IngestOptions(chunk_bytes=10_000))
+    op = np.delete(content.loops["FIC1"].op, 900)
+    assert np.nanmax(op) < 1.9 * np.nanmin(op)
+    assert content.rejects.counts["unclear_mark"] > 200
