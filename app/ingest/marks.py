@@ -7,6 +7,8 @@ thousand.
 import numpy as np
 import polars as pl
 
+from app.ingest.telling import tags_by
+
 COMMA, POINT, RETURN, LINE_FEED, QUOTE, BLANK = b',.\r\n" '
 _BEFORE, _BEHIND = r"^[ \"]*[+-]?", r"(?:[^\d.,eE].*)?$"
 GROUPED = _BEFORE + r"[1-9]\d{0,2}(?:%s\d{3})+(?:%s\d+)?" + _BEHIND
@@ -56,12 +58,7 @@ class DoubtfulMarks:
     def told(self) -> str:
         """What was read as what; nothing where no mark was in doubt."""
         words = {"decimals": "read as decimals", "thousands": "read as thousands", "": "refused"}
-        tags_of: dict[str, list[str]] = {}
-        for tag, found in self._of.items():
-            tags_of.setdefault(words[found], []).append(tag)
-        return "; ".join(
-            f"{how}: {', '.join(tags[:3])}{', ...' if len(tags) > 3 else ''}" for how, tags in tags_of.items()
-        )
+        return "; ".join(f"{words[found]}: {tags}" for found, tags in tags_by(self._of).items())
 
 
 def _sizes(numbers: pl.DataFrame) -> pl.DataFrame:

@@ -7,6 +7,7 @@ import polars as pl
 
 from app.ingest.model import FloatArray
 from app.ingest.stamps import to_numbers
+from app.ingest.telling import tags_by
 
 # As they stand but for case and blanks. No single letters: behind a value they may be a mark of its quality.
 _SPELLED = """
@@ -46,12 +47,7 @@ class UnitsOfTags:
 
     def told(self) -> str:
         """The units and some of the tags that have them; nothing where none was met."""
-        tags_of: dict[str, list[str]] = {}
-        for tag, unit in self.of.items():
-            tags_of.setdefault(unit, []).append(tag)
-        return "; ".join(
-            f"{unit} ({', '.join(tags[:3])}{', ...' if len(tags) > 3 else ''})" for unit, tags in tags_of.items()
-        )
+        return "; ".join(f"{unit} ({tags})" for unit, tags in tags_by(self.of).items())
 
 
 def is_unit(text: str) -> bool:

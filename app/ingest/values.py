@@ -105,9 +105,13 @@ def odd_numbers(texts: pl.Series, tags: pl.Series, writing: Writing) -> OddNumbe
 
 def numbers_of(texts: pl.Series, tag: str) -> FloatArray:
     """The numbers among texts of a tag, NaN where there is none."""
-    writing, tags = Writing(), pl.repeat(tag, len(texts), dtype=pl.String, eager=True)
+    writing, tags = Writing(), same_tag(tag, len(texts))
     writing.learn(texts, tags, lambda: pl.DataFrame(schema={"tag": pl.String, "number": pl.Float64}))
     return odd_numbers(texts, tags, writing).values
+
+
+def same_tag(tag: str, count: int) -> pl.Series:
+    return pl.repeat(tag, count, dtype=pl.String, eager=True)
 
 
 def says_something(texts: pl.Series) -> NDArray[np.bool_]:
@@ -116,7 +120,7 @@ def says_something(texts: pl.Series) -> NDArray[np.bool_]:
 
 def refuse_texts(texts: pl.Series, lines: list[int], tag: str, writing: Writing, log: RejectLog) -> FloatArray:
     """The numbers among texts of a tag; the others are refused with their text as the reason."""
-    found = odd_numbers(texts, pl.repeat(tag, len(texts), dtype=pl.String, eager=True), writing)
+    found = odd_numbers(texts, same_tag(tag, len(texts)), writing)
     for code, at in found.refused.items():
         log.add_many(code, [lines[i] for i in at], (refused_as(code, texts[int(i)]) for i in at), tag)
     return found.values

@@ -21,7 +21,7 @@ from app.ingest.spilling import PartOfLoop, Spill
 from app.ingest.spreading import Spreader
 from app.ingest.stamps import NO_TIME, TimeReader
 from app.ingest.tally import Tally
-from app.ingest.values import SENTINELS, is_sentinel, refuse_texts
+from app.ingest.values import SENTINELS, is_sentinel, refuse_texts, same_tag
 
 
 @dataclass(eq=False)
@@ -260,7 +260,7 @@ class WideTable:
             return pl.concat([pl.DataFrame({"tag": of(p, len(values)), "number": values}) for p, values in plain])
 
         def of(position: int, count: int) -> pl.Series:
-            return pl.repeat(group.values[position].tag, count, dtype=pl.String, eager=True)
+            return same_tag(group.values[position].tag, count)
 
         texts = pl.concat([column.rename("text") for _, _, column in found])
         self._tally.writing.learn(texts, pl.concat([of(p, len(at)) for p, at, _ in found]), beside)

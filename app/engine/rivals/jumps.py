@@ -72,7 +72,7 @@ def _explained(y: FloatArray, x: FloatArray, share: float) -> float:
     for _ in range(_REFITS):
         # Steps of a coarse signal come in equal sizes, which a change of unit parts by rounding: all of them or none.
         most = np.partition(left, last)[last] + ROUNDING
-        xy, xx, yy, rest = 0.0, 0.0, 0.0, 0.0
+        xy, xx, yy = 0.0, 0.0, 0.0
         for i in range(len(y)):
             if left[i] <= most:
                 xy += x[i] * y[i]

@@ -43,10 +43,15 @@ class Columns:
     loop: str | None = None
 
 
-def read_table(path: Path) -> pl.DataFrame:
-    """A delimited file or parquet with a header. Raises DataError where it is missing or is no table."""
+def check_is_file(path: Path) -> None:
+    """Raises DataError("no_such_file") where it is none."""
     if not path.is_file():
         raise DataError("no_such_file", f"{path} is not there or not a file")
+
+
+def read_table(path: Path) -> pl.DataFrame:
+    """A delimited file or parquet with a header. Raises DataError where it is missing or is no table."""
+    check_is_file(path)
     try:
         if path.suffix.lower() == ".parquet":
             return pl.read_parquet(path)
@@ -139,8 +144,7 @@ def exported(path: Path, loop: str | None, options: IngestOptions) -> Recording 
 
     Raises DataError("several_loops", "no_such_loop") where it is not clear which loop is meant.
     """
-    if not path.is_file():
-        raise DataError("no_such_file", f"{path} is not there or not a file")
+    check_is_file(path)
     try:
         found = read_recordings(path, options=options).recordings
     except DataError as error:

@@ -42,7 +42,7 @@ def document(outcomes: list[Outcome]) -> str:
     """All tables, the most telling first."""
     table = tables.rows(outcomes)
     everything = [o for o in outcomes if o.factor == WIDE]
-    told = [o for o in outcomes if o.exercised or not o.sticky]
+    told = [o for o in outcomes if o.exercised]
     sure = [o for o in told if o.reliable and not o.abstained]
     wrong = sum(o.wrong for o in sure)
     parts = [
