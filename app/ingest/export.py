@@ -23,8 +23,8 @@ from app.ingest.rejecting import RejectLog
 from app.ingest.stamps import check_time_zone
 from app.ingest.tables_in import open_frames
 from app.ingest.tally import Tally
-from app.ingest.values import Writing
 from app.ingest.wide_table import WideTable
+from app.ingest.writing import Writing
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".tab", ".dat", ".parquet", ".pq", ".xlsx", ".xlsm", ".mat", ".gz")
 
@@ -125,12 +125,7 @@ class Export:
             notes.append(
                 f"{self._tally.stuttering} stamps repeated the one before; their rows went into the missing step"
             )
-        if units := self._tally.writing.units.told():
-            notes.append(
-                f"numbers have their unit behind them, and were read where it is the one of their tag: {units}"
-            )
-        if marks := self._tally.writing.marks.told():
-            notes.append(f"the mark of numbers such as 1,000 may part thousands or decimals: {marks}")
+        notes += self._tally.writing.notes()
         loops = self._grouping.loops()
         if not any(loop.pv or loop.op or loop.sp for loop in loops):
             shown = ", ".join([tag for loop in loops for tag in loop.others[:5]][:25])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from app.ingest.ahead import ahead, side_by_side
 from app.ingest.head import split_line
-from app.ingest.marks import has_doubtful_points, pointed
+from app.ingest.marks import has_points, pointed
 from app.ingest.opening import Lines, TextFile
 from app.ingest.plans import LongPlan
 from app.ingest.rejecting import RejectLog
@@ -44,7 +44,7 @@ class Dialect:
 
     @property
     def points_doubtful(self) -> bool:
-        """Whether a point may part thousands; where commas part the fields it does so beside decimal commas alone."""
+        """Whether a point may part thousands: beside decimal commas alone where those are told or part the fields."""
         return self.decimal_mark == "," if self.marks_told else self.delimiter != ","
 
 
@@ -220,7 +220,7 @@ class FrameReader:
 
     def _part(self, lines: Lines) -> Rows:
         rows = self._read_chunk(lines)
-        if self._dialect.points_doubtful and has_doubtful_points(rows.data, self._dialect.delimiter):
+        if self._dialect.points_doubtful and has_points(rows.data, self._dialect.delimiter):
             rows = self._without_points(rows)
         for name in rows.frame.columns:
             if self._types[name] is NUMBERED and rows.frame[name].n_unique() > rows.frame.height // 2:
@@ -228,7 +228,7 @@ class FrameReader:
         return rows
 
     def _without_points(self, rows: Rows) -> Rows:
-        """The numbers with a point missing, in columns in which one may part thousands."""
+        """The numbers with a point missing."""
         found = pointed(self.texts(rows, [index for index in self._columns if index not in self._texts]))
         if rows.block is not None:
             for name, at in found.items():

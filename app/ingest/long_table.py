@@ -20,8 +20,9 @@ from app.ingest.scanning import Scan, Scanner
 from app.ingest.spilling import PartOfLoop, Spill
 from app.ingest.stamps import NO_TIME, TimeReader
 from app.ingest.tally import Tally
-from app.ingest.values import SENTINELS, odd_numbers, refuse_sentinels, refused_as, says_something
+from app.ingest.values import odd_numbers, refuse_sentinels, refused_as, says_something
 from app.ingest.wide_table import joined_times
+from app.ingest.writing import MARKED, SENTINELS
 
 BATCH_ROWS = 1_000_000  # more than these are parted in files
 MOST_CODES = 1 << 16
@@ -50,6 +51,7 @@ class LongTable:
         self._number = np.zeros(0, dtype=np.uint32)  # by polars' code: tags in the order in which they came
         self._usable = np.zeros(0, dtype=bool)
         self._number_of: dict[str, int] = {}
+        self._tags_before = 0  # the chunk that is read
         self._scanner: Scanner | None = None
 
     def types(self) -> dict[int, pl.DataType]:
@@ -97,7 +99,7 @@ class LongTable:
     def _gather(self, rows: Rows, reader: RowReader) -> Gathered:
         if rows.scan is None:
             return self._of_frame(rows, reader)
-        scanned = self._of_scan(rows, rows.scan)
+        scanned = None if self._tally.writing.own else self._of_scan(rows, rows.scan)
         if scanned is None and self._scanner is not None:
             self._scanner.refused()
         return self._of_frame(reader.parted(rows), reader) if scanned is None else scanned
@@ -131,6 +133,7 @@ class LongTable:
 
     def _of_frame(self, rows: Rows, reader: RowReader) -> Gathered:
         frame = rows.frame
+        self._tags_before = len(self._places)
         tags = frame[name_of(self._plan.tag)]
         texts = joined_times(frame, self._plan.time)
         time_ns = self._read_times(texts)
@@ -231,7 +234,7 @@ class LongTable:
         column = rows.frame[name_of(self._plan.value)]
         values = column.to_numpy(writable=True)
         modes = self._modes[codes] if self._modes.any() else np.zeros(len(codes), dtype=bool)
-        if column.null_count():
+        if column.null_count() or self._tally.writing.own:
             self._read_odd(rows, values, modes, kept, reader)
         if modes.any():
             values[modes] = np.where(np.isnan(values[modes]), np.nan, flags_of_numbers(values[modes]))
@@ -248,18 +251,26 @@ class LongTable:
     ) -> None:
         """Words of modes are modes; other text in place of a number is refused with the text as the reason."""
         texts = reader.texts(rows, [self._plan.value]).to_series(0)
-        odd = np.flatnonzero(
-            rows.frame[name_of(self._plan.value)].is_null().to_numpy() & texts.is_not_null().to_numpy() & kept
-        )
-        of_modes, others = odd[modes[odd]], odd[~modes[odd]]
+        given = texts.is_not_null().to_numpy() & kept
+        left = rows.frame[name_of(self._plan.value)].is_null().to_numpy() & given
+        of_modes = np.flatnonzero(left & modes)
         values[of_modes] = automatic_flags(texts[of_modes])
         unknown = of_modes[np.isnan(values[of_modes]) & says_something(texts[of_modes])]
         all_tags = rows.frame[name_of(self._plan.tag)].cast(pl.String)
-        tags = all_tags[others]
-        self._tally.writing.learn(
-            texts[others], tags, lambda: pl.DataFrame({"tag": all_tags, "number": values}).filter(~modes)
+        left &= ~modes
+        read = pl.Series(given & ~left & ~modes)
+        writing, before = self._tally.writing, list(self._number_of)[: self._tags_before]
+        writing.learn(
+            texts.filter(pl.Series(left)),
+            all_tags.filter(pl.Series(left)),
+            lambda: pl.DataFrame({"tag": all_tags.filter(read), "text": texts.filter(read)}),
+            before,
         )
-        found = odd_numbers(texts[others], tags, self._tally.writing)
+        if writing.own:
+            left |= (read & all_tags.is_in(list(writing.own)) & texts.str.contains(MARKED)).fill_null(False).to_numpy()
+        others = np.flatnonzero(left)
+        tags = all_tags[others]
+        found = odd_numbers(texts[others], tags, writing)
         values[others] = found.values
         refused = {code: others[at] for code, at in found.refused.items()}
         for code, at in {"unknown_mode": unknown, **refused}.items():

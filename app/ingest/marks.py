@@ -4,6 +4,8 @@ Either may be meant where exactly three digits follow one to three others that d
 thousand.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 import polars as pl
 
@@ -32,19 +34,27 @@ def before_decimals(mark: str, behind: str = _BEHIND) -> str:
 
 
 class DoubtfulMarks:
-    """How numbers with a doubtful mark are read in a file whose start does not tell: by what its numbers without a mark
-    are near to, each tag by itself; tags without any as the others; where none has any, as usual."""
+    """How numbers with a doubtful mark are read. In a file that does not tell: by what a tag's numbers without a mark
+    are near to, each tag by itself; tags without any as the others; where none has any, as usual. In a file that tells:
+    as it does, unless a tag's numbers without a mark are near to the other reading."""
 
     def __init__(self, usual: str = "decimals") -> None:
         self._usual = usual
         self._of: dict[str, str] = {}  # decimals, thousands or, where neither is clear, nothing
+        self._as_file: dict[str, str] = {}  # thousands or nothing, of tags that are read as the others tell
 
     def look(self, doubtful: pl.DataFrame, beside: pl.DataFrame) -> None:
         """Tags and numbers. doubtful: their mark is taken for one before decimals. beside: those without a mark."""
-        both = _sizes(doubtful).join(_sizes(beside), on="tag", maintain_order="left", suffix="_beside")
-        for tag, size, _, size_beside, largest_beside in both.iter_rows():
-            found = _meant(size_beside / size, largest_beside)
+        for tag, ratio, _, largest_beside in _ratios(doubtful, beside):
+            found = _meant(ratio, largest_beside)
             self._of[tag] = found if self._of.get(tag, found) == found else ""
+
+    def look_as_file(self, doubtful: pl.DataFrame, beside: pl.DataFrame) -> None:
+        """The same where the file tells that the mark stands between thousands."""
+        near = {tag for tag, ratio, largest, _ in _ratios(doubtful, beside) if _is_near_decimals(ratio, largest)}
+        for tag in doubtful["tag"].unique(maintain_order=True):
+            found = "" if tag in near else "thousands"
+            self._as_file[tag] = found if self._as_file.get(tag, found) == found else ""
 
     def meant(self, tag: str) -> str:
         """decimals, thousands or nothing where it is not clear; the same from now on."""
@@ -52,13 +62,24 @@ class DoubtfulMarks:
         return self._of.setdefault(tag, known[0] if known else self._usual)
 
     def met(self) -> list[str]:
-        """The tags whose marks were in doubt so far."""
+        """The tags whose marks were in doubt before the file told them."""
         return list(self._of)
+
+    def as_file(self, *found: str) -> list[str]:
+        """The tags whose marks were read so as the file tells."""
+        return [tag for tag, meant in self._as_file.items() if meant in found]
 
     def told(self) -> str:
         """What was read as what; nothing where no mark was in doubt."""
         words = {"decimals": "read as decimals", "thousands": "read as thousands", "": "refused"}
-        return "; ".join(f"{words[found]}: {tags}" for found, tags in tags_by(self._of).items())
+        return "; ".join(f"{words[found]}: {tags}" for found, tags in tags_by(self._as_file | self._of).items())
+
+
+def _ratios(doubtful: pl.DataFrame, beside: pl.DataFrame) -> Iterator[tuple[str, float, float, float]]:
+    """Tag, its numbers beside in the middle and at most, over the doubtful ones in the middle, and at most."""
+    both = _sizes(doubtful).join(_sizes(beside), on="tag", maintain_order="left", suffix="_beside")
+    for tag, size, _, size_beside, largest_beside in both.iter_rows():
+        yield tag, size_beside / size, largest_beside / size, largest_beside
 
 
 def _sizes(numbers: pl.DataFrame) -> pl.DataFrame:
@@ -77,21 +98,33 @@ def _meant(ratio: float, largest_beside: float) -> str:
     return "thousands" if ratio >= BESIDE_THOUSANDS else ""
 
 
-def has_doubtful_points(data: bytes, delimiter: str) -> bool:
-    """Whether a whole field of the lines, the last of them ended too, is a number as 1.000 that points may part."""
+def _is_near_decimals(ratio: float, largest_ratio: float) -> bool:
+    return ratio <= BESIDE_DECIMALS and largest_ratio < BESIDE_THOUSANDS
+
+
+def has_points(data: bytes, delimiter: str) -> bool:
+    """Whether a whole field of the lines, the last of them ended too, is a number with a point."""
     if b"." not in data:
         return False
     text = np.frombuffer(data, np.uint8)
     at = np.flatnonzero(text == POINT)
-    at = at[at < len(text) - 4]
-    at = at[_is_one_of(text[at + 4], ord(delimiter), RETURN, LINE_FEED, QUOTE, BLANK)]
-    for step in (-1, 1, 2, 3):
-        at = at[_is_digit(text[at + step])]
-    first = at - 1
-    for _ in range(2):
-        first -= _is_digit(text[first - 1])
-    first -= _is_one_of(text[first - 1], *b"+-")
-    return bool(_is_one_of(text[first - 1], ord(delimiter), LINE_FEED, QUOTE, BLANK).any())
+    at = at[(at > 0) & (at < len(text) - 1)]
+    at = at[_is_digit(text[at - 1]) & _is_digit(text[at + 1])]
+    end = _past_digits(text, at + 1, 1)
+    at = at[_is_one_of(text[end], ord(delimiter), RETURN, LINE_FEED, QUOTE, BLANK)]
+    start = _past_digits(text, at - 1, -1)
+    start -= _is_one_of(text[start], *b"+-") & (start > 0)
+    return bool(((start <= 0) | _is_one_of(text[start], ord(delimiter), LINE_FEED, QUOTE, BLANK)).any())
+
+
+def _past_digits(text: np.ndarray, at: np.ndarray, step: int) -> np.ndarray:
+    """Where the digits end on which each place is; the text's own end is none."""
+    at = at.copy()
+    going = np.arange(len(at))
+    while len(going):
+        going = going[_is_digit(text[at[going]]) & (at[going] > 0)]
+        at[going] += step
+    return at
 
 
 def _is_digit(found: np.ndarray) -> np.ndarray:
@@ -106,6 +139,6 @@ def _is_one_of(found: np.ndarray, *bytes_: int) -> np.ndarray:
 
 
 def pointed(texts: pl.DataFrame) -> dict[str, np.ndarray]:
-    """By column, where numbers with a point stand: of columns with one that points may part."""
+    """By column, where numbers with a point stand, of the columns that have any."""
     found = {column.name: column.str.contains(POINTED).fill_null(False).to_numpy() for column in texts}
-    return {name: at for name, at in found.items() if texts[name].str.contains(DOUBTFUL).any() and at.any()}
+    return {name: at for name, at in found.items() if at.any()}

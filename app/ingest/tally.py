@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from app.ingest.model import TimeArray
-from app.ingest.values import Writing
+from app.ingest.writing import Writing
 
 
 @dataclass

@@ -38,7 +38,7 @@ class UnitsOfTags:
         """(n,) numbers of texts that have their tag's unit behind them, NaN elsewhere."""
         parts = texts.str.strip_chars(' "').str.extract_groups(_WITH_UNIT).struct.unnest()
         numbers, units = parts.to_series(0), parts.to_series(1)
-        units = units.set(~units.str.to_lowercase().str.replace_all(r"\s", "").is_in(sorted(UNITS)), None)
+        units = units.set(~are_units(units), None)
         given = pl.DataFrame([tags.alias("tag"), units.alias("unit")]).drop_nulls().unique(maintain_order=True)
         for tag, unit in given.iter_rows():
             self.of.setdefault(tag, unit)
@@ -52,6 +52,10 @@ class UnitsOfTags:
 
 def is_unit(text: str) -> bool:
     return "".join(text.lower().split()) in UNITS
+
+
+def are_units(texts: pl.Series) -> pl.Series:
+    return texts.str.to_lowercase().str.replace_all(r"\s", "").is_in(sorted(UNITS))
 
 
 def without_unit(field: str) -> str:

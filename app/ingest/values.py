@@ -1,83 +1,17 @@
 """Columns of values: text in numeric columns, numbers that are none, sentinels. What is refused becomes NaN and is
 counted."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from app.ingest.marks import DOUBTFUL, GROUPED, WHOLE, DoubtfulMarks, before_decimals, other_mark
 from app.ingest.model import FloatArray
 from app.ingest.rejecting import RejectLog
 from app.ingest.stamps import to_numbers
-from app.ingest.units import UnitsOfTags
-
-SENTINELS = (-9999.0, -99.125)
-_BETWEEN_DIGITS = "['\N{RIGHT SINGLE QUOTATION MARK}\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}]"  # never decimal marks
-
-
-@dataclass
-class Writing:
-    """How a file writes numbers that are not plain. thousands: the mark between them, empty as long as the file does
-    not tell it from the decimal mark; what is in doubt until then is left to `marks`. units: behind the numbers of each
-    tag."""
-
-    thousands: str = ""
-    units: UnitsOfTags = field(default_factory=UnitsOfTags)
-    marks: DoubtfulMarks = field(default_factory=DoubtfulMarks)
-
-    def learn(self, texts: pl.Series, tags: pl.Series, beside: Callable[[], pl.DataFrame]) -> None:
-        """Looks for what tells thousands from decimals, before numbers are read. beside: tag and number of what was
-        read without a mark."""
-        if self.thousands:
-            return
-        sure = [mark for mark in ",." if texts.str.contains(before_decimals(mark)).any()]
-        if len(sure) == 1:
-            self.thousands = other_mark(sure[0])
-            return
-        doubtful = texts.str.extract(DOUBTFUL)
-        if doubtful.null_count() < len(doubtful):
-            with_unit = pl.DataFrame({"tag": tags, "number": to_numbers(texts.str.extract(WHOLE))})
-            without_mark = pl.concat((beside(), with_unit)).filter(~pl.col("number").is_in(SENTINELS))
-            self.marks.look(pl.DataFrame({"tag": tags, "number": to_numbers(doubtful)}), without_mark)
-
-    def whole(self, texts: pl.Series, tags: pl.Series) -> pl.Series:
-        """Texts with the thousands of their numbers joined, null where it is not clear which these are."""
-        texts = _joined(texts, GROUPED % (_BETWEEN_DIGITS, "[.,]"), _BETWEEN_DIGITS)
-        if not self.thousands:
-            return self._by_tag(texts, tags)
-        texts = self._as_before(texts, tags)
-        decimal_mark = other_mark(self.thousands)
-        of_decimals = tags.filter(texts.str.contains(before_decimals(self.thousands)).fill_null(False)).unique()
-        others = ~tags.is_in(of_decimals.implode())
-        return _joined(texts, GROUPED % (f"[{self.thousands}]", f"[{decimal_mark}]"), f"[{self.thousands}]", others)
-
-    def _as_before(self, texts: pl.Series, tags: pl.Series) -> pl.Series:
-        """Null where a tag's doubtful marks were read otherwise before the file told them: none is read both ways."""
-        at = tags.is_in(self.marks.met()) & texts.str.contains(DOUBTFUL).fill_null(False)
-        if at.any():
-            before = tags.replace_strict({tag: self.marks.meant(tag) for tag in tags.filter(at).unique()}, default=None)
-            are_thousands = texts.str.contains(self.thousands, literal=True)
-            texts = texts.set(at & ((before == "thousands") != are_thousands).fill_null(False), None)
-        return texts
-
-    def _by_tag(self, texts: pl.Series, tags: pl.Series) -> pl.Series:
-        at = texts.str.contains(DOUBTFUL).fill_null(False)
-        if at.any():
-            found = {tag: self.marks.meant(tag) for tag in tags.filter(at).unique(maintain_order=True)}
-            meant = tags.replace_strict(found, default=None, return_dtype=pl.String)
-            thousands = at & (meant == "thousands").fill_null(False)
-            texts = texts.zip_with(~thousands, texts.str.replace_all("[.,]", ""))
-            texts = texts.set(at & (meant == "").fill_null(False), None)
-        return texts
-
-
-def _joined(texts: pl.Series, form: str, marks: str, where: pl.Series | bool = True) -> pl.Series:
-    at = texts.str.contains(form).fill_null(False) & where
-    return texts.zip_with(~at, texts.str.replace_all(marks, "")) if at.any() else texts
+from app.ingest.writing import SENTINELS, Writing
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +40,7 @@ def odd_numbers(texts: pl.Series, tags: pl.Series, writing: Writing) -> OddNumbe
 def numbers_of(texts: pl.Series, tag: str) -> FloatArray:
     """The numbers among texts of a tag, NaN where there is none."""
     writing, tags = Writing(), same_tag(tag, len(texts))
-    writing.learn(texts, tags, lambda: pl.DataFrame(schema={"tag": pl.String, "number": pl.Float64}))
+    writing.learn(texts, tags, lambda: pl.DataFrame(schema={"tag": pl.String, "text": pl.String}))
     return odd_numbers(texts, tags, writing).values
 
 

@@ -19,9 +19,10 @@ from app.ingest.quality import Quality
 from app.ingest.rejecting import RejectLog
 from app.ingest.spilling import PartOfLoop, Spill
 from app.ingest.spreading import Spreader
-from app.ingest.stamps import NO_TIME, TimeReader
+from app.ingest.stamps import NO_TIME, TimeReader, to_numbers
 from app.ingest.tally import Tally
-from app.ingest.values import SENTINELS, is_sentinel, refuse_texts, same_tag
+from app.ingest.values import is_sentinel, refuse_texts, same_tag
+from app.ingest.writing import MARKED, SENTINELS
 
 
 @dataclass(eq=False)
@@ -44,6 +45,7 @@ class WideTable:
         self._plan, self._grouping, self._options, self._log, self._tally = plan, grouping, options, log, tally
         self._times = [TimeReader(group.form, options) for group in plan.groups]
         self._spreaders: list[Spreader] = []
+        self._begun: set[str] = set()  # tags of which a chunk was read
         grouping.place_all(value.tag for group in plan.groups for value in group.values)
         self._places = {value.index: grouping.place(value.tag) for group in plan.groups for value in group.values}
         self._modes = frozenset(index for index, place in self._places.items() if place.signal == "MODE")
@@ -186,8 +188,9 @@ class WideTable:
             numbers = self._with_modes(rows, group, modes)
             self._refuse_modes(rows, group, numbers.values, modes, kept)
         self._refuse_texts(rows, group, numbers, reader, kept)
+        self._begun.update(value.tag for value in group.values)
         self._refuse_odd_numbers(rows, group, numbers, kept)
-        self._refuse_quality(rows, group, numbers.values, kept)
+        self._refuse_quality(rows, group, numbers.values, reader, kept)
         return numbers.values
 
     def _with_modes(self, rows: Rows, group: TimedColumns, modes: list[int]) -> Numbers:
@@ -229,41 +232,40 @@ class WideTable:
         kept: NDArray[np.bool_],
     ) -> None:
         """Fields that are no numbers to the fast reader are read again as text, only in the columns that have any."""
-        odd = np.flatnonzero(numbers.missing.any(axis=0)).tolist()
+        writing = self._tally.writing
+        own = [p for p, value in enumerate(group.values) if value.tag in writing.own and not self._is_mode(value)]
+        odd = sorted({*np.flatnonzero(numbers.missing.any(axis=0)).tolist(), *own})
         if not odd:
             return
         texts = reader.texts(rows, [group.values[i].index for i in odd])
-        filled = texts.null_count().row(0)
-        found: list[tuple[int, NDArray[np.int64], pl.Series]] = []
-        for position, count in zip(odd, filled, strict=True):
-            if count == texts.height:
-                continue
-            column = texts[name_of(group.values[position].index)]
-            at = np.flatnonzero(numbers.missing[:, position] & column.is_not_null().to_numpy() & kept)
+        filled = [p for p, count in zip(odd, texts.null_count().row(0), strict=True) if count < texts.height]
+        columns = {p: texts[name_of(group.values[p].index)] for p in filled}
+        found = {p: numbers.missing[:, p] & column.is_not_null().to_numpy() & kept for p, column in columns.items()}
+        self._learn_marks(group, columns, {p: at for p, at in found.items() if p in own or at.any()})
+        for position, column in columns.items():
+            tag, odd_ones = group.values[position].tag, found[position]
+            if tag in writing.own:
+                odd_ones = odd_ones | (column.str.contains(MARKED).fill_null(False).to_numpy() & kept)
+            at = np.flatnonzero(odd_ones)
             if len(at):
-                found.append((position, at, column[at]))
-        self._learn_marks(group, numbers, found)
-        for position, at, column in found:
-            numbers.values[at, position] = refuse_texts(
-                column, rows.lines(at), group.values[position].tag, self._tally.writing, self._log
-            )
+                numbers.values[at, position] = refuse_texts(column[at], rows.lines(at), tag, writing, self._log)
 
     def _learn_marks(
-        self, group: TimedColumns, numbers: Numbers, found: list[tuple[int, NDArray[np.int64], pl.Series]]
+        self,
+        group: TimedColumns,
+        columns: dict[int, pl.Series],
+        found: dict[int, NDArray[np.bool_]],
     ) -> None:
-        """found: position, rows and texts of each column that has any."""
-        if self._tally.writing.thousands or not found:
+        """By position, the texts of columns, and which of them the fast reader left."""
+        if not found:
             return
 
-        def beside() -> pl.DataFrame:
-            plain = ((p, numbers.values[~numbers.missing[:, p], p]) for p, _, _ in found)
-            return pl.concat([pl.DataFrame({"tag": of(p, len(values)), "number": values}) for p, values in plain])
+        def of(left: bool) -> pl.DataFrame:
+            parts = ((group.values[p].tag, columns[p].filter(pl.Series(at == left))) for p, at in found.items())
+            return pl.concat([pl.DataFrame({"tag": same_tag(tag, len(t)), "text": t}) for tag, t in parts])
 
-        def of(position: int, count: int) -> pl.Series:
-            return same_tag(group.values[position].tag, count)
-
-        texts = pl.concat([column.rename("text") for _, _, column in found])
-        self._tally.writing.learn(texts, pl.concat([of(p, len(at)) for p, at, _ in found]), beside)
+        odd = of(True)
+        self._tally.writing.learn(odd["text"], odd["tag"], lambda: of(False), self._begun)
 
     def _refuse_odd_numbers(self, rows: Rows, group: TimedColumns, numbers: Numbers, kept: NDArray[np.bool_]) -> None:
         matrix = numbers.values
@@ -287,7 +289,9 @@ class WideTable:
                 self._log.add_many("sentinel", rows.lines(at), list(texts), group.values[position].tag)
                 matrix[at, position] = np.nan
 
-    def _refuse_quality(self, rows: Rows, group: TimedColumns, matrix: FloatArray, kept: NDArray[np.bool_]) -> None:
+    def _refuse_quality(
+        self, rows: Rows, group: TimedColumns, matrix: FloatArray, reader: RowReader, kept: NDArray[np.bool_]
+    ) -> None:
         judged = [
             (i, value)
             for i, value in enumerate(group.values)
@@ -296,8 +300,7 @@ class WideTable:
         for position, value in judged:
             bad, code, words = np.zeros(len(matrix), dtype=bool), "", "off-line flag set"
             if value.off_line is not None:
-                flag = rows.numbers([value.off_line])
-                bad = ~flag.missing[:, 0] & (flag.values[:, 0] != 0)
+                bad = np.nan_to_num(_flags(rows, value.off_line, reader)) != 0
                 code = "off_line"
             if value.quality is not None:
                 quality = Quality(self._options.drop_uncertain)
@@ -336,6 +339,14 @@ class WideTable:
                 parts = [own[at] for at in np.flatnonzero(given[:, row])]
                 for grid in [whole] if whole is not None and everywhere[row] else parts:
                     yield SignalBlock(place.tag, place.loop, place.signal, grid.time_ns, grid.values[row])
+
+
+def _flags(rows: Rows, column: int, reader: RowReader) -> FloatArray:
+    """(n,) numbers, NaN where none stands."""
+    flags = rows.numbers([column])
+    if not flags.missing.any():
+        return flags.values[:, 0]
+    return np.where(flags.missing[:, 0], to_numbers(reader.texts(rows, [column]).to_series(0)), flags.values[:, 0])
 
 
 def _texts(rows: Rows, value: ValueColumn) -> pl.Series:

@@ -1,0 +1,152 @@
+"""How a file writes numbers that are not plain: what stands between their thousands, and the units behind them."""
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
+
+import polars as pl
+
+from app.ingest.marks import DOUBTFUL, GROUPED, WHOLE, DoubtfulMarks, before_decimals, other_mark
+from app.ingest.stamps import to_numbers
+from app.ingest.telling import tags_by
+from app.ingest.units import UnitsOfTags, are_units
+
+SENTINELS = (-9999.0, -99.125)
+MARKED = "[.,]"
+_BETWEEN_DIGITS = "['\N{RIGHT SINGLE QUOTATION MARK}\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}]"  # never decimal marks
+_BEHIND_NUMBER = r"^[ \"]*[+-]?[\d.,]+(?:[eE][+-]?\d+)?([^\"]*)"
+_STYLES = {",": "decimal points", ".": "decimal commas", "": "both"}
+
+
+@dataclass
+class Writing:
+    """thousands: the mark between them, empty as long as the file does not tell it from the decimal mark; what is in
+    doubt until then is left to `marks`. own: the same of tags that show another one than the file, empty where they
+    show point and comma before decimals. units: behind the numbers of each tag."""
+
+    thousands: str = ""
+    own: dict[str, str] = field(default_factory=dict)
+    units: UnitsOfTags = field(default_factory=UnitsOfTags)
+    marks: DoubtfulMarks = field(default_factory=DoubtfulMarks)
+    _late: set[str] = field(default_factory=set)  # tags of which numbers were read before they showed their own
+
+    def learn(
+        self, texts: pl.Series, tags: pl.Series, rest: Callable[[], pl.DataFrame], before: Collection[str] = ()
+    ) -> None:
+        """Looks for what tells thousands from decimals, before numbers are read. texts: what the fast reader left.
+        rest: tag and text of what it read. before: the tags of which some was read already."""
+        odd = pl.DataFrame({"tag": tags, "text": texts})
+        otherwise = self._otherwise(odd)
+        doubtful = odd.filter(_contains(odd["text"], self._doubtful()))
+        concerned = otherwise | self.own.keys() | set(doubtful["tag"].unique())
+        if not concerned:
+            return
+        every = pl.concat((odd, rest())).filter(pl.col("tag").is_in(list(concerned)))
+        self._learn_own(otherwise, every, before)
+        doubtful = doubtful.filter(~pl.col("tag").is_in(list(self.own)))
+        if len(doubtful):
+            self._look(doubtful, every)
+
+    def _doubtful(self) -> str:
+        return DOUBTFUL.replace("[.,]", f"[{self.thousands}]") if self.thousands else DOUBTFUL
+
+    def _otherwise(self, odd: pl.DataFrame) -> set[str]:
+        """The tags that write otherwise than the file. It tells how it is written where all that show it agree."""
+        if self.thousands:
+            return _that_show(odd, self.thousands)
+        points, commas = _that_show(odd, "."), _that_show(odd, ",")
+        if points and commas:
+            return points | commas
+        self.thousands = "," if points else "." if commas else ""
+        return set()
+
+    def _learn_own(self, otherwise: set[str], every: pl.DataFrame, before: Collection[str]) -> None:
+        if not otherwise and not self.own:
+            return
+        points, commas = _that_show(every, "."), _that_show(every, ",")
+        for tag in sorted(otherwise | (self.own.keys() & (points | commas))):
+            shown = "" if tag in points & commas else "," if tag in points else "."
+            if self.thousands and tag not in self.own and tag in before:
+                self._late.add(tag)
+            self.own[tag] = shown if self.own.get(tag, shown) == shown else ""
+
+    def _look(self, doubtful: pl.DataFrame, every: pl.DataFrame) -> None:
+        """What the numbers without a mark say of the doubtful ones; what the file tells needs no word where the tag
+        shows it too."""
+        if self.thousands:
+            known = _that_show(every, other_mark(self.thousands)).union(self.marks.met())
+            doubtful = doubtful.filter(~pl.col("tag").is_in(list(known)))
+        numbers, whole = _numbers(doubtful, DOUBTFUL), _numbers(every, WHOLE)
+        whole = whole.filter(~pl.col("number").is_in(SENTINELS))
+        (self.marks.look_as_file if self.thousands else self.marks.look)(numbers, whole)
+
+    def whole(self, texts: pl.Series, tags: pl.Series) -> pl.Series:
+        """Texts with the thousands of their numbers joined, null where it is not clear which these are."""
+        texts = _joined(texts, GROUPED % (_BETWEEN_DIGITS, MARKED), _BETWEEN_DIGITS)
+        thousands = self._thousands_of(tags)
+        in_doubt = _contains(texts, DOUBTFUL)
+        if in_doubt.any():
+            texts = texts.set(in_doubt & self._refused(texts, tags, thousands), None)
+        for mark in ",.":
+            form = GROUPED % (f"[{mark}]", f"[{other_mark(mark)}]")
+            texts = _joined(texts, form, f"[{mark}]", thousands == mark)
+        return texts if self.thousands else self._by_tag(texts, tags)
+
+    def _thousands_of(self, tags: pl.Series) -> pl.Series:
+        if not self.own:
+            return pl.repeat(self.thousands, len(tags), dtype=pl.String, eager=True)
+        return tags.replace_strict(self.own, default=self.thousands, return_dtype=pl.String)
+
+    def _refused(self, texts: pl.Series, tags: pl.Series, thousands: pl.Series) -> pl.Series:
+        """Where a doubtful number is refused: what its tag has beside it tells otherwise than the file, or it was read
+        otherwise before its tag told: none is read both ways."""
+        parted = ((thousands == ",") & _contains(texts, ",")) | ((thousands == ".") & _contains(texts, "[.]"))
+        refused = parted & tags.is_in([*self._late, *self.marks.as_file("")])
+        refused |= ~parted & tags.is_in([tag for tag in self.marks.as_file("thousands") if tag in self.own])
+        met = {tag: self.marks.meant(tag) for tag in self.marks.met()}
+        if met:
+            before = tags.replace_strict(met, default=None, return_dtype=pl.String)
+            refused |= ((thousands != "") & ((before == "thousands") != parted)).fill_null(False)
+        return refused
+
+    def _by_tag(self, texts: pl.Series, tags: pl.Series) -> pl.Series:
+        at = _contains(texts, DOUBTFUL) & ~tags.is_in(list(self.own))
+        if at.any():
+            found = {tag: self.marks.meant(tag) for tag in tags.filter(at).unique(maintain_order=True)}
+            meant = tags.replace_strict(found, default=None, return_dtype=pl.String)
+            thousands = at & (meant == "thousands").fill_null(False)
+            texts = texts.zip_with(~thousands, texts.str.replace_all(MARKED, ""))
+            texts = texts.set(at & (meant == "").fill_null(False), None)
+        return texts
+
+    def notes(self) -> list[str]:
+        """What is to be said of how numbers were read."""
+        told = {
+            "numbers have their unit behind them, and were read where it is the one of their tag": self.units.told(),
+            "decimals are written in two ways, and were read as each tag writes them": self._styles(),
+            "the mark of numbers such as 1,000 may part thousands or decimals": self.marks.told(),
+        }
+        return [f"{what}: {tags}" for what, tags in told.items() if tags]
+
+    def _styles(self) -> str:
+        own = "; ".join(f"{_STYLES[mark]}: {tags}" for mark, tags in tags_by(self.own).items())
+        return f"{own}; in the others {_STYLES[self.thousands]}" if own and self.thousands else own
+
+
+def _contains(texts: pl.Series, form: str) -> pl.Series:
+    return texts.str.contains(form).fill_null(False)
+
+
+def _that_show(numbers: pl.DataFrame, mark: str) -> set[str]:
+    """The tags of which a number shows that the mark stands before decimals."""
+    found = numbers.filter(_contains(numbers["text"], before_decimals(mark)))
+    behind = found["text"].str.extract(_BEHIND_NUMBER).str.strip_chars()
+    return set(found["tag"].filter((behind == "") | are_units(behind)))
+
+
+def _numbers(texts: pl.DataFrame, form: str) -> pl.DataFrame:
+    return pl.DataFrame({"tag": texts["tag"], "number": to_numbers(texts["text"].str.extract(form))})
+
+
+def _joined(texts: pl.Series, form: str, marks: str, where: pl.Series | bool = True) -> pl.Series:
+    at = _contains(texts, form) & where
+    return texts.zip_with(~at, texts.str.replace_all(marks, "")) if at.any() else texts

@@ -1,0 +1,143 @@
+"""Files in which numbers are written in two ways: each tag is read as it shows itself, and what only others tell of it
+is said."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from app.ingest import IngestOptions
+from tests.ingest.conftest import Read
+
+DOUBT = "the mark of numbers such as 1,000 may part thousands or decimals: "
+TWO_WAYS = "decimals are written in two ways, and were read as each tag writes them: "
+NAMES = "tagname\tFIC7.MV\tFIC7.PV\tbOpOFL\tbPvOFL"
+CHUNKS = IngestOptions(chunk_bytes=10_000)
+
+
+def wide(pv: Sequence[str], op: Sequence[str], delimiter: str = ";", count: int = 60) -> str:
+    stamps = np.datetime_as_string(np.datetime64("2026-01-01T00:00:00") + np.arange(count))
+    rows = (delimiter.join((s, pv[k % len(pv)], op[k % len(op)])) for k, s in enumerate(stamps))
+    return "\n".join((delimiter.join(("Time", "FIC1.PV", "FIC1.OP")), *rows)) + "\n"
+
+
+def long(pv: Sequence[str], op: Sequence[str], count: int = 60) -> str:
+    stamps = np.datetime_as_string(np.datetime64("2026-01-01T00:00:00") + np.arange(count))
+    rows = (
+        f"{s};{tag};{texts[k % len(texts)]}"
+        for k, s in enumerate(stamps)
+        for tag, texts in (("FIC1.PV", pv), ("FIC1.OP", op))
+    )
+    return "\n".join(("Time;Tag;Value", *rows)) + "\n"
+
+
+LAYOUTS = pytest.mark.parametrize("table", [wide, long])
+MIRRORED = pytest.mark.parametrize("marks", [",.", ".,"])
+
+
+def marked(texts: Sequence[str], marks: str) -> list[str]:
+    """As written with decimal points, or with decimal commas."""
+    return [text.translate(str.maketrans(",.", marks)) for text in texts]
+
+
+@LAYOUTS
+@MIRRORED
+def test_what_only_other_tags_tell_is_said(read: Read, table, marks: str) -> None:
+    content = read(table(marked(["50,123", "50,871"], marks), marked(["40.1", "40.3", "40.5"], marks)))
+    assert content.loops["FIC1"].pv.tolist() == [50123, 50871] * 30
+    assert content.loops["FIC1"].op[:3].tolist() == [40.1, 40.3, 40.5]
+    assert content.summary.notes == (f"{DOUBT}read as thousands: FIC1.PV",)
+
+
+def test_what_only_other_tags_tell_is_said_where_commas_part_the_fields(read: Read) -> None:
+    content = read(wide(['"50,123"', '"50,871"'], ["40.1"], ","))
+    assert content.loops["FIC1"].pv.tolist() == [50123, 50871] * 30
+    assert content.summary.notes == (f"{DOUBT}read as thousands: FIC1.PV",)
+
+
+@MIRRORED
+@pytest.mark.parametrize("sure", ["995.5", "1,000.5", "1,234,567"])
+def test_what_the_tag_tells_too_needs_no_word(read: Read, marks: str, sure: str) -> None:
+    content = read(wide(marked([sure, "1,005"], marks), marked(["40.1"], marks)))
+    assert content.loops["FIC1"].pv[1::2].tolist() == [1005] * 30
+    assert content.summary.notes == ()
+
+
+@LAYOUTS
+@MIRRORED
+def test_a_tag_is_read_as_it_shows_itself(read: Read, table, marks: str) -> None:
+    pv = ["50,12", "50,123", "1.005", "1.005,5", "1.234.567"]
+    content = read(table(marked(pv, marks), marked(["40.1", "40.3", "40.2"], marks)))
+    assert content.loops["FIC1"].pv.tolist() == [50.12, 50.123, 1005, 1005.5, 1234567] * 12
+    assert content.loops["FIC1"].op[:3].tolist() == [40.1, 40.3, 40.2]
+    styles = [
+        "decimal commas: FIC1.PV; in the others decimal points",
+        "decimal points: FIC1.PV; in the others decimal ",
+    ]
+    assert content.summary.notes[0].startswith(TWO_WAYS + styles[marks == ".,"])
+    assert content.rejects.total == 0
+
+
+def test_words_do_not_show_how_a_tag_is_written(read: Read) -> None:
+    content = read(wide(["50,123"] * 59 + ["12,5 or so"], ["40.1"]))
+    assert content.loops["FIC1"].pv[:59].tolist() == [50123] * 59
+    assert content.summary.notes == (f"{DOUBT}read as thousands: FIC1.PV",)
+
+
+def test_a_tag_may_be_written_both_ways(read: Read) -> None:
+    content = read(wide(["50.12", "50,12", "50,123"], ["40.1"]))
+    assert content.loops["FIC1"].pv.tolist() == [50.12, 50.12, 50.123] * 20
+    assert content.summary.notes == (f"{TWO_WAYS}both: FIC1.PV; in the others decimal points",)
+
+
+@MIRRORED
+def test_what_numbers_without_a_mark_tell_otherwise_than_the_file_is_refused(read: Read, marks: str) -> None:
+    content = read(wide(marked(["50", "50,123"], marks), marked(["40.1"], marks)))
+    assert content.loops["FIC1"].pv[::2].tolist() == [50] * 30
+    assert dict(content.rejects.counts) == {"unclear_mark": 30}
+    assert content.summary.notes == (f"{DOUBT}refused: FIC1.PV",)
+
+
+@LAYOUTS
+def test_a_tag_that_shows_itself_late_is_not_read_both_ways(read: Read, table) -> None:
+    pv = ["50,123"] * 800 + ["50,12", "50,123"] * 200
+    content = read(table(pv, ["40.1"], count=1200), options=CHUNKS)
+    found = content.loops["FIC1"].pv
+    assert found[:400].tolist() == [50123] * 400
+    assert found[800::2].tolist() == [50.12] * 200
+    assert np.isnan(found[1001::2]).all()
+    assert content.summary.notes[0].startswith(f"{TWO_WAYS}decimal commas: FIC1.PV")
+
+
+@LAYOUTS
+def test_plain_numbers_of_a_tag_that_shows_itself_late_are_not_read_both_ways(read: Read, table) -> None:
+    pv = ["1.005"] * 800 + ["50,12", "1.005", "50,123"] * 200
+    content = read(table(pv, ["40.1"], count=1400), options=CHUNKS)
+    found = content.loops["FIC1"].pv
+    assert found[:400].tolist() == [1.005] * 400
+    assert np.isnan(found[1101::3]).all()
+    assert found[802::3].tolist() == [50.123] * 200
+
+
+@LAYOUTS
+def test_a_tag_stays_as_it_showed_itself(read: Read, table, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.ingest.scanning.LEAST_BYTES", 0)
+    pv = ["50,12"] * 10 + ["1.005"] * 1190
+    content = read(table(pv, ["40.1"], count=1200), options=CHUNKS)
+    assert content.loops["FIC1"].pv[10:].tolist() == [1005] * 1190
+
+
+def test_tags_that_show_two_ways_behind_the_start_of_the_file_are_read_in_their_own(read: Read) -> None:
+    pv, op = ["50,123"] * 500 + ["50,12"] * 100, ["40,123"] * 500 + ["40.12"] * 100
+    loop = read(wide(pv, op, count=600)).loops["FIC1"]
+    assert loop.pv.tolist() == [50.123] * 500 + [50.12] * 100
+    assert loop.op.tolist() == [40123] * 500 + [40.12] * 100
+
+
+def test_flags_of_signals_that_are_off_line_may_have_a_point(read: Read) -> None:
+    """Beside decimal commas, numbers with a point are read as text."""
+    head = ["PROCESSDATA\tFIC7 Data\tyyyy-MM-dd HH:mm:ss", "8\t10\t2026-01-01 00:00:00\t40", NAMES, "desc\t\t\t\t", ""]
+    rows = [f"2026-01-01 00:00:{k:02d}\t41,5\t{k},5\t0.0\t{k == 3:d}.0" for k in range(40)]
+    content = read("\n".join([*head, *rows]) + "\n")
+    assert np.flatnonzero(np.isnan(content.loops["FIC7"].pv)).tolist() == [3]
+    assert dict(content.rejects.counts) == {"off_line": 1}
