@@ -4,7 +4,7 @@ Either may be meant where exactly three digits follow one to three others that d
 thousand.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import polars as pl
@@ -49,10 +49,10 @@ class DoubtfulMarks:
             found = _meant(ratio, largest_beside)
             self._of[tag] = found if self._of.get(tag, found) == found else ""
 
-    def look_as_file(self, doubtful: pl.DataFrame, beside: pl.DataFrame) -> None:
-        """The same where the file tells that the mark stands between thousands."""
+    def look_as_file(self, tags: Iterable[str], doubtful: pl.DataFrame, beside: pl.DataFrame) -> None:
+        """The same of some tags where the file tells that the mark stands between thousands."""
         near = {tag for tag, ratio, largest, _ in _ratios(doubtful, beside) if _is_near_decimals(ratio, largest)}
-        for tag in doubtful["tag"].unique(maintain_order=True):
+        for tag in tags:
             found = "" if tag in near else "thousands"
             self._as_file[tag] = found if self._as_file.get(tag, found) == found else ""
 

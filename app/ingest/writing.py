@@ -75,9 +75,12 @@ class Writing:
         if self.thousands:
             known = _that_show(every, other_mark(self.thousands)).union(self.marks.met())
             doubtful = doubtful.filter(~pl.col("tag").is_in(list(known)))
-        numbers, whole = _numbers(doubtful, DOUBTFUL), _numbers(every, WHOLE)
-        whole = whole.filter(~pl.col("number").is_in(SENTINELS))
-        (self.marks.look_as_file if self.thousands else self.marks.look)(numbers, whole)
+        whole = _numbers(every, WHOLE).filter(~pl.col("number").is_in(SENTINELS))
+        beside = doubtful.filter(pl.col("tag").is_in(whole["tag"].unique().implode()))
+        if self.thousands:
+            self.marks.look_as_file(doubtful["tag"].unique(maintain_order=True), _numbers(beside, DOUBTFUL), whole)
+        else:
+            self.marks.look(_numbers(beside, DOUBTFUL), whole)
 
     def whole(self, texts: pl.Series, tags: pl.Series) -> pl.Series:
         """Texts with the thousands of their numbers joined, null where it is not clear which these are."""
@@ -86,10 +89,10 @@ class Writing:
         in_doubt = _contains(texts, DOUBTFUL)
         if in_doubt.any():
             texts = texts.set(in_doubt & self._refused(texts, tags, thousands), None)
-        for mark in ",.":
+        for mark in sorted({self.thousands, *self.own.values()} - {""}):
             form = GROUPED % (f"[{mark}]", f"[{other_mark(mark)}]")
             texts = _joined(texts, form, f"[{mark}]", thousands == mark)
-        return texts if self.thousands else self._by_tag(texts, tags)
+        return texts if self.thousands else self._by_tag(texts, tags, in_doubt & ~tags.is_in(list(self.own)))
 
     def _thousands_of(self, tags: pl.Series) -> pl.Series:
         if not self.own:
@@ -99,24 +102,27 @@ class Writing:
     def _refused(self, texts: pl.Series, tags: pl.Series, thousands: pl.Series) -> pl.Series:
         """Where a doubtful number is refused: what its tag has beside it tells otherwise than the file, or it was read
         otherwise before its tag told: none is read both ways."""
+        met = {tag: self.marks.meant(tag) for tag in self.marks.met()} if self.thousands or self.own else {}
+        unlike = [*self._late, *self.marks.as_file("")]
+        unlike_before = [tag for tag in self.marks.as_file("thousands") if tag in self.own]
+        if not (met or unlike or unlike_before):
+            return pl.repeat(False, len(texts), dtype=pl.Boolean, eager=True)
         parted = ((thousands == ",") & _contains(texts, ",")) | ((thousands == ".") & _contains(texts, "[.]"))
-        refused = parted & tags.is_in([*self._late, *self.marks.as_file("")])
-        refused |= ~parted & tags.is_in([tag for tag in self.marks.as_file("thousands") if tag in self.own])
-        met = {tag: self.marks.meant(tag) for tag in self.marks.met()}
+        refused = (parted & tags.is_in(unlike)) | (~parted & tags.is_in(unlike_before))
         if met:
             before = tags.replace_strict(met, default=None, return_dtype=pl.String)
             refused |= ((thousands != "") & ((before == "thousands") != parted)).fill_null(False)
         return refused
 
-    def _by_tag(self, texts: pl.Series, tags: pl.Series) -> pl.Series:
-        at = _contains(texts, DOUBTFUL) & ~tags.is_in(list(self.own))
-        if at.any():
-            found = {tag: self.marks.meant(tag) for tag in tags.filter(at).unique(maintain_order=True)}
-            meant = tags.replace_strict(found, default=None, return_dtype=pl.String)
-            thousands = at & (meant == "thousands").fill_null(False)
-            texts = texts.zip_with(~thousands, texts.str.replace_all(MARKED, ""))
-            texts = texts.set(at & (meant == "").fill_null(False), None)
-        return texts
+    def _by_tag(self, texts: pl.Series, tags: pl.Series, in_doubt: pl.Series) -> pl.Series:
+        """With the thousands joined of the numbers in doubt whose tag has them; null where its tag does not tell."""
+        meant: dict[str, list[str]] = {"": [], "thousands": [], "decimals": []}
+        for tag in tags.filter(in_doubt).unique(maintain_order=True):
+            meant[self.marks.meant(tag)].append(tag)
+        if meant["thousands"]:
+            parted = in_doubt & tags.is_in(meant["thousands"])
+            texts = texts.zip_with(~parted, texts.str.replace_all(MARKED, ""))
+        return texts.set(in_doubt & tags.is_in(meant[""]), None) if meant[""] else texts
 
     def notes(self) -> list[str]:
         """What is to be said of how numbers were read."""
@@ -139,12 +145,14 @@ def _contains(texts: pl.Series, form: str) -> pl.Series:
 def _that_show(numbers: pl.DataFrame, mark: str) -> set[str]:
     """The tags of which a number shows that the mark stands before decimals."""
     found = numbers.filter(_contains(numbers["text"], before_decimals(mark)))
-    behind = found["text"].str.extract(_BEHIND_NUMBER).str.strip_chars()
-    return set(found["tag"].filter((behind == "") | are_units(behind)))
+    found = found.select("tag", behind=pl.col("text").str.extract(_BEHIND_NUMBER).str.strip_chars()).unique()
+    return set(found["tag"].filter((found["behind"] == "") | are_units(found["behind"])))
 
 
 def _numbers(texts: pl.DataFrame, form: str) -> pl.DataFrame:
-    return pl.DataFrame({"tag": texts["tag"], "number": to_numbers(texts["text"].str.extract(form))})
+    """Tag and number of the texts of that form."""
+    found = texts.select("tag", number=pl.col("text").str.extract(form)).drop_nulls()
+    return found.with_columns(number=pl.Series(to_numbers(found["number"])))
 
 
 def _joined(texts: pl.Series, form: str, marks: str, where: pl.Series | bool = True) -> pl.Series:
