@@ -16,36 +16,33 @@ TAIL_ROWS = 150
 HEAD_CHARACTERS = 1 << 20
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _SURE = {mark: re.compile(before_decimals(mark, r"(?:[eE][+-]?\d+)?$")) for mark in ".,"}
-_WHOLE = re.compile(r"[+-]?0*[1-9]\d*")
 _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 
 
 @dataclass(frozen=True)
 class Head:
-    """The start of a file. `rows` are its lines, split at `delimiter`; `stem` is the file's name without suffixes."""
+    """The start of a file. `rows` are its lines, split at `delimiter`; `stem` is the file's name without suffixes.
+    typed: they are not lines of text, but those of a table whose cells may be numbers."""
 
     stem: str
     lines: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     delimiter: str
     decimal_mark: str
+    typed: bool = False
 
     @cached_property
     def marks_told(self) -> bool:
-        """Whether it is seen what stands before decimals: in 1,005 it is not. A point of 1.005 is taken for one, unless
-        whole numbers stand in its column and commas do not part the fields."""
+        """Whether it is seen what stands before decimals: in 1,005 it is not. A point of 1.005 is taken for one where
+        commas part the fields. Of cells that are numbers themselves, none was written."""
+        if self.typed:
+            return False
         rows = data_rows(self.rows)
         if any(_surely(text, self.decimal_mark) for row in rows for text in row):
             return True
-        if self.decimal_mark == ",":
+        if self.delimiter != "," or self.decimal_mark == ",":
             return False
-        with_point = {column for row in rows for column, text in enumerate(row) if "." in text and is_number(text)}
-        if self.delimiter == ",":
-            return bool(with_point)
-        return any(
-            not any(_WHOLE.fullmatch(without_unit(row[column])) for row in rows if column < len(row))
-            for column in with_point
-        )
+        return any("." in text and is_number(text) for row in rows for text in row)
 
     @property
     def thousands_mark(self) -> str:

@@ -16,6 +16,7 @@ _BEFORE, _BEHIND = r"^[ \"]*[+-]?", r"(?:[^\d.,eE].*)?$"
 GROUPED = _BEFORE + r"[1-9]\d{0,2}(?:%s\d{3})+(?:%s\d+)?" + _BEHIND
 DOUBTFUL = r"^[ \"]*([+-]?[1-9]\d{0,2}[.,]\d{3})" + _BEHIND
 WHOLE = r"^[ \"]*([+-]?\d+)(?:\s*[^\d\s.,:+-].*)?$"
+WRITTEN = r"^[ \"]*[+-]?[1-9]\d{0,2}\.\d\d0[ \"]*$"  # in doubt, and no number of a cell: these end in no zero
 POINTED = _BEFORE + r"\d+\.\d+[ \"]*$"
 PARTED_FROM = 1000.0  # what parts thousands writes no such number without a mark
 BESIDE_DECIMALS, BESIDE_THOUSANDS = 10.0, 100.0  # how far off what has no mark is from 1 where it is meant as 1,000

@@ -14,6 +14,7 @@ from app.ingest.frames import NUMBERED, Rows, in_short, name_of
 from app.ingest.grouping import TagMapping, group
 from app.ingest.head import HEAD_ROWS, Head, find_decimal_mark
 from app.ingest.layouts import not_recognised, recognise
+from app.ingest.marks import POINTED, WRITTEN
 from app.ingest.model import IngestOptions
 from app.ingest.plans import LongPlan, Plan
 from app.ingest.rejecting import RejectLog
@@ -55,7 +56,7 @@ class TableReader:
         count = max(1000, CELLS_A_CHUNK // max(1, len(wanted)))
         for offset in range(start, self._table.height, count):
             self._original = self._table.part(offset, count, wanted)
-            frame = self._original.select([_as(self._original[name_of(i)], self._types[i]) for i in wanted])
+            frame = pl.DataFrame([_as(self._original[name_of(i)], self._types[i]) for i in wanted])
             yield Rows(frame, offset + 1, b"")
 
     def scanning(self, plan: LongPlan) -> Scanner | None:
@@ -212,6 +213,8 @@ def _as(column: pl.Series, wanted: pl.DataType) -> pl.Series:
         return pl.Series(column.name, [None] * len(column), dtype=wanted)
     if isinstance(wanted, pl.Categorical):
         return column.cast(pl.String, strict=False).cast(wanted)
+    if column.dtype == pl.String and wanted == pl.Float64 and column.str.contains(WRITTEN).any():
+        column = column.set(column.str.contains(POINTED).fill_null(False), None)
     return column.cast(wanted, strict=False)
 
 
@@ -222,7 +225,8 @@ def _head(table: Table, stem: str, names_in_rows: bool) -> Head:
     columns = [_as_text(column).fill_null("").to_list() for frame in frames for column in frame.get_columns()]
     rows = [tuple(text.strip() for text in row) for row in zip(*columns, strict=True)]
     rows = rows if names_in_rows else [table.names, *rows]
-    return Head(stem, tuple("\t".join(row) for row in rows), tuple(rows), "", find_decimal_mark(tuple(rows), "\t"))
+    lines = tuple("\t".join(row) for row in rows)
+    return Head(stem, lines, tuple(rows), "", find_decimal_mark(tuple(rows), "\t"), typed=True)
 
 
 def _as_text(column: pl.Series) -> pl.Series:

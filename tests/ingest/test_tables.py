@@ -3,6 +3,7 @@
 import io
 import sys
 import zipfile
+from collections.abc import Sequence
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
@@ -177,7 +178,7 @@ KIND = "application/vnd.openxmlformats-officedocument.spreadsheetml"
 RELATIONS = "application/vnd.openxmlformats-package.relationships+xml"
 
 
-def workbook(*sheets: list[list[str]]) -> bytes:
+def workbook(*sheets: Sequence[Sequence[str | float]]) -> bytes:
     """The smallest workbook that there is of these sheets."""
     numbers = range(1, len(sheets) + 1)
     listed = "".join(f'<sheet name="S{n}" sheetId="{n}" r:id="r{n}"/>' for n in numbers)
@@ -209,8 +210,10 @@ def archive(parts: dict[str, str]) -> bytes:
     return target.getvalue()
 
 
-def cell(text: str) -> str:
-    return f'<c t="inlineStr"><is><t>{text}</t></is></c>'
+def cell(value: str | float) -> str:
+    if isinstance(value, float):
+        return f"<c><v>{value}</v></c>"
+    return f'<c t="inlineStr"><is><t>{value}</t></is></c>'
 
 
 def relations(kind: str, targets: list[str]) -> str:

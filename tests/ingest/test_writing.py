@@ -1,28 +1,32 @@
 """Files in which numbers are written in two ways: each tag is read as it shows itself, and what only others tell of it
 is said."""
 
-from collections.abc import Sequence
+import io
+from collections.abc import Callable, Sequence
 
 import numpy as np
+import polars as pl
 import pytest
 
 from app.ingest import IngestOptions
 from tests.ingest.conftest import Read
+from tests.ingest.test_tables import workbook
 
 DOUBT = "the mark of numbers such as 1,000 may part thousands or decimals: "
 TWO_WAYS = "decimals are written in two ways, and were read as each tag writes them: "
 NAMES = "tagname\tFIC7.MV\tFIC7.PV\tbOpOFL\tbPvOFL"
+Table = Callable[..., str]
 CHUNKS = IngestOptions(chunk_bytes=10_000)
 
 
 def wide(pv: Sequence[str], op: Sequence[str], delimiter: str = ";", count: int = 60) -> str:
-    stamps = np.datetime_as_string(np.datetime64("2026-01-01T00:00:00") + np.arange(count))
+    stamps = _stamps(count)
     rows = (delimiter.join((s, pv[k % len(pv)], op[k % len(op)])) for k, s in enumerate(stamps))
     return "\n".join((delimiter.join(("Time", "FIC1.PV", "FIC1.OP")), *rows)) + "\n"
 
 
 def long(pv: Sequence[str], op: Sequence[str], count: int = 60) -> str:
-    stamps = np.datetime_as_string(np.datetime64("2026-01-01T00:00:00") + np.arange(count))
+    stamps = _stamps(count)
     rows = (
         f"{s};{tag};{texts[k % len(texts)]}"
         for k, s in enumerate(stamps)
@@ -40,9 +44,25 @@ def marked(texts: Sequence[str], marks: str) -> list[str]:
     return [text.translate(str.maketrans(",.", marks)) for text in texts]
 
 
+def workbook_of(pv: Sequence[str | float]) -> bytes:
+    """Beside OP whose cells are numbers."""
+    rows = ([str(s), pv[k % 2], (40.125, 40.5)[k % 2]] for k, s in enumerate(_stamps()))
+    return workbook([["Time", "FIC1.PV", "FIC1.OP"], *rows])
+
+
+def parquet_of(pv: Sequence[str]) -> bytes:
+    target = io.BytesIO()
+    pl.DataFrame({"Time": _stamps(), "FIC1.PV": list(pv) * 30, "FIC1.OP": [40.125, 40.5] * 30}).write_parquet(target)
+    return target.getvalue()
+
+
+def _stamps(count: int = 60) -> list[str]:
+    return np.datetime_as_string(np.datetime64("2026-01-01T00:00:00") + np.arange(count)).tolist()
+
+
 @LAYOUTS
 @MIRRORED
-def test_what_only_other_tags_tell_is_said(read: Read, table, marks: str) -> None:
+def test_what_only_other_tags_tell_is_said(read: Read, table: Table, marks: str) -> None:
     content = read(table(marked(["50,123", "50,871"], marks), marked(["40.1", "40.3", "40.5"], marks)))
     assert content.loops["FIC1"].pv.tolist() == [50123, 50871] * 30
     assert content.loops["FIC1"].op[:3].tolist() == [40.1, 40.3, 40.5]
@@ -65,7 +85,7 @@ def test_what_the_tag_tells_too_needs_no_word(read: Read, marks: str, sure: str)
 
 @LAYOUTS
 @MIRRORED
-def test_a_tag_is_read_as_it_shows_itself(read: Read, table, marks: str) -> None:
+def test_a_tag_is_read_as_it_shows_itself(read: Read, table: Table, marks: str) -> None:
     pv = ["50,12", "50,123", "1.005", "1.005,5", "1.234.567"]
     content = read(table(marked(pv, marks), marked(["40.1", "40.3", "40.2"], marks)))
     assert content.loops["FIC1"].pv.tolist() == [50.12, 50.123, 1005, 1005.5, 1234567] * 12
@@ -99,7 +119,7 @@ def test_what_numbers_without_a_mark_tell_otherwise_than_the_file_is_refused(rea
 
 
 @LAYOUTS
-def test_a_tag_that_shows_itself_late_is_not_read_both_ways(read: Read, table) -> None:
+def test_a_tag_that_shows_itself_late_is_not_read_both_ways(read: Read, table: Table) -> None:
     pv = ["50,123"] * 800 + ["50,12", "50,123"] * 200
     content = read(table(pv, ["40.1"], count=1200), options=CHUNKS)
     found = content.loops["FIC1"].pv
@@ -110,7 +130,7 @@ def test_a_tag_that_shows_itself_late_is_not_read_both_ways(read: Read, table) -
 
 
 @LAYOUTS
-def test_plain_numbers_of_a_tag_that_shows_itself_late_are_not_read_both_ways(read: Read, table) -> None:
+def test_plain_numbers_of_a_tag_that_shows_itself_late_are_not_read_both_ways(read: Read, table: Table) -> None:
     pv = ["1.005"] * 800 + ["50,12", "1.005", "50,123"] * 200
     content = read(table(pv, ["40.1"], count=1400), options=CHUNKS)
     found = content.loops["FIC1"].pv
@@ -120,7 +140,7 @@ def test_plain_numbers_of_a_tag_that_shows_itself_late_are_not_read_both_ways(re
 
 
 @LAYOUTS
-def test_a_tag_stays_as_it_showed_itself(read: Read, table, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_tag_stays_as_it_showed_itself(read: Read, table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("app.ingest.scanning.LEAST_BYTES", 0)
     pv = ["50,12"] * 10 + ["1.005"] * 1190
     content = read(table(pv, ["40.1"], count=1200), options=CHUNKS)
@@ -141,3 +161,47 @@ def test_flags_of_signals_that_are_off_line_may_have_a_point(read: Read) -> None
     content = read("\n".join([*head, *rows]) + "\n")
     assert np.flatnonzero(np.isnan(content.loops["FIC7"].pv)).tolist() == [3]
     assert dict(content.rejects.counts) == {"off_line": 1}
+
+
+@pytest.mark.parametrize("delimiter", [";", "\t"])
+def test_points_in_all_numbers_are_told(read: Read, delimiter: str) -> None:
+    content = read(wide(["50.123", "51.871"], ["40.100", "42.250"], delimiter))
+    assert content.loops["FIC1"].pv.tolist() == [50.123, 51.871] * 30
+    assert content.summary.notes == (f"{DOUBT}read as decimals: FIC1.PV, FIC1.OP",)
+
+
+def test_points_in_all_first_numbers_part_thousands_beside_later_ones_without(read: Read) -> None:
+    content = read(wide(["1.001"] * 450 + ["999"] * 150, ["12"], count=600))
+    assert content.loops["FIC1"].pv.tolist() == [1001] * 450 + [999] * 150
+    assert content.summary.notes == (f"{DOUBT}read as thousands: FIC1.PV",)
+
+
+@pytest.mark.parametrize("pack", [workbook_of, parquet_of])
+@pytest.mark.parametrize(
+    ("texts", "expected", "how"),
+    [
+        (("999", "1.000"), (999, 1000), "thousands"),
+        (("50", "50.120"), (50, 50.12), "decimals"),
+        (("50,123", "51,250"), (50.123, 51.25), "decimals"),
+    ],
+)
+def test_numbers_in_doubt_in_cells_of_text_are_told(
+    read: Read, pack: Callable[..., bytes], texts: Sequence[str], expected: Sequence[float], how: str
+) -> None:
+    content = read(pack(texts))
+    assert content.loops["FIC1"].pv.tolist() == list(expected) * 30
+    assert content.loops["FIC1"].op.tolist() == [40.125, 40.5] * 30
+    assert content.summary.notes == (f"{DOUBT}read as {how}: FIC1.PV",)
+
+
+@pytest.mark.parametrize("pack", [workbook_of, parquet_of])
+def test_cells_of_text_show_how_they_are_written(read: Read, pack: Callable[..., bytes]) -> None:
+    content = read(pack(("995,5", "1.000")))
+    assert content.loops["FIC1"].pv.tolist() == [995.5, 1000] * 30
+    assert content.summary.notes == ()
+
+
+def test_numbers_of_cells_are_not_in_doubt(read: Read) -> None:
+    content = read(workbook_of((450.0, 25.125)))
+    assert content.loops["FIC1"].pv.tolist() == [450, 25.125] * 30
+    assert content.summary.notes == ()
