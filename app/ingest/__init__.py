@@ -31,7 +31,8 @@ DataError codes: empty_file, not_an_export, unknown_layout, nothing_readable, de
 too_many_tags,
 bad_mapping, excel_not_installed, unknown_time_zone, matlab_version.
 
-`read_recordings(path)` gives recordings for the engine, `inspect(path)` a report on a file.
+`read_recordings(path)` gives recordings for the engine, `inspect(path)` a report on a file, `read_named(path)` a table
+whose columns are asked for by name.
 """
 
 from app.ingest.align import align, carried
@@ -48,10 +49,13 @@ from app.ingest.model import (
     Signal,
     SignalBlock,
 )
+from app.ingest.named_columns import NamedTable, parse_named, read_instants, read_named
 from app.ingest.recordings import RecordingsRead, read_recordings, to_recording
-from app.ingest.stamps import check_time_zone
+from app.ingest.scanning import warm_up
+from app.ingest.stamps import NO_TIME, check_time_zone
 
 __all__ = [
+    "NO_TIME",
     "Export",
     "FileSummary",
     "IngestOptions",
@@ -60,6 +64,7 @@ __all__ = [
     "LoopSamples",
     "LoopTags",
     "MappedTag",
+    "NamedTable",
     "RecordingsRead",
     "Reject",
     "Rejects",
@@ -73,8 +78,12 @@ __all__ = [
     "inspect",
     "is_export_name",
     "mapping_text",
+    "parse_named",
     "read_export",
+    "read_instants",
+    "read_named",
     "read_recordings",
     "stem_of",
     "to_recording",
+    "warm_up",
 ]

@@ -79,6 +79,10 @@ class Export:
     def rejects(self) -> Rejects:
         return self._log.result()
 
+    def doubts(self) -> tuple[str, ...]:
+        """How numbers were read whose writing is in doubt."""
+        return tuple(self._tally.writing.doubts())
+
     def damage(self) -> tuple[str, ...]:
         """What of the file itself was lost on its way here."""
         return self._source.damage

@@ -25,6 +25,7 @@ class RecordingsRead:
     reject_counts: Mapping[str, int]
     notes: tuple[str, ...]
     damage: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
 
 
 def read_recordings(
@@ -44,7 +45,9 @@ def read_recordings(
     )
     rejects = export.rejects()
     skipped = tuple(_skipped(loops, audited))
-    return RecordingsRead(recordings, rejects.listed, skipped, rejects.counts, export.notes(), export.damage())
+    return RecordingsRead(
+        recordings, rejects.listed, skipped, rejects.counts, export.notes(), export.damage(), export.doubts()
+    )
 
 
 def _skipped(loops: Mapping[str, LoopSamples], audited: Mapping[str, LoopSamples]) -> list[str]:

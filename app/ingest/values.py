@@ -37,13 +37,6 @@ def odd_numbers(texts: pl.Series, tags: pl.Series, writing: Writing) -> OddNumbe
     return OddNumbers(numbers, {"not_a_number": odd[np.isnan(numbers[odd])], "unclear_mark": unclear})
 
 
-def numbers_of(texts: pl.Series, tag: str) -> FloatArray:
-    """The numbers among texts of a tag, NaN where there is none."""
-    writing, tags = Writing(), same_tag(tag, len(texts))
-    writing.learn(texts, tags, lambda: pl.DataFrame(schema={"tag": pl.String, "text": pl.String}))
-    return odd_numbers(texts, tags, writing).values
-
-
 def same_tag(tag: str, count: int) -> pl.Series:
     return pl.repeat(tag, count, dtype=pl.String, eager=True)
 

@@ -126,8 +126,13 @@ class Writing:
 
     def notes(self) -> list[str]:
         """What is to be said of how numbers were read."""
+        units = self.units.told()
+        said = "numbers have their unit behind them, and were read where it is the one of their tag"
+        return [*([f"{said}: {units}"] if units else []), *self.doubts()]
+
+    def doubts(self) -> list[str]:
+        """What is to be said of numbers that may be read in two ways."""
         told = {
-            "numbers have their unit behind them, and were read where it is the one of their tag": self.units.told(),
             "decimals are written in two ways, and were read as each tag writes them": self._styles(),
             "the mark of numbers such as 1,000 may part thousands or decimals": self.marks.told(),
         }

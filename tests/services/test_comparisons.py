@@ -13,7 +13,7 @@ from app.engine.mismatch import Comparison, Controller, simulate_again
 from app.engine.mismatch.result import ExplainedModel, PartModel
 from app.engine.recording import Recording
 from app.errors import DataError, LoopauditError
-from app.ingest import IngestOptions
+from app.ingest import IngestOptions, NamedTable
 from app.services.explaining.comparisons import (
     Columns,
     comparison_of,
@@ -163,12 +163,13 @@ def test_a_model_runs_along_a_faster_recording_only_where_it_fits(tmp_path: Path
 
 @pytest.mark.parametrize("stamps", [["first", "second", "third"], ["", "", ""], ["99/99/9999", "x", "1e400"]])
 def test_stamps_that_are_none_leave_the_order_of_rows(stamps):
-    assert seconds(pl.DataFrame({"time": stamps, "PV": [1.0, 2.0, 3.0]})).tolist() == [0.0, 1.0, 2.0]
+    table = NamedTable(pl.DataFrame({"time": stamps, "PV": [1.0, 2.0, 3.0]}), IngestOptions())
+    assert seconds(table).tolist() == [0.0, 1.0, 2.0]
 
 
 def test_a_stamp_that_is_none_among_others_is_not_known():
     stamps = ["2024-03-01 00:00:00", "later", "2024-03-01 00:00:20"]
-    found = seconds(pl.DataFrame({"time": stamps, "PV": [1.0, 2.0, 3.0]}))
+    found = seconds(NamedTable(pl.DataFrame({"time": stamps, "PV": [1.0, 2.0, 3.0]}), IngestOptions()))
     assert np.isnan(found[1])
     assert found[2] - found[0] == 20.0
 
@@ -248,3 +249,39 @@ def test_numbers_of_a_table_whose_columns_are_named_are_read_as_exports_have_the
     lines = [f"{k};{k % 7},25;{30 + k % 5},5 %" for k in range(200)]
     found = read_comparison(write(tmp_path / "F1.csv", "time;y1;u1\n" + "\n".join(lines)), Columns("u1", "y1"), None)
     assert (found.pv[:3].tolist(), found.op[:3].tolist()) == ([0.25, 1.25, 2.25], [30.5, 31.5, 32.5])
+
+
+@pytest.mark.parametrize(
+    ("heading", "interval"), [("Time [min]", 120.0), ("Time (s)", 2.0), ("TIME (h)", 7200.0), ("Timestamp (UTC)", 2.0)]
+)
+def test_a_time_may_have_its_unit_in_its_name(tmp_path: Path, heading: str, interval: float) -> None:
+    path = write(tmp_path / "F1.csv", f"{heading},y1,u1\n" + rows(200))
+    found = read_comparison(path, Columns(op="u1", pv="y1"), None)
+    assert (found.sampling_interval_s, found.measured) == (interval, ())
+
+
+@pytest.mark.parametrize(
+    ("pv", "op", "expected", "told"),
+    [
+        (("999", "1.000"), ("40", "41"), (999, 1000), "thousands: y1"),
+        (("50", "50.125"), ("40", "41"), (50, 50.125), "decimals: y1"),
+        (("50,123", "51,871"), ("40.1", "40.3"), (50123, 51871), "thousands: y1"),
+        (("50,12", "51,871"), ("40.1", "40.3"), (50.12, 51.871), "decimal commas: y1"),
+    ],
+)
+def test_numbers_of_a_table_that_may_be_read_in_two_ways_are_told(
+    tmp_path: Path, pv: tuple[str, str], op: tuple[str, str], expected: tuple[float, float], told: str
+) -> None:
+    lines = "\n".join(f"{k};{pv[k % 2]};{op[k // 2 % 2]}" for k in range(200))
+    path = write(tmp_path / "F1.csv", "time;y1;u1\n" + lines)
+    found = read_comparison(path, Columns("u1", "y1"), None)
+    assert found.pv[:2].tolist() == list(expected)
+    (note,) = found.notes
+    assert (note.code, told in note.text) == ("numbers_in_doubt", True)
+
+
+def test_numbers_of_an_export_that_may_be_read_in_two_ways_are_told(tmp_path: Path) -> None:
+    lines = "\n".join(f"{k};{('999', '1.000')[k % 2]};{40 + k // 2 % 2}" for k in range(200))
+    found = read_comparison(write(tmp_path / "F1.csv", "time;PV;OP\n" + lines), Columns(), None)
+    assert found.pv[:2].tolist() == [999, 1000]
+    assert [note.code for note in found.notes] == ["numbers_in_doubt"]

@@ -1,20 +1,17 @@
 """Files into comparisons: which column is OP, PV, SP, the simulation, and what else was measured."""
 
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import polars as pl
 
 from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison, LinearSimulation
 from app.engine.recording import FloatArray, Recording
 from app.errors import DataError, RequestError
-from app.ingest import IngestOptions, read_recordings
-from app.ingest.frames import UNREADABLE
-from app.ingest.model import NANOSECONDS
-from app.ingest.stamps import NO_TIME, TimeReader, find_form
-from app.ingest.values import numbers_of
+from app.ingest import IngestOptions, NamedTable, RecordingsRead, read_named, read_recordings
 from app.services.explaining.aligning import Aligned, beyond, onto, sample_by_sample
 
 SYNONYMS = {
@@ -25,6 +22,7 @@ SYNONYMS = {
 }
 SIMULATED = ("pv_sim", "pvsim", "sim", "simulation", "simulated")
 NOT_MEASURED = ("mode", "quality", "status", "ts", "auto")
+BRACKETS = re.compile(r"\s*[\[(][^\[\]()]*[\])]$")
 GAP_INTERVALS = 3.0
 SPARSE = 3.0
 READ_PLAINLY = IngestOptions()
@@ -49,77 +47,41 @@ def check_is_file(path: Path) -> None:
         raise DataError("no_such_file", f"{path} is not there or not a file")
 
 
-def read_table(path: Path) -> pl.DataFrame:
+def read_table(path: Path, options: IngestOptions = READ_PLAINLY) -> NamedTable:
     """A delimited file or parquet with a header. Raises DataError where it is missing or is no table."""
     check_is_file(path)
-    try:
-        if path.suffix.lower() == ".parquet":
-            return pl.read_parquet(path)
-        return parsed(path.read_text(encoding="utf-8-sig", errors="replace"))
-    except UNREADABLE as error:
-        raise DataError("not_a_table", f"{path} cannot be read as a table: {error}") from error
+    return read_named(path, options)
 
 
-def parsed(text: str) -> pl.DataFrame:
-    """Delimited text with a header as a table. Raises PolarsError where it is none."""
-    first = text.partition("\n")[0]
-    return pl.read_csv(
-        text.encode(),
-        separator=max((",", ";", "\t"), key=first.count),
-        null_values=["", "NaN", "nan", "NA", "null"],
-        infer_schema_length=None,
-        truncate_ragged_lines=True,
-    )
-
-
-def find(table: pl.DataFrame, name: str | None, usual: tuple[str, ...]) -> str | None:
-    """The column of that name, or the first of the usual names, any case. Raises where a name that was given is not
-    there.
+def find(table: NamedTable, name: str | None, usual: tuple[str, ...]) -> str | None:
+    """The column of that name, or the first of the usual names, with or without its unit, any case. Raises where a name
+    that was given is not there.
     """
-    by_lower = {column.strip().lower(): column for column in table.columns}
+    by_lower = {column.strip().lower(): column for column in table.names}
     if name is not None:
         if name.strip().lower() not in by_lower:
-            raise RequestError("no_such_column", f"there is no column {name}; the file has {', '.join(table.columns)}")
+            raise RequestError("no_such_column", f"there is no column {name}; the file has {', '.join(table.names)}")
         return by_lower[name.strip().lower()]
-    return next((by_lower[u] for u in usual if u in by_lower), None)
+    without_unit = {BRACKETS.sub("", lower): column for lower, column in reversed(by_lower.items())}
+    return next((column for u in usual if (column := by_lower.get(u) or without_unit.get(u))), None)
 
 
-def numbers(table: pl.DataFrame, column: str) -> FloatArray:
-    if table[column].dtype == pl.String:
-        return numbers_of(table[column], column)
-    return table[column].cast(pl.Float64, strict=False).to_numpy().astype(np.float64)
-
-
-def seconds(table: pl.DataFrame, options: IngestOptions = READ_PLAINLY) -> FloatArray:
+def seconds(table: NamedTable) -> FloatArray:
     """Times in s; a second a sample where the table tells none."""
-    time = times_of(table, options)
+    time = times_of(table)
     return np.arange(table.height, dtype=np.float64) if time is None else time
 
 
-def times_of(table: pl.DataFrame, options: IngestOptions = READ_PLAINLY) -> FloatArray | None:
+def times_of(table: NamedTable) -> FloatArray | None:
     """Times in s: from numbers, from stamps, or by the constant interval in a column Ts; None where none are told."""
     column = find(table, None, SYNONYMS["time"])
-    if column is not None:
-        stamps = _stamps(table[column], options)
-        if stamps is not None:
-            return stamps
-        time = numbers(table, column)
-        known = time[np.isfinite(time)]
-        if len(known) == len(time):
-            return time
-        if len(known) == 1 and known[0] > 0.0:
-            return np.arange(len(time)) * known[0]
-    return None
-
-
-def _stamps(column: pl.Series, options: IngestOptions) -> FloatArray | None:
-    """Times in s as exports tell them, NaN where one is none; None where the column does not hold times, or numbers
-    that are seconds already."""
-    form = find_form(column.cast(pl.String).drop_nulls().to_list(), column.name, options)
-    if form is None or (column.dtype.is_numeric() and form.kind == "relative"):
+    time = None if column is None else table.times_s(column)
+    if time is None:
         return None
-    at_ns = TimeReader(form, options).read(column)
-    return np.where(at_ns == NO_TIME, np.nan, at_ns / NANOSECONDS)
+    known = time[np.isfinite(time)]
+    if len(known) == 1 and known[0] > 0.0:
+        return np.arange(len(time)) * known[0]
+    return time
 
 
 def read_comparison(
@@ -133,24 +95,26 @@ def read_comparison(
     named = columns.op is not None or columns.pv is not None or columns.sp is not None
     from_file = simulated is not None and Path(simulated).is_file()
     if not named and not from_file:
-        recording = exported(path, columns.loop, options)
-        if recording is not None:
-            return of_export(recording, simulated)
+        read = exported(path, columns.loop, options)
+        if read is not None:
+            found = of_export(read.recordings[0], simulated)
+            return replace(found, notes=(*in_doubt(read.doubts), *found.notes))
     return of_table(path, columns, simulated, options)
 
 
-def exported(path: Path, loop: str | None, options: IngestOptions) -> Recording | None:
-    """The loop's recording in an export of any layout; None where ingest finds no loop in it.
+def exported(path: Path, loop: str | None, options: IngestOptions) -> RecordingsRead | None:
+    """The loop's recording alone of an export of any layout; None where ingest finds no loop in it.
 
     Raises DataError("several_loops", "no_such_loop") where it is not clear which loop is meant.
     """
     check_is_file(path)
     try:
-        found = read_recordings(path, options=options).recordings
+        read = read_recordings(path, options=options)
     except DataError as error:
         if error.code in NO_EXPORT:
             return None
         raise
+    found = read.recordings
     if loop is not None:
         found = tuple(r for r in found if r.name.rpartition(":")[2].lower() == loop.lower())
         if not found:
@@ -158,7 +122,7 @@ def exported(path: Path, loop: str | None, options: IngestOptions) -> Recording 
     if len(found) > 1:
         loops = ", ".join(r.name.rpartition(":")[2] for r in found[:8])
         raise DataError("several_loops", f"{path} holds {len(found)} loops ({loops}, ...); name one with --loop")
-    return found[0] if found else None
+    return replace(read, recordings=found) if found else None
 
 
 def of_export(recording: Recording, simulated: str | None) -> Comparison:
@@ -177,36 +141,38 @@ def of_export(recording: Recording, simulated: str | None) -> Comparison:
 
 
 def of_table(path: Path, columns: Columns, simulated: str | None, options: IngestOptions) -> Comparison:
-    table = read_table(path)
+    table = read_table(path, options)
     op, pv = find(table, columns.op, SYNONYMS["op"]), find(table, columns.pv, SYNONYMS["pv"])
     if op is None or pv is None:
         missing = " and ".join(n for n, c in (("OP", op), ("PV", pv)) if c is None)
         raise DataError(
             "no_pv_op",
-            f"{path} has no column for {missing}; name it with --op or --pv; it has {', '.join(table.columns)}",
+            f"{path} has no column for {missing}; name it with --op or --pv; it has {', '.join(table.names)}",
         )
     if op == pv:
         raise RequestError("same_column", f"OP and PV are both taken from the column {op}; they must be two")
     sp = find(table, columns.sp, SYNONYMS["sp"])
-    time = seconds(table, options)
+    time = seconds(table)
     trace_column, laid = simulated_trace(table, simulated, options)
     used = {op, pv, sp, trace_column, find(table, None, SYNONYMS["time"])}
     others = {
-        c: numbers(table, c)
-        for c in table.columns
-        if c not in used
-        and c.strip().lower() not in NOT_MEASURED
-        and (table[c].dtype.is_numeric() or table[c].dtype == pl.String)
+        c: table.numbers(c)
+        for c in table.names
+        if c not in used and c.strip().lower() not in NOT_MEASURED and table.may_hold_numbers(c)
     }
     signals = {"op": some_numbers(table, op), "pv": some_numbers(table, pv)}
-    signals |= {"sp": numbers(table, sp)} if sp is not None else {}
+    signals |= {"sp": table.numbers(sp)} if sp is not None else {}
     signals |= {"trace": laid.trace} if laid is not None else {}
     found = uniform(path.name.partition(".")[0] if path.suffix == ".gz" else path.stem, time, signals, others)
-    return found if laid is None else replace(found, notes=(*found.notes, *laid.notes))
+    return replace(found, notes=(*in_doubt(table.doubts()), *found.notes, *(() if laid is None else laid.notes)))
 
 
-def some_numbers(table: pl.DataFrame, column: str) -> FloatArray:
-    values = numbers(table, column)
+def in_doubt(doubts: Iterable[str]) -> tuple[Reason, ...]:
+    return tuple(Reason("numbers_in_doubt", text) for text in doubts)
+
+
+def some_numbers(table: NamedTable, column: str) -> FloatArray:
+    values = table.numbers(column)
     if not np.any(np.isfinite(values)):
         raise DataError("not_numeric", f"the column {column} has no numbers in it")
     return values
@@ -228,7 +194,7 @@ def comparison_of(
 
 
 def simulated_trace(
-    table: pl.DataFrame, simulated: str | None, options: IngestOptions
+    table: NamedTable, simulated: str | None, options: IngestOptions
 ) -> tuple[str | None, Aligned | None]:
     """The column of the recording's table that holds the simulation, and the simulation; or that of a file, laid onto
     the recording's times where both tell them, else sample by sample.
@@ -236,13 +202,15 @@ def simulated_trace(
     path = None if simulated is None else Path(simulated)
     if path is None or not path.is_file():
         column = find(table, simulated, SIMULATED)
-        return column, None if column is None else Aligned(numbers(table, column))
-    other = read_table(path)
-    column = find(other, None, (*SIMULATED, *SYNONYMS["pv"])) or other.columns[-1]
-    trace, time, other_time = numbers(other, column), times_of(table, options), times_of(other, options)
+        return column, None if column is None else Aligned(table.numbers(column))
+    other = read_table(path, options)
+    column = find(other, None, (*SIMULATED, *SYNONYMS["pv"])) or other.names[-1]
+    trace, time, other_time = other.numbers(column), times_of(table), times_of(other)
     if time is None or other_time is None:
-        return None, sample_by_sample(table.height, trace)
-    return None, onto(time, other_time, trace)
+        laid = sample_by_sample(table.height, trace)
+    else:
+        laid = onto(time, other_time, trace)
+    return None, replace(laid, notes=(*in_doubt(other.doubts()), *laid.notes))
 
 
 def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others: dict[str, FloatArray]) -> Comparison:

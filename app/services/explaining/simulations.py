@@ -14,9 +14,7 @@ from app.engine.mismatch import Comparison
 from app.engine.mismatch.comparison import LEAST_SAMPLES, check
 from app.engine.recording import FloatArray, Recording
 from app.errors import DataError, RequestError
-from app.ingest import IngestOptions
-from app.ingest.frames import UNREADABLE
-from app.ingest.stamps import NO_TIME, TimeReader, find_form
+from app.ingest import NO_TIME, IngestOptions, parse_named, read_instants
 from app.services.auditing.chunks import origin_ns, recording_of
 from app.services.explaining.aligning import Aligned, onto
 from app.services.explaining.comparisons import (
@@ -25,8 +23,6 @@ from app.services.explaining.comparisons import (
     SYNONYMS,
     comparison_of,
     find,
-    numbers,
-    parsed,
 )
 from app.services.explaining.given_model import simulation_from_json
 from app.services.plant.trend import NS_PER_S
@@ -115,16 +111,13 @@ def checked_model(model: Mapping[str, Any]) -> dict[str, Any]:
 
 def _kept_csv(text: str, samples: Samples, recording: Recording, options: IngestOptions) -> Document:
     """The simulated PV of a table at its times. Raises DataError where it is no table with numbers."""
-    try:
-        table = parsed(text)
-    except UNREADABLE as error:
-        raise DataError("not_a_table", f"the simulation cannot be read as CSV: {error}") from error
+    table = parse_named(text, options)
     at = find(table, None, SYNONYMS["time"])
-    column = find(table, None, (*SIMULATED, *SYNONYMS["pv"])) or table.columns[-1]
+    column = find(table, None, (*SIMULATED, *SYNONYMS["pv"])) or table.names[-1]
     if column == at:
         raise DataError("no_simulation", "the CSV has a column of times only; a column PV_sim is needed")
-    times = None if at is None else _read_times(table[at], options)
-    return _placed(numbers(table, column), times, samples, recording)
+    times = None if at is None else _read_times(table.column(at), options)
+    return _placed(table.numbers(column), times, samples, recording)
 
 
 def _kept_trace(given: GivenTrace, samples: Samples, recording: Recording, options: IngestOptions) -> Document:
@@ -138,13 +131,13 @@ def _kept_trace(given: GivenTrace, samples: Samples, recording: Recording, optio
 
 def _read_times(column: pl.Series, options: IngestOptions) -> TimeArray:
     """(N,) ns since 1970; NO_TIME where there is none. As exports are read: stamps, seconds since 1970, or seconds."""
-    shown = column if column.dtype == pl.String else column.map_elements(lambda v: f"{v:f}", return_dtype=pl.String)
-    form = find_form(shown.drop_nulls().to_list(), column.name, options)
-    if form is None and len(column):
+    times = read_instants(column, options)
+    if times is None and len(column):
         raise DataError(
-            "bad_times", f"the times of the simulation ({shown[0]!r}, ...) are not understood; ISO 8601 or s are needed"
+            "bad_times",
+            f"the times of the simulation ({column[0]!r}, ...) are not understood; ISO 8601 or s are needed",
         )
-    return np.zeros(0, np.int64) if form is None else TimeReader(form, options).read(column)
+    return np.zeros(0, np.int64) if times is None else times
 
 
 def _placed(values: FloatArray, at_ns: TimeArray | None, samples: Samples, recording: Recording) -> Document:

@@ -84,6 +84,7 @@ EVIDENCE_WORDS = {
     "pv_straight": "PV lies on straight lines between few samples",
     "wild_samples": "samples of PV far outside of all others are left out",
     "time_runs_back": "times run back in the file",
+    "numbers_in_doubt": "numbers of the file may be read in two ways",
     "times_repeated": "samples whose time was there before are left out",
 }
 SHOWN_WINDOWS = 4

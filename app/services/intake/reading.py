@@ -11,7 +11,8 @@ from functools import partial
 from typing import Any
 
 from app.errors import LoopauditError
-from app.ingest import Export, IngestOptions, LoopSamples, LoopTags, Rejects, TagMapping, read_export, scanning
+from app.ingest import Export, IngestOptions, LoopSamples, LoopTags, Rejects, TagMapping, read_export
+from app.ingest import warm_up as warm_up_ingest
 from app.services.backend import DATABASE_AWAY, Backend
 from app.services.heartbeat import Heartbeat
 from app.services.intake.uploads import path_of
@@ -50,7 +51,7 @@ class Read:
 
 def warm_up() -> None:
     """Compiles or loads the kernels that read files."""
-    scanning.warm_up()
+    warm_up_ingest()
 
 
 def read_upload(backend: Backend, upload_id: int, owner: str) -> None:
