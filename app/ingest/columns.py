@@ -4,7 +4,7 @@ import re
 from collections import Counter
 from functools import lru_cache
 
-from app.ingest.head import Head, is_number
+from app.ingest.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions
 from app.ingest.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.stamps import TimeForm, find_form
@@ -102,7 +102,7 @@ def form_of(
 
 def first_row_of_times(head: Head, column: int, options: IngestOptions) -> int:
     """The first row from which on the column holds times; NO_ROWS where it never does."""
-    for index, row in enumerate(head.rows[:40]):
+    for index, row in enumerate(head.rows[:PREAMBLE_ROWS]):
         if column < len(row) and row[column] and find_form([row[column]], "", options) is not None:
             following = head.column(column, index)
             return index if find_form(following, "", options) is not None else NO_ROWS

@@ -11,7 +11,7 @@ from app.ingest.units import without_unit
 
 DELIMITERS = ("\t", ";", "|", ",")
 HEAD_ROWS = 400
-PREAMBLE_ROWS = 30
+PREAMBLE_ROWS = 40  # within so many rows names or data begin
 TAIL_ROWS = 150
 HEAD_CHARACTERS = 1 << 20
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")

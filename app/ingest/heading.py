@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import AnyStr
 
-from app.ingest.head import HEAD_ROWS, find_delimiter, split_line
+from app.ingest.head import HEAD_ROWS, PREAMBLE_ROWS, find_delimiter, split_line
 
-PREAMBLE_LINES = 40
 MOST_LINES = 1 << 16
 
 
@@ -29,7 +28,7 @@ def whole_heading(head: str) -> Heading:
     """
     lines = head.split("\n", MOST_LINES)[:-1]
     odd = [i for i, line in enumerate(lines) if line.count('"') % 2]
-    pairs = ((first, last) for first, last in pairwise(odd) if first < PREAMBLE_LINES)
+    pairs = ((first, last) for first, last in pairwise(odd) if first < PREAMBLE_ROWS)
     return next((heading for first, last in pairs if (heading := _joined(lines, first, last)).count), NOTHING_BROKEN)
 
 

@@ -51,6 +51,7 @@ class LongTable:
         self._number = np.zeros(0, dtype=np.uint32)  # by polars' code: tags in the order in which they came
         self._usable = np.zeros(0, dtype=bool)
         self._number_of: dict[str, int] = {}
+        self._new_tags: list[str] = []  # that the scanner has not learnt
         self._tags_before = 0  # the chunk that is read
         self._scanner: Scanner | None = None
 
@@ -169,7 +170,8 @@ class LongTable:
         self._usable = np.array([place is not NOWHERE for place in self._places], dtype=bool)
         self._modes = np.array([place.signal == "MODE" for place in self._places], dtype=bool)
         if self._scanner is not None:
-            self._scanner.learn(list(self._number_of))
+            self._scanner.learn(self._new_tags)
+        self._new_tags = []
 
     def _place(self, code: int, tag: str) -> None:
         self._known[code], self._number[code] = True, self._number_of_tag(tag)
@@ -183,6 +185,7 @@ class LongTable:
                 "too_many_tags", f"more than {self._options.max_signals} tags in one file; send it in parts"
             )
         number = self._number_of[tag] = len(self._places)
+        self._new_tags.append(tag)
         self._places.append(self._grouping.place(tag) if len(tag) <= self._options.max_name else NOWHERE)
         return number
 
@@ -259,12 +262,12 @@ class LongTable:
         all_tags = rows.frame[name_of(self._plan.tag)].cast(pl.String)
         left &= ~modes
         read = pl.Series(given & ~left & ~modes)
-        writing, before = self._tally.writing, list(self._number_of)[: self._tags_before]
+        writing = self._tally.writing
         writing.learn(
             texts.filter(pl.Series(left)),
             all_tags.filter(pl.Series(left)),
             lambda: pl.DataFrame({"tag": all_tags.filter(read), "text": texts.filter(read)}),
-            before,
+            lambda tag: self._number_of[tag] < self._tags_before,
         )
         if writing.own:
             left |= (read & all_tags.is_in(list(writing.own)) & texts.str.contains(MARKED)).fill_null(False).to_numpy()

@@ -79,11 +79,11 @@ class Scanner:
         self._patience -= 2
 
     def learn(self, tags: list[str]) -> None:
-        """All tags known by now: they are found faster than new ones. One that stands in no field without quotes ends
-        scanning, for what looks like it in plain text is another field.
+        """Tags behind those known by now: they are found faster than new ones. One that stands in no field without
+        quotes ends scanning, for what looks like it in plain text is another field.
         """
-        self._possible = self._possible and all(map(self._stands_alone, tags[len(self._tags) :]))
-        self._tags = tags
+        self._possible = self._possible and all(map(self._stands_alone, tags))
+        self._tags += tags
 
     def _stands_alone(self, tag: str) -> bool:
         return bool(tag) and not any(mark in tag for mark in (chr(self._marks[0]), '"', "\r", "\n"))
@@ -122,9 +122,9 @@ class Scanner:
         return Scan(codes, len(known.bounds) - 1, new, values, times, qualities)
 
     def _known_tags(self) -> _Known:
-        tags, known = self._tags, self._known
-        if known is None or len(known.bounds) <= len(tags):
-            known = self._known = _told(tags)
+        known = self._known
+        if known is None or len(known.bounds) <= len(self._tags):
+            known = self._known = _told(self._tags.copy())  # others may be learnt meanwhile
         return known
 
     def _columns(self) -> NDArray[np.int64]:

@@ -265,7 +265,7 @@ class WideTable:
             return pl.concat([pl.DataFrame({"tag": same_tag(tag, len(t)), "text": t}) for tag, t in parts])
 
         odd = of(True)
-        self._tally.writing.learn(odd["text"], odd["tag"], lambda: of(False), self._begun)
+        self._tally.writing.learn(odd["text"], odd["tag"], lambda: of(False), self._begun.__contains__)
 
     def _refuse_odd_numbers(self, rows: Rows, group: TimedColumns, numbers: Numbers, kept: NDArray[np.bool_]) -> None:
         matrix = numbers.values

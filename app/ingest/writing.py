@@ -1,6 +1,6 @@
 """How a file writes numbers that are not plain: what stands between their thousands, and the units behind them."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import polars as pl
@@ -30,10 +30,14 @@ class Writing:
     _late: set[str] = field(default_factory=set)  # tags of which numbers were read before they showed their own
 
     def learn(
-        self, texts: pl.Series, tags: pl.Series, rest: Callable[[], pl.DataFrame], before: Collection[str] = ()
+        self,
+        texts: pl.Series,
+        tags: pl.Series,
+        rest: Callable[[], pl.DataFrame],
+        was_read: Callable[[str], bool] = lambda _: False,
     ) -> None:
         """Looks for what tells thousands from decimals, before numbers are read. texts: what the fast reader left.
-        rest: tag and text of what it read. before: the tags of which some was read already."""
+        rest: tag and text of what it read. was_read: whether some of a tag was read before."""
         odd = pl.DataFrame({"tag": tags, "text": texts})
         otherwise = self._otherwise(odd)
         doubtful = odd.filter(_contains(odd["text"], self._doubtful()))
@@ -41,7 +45,7 @@ class Writing:
         if not concerned:
             return
         every = pl.concat((odd, rest())).filter(pl.col("tag").is_in(list(concerned)))
-        self._learn_own(otherwise, every, before)
+        self._learn_own(otherwise, every, was_read)
         doubtful = doubtful.filter(~pl.col("tag").is_in(list(self.own)))
         if len(doubtful):
             self._look(doubtful, every)
@@ -59,13 +63,13 @@ class Writing:
         self.thousands = "," if points else "." if commas else ""
         return set()
 
-    def _learn_own(self, otherwise: set[str], every: pl.DataFrame, before: Collection[str]) -> None:
+    def _learn_own(self, otherwise: set[str], every: pl.DataFrame, was_read: Callable[[str], bool]) -> None:
         if not otherwise and not self.own:
             return
         points, commas = _that_show(every, "."), _that_show(every, ",")
         for tag in sorted(otherwise | (self.own.keys() & (points | commas))):
             shown = "" if tag in points & commas else "," if tag in points else "."
-            if self.thousands and tag not in self.own and tag in before:
+            if self.thousands and tag not in self.own and was_read(tag):
                 self._late.add(tag)
             self.own[tag] = shown if self.own.get(tag, shown) == shown else ""
 

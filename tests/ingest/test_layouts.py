@@ -87,6 +87,14 @@ def test_long_with_quality_below_a_preamble_and_comments(read: Read) -> None:
     assert content.rejects.listed[0].line == 7
 
 
+@pytest.mark.parametrize("lines", [0, 29, 38])
+def test_names_stand_below_a_preamble(read: Read, lines: int) -> None:
+    preamble = "".join(f"Line {k} of a report\n" for k in range(lines))
+    wide = preamble + "Time;A.PV;A.OP\n" + "".join(f"2024-03-01 00:{k:02d}:00;{k},5;40\n" for k in range(40))
+    long = preamble + "Time;Tag;Value\n" + "".join(f"2024-03-01 00:{k:02d}:00;A.PV;{k},5\n" for k in range(40))
+    assert [read(table).loops["A"].pv[-1] for table in (wide, long)] == [39.5, 39.5]
+
+
 def test_a_tag_may_begin_as_a_comment_does(read: Read) -> None:
     content = read(
         "[Data]\nTagname,TimeStamp,Value\n[PLC1]FIC1.PV,soon,1\n# by hand\n"

@@ -188,6 +188,22 @@ def test_numbers_are_those_next_to_what_is_written() -> None:
     assert np.array_equal(np.signbit(found.values), np.signbit(expected))
 
 
+def test_each_tag_is_learnt_once(read: Read, monkeypatch: pytest.MonkeyPatch, scans: list[Scan | None]) -> None:
+    learnt: list[str] = []
+    original = Scanner.learn
+
+    def noted(self: Scanner, tags: list[str]) -> None:
+        learnt.extend(tags)
+        original(self, tags)
+
+    monkeypatch.setattr(Scanner, "learn", noted)
+    rows = [f"FIC{at}.PV,2026-01-31 00:{k:02d}:00,{at}" for at in range(50) for k in range(8)]
+    content = read("\n".join(["Tagname,TimeStamp,Value", *rows]) + "\n", options=IngestOptions(chunk_bytes=1000))
+    assert len(content.loops) == 50
+    assert learnt == [f"FIC{at}.PV" for at in range(50)]
+    assert len(scans) > 5
+
+
 def test_tags_of_all_lengths_are_told_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By words of eight bytes, the last of which goes over the one before."""
     monkeypatch.setattr(scanning, "LEAST_BYTES", 8)

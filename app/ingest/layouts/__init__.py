@@ -7,14 +7,13 @@ from collections.abc import Callable
 
 from app.errors import DataError
 from app.ingest.columns import TAG_NAMES, VALUE_NAMES, plain, time_columns
-from app.ingest.head import Head
+from app.ingest.head import PREAMBLE_ROWS, Head
 from app.ingest.layouts import aveva, dcs_tab, ignition, long, long_bare, per_tag, pi_datalink, trendminer, wide
 from app.ingest.model import IngestOptions
 from app.ingest.plans import Plan
 
 Sniff = Callable[[Head, IngestOptions], Plan | None]
 
-NAMES_WITHIN = 30
 LAYOUTS: tuple[Sniff, ...] = (
     dcs_tab.sniff,
     ignition.sniff,
@@ -34,7 +33,7 @@ def recognise(head: Head, options: IngestOptions) -> Plan | None:
 
 def not_recognised(head: Head) -> DataError:
     """That no layout is known; where names are there, that their rows are missing or have no times."""
-    at = next((index for index, row in enumerate(head.rows[:NAMES_WITHIN]) if _are_names(row)), None)
+    at = next((index for index, row in enumerate(head.rows[:PREAMBLE_ROWS]) if _are_names(row)), None)
     if at is None:
         return DataError(
             "unknown_layout",

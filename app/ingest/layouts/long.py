@@ -2,13 +2,13 @@
 passed over."""
 
 from app.ingest.columns import long_from
-from app.ingest.head import Head
+from app.ingest.head import PREAMBLE_ROWS, Head
 from app.ingest.model import IngestOptions
 from app.ingest.plans import LongPlan
 
 
 def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
-    for index, names in enumerate(head.rows[:30]):
+    for index, names in enumerate(head.rows[:PREAMBLE_ROWS]):
         if len(names) >= 3:
             plan = long_from(head, "long", names, index + 1, options)
             if plan is not None:

@@ -3,13 +3,13 @@ apart are of this form."""
 
 from app.ingest.columns import first_row_of_times, time_columns, wide_from
 from app.ingest.grouping import AUDITED, place
-from app.ingest.head import Head, is_number
+from app.ingest.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions
 from app.ingest.plans import WidePlan
 
 
 def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
-    for index, names in enumerate(head.rows[:30]):
+    for index, names in enumerate(head.rows[:PREAMBLE_ROWS]):
         named = [name for name in names if name]
         if len(named) < 2 or any(is_number(name, head.decimal_mark) for name in named):
             continue
