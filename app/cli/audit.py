@@ -164,11 +164,11 @@ def audit_file(path: Path, how: Reading) -> AuditedFile:
     if not content.recordings:
         # What the file holds instead may tell why.
         return AuditedFile(path, notes=(*notes, "skipped: no loop with PV and OP in it", *content.notes), skipped=True)
-    lines = tuple(timed_line(recording) for recording in content.recordings)
+    lines = tuple(timed_line(recording, content.loops[recording.name]) for recording in content.recordings)
     return AuditedFile(path, lines, (*content.notes, *notes), failed=bool(content.damage))
 
 
-def timed_line(recording: Any) -> dict[str, Any]:
+def timed_line(recording: Any, loop: str) -> dict[str, Any]:
     from time import perf_counter
 
     from app.engine.audit import audit as audit_recording
@@ -176,7 +176,6 @@ def timed_line(recording: Any) -> dict[str, Any]:
 
     started = perf_counter()
     result = audit_recording(recording)
-    loop = recording.name.partition(":")[2] or recording.name  # a file of several loops names each by file and loop
     return audit_line(result, perf_counter() - started, loop)
 
 

@@ -1,7 +1,7 @@
 """Files to recordings of the engine: what `loopaudit audit` reads."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
@@ -26,6 +26,7 @@ class RecordingsRead:
     notes: tuple[str, ...]
     damage: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    loops: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
 
 def read_recordings(
@@ -40,13 +41,17 @@ def read_recordings(
     loops = {samples.loop: samples for samples in export.loops()}
     audited = {loop: samples for loop, samples in loops.items() if samples.pv is not None and samples.op is not None}
     single = len(audited) == 1
-    recordings = tuple(
-        to_recording(samples, export.stem if single else f"{export.stem}:{loop}") for loop, samples in audited.items()
-    )
+    names = {export.stem if single else f"{export.stem}:{loop}": loop for loop in audited}
     rejects = export.rejects()
-    skipped = tuple(_skipped(loops, audited))
     return RecordingsRead(
-        recordings, rejects.listed, skipped, rejects.counts, export.notes(), export.damage(), export.doubts()
+        recordings=tuple(to_recording(audited[loop], name) for name, loop in names.items()),
+        rejects=rejects.listed,
+        skipped=tuple(_skipped(loops, audited)),
+        reject_counts=rejects.counts,
+        notes=export.notes(),
+        damage=export.damage(),
+        doubts=export.doubts(),
+        loops=MappingProxyType(names),
     )
 
 

@@ -128,6 +128,14 @@ def test_a_wide_export_gives_a_line_a_loop(tmp_path):
     assert [(line["recording"], line["loop"]) for line in found] == [("unit:FIC1", "FIC1"), ("unit:FIC2", "FIC2")]
 
 
+@pytest.mark.parametrize(("names", "loop"), [("time,FIC1.PV,FIC1.OP", "FIC1"), ("time,PV,OP", "unit")])
+def test_the_loop_of_a_file_has_the_name_that_its_tags_give(tmp_path, names, loop):
+    rows = "\n".join(f"{k},{50 + k % 7},{40 + k % 5}" for k in range(300))
+    (tmp_path / "unit.csv").write_text(f"{names}\n{rows}\n")
+    (line,) = lines(audit(tmp_path / "unit.csv", "--format", "jsonl"))
+    assert (line["recording"], line["loop"]) == ("unit", loop)
+
+
 def test_names_in_a_folder_that_are_taken(tmp_path):
     for name in ("b.CSV", "a.csv", "c.parquet", "d.csv.gz", ".hidden.csv", "e.xlsx", "f.md", "g.mat", "h.TSV"):
         (tmp_path / name).write_bytes(b"x")
@@ -167,4 +175,5 @@ def test_tags_that_do_not_tell_their_loops_are_grouped_by_a_mapping(folder, tmp_
         strange[-1].write_text("\n".join(("time,X16,X17,X18", *rows)) + "\n")
     assert audit(*strange).exit_code == 2
     done = audit(*strange, "--mapping", mapping, "--format", "jsonl", "--jobs", jobs)
-    assert (done.exit_code, [line["loop"] for line in lines(done)]) == (0, ["L0", "L1"]), done.stderr
+    named = [(line["recording"], line["loop"]) for line in lines(done)]
+    assert (done.exit_code, named) == (0, [("L0", "FIC9"), ("L1", "FIC9")]), done.stderr
