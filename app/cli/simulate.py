@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.messages import ExitCode, say
+from app.cli.zone import read_in
 
 if TYPE_CHECKING:
     from app.engine.simulate import Plant, Signal, SimulatedLoop, Valve
@@ -79,6 +80,10 @@ def simulate(
     ] = None,
     op: Annotated[str | None, typer.Option("--op", help="Its column of OP.", rich_help_panel=EXPLAINED)] = None,
     pv: Annotated[str | None, typer.Option("--pv", help="Its column of PV.", rich_help_panel=EXPLAINED)] = None,
+    time_zone: Annotated[
+        str,
+        typer.Option("--time-zone", help="Zone of its time stamps that name none (IANA).", rich_help_panel=EXPLAINED),
+    ] = "UTC",
     with_valve: bool = typer.Option(False, "--with-valve", help="Add the column V: where the valve really is."),
 ) -> None:
     """Simulate a loop in closed loop and write its recording: time,SP,PV,OP as CSV; or an explained model along OP.
@@ -96,7 +101,7 @@ def simulate(
       loopaudit explain FIC101.csv --model FIC101.json; loopaudit simulate --model FIC101.json --recording FIC101.csv
     """
     if model is not None or recording is not None:
-        _simulate_explained(model, recording, (op, pv), out)
+        _simulate_explained(model, recording, (op, pv), time_zone, out)
         raise typer.Exit(ExitCode.DONE)
     from app.engine.simulate import LoopSpec, Pid, Signal, simulate_loop
 
@@ -119,7 +124,11 @@ def simulate(
 
 
 def _simulate_explained(
-    model: Path | None, recording: Path | None, columns: tuple[str | None, str | None], out: Path | None
+    model: Path | None,
+    recording: Path | None,
+    columns: tuple[str | None, str | None],
+    time_zone: str,
+    out: Path | None,
 ) -> None:
     from app.errors import RequestError
     from app.services.explaining.comparisons import Columns
@@ -127,7 +136,7 @@ def _simulate_explained(
 
     if model is None or recording is None:
         raise RequestError("model_invalid", "--model and --recording belong together: a model needs an OP to drive it")
-    found = simulate_files(model, recording, Columns(*columns))
+    found = simulate_files(model, recording, Columns(*columns), read_in(time_zone))
     with nullcontext(sys.stdout) if out is None else out.open("w", encoding="utf-8", newline="") as stream:
         stream.write("time,OP,PV\n")
         for row in zip(found.time_s, found.op, found.pv, strict=True):

@@ -1,7 +1,9 @@
 """`loopaudit explain` answers in the contract's form, and says what is wrong with what it cannot read."""
 
 import json
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pytest
@@ -84,6 +86,21 @@ def test_a_model_that_was_written_is_simulated_to_the_same_trace(recording: Path
     explained = np.genfromtxt(trace, delimiter=",", names=True)["PV_explained"]
     assert np.genfromtxt(again, delimiter=",", names=True)["PV"] == pytest.approx(explained, rel=1e-6)
     assert (tmp_path / "p.svg").read_text(encoding="utf-8").startswith("<svg")
+
+
+def test_a_model_is_simulated_along_local_times(recording: Path, tmp_path: Path) -> None:
+    """The hour that comes twice is no hole."""
+    model, again = tmp_path / "model.json", tmp_path / "again.csv"
+    assert runner.invoke(cli, ["explain", str(recording), "--model", str(model)]).exit_code == 0
+    start = datetime(2024, 10, 27, 0, 55, tzinfo=UTC)
+    _, *rows = recording.read_text().splitlines()
+    stamps = [(start + timedelta(seconds=k)).astimezone(ZoneInfo("Europe/Berlin")) for k in range(len(rows))]
+    local = [f"{at:%Y-%m-%d %H:%M:%S},{row.partition(',')[2]}" for at, row in zip(stamps, rows, strict=True)]
+    autumn = tmp_path / "autumn.csv"
+    autumn.write_text("\n".join([recording.read_text().splitlines()[0], *local]) + "\n")
+    options = ["--model", str(model), "--recording", str(autumn), "--out", str(again)]
+    assert runner.invoke(cli, ["simulate", *options, "--time-zone", "Europe/Berlin"]).exit_code == 0
+    assert np.genfromtxt(again, delimiter=",", names=True)["time"].tolist() == list(range(len(rows)))
 
 
 def test_a_model_without_a_recording_is_refused(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from app.engine.mismatch import Comparison, at_interval, simulate_again
 from app.engine.mismatch.result import ExplainedModel
 from app.engine.recording import FloatArray
 from app.errors import DataError, RequestError
+from app.ingest import IngestOptions
 from app.services.explaining.comparisons import Columns, read_comparison
 from app.services.explaining.line import model_from_line
 
@@ -49,5 +50,5 @@ def simulate_model(model: ExplainedModel, comparison: Comparison) -> SimulatedRe
     return SimulatedRecord(np.arange(len(pv), dtype=np.float64) * model.sampling_interval_s, driven.op, pv)
 
 
-def simulate_files(model: Path, recording: Path, columns: Columns) -> SimulatedRecord:
-    return simulate_model(read_model(model), read_comparison(recording, columns, None))
+def simulate_files(model: Path, recording: Path, columns: Columns, options: IngestOptions) -> SimulatedRecord:
+    return simulate_model(read_model(model), read_comparison(recording, columns, None, options))
