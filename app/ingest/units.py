@@ -1,6 +1,7 @@
 """Units behind numbers in one field, as `36.4 %` or `12,3 °C`: the number is read, its unit told."""
 
 import re
+from collections.abc import Mapping
 
 import numpy as np
 import polars as pl
@@ -28,26 +29,37 @@ _FIELD = re.compile(_WITH_UNIT)
 
 
 class UnitsOfTags:
-    """The unit behind the numbers of each tag, as the first of them has it: a number in another one is none of the
-    same quantity."""
+    """The unit behind the numbers of each tag, as most of those have it that come first: a number in another one is
+    none of the same quantity."""
 
     def __init__(self) -> None:
         self.of: dict[str, str] = {}
+        self._others: dict[str, str] = {}
 
     def read(self, texts: pl.Series, tags: pl.Series) -> FloatArray:
         """(n,) numbers of texts that have their tag's unit behind them, NaN elsewhere."""
         parts = texts.str.strip_chars(' "').str.extract_groups(_WITH_UNIT).struct.unnest()
         numbers, units = parts.to_series(0), parts.to_series(1)
         units = units.set(~are_units(units), None)
-        given = pl.DataFrame([tags.alias("tag"), units.alias("unit")]).drop_nulls().unique(maintain_order=True)
-        for tag, unit in given.iter_rows():
-            self.of.setdefault(tag, unit)
+        given = pl.DataFrame([tags.alias("tag"), units.alias("unit")]).drop_nulls()
+        counted = given.group_by("tag", "unit", maintain_order=True).len()
+        for tag, unit, _ in counted.sort("len", descending=True, maintain_order=True).iter_rows():
+            if self.of.setdefault(tag, unit) != unit:
+                self._others.setdefault(tag, unit)
         same = units == tags.replace_strict(self.of, default=None, return_dtype=pl.String)
         return np.where(same.fill_null(False).to_numpy(), to_numbers(numbers), np.nan)
 
-    def told(self) -> str:
-        """The units and some of the tags that have them; nothing where none was met."""
-        return "; ".join(f"{unit} ({tags})" for unit, tags in tags_by(self.of).items())
+    def notes(self) -> list[str]:
+        """The units and some of the tags that have them, and those that were refused."""
+        told = {
+            "numbers have their unit behind them, and were read where it is the one of their tag": self.of,
+            "numbers are in another unit than most of their tag, and were refused": self._others,
+        }
+        return [f"{what}: {_shown(units)}" for what, units in told.items() if units]
+
+
+def _shown(units: Mapping[str, str]) -> str:
+    return "; ".join(f"{unit} ({tags})" for unit, tags in tags_by(units).items())
 
 
 def is_unit(text: str) -> bool:

@@ -130,9 +130,7 @@ class Writing:
 
     def notes(self) -> list[str]:
         """What is to be said of how numbers were read."""
-        units = self.units.told()
-        said = "numbers have their unit behind them, and were read where it is the one of their tag"
-        return [*([f"{said}: {units}"] if units else []), *self.doubts()]
+        return [*self.units.notes(), *self.doubts()]
 
     def doubts(self) -> list[str]:
         """What is to be said of numbers that may be read in two ways."""

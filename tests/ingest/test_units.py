@@ -33,11 +33,26 @@ def test_a_unit_may_be_missing_behind_some(read: Read) -> None:
     assert content.loops["FIC1"].op.tolist() == [41.5] * 40
 
 
-def test_numbers_in_another_unit_than_the_ones_before_are_refused(read: Read) -> None:
-    content = read(wide(["980 mbar"] * 30 + ["1.02 bar"] * 10))
-    assert np.isfinite(content.loops["FIC1"].op).tolist() == [True] * 30 + [False] * 10
+@pytest.mark.parametrize("values", [["980 mbar"] * 30 + ["1.02 bar"] * 10, ["1.02 bar"] * 10 + ["980 mbar"] * 30])
+def test_numbers_in_another_unit_than_most_are_refused(read: Read, values: list[str]) -> None:
+    content = read(wide(values))
+    assert np.isfinite(content.loops["FIC1"].op).tolist() == [value == "980 mbar" for value in values]
     assert dict(content.rejects.counts) == {"not_a_number": 10}
-    assert (content.rejects.listed[0].line, content.rejects.listed[0].text) == (32, "1.02 bar")
+    assert (content.rejects.listed[0].line, content.rejects.listed[0].text) == (
+        values.index("1.02 bar") + 2,
+        "1.02 bar",
+    )
+    assert content.summary.notes == (
+        "numbers have their unit behind them, and were read where it is the one of their tag: mbar (FIC1.OP)",
+        "numbers are in another unit than most of their tag, and were refused: bar (FIC1.OP)",
+    )
+
+
+def test_a_tag_keeps_the_unit_in_which_it_was_read(read: Read) -> None:
+    stamps = np.datetime_as_string(np.datetime64("2026-01-01T00:00:00") + np.arange(1200))
+    rows = [f"{s},{k % 7},{'1.02 bar' if k < 500 else '980 mbar'}" for k, s in enumerate(stamps)]
+    content = read("Time,FIC1.PV,FIC1.OP\n" + "\n".join(rows) + "\n", options=IngestOptions(chunk_bytes=10_000))
+    assert np.isfinite(content.loops["FIC1"].op).tolist() == [k < 500 for k in range(1200)]
 
 
 @pytest.mark.parametrize(
@@ -60,7 +75,10 @@ def test_each_tag_of_a_long_table_has_its_own_unit(read: Read) -> None:
     loop = content.loops["TIC1"]
     assert loop.pv[:40].tolist() == loop.op[:40].tolist() == list(range(40))
     assert [(reject.text, reject.tag) for reject in content.rejects.listed] == [("312 degF", "TIC1.PV")]
-    assert content.summary.notes[-1].endswith(": °C (TIC1.PV); % (TIC1.OP)")
+    assert [note.rpartition(": ")[2] for note in content.summary.notes] == [
+        "°C (TIC1.PV); % (TIC1.OP)",
+        "degF (TIC1.PV)",
+    ]
 
 
 def test_values_with_units_are_no_tags(read: Read) -> None:
