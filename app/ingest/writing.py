@@ -108,14 +108,14 @@ class Writing:
         otherwise before its tag told: none is read both ways."""
         met = {tag: self.marks.meant(tag) for tag in self.marks.met()} if self.thousands or self.own else {}
         unlike = [*self._late, *self.marks.as_file("")]
-        unlike_before = [tag for tag in self.marks.as_file("thousands") if tag in self.own]
+        unlike_before = [tag for tag in self.marks.as_file("thousands", "") if tag in self.own]
         if not (met or unlike or unlike_before):
             return pl.repeat(False, len(texts), dtype=pl.Boolean, eager=True)
         parted = ((thousands == ",") & _contains(texts, ",")) | ((thousands == ".") & _contains(texts, "[.]"))
         refused = (parted & tags.is_in(unlike)) | (~parted & tags.is_in(unlike_before))
         if met:
             before = tags.replace_strict(met, default=None, return_dtype=pl.String)
-            refused |= ((thousands != "") & ((before == "thousands") != parted)).fill_null(False)
+            refused |= ((thousands != "") & ((before == "") | ((before == "thousands") != parted))).fill_null(False)
         return refused
 
     def _by_tag(self, texts: pl.Series, tags: pl.Series, in_doubt: pl.Series) -> pl.Series:

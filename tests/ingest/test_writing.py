@@ -205,3 +205,15 @@ def test_numbers_of_cells_are_not_in_doubt(read: Read) -> None:
     content = read(workbook_of((450.0, 25.125)))
     assert content.loops["FIC1"].pv.tolist() == [450, 25.125] * 30
     assert content.summary.notes == ()
+
+
+@pytest.mark.parametrize("op", ["40.1", "40"])
+def test_a_tag_that_was_refused_in_between_is_not_read_both_ways(read: Read, op: str) -> None:
+    """Its numbers are thousands at first, in doubt beside 50, and decimals at the end."""
+    first = ["50,123"] * 400 if op == "40.1" else ["999", "1,001"] * 200
+    pv = [*first, *["5", "5,123"] * 200, *["50,12", "50,123"] * 200]
+    content = read(wide(pv, [op], count=1200), options=CHUNKS)
+    found = content.loops["FIC1"].pv
+    assert found[:300].min() > 900
+    assert found[1000::2].tolist() == [50.12] * 100
+    assert np.isnan(found[1001::2]).all()
