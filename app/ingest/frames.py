@@ -3,8 +3,8 @@ read again."""
 
 import io
 import warnings
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -52,7 +52,8 @@ class Dialect:
 class Rows:
     """Rows of a file. Row i of `frame` is line `first + i`; a line that could not be split is a row of nulls. `data`
     is the text. Of a table of many columns the numbers are in `block` (rows, width), not in `frame`; of plain rows of a
-    long table all is in `scan`."""
+    long table all is in `scan`. `pointed`: by column, where numbers that were read have a point that may part
+    thousands."""
 
     frame: pl.DataFrame
     first: int
@@ -60,6 +61,7 @@ class Rows:
     faults: tuple[tuple[str, str, int], ...] = ()  # code, text and line of each line that could not be split
     block: "Numbers | None" = None
     scan: Scan | None = None  # then `frame` holds nothing
+    pointed: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
 
     @property
     def height(self) -> int:
@@ -70,10 +72,15 @@ class Rows:
 
     def numbers(self, columns: Sequence[int]) -> "Numbers":
         """Columns of numbers, to be written to."""
-        if self.block is not None:
-            return self.block.of(columns)
+        found = self._parsed(columns) if self.block is None else self.block.of(columns)
+        for position, index in enumerate(columns):
+            if (at := self.pointed.get(name_of(index))) is not None:
+                found.missing[:, position] |= at
+        return found
+
+    def _parsed(self, columns: Sequence[int]) -> "Numbers":
         frame = self.frame.select(name_of(index) for index in columns)
-        missing = frame.select(pl.all().is_null()).to_numpy()
+        missing = frame.select(pl.all().is_null()).to_numpy(writable=True)
         return Numbers(frame.to_numpy(order="fortran", writable=True), missing)
 
 
@@ -84,7 +91,8 @@ def _quotes_close(data: bytes) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Numbers:
-    """`values` (rows, columns), NaN where `missing` says that no number could be read; columns stand whole."""
+    """`values` (rows, columns); `missing`, where none could be read, or not for sure: it is NaN, or has its point taken
+    for one before decimals. Columns stand whole."""
 
     values: NDArray[np.float64]
     missing: NDArray[np.bool_]
@@ -221,21 +229,12 @@ class FrameReader:
     def _part(self, lines: Lines) -> Rows:
         rows = self._read_chunk(lines)
         if self._dialect.points_doubtful and has_points(rows.data, self._dialect.delimiter):
-            rows = self._without_points(rows)
+            numbers = [index for index in self._columns if index not in self._texts]
+            rows = replace(rows, pointed=pointed(self.texts(rows, numbers)))
         for name in rows.frame.columns:
             if self._types[name] is NUMBERED and rows.frame[name].n_unique() > rows.frame.height // 2:
                 self._types[name] = pl.String()  # it hardly repeats: numbering costs more than it saves
         return rows
-
-    def _without_points(self, rows: Rows) -> Rows:
-        """The numbers with a point missing."""
-        found = pointed(self.texts(rows, [index for index in self._columns if index not in self._texts]))
-        if rows.block is not None:
-            for name, at in found.items():
-                rows.block.missing[at, int(name[1:])] = True
-            return rows
-        marked = [pl.when(pl.Series(~at)).then(pl.col(name)).alias(name) for name, at in found.items()]
-        return replace(rows, frame=rows.frame.with_columns(marked))
 
     def _read_block(self, lines: Lines) -> Rows | None:
         """A chunk of plain rows, all of full length: its fields are one column of numbers to polars, and only the

@@ -234,28 +234,34 @@ class LongTable:
         return kept & known[codes]
 
     def _values(self, rows: Rows, codes: NDArray[np.uint32], kept: NDArray[np.bool_], reader: RowReader) -> FloatArray:
-        column = rows.frame[name_of(self._plan.value)]
-        values = column.to_numpy(writable=True)
+        numbers = rows.numbers([self._plan.value])
+        values, missing = numbers.values[:, 0], numbers.missing[:, 0]
         modes = self._modes[codes] if self._modes.any() else np.zeros(len(codes), dtype=bool)
-        if column.null_count() or self._tally.writing.own:
-            self._read_odd(rows, values, modes, kept, reader)
+        if missing.any() or self._tally.writing.own:
+            self._read_odd(rows, values, missing, modes, kept, reader)
         if modes.any():
             values[modes] = np.where(np.isnan(values[modes]), np.nan, flags_of_numbers(values[modes]))
         if np.isfinite(values).all():
             return values
-        at = np.flatnonzero(kept & ~np.isfinite(values) & column.is_not_null().to_numpy())
+        at = np.flatnonzero(kept & ~np.isfinite(values) & ~missing)
         if len(at):
             self._refuse(rows, "not_finite", at, (f"{values[row]}" for row in at))
         values[~np.isfinite(values)] = np.nan
         return values
 
     def _read_odd(
-        self, rows: Rows, values: FloatArray, modes: NDArray[np.bool_], kept: NDArray[np.bool_], reader: RowReader
+        self,
+        rows: Rows,
+        values: FloatArray,
+        missing: NDArray[np.bool_],
+        modes: NDArray[np.bool_],
+        kept: NDArray[np.bool_],
+        reader: RowReader,
     ) -> None:
         """Words of modes are modes; other text in place of a number is refused with the text as the reason."""
         texts = reader.texts(rows, [self._plan.value]).to_series(0)
         given = texts.is_not_null().to_numpy() & kept
-        left = rows.frame[name_of(self._plan.value)].is_null().to_numpy() & given
+        left = missing & given
         of_modes = np.flatnonzero(left & modes)
         values[of_modes] = automatic_flags(texts[of_modes])
         unknown = of_modes[np.isnan(values[of_modes]) & says_something(texts[of_modes])]

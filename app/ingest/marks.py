@@ -17,7 +17,9 @@ GROUPED = _BEFORE + r"[1-9]\d{0,2}(?:%s\d{3})+(?:%s\d+)?" + _BEHIND
 DOUBTFUL = r"^[ \"]*([+-]?[1-9]\d{0,2}[.,]\d{3})" + _BEHIND
 WHOLE = r"^[ \"]*([+-]?\d+)(?:\s*[^\d\s.,:+-].*)?$"
 WRITTEN = r"^[ \"]*[+-]?[1-9]\d{0,2}\.\d\d0[ \"]*$"  # in doubt, and no number of a cell: these end in no zero
+ALL_DOUBTFUL = r"^(?:[+-]?[1-9]\d{0,2}\.\d{3}|\D*)$"
 POINTED = _BEFORE + r"\d+\.\d+[ \"]*$"
+FIRST_BYTES = 1 << 16
 PARTED_FROM = 1000.0  # what parts thousands writes no such number without a mark
 BESIDE_DECIMALS, BESIDE_THOUSANDS = 10.0, 100.0  # how far off what has no mark is from 1 where it is meant as 1,000
 
@@ -107,7 +109,12 @@ def has_points(data: bytes, delimiter: str) -> bool:
     """Whether a whole field of the lines, the last of them ended too, is a number with a point."""
     if b"." not in data:
         return False
+    behind = data.find(b"\n", FIRST_BYTES) + 1  # the first lines mostly tell
     text = np.frombuffer(data, np.uint8)
+    return _has_points(text[:behind], delimiter) or _has_points(text[behind:], delimiter)
+
+
+def _has_points(text: np.ndarray, delimiter: str) -> bool:
     at = np.flatnonzero(text == POINT)
     at = at[(at > 0) & (at < len(text) - 1)]
     at = at[_is_digit(text[at - 1]) & _is_digit(text[at + 1])]
@@ -137,6 +144,11 @@ def _is_one_of(found: np.ndarray, *bytes_: int) -> np.ndarray:
     for byte in bytes_[1:]:
         same |= found == byte
     return same
+
+
+def all_doubtful_points(texts: pl.Series) -> bool:
+    """Whether there are numbers among texts, all with a point that may part thousands: none tells how it is meant."""
+    return bool(texts.str.contains(ALL_DOUBTFUL).all() and texts.str.contains(r"\d").any())
 
 
 def pointed(texts: pl.DataFrame) -> dict[str, np.ndarray]:

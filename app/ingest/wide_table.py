@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from app.ingest.frames import Numbers, RowReader, Rows, name_of
 from app.ingest.grouping import Grouping
+from app.ingest.marks import all_doubtful_points
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
 from app.ingest.modes import automatic_flags
 from app.ingest.order import in_order, last_of_repeats, without_stutter
@@ -231,7 +232,8 @@ class WideTable:
         reader: RowReader,
         kept: NDArray[np.bool_],
     ) -> None:
-        """Fields that are no numbers to the fast reader are read again as text, only in the columns that have any."""
+        """Fields that are no numbers to the fast reader, or not for sure, are read again as text, only in the columns
+        that have any; but for columns of doubtful points alone, where those stay what they are."""
         writing = self._tally.writing
         own = [p for p, value in enumerate(group.values) if value.tag in writing.own and not self._is_mode(value)]
         odd = sorted({*np.flatnonzero(numbers.missing.any(axis=0)).tolist(), *own})
@@ -241,10 +243,16 @@ class WideTable:
         filled = [p for p, count in zip(odd, texts.null_count().row(0), strict=True) if count < texts.height]
         columns = {p: texts[name_of(group.values[p].index)] for p in filled}
         found = {p: numbers.missing[:, p] & column.is_not_null().to_numpy() & kept for p, column in columns.items()}
-        self._learn_marks(group, columns, {p: at for p, at in found.items() if p in own or at.any()})
-        for position, column in columns.items():
-            tag, odd_ones = group.values[position].tag, found[position]
-            if tag in writing.own:
+        found = {p: at for p, at in found.items() if p in own or at.any()}
+        alike = {p for p in found.keys() - set(own) if all_doubtful_points(columns[p])}
+        self._learn_marks(group, columns, {p: at for p, at in found.items() if p not in alike})
+        stand = {p for p in sorted(alike) if writing.points_stand(group.values[p].tag)}
+        self._learn_marks(group, columns, {p: found[p] for p in sorted(alike - stand)})
+        for position, odd_ones in found.items():
+            tag, column = group.values[position].tag, columns[position]
+            if position in stand:
+                odd_ones = odd_ones & np.isnan(numbers.values[:, position])
+            elif tag in writing.own:
                 odd_ones = odd_ones | (column.str.contains(MARKED).fill_null(False).to_numpy() & kept)
             at = np.flatnonzero(odd_ones)
             if len(at):

@@ -86,6 +86,12 @@ class Writing:
         else:
             self.marks.look(_numbers(beside, DOUBTFUL), whole)
 
+    def points_stand(self, tag: str) -> bool:
+        """Whether doubtful points stand before decimals in a tag that shows no way of its own; the same from now on."""
+        if tag in self.own or self.thousands == ".":
+            return False
+        return (bool(self.thousands) and tag not in self.marks.met()) or self.marks.meant(tag) == "decimals"
+
     def whole(self, texts: pl.Series, tags: pl.Series) -> pl.Series:
         """Texts with the thousands of their numbers joined, null where it is not clear which these are."""
         texts = _joined(texts, GROUPED % (_BETWEEN_DIGITS, MARKED), _BETWEEN_DIGITS)

@@ -170,6 +170,45 @@ def test_points_in_all_numbers_are_told(read: Read, delimiter: str) -> None:
     assert content.summary.notes == (f"{DOUBT}read as decimals: FIC1.PV, FIC1.OP",)
 
 
+@pytest.mark.parametrize("delimiter", [";", "\t"])
+def test_points_in_all_numbers_are_read_once(read: Read, delimiter: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Such files are common: only what is no number is read again as text."""
+    again: list[str] = []
+
+    def refused(texts: pl.Series, *_: object) -> np.ndarray:
+        again.extend(texts)
+        return np.full(len(texts), np.nan)
+
+    monkeypatch.setattr("app.ingest.wide_table.refuse_texts", refused)
+    content = read(wide(["50.123", "Bad", "51.871"], ["40.100"], delimiter))
+    assert content.loops["FIC1"].pv[::3].tolist() == [50.123] * 20
+    assert content.loops["FIC1"].op.tolist() == [40.1] * 60
+    assert again == ["Bad"] * 20
+
+
+@LAYOUTS
+@pytest.mark.parametrize(("late", "expected"), [("999", [999]), ("50,12", [50.12]), ("Bad", [])])
+def test_points_in_all_numbers_before_others_are_not_read_both_ways(
+    read: Read, table: Table, late: str, expected: Sequence[float]
+) -> None:
+    content = read(table(["1.005"] * 800 + [late, "1.005"] * 200, ["40.100"], count=1200), options=CHUNKS)
+    found = content.loops["FIC1"].pv
+    assert found[:400].tolist() == [1.005] * 400
+    assert found[900::2][np.isfinite(found[900::2])].tolist() == expected * 150
+    assert set(found[np.isfinite(found)]) == {1.005, *expected}
+
+
+def test_points_in_all_numbers_are_read_as_other_tags_tell(read: Read) -> None:
+    content = read(wide(["999", "1.001"], ["40.100"]))
+    assert content.loops["FIC1"].op.tolist() == [40100] * 60
+    assert content.summary.notes == (f"{DOUBT}read as thousands: FIC1.PV, FIC1.OP",)
+
+
+def test_words_alone_are_not_in_doubt(read: Read) -> None:
+    content = read(wide(["50.123"], ["Bad"]))
+    assert content.summary.notes[0] == f"{DOUBT}read as decimals: FIC1.PV"
+
+
 def test_points_in_all_first_numbers_part_thousands_beside_later_ones_without(read: Read) -> None:
     content = read(wide(["1.001"] * 450 + ["999"] * 150, ["12"], count=600))
     assert content.loops["FIC1"].pv.tolist() == [1001] * 450 + [999] * 150
