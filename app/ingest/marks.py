@@ -23,6 +23,8 @@ FIRST_BYTES = 1 << 16
 PARTED_FROM = 1000.0  # what parts thousands writes no such number without a mark
 BESIDE_DECIMALS, BESIDE_THOUSANDS = 10.0, 100.0  # how far off what has no mark is from 1 where it is meant as 1,000
 
+MOST_CODES, MOST_CODES_SHARE = 3, 0.1  # of a tag's numbers, for how many stand for no data or a limit
+
 
 def other_mark(mark: str) -> str:
     return "." if mark == "," else ","
@@ -38,8 +40,8 @@ def before_decimals(mark: str, behind: str = _BEHIND) -> str:
 
 class DoubtfulMarks:
     """How numbers with a doubtful mark are read. In a file that does not tell: by what a tag's numbers without a mark
-    are near to, each tag by itself; tags without any as the others; where none has any, as usual. In a file that tells:
-    as it does, unless a tag's numbers without a mark are near to the other reading."""
+    are near to, but for codes, each tag by itself; tags without any as the others; where none has any, as usual. In a
+    file that tells: as it does, unless a tag's numbers without a mark are near to the other reading."""
 
     def __init__(self, usual: str = "decimals") -> None:
         self._usual = usual
@@ -48,7 +50,7 @@ class DoubtfulMarks:
 
     def look(self, doubtful: pl.DataFrame, beside: pl.DataFrame) -> None:
         """Tags and numbers. doubtful: their mark is taken for one before decimals. beside: those without a mark."""
-        for tag, ratio, _, largest_beside in _ratios(doubtful, beside):
+        for tag, ratio, _, largest_beside in _ratios(doubtful, _without_codes(doubtful, beside)):
             found = _meant(ratio, largest_beside)
             self._of[tag] = found if self._of.get(tag, found) == found else ""
 
@@ -76,6 +78,22 @@ class DoubtfulMarks:
         """What was read as what; nothing where no mark was in doubt."""
         words = {"decimals": "read as decimals", "thousands": "read as thousands", "": "refused"}
         return "; ".join(f"{words[found]}: {tags}" for found, tags in tags_by(self._as_file | self._of).items())
+
+
+def _without_codes(doubtful: pl.DataFrame, beside: pl.DataFrame) -> pl.DataFrame:
+    """Beside, but for the few numbers that seldom stand in a tag, far off its doubtful ones however these are meant:
+    -999 and 32767 stand for no data, 100 for a limit."""
+    number = pl.col("number")
+    of_tag = doubtful.group_by("tag").agg(
+        pl.len().alias("doubtful"), (number.min() * 1000).alias("low"), (number.max() * 1000).alias("high")
+    )
+    kinds = beside.group_by("tag", "number").len().join(of_tag, on="tag")
+    size = pl.max_horizontal(pl.col("low").abs(), pl.col("high").abs())
+    clear = pl.max_horizontal(pl.col("high") - pl.col("low"), size / 2)
+    off_thousands = ~number.is_between(pl.col("low") - clear, pl.col("high") + clear) | (number.abs() >= PARTED_FROM)
+    off_decimals = number.abs() > BESIDE_DECIMALS * size / 1000
+    few = (pl.len().over("tag") <= MOST_CODES) & (pl.sum("len").over("tag") <= MOST_CODES_SHARE * pl.col("doubtful"))
+    return beside.join(kinds.filter(few & off_thousands & off_decimals), on=["tag", "number"], how="anti")
 
 
 def _ratios(doubtful: pl.DataFrame, beside: pl.DataFrame) -> Iterator[tuple[str, float, float, float]]:

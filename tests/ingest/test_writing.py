@@ -170,6 +170,22 @@ def test_points_in_all_numbers_are_told(read: Read, delimiter: str) -> None:
     assert content.summary.notes == (f"{DOUBT}read as decimals: FIC1.PV, FIC1.OP",)
 
 
+@LAYOUTS
+@MIRRORED
+@pytest.mark.parametrize("code", ["-999", "999", "9999", "32767", "-32768", "100"])
+def test_codes_for_no_data_do_not_tell_how_numbers_are_written(read: Read, table: Table, marks: str, code: str) -> None:
+    content = read(table(marked(["5,123", "5,871", "4,250"] * 9 + [code], marks), marked(["40,100"], marks), count=56))
+    assert content.loops["FIC1"].pv[:3].tolist() == [5.123, 5.871, 4.25]
+    assert content.loops["FIC1"].op.tolist() == [40.1] * 56
+    assert content.rejects.total == 0
+
+
+@pytest.mark.parametrize("whole", [["999"], ["980", "985", "990", "995"]])
+def test_few_numbers_near_thousands_tell_how_numbers_are_written(read: Read, whole: Sequence[str]) -> None:
+    content = read(wide(["1.001", "1.012", "1.123"] * 40 + [*whole], ["40.100"], count=400))
+    assert content.loops["FIC1"].pv[:3].tolist() == [1001, 1012, 1123]
+
+
 @pytest.mark.parametrize("delimiter", [";", "\t"])
 def test_points_in_all_numbers_are_read_once(read: Read, delimiter: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Such files are common: only what is no number is read again as text."""
