@@ -14,6 +14,7 @@ SENTINELS = (-9999.0, -99.125)
 MARKED = "[.,]"
 _BETWEEN_DIGITS = "['\N{RIGHT SINGLE QUOTATION MARK}\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}]"  # never decimal marks
 _BEHIND_NUMBER = r"^[ \"]*[+-]?[\d.,]+(?:[eE][+-]?\d+)?([^\"]*)"
+_NOTHING_BEHIND = r"[\s\"]*$"
 _STYLES = {",": "decimal points", ".": "decimal commas", "": "both"}
 
 
@@ -157,9 +158,11 @@ def _contains(texts: pl.Series, form: str) -> pl.Series:
 
 def _that_show(numbers: pl.DataFrame, mark: str) -> set[str]:
     """The tags of which a number shows that the mark stands before decimals."""
-    found = numbers.filter(_contains(numbers["text"], before_decimals(mark)))
+    bare = set(numbers["tag"].filter(_contains(numbers["text"], before_decimals(mark, _NOTHING_BEHIND))).unique())
+    others = numbers.filter(~pl.col("tag").is_in(list(bare))) if bare else numbers
+    found = others.filter(_contains(others["text"], before_decimals(mark)))
     found = found.select("tag", behind=pl.col("text").str.extract(_BEHIND_NUMBER).str.strip_chars()).unique()
-    return set(found["tag"].filter((found["behind"] == "") | are_units(found["behind"])))
+    return bare.union(found["tag"].filter((found["behind"] == "") | are_units(found["behind"])))
 
 
 def _numbers(texts: pl.DataFrame, form: str) -> pl.DataFrame:
