@@ -17,7 +17,7 @@ GROUPED = _BEFORE + r"[1-9]\d{0,2}(?:%s\d{3})+(?:%s\d+)?" + _BEHIND
 DOUBTFUL = r"^[ \"]*([+-]?[1-9]\d{0,2}[.,]\d{3})" + _BEHIND
 WHOLE = r"^[ \"]*([+-]?\d+)(?:\s*[^\d\s.,:+-].*)?$"
 WRITTEN = r"^[ \"]*[+-]?[1-9]\d{0,2}\.\d\d0[ \"]*$"  # in doubt, and no number of a cell: these end in no zero
-ALL_DOUBTFUL = r"^(?:[+-]?[1-9]\d{0,2}\.\d{3}|\D*)$"
+ALL_DOUBTFUL = r"^(?:[+-]?[1-9]\d{0,2}[.,]\d{3}|\D*)$"
 POINTED = _BEFORE + r"\d+\.\d+[ \"]*$"
 FIRST_BYTES = 1 << 16
 PARTED_FROM = 1000.0  # what parts thousands writes no such number without a mark
@@ -164,8 +164,8 @@ def _is_one_of(found: np.ndarray, *bytes_: int) -> np.ndarray:
     return same
 
 
-def all_doubtful_points(texts: pl.Series) -> bool:
-    """Whether there are numbers among texts, all with a point that may part thousands: none tells how it is meant."""
+def all_doubtful(texts: pl.Series) -> bool:
+    """Whether there are numbers among texts, all with a mark that may part thousands: none tells how it is meant."""
     return bool(texts.str.contains(ALL_DOUBTFUL).all() and texts.str.contains(r"\d").any())
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from app.ingest.frames import Numbers, RowReader, Rows, name_of
 from app.ingest.grouping import Grouping
-from app.ingest.marks import all_doubtful_points
+from app.ingest.marks import all_doubtful
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
 from app.ingest.modes import automatic_flags
 from app.ingest.order import in_order, last_of_repeats, without_stutter
@@ -233,7 +233,7 @@ class WideTable:
         kept: NDArray[np.bool_],
     ) -> None:
         """Fields that are no numbers to the fast reader, or not for sure, are read again as text, only in the columns
-        that have any; but for columns of doubtful points alone, where those stay what they are."""
+        that have any; but for points in columns of doubtful marks alone, which tell nothing."""
         writing = self._tally.writing
         own = [p for p, value in enumerate(group.values) if value.tag in writing.own and not self._is_mode(value)]
         odd = sorted({*np.flatnonzero(numbers.missing.any(axis=0)).tolist(), *own})
@@ -244,9 +244,9 @@ class WideTable:
         columns = {p: texts[name_of(group.values[p].index)] for p in filled}
         found = {p: numbers.missing[:, p] & column.is_not_null().to_numpy() & kept for p, column in columns.items()}
         found = {p: at for p, at in found.items() if p in own or at.any()}
-        alike = {p for p in found.keys() - set(own) if all_doubtful_points(columns[p])}
+        alike = {p for p in found.keys() - set(own) if all_doubtful(columns[p])}
         self._learn_marks(group, columns, {p: at for p, at in found.items() if p not in alike})
-        stand = {p for p in sorted(alike) if writing.points_stand(group.values[p].tag)}
+        stand = {p for p in sorted(alike) if writing.are_decimals(columns[p], group.values[p].tag)}
         self._learn_marks(group, columns, {p: found[p] for p in sorted(alike - stand)})
         for position, odd_ones in found.items():
             tag, column = group.values[position].tag, columns[position]

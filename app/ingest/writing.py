@@ -87,9 +87,10 @@ class Writing:
         else:
             self.marks.look(_numbers(beside, DOUBTFUL), whole)
 
-    def points_stand(self, tag: str) -> bool:
-        """Whether doubtful points stand before decimals in a tag that shows no way of its own; the same from now on."""
-        if tag in self.own or self.thousands == ".":
+    def are_decimals(self, texts: pl.Series, tag: str) -> bool:
+        """Whether the doubtful marks of a tag's texts stand before decimals, and it shows no way of its own; the same
+        from now on."""
+        if tag in self.own or (self.thousands and texts.str.contains(self.thousands, literal=True).any()):
             return False
         return (bool(self.thousands) and tag not in self.marks.met()) or self.marks.meant(tag) == "decimals"
 

@@ -202,6 +202,16 @@ def test_points_in_all_numbers_are_read_once(read: Read, delimiter: str, monkeyp
     assert again == ["Bad"] * 20
 
 
+@MIRRORED
+def test_doubtful_numbers_alone_have_nothing_to_learn_from(
+    read: Read, marks: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.ingest.writing.Writing.learn", lambda *_: pytest.fail("looked for what is not there"))
+    content = read(wide(marked(["50,123", "Bad", "51,871"], marks), marked(["40,100"], marks)))
+    assert content.loops["FIC1"].pv[::3].tolist() == [50.123] * 20
+    assert content.summary.notes[0].startswith(f"{DOUBT}read as decimals: FIC1.")
+
+
 @LAYOUTS
 @pytest.mark.parametrize(("late", "expected"), [("999", [999]), ("50,12", [50.12]), ("Bad", [])])
 def test_points_in_all_numbers_before_others_are_not_read_both_ways(
