@@ -8,13 +8,14 @@ from app.engine import ENGINE_VERSION, verdict, verdict_reference
 from app.engine.audit_config import AuditConfig
 from app.engine.episodes import NO_EPISODES, Episodes, episode_reasons, find
 from app.engine.evidence import Finding, Reason
-from app.engine.fitness import Fitness, assess, with_cycles
+from app.engine.fitness import Fitness
 from app.engine.health import Health
 from app.engine.health import health as health_of
 from app.engine.judgement import Judgement
 from app.engine.key_figures import KeyFigures
 from app.engine.key_figures import compute as key_figures_of
-from app.engine.oscillation import Oscillation, detect
+from app.engine.oscillation import Oscillation
+from app.engine.preparation import Preparation, prepare
 from app.engine.quantification import StictionSize, quantify
 from app.engine.recording import Recording, UniformRecord
 from app.engine.reliability import LadderConfig, Reference, climb
@@ -95,12 +96,11 @@ def audit(recording: Recording, config: AuditConfig | None = None) -> Audit:
     verdict.
     """
     config = config or _AS_CONFIGURED
-    fitness = assess(recording, config.fitness)
-    oscillation = detect(fitness.record) if fitness.record is not None and fitness.auditable else None
-    fitness = with_cycles(fitness, oscillation, config.fitness)
+    prepared = prepare(recording, config.fitness)
+    fitness, oscillation = prepared.fitness, prepared.oscillation
     if oscillation is None or not fitness.auditable:
         return _result(recording, config, fitness, _refusal(recording, fitness.refusals), oscillation=oscillation)
-    return _identified(recording, config, fitness, oscillation)
+    return _identified(recording, config, prepared, oscillation)
 
 
 def newest(record: UniformRecord, max_samples: int) -> UniformRecord:
@@ -118,7 +118,8 @@ def newest(record: UniformRecord, max_samples: int) -> UniformRecord:
     )
 
 
-def _identified(recording: Recording, config: AuditConfig, fitness: Fitness, oscillation: Oscillation) -> Audit:
+def _identified(recording: Recording, config: AuditConfig, prepared: Preparation, oscillation: Oscillation) -> Audit:
+    fitness = prepared.fitness
     record = newest(fitness.audited, config.max_samples)
     judgement = verdict.judge(fitness.audited, oscillation, fitness, None, config.judgement, recording.integrating)
     try:
@@ -128,7 +129,7 @@ def _identified(recording: Recording, config: AuditConfig, fitness: Fitness, osc
         return _result(recording, config, fitness, refusal, oscillation=oscillation, record=record)
     judgement = _with_reference(judgement, reference, fitness, config)
     episodes = find(fitness.audited, oscillation, config.episodes)
-    judgement = replace(judgement, reasons=judgement.reasons + episode_reasons(episodes))
+    judgement = replace(judgement, reasons=judgement.reasons + _stretch_reasons(prepared) + episode_reasons(episodes))
     result = _result(
         recording,
         config,
@@ -140,6 +141,17 @@ def _identified(recording: Recording, config: AuditConfig, fitness: Fitness, osc
         episodes=episodes,
     )
     return replace(result, stiction_size=_stiction_size(record, fitness, oscillation, judgement, config))
+
+
+def _stretch_reasons(prepared: Preparation) -> tuple[Reason, ...]:
+    if prepared.rest_of is None:
+        return ()
+    share = prepared.fitness.audited.samples / prepared.rest_of.samples
+    text = (
+        f"the set point moves PV more than all else; judged where it stands, on {100 * share:.0f} % of the record, "
+        "because the loop cycles there by itself; the remainder is not judged"
+    )
+    return (Reason("set_point_rests", text),)
 
 
 def _stiction_size(

@@ -38,6 +38,7 @@ _DOUBTS = {
     "uncoupled": "What is new in PV and in OP have nothing to do with each other: they may be of two loops.",
     "same_signal": "PV is OP on another scale: one tag for both, or a loop without a process.",
     "set_point_moves": "PV and OP mostly follow the set point, so that their shape need not be the valve's.",
+    "set_point_rests": "The set point hides a limit cycle: judged where it rests and the loop cycles by itself.",
     "nearly_sinusoidal": "PV and OP are nearly one sine, so that their shape need not be the valve's.",
     "pv_does_not_answer": "OP travels and PV does not answer at all: a stuck valve, or a dead transmitter.",
     "prior_only": "The probability is a prior between these two causes, not a measurement.",

@@ -11,9 +11,10 @@ from app.engine.audit import Audit, AuditConfig, audit, ladder_for, newest
 from app.engine.corroborate import corroborate
 from app.engine.episodes import find
 from app.engine.features import extract
-from app.engine.fitness import assess, with_cycles
+from app.engine.fitness import assess
 from app.engine.key_figures import compute as key_figures_of
 from app.engine.oscillation import detect
+from app.engine.preparation import prepare
 from app.engine.quantification import quantify
 from app.engine.recording import Recording
 from app.engine.reliability import Reference, climb
@@ -58,10 +59,10 @@ def median_ms(work: Callable[[], object], repeats: int) -> float:
 def _stages(
     recording: Recording, config: AuditConfig, answer: Audit, reference: Reference
 ) -> list[tuple[str, str | None, bool, Callable[[], object]]]:
-    fitness = assess(recording, config.fitness)
+    prepared = prepare(recording, config.fitness)
+    fitness, oscillation = prepared.fitness, prepared.oscillation
+    assert oscillation is not None  # noqa: S101 - the loops of the bench swing
     record, audited = newest(fitness.audited, config.max_samples), fitness.audited
-    oscillation = detect(audited)
-    fitness = with_cycles(fitness, oscillation, config.fitness)
     features = extract(audited, oscillation)
     assert features is not None  # noqa: S101 - the loops of the bench move
     last = reference.last

@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from app.engine.features import Features, observe
-from app.engine.fitness import Fitness, assess, with_cycles
-from app.engine.oscillation import Oscillation, detect
+from app.engine.fitness import Fitness
+from app.engine.oscillation import Oscillation
+from app.engine.preparation import prepare
 from app.engine.recording import Recording
 from app.errors import DataError
 from app.ingest import read_recordings
@@ -53,12 +54,9 @@ def labelled(folder: Path) -> list[Labelled]:
 def _labelled(row: dict[str, str], recording: Recording) -> Labelled:
     integrating = {"True": True, "False": False}.get(row.get("integrating", ""))
     recording = replace(recording, integrating=integrating)
-    fitness = assess(recording)
-    oscillation = features = None
-    if fitness.record is not None and fitness.auditable:
-        oscillation = detect(fitness.record)
-        fitness = with_cycles(fitness, oscillation)
-        features = observe(fitness.audited, oscillation)
+    prepared = prepare(recording)
+    fitness, oscillation = prepared.fitness, prepared.oscillation
+    features = None if oscillation is None else observe(fitness.audited, oscillation)
     return Labelled(
         recording,
         row["valve"],

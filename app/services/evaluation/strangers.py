@@ -4,9 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from app.engine.fitness import assess, with_cycles
 from app.engine.judgement import Judgement
-from app.engine.oscillation import detect
+from app.engine.preparation import prepare
 from app.engine.recording import Recording
 from app.engine.verdict import judge
 from app.services.evaluation.recordings import Labelled
@@ -28,9 +27,7 @@ def strangers(loops: list[Labelled], count: int, seed: int) -> Iterator[Recordin
 
 def judged(pair: Recording) -> Judgement | None:
     """What the engine says of such a pair, None where it takes it for no record that could be audited."""
-    fitness = assess(pair)
-    if fitness.record is None or not fitness.auditable:
+    prepared = prepare(pair)
+    if prepared.oscillation is None or not prepared.fitness.auditable:
         return None
-    oscillation = detect(fitness.record)
-    fitness = with_cycles(fitness, oscillation)
-    return judge(fitness.audited, oscillation, fitness) if fitness.auditable else None
+    return judge(prepared.fitness.audited, prepared.oscillation, prepared.fitness)

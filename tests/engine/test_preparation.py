@@ -1,0 +1,121 @@
+"""Which stretch of a recording is judged: all that is fit, or the rest of a set point that hides a limit cycle."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.engine.audit import audit
+from app.engine.preparation import prepare
+from app.engine.recording import Recording
+from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, Wave, first_order, simulate_loop
+
+STICKY = LoopSpec(
+    plant=first_order(1.0, 20.0, 5.0),
+    controller=Pid(1.2, 20.0),
+    valve=TwoParameterValve(5.0, 3.0),
+    load=Signal(value=3.0),
+    noise=Signal(noise_sd=0.05),
+    pv_start=50.0,
+    op_start=50.0,
+    op_limits=(-1e3, 1e3),
+    settle_s=600.0,
+)
+SAMPLES, MOVE_AT = 2500, 1500
+
+
+def recorded(spec: LoopSpec, moved: float, at: float = MOVE_AT) -> Recording:
+    stepped = replace(spec, sp=Signal(steps=((at, moved),)))
+    return simulate_loop(stepped, float(SAMPLES), 1.0, 1).recording("loop")
+
+
+def healthy() -> LoopSpec:
+    return replace(STICKY, valve=LoopSpec(STICKY.plant, STICKY.controller).valve)
+
+
+@pytest.mark.parametrize("moved", [30.0, 100.0, -300.0])
+def test_a_limit_cycle_is_judged_where_the_set_point_that_hides_it_rests(moved: float):
+    loop = recorded(STICKY, moved)
+    prepared = prepare(loop)
+    assert prepared.rest_of is not None
+    assert prepared.rest_of.samples == SAMPLES
+    assert prepared.fitness.audited.samples == pytest.approx(MOVE_AT, abs=1)
+
+    answer = audit(loop)
+    assert (answer.judgement.verdict, answer.judgement.reliability) == ("stiction", "reliable")
+    assert (answer.window.start_s, answer.window.samples) == (0.0, prepared.fitness.audited.samples)
+    assert "on 60 % of the record" in next(
+        reason.text for reason in answer.judgement.reasons if reason.code == "set_point_rests"
+    )
+
+
+def test_all_is_judged_where_the_set_point_hides_nothing():
+    loop = recorded(STICKY, 0.0)
+    prepared = prepare(loop)
+    assert prepared.rest_of is None
+    assert prepared.fitness.audited.samples == SAMPLES
+    assert "set_point_rests" not in {reason.code for reason in audit(loop).judgement.reasons}
+
+
+def test_all_is_judged_where_nothing_cycles_while_the_set_point_rests():
+    prepared = prepare(recorded(healthy(), 30.0))
+    assert prepared.rest_of is None
+    assert prepared.fitness.audited.samples == SAMPLES
+
+
+def test_a_recording_that_is_not_fit_has_no_oscillation():
+    prepared = prepare(Recording("flat", np.arange(500.0), np.full(500, 3.0), np.full(500, 4.0)))
+    assert prepared.oscillation is None
+    assert not prepared.fitness.auditable
+
+
+@pytest.mark.parametrize("samples", [2300, 2500])
+def test_a_rest_begins_where_pv_and_op_have_settled(samples: int):
+    loop = first_samples(recorded(STICKY, 30.0, at=900.0), samples)
+    start_s = prepare(loop).fitness.audited.start_s
+    assert 910.0 < start_s < 1200.0
+
+    answer = audit(loop)
+    assert (answer.judgement.verdict, answer.judgement.reliability) == ("stiction", "reliable")
+    assert answer.window.start_s == start_s
+
+
+def test_what_the_valve_did_while_the_set_point_moved_is_no_episode():
+    moves = tuple((9000.0 + 400.0 * k, 60.0 * (-1.0) ** k) for k in range(28))
+    loop = simulate_loop(replace(STICKY, sp=Signal(steps=moves)), 20000.0, 1.0, 1).recording("loop")
+    answer = audit(loop)
+    assert (answer.judgement.verdict, prepare(loop).fitness.audited.samples) == ("stiction", 9000)
+    assert not answer.episodes.found
+
+
+def test_a_set_point_that_creeps_does_not_rest():
+    loop = simulate_loop(replace(STICKY, sp=Signal(drift_per_s=0.03)), float(SAMPLES), 1.0, 1).recording("loop")
+    assert prepare(loop).rest_of is None
+
+
+def test_a_rest_that_could_not_be_audited_by_itself_is_not_judged_alone():
+    """Its ripple has too few samples a cycle to have a shape."""
+    rippled = replace(healthy(), noise=Signal(waves=(Wave(0.5, 3.3),), noise_sd=0.05))
+    loop = recorded(rippled, 60.0)
+    assert prepare(loop).rest_of is None
+    assert audit(loop).judgement.verdict == "no_stiction"
+
+
+def test_the_checks_of_a_rest_are_its_own():
+    """Beside a step of 100 a PV of two levels has fifty."""
+    coarse = recorded(replace(healthy(), pv_resolution=3.0), 100.0)
+    prepared = prepare(coarse)
+    assert prepared.rest_of is not None
+    assert "pv_quantised" in {finding.code for finding in prepared.fitness.findings if finding.outcome == "fail"}
+
+
+def first_samples(recording: Recording, samples: int) -> Recording:
+    return replace(
+        recording,
+        time_s=recording.time_s[:samples],
+        pv=recording.pv[:samples],
+        op=recording.op[:samples],
+        sp=recording.sp[:samples],
+        automatic=recording.automatic[:samples],
+        others={},
+    )
