@@ -73,7 +73,7 @@ def test_op_in_line_with_a_wandering_pv_is_a_disturbance():
     assert rivals(pv, -3 * pv + noise(8, 0.01))["disturbance"].stands_out
 
 
-def taken_back(sp=None) -> dict[str, Rival]:
+def taken_back(sp_of=lambda record: None) -> dict[str, Rival]:
     """A load that jumps every 150 s, and a slow integrating controller that takes it back."""
     levels = np.random.default_rng(21).normal(size=9)
     steps = tuple((100.0 + 150.0 * k, 4.0 * size) for k, size in enumerate(np.diff(levels)))
@@ -86,7 +86,7 @@ def taken_back(sp=None) -> dict[str, Rival]:
         settle_s=100.0,
     )
     record = simulate_loop(spec, float(N), 1.0, 5).uniform()
-    return rivals(record.pv, record.op, sp)
+    return rivals(record.pv, record.op, sp_of(record))
 
 
 def test_jumps_of_pv_that_go_back_along_with_op_are_the_loads_and_count_against_stiction():
@@ -96,8 +96,17 @@ def test_jumps_of_pv_that_go_back_along_with_op_are_the_loads_and_count_against_
     assert "the load jumps" in found.text
 
 
-def test_jumps_of_pv_are_not_looked_at_where_the_set_point_moves():
-    assert taken_back(sp=np.sin(CYCLE / 7))["disturbance"].counts == 0.0
+@pytest.mark.parametrize(
+    "sp",
+    [np.full(N, 5.0), 5.0 + 1e-14 * np.sin(CYCLE), np.where(T == 600.0, 5.01, 5.0)],
+    ids=["at rest", "rounding", "one sample"],
+)
+def test_jumps_of_pv_are_looked_at_where_the_set_point_has_no_part_in_them(sp: np.ndarray):
+    assert taken_back(lambda record: sp)["disturbance"].counts == 3.0
+
+
+def test_jumps_of_pv_are_not_looked_at_where_pv_follows_the_set_point():
+    assert taken_back(lambda record: 0.5 * record.pv + noise(23, 0.1))["disturbance"].counts == 0.0
 
 
 @pytest.mark.parametrize("slip", [0.0, 0.5, 1.0])

@@ -16,6 +16,7 @@ UNEXPLAINED = 0.3
 TAKEN_BACK = 0.5
 """From where on jumps of PV that go back along with OP are the load's."""
 _AGAINST_JUMPS = 3.0
+_FOLLOWS = 0.1
 
 
 def outside_wave(scene: Scene) -> Rival:
@@ -41,11 +42,12 @@ def load_disturbance(scene: Scene) -> Rival:
     shaken from outside.
 
     Misleads where OP has little to do with PV for other reasons: a wrong pairing of signals, a loop in manual. Jumps
-    are not looked at where the set point moves, which makes PV jump too.
+    are not looked at where PV follows a set point, which makes PV jump too.
     """
-    seen = None if scene.sp else jumps(scene.features.windows)
-    if seen is not None and seen.taken_back >= TAKEN_BACK:
-        return _load_steps(seen)
+    if scene.pv_along_sp < _FOLLOWS:
+        seen = jumps(scene.features.windows)
+        if seen.taken_back >= TAKEN_BACK:
+            return _load_steps(seen)
     follows = scene.features.named("causal_sticky")
     unexplained = rising(follows, 2 * UNEXPLAINED - 0.1, 0.1)
     text = (

@@ -10,7 +10,7 @@ from app.engine.freerun import controller_action, cycle_range
 from app.engine.oscillation import Oscillation, autocorrelation
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.rivals.periodic import held_out_sine
-from app.engine.sampled import ROUNDING, moving_average, resample, without_drift, without_line
+from app.engine.sampled import ROUNDING, correlation, moving_average, resample, without_drift, without_line
 
 _WINDOWS = 2
 _SMOOTHING_HALF = 2
@@ -50,6 +50,11 @@ class Scene:
         if self.record.sp is None or float(np.ptp(self.record.sp)) == 0.0:
             return []
         return self._windows(self.record.sp)
+
+    @cached_property
+    def pv_along_sp(self) -> float:
+        """Share of PV's variance that a straight line over SP explains; 0 where SP is not known or stands."""
+        return 0.0 if self.record.sp is None else correlation(self.record.pv, self.record.sp) ** 2
 
     @property
     def raw_pv(self) -> list[FloatArray]:

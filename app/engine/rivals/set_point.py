@@ -9,7 +9,7 @@ from app.engine.sampled import correlation
 
 FOLLOWED = 0.7
 _NOTHING = 0.4
-ALL = 0.85
+BEHIND_ALL = 0.85
 """Strength from which on the set point is behind all that PV and OP do."""
 _STICTION_EXPLAINS = 0.005
 _AGAINST_STICTION = 1.0
@@ -28,14 +28,13 @@ def set_point_following(scene: Scene) -> Rival:
     moving = [k for k, sp in enumerate(scene.sp) if float(np.ptp(sp)) > 0.0]
     pv = float(np.mean([response(scene.pv[k], scene.sp[k]).held_out for k in moving])) if moving else 0.0
     op = float(np.mean([response(scene.op[k], scene.sp[k]).held_out for k in moving])) if moving else 0.0
-    sp = scene.record.sp
-    plainly = 0.0 if sp is None else correlation(scene.record.pv, sp) ** 2 * correlation(scene.record.op, sp) ** 2
+    plainly = 0.0 if scene.record.sp is None else scene.pv_along_sp * correlation(scene.record.op, scene.record.sp) ** 2
     strength = max(rising(min(pv, op), _NOTHING, 2 * FOLLOWED - _NOTHING), plainly)
     text = (
         f"PV follows from the set point ({100 * pv:.0f} % of its variance on unseen cycles) and so does OP "
         f"({100 * op:.0f} %)"
     )
-    plain = strength >= ALL and scene.features.named("misfit_drop") < _STICTION_EXPLAINS
+    plain = strength >= BEHIND_ALL and scene.features.named("misfit_drop") < _STICTION_EXPLAINS
     if plain:
         text += "; from OP a sticky valve explains PV no better than one that follows"
     counts = _AGAINST_STICTION if plain else 0.0
