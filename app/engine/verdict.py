@@ -14,7 +14,7 @@ from app.engine.judgement import Judgement, Reliability, Verdict
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.reliability import Reference
-from app.engine.rivals import Rival, compete, contest, held_out_fundamental
+from app.engine.rivals import FOLLOWED, Rival, compete, contest, held_out_fundamental
 from app.engine.sampled import correlation
 from app.engine.shape_model import ShapeModel, fitted_model
 from app.engine.verdict_config import VerdictConfig
@@ -46,9 +46,13 @@ class Weighing:
         return _logistic(self.log_odds)
 
     @property
+    def log_odds_by_shapes(self) -> float:
+        """`log_odds` before the rivals were counted."""
+        return self.log_odds + counted_against(self.rivals)
+
+    @property
     def probability_by_shapes(self) -> float:
-        """The same before the rivals were counted."""
-        return _logistic(self.log_odds + counted_against(self.rivals))
+        return _logistic(self.log_odds_by_shapes)
 
 
 def _logistic(log_odds: float) -> float:
@@ -145,7 +149,7 @@ def _doubts(
     if oscillation.cycles < config.min_cycles:
         text = f"the record holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be trusted"
         doubts.append(Reason("few_cycles", text))
-    if weighing.window_spread > config.max_window_spread * abs(weighing.log_odds):
+    if weighing.window_spread > config.max_window_spread * abs(weighing.log_odds_by_shapes):
         doubts.append(Reason("windows_disagree", "parts of the record say different things about the valve"))
     doubts.extend(_unrelated(fitness, oscillation, config))
     if verdict == "stiction":
@@ -179,8 +183,10 @@ def _limit_cycle(weighing: Weighing, oscillation: Oscillation, config: VerdictCo
     """
     if not oscillation.regular or oscillation.strength < config.strong_swing:
         return False
+    if any(rival.cause == "set_point_following" and (rival.explained or 0.0) >= FOLLOWED for rival in weighing.rivals):
+        return False
     window = weighing.features.windows[0]
-    return any(held_out_fundamental(x) < config.max_wave for x in (window.pv, window.op))
+    return any(held_out_fundamental(x) < config.max_cycling_wave for x in (window.pv, window.op))
 
 
 def _unrelated(fitness: Fitness, oscillation: Oscillation, config: VerdictConfig) -> tuple[Reason, ...]:
@@ -198,11 +204,16 @@ def _shaped_outside(weighing: Weighing, config: VerdictConfig) -> list[Reason]:
     """Where PV and OP are all but the set point's movement, or one sine, the shape need not be the valve's."""
     doubts = []
     for rival in weighing.rivals:
-        if rival.cause == "set_point_following" and rival.strength >= config.max_following:
+        if rival.cause == "set_point_following" and _follows(rival, config):
             doubts.append(Reason("set_point_moves", rival.text))
         if rival.cause == "external_oscillation" and (rival.statistic or 0.0) >= config.max_wave:
             doubts.append(Reason("nearly_sinusoidal", rival.text))
     return doubts
+
+
+def _follows(rival: Rival, config: VerdictConfig) -> bool:
+    """PV alone is enough where it is all the set point's: on a level OP is the slope of SP, no response to it."""
+    return rival.strength >= config.max_following or (rival.explained or 0.0) >= config.max_followed
 
 
 def _data_doubts(weighing: Weighing, fitness: Fitness, config: VerdictConfig) -> list[Reason]:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from app.engine.rivals import BEHIND_ALL
 from app.engine.verdict_parameters import VERSION
 
 
@@ -11,15 +12,16 @@ class VerdictConfig:
 
     reliable_stiction_from, reliable_no_stiction_to: probabilities that a reliable verdict needs, chosen on
     leave-one-valve-out scores for 97 % right. reliable_cycling_from: enough for stiction where the loop oscillates
-    regularly with at least `strong_swing`, as a limit cycle does.
+    regularly with at least `strong_swing`, as a limit cycle does, and of the swing of PV or of OP one sine that keeps
+    its phase explains less than `max_cycling_wave`.
     min_cycles: fewest cycles of the oscillation in the record for a reliable verdict.
     max_strangers_chance: for a reliable verdict, two signals that have nothing to do with each other are as alike as
     PV and OP with less than this probability.
     min_difference: for a reliable verdict, the least share of the variance of PV that a straight line over OP leaves.
-    max_following, max_wave: for reliable stiction, PV and OP may follow the set point up to this strength of the rival,
-    and one sine that keeps its phase may explain up to this share of both.
+    max_following, max_followed, max_wave: for reliable stiction, PV and OP may follow the set point up to this strength
+    of the rival, it may explain up to this share of PV, and one sine that keeps its phase up to this share of both.
     max_window_spread: largest standard deviation of the log-odds between windows for a reliable verdict, over the
-    log-odds themselves: from one on, windows reach the other side.
+    log-odds of the shapes: from one on, windows reach the other side.
     max_filled_share: largest share of filled samples for a reliable verdict; min_automatic_share: least in automatic.
     parameters_version: of the fitted numbers, so that a stored verdict says which ones it came from.
     """
@@ -28,15 +30,17 @@ class VerdictConfig:
     reliable_stiction_from: float = 0.85
     reliable_cycling_from: float = 0.7
     strong_swing: float = 0.4
-    reliable_no_stiction_to: float = 0.25
+    reliable_no_stiction_to: float = 0.28
     min_cycles: float = 5.0
     max_window_spread: float = 1.0
     max_filled_share: float = 0.1
     min_automatic_share: float = 0.5
     max_strangers_chance: float = 1e-3
     min_difference: float = 1e-5
-    max_following: float = 0.85
+    max_following: float = BEHIND_ALL
+    max_followed: float = 0.95
     max_wave: float = 0.955
+    max_cycling_wave: float = 0.9
     parameters_version: str = VERSION
 
     def __post_init__(self) -> None:

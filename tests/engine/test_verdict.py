@@ -19,6 +19,7 @@ from app.engine.simulate import (
     TwoParameterValve,
     Wave,
     first_order,
+    integrator,
     keep,
     rebuild,
     simulate_loop,
@@ -241,6 +242,17 @@ def test_a_rival_makes_stiction_less_likely_but_clears_no_valve_by_itself(shapes
     assert ("not_cleared" in {reason.code for reason in said.reasons}) is not cleared
 
 
+def test_a_rival_does_not_make_windows_agree():
+    fitness = assess(shaken())
+    oscillation = detect(fitness.record)
+    rival = Rival("saturated_op", 1.0, "OP was at its limit for half of the time", counts=4.0)
+    weighing = replace(
+        weigh(fitness.record, oscillation), log_odds=-2.0 - rival.counts, window_spread=2.5, rivals=(rival,)
+    )
+    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), None, VerdictConfig())
+    assert "windows_disagree" in {reason.code for reason in said.reasons}
+
+
 def noisy_wave(seed: int) -> Recording:
     """A healthy loop under a sine from outside, with a transmitter whose noise hides that PV is one."""
     rng = np.random.default_rng(seed)
@@ -257,7 +269,27 @@ def noisy_wave(seed: int) -> Recording:
 
 
 def test_noise_does_not_make_a_sine_from_outside_sticky_and_reliable():
-    said = [verdict(noisy_wave(seed)) for seed in range(20)]
+    said = [verdict(noisy_wave(seed)) for seed in (*range(20), 133, 249, 318, 334)]
+    assert not [s for s in said if (s.verdict, s.reliability) == ("stiction", "reliable")]
+
+
+def followed_level(seed: int) -> Recording:
+    """A healthy level loop whose set point swings: PV is the set point's, OP its slope."""
+    rng = np.random.default_rng(seed)
+    period_s = float(rng.uniform(300.0, 1200.0))
+    spec = LoopSpec(
+        plant=integrator(0.05, 2.0),
+        controller=Pid(Kc=2.0, Ti_s=60.0),
+        sp=Signal(waves=(Wave(5.0, period_s, "triangle"),)),
+        load=Signal(noise_sd=0.2, noise_tau_s=60.0),
+        noise=Signal(noise_sd=float(rng.uniform(0.01, 0.2))),
+        settle_s=period_s,
+    )
+    return simulate_loop(spec, 15.0 * period_s, period_s / 60.0, seed=seed).recording("level")
+
+
+def test_a_level_that_follows_its_set_point_is_not_sticky_and_reliable():
+    said = [verdict(followed_level(seed)) for seed in range(12)]
     assert not [s for s in said if (s.verdict, s.reliability) == ("stiction", "reliable")]
 
 
