@@ -30,7 +30,7 @@ class VerdictConfig:
     reliable_stiction_from: float = 0.85
     reliable_cycling_from: float = 0.7
     strong_swing: float = 0.4
-    reliable_no_stiction_to: float = 0.28
+    reliable_no_stiction_to: float = 0.25
     min_cycles: float = 5.0
     max_window_spread: float = 1.0
     max_filled_share: float = 0.1
