@@ -108,14 +108,7 @@ def newest(record: UniformRecord, max_samples: int) -> UniformRecord:
     first = record.samples - max_samples
     if first <= 0:
         return record
-    return UniformRecord(
-        record.sampling_interval_s,
-        record.pv[first:],
-        record.op[first:],
-        None if record.sp is None else record.sp[first:],
-        record.filled[first:],
-        record.start_s + first * record.sampling_interval_s,
-    )
+    return record.part(slice(first, None))
 
 
 def _identified(recording: Recording, config: AuditConfig, prepared: Preparation, oscillation: Oscillation) -> Audit:

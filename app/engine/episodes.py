@@ -148,15 +148,8 @@ def _model() -> ShapeModel:
     return fitted_model()
 
 
-def part_of(record: UniformRecord, part: slice) -> UniformRecord:
-    """The samples `part` of a record."""
-    start_s = record.start_s + part.start * record.sampling_interval_s
-    sp = None if record.sp is None else record.sp[part]
-    return UniformRecord(record.sampling_interval_s, record.pv[part], record.op[part], sp, record.filled[part], start_s)
-
-
 def _weighed(record: UniformRecord, part: slice, config: EpisodeConfig) -> WindowEvidence:
-    window = part_of(record, part)
+    window = record.part(part)
     end_s = window.start_s + (window.samples - 1) * window.sampling_interval_s
     oscillation = detect(window)
     swings = oscillation.strength >= (config.screen_strength if oscillation.regular else config.screen_irregular)
@@ -171,7 +164,7 @@ def _weighed(record: UniformRecord, part: slice, config: EpisodeConfig) -> Windo
 
 def _spoiled(record: UniformRecord, spans: list[slice], run: slice) -> bool:
     """Whether in the middle of the run a rival stands out that counts against stiction."""
-    window = part_of(record, spans[(run.start + run.stop) // 2])
+    window = record.part(spans[(run.start + run.stop) // 2])
     oscillation = detect(window)
     features = extract(window, oscillation, most_windows=1)
     return features is not None and any(r.stands_out and r.counts for r in compete(window, oscillation, features))

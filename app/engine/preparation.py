@@ -54,15 +54,7 @@ def _settled_rest(whole: UniformRecord) -> UniformRecord | None:
         return None
     if rest.start_s == whole.start_s:
         return rest
-    first = max(_settled_from(rest.pv), _settled_from(rest.op))
-    return UniformRecord(
-        rest.sampling_interval_s,
-        rest.pv[first:],
-        rest.op[first:],
-        rest.sp[first:],
-        rest.filled[first:],
-        rest.start_s + first * rest.sampling_interval_s,
-    )
+    return rest.part(slice(max(_settled_from(rest.pv), _settled_from(rest.op)), None))
 
 
 def _settled_from(x: FloatArray) -> int:
@@ -102,16 +94,7 @@ def _between(recording: Recording, start_s: float, end_s: float) -> Recording:
     """The samples of a recording from `start_s` to before `end_s`, in seconds from its first sample."""
     since = recording.time_s - recording.time_s[0]
     first, last = np.searchsorted(since, [start_s, end_s])
-    part = slice(int(first), int(last))
-    return replace(
-        recording,
-        time_s=recording.time_s[part],
-        pv=recording.pv[part],
-        op=recording.op[part],
-        sp=None if recording.sp is None else recording.sp[part],
-        automatic=None if recording.automatic is None else recording.automatic[part],
-        others={name: signal[part] for name, signal in recording.others.items()},
-    )
+    return recording.part(slice(int(first), int(last)))
 
 
 def _can_be_limit_cycle(oscillation: Oscillation) -> bool:

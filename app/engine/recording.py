@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,18 @@ class Recording:
     def samples(self) -> int:
         return len(self.time_s)
 
+    def part(self, which: slice) -> "Recording":
+        """Those samples alone, at their times."""
+        return replace(
+            self,
+            time_s=self.time_s[which],
+            pv=self.pv[which],
+            op=self.op[which],
+            sp=None if self.sp is None else self.sp[which],
+            automatic=None if self.automatic is None else self.automatic[which],
+            others={name: signal[which] for name, signal in self.others.items()},
+        )
+
     def fingerprint(self) -> str:
         """SHA-256 over times and signals: the same samples give the same fingerprint, on any machine."""
         digest = hashlib.sha256()
@@ -83,3 +95,14 @@ class UniformRecord:
     @property
     def samples(self) -> int:
         return len(self.pv)
+
+    def part(self, which: slice) -> "UniformRecord":
+        """Those samples alone; the slice has a start."""
+        return UniformRecord(
+            self.sampling_interval_s,
+            self.pv[which],
+            self.op[which],
+            None if self.sp is None else self.sp[which],
+            self.filled[which],
+            self.start_s + which.start * self.sampling_interval_s,
+        )

@@ -71,7 +71,7 @@ def test_a_recording_that_is_not_fit_has_no_oscillation():
 
 @pytest.mark.parametrize("samples", [2300, 2500])
 def test_a_rest_begins_where_pv_and_op_have_settled(samples: int):
-    loop = first_samples(recorded(STICKY, 30.0, at=900.0), samples)
+    loop = recorded(STICKY, 30.0, at=900.0).part(slice(samples))
     start_s = prepare(loop).fitness.audited.start_s
     assert 910.0 < start_s < 1200.0
 
@@ -107,15 +107,3 @@ def test_the_checks_of_a_rest_are_its_own():
     prepared = prepare(coarse)
     assert prepared.rest_of is not None
     assert "pv_quantised" in {finding.code for finding in prepared.fitness.findings if finding.outcome == "fail"}
-
-
-def first_samples(recording: Recording, samples: int) -> Recording:
-    return replace(
-        recording,
-        time_s=recording.time_s[:samples],
-        pv=recording.pv[:samples],
-        op=recording.op[:samples],
-        sp=recording.sp[:samples],
-        automatic=recording.automatic[:samples],
-        others={},
-    )

@@ -24,12 +24,4 @@ def at_rest(record: UniformRecord) -> UniformRecord | None:
     first, last = int(edges[longest]), int(edges[longest + 1])
     if last - first < max(_FEWEST_SAMPLES, _LEAST_SHARE * record.samples):
         return None
-    part = slice(first, last)
-    return UniformRecord(
-        record.sampling_interval_s,
-        record.pv[part],
-        record.op[part],
-        record.sp[part],
-        record.filled[part],
-        record.start_s + first * record.sampling_interval_s,
-    )
+    return record.part(slice(first, last))
