@@ -12,7 +12,7 @@ from app.ingest.frames import UNREADABLE
 from app.ingest.marks import POINTED, DoubtfulMarks
 from app.ingest.model import NANOSECONDS, FloatArray, IngestOptions, TimeArray
 from app.ingest.stamps import NO_TIME, TimeReader, find_form
-from app.ingest.values import odd_numbers, same_tag
+from app.ingest.values import odd_numbers, same_tag, tagged
 from app.ingest.writing import MARKED, Writing
 
 SEPARATORS = ",;\t"
@@ -78,21 +78,10 @@ class NamedTable:
         parted = self._separator == ","
         points = parted and any(column.str.contains(POINTED).any() for column in columns)
         writing = Writing("," if points else "", marks=DoubtfulMarks("thousands" if parted else "decimals"))
-        odd, plain = _by_tag(columns, [self._is_written(column) for column in columns])
-        writing.learn(odd["text"], odd["tag"], lambda: plain)
+        written = [(column, pl.Series(self._is_written(column))) for column in columns]
+        odd = tagged((column.name, column.filter(at)) for column, at in written)
+        writing.learn(odd["text"], odd["tag"], lambda: tagged((c.name, c.filter(~at)) for c, at in written))
         return writing
-
-
-def _by_tag(columns: list[pl.Series], where: list[np.ndarray]) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Tag and text of the fields there, and of the others."""
-    empty = pl.DataFrame(schema={"tag": pl.String, "text": pl.String})
-
-    def of(parts: list[tuple[str, pl.Series]]) -> pl.DataFrame:
-        return pl.concat([empty, *(pl.DataFrame({"tag": same_tag(tag, len(t)), "text": t}) for tag, t in parts)])
-
-    chosen = [(column.name, column.filter(pl.Series(at))) for column, at in zip(columns, where, strict=True)]
-    others = [(column.name, column.filter(pl.Series(~at))) for column, at in zip(columns, where, strict=True)]
-    return of(chosen), of(others)
 
 
 def read_named(path: Path, options: IngestOptions) -> NamedTable:

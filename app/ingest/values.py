@@ -1,6 +1,7 @@
 """Columns of values: text in numeric columns, numbers that are none, sentinels. What is refused becomes NaN and is
 counted."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,6 +40,12 @@ def odd_numbers(texts: pl.Series, tags: pl.Series, writing: Writing) -> OddNumbe
 
 def same_tag(tag: str, count: int) -> pl.Series:
     return pl.repeat(tag, count, dtype=pl.String, eager=True)
+
+
+def tagged(parts: Iterable[tuple[str, pl.Series]]) -> pl.DataFrame:
+    """Tag and text of the texts of each tag."""
+    empty = pl.DataFrame(schema={"tag": pl.String, "text": pl.String})
+    return pl.concat([empty, *(pl.DataFrame({"tag": same_tag(tag, len(t)), "text": t}) for tag, t in parts)])
 
 
 def says_something(texts: pl.Series) -> NDArray[np.bool_]:

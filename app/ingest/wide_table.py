@@ -22,7 +22,7 @@ from app.ingest.spilling import PartOfLoop, Spill
 from app.ingest.spreading import Spreader
 from app.ingest.stamps import NO_TIME, TimeReader, to_numbers
 from app.ingest.tally import Tally
-from app.ingest.values import is_sentinel, refuse_texts, same_tag
+from app.ingest.values import is_sentinel, refuse_texts, tagged
 from app.ingest.writing import MARKED, SENTINELS
 
 
@@ -269,8 +269,7 @@ class WideTable:
             return
 
         def of(left: bool) -> pl.DataFrame:
-            parts = ((group.values[p].tag, columns[p].filter(pl.Series(at == left))) for p, at in found.items())
-            return pl.concat([pl.DataFrame({"tag": same_tag(tag, len(t)), "text": t}) for tag, t in parts])
+            return tagged((group.values[p].tag, columns[p].filter(pl.Series(at == left))) for p, at in found.items())
 
         odd = of(True)
         self._tally.writing.learn(odd["text"], odd["tag"], lambda: of(False), self._begun.__contains__)
