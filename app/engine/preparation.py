@@ -11,8 +11,6 @@ from app.engine.recording import FloatArray, Recording, UniformRecord
 
 # A part is judged for the whole only where it swings beyond doubt.
 _STRONG_SWING, _FEWEST_CYCLES = 0.6, 5.0
-# A set point stands where it moves by less than this share of what it does in the whole stretch.
-_STANDS = 0.01
 # PV and OP have settled where they stay within their later range, widened by this share.
 _WIDER = 0.1
 
@@ -50,9 +48,7 @@ def prepare(recording: Recording, config: FitnessConfig | None = None) -> Prepar
 
 def _settled_rest(whole: UniformRecord) -> UniformRecord | None:
     rest = at_rest(whole)
-    if rest is None or rest.sp is None or whole.sp is None or np.ptp(rest.sp) > _STANDS * np.ptp(whole.sp):
-        return None
-    if rest.start_s == whole.start_s:
+    if rest is None or rest.start_s == whole.start_s:
         return rest
     return rest.part(slice(max(_settled_from(rest.pv), _settled_from(rest.op)), None))
 

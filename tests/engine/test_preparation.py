@@ -93,6 +93,24 @@ def test_a_set_point_that_creeps_does_not_rest():
     assert prepare(loop).rest_of is None
 
 
+def test_a_set_point_rests_where_only_noise_moves_it():
+    loop = recorded(STICKY, 30.0)
+    noise = 0.02 * np.random.default_rng(3).standard_normal(loop.samples)
+    prepared = prepare(replace(loop, sp=loop.sp + noise))
+    assert prepared.rest_of is not None
+    assert prepared.fitness.audited.samples == pytest.approx(MOVE_AT, abs=3)
+
+
+@pytest.mark.parametrize("odd", [0.0, 1e6])
+def test_a_single_odd_sample_ends_no_rest(odd: float):
+    loop = recorded(STICKY, 30.0)
+    sp = loop.sp.copy()
+    sp[700] = odd
+    prepared = prepare(replace(loop, sp=sp))
+    assert prepared.rest_of is not None
+    assert prepared.fitness.audited.samples == pytest.approx(MOVE_AT, abs=3)
+
+
 def test_a_rest_that_could_not_be_audited_by_itself_is_not_judged_alone():
     """Its ripple has too few samples a cycle to have a shape."""
     rippled = replace(healthy(), noise=Signal(waves=(Wave(0.5, 3.3),), noise_sd=0.05))

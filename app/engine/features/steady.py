@@ -1,27 +1,48 @@
 """The stretch of a record over which the set point rests."""
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
 
-from app.engine.recording import UniformRecord
+from app.engine.recording import FloatArray, UniformRecord
 
 # A record that mostly follows its set point shows the following, not the valve: where this much of PV comes from SP...
 _FOLLOWS = 0.5
 # ...the longest rest of SP is looked at beside the whole, if it is long enough to show an oscillation.
 _FEWEST_SAMPLES, _LEAST_SHARE = 150, 0.3
-_SAME = 1e-3
+# A set point rests where it stays within this share of its whole range, but for single samples.
+_STANDS = 0.01
+_ODD_SAMPLES = 5
 
 
 def at_rest(record: UniformRecord) -> UniformRecord | None:
     """The longest stretch with SP at rest, where PV mostly follows SP over the whole record; else None."""
     if record.sp is None or not np.all(np.isfinite(record.sp)):
         return None
-    span = float(np.ptp(record.sp))
-    if span <= 0.0 or np.corrcoef(record.pv, record.sp)[0, 1] ** 2 < _FOLLOWS:
+    steady = median_filter(record.sp, _ODD_SAMPLES, mode="nearest")
+    span = float(np.ptp(steady))
+    if span <= 0.0 or np.corrcoef(record.pv, steady)[0, 1] ** 2 < _FOLLOWS:
         return None
-    moves = np.flatnonzero(np.abs(np.diff(record.sp)) > _SAME * span) + 1
-    edges = np.concatenate(([0], moves, [record.samples]))
-    longest = int(np.argmax(np.diff(edges)))
-    first, last = int(edges[longest]), int(edges[longest + 1])
-    if last - first < max(_FEWEST_SAMPLES, _LEAST_SHARE * record.samples):
+    fewest = int(np.ceil(max(_FEWEST_SAMPLES, _LEAST_SHARE * record.samples)))
+    part = _longest_within(steady, _STANDS * span, fewest)
+    return None if part is None else record.part(part)
+
+
+def _longest_within(x: FloatArray, band: float, fewest: int) -> slice | None:
+    """The longest part of x (n,) that stays within `band`; None where none of `fewest` values does."""
+    part = _first_within(x, band, fewest)
+    shortest, too_long = fewest, len(x) + 1
+    while part is not None and too_long - shortest > 1:
+        length = (shortest + too_long) // 2
+        longer = _first_within(x, band, length)
+        shortest, too_long, part = (length, too_long, longer) if longer else (shortest, length, part)
+    return part
+
+
+def _first_within(x: FloatArray, band: float, length: int) -> slice | None:
+    """The first part of `length` values of x (n,) that stays within `band`."""
+    if length > len(x):
         return None
-    return record.part(slice(first, last))
+    ranges = maximum_filter1d(x, length) - minimum_filter1d(x, length)
+    middle = length // 2
+    starts = np.flatnonzero(ranges[middle : middle + len(x) - length + 1] <= band)
+    return slice(int(starts[0]), int(starts[0]) + length) if len(starts) else None
