@@ -14,7 +14,7 @@ from pathlib import Path
 
 KEPT_S = 30 * 86400.0  # since a source was last started
 ENGINE = Path(__file__).parent / "engine"
-READERS = (Path(__file__).parent / "ingest" / "scan_kernel.py",)  # kernels that import nothing of ours
+READERS = tuple(Path(__file__).parent / "ingest" / f"{name}.py" for name in ("scan_kernel", "kind_kernel", "kinds"))
 IMPORTED = re.compile(r"^\s*(?:from|import) app\.engine([^\n(]*(?:\([^)]*\))?)", re.MULTILINE)
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from app.ingest.ahead import ahead, side_by_side
 from app.ingest.head import split_line
+from app.ingest.kinds import WITH, kinds_of
 from app.ingest.marks import has_points, pointed
 from app.ingest.opening import Lines, TextFile
 from app.ingest.plans import LongPlan
@@ -43,6 +44,11 @@ class Dialect:
         return self.decimal_mark == "," and self.marks_told
 
     @property
+    def marks_doubtful(self) -> bool:
+        """Whether any mark may part thousands."""
+        return not self.marks_told and self.delimiter != ","
+
+    @property
     def points_doubtful(self) -> bool:
         """Whether a point may part thousands: beside decimal commas alone where those are told or part the fields."""
         return self.decimal_mark == "," if self.marks_told else self.delimiter != ","
@@ -53,7 +59,8 @@ class Rows:
     """Rows of a file. Row i of `frame` is line `first + i`; a line that could not be split is a row of nulls. `data`
     is the text. Of a table of many columns the numbers are in `block` (rows, width), not in `frame`; of plain rows of a
     long table all is in `scan`. `pointed`: by column, where numbers that were read have a point that may part
-    thousands."""
+    thousands. `kinds` (width,), where marks are in doubt: of each column's fields; then all numbers were read as if
+    marks stood before decimals, and none is in `pointed`."""
 
     frame: pl.DataFrame
     first: int
@@ -62,6 +69,7 @@ class Rows:
     block: "Numbers | None" = None
     scan: Scan | None = None  # then `frame` holds nothing
     pointed: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    kinds: NDArray[np.uint8] | None = None
 
     @property
     def height(self) -> int:
@@ -157,9 +165,7 @@ class FrameReader:
         self._scanner: Scanner | None = None
 
     def scanning(self, plan: LongPlan) -> Scanner | None:
-        self._scanner = Scanner(
-            plan, self._dialect.delimiter, self._dialect.decimal_mark if self._dialect.marks_told else "\0"
-        )
+        self._scanner = Scanner(plan, self._dialect.delimiter, self._dialect.decimal_mark, self._dialect.marks_doubtful)
         return self._scanner
 
     def rows(self, first_row: int, columns: Sequence[int] | None = None) -> Iterator[Rows]:
@@ -191,7 +197,7 @@ class FrameReader:
         """Columns of the rows as the text they were written in."""
         schema: dict[str, pl.DataType] = {name: pl.String() for name in self._types}
         try:
-            texts = self._parse(rows.data, schema, sorted(columns))
+            texts = self._parse(rows.data, schema, sorted(columns), decimal_comma=False)
             if texts.height == rows.frame.height:
                 return texts
         except UNREADABLE:
@@ -227,8 +233,8 @@ class FrameReader:
         return self._part(lines) if scan is None else Rows(pl.DataFrame(), lines.first, lines.data, scan=scan)
 
     def _part(self, lines: Lines) -> Rows:
-        rows = self._read_chunk(lines)
-        if self._dialect.points_doubtful and has_points(rows.data, self._dialect.delimiter):
+        rows = self._read_in_kinds(lines) or self._read_chunk(lines, self._dialect.decimal_comma)
+        if rows.kinds is None and self._dialect.points_doubtful and has_points(rows.data, self._dialect.delimiter):
             numbers = [index for index in self._columns if index not in self._texts]
             rows = replace(rows, pointed=pointed(self.texts(rows, numbers)))
         for name in rows.frame.columns:
@@ -236,17 +242,28 @@ class FrameReader:
                 self._types[name] = pl.String()  # it hardly repeats: numbering costs more than it saves
         return rows
 
-    def _read_block(self, lines: Lines) -> Rows | None:
+    def _read_in_kinds(self, lines: Lines) -> Rows | None:
+        """A chunk whose marks are in doubt, with the kinds of its fields. None where these are not seen."""
+        dialect = self._dialect
+        kinds = kinds_of(lines, dialect.delimiter, dialect.width) if dialect.marks_doubtful else None
+        if kinds is None:
+            return None
+        rows = self._read_chunk(lines, decimal_comma=bool(np.any(kinds & WITH[","])))
+        return replace(rows, kinds=kinds)
+
+    def _read_block(self, lines: Lines, decimal_comma: bool) -> Rows | None:
         """A chunk of plain rows, all of full length: its fields are one column of numbers to polars, and only the
         columns of text are parted. None where it is no such chunk. Without quotes, polars gives a line a row."""
         delimiter, width = self._dialect.delimiter.encode(), self._dialect.width
         if b'"' in lines.data or not _all_have(lines, delimiter, width - 1):
             return None
         try:
-            fields = self._parse(lines.data.replace(delimiter, b"\n"), {FIELD: pl.Float64()}, [0], BETWEEN_FIELDS)
+            fields = self._parse(
+                lines.data.replace(delimiter, b"\n"), {FIELD: pl.Float64()}, [0], decimal_comma, BETWEEN_FIELDS
+            )
             frame = self._first_fields(lines)
             if frame is None:
-                frame = self._parse(lines.data, self._schema(), self._texts)
+                frame = self._parse(lines.data, self._schema(), self._texts, decimal_comma)
         except (*UNREADABLE, UnicodeDecodeError):
             return None
         shape = (lines.count, width)
@@ -267,22 +284,27 @@ class FrameReader:
         texts = {name_of(index): [row[index].decode() or None for row in rows] for index in self._texts}
         return pl.DataFrame(texts, schema=dict.fromkeys(texts, pl.String))
 
-    def _read_chunk(self, lines: Lines) -> Rows:
-        rows = self._read_block(lines) if self._blocks else None
+    def _read_chunk(self, lines: Lines, decimal_comma: bool) -> Rows:
+        rows = self._read_block(lines, decimal_comma) if self._blocks else None
         if rows is not None:
             return rows
         if _quotes_close(lines.data):
             try:
-                frame = self._parse(lines.data, self._schema(), self._columns)
+                frame = self._parse(lines.data, self._schema(), self._columns, decimal_comma)
                 if frame.height == lines.count:
                     return Rows(frame, lines.first, lines.data)
             except UNREADABLE:
                 pass  # the chunk has odd rows: they are found line by line
         data, faults = self._cleaned(lines)
-        return Rows(self._parse(data, self._schema(), self._columns), lines.first, data, faults)
+        return Rows(self._parse(data, self._schema(), self._columns, decimal_comma), lines.first, data, faults)
 
     def _parse(
-        self, data: bytes, schema: dict[str, pl.DataType], columns: list[int], separator: str = ""
+        self,
+        data: bytes,
+        schema: dict[str, pl.DataType],
+        columns: list[int],
+        decimal_comma: bool,
+        separator: str = "",
     ) -> pl.DataFrame:
         return pl.read_csv(
             io.BytesIO(data),
@@ -290,7 +312,7 @@ class FrameReader:
             schema=schema,
             columns=None if len(columns) == len(schema) else columns,
             separator=separator or self._dialect.delimiter,
-            decimal_comma=self._dialect.decimal_comma and self._dialect.delimiter != ",",
+            decimal_comma=decimal_comma and self._dialect.delimiter != ",",
             quote_char='"' if b'"' in data else None,
             ignore_errors=True,
             missing_columns="insert",

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from app.errors import DataError
 from app.ingest.frames import NUMBERED, RowReader, Rows, name_of
 from app.ingest.grouping import Grouping, Place
+from app.ingest.kinds import IN_DOUBT, tells_nothing
+from app.ingest.marks import marked
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
 from app.ingest.modes import automatic_flags, flags_of_numbers
 from app.ingest.order import in_order, last_of_repeats
@@ -98,6 +100,7 @@ class LongTable:
         return np.array(self._parts, dtype=np.uint8)
 
     def _gather(self, rows: Rows, reader: RowReader) -> Gathered:
+        self._tags_before = len(self._places)
         if rows.scan is None:
             return self._of_frame(rows, reader)
         scanned = None if self._tally.writing.own else self._of_scan(rows, rows.scan)
@@ -110,7 +113,10 @@ class LongTable:
         each_ns = self._time.read(scan.times.texts)
         if np.any(each_ns == NO_TIME) or self._quality.bad(scan.qualities.texts).any():
             return None
-        codes = self._numbered_scan(scan)
+        number_of_code = self._numbers_of_codes(scan)
+        codes = number_of_code[scan.codes]
+        if not self._tells_nothing(scan, codes, number_of_code):
+            return None
         time_ns, values = np.repeat(each_ns, scan.times.lengths), scan.values
         if self._modes.any():
             modes = np.flatnonzero(self._modes[codes] & ~np.isnan(values))
@@ -123,18 +129,36 @@ class LongTable:
         self._tally.rows_kept += len(gathered)
         return gathered
 
-    def _numbered_scan(self, scan: Scan) -> NDArray[np.uint32]:
-        if not scan.new:
-            return scan.codes
+    def _numbers_of_codes(self, scan: Scan) -> NDArray[np.uint32]:
         before = len(self._places)
         numbers = [self._number_of_tag(tag) for tag in scan.new]
         if len(self._places) > before:
             self._note_places()
-        return np.append(np.arange(scan.known, dtype=np.uint32), np.array(numbers, dtype=np.uint32))[scan.codes]
+        return np.append(np.arange(scan.known, dtype=np.uint32), np.array(numbers, dtype=np.uint32))
+
+    def _tells_nothing(self, scan: Scan, codes: NDArray[np.uint32], number_of_code: NDArray[np.uint32]) -> bool:
+        """Whether the values of each tag are those that they are without what they tell of marks."""
+        kinds = np.zeros(len(self._places), dtype=np.uint8)
+        kinds[number_of_code] = scan.kinds
+        doubtful = (kinds & IN_DOUBT != 0) & self._usable & ~self._modes
+        if not doubtful.any():
+            return True
+        thousands = self._tally.writing.thousands
+        if not all(tells_nothing(int(found), thousands) for found in np.unique(kinds[doubtful])):
+            return False
+        given = codes[~np.isnan(scan.values)]
+        return self._are_decimals(given[doubtful[given]])
+
+    def _are_decimals(self, codes: NDArray[np.uint32]) -> bool:
+        """Whether the marks of the tags of rows, in the order in which they come, stand before decimals."""
+        first = np.full(len(self._places), -1)
+        first[codes[::-1]] = np.arange(len(codes))[::-1]
+        numbers = np.flatnonzero(first >= 0)
+        in_order = numbers[np.argsort(first[numbers])]
+        return all(self._tally.writing.are_decimals(self._places[number].tag) for number in in_order)
 
     def _of_frame(self, rows: Rows, reader: RowReader) -> Gathered:
         frame = rows.frame
-        self._tags_before = len(self._places)
         tags = frame[name_of(self._plan.tag)]
         texts = joined_times(frame, self._plan.time)
         time_ns = self._read_times(texts)
@@ -237,6 +261,8 @@ class LongTable:
         numbers = rows.numbers([self._plan.value])
         values, missing = numbers.values[:, 0], numbers.missing[:, 0]
         modes = self._modes[codes] if self._modes.any() else np.zeros(len(codes), dtype=bool)
+        if self._may_tell(rows, values, codes, kept & ~modes):
+            missing |= marked(reader.texts(rows, [self._plan.value]).to_series(0))
         if missing.any() or self._tally.writing.own:
             self._read_odd(rows, values, missing, modes, kept, reader)
         if modes.any():
@@ -248,6 +274,17 @@ class LongTable:
             self._refuse(rows, "not_finite", at, (f"{values[row]}" for row in at))
         values[~np.isfinite(values)] = np.nan
         return values
+
+    def _may_tell(
+        self, rows: Rows, values: FloatArray, codes: NDArray[np.uint32], of_numbers: NDArray[np.bool_]
+    ) -> bool:
+        """Whether marks are in doubt, and not for sure those that they were taken for."""
+        kinds = 0 if rows.kinds is None else int(rows.kinds[self._plan.value])
+        if not kinds & IN_DOUBT:
+            return False
+        if self._tally.writing.own or not tells_nothing(kinds, self._tally.writing.thousands):
+            return True
+        return not self._are_decimals(codes[of_numbers & np.isfinite(values)])
 
     def _read_odd(
         self,

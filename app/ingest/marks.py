@@ -4,7 +4,7 @@ Either may be meant where exactly three digits follow one to three others that d
 thousand.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 
 import numpy as np
 import polars as pl
@@ -63,12 +63,13 @@ class DoubtfulMarks:
 
     def meant(self, tag: str) -> str:
         """decimals, thousands or nothing where it is not clear; the same from now on."""
-        known = [found for found in self._of.values() if found]
-        return self._of.setdefault(tag, known[0] if known else self._usual)
+        if tag not in self._of:
+            self._of[tag] = next(filter(None, self._of.values()), self._usual)
+        return self._of[tag]
 
-    def met(self) -> list[str]:
+    def met(self) -> Collection[str]:
         """The tags whose marks were in doubt before the file told them."""
-        return list(self._of)
+        return self._of.keys()
 
     def as_file(self, *found: str) -> list[str]:
         """The tags whose marks were read so as the file tells."""
@@ -167,6 +168,11 @@ def _is_one_of(found: np.ndarray, *bytes_: int) -> np.ndarray:
 def all_doubtful(texts: pl.Series) -> bool:
     """Whether there are numbers among texts, all with a mark that may part thousands: none tells how it is meant."""
     return bool(texts.str.contains(ALL_DOUBTFUL).all() and texts.str.contains(r"\d").any())
+
+
+def marked(texts: pl.Series) -> np.ndarray:
+    """Where numbers with a mark stand that may part thousands, and whatever has a comma."""
+    return texts.str.contains(f",|{POINTED}").fill_null(False).to_numpy()
 
 
 def pointed(texts: pl.DataFrame) -> dict[str, np.ndarray]:

@@ -1,37 +1,29 @@
 """Rows of a long table in one pass over their bytes, compiled: most of what a row says stood in an earlier one."""
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Bytes = NDArray[np.uint8]
+from app.ingest.kind_kernel import COMMA_BYTE, COMPILED, MINUS, ZERO, Bytes, ends_field, is_digit, kind_of
+
 Words = NDArray[np.uint64]  # the eight bytes from each byte on
 Numbers = NDArray[np.int64]
 Table = NDArray[np.int32]
 
-# Nothing is made here, so nothing is counted either: counting arrays at each call took two thirds of the time.
-COMPILED: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
 TIME, QUALITY, TAG, VALUE, OTHER = 0, 1, 2, 3, 4  # what stands in a column
 NEW = TAG  # of `counts`
 NONE = -1
 WORD = 8
-LINE_FEED, RETURN, QUOTE, MINUS, ZERO, NINE = 10, 13, 34, 45, 48, 57
+LINE_FEED, RETURN, QUOTE = 10, 13, 34
 MOST_DIGITS = 18  # so many fit in 64 bits
 EXACT = 1 << 53  # a whole number up to here over a power of ten up to 10**22 is the double next to the decimal number
 POWERS = np.array([10.0**digits for digits in range(MOST_DIGITS + 1)])
 
 
 @njit(**COMPILED)
-def _ends_field(byte: int, delimiter: int) -> bool:
-    return byte in (delimiter, LINE_FEED, RETURN)
-
-
-@njit(**COMPILED)
 def _field_end(data: Bytes, at: int, delimiter: int) -> int:
     """Where the field that begins at `at` ends; NONE where it has a quote."""
-    while not _ends_field(data[at], delimiter):
+    while not ends_field(data[at], delimiter):
         if data[at] == QUOTE:
             return NONE
         at += 1
@@ -44,7 +36,7 @@ def _stands_at(data: Bytes, words: Words, at: int, delimiter: int, text: Words, 
     very start of the data, where no whole word ends with it: who asks takes it for another one."""
     length = end - start
     stop = at + length
-    same = stop < len(data) and stop >= WORD and end >= WORD and _ends_field(data[stop], delimiter)
+    same = stop < len(data) and stop >= WORD and end >= WORD and ends_field(data[stop], delimiter)
     i = 0
     while same and i + WORD < length:
         same = words[at + i] == text[start + i]
@@ -131,20 +123,20 @@ def _run_end(
 
 
 @njit(**COMPILED)
-def _number_at(data: Bytes, at: int, decimal_mark: int) -> tuple[int, float]:
-    """Where the decimal number at `at` ends, and itself, NaN where none stands. NONE where it is written otherwise or
-    too long to be exact."""
+def _number_at(data: Bytes, at: int, decimal_mark: int) -> tuple[int, float, int]:
+    """Where the decimal number at `at` ends, itself, NaN where none stands, and its kind, 0 there. NONE where it is
+    written otherwise or too long to be exact."""
     negative = data[at] == MINUS
     at += negative
-    start, whole, decimals = at, 0, 0
-    while ZERO <= data[at] <= NINE and at - start <= MOST_DIGITS:
+    start, first, whole, decimals = at, data[at], 0, 0
+    while is_digit(data[at]) and at - start <= MOST_DIGITS:
         whole = 10 * whole + (data[at] - ZERO)
         at += 1
     digits = at - start
     if digits and data[at] == decimal_mark:
         at += 1
         start = at
-        while ZERO <= data[at] <= NINE and at - start <= MOST_DIGITS:
+        while is_digit(data[at]) and at - start <= MOST_DIGITS:
             whole = 10 * whole + (data[at] - ZERO)
             at += 1
         decimals = at - start
@@ -153,7 +145,8 @@ def _number_at(data: Bytes, at: int, decimal_mark: int) -> tuple[int, float]:
     if digits + decimals > MOST_DIGITS or whole > EXACT or (negative and not digits):
         at, decimals = NONE, 0
     value = whole / POWERS[decimals] if digits else np.nan
-    return at, -value if negative else value
+    kind = kind_of(first, digits, decimals, decimal_mark == COMMA_BYTE) if digits else 0
+    return at, -value if negative else value, kind
 
 
 @njit(**COMPILED)
@@ -167,6 +160,7 @@ def read_rows(
     table: Table,
     codes: NDArray[np.uint32],
     values: NDArray[np.float64],
+    kinds: NDArray[np.uint8],
     fresh: Numbers,
     runs: Numbers,
     counts: Numbers,
@@ -175,14 +169,15 @@ def read_rows(
 
     marks: delimiter and decimal mark. columns: what stands in each. texts, bounds, table: the known tags, as for
     `fill_table`; new ones come into the table. Written: codes, values (n,) of the rows, NaN where no value stands;
-    fresh (m, 2): where new tags stand in the data, their codes follow the known ones; runs (2, k, 3): of rows one
-    after the other with one time, and with one quality, the first row and where it stands; counts (3,) of both and of
-    new tags.
+    kinds (known + m,) of each tag's values; fresh (m, 2): where new tags stand in the data, their codes follow the
+    known ones; runs (2, k, 3): of rows one after the other with one time, and with one quality, the first row and
+    where it stands; counts (3,) of both and of new tags.
     """
     delimiter, decimal_mark = marks
     counts[:] = 0
     row, at, code = 0, 0, len(bounds) - 2
     while at < len(data):
+        kind_of_value = 0
         for column in range(len(columns)):
             kind, start = columns[column], at
             if kind == TAG:
@@ -199,7 +194,7 @@ def read_rows(
             elif kind in (TIME, QUALITY):
                 at = _run_end(data, words, start, delimiter, row, runs, counts, kind)
             elif kind == VALUE:
-                at, values[row] = _number_at(data, start, decimal_mark)
+                at, values[row], kind_of_value = _number_at(data, start, decimal_mark)
             else:
                 at = _field_end(data, start, delimiter)
             if at == NONE:
@@ -209,5 +204,6 @@ def read_rows(
             if data[at] != (LINE_FEED if last else delimiter):
                 return False
             at += 1
+        kinds[code] |= kind_of_value
         row += 1
     return True

@@ -6,12 +6,12 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from app.ingest.kinds import LEAST_BYTES
 from app.ingest.model import FloatArray
 from app.ingest.opening import Lines
 from app.ingest.plans import LongPlan
 from app.ingest.stamps import TimeForm
 
-LEAST_BYTES = 4 << 20  # of a chunk; below this it takes longer to load what is compiled
 MOST_NEW = 1 << 16  # tags that a chunk may bring
 LEAST_RUNS = 64  # from so many on, a run of rows with one text must have
 ROWS_A_RUN = 4  # so many rows on average
@@ -35,12 +35,13 @@ class Runs:
 @dataclass(frozen=True, eq=False)
 class Scan:
     """Plain rows: codes (n,) of tags, the first `known` in the order in which they were learnt, behind them `new`;
-    values (n,), NaN where none stands."""
+    values (n,), NaN where none stands; kinds (known + new,) of each tag's values where marks are in doubt, else 0."""
 
     codes: NDArray[np.uint32]
     known: int
     new: list[str]
     values: FloatArray
+    kinds: NDArray[np.uint8]
     times: Runs
     qualities: Runs
 
@@ -58,8 +59,9 @@ class Scanner:
     """Reads chunks of plain rows, several at a time: rows of full width without quotes, whose values are decimal
     numbers or missing, in which times and qualities stay the same over some rows."""
 
-    def __init__(self, plan: LongPlan, delimiter: str, decimal_mark: str) -> None:
-        self._plan = plan
+    def __init__(self, plan: LongPlan, delimiter: str, decimal_mark: str, in_doubt: bool) -> None:
+        """in_doubt: the mark may part thousands as well."""
+        self._plan, self._in_doubt = plan, in_doubt
         self._marks = (ord(delimiter), ord(decimal_mark))
         self._possible = len(plan.time) == 1 and max(self._marks) < 128 and delimiter != decimal_mark
         self._tags: list[str] = []
@@ -95,6 +97,7 @@ class Scanner:
         known = self._known_tags()
         n = lines.count
         codes, values = np.empty(n, dtype=np.uint32), np.empty(n)
+        kinds = np.zeros(len(known.bounds) - 1 + MOST_NEW, dtype=np.uint8)
         fresh = np.empty((MOST_NEW, 2), dtype=np.int64)
         runs = np.empty((2, LEAST_RUNS + n // ROWS_A_RUN, 3), dtype=np.int64)
         counts = np.zeros(3, dtype=np.int64)
@@ -108,6 +111,7 @@ class Scanner:
             known.table.copy(),
             codes,
             values,
+            kinds,
             fresh,
             runs,
             counts,
@@ -119,7 +123,9 @@ class Scanner:
             times, qualities = (_runs(lines.data, found[:count], n) for found, count in zip(runs, counts, strict=False))
         except UnicodeDecodeError:
             return None
-        return Scan(codes, len(known.bounds) - 1, new, values, times, qualities)
+        tags = len(known.bounds) - 1
+        kinds = kinds[: tags + len(new)] * self._in_doubt
+        return Scan(codes, tags, new, values, kinds, times, qualities)
 
     def _known_tags(self) -> _Known:
         known = self._known
@@ -140,7 +146,8 @@ class Scanner:
 
 def warm_up() -> None:
     """Compiles or loads what reads rows: the first large file otherwise waits for it."""
-    Scanner(LongPlan("long", 0, 3, (0,), TimeForm("text"), 1, 2), ",", ".").scan(Lines(b"noon,FIC101.PV,1.5\n", 1, 1))
+    plan = LongPlan("long", 0, 3, (0,), TimeForm("text"), 1, 2)
+    Scanner(plan, ",", ".", in_doubt=False).scan(Lines(b"noon,FIC101.PV,1.5\n", 1, 1))
 
 
 def _told(tags: list[str]) -> _Known:

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from app.ingest.frames import Numbers, RowReader, Rows, name_of
 from app.ingest.grouping import Grouping
-from app.ingest.marks import all_doubtful
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
 from app.ingest.modes import automatic_flags
+from app.ingest.odd_fields import ChunkColumns, OddFields
 from app.ingest.order import in_order, last_of_repeats, without_stutter
 from app.ingest.pieces import Grid, joined_grid
 from app.ingest.plans import TimedColumns, ValueColumn, WidePlan
@@ -22,8 +22,8 @@ from app.ingest.spilling import PartOfLoop, Spill
 from app.ingest.spreading import Spreader
 from app.ingest.stamps import NO_TIME, TimeReader, to_numbers
 from app.ingest.tally import Tally
-from app.ingest.values import is_sentinel, refuse_texts, tagged
-from app.ingest.writing import MARKED, SENTINELS
+from app.ingest.values import is_sentinel
+from app.ingest.writing import SENTINELS
 
 
 @dataclass(eq=False)
@@ -46,7 +46,7 @@ class WideTable:
         self._plan, self._grouping, self._options, self._log, self._tally = plan, grouping, options, log, tally
         self._times = [TimeReader(group.form, options) for group in plan.groups]
         self._spreaders: list[Spreader] = []
-        self._begun: set[str] = set()  # tags of which a chunk was read
+        self._odd_fields = OddFields(tally.writing, log)
         grouping.place_all(value.tag for group in plan.groups for value in group.values)
         self._places = {value.index: grouping.place(value.tag) for group in plan.groups for value in group.values}
         self._modes = frozenset(index for index, place in self._places.items() if place.signal == "MODE")
@@ -188,8 +188,8 @@ class WideTable:
         else:
             numbers = self._with_modes(rows, group, modes)
             self._refuse_modes(rows, group, numbers.values, modes, kept)
-        self._refuse_texts(rows, group, numbers, reader, kept)
-        self._begun.update(value.tag for value in group.values)
+        plain = {position: value for position, value in enumerate(group.values) if not self._is_mode(value)}
+        self._odd_fields.read(ChunkColumns(rows, plain, numbers, kept, reader))
         self._refuse_odd_numbers(rows, group, numbers, kept)
         self._refuse_quality(rows, group, numbers.values, reader, kept)
         return numbers.values
@@ -223,56 +223,6 @@ class WideTable:
                 self._log.add_many(
                     "unknown_mode", lines, (str(texts[int(row)]) for row in at), group.values[position].tag
                 )
-
-    def _refuse_texts(
-        self,
-        rows: Rows,
-        group: TimedColumns,
-        numbers: Numbers,
-        reader: RowReader,
-        kept: NDArray[np.bool_],
-    ) -> None:
-        """Fields that are no numbers to the fast reader, or not for sure, are read again as text, only in the columns
-        that have any; but for points in columns of doubtful marks alone, which tell nothing."""
-        writing = self._tally.writing
-        own = [p for p, value in enumerate(group.values) if value.tag in writing.own and not self._is_mode(value)]
-        odd = sorted({*np.flatnonzero(numbers.missing.any(axis=0)).tolist(), *own})
-        if not odd:
-            return
-        texts = reader.texts(rows, [group.values[i].index for i in odd])
-        filled = [p for p, count in zip(odd, texts.null_count().row(0), strict=True) if count < texts.height]
-        columns = {p: texts[name_of(group.values[p].index)] for p in filled}
-        found = {p: numbers.missing[:, p] & column.is_not_null().to_numpy() & kept for p, column in columns.items()}
-        found = {p: at for p, at in found.items() if p in own or at.any()}
-        alike = {p for p in found.keys() - set(own) if all_doubtful(columns[p])}
-        self._learn_marks(group, columns, {p: at for p, at in found.items() if p not in alike})
-        stand = {p for p in sorted(alike) if writing.are_decimals(columns[p], group.values[p].tag)}
-        self._learn_marks(group, columns, {p: found[p] for p in sorted(alike - stand)})
-        for position, odd_ones in found.items():
-            tag, column = group.values[position].tag, columns[position]
-            if position in stand:
-                odd_ones = odd_ones & np.isnan(numbers.values[:, position])
-            elif tag in writing.own:
-                odd_ones = odd_ones | (column.str.contains(MARKED).fill_null(False).to_numpy() & kept)
-            at = np.flatnonzero(odd_ones)
-            if len(at):
-                numbers.values[at, position] = refuse_texts(column[at], rows.lines(at), tag, writing, self._log)
-
-    def _learn_marks(
-        self,
-        group: TimedColumns,
-        columns: dict[int, pl.Series],
-        found: dict[int, NDArray[np.bool_]],
-    ) -> None:
-        """By position, the texts of columns, and which of them the fast reader left."""
-        if not found:
-            return
-
-        def of(left: bool) -> pl.DataFrame:
-            return tagged((group.values[p].tag, columns[p].filter(pl.Series(at == left))) for p, at in found.items())
-
-        odd = of(True)
-        self._tally.writing.learn(odd["text"], odd["tag"], lambda: of(False), self._begun.__contains__)
 
     def _refuse_odd_numbers(self, rows: Rows, group: TimedColumns, numbers: Numbers, kept: NDArray[np.bool_]) -> None:
         matrix = numbers.values

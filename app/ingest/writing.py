@@ -87,10 +87,10 @@ class Writing:
         else:
             self.marks.look(_numbers(beside, DOUBTFUL), whole)
 
-    def are_decimals(self, texts: pl.Series, tag: str) -> bool:
-        """Whether the doubtful marks of a tag's texts stand before decimals, and it shows no way of its own; the same
-        from now on."""
-        if tag in self.own or (self.thousands and texts.str.contains(self.thousands, literal=True).any()):
+    def are_decimals(self, tag: str) -> bool:
+        """Whether the marks of a tag's numbers, which tell nothing of how they are meant, stand before decimals; the
+        same from now on."""
+        if tag in self.own:
             return False
         return (bool(self.thousands) and tag not in self.marks.met()) or self.marks.meant(tag) == "decimals"
 

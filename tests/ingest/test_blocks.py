@@ -95,8 +95,8 @@ def test_blocks_give_what_columns_give(
     blocks = []
     one_by_one = FrameReader._read_block
 
-    def noted(self: FrameReader, lines: frames.Lines) -> Rows | None:
-        rows = one_by_one(self, lines)
+    def noted(self: FrameReader, lines: frames.Lines, decimal_comma: bool) -> Rows | None:
+        rows = one_by_one(self, lines, decimal_comma)
         blocks.append(rows is not None)
         return rows
 
@@ -111,9 +111,11 @@ def test_a_wide_file_is_not_parted_into_columns(tmp_path: Path, monkeypatch: pyt
     widths = []
     parse = FrameReader._parse
 
-    def noted(self: FrameReader, data: bytes, schema: object, columns: list[int], *more: str) -> object:
+    def noted(
+        self: FrameReader, data: bytes, schema: object, columns: list[int], *more: object, **named: bool
+    ) -> object:
         widths.append(len(columns))
-        return parse(self, data, schema, columns, *more)
+        return parse(self, data, schema, columns, *more, **named)
 
     monkeypatch.setattr(FrameReader, "_parse", noted)
     path = tmp_path / "night.csv"

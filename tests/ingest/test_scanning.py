@@ -173,7 +173,7 @@ def test_a_file_that_is_not_plain_is_not_tried_for_ever(
 
 def numbers(values: list[str]) -> Scan | None:
     rows = "".join(f"FIC101.PV,noon,{value}\n" for value in values).encode()
-    scanner = Scanner(LongPlan("long", 0, 3, (1,), TimeForm("text"), 0, 2), ",", ".")
+    scanner = Scanner(LongPlan("long", 0, 3, (1,), TimeForm("text"), 0, 2), ",", ".", False)
     return scanner.scan(Lines(rows, 1, len(values)))
 
 

@@ -195,7 +195,7 @@ def test_points_in_all_numbers_are_read_once(read: Read, delimiter: str, monkeyp
         again.extend(texts)
         return np.full(len(texts), np.nan)
 
-    monkeypatch.setattr("app.ingest.wide_table.refuse_texts", refused)
+    monkeypatch.setattr("app.ingest.odd_fields.refuse_texts", refused)
     content = read(wide(["50.123", "Bad", "51.871"], ["40.100"], delimiter))
     assert content.loops["FIC1"].pv[::3].tolist() == [50.123] * 20
     assert content.loops["FIC1"].op.tolist() == [40.1] * 60

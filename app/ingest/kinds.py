@@ -1,0 +1,34 @@
+"""Kinds of fields in columns of numbers, by what they tell of marks: those of all fields of a column are one number."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.ingest.opening import Lines
+
+LEAST_BYTES = 4 << 20  # of a chunk; below this it takes longer to load what is compiled
+WHOLE = 1
+POINT, COMMA = 2, 4  # this one stands before decimals for sure
+DOUBTFUL_POINT, DOUBTFUL_COMMA = 8, 16  # it may as well part thousands
+WORD = 32  # neither digits nor marks
+OTHER = 64
+DOUBTFUL = DOUBTFUL_POINT | DOUBTFUL_COMMA
+WITH = {".": POINT | DOUBTFUL_POINT, ",": COMMA | DOUBTFUL_COMMA}
+IN_DOUBT = POINT | COMMA | DOUBTFUL | OTHER
+
+
+def kinds_of(lines: Lines, delimiter: str, width: int) -> NDArray[np.uint8] | None:
+    """(width,) the kinds of each column's fields that are not empty. None where there are quotes, rows are longer, or
+    the lines are too few to look at them so."""
+    if len(lines.data) < LEAST_BYTES or b'"' in lines.data:
+        return None
+    from app.ingest.kind_kernel import column_kinds
+
+    kinds = np.zeros(width, dtype=np.uint8)
+    return kinds if column_kinds(np.frombuffer(lines.data, np.uint8), ord(delimiter), kinds) else None
+
+
+def tells_nothing(kinds: int, thousands: str) -> bool:
+    """Whether nothing among fields of these kinds tells how they are written, beside what the file tells."""
+    if thousands:
+        return not kinds & (WITH[thousands] | OTHER)
+    return bool(kinds & DOUBTFUL) and not kinds & ~(DOUBTFUL | WORD)
