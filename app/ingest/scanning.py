@@ -146,8 +146,11 @@ class Scanner:
 
 def warm_up() -> None:
     """Compiles or loads what reads rows: the first large file otherwise waits for it."""
+    from app.ingest.kind_kernel import column_kinds
+
     plan = LongPlan("long", 0, 3, (0,), TimeForm("text"), 1, 2)
     Scanner(plan, ",", ".", in_doubt=False).scan(Lines(b"noon,FIC101.PV,1.5\n", 1, 1))
+    column_kinds(np.frombuffer(b"1.5\n", np.uint8), ord(";"), np.zeros(1, dtype=np.uint8))
 
 
 def _told(tags: list[str]) -> _Known:
