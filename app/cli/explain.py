@@ -157,10 +157,9 @@ def loop_in_words(closed: dict[str, Any]) -> list[str]:
 
 def located_in_words(line: dict[str, Any]) -> str:
     where = line["located"]
-    if where["block"] is None:
-        return f"{line['recording']}: no difference that stands out at a first look\n"
     shown = ", ".join(f"{a}-{b} s" for a, b in where["windows"][:6])
-    said = [f"{line['recording']}: first look: {where['block']}, {where['condition']}; windows {shown}"]
+    found = f"first look: {where['block']}, {where['condition']}; windows {shown}"
+    said = [f"{line['recording']}: {found if where['block'] else 'no difference that stands out at a first look'}"]
     return "\n".join([*said, *(f"  {reason['text']}" for reason in line["evidence"])]) + "\n"
 
 

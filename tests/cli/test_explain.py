@@ -133,3 +133,14 @@ def test_a_first_look_comes_without_names(recording: Path) -> None:
     assert "effects" not in line
     text = runner.invoke(cli, ["explain", str(recording), "--quick"])
     assert "sensor" in text.stdout
+
+
+def test_a_first_look_says_that_numbers_may_be_read_in_two_ways(recording: Path, tmp_path: Path) -> None:
+    columns = np.loadtxt(recording, delimiter=",", skiprows=1)[:, [0, 2, 3]]
+    path = tmp_path / "FIC2.csv"
+    np.savetxt(path, columns, fmt=("%d", "%.3f", "%.3f"), delimiter=";", header="time;OP;PV", comments="")
+    result = runner.invoke(cli, ["explain", str(path), "--quick", "--format", "json"])
+    said = json.loads(result.stdout)["evidence"][0]
+    assert said["code"] == "numbers_in_doubt"
+    assert said["text"].endswith("read as decimals: OP, PV")
+    assert said["text"] in runner.invoke(cli, ["explain", str(path), "--quick"]).stdout

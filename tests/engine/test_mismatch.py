@@ -11,6 +11,7 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
+from app.engine.evidence import Reason
 from app.engine.mismatch import (
     Comparison,
     Explanation,
@@ -126,6 +127,14 @@ def test_a_first_location_comes_without_a_competition() -> None:
     )
     assert found.block in ("sensor", "disturbance")
     assert found.windows[0].start_s == pytest.approx(1400.0, abs=60.0)
+
+
+@pytest.mark.parametrize("lacking", [0.0, 3.0])
+def test_a_first_location_says_what_was_noted_of_the_files(lacking: float) -> None:
+    pv = recorded(moves(), lacking * (np.arange(N) >= 700))
+    comparison = Comparison("loop", TS, 40.0 + moves(), pv, simulation=GIVEN)
+    noted = replace(comparison, notes=(Reason("numbers_in_doubt", "1.125 may be 1125"),))
+    assert locate(noted).evidence == (*noted.notes, *locate(comparison).evidence)
 
 
 def pattern_codes(pv: FloatArray) -> set[str]:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from sqlalchemy import update
 
+from app.engine.mismatch import Comparison
 from app.engine.mismatch import explain as engine_explain
 from app.errors import DataError, LoopauditError, NotFoundError, RequestError
 from app.services.auditing import audits, chunks
@@ -114,12 +115,16 @@ def test_times_of_a_trace_may_be_told_in_any_of_these_ways(backend: Backend, tim
     assert compared(backend) == pytest.approx(simulated, abs=1e-9)
 
 
-def compared(backend: Backend) -> np.ndarray:
-    """The simulation that the next worker would be given."""
+def next_comparison(backend: Backend) -> Comparison:
+    """What the next worker would be given."""
     with backend.database.write() as connection:
         claim = stored.claim_next(connection, "w", 60.0)
     task = explaining._load(backend, claim)
-    return explaining.comparison_with(task.loop, task.samples, task.simulation).trace
+    return explaining.comparison_with(task.loop, task.samples, task.simulation)
+
+
+def compared(backend: Backend) -> np.ndarray:
+    return next_comparison(backend).trace
 
 
 @pytest.mark.parametrize("stamp", ["%Y-%m-%dT%H:%M:%SZ", "%Y-%m-%d %H:%M:%S"])
@@ -131,6 +136,22 @@ def test_a_trace_may_come_as_csv(backend: Backend, stamp: str) -> None:
     text = "time;PV_sim\n" + "\n".join(rows)
     explanations.ask(backend, "TIC1", Wanted(simulation=GivenSimulation(csv=text)))
     assert compared(backend) == pytest.approx(simulated, abs=1e-9)
+
+
+@pytest.mark.parametrize(("decimals", "notes"), [(3, ["numbers_in_doubt"]), (4, [])])
+def test_numbers_of_a_csv_that_may_be_read_in_two_ways_are_told(
+    backend: Backend, decimals: int, notes: list[str]
+) -> None:
+    signals = record()
+    keep(backend, "TIC1", signals)
+    simulated = linear(signals["op"])
+    told = zip(instants(), simulated, strict=True)
+    text = "\n".join(["t;PV_sim", *(f"{moment:%Y-%m-%dT%H:%M:%SZ};{value:.{decimals}f}" for moment, value in told)])
+    explanations.ask(backend, "TIC1", Wanted(simulation=GivenSimulation(csv=text)))
+    comparison = next_comparison(backend)
+    assert comparison.trace == pytest.approx(simulated, abs=1e-3)
+    assert [note.code for note in comparison.notes] == notes
+    assert all("read as decimals: PV_sim" in note.text for note in comparison.notes)
 
 
 def test_a_recorded_column_is_the_simulation_and_no_measurement(backend: Backend) -> None:

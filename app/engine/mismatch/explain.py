@@ -84,6 +84,11 @@ def locate(comparison: Comparison) -> Location:
     """A first answer without a competition: where the two differ, from scans alone, of a long record thinned."""
     check(comparison)
     comparison = without_wild(comparison)
+    found = first_location(comparison)
+    return replace(found, evidence=(*comparison.notes, *found.evidence))
+
+
+def first_location(comparison: Comparison) -> Location:
     whole = record_of(comparison)
     patterns = find_patterns(whole)
     if patterns:

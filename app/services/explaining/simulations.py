@@ -23,6 +23,7 @@ from app.services.explaining.comparisons import (
     SYNONYMS,
     comparison_of,
     find,
+    in_doubt,
 )
 from app.services.explaining.given_model import simulation_from_json
 from app.services.plant.trend import NS_PER_S
@@ -96,7 +97,8 @@ def comparison_with(loop: LoopRow, samples: Samples, simulation: Document | None
     model = simulation_from_json(json.dumps(told["model"])) if told.get("kind") == "model" else None
     found = comparison_of(measured, None if laid is None else laid.trace, model)
     check(found)
-    return found if laid is None else replace(found, notes=(*found.notes, *laid.notes))
+    notes = (*in_doubt(told.get("doubts", ())), *found.notes, *(() if laid is None else laid.notes))
+    return replace(found, notes=notes)
 
 
 def kind_of(simulation: Document | None) -> Kind:
@@ -117,7 +119,8 @@ def _kept_csv(text: str, samples: Samples, recording: Recording, options: Ingest
     if column == at:
         raise DataError("no_simulation", "the CSV has a column of times only; a column PV_sim is needed")
     times = None if at is None else _read_times(table.column(at), options)
-    return _placed(table.numbers(column), times, samples, recording)
+    placed = _placed(table.numbers(column), times, samples, recording)
+    return replace(placed, told={**placed.told, "doubts": list(table.doubts())})
 
 
 def _kept_trace(given: GivenTrace, samples: Samples, recording: Recording, options: IngestOptions) -> Document:
