@@ -90,7 +90,7 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
 
 
 def api() -> APIRouter:
-    router = APIRouter(prefix="/v1", dependencies=[Depends(only_known)])
+    router = APIRouter(prefix="/v1", dependencies=[Depends(only_known)], responses=problems.responses(422))
     for module in (uploads, explanations, reports, notes, loops, reliability, audits, groups, trail):
         router.include_router(module.router)
     return router

@@ -8,13 +8,13 @@ from fastapi.routing import APIRoute
 
 
 async def only_known(request: Request) -> None:
-    """Refuses parameters that the route does not declare, where it declares any."""
+    """Refuses parameters that the route does not declare."""
     if not request.query_params:
         return
     known = declared(request.scope["route"])
-    unknown = [name for name in request.query_params if name not in known] if known else []
+    unknown = [name for name in request.query_params if name not in known]
     if unknown:
-        text = f"no parameter is called so; there is {', '.join(known)}"
+        text = f"no parameter is called so; there is {', '.join(known)}" if known else "this takes no parameters"
         raise RequestValidationError([{"loc": ("query", name), "msg": text} for name in unknown])
 
 
