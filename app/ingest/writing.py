@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import polars as pl
 
+from app.ingest.blanks import Blanks
 from app.ingest.marks import DOUBTFUL, GROUPED, WHOLE, DoubtfulMarks, before_decimals, other_mark
 from app.ingest.stamps import to_numbers
 from app.ingest.telling import tags_by
@@ -28,6 +29,7 @@ class Writing:
     own: dict[str, str] = field(default_factory=dict)
     units: UnitsOfTags = field(default_factory=UnitsOfTags)
     marks: DoubtfulMarks = field(default_factory=DoubtfulMarks)
+    blanks: Blanks = field(default_factory=Blanks)
     _late: set[str] = field(default_factory=set)  # tags of which numbers were read before they showed their own
 
     def learn(
@@ -40,6 +42,8 @@ class Writing:
         """Looks for what tells thousands from decimals, before numbers are read. texts: what the fast reader left.
         rest: tag and text of what it read. was_read: whether some of a tag was read before."""
         odd = pl.DataFrame({"tag": tags, "text": texts})
+        self.blanks.learn(odd, rest)
+        odd = odd.with_columns(text=self._without_groups(texts, tags))
         otherwise = self._otherwise(odd)
         doubtful = odd.filter(_contains(odd["text"], self._doubtful()))
         concerned = otherwise | self.own.keys() | set(doubtful["tag"].unique())
@@ -96,7 +100,7 @@ class Writing:
 
     def whole(self, texts: pl.Series, tags: pl.Series) -> pl.Series:
         """Texts with the thousands of their numbers joined, null where it is not clear which these are."""
-        texts = _joined(texts, GROUPED % (_BETWEEN_DIGITS, MARKED), _BETWEEN_DIGITS)
+        texts = self._without_groups(texts, tags)
         thousands = self._thousands_of(tags)
         in_doubt = _contains(texts, DOUBTFUL)
         if in_doubt.any():
@@ -105,6 +109,10 @@ class Writing:
             form = GROUPED % (f"[{mark}]", f"[{other_mark(mark)}]")
             texts = _joined(texts, form, f"[{mark}]", thousands == mark)
         return texts if self.thousands else self._by_tag(texts, tags, in_doubt & ~tags.is_in(list(self.own)))
+
+    def _without_groups(self, texts: pl.Series, tags: pl.Series) -> pl.Series:
+        """With the thousands joined that no decimal mark parts."""
+        return self.blanks.joined(_joined(texts, GROUPED % (_BETWEEN_DIGITS, MARKED), _BETWEEN_DIGITS), tags)
 
     def _thousands_of(self, tags: pl.Series) -> pl.Series:
         if not self.own:
