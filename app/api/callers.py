@@ -1,0 +1,85 @@
+"""Who makes a request, by key or session, and how often they may."""
+
+import asyncio
+import logging
+
+from fastapi import FastAPI
+from fastapi.concurrency import run_in_threadpool
+
+from app.api.asked import Asked, key_of, session_of
+from app.api.noting import note
+from app.api.problems import AWAY, Refusal
+from app.services.access.authentication import Authenticator
+from app.services.access.identity import ANYONE, NOBODY, Identity
+from app.services.access.rates import Rates
+
+log = logging.getLogger("loopaudit.access")
+
+
+class Callers:
+    """Of one process; what the app opens with its start is looked up when it is needed."""
+
+    def __init__(self, of: FastAPI) -> None:
+        self._of = of
+        self._rates: Rates = of.state.rates
+        self._noting: set[asyncio.Task[None]] = set()
+
+    @property
+    def _access(self) -> Authenticator:
+        access: Authenticator = self._of.state.access
+        return access
+
+    async def identified(self, asked: Asked, *, closed: bool) -> Identity | None:
+        """Who asks; None: nobody said. A key or session that is not good is refused wherever one is needed. closed:
+        a key is asked for."""
+        if asked.permission.needs is None and not asked.permission.page:
+            return None
+        key = key_of(asked.headers)
+        if key is not None:
+            found = self._access.remembered(key)
+            identity = found.identity if found else await run_in_threadpool(self._access.key, key)
+            if identity is None and asked.permission.needs is not None:
+                await self._refuse_key(asked)
+            return identity
+        token = session_of(asked.headers)
+        if token is not None:
+            found = self._access.remembered(token)
+            identity = found.identity if found else await run_in_threadpool(self._access.session, token)
+            if identity is not None:
+                return identity
+        return None if closed else ANYONE
+
+    async def _refuse_key(self, asked: Asked) -> None:
+        wait_s = self._rates.refusal_wait_s(asked.address)
+        if wait_s:
+            raise too_many(wait_s, "too many wrong keys came from this address")
+        await note(self._of, asked, NOBODY, "refused", 401)
+        raise unauthorized("the key is not known, has expired or was revoked", "invalid_key")
+
+    async def count(self, identity: Identity) -> None:
+        """Raises Refusal where a key asks too often."""
+        if identity.key_id is not None and self._access.due_to_note(identity):
+            noting = asyncio.create_task(self._note_use(identity.key_id))
+            self._noting.add(noting)
+            noting.add_done_callback(self._noting.discard)
+        if self._rates.shared:
+            wait_s = await run_in_threadpool(self._rates.wait_s, identity)
+        else:
+            wait_s = self._rates.wait_s(identity)
+        if wait_s:
+            raise too_many(wait_s, f"this key may make {identity.requests_per_minute} requests a minute")
+
+    async def _note_use(self, key_id: int) -> None:
+        try:
+            await run_in_threadpool(self._access.note_use, key_id)
+        except AWAY as error:
+            log.warning("the last use of a key could not be noted: %s", type(error).__name__)
+
+
+def unauthorized(text: str, code: str) -> Refusal:
+    error = ', error="invalid_token"' if code == "invalid_key" else ""
+    return Refusal(401, code, text, headers={"WWW-Authenticate": f'Bearer realm="loopaudit"{error}'})
+
+
+def too_many(wait_s: int, text: str) -> Refusal:
+    return Refusal(429, "too_many_requests", f"{text}; try again in {wait_s} s", headers={"Retry-After": str(wait_s)})
