@@ -42,7 +42,7 @@ class NamedTable:
         plain = column.cast(pl.Float64, strict=False).to_numpy(writable=True)
         if column.dtype != pl.String:
             return plain
-        at = np.flatnonzero(self._is_written(column))
+        at = np.flatnonzero(self._written[name])
         plain[at] = odd_numbers(column[at], same_tag(name, len(at)), self._writing).values
         return plain
 
@@ -65,20 +65,23 @@ class NamedTable:
         """How numbers were read whose writing is in doubt."""
         return tuple(self._writing.doubts())
 
-    def _is_written(self, column: pl.Series) -> np.ndarray:
-        """Where numbers are not plain, or have a point that may part thousands."""
+    @cached_property
+    def _written(self) -> dict[str, pl.Series]:
+        """By column of text, where numbers are not plain, or have a point that may part thousands."""
+        return {column.name: self._is_written(column) for column in self._frame if column.dtype == pl.String}
+
+    def _is_written(self, column: pl.Series) -> pl.Series:
         plain = column.cast(pl.Float64, strict=False).is_not_null()
         if self._separator != ",":
             plain &= ~column.str.contains(MARKED)
-        return (~plain & column.is_not_null()).fill_null(False).to_numpy()
+        return (~plain & column.is_not_null()).fill_null(False)
 
     @cached_property
     def _writing(self) -> Writing:
-        columns = [column for column in self._frame if column.dtype == pl.String]
+        written = [(self._frame[name], at) for name, at in self._written.items()]
         parted = self._separator == ","
-        points = parted and any(column.str.contains(POINTED).any() for column in columns)
+        points = parted and any(column.str.contains(POINTED).any() for column, _ in written)
         writing = Writing("," if points else "", marks=DoubtfulMarks("thousands" if parted else "decimals"))
-        written = [(column, pl.Series(self._is_written(column))) for column in columns]
         odd = tagged((column.name, column.filter(at)) for column, at in written)
         writing.learn(odd["text"], odd["tag"], lambda: tagged((c.name, c.filter(~at)) for c, at in written))
         return writing
