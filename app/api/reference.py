@@ -9,7 +9,7 @@ from pydantic import BaseModel
 from app.api import models
 from app.api.permissions import ROUTES
 from app.services import wording
-from app.services.auditing import audit_line
+from app.services.auditing import audit_models as audit
 from app.services.auditing.reason_wording import REASON_WORDS
 from app.services.explaining import wording as explanation_wording
 
@@ -17,14 +17,14 @@ TABLES: tuple[tuple[str, str, type[BaseModel]], ...] = (
     (
         "A row of the reliability table",
         "`GET /v1/reliability`, `/v1/loops/{tag}/verdicts`, CSV",
-        audit_line.ReliabilityRow,
+        audit.ReliabilityRow,
     ),
-    ("Key figures", "with the row in `GET /v1/loops/{tag}/health`; over good samples only", audit_line.KeyFiguresLine),
-    ("Reasons", "`reasons` of `loopaudit audit --format jsonl`", audit_line.ReasonLine),
-    ("Parts of the health", "`health_parts` of `--format jsonl`", audit_line.HealthPartLine),
-    ("Identification", "`hammerstein` of `--format jsonl`", audit_line.HammersteinLine),
-    ("Rivals", "`rivals` of `--format jsonl`", audit_line.RivalLine),
-    ("Spells", "`episodes` of `--format jsonl`", audit_line.EpisodeLine),
+    ("Key figures", "with the row in `GET /v1/loops/{tag}/health`; over good samples only", audit.KeyFiguresLine),
+    ("Reasons", "`reasons` of `loopaudit audit --format jsonl`", audit.ReasonLine),
+    ("Parts of the health", "`health_parts` of `--format jsonl`", audit.HealthPartLine),
+    ("Identification", "`hammerstein` of `--format jsonl`", audit.HammersteinLine),
+    ("Rivals", "`rivals` of `--format jsonl`", audit.RivalLine),
+    ("Spells", "`episodes` of `--format jsonl`", audit.EpisodeLine),
     ("A loop", "`GET /v1/loops`", models.LoopOut),
     ("A trend", "`GET /v1/loops/{tag}/trend`", models.TrendOut),
     ("A note", "`GET /v1/loops/{tag}/notes`", models.NoteOut),

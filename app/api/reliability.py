@@ -12,7 +12,7 @@ from app.api.etags import tagged, versioned
 from app.api.models import ReliabilityPage
 from app.api.problems import responses
 from app.errors import RequestError
-from app.services.auditing.audit_line import ReadingName, ReliabilityName, ReliabilityRow, VerdictName
+from app.services.auditing.audit_models import ReadingName, ReliabilityName, ReliabilityRow, VerdictName
 from app.services.cursors import LONGEST as LONGEST_CURSOR
 from app.services.cursors import identifier
 from app.services.plant import reliability as service

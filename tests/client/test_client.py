@@ -13,7 +13,7 @@ import app.client
 from app.api.models import AuditOut, HealthOut, LoopOut, TrendOut, UploadOut
 from app.client import Audit, Client, Loop, Row, ServiceError, Trend, Upload
 from app.main import create_app
-from app.services.auditing.audit_line import ReliabilityRow
+from app.services.auditing.audit_models import ReliabilityRow
 from app.services.backend import Backend
 from app.services.intake.reading import read_upload
 

@@ -10,7 +10,9 @@ import pytest
 from app.engine.audit import audit
 from app.engine.audit_config import AuditConfig
 from app.engine.recording import Recording
-from app.services.auditing.audit_line import AuditLine, ReliabilityRow, audit_line, detail, reliability_row
+from app.services.auditing.audit_detail import detail
+from app.services.auditing.audit_line import audit_line, reliability_row
+from app.services.auditing.audit_models import AuditLine, ReliabilityRow
 from app.services.moments import iso_utc
 
 CONTRACT = [

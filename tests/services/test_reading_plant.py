@@ -12,7 +12,7 @@ from sqlalchemy import Connection, select, update
 from app.api.models import HealthOut
 from app.errors import NotFoundError, RequestError
 from app.services.auditing import audits, chunks
-from app.services.auditing.audit_line import ReliabilityRow
+from app.services.auditing.audit_models import ReliabilityRow
 from app.services.auditing.rows import COLUMNS
 from app.services.backend import Backend
 from app.services.cursors import encode

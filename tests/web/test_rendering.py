@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.services.auditing.audit_line import ReliabilityRow
+from app.services.auditing.audit_models import ReliabilityRow
 from app.services.rendering import figure, short_time
 from app.services.wording import worst_first
 from app.web.columns import query_without

@@ -9,7 +9,9 @@ from typing import Any
 
 from app.engine.audit import Audit
 from app.services.auditing import swings
-from app.services.auditing.audit_line import KeyFiguresLine, ReliabilityRow, audit_line, detail, reliability_row
+from app.services.auditing.audit_detail import detail
+from app.services.auditing.audit_line import audit_line, reliability_row
+from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow
 from app.services.moments import epoch_ms, iso_utc, moment_of
 from app.storage.tables import verdicts
 from app.storage.verdicts import NewVerdict, pack_detail

@@ -1,0 +1,92 @@
+"""What the audit line leaves out, for storage and charts."""
+
+from typing import Any
+
+import numpy as np
+
+from app.engine.audit import Audit
+from app.engine.hammerstein import OneParameterResult, TwoParameterResult
+from app.engine.reliability import Rung
+from app.engine.yper import YperResult
+from app.services.auditing.audit_line import episode_line, rival_line, space_of
+from app.services.auditing.json_numbers import numbers, scalars
+from app.services.auditing.size_line import stiction_size_detail
+
+STORED_FREQUENCIES = 256
+
+
+def detail(audit: Audit) -> dict[str, Any]:
+    """What the line leaves out, for storage and charts: findings, rungs with their curves and surfaces, spectra.
+
+    Numbers have five significant digits, spectra at most 256 lines (the highest of each group is kept).
+    """
+    reference = audit.reference
+    return {
+        "findings": [_finding(finding) for finding in audit.fitness.findings],
+        "window": None if audit.window is None else vars(audit.window),
+        "key_figures": scalars(vars(audit.key_figures)),
+        "health": [vars(part) for part in audit.health.parts],
+        "oscillation": None if audit.oscillation is None else scalars(vars(audit.oscillation)),
+        "rivals": [rival_line(rival).model_dump() for rival in audit.judgement.rivals],
+        "episodes": [episode_line(episode).model_dump() for episode in audit.episodes.found],
+        "episode_windows": [scalars(vars(window)) for window in audit.episodes.windows],
+        "rungs": [] if reference is None else [_rung(rung) for rung in reference.rungs],
+        "spectra": None if reference is None else _spectra(reference.yper),
+        "stiction_size": None if audit.stiction_size is None else stiction_size_detail(audit.stiction_size),
+    }
+
+
+def _finding(finding: Any) -> dict[str, Any]:
+    return scalars(vars(finding))
+
+
+def _rung(rung: Rung) -> dict[str, Any]:
+    return {
+        "search_space": list(space_of(rung)),
+        "stiction": bool(rung.stiction),
+        "reading": rung.reading,
+        "agrees": bool(rung.agrees),
+        "one_parameter": _curve(rung.one),
+        "two_parameter": None if rung.two is None else _surface(rung.two),
+    }
+
+
+def _curve(one: OneParameterResult) -> dict[str, Any]:
+    return {
+        "d": numbers(one.d),
+        "rmse": numbers(one.rmse),
+        "rmse_refined": numbers(one.rmse_refined),
+        "aic": numbers(one.aic),
+        "orders": np.stack([one.na, one.nb, one.nc], axis=1).tolist(),
+        "best": int(one.best),
+        "stiction": bool(one.stiction),
+    }
+
+
+def _surface(two: TwoParameterResult) -> dict[str, Any]:
+    return {
+        "S": numbers(two.S),
+        "J": numbers(two.J),
+        "rmse": numbers(two.rmse),
+        "rmse_refined": numbers(two.rmse_refined),
+        "best": int(two.best),
+        "stiction": bool(two.stiction),
+    }
+
+
+def _spectra(yper: YperResult) -> dict[str, Any]:
+    groups = _groups(len(yper.frequency_hz))
+    amplitudes = (yper.pv_amplitude, yper.op_amplitude, yper.threshold_amplitude)
+    pv, op, threshold = (numbers(np.maximum.reduceat(amplitude, groups)) for amplitude in amplitudes)
+    return {
+        "frequency_hz": numbers(yper.frequency_hz[groups]),
+        "pv_amplitude": pv,
+        "op_amplitude": op,
+        "threshold_amplitude": threshold,
+        "significant": np.logical_or.reduceat(yper.significant, groups).tolist(),
+    }
+
+
+def _groups(count: int) -> np.ndarray:
+    """Where each group of neighbouring frequencies starts: at most STORED_FREQUENCIES groups."""
+    return np.unique(np.linspace(0, count, min(count, STORED_FREQUENCIES), endpoint=False).astype(int))
