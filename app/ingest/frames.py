@@ -86,6 +86,14 @@ class Rows:
                 found.missing[:, position] |= at
         return found
 
+    def hold_something(self, rows: NDArray[np.int64], columns: Sequence[int]) -> NDArray[np.bool_]:
+        """Whether something was read in any of the columns of some rows."""
+        if self.block is not None:
+            numbers = self.block.of(columns)
+            return np.asarray(~numbers.missing[rows].all(axis=1))
+        given = self.frame.select(name_of(index) for index in columns)[rows]
+        return given.select(pl.any_horizontal(pl.all().is_not_null())).to_series(0).to_numpy()
+
     def _parsed(self, columns: Sequence[int]) -> "Numbers":
         frame = self.frame.select(name_of(index) for index in columns)
         missing = frame.select(pl.all().is_null()).to_numpy(writable=True)

@@ -239,9 +239,10 @@ class LongTable:
             return self._without_long_names(rows, codes, kept)
         short = reader.short_rows(rows, np.flatnonzero(~kept))
         self._log.add_many("ragged_row", rows.lines(short), (f"fewer than {self._plan.width} fields" for _ in short))
-        at = np.setdiff1d(np.flatnonzero(~kept & ~_passed_over(texts, tags)), short, assume_unique=True)
+        passed = _passed_over(texts, tags, rows.frame[name_of(self._plan.value)])
+        at = np.setdiff1d(np.flatnonzero(~kept & ~passed), short, assume_unique=True)
         late = at[~timed[at]]
-        words = (f"{texts[int(row)]!r} is no time that can be read" for row in late)
+        words = (f"{texts[int(row)] or ''!r} is no time that can be read" for row in late)
         self._log.add_many("bad_time", rows.lines(late), words, (tags[int(row)] for row in late))
         bare = at[timed[at]]
         self._log.add_many("no_tag", rows.lines(bare), ("a row without a tag" for _ in bare))
@@ -413,10 +414,10 @@ def _few(codes: NDArray[np.uint32], counts: NDArray[np.int64]) -> NDArray[np.uns
     return short[codes]
 
 
-def _passed_over(texts: pl.Series, tags: pl.Series) -> NDArray[np.bool_]:
+def _passed_over(texts: pl.Series, tags: pl.Series, values: pl.Series) -> NDArray[np.bool_]:
     """Rows that hold nothing, and comments."""
     texts = texts.cast(pl.String)
-    empty = (texts.is_null() & tags.is_null()).to_numpy()
+    empty = (texts.is_null() & tags.is_null() & values.is_null()).to_numpy()
     comment = texts.str.contains("^[*#]").fill_null(False).to_numpy()
     return empty | comment | _are_comments(tags)
 

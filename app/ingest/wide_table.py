@@ -159,7 +159,7 @@ class WideTable:
         if len(short):
             kept[short] = False
         if first and not np.all(kept):
-            self._refuse_times(rows, texts, kept, short)
+            self._refuse_times(rows, group, texts, kept, short)
         if not np.any(kept):
             return None
         matrix = self._matrix(rows, group, reader, kept)
@@ -171,11 +171,23 @@ class WideTable:
         chunk = Chunk(time_ns, at + rows.first, matrix, group.values)
         return self._spreaders[number].take(chunk) if self._spreaders else chunk
 
-    def _refuse_times(self, rows: Rows, texts: pl.Series, kept: NDArray[np.bool_], short: NDArray[np.int64]) -> None:
-        texts = texts.cast(pl.String)
-        bad = ~kept & (texts.str.strip_chars().str.len_bytes().fill_null(0) > 0).to_numpy()
+    def _refuse_times(
+        self,
+        rows: Rows,
+        group: TimedColumns,
+        texts: pl.Series,
+        kept: NDArray[np.bool_],
+        short: NDArray[np.int64],
+    ) -> None:
+        """Rows whose time cannot be read, but for those that hold nothing and comments."""
+        texts = texts.cast(pl.String).fill_null("")
+        told = (texts.str.strip_chars().str.len_bytes() > 0).to_numpy()
+        bad = ~kept & told
+        without = np.flatnonzero(~kept & ~told)
+        if len(without):
+            bad[without] = rows.hold_something(without, [value.index for value in group.values])
         bad[short] = False
-        bad &= ~texts.str.contains("^[*#]").fill_null(False).to_numpy()
+        bad &= ~texts.str.contains("^[*#]").to_numpy()
         at = np.flatnonzero(bad)
         words = (f"{texts[int(row)]!r} is no time that can be read" for row in at)
         self._log.add_many("bad_time", rows.lines(at), words)

@@ -175,6 +175,29 @@ def test_blank_lines_keep_the_numbers_of_lines(read: Read) -> None:
     assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(11, "bad_time")]
 
 
+@pytest.mark.parametrize("block_columns", [2, 200])
+def test_values_without_a_time_are_told(read: Read, monkeypatch: pytest.MonkeyPatch, block_columns: int) -> None:
+    monkeypatch.setattr("app.ingest.frames.BLOCK_COLUMNS", block_columns)
+    rows = [f"2026-01-01 00:00:{k:02d},{k}.5,{k},{k}" for k in range(20)]
+    content = read("\n".join(["Time,A.PV,A.OP,A.SP", *rows, ",7.5,,", ",,,", ",,,8", ""]))
+    assert content.summary.rows_kept == 20
+    assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(22, "bad_time"), (24, "bad_time")]
+    assert content.rejects.listed[0].text == "'' is no time that can be read"
+
+
+def test_values_without_a_time_of_their_own_group_alone_are_told(read: Read) -> None:
+    """Each tag has its times: that of one ends before that of the other."""
+    rows = [f"2026-01-01 00:00:{k:02d},{k}.5," + (f"2026-01-01 00:00:{k:02d},{k}" if k < 9 else ",") for k in range(20)]
+    content = read("\n".join(["A.PV,,A.OP,", "Timestamp,Value,Timestamp,Value", *rows, "2026-01-01 00:00:59,1,,7", ""]))
+    assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(23, "bad_time")]
+
+
+def test_values_without_a_time_and_a_tag_are_told(read: Read) -> None:
+    rows = [f"2026-01-01 00:00:{k:02d},A.{s},{k}.5" for k in range(20) for s in ("PV", "OP")]
+    content = read("\n".join(["Time,Tag,Value", *rows, ",,7.5", ",,", ""]))
+    assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(42, "bad_time")]
+
+
 def test_repeated_times(read: Read) -> None:
     content = read(
         HEADER
