@@ -1,6 +1,6 @@
 """Reads a long table: a row a value of one tag. Rows are gathered as numbers and parted by tag, each loop whole."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 import polars as pl
@@ -13,8 +13,8 @@ from app.ingest.kinds import IN_DOUBT, tells_nothing
 from app.ingest.marks import marked
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
 from app.ingest.modes import automatic_flags, flags_of_numbers
-from app.ingest.order import in_order, last_of_repeats
-from app.ingest.pieces import Gathered, Grid, Piece, as_piece, in_whole_instants, joined, joined_grid
+from app.ingest.parting import BlocksByTag
+from app.ingest.pieces import Gathered, as_piece, in_whole_instants, joined
 from app.ingest.plans import LongPlan
 from app.ingest.quality import Quality
 from app.ingest.rejecting import RejectLog
@@ -22,12 +22,11 @@ from app.ingest.scanning import Scan, Scanner
 from app.ingest.spilling import PartOfLoop, Spill
 from app.ingest.stamps import NO_TIME, TimeReader
 from app.ingest.tally import Tally
-from app.ingest.values import odd_numbers, refuse_sentinels, refused_as, says_something
+from app.ingest.values import odd_numbers, refused_as, says_something
 from app.ingest.wide_table import joined_times
-from app.ingest.writing import MARKED, SENTINELS
+from app.ingest.writing import MARKED
 
 BATCH_ROWS = 1_000_000  # more than these are parted in files
-MOST_CODES = 1 << 16
 NOWHERE = Place("", "", "OTHER")  # of tags whose rows are refused
 
 
@@ -46,6 +45,7 @@ class LongTable:
         # have been scanned.
         self._held = tuple(pl.Series([], dtype=of) for of in (self._tag_type, self._quality_type))
         self._places: list[Place] = []
+        self._blocks = BlocksByTag(self._places, log, tally)
         self._parts: list[int] = []
         self._part_of_loop = PartOfLoop()
         self._modes = np.zeros(0, dtype=bool)
@@ -83,12 +83,12 @@ class LongTable:
                     batch = [rest]
             last = [as_piece(joined(batch))] if any(map(len, batch)) else []
             if spill is None:
-                yield list(self._parted(last))
+                yield list(self._blocks.parted(last))
                 return
             for piece in last:
                 spill.add(piece, self._part_of_code())
             for part in spill.parts():
-                yield list(self._parted(part))
+                yield list(self._blocks.parted(part))
         finally:
             if spill is not None:
                 spill.close()
@@ -338,80 +338,10 @@ class LongTable:
         tags = rows.frame[name_of(self._plan.tag)]
         self._log.add_many(code, rows.lines(at), words, (tags[int(row)] for row in at))
 
-    def _parted(self, pieces: Sequence[Piece]) -> Iterator[SignalBlock]:
-        """Blocks by tag, the rows of a tag in the order in which they came."""
-        if not any(map(len, pieces)):
-            return
-        grid = joined_grid(pieces)
-        if grid is not None:
-            yield from self._of_grid(grid)
-        else:
-            yield from self._of_rows(joined([p.rows() if isinstance(p, Grid) else p for p in pieces]))
-
-    def _of_grid(self, grid: Grid) -> Iterator[SignalBlock]:
-        """Blocks of tags that were sampled together: they share their times."""
-        doubtful = np.zeros(len(grid.codes), dtype=bool)
-        for sentinel in SENTINELS:
-            doubtful |= (grid.values == sentinel).any(axis=1)
-        self._tally.saw_times(grid.time_ns)
-        for row in np.argsort(grid.codes):
-            place, values = self._places[grid.codes[row]], grid.values[row]
-            if doubtful[row]:
-                values = refuse_sentinels(values, grid.lines + grid.places[row], place.tag, self._log)
-            yield self._signal(place, grid.time_ns, values)
-
-    def _of_rows(self, rows: Gathered) -> Iterator[SignalBlock]:
-        counts = np.bincount(rows.codes, minlength=len(self._places))
-        bounds = np.concatenate(([0], np.cumsum(counts)))
-        rows = rows.at(np.argsort(_few(rows.codes, counts), kind="stable"))
-        time_ns, values, lines = rows.time_ns, rows.values, rows.lines
-        odd = self._odd_tags(rows.codes, time_ns, values)
-        self._tally.saw_times(np.array([time_ns.min(), time_ns.max()]))
-        for code in np.flatnonzero(counts):
-            part = slice(int(bounds[code]), int(bounds[code + 1]))
-            place = self._places[code]
-            if odd[code]:
-                yield self._block(place, time_ns[part], values[part], lines[part])
-            else:
-                yield self._signal(place, time_ns[part], values[part])
-
-    def _odd_tags(self, codes: NDArray[np.uint32], time_ns: TimeArray, values: FloatArray) -> NDArray[np.bool_]:
-        """By code: whether a tag has times that go back or repeat, or values that may stand for 'no data'. Most have
-        neither."""
-        odd = np.zeros(len(self._places), dtype=bool)
-        same = codes[1:] == codes[:-1]
-        odd[codes[1:][same & (time_ns[1:] <= time_ns[:-1])]] = True
-        for sentinel in SENTINELS:
-            odd[codes[values == sentinel]] = True
-        return odd
-
-    def _signal(self, place: Place, time_ns: TimeArray, values: FloatArray) -> SignalBlock:
-        self._tally.values_kept += int(np.count_nonzero(np.isfinite(values)))
-        return SignalBlock(place.tag, place.loop, place.signal, time_ns, values)
-
-    def _block(self, place: Place, time_ns: TimeArray, values: FloatArray, lines: NDArray[np.uint32]) -> SignalBlock:
-        order = in_order(time_ns)
-        if order is not None:
-            self._tally.backward = True
-            time_ns, values, lines = time_ns[order], values[order], lines[order]
-        values = refuse_sentinels(values, lines, place.tag, self._log)
-        time_ns, matrix = last_of_repeats(time_ns, values[:, None], lines, [place.tag], self._log)
-        return self._signal(place, time_ns, matrix[:, 0])
-
 
 def _codes(tags: pl.Series) -> NDArray[np.uint32]:
     codes = tags.to_physical()
     return (codes.fill_null(0) if codes.null_count() else codes).to_numpy()
-
-
-def _few(codes: NDArray[np.uint32], counts: NDArray[np.int64]) -> NDArray[np.unsignedinteger]:
-    """The codes in as few bits as they need: sixteen are sorted ten times as fast."""
-    present = np.flatnonzero(counts)
-    if len(present) > MOST_CODES:
-        return codes
-    short = np.zeros(len(counts), dtype=np.uint16)
-    short[present] = np.arange(len(present), dtype=np.uint16)
-    return short[codes]
 
 
 def _passed_over(texts: pl.Series, tags: pl.Series, values: pl.Series) -> NDArray[np.bool_]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.errors import DataError
-from app.ingest import IngestOptions, long_table, read_export
+from app.ingest import IngestOptions, long_table, parting, read_export
 from app.ingest.pieces import Gathered, Grid, as_piece, in_whole_instants, joined_grid
 
 from .conftest import Read
@@ -143,7 +143,7 @@ def test_more_tags_than_any_plant_has_are_refused(read: Read) -> None:
 
 
 def test_tag_after_tag_in_one_night(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(long_table, "MOST_CODES", 1)
+    monkeypatch.setattr(parting, "MOST_CODES", 1)
     stamps = [f"2024-03-01 {i // 3600:02d}:{i // 60 % 60:02d}:{i % 60:02d}" for i in range(4000)]
     rows = "".join(f"{tag},{stamp},{i}\n" for tag in ("A.PV", "A.OP") for i, stamp in enumerate(stamps))
     for size in (1 << 20, 60_000):  # in small chunks no stamp repeats
