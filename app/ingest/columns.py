@@ -1,13 +1,13 @@
 """Knowing columns by their names and by what stands in them; shared by the layouts."""
 
 import re
-from collections import Counter
 from functools import lru_cache
 
 from app.ingest.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions
 from app.ingest.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.stamps import TimeForm, find_form
+from app.ingest.widths import named_width
 
 TIME_NAMES = frozenset(
     [
@@ -72,11 +72,6 @@ def plain(name: str) -> str:
     return re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(][^\[(\])]*[\])]", "", name.lower()))
 
 
-def usual_width(head: Head, first_row: int) -> int:
-    counts = Counter(len(row) for row in head.rows[first_row:] if any(row))
-    return counts.most_common(1)[0][0] if counts else 0
-
-
 def time_columns(names: tuple[str, ...]) -> tuple[int, ...]:
     """The column named as a time; date and time apart are two."""
     known = {plain(name): index for index, name in reversed(list(enumerate(names)))}
@@ -124,7 +119,7 @@ def wide_from(
     )
     if not values:
         return None
-    width = max(usual_width(head, first_row), len(names))
+    width = named_width(head, names, first_row)
     return WidePlan(layout, first_row, width, (TimedColumns(time, form, _with_quality(names, values)),))
 
 
@@ -164,7 +159,7 @@ def long_from(
     judged = [known.index(name) for name in QUALITY_NAMES if name in known]
     quality = judged[0] if judged else None
     zero = quality is not None and known[quality] == "quality" and ("qualitydetail" in known or "vvalue" in known)
-    width = max(usual_width(head, first_row), len(names))
+    width = named_width(head, names, first_row)
     return LongPlan(layout, first_row, width, time, form, tags[0], values[0], quality, zero)
 
 

@@ -1,11 +1,12 @@
 """Long without a row of names: a column of times, one of tags, one of values and perhaps one of good and bad, in any
 order."""
 
-from app.ingest.columns import mostly_numbers, usual_width
+from app.ingest.columns import mostly_numbers
 from app.ingest.head import Head, is_number
 from app.ingest.model import IngestOptions
 from app.ingest.plans import LongPlan
 from app.ingest.stamps import find_form
+from app.ingest.widths import refuse_parted_decimals, usual_width
 
 _QUALITIES = frozenset(("good", "bad", "uncertain", "questionable"))
 
@@ -28,6 +29,7 @@ def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
     form = forms[times[0]]
     if not values or not tags or form is None:
         return None
+    refuse_parted_decimals(head, values[0])
     return LongPlan("long_bare", 0, width, (times[0],), form, tags[0], values[0], quality)
 
 

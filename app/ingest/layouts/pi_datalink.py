@@ -1,10 +1,11 @@
 """PI DataLink: pairs of columns (time, value), a pair a tag; the times differ from tag to tag."""
 
-from app.ingest.columns import NO_ROWS, first_row_of_times, plain, usual_width
+from app.ingest.columns import NO_ROWS, first_row_of_times, plain
 from app.ingest.head import Head
 from app.ingest.model import IngestOptions
 from app.ingest.plans import TimedColumns, ValueColumn, WidePlan
 from app.ingest.stamps import TimeForm, find_form
+from app.ingest.widths import usual_width
 
 _GENERIC = frozenset(("", "time", "timestamp", "value", "datetime", "date"))
 
