@@ -41,6 +41,9 @@ class Settings(BaseSettings):
     time_zone: str = Field(
         "UTC", description="IANA zone of NIGHTLY_AT, and of time stamps in exports that name no zone."
     )
+    date_order: Literal["auto", "day", "month"] = Field(
+        "auto", description="What stands first in dates such as 03/04/2026, where an export does not tell."
+    )
     require_keys: bool = Field(False, description="Ask for keys on loopback too; elsewhere they are always asked for.")
     allow_open: bool = Field(False, description="Listen on other addresses than loopback without keys.")
     allowed_hosts: str = Field(

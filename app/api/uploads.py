@@ -1,8 +1,8 @@
 """Exports of a historian: received whole and stored before they are acknowledged, read by a worker afterwards."""
 
 from collections.abc import AsyncIterator
-from dataclasses import dataclass
-from typing import Annotated, Any
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
@@ -56,6 +56,10 @@ class Description:
 
 
 Filename = Annotated[str | None, Query(max_length=255, description="Name of the file, for a raw body.")]
+DateOrder = Annotated[
+    Literal["day", "month"] | None,
+    Query(description="What stands first in dates such as 03/04/2026, where the file does not tell."),
+]
 TimeZone = Annotated[str | None, Query(max_length=60, description="Zone of time stamps that name none (IANA).")]
 
 
@@ -68,7 +72,12 @@ TimeZone = Annotated[str | None, Query(max_length=60, description="Zone of time 
     summary="Send a historian export",
 )
 async def receive(
-    request: Request, response: Response, backend: Services, filename: Filename = None, time_zone: TimeZone = None
+    request: Request,
+    response: Response,
+    backend: Services,
+    filename: Filename = None,
+    time_zone: TimeZone = None,
+    date_order: DateOrder = None,
 ) -> Any:
     """Takes an export as raw body, or as multipart `file` (with the plant's tag `mapping`, where there is one).
 
@@ -76,7 +85,7 @@ async def receive(
     The same content under the same name again is the same upload.
     """
     refuse_encodings(request)
-    receipt = await store(request, backend, filename, time_zone)
+    receipt = await store(request, backend, filename, service.ReadingOptions(time_zone, date_order=date_order))
     response.headers["Location"] = f"/v1/uploads/{receipt.upload.id}"
     return receipt.upload
 
@@ -100,10 +109,10 @@ def refuse_encodings(request: Request) -> None:
         raise RequestError("content_encoding", f"Content-Encoding {encoding[:40]!r} is not understood; gzip or none is")
 
 
-async def store(request: Request, backend: Services, filename: str | None, time_zone: str | None) -> Receipt:
+async def store(request: Request, backend: Services, filename: str | None, reading: service.ReadingOptions) -> Receipt:
     content_type = request.headers.get("content-type", "application/octet-stream")
     if not content_type.lower().startswith(MULTIPART):
-        described = Description(filename or NAMELESS, content_type, service.ReadingOptions(time_zone))
+        described = Description(filename or NAMELESS, content_type, reading)
         return await received(backend, described, request.stream())
     async with spooled(request, backend.settings.uploads_dir, max_files=2, max_fields=10) as form:
         part, mapping = form.get("file"), form.get("mapping")
@@ -111,11 +120,10 @@ async def store(request: Request, backend: Services, filename: str | None, time_
             raise RequestError("no_file", "the multipart form has no part `file` with a file in it")
         name = filename or part.filename or NAMELESS
         if not mapping:
-            plain = Description(name, part.content_type, service.ReadingOptions(time_zone))
-            return await received(backend, plain, blocks(part))
-        async with request.app.state.mapping_places:
-            reading = service.ReadingOptions(time_zone, await mapping_of(mapping))
             return await received(backend, Description(name, part.content_type, reading), blocks(part))
+        async with request.app.state.mapping_places:
+            mapped = replace(reading, mapping=await mapping_of(mapping))
+            return await received(backend, Description(name, part.content_type, mapped), blocks(part))
 
 
 async def mapping_of(part: UploadFile | str) -> bytes:

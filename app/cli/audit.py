@@ -13,7 +13,7 @@ import typer
 
 from app.cli.mapping import MappingOption, mapping_bytes
 from app.cli.messages import ExitCode, progress, say
-from app.cli.zone import TimeZoneOption, read_in
+from app.cli.stamps import DateOrderOption, TimeZoneOption, read_in
 from app.errors import DataError, LoopauditError
 
 if TYPE_CHECKING:
@@ -68,6 +68,7 @@ def audit(
     out: Annotated[Path | None, typer.Option("--out", help="Write the results here instead of stdout.")] = None,
     jobs: Annotated[int, typer.Option("--jobs", min=0, help="Processes, one thread each; 0: one a core.")] = 0,
     time_zone: TimeZoneOption = "UTC",
+    date_order: DateOrderOption = None,
     mapping: MappingOption = None,
 ) -> None:
     """Audit files or folders of recordings without a service: one line a recording.
@@ -85,7 +86,7 @@ def audit(
 
       loopaudit audit export.csv --time-zone Europe/Berlin --mapping tags.csv
     """
-    how = Reading(read_in(time_zone), mapping_bytes(mapping))
+    how = Reading(read_in(time_zone, date_order), mapping_bytes(mapping))
     files = recording_files(paths)
     audited = []
     with destination(out) as stream, progress("auditing", len(files)) as advance:

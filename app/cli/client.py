@@ -21,10 +21,12 @@ Sent = Callable[[int], None]
 
 @dataclass(frozen=True)
 class Reading:
-    """How the service is to read a file: the plant's tag mapping, and the zone of stamps that name none."""
+    """How the service is to read a file: the plant's tag mapping, the zone of stamps that name none, and what stands
+    first in dates that do not tell."""
 
     mapping: bytes | None = None
     time_zone: str | None = None
+    date_order: str | None = None
 
 
 class TellingFile(FileIO):
@@ -59,7 +61,8 @@ class ServiceClient:
     def upload(self, path: Path, sent: Sent, how: Reading | None = None) -> dict[str, Any]:
         """Streams the file; the answer is the upload as the service keeps it."""
         how = how or Reading()
-        told = {"filename": path.name} | ({} if how.time_zone is None else {"time_zone": how.time_zone})
+        given = {"filename": path.name, "time_zone": how.time_zone, "date_order": how.date_order}
+        told = {name: value for name, value in given.items() if value is not None}
         deadline = time.monotonic() + PATIENCE_S
         while True:
             with TellingFile(path, sent) as file:

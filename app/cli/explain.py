@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.messages import say
-from app.cli.zone import TimeZoneOption, read_in
+from app.cli.stamps import DateOrderOption, TimeZoneOption, read_in
 from app.errors import RequestError
 
 if TYPE_CHECKING:
@@ -50,6 +50,7 @@ def explain(
     model: Annotated[Path | None, typer.Option("--model", help="Write the explained model, for simulate.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Only where they differ, in a second, no names.")] = False,
     time_zone: TimeZoneOption = "UTC",
+    date_order: DateOrderOption = None,
 ) -> None:
     """Compare a recording with a simulation: where they differ, which physics was left out, and the fit with it.
 
@@ -72,7 +73,7 @@ def explain(
     from app.services.explaining.given_model import simulation_from_json
     from app.services.explaining.line import explanation_line, located_line
 
-    started, options = perf_counter(), read_in(time_zone)
+    started, options = perf_counter(), read_in(time_zone, date_order)
     if sim is not None and sim_model is not None:
         raise RequestError("several_simulations", "--sim and --sim-model are both given; one simulation is compared")
     if quick and any(given is not None for given in (validate, trace, plot, model)):

@@ -10,7 +10,7 @@ import typer
 
 from app.cli.mapping import MappingOption, mapping_bytes
 from app.cli.messages import ExitCode
-from app.cli.zone import TimeZoneOption, read_in
+from app.cli.stamps import DateOrderOption, TimeZoneOption, read_in
 from app.errors import DataError
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ SHOWN_LOOPS = 200
 def inspect(
     file: Annotated[Path, typer.Argument(help="An export or a recording.")],
     time_zone: TimeZoneOption = "UTC",
+    date_order: DateOrderOption = None,
     mapping: MappingOption = None,
 ) -> None:
     """Say what a file holds, before anything is sent: layout, loops, times, and what would be refused and why.
@@ -44,7 +45,7 @@ def inspect(
         raise DataError("no_such_file", f"{file} is not there or not a file")
     tags = mapping_bytes(mapping)
     mapped = None if tags is None else TagMapping.from_bytes(tags)
-    report = look(file, mapping=mapped, options=read_in(time_zone))
+    report = look(file, mapping=mapped, options=read_in(time_zone, date_order))
     console = console_for(sys.stdout)
     for line in facts(report):
         console.print(line, markup=False)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.messages import ExitCode, say
-from app.cli.zone import read_in
+from app.cli.stamps import read_in
 
 if TYPE_CHECKING:
     from app.engine.simulate import Plant, Signal, SimulatedLoop, Valve

@@ -8,6 +8,7 @@ import typer
 from app.cli.audit import FORMS, recording_files
 from app.cli.mapping import MappingOption, mapping_bytes
 from app.cli.messages import ExitCode, progress, say
+from app.cli.stamps import DateOrderOption
 from app.errors import RequestError
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ def upload(
         str | None,
         typer.Option("--time-zone", help="Zone of time stamps that name none (IANA); without it, the service's."),
     ] = None,
+    date_order: DateOrderOption = None,
 ) -> None:
     """Send export files to a running service. The same file again changes nothing.
 
@@ -46,7 +48,7 @@ def upload(
     from app.cli.client import Reading, ServiceClient
 
     files = recording_files(paths)
-    how = Reading(mapping_bytes(mapping), time_zone)
+    how = Reading(mapping_bytes(mapping), time_zone, date_order)
     failures = 0
     with ServiceClient(url, key) as client:
         for file in files:

@@ -90,16 +90,23 @@ class Client:
         """The plant's table; filters as in the API: verdict, reliability, unit, likely_cause, min_probability, ..."""
         return self._pages(Row, "/v1/reliability", {"sort": sort, **filters})
 
-    def upload(self, file: Path | str, *, mapping: Path | str | None = None, time_zone: str | None = None) -> Upload:
+    def upload(
+        self,
+        file: Path | str,
+        *,
+        mapping: Path | str | None = None,
+        time_zone: str | None = None,
+        date_order: str | None = None,
+    ) -> Upload:
         """Sends an export; the same content under the same name, read in the same way, is the same upload.
 
         mapping: a file (CSV or JSON) that says which tag is which signal of which loop. time_zone: of stamps that name
-        none (IANA).
+        none (IANA). date_order: `day` or `month`, what stands first in dates that can be read in both orders.
         """
         path = Path(file)
         tags = None if mapping is None else Path(mapping).read_bytes()
         with path.open("rb") as stream:
-            told = _given({"filename": path.name, "time_zone": time_zone})
+            told = _given({"filename": path.name, "time_zone": time_zone, "date_order": date_order})
             return Upload.of(self._asked("POST", "/v1/uploads", params=told, **_body(stream, tags)))
 
     def get_upload(self, upload_id: str) -> Upload:

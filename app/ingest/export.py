@@ -8,6 +8,7 @@ import polars as pl
 
 from app.errors import DataError
 from app.ingest.align import stretches
+from app.ingest.date_order import CLOCKS_APART_NS
 from app.ingest.frames import UNREADABLE, Dialect, FrameReader, in_short
 from app.ingest.grouping import Grouping, TagMapping
 from app.ingest.head import Head, look, with_tail
@@ -129,6 +130,7 @@ class Export:
             notes.append(
                 f"{self._tally.stuttering} stamps repeated the one before; their rows went into the missing step"
             )
+        notes += self._ahead_of_clock()
         notes += self._tally.writing.notes()
         loops = self._grouping.loops()
         if not any(loop.pv or loop.op or loop.sp for loop in loops):
@@ -149,6 +151,14 @@ class Export:
             shown = ", ".join(self._grouping.of_other_number[:5])
             notes.append(f"of another number than PV and OP, and not read as set point or mode: {shown}")
         return tuple(notes)
+
+    def _ahead_of_clock(self) -> list[str]:
+        now_ns, last_ns = self._options.now_ns, self._tally.last_time_ns
+        relative = self._plan.form.kind == "relative"
+        if relative or now_ns is None or last_ns is None or last_ns <= now_ns + CLOCKS_APART_NS:
+            return []
+        last, now = (f"{datetime.fromtimestamp(at // NANOSECONDS, UTC):%Y-%m-%d %H:%M}" for at in (last_ns, now_ns))
+        return [f"times go on until {last} UTC, ahead of the clock ({now} UTC): are date, year and zone right?"]
 
 
 class TextSource:

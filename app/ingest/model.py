@@ -27,7 +27,9 @@ class IngestOptions:
     start_ns: the instant (ns since 1970, UTC) that second 0 of a file in relative seconds is given. The default is
     1970-01-01, so
         that the same file always gives the same samples.
-    day_first: True or False where the caller knows whether day or month stands first; None: found from the data.
+    day_first: True or False where the caller knows whether day or month stands first in dates that can be read in both
+        orders; None: found from the data.
+    now_ns: the instant (ns since 1970, UTC) at which the file is read or came; samples are not later. None: no clock.
     drop_uncertain: refuse values of uncertain quality (OPC 64) too.
     spill_folder: where a large long file's rows are parted by loop on disk; None: where the system keeps such files.
     """
@@ -35,6 +37,7 @@ class IngestOptions:
     time_zone: str = "UTC"
     start_ns: int = 0
     day_first: bool | None = None
+    now_ns: int | None = None
     drop_uncertain: bool = False
     max_rejects: int = 1000
     max_name: int = 256

@@ -11,6 +11,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from app.errors import DataError
+from app.ingest.date_order import AMBIGUOUS, DAY_FIRST, MONTH_FIRST, YEAR_FIRST, Reading, choose
 from app.ingest.model import NANOSECONDS, FloatArray, IngestOptions, TimeArray
 
 FIRST_YEAR, LAST_YEAR = 1971, 2199
@@ -21,10 +22,7 @@ SHORTEST_STEP_S = 0.02  # what a historian keeps of a loop is slower: such a ste
 Kind = Literal["text", "relative", "epoch", "epoch_pair", "serial"]
 
 _ISO = ("%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%Y%m%d")
-_DAY_FIRST = ("%d/%m/%Y", "%d/%m/%y", "%d-%m-%Y", "%d-%m-%y")
-_MONTH_FIRST = ("%m/%d/%Y", "%m/%d/%y", "%m-%d-%Y", "%m-%d-%y")
 _OTHER = ("%d.%m.%Y", "%d.%m.%y", "%d-%b-%y", "%d-%b-%Y", "%d %b %Y", "%d/%b/%Y", "%d/%b/%y", "%b %d %Y", "%b %d, %Y")
-_YEAR_FIRST = ("%y/%m/%d", "%y-%m-%d")
 _TIMES = (
     " %H:%M:%S",
     " %H:%M:%S%.f",
@@ -37,7 +35,6 @@ _TIMES = (
     " %H%M%S",
     "",
 )
-_AMBIGUOUS = (*_DAY_FIRST, *_MONTH_FIRST, *_YEAR_FIRST)
 _PAIR = re.compile(r"\d{9,11}:\d{1,9}")
 _NUMBER = re.compile(r"[+-]?\d+([.,]\d+)?([eE][+-]?\d+)?")
 _ZONE = re.compile(r"(Z|[+-]\d{2}:?\d{2})$")
@@ -144,26 +141,22 @@ def _text_form(sample: list[str], options: IngestOptions) -> TimeForm | None:
         return None
     zoned = sum(bool(_ZONE.search(text)) and len(text) > 12 for text in sample) > 0.8 * len(sample)
     series = pl.Series(sample, dtype=pl.String)
-    fits: list[tuple[float, str, TimeArray]] = []
-    for candidate in _candidates(sample, zoned, options):
+    fits: list[tuple[float, Reading]] = []
+    for candidate in _candidates(sample, zoned):
         times = parse_text(series, candidate, zoned)
         share = float(np.mean(times != NO_TIME))
         if share >= LEAST_SHARE:
-            fits.append((share, candidate, times))
+            fits.append((share, Reading(candidate, times[times != NO_TIME])))
     if not fits:
         return None
-    best = max(share for share, _, _ in fits)
-    return _choose([fit for fit in fits if fit[0] >= best - 1e-9], zoned, len(sample))
+    best = max(share for share, _ in fits)
+    return _choose([reading for share, reading in fits if share >= best - 1e-9], zoned, options)
 
 
-def _candidates(sample: list[str], zoned: bool, options: IngestOptions) -> list[str]:
-    dates = [*_ISO, *_OTHER]
-    if options.day_first is not False:
-        dates = [*dates, *_DAY_FIRST]
-    if options.day_first is not True:
-        at = len(dates) if not _american(sample) else len(_ISO) + len(_OTHER)
-        dates = [*dates[:at], *_MONTH_FIRST, *dates[at:]]
-    dates += _YEAR_FIRST if options.day_first is None else ()
+def _candidates(sample: list[str], zoned: bool) -> list[str]:
+    dates = [*_ISO, *_OTHER, *DAY_FIRST]
+    at = len(dates) if not _american(sample) else len(_ISO) + len(_OTHER)
+    dates = [*dates[:at], *MONTH_FIRST, *dates[at:], *YEAR_FIRST]
     probe = next((text for text in sample if any(c.isdigit() for c in text)), sample[0])
     separator = "T" if re.search(r"\dT\d", probe) else " "
     found = [
@@ -187,31 +180,20 @@ def _american(sample: list[str]) -> bool:
     return any(re.match(r"\d[/-]", text) or re.search(r"[AaPp][Mm]$", text) for text in sample)
 
 
-def _choose(fits: list[tuple[float, str, TimeArray]], zoned: bool, count: int) -> TimeForm:
-    """The first format that fits; between orders of day, month and year the one in whose reading time runs most
-    evenly."""
-    formats = [text for _, text, _ in fits]
-    doubtful = [fit for fit in fits if fit[1].startswith(_AMBIGUOUS)]
-    if len(doubtful) < 2 or len(doubtful) < len({text[:8] for text in formats}):
-        return TimeForm("text", formats[0], zoned=zoned, resolution_ns=_resolution(formats[0]))
-    ranked = sorted(doubtful, key=lambda fit: _unevenness(fit[2]))
-    chosen = ranked[0]
-    rivals = tuple(fit[1] for fit in ranked[1:] if fit[1][:8] != chosen[1][:8])
-    even = [fit[1] for fit in ranked[1:] if _unevenness(fit[2]) == _unevenness(chosen[2])]
-    why = "the rows do not tell which; the usual one was taken" if even else "time runs forward most evenly so"
-    note = (
-        (f"the order of day and month was read as {chosen[1]} ({why}; also possible: {', '.join(rivals)})",)
-        if rivals
-        else ()
+def _choose(fits: list[Reading], zoned: bool, options: IngestOptions) -> TimeForm:
+    """The first format that fits, but between orders of day, month and year."""
+    doubtful = [fit for fit in fits if fit.format.startswith(AMBIGUOUS)]
+    if not doubtful or len(doubtful) < len({fit.format[:8] for fit in fits}):
+        return TimeForm("text", fits[0].format, zoned=zoned, resolution_ns=_resolution(fits[0].format))
+    found = choose(doubtful, options)
+    return TimeForm(
+        "text",
+        found.format,
+        zoned=zoned,
+        resolution_ns=_resolution(found.format),
+        rivals=found.rivals,
+        notes=found.notes,
     )
-    return TimeForm("text", chosen[1], zoned=zoned, resolution_ns=_resolution(chosen[1]), rivals=rivals, notes=note)
-
-
-def _unevenness(times: TimeArray) -> tuple[int, int]:
-    """Steps backward, then the span: the wrong order of day and month makes time jump."""
-    steps = np.diff(times[times != NO_TIME])
-    backward = min(int(np.sum(steps < 0)), int(np.sum(steps > 0)))
-    return backward, int(np.sum(np.abs(steps)) // NANOSECONDS)
 
 
 def _resolution(text: str) -> int:

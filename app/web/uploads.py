@@ -26,7 +26,7 @@ def uploads(backend: Services, cursor: str = "") -> HTMLResponse:
 @router.post("/uploads")
 async def receive(request: Request, backend: Services) -> RedirectResponse:
     """For browsers without scripts; with them the page sends the file to the API and shows how far it is."""
-    receipt = await store(request, backend, None, None)
+    receipt = await store(request, backend, None, service.ReadingOptions())
     return RedirectResponse(f"/uploads/{receipt.upload.id}", 303)
 
 

@@ -112,6 +112,7 @@ def test_rows_that_cannot_be_read_are_told_with_line_and_reason(client, backend)
         ({"content": b"x", "headers": {"Content-Type": "multipart/form-data; boundary=x"}}, 400, None),
         ({"content": b"x", "params": {"time_zone": "Mars/Olympus"}}, 400, "unknown_time_zone"),
         ({"content": b"x", "params": {"filename": "n" * 300}}, 422, "invalid_request"),
+        ({"content": b"x", "params": {"date_order": "year"}}, 422, "invalid_request"),
     ],
 )
 def test_uploads_that_are_refused(client, request_, status, code):

@@ -139,6 +139,31 @@ def test_an_upload_takes_its_mapping_along(strange, serve, tmp_path):
         assert run("upload", export, "--mapping", tags, "--url", url).stdout.split("\t")[1] == upload_id
 
 
+def test_the_order_of_day_and_month_can_be_said(serve, tmp_path):
+    export = tmp_path / "local.csv"
+    export.write_text("Time,FIC1.PV,FIC1.OP\n" + "".join(f"02/03/2026 12:00:{k:02d},{k},{k}\n" for k in range(60)))
+    assert "2026-03-02 12:00:00" in run("inspect", export).stdout
+    assert "2026-02-03 12:00:00" in run("inspect", export, "--date-order", "month").stdout
+    assert run("inspect", export, "--date-order", "year").exit_code == 2
+    settings = Settings(data_dir=tmp_path / "data")
+    migrate(settings)
+    with serve(create_app(settings)) as connection:
+        done = run("upload", export, "--date-order", "month", "--url", connection.base_url)
+        backend = Backend.open(settings)
+        read_upload(backend, int(done.stdout.split("\t")[1]), owner="test")
+        backend.close()
+        assert connection.get("/v1/loops/FIC1").json()["samples_to"] == "2026-02-03T12:00:59Z"
+
+
+def test_dates_ahead_of_the_clock_are_not_read_where_others_can_be(tmp_path, monkeypatch):
+    monkeypatch.setattr("app.cli.stamps.time.time_ns", lambda: 1_795_000_000_000_000_000)  # 2026-11-18
+    export = tmp_path / "us.csv"
+    export.write_text("Time,F.PV,F.OP\n" + "".join(f"11/12/2026 00:00:{k:02d},{k},{k}\n" for k in range(60)))
+    text = run("inspect", export).stdout
+    assert "2026-11-12 00:00:00" in text
+    assert "read otherwise, times lie ahead of the clock" in " ".join(text.split())
+
+
 def test_an_upload_is_read_in_the_zone_that_is_named(serve, tmp_path):
     export = tmp_path / "local.csv"
     export.write_text("DateTime,FIC1.PV,FIC1.OP\n" + "".join(f"2026-01-01 12:00:{k:02d},{k},{k}\n" for k in range(60)))

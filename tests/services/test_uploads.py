@@ -4,12 +4,13 @@ import gzip
 import threading
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
-from sqlalchemy import Engine, event, update
+from sqlalchemy import Engine, event, func, select, update
 
 from app.engine.recording import Recording
 from app.errors import LoopauditError, NotFoundError
@@ -24,6 +25,7 @@ from app.services.upkeep import operations
 from app.storage import loops as stored_loops
 from app.storage import samples, series
 from app.storage import uploads as stored
+from app.storage.tables import series as series_table
 from app.storage.tables import uploads as uploads_table
 
 WIDE = "time,FIC1.PV,FIC1.OP,FIC1.SP,LIC2.PV,LIC2.OP\n"
@@ -355,3 +357,37 @@ def test_mappings_are_left_where_they_are_while_uploads_are_listed(backend: Back
     assert any("FROM uploads" in statement for statement in asked)
     assert not [statement for statement in asked if "reading_json" in statement]
     assert read(backend, sent).loops == ["FIC1"]
+
+
+def of_dates(stamp: str) -> bytes:
+    return ("Time,FIC1.PV,FIC1.OP\n" + "".join(f"{stamp} 00:{i:02d}:00,{i},{i}\n" for i in range(60))).encode()
+
+
+@pytest.mark.parametrize(
+    ("setting", "option", "day"),
+    [("auto", "month", "2026-02-03"), ("month", None, "2026-02-03"), ("month", "day", "2026-03-02")],
+)
+def test_the_order_of_day_and_month_is_the_plants_or_the_uploads(
+    backend: Backend, setting: str, option: str | None, day: str
+) -> None:
+    plant = replace(backend, settings=backend.settings.model_copy(update={"date_order": setting}))
+    sent = send(plant, of_dates("02/03/2026"), options=ReadingOptions(date_order=option))
+    read(plant, sent)
+    with plant.database.read() as connection:
+        first = connection.execute(select(func.min(series_table.c.start_ns))).scalar_one()
+    assert str(np.datetime64(first, "ns"))[:10] == day
+
+
+def test_an_upload_is_read_by_the_clock_of_its_coming(backend: Backend) -> None:
+    tomorrow = datetime.now(UTC) + timedelta(days=40)
+    done = read(backend, send(backend, of_dates(f"{tomorrow:%Y-%m-%d}")))
+    assert any("ahead of the clock" in note for note in done.notes)
+    again = read(backend, uploads.read_again(backend, done.id, b"tag,loop,signal\nFIC1.PV,F,PV\nFIC1.OP,F,OP\n").upload)
+    assert again.loops == ["F"]
+
+
+def test_an_upload_read_again_keeps_the_order_of_its_dates(backend: Backend) -> None:
+    done = read(backend, send(backend, of_dates("02/03/2026"), options=ReadingOptions(date_order="month")))
+    again = uploads.read_again(backend, done.id, b"tag,loop,signal\nFIC1.PV,F,PV\nFIC1.OP,F,OP\n").upload
+    with backend.database.read() as connection:
+        assert stored.reading_of(connection, int(again.id))["date_order"] == "month"

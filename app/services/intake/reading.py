@@ -88,7 +88,7 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
     with backend.database.read() as connection:
         reading = uploads.reading_of(connection, row.id)
     mapping = TagMapping.from_bytes(reading["mapping"].encode()) if reading.get("mapping") else None
-    options = _options(backend, reading)
+    options = _options(backend, reading, row)
     export = read_export(path_of(backend, row.fingerprint), filename=row.filename, mapping=mapping, options=options)
     with closing(_batches(export)) as batches:
         added = _stored(backend, claim, batches, mapping)
@@ -108,9 +108,13 @@ def _tags(loop: LoopTags) -> dict[str, Any]:
     return {"loop": loop.loop, "pv": loop.pv, "op": loop.op, "sp": loop.sp, "mode": loop.mode, "others": loop.others}
 
 
-def _options(backend: Backend, reading: dict[str, Any]) -> IngestOptions:
+def _options(backend: Backend, reading: dict[str, Any], row: UploadRow) -> IngestOptions:
+    """The clock is that of the upload's coming: read twice, it is read in the same way."""
+    order = reading.get("date_order") or backend.settings.date_order
     return IngestOptions(
         time_zone=reading.get("time_zone") or backend.settings.time_zone,
+        day_first=None if order == "auto" else order == "day",
+        now_ns=int(row.received_at.timestamp() * 1e9),
         max_rejects=backend.settings.max_rejects,
         buffered_values=backend.settings.buffered_samples,
         spill_folder=backend.settings.uploads_dir,

@@ -26,14 +26,17 @@ LONGEST_NAME = 255
 
 @dataclass(frozen=True)
 class ReadingOptions:
-    """How an export is to be read: `mapping` is a plant's tag mapping (CSV or JSON), `time_zone` an IANA name."""
+    """How an export is to be read: `mapping` is a plant's tag mapping (CSV or JSON), `time_zone` an IANA name,
+    `date_order` (day, month) what stands first in dates that do not tell."""
 
     time_zone: str | None = None
     mapping: bytes | None = None
+    date_order: str | None = None
 
     def as_json(self) -> str:
         mapping = None if self.mapping is None else mapping_text(self.mapping)
-        return json.dumps({"time_zone": self.time_zone, "mapping": mapping}, sort_keys=True)
+        order = {} if self.date_order is None else {"date_order": self.date_order}
+        return json.dumps({"time_zone": self.time_zone, "mapping": mapping, **order}, sort_keys=True)
 
     def check(self) -> None:
         """Raises LoopauditError where the options cannot be used, before the file is taken."""
@@ -134,11 +137,11 @@ def read_again(backend: Backend, upload_id: str, mapping: bytes, received_by: st
         row = uploads.by_id(connection, identifier(upload_id, "upload"))
         if row is None:
             raise NotFoundError("unknown_upload", f"there is no upload {upload_id!r}")
-        time_zone = uploads.reading_of(connection, row.id).get("time_zone")
+        told = uploads.reading_of(connection, row.id)
     path = path_of(backend, row.fingerprint)
     if not path.is_file():
         raise NotFoundError("bytes_gone", "the file of this upload is no longer kept; send it again with its mapping")
-    reading = ReadingOptions(time_zone, mapping)
+    reading = ReadingOptions(told.get("time_zone"), mapping, told.get("date_order"))
     with receive(backend, filename=row.filename, reading=reading, received_by=received_by) as receiving:
         with path.open("rb") as file:
             while part := file.read(COPY_BYTES):

@@ -1,0 +1,33 @@
+"""`--time-zone ZONE`, `--date-order day|month`: how a file's stamps were written where they do not tell it."""
+
+import time
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from app.ingest import IngestOptions
+
+
+class DateOrder(StrEnum):
+    """What stands first in dates such as 03/04/2026."""
+
+    day = "day"
+    month = "month"
+
+
+TimeZoneOption = Annotated[str, typer.Option("--time-zone", help="Zone of time stamps that name none (IANA).")]
+DateOrderOption = Annotated[
+    DateOrder | None,
+    typer.Option("--date-order", help="What stands first in dates such as 03/04/2026, where the file does not tell."),
+]
+
+
+def read_in(time_zone: str, date_order: DateOrder | None = None) -> "IngestOptions":
+    """How files are read then, now. Raises DataError("unknown_time_zone") before any of them is opened."""
+    from app.ingest import IngestOptions, check_time_zone
+
+    check_time_zone(time_zone)
+    day_first = None if date_order is None else date_order is DateOrder.day
+    return IngestOptions(time_zone=time_zone, day_first=day_first, now_ns=time.time_ns())

@@ -1,0 +1,81 @@
+"""In which order day, month and year stand in dates of digits alone, where several orders can be read."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.ingest.model import NANOSECONDS, IngestOptions, TimeArray
+
+DAY_FIRST = ("%d/%m/%Y", "%d/%m/%y", "%d-%m-%Y", "%d-%m-%y")
+MONTH_FIRST = ("%m/%d/%Y", "%m/%d/%y", "%m-%d-%Y", "%m-%d-%y")
+YEAR_FIRST = ("%y/%m/%d", "%y-%m-%d")
+AMBIGUOUS = (*DAY_FIRST, *MONTH_FIRST, *YEAR_FIRST)
+CLOCKS_APART_NS = 86_400 * NANOSECONDS  # another clock, another zone
+_DATE = 8  # characters of a format
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """A sample of stamps as a format gives them, in order of the rows, without those it cannot read."""
+
+    format: str
+    times: TimeArray
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The format to read, those of other orders that fit as well, and what is to be said of that."""
+
+    format: str
+    rivals: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def choose(readings: Sequence[Reading], options: IngestOptions) -> Chosen:
+    """The first reading in the order that was said; else of those that are not ahead of the clock, if any, the one in
+    which time runs most evenly."""
+    said = [reading for reading in readings if options.day_first is not None and _is_said(reading, options)]
+    if said:
+        return Chosen(said[0].format)
+    past = [reading for reading in readings if not _ahead(reading, options)] or list(readings)
+    ranked = sorted(past, key=_unevenness)
+    chosen = ranked[0]
+    rivals = _others([*ranked[1:], *(reading for reading in readings if reading not in past)], chosen)
+    if not rivals:
+        return Chosen(chosen.format, notes=_unlike_said(chosen, options))
+    why = "the rows do not tell which; the usual one was taken"
+    if not _others(past, chosen):
+        why = "read otherwise, times lie ahead of the clock"
+    elif _unevenness(ranked[1]) > _unevenness(chosen):
+        why = "time runs forward most evenly so"
+    note = f"the order of day and month was read as {chosen.format} ({why}; also possible: {', '.join(rivals)})"
+    return Chosen(chosen.format, rivals, (*_unlike_said(chosen, options), note))
+
+
+def _is_said(reading: Reading, options: IngestOptions) -> bool:
+    return reading.format.startswith(DAY_FIRST if options.day_first else MONTH_FIRST)
+
+
+def _unlike_said(chosen: Reading, options: IngestOptions) -> tuple[str, ...]:
+    if options.day_first is None:
+        return ()
+    said = "day" if options.day_first else "month"
+    return (f"the {said} was said to stand first, but more dates can be read as {chosen.format}",)
+
+
+def _ahead(reading: Reading, options: IngestOptions) -> bool:
+    if options.now_ns is None or not len(reading.times):
+        return False
+    return int(reading.times.max()) > options.now_ns + CLOCKS_APART_NS
+
+
+def _others(readings: Sequence[Reading], chosen: Reading) -> tuple[str, ...]:
+    return tuple(reading.format for reading in readings if reading.format[:_DATE] != chosen.format[:_DATE])
+
+
+def _unevenness(reading: Reading) -> tuple[int, int]:
+    """Steps backward, then the span: the wrong order of day and month makes time jump."""
+    steps = np.diff(reading.times)
+    backward = min(int(np.sum(steps < 0)), int(np.sum(steps > 0)))
+    return backward, int(np.sum(np.abs(steps)) // NANOSECONDS)

@@ -1,0 +1,91 @@
+"""Dates that can be read in two orders: which one is taken, and what is said of it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.ingest import IngestOptions, read_recordings
+
+from .conftest import Read
+
+NOW = int(np.datetime64("2026-11-23T04:00:00", "ns").astype(np.int64))
+CLOCK = IngestOptions(now_ns=NOW)
+
+
+def night(*stamps: str) -> str:
+    rows = (f"{stamp} 0{hour}:{minute:02d}:00,1,2\n" for stamp in stamps for hour in range(6) for minute in range(60))
+    return "Time,A.PV,A.OP\n" + "".join(rows)
+
+
+def first_day(read: Read, text: str, options: IngestOptions) -> tuple[str, tuple[str, ...]]:
+    content = read(text, options=options)
+    return str(content.loops["A"].time_ns[:1].astype("datetime64[ns]")[0])[:10], content.summary.notes
+
+
+@pytest.mark.parametrize(
+    ("stamp", "day", "also"),
+    [
+        ("11/12/2026", "2026-11-12", "%d/%m/%Y"),
+        ("12/11/2026", "2026-11-12", "%m/%d/%Y"),
+    ],
+)
+def test_samples_are_not_ahead_of_the_clock(read: Read, stamp: str, day: str, also: str) -> None:
+    found, notes = first_day(read, night(stamp), CLOCK)
+    assert found == day
+    (note,) = notes
+    assert "read otherwise, times lie ahead of the clock" in note
+    assert also in note
+
+
+def test_years_of_two_digits_may_be_first_too(read: Read) -> None:
+    found, (note,) = first_day(read, night("11-12-26"), CLOCK)
+    assert found == "2026-11-12"
+    assert "also possible: %y-%m-%d" in note
+
+
+def test_without_a_clock_the_usual_order_is_taken(read: Read) -> None:
+    found, (note,) = first_day(read, night("11/12/2026"), IngestOptions())
+    assert found == "2026-12-11"
+    assert "the rows do not tell which; the usual one was taken" in note
+
+
+def test_orders_that_are_both_in_the_past_stay_open(read: Read) -> None:
+    found, (note,) = first_day(read, night("04/03/2026"), CLOCK)
+    assert found == "2026-03-04"
+    assert "the rows do not tell which" in note
+
+
+@pytest.mark.parametrize("stamp", ["11/12/2027", "2027-12-11"])
+def test_times_ahead_of_the_clock_in_every_order_are_kept_and_told(read: Read, stamp: str) -> None:
+    found, notes = first_day(read, night(stamp), CLOCK)
+    assert found == "2027-12-11"
+    assert "times go on until 2027-12-11 05:59 UTC, ahead of the clock (2026-11-23 04:00 UTC)" in notes[-1]
+
+
+def test_a_day_ahead_may_be_another_clock(read: Read) -> None:
+    assert first_day(read, night("2026-11-23"), CLOCK) == ("2026-11-23", ())
+
+
+@pytest.mark.parametrize(("day_first", "day"), [(True, "2026-12-11"), (False, "2026-11-12")])
+def test_what_is_said_goes_before_the_clock(read: Read, day_first: bool, day: str) -> None:
+    found, notes = first_day(read, night("11/12/2026"), IngestOptions(day_first=day_first, now_ns=NOW))
+    assert found == day
+    assert not any("also possible" in note for note in notes)
+
+
+def test_a_date_that_cannot_be_what_is_said_is_read_and_told(read: Read) -> None:
+    found, (note,) = first_day(read, night("11/20/2026"), IngestOptions(day_first=True, now_ns=NOW))
+    assert found == "2026-11-20"
+    assert note == "the day was said to stand first, but more dates can be read as %m/%d/%Y %H:%M:%S"
+
+
+def test_years_of_two_digits_are_not_first_where_it_is_said(read: Read) -> None:
+    options = IngestOptions(day_first=True)
+    assert first_day(read, night("05/03/12", "06/03/12"), options)[0] == "2012-03-05"
+
+
+def test_recordings_tell_the_order_too(tmp_path: Path) -> None:
+    path = tmp_path / "us.csv"
+    path.write_text(night("11/12/2026"))
+    assert "ahead of the clock" in read_recordings(path, options=CLOCK).notes[0]
