@@ -20,6 +20,7 @@ from app.ingest.plans import LongPlan
 from app.ingest.rejecting import RejectLog
 from app.ingest.scanning import Scan, Scanner
 
+LEAST_BYTES = 4 << 20  # of a chunk; for less it takes longer to load what is compiled
 BLOCK_COLUMNS = 200  # from so many on, numbers are read side by side: a column costs more than its numbers
 MOST_FIRST = 8  # columns of text within so many first ones are parted by themselves in such a table
 FIELD, BETWEEN_FIELDS = "v", "\x1f"
@@ -171,6 +172,7 @@ class FrameReader:
         self._blocks = len(self._columns) - len(self._texts) >= BLOCK_COLUMNS
         self._log = log
         self._scanner: Scanner | None = None
+        self._compiled = False  # what is compiled pays, from the first large chunk on
 
     def scanning(self, plan: LongPlan) -> Scanner | None:
         self._scanner = Scanner(plan, self._dialect.delimiter, self._dialect.decimal_mark, self._dialect.marks_doubtful)
@@ -198,6 +200,7 @@ class FrameReader:
                 end = lines.data.find(b"\n") + 1
                 lines = Lines(lines.data[end:], lines.first + 1, lines.count - 1)
                 to_skip -= 1
+            self._compiled = self._compiled or len(lines.data) >= LEAST_BYTES
             if lines.data and not lines.data.isspace():
                 yield lines
 
@@ -237,7 +240,7 @@ class FrameReader:
         }
 
     def _read(self, lines: Lines) -> Rows:
-        scan = self._scanner.read(lines) if self._scanner else None
+        scan = self._scanner.read(lines) if self._scanner and self._compiled else None
         return self._part(lines) if scan is None else Rows(pl.DataFrame(), lines.first, lines.data, scan=scan)
 
     def _part(self, lines: Lines) -> Rows:
@@ -253,7 +256,8 @@ class FrameReader:
     def _read_in_kinds(self, lines: Lines) -> Rows | None:
         """A chunk whose marks are in doubt, with the kinds of its fields. None where these are not seen."""
         dialect = self._dialect
-        kinds = kinds_of(lines, dialect.delimiter, dialect.width) if dialect.marks_doubtful else None
+        looked_at = dialect.marks_doubtful and self._compiled
+        kinds = kinds_of(lines, dialect.delimiter, dialect.width) if looked_at else None
         if kinds is None:
             return None
         rows = self._read_chunk(lines, decimal_comma=bool(np.any(kinds & WITH[","])))

@@ -5,7 +5,6 @@ from numpy.typing import NDArray
 
 from app.ingest.opening import Lines
 
-LEAST_BYTES = 4 << 20  # of a chunk; below this it takes longer to load what is compiled
 WHOLE = 1
 POINT, COMMA = 2, 4  # this one stands before decimals for sure
 DOUBTFUL_POINT, DOUBTFUL_COMMA = 8, 16  # it may as well part thousands
@@ -17,9 +16,8 @@ IN_DOUBT = POINT | COMMA | DOUBTFUL | OTHER
 
 
 def kinds_of(lines: Lines, delimiter: str, width: int) -> NDArray[np.uint8] | None:
-    """(width,) the kinds of each column's fields that are not empty. None where there are quotes, rows are longer, or
-    the lines are too few to look at them so."""
-    if len(lines.data) < LEAST_BYTES or b'"' in lines.data:
+    """(width,) the kinds of each column's fields that are not empty. None where there are quotes or rows are longer."""
+    if b'"' in lines.data:
         return None
     from app.ingest.kind_kernel import column_kinds
 

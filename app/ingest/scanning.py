@@ -6,7 +6,6 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from app.ingest.kinds import LEAST_BYTES
 from app.ingest.model import FloatArray
 from app.ingest.opening import Lines
 from app.ingest.plans import LongPlan
@@ -70,7 +69,7 @@ class Scanner:
 
     def read(self, lines: Lines) -> Scan | None:
         """What stands in the rows; None where they are not plain, or reading others so has failed."""
-        if not self._possible or self._patience <= 0 or len(lines.data) < LEAST_BYTES:
+        if not self._possible or self._patience <= 0:
             return None
         scan = self.scan(lines)
         self._patience = self._patience - 1 if scan is None else min(self._patience + 1, PATIENCE)

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from app.ingest import IngestOptions, kinds, scanning
+from app.ingest import IngestOptions, frames
 from app.ingest.frames import FrameReader
 from app.ingest.kinds import COMMA, DOUBTFUL_COMMA, DOUBTFUL_POINT, OTHER, POINT, WHOLE, WORD, kinds_of
 from app.ingest.marks import DOUBTFUL, before_decimals
@@ -28,8 +28,7 @@ WORDS = ["Bad", "-", "+", "nan", "No Data", "#"]
 @pytest.fixture
 def seen(monkeypatch: pytest.MonkeyPatch) -> None:
     """Kinds are looked for however small a chunk is."""
-    monkeypatch.setattr(kinds, "LEAST_BYTES", 0)
-    monkeypatch.setattr(scanning, "LEAST_BYTES", 8)
+    monkeypatch.setattr(frames, "LEAST_BYTES", 8)
 
 
 def kinds_in(*lines: str, width: int = 3) -> list[int] | None:
@@ -95,8 +94,7 @@ def test_kinds_give_what_texts_give(
     pv, op = (marked(texts, marks) for texts in TABLES[name])
     content, options = table(pv, op, count=600), IngestOptions(chunk_bytes=chunk_bytes)
     by_texts = read(content, options=options)
-    monkeypatch.setattr(kinds, "LEAST_BYTES", 0)
-    monkeypatch.setattr(scanning, "LEAST_BYTES", 8)
+    monkeypatch.setattr(frames, "LEAST_BYTES", 8)
     same(read(content, options=options), by_texts)
 
 
@@ -107,6 +105,13 @@ def test_numbers_all_in_doubt_are_read_without_their_texts(
 ) -> None:
     monkeypatch.setattr(FrameReader, "texts", lambda *_: pytest.fail("parted once more"))
     check_decimals(read(table(marked(["50.123", "", "51.871"], marks), marked(["40.100"], marks))))
+
+
+def test_the_end_of_a_file_is_read_as_its_large_chunks(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frames, "LEAST_BYTES", 9_000)
+    monkeypatch.setattr(FrameReader, "texts", lambda *_: pytest.fail("parted once more"))
+    content = read(wide(["50.123"], ["40.100"], count=700), options=CHUNKS)
+    assert content.loops["FIC1"].pv.tolist() == [50.123] * 700
 
 
 @MIRRORED

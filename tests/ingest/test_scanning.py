@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.ingest import IngestOptions, read_export, scanning
+from app.ingest import IngestOptions, frames, read_export, scanning
 from app.ingest.frames import FrameReader
 from app.ingest.model import LoopSamples
 from app.ingest.opening import Lines
@@ -101,7 +101,7 @@ def scans(monkeypatch: pytest.MonkeyPatch) -> list[Scan | None]:
         found.append(original(self, lines))
         return found[-1]
 
-    monkeypatch.setattr(scanning, "LEAST_BYTES", 8)
+    monkeypatch.setattr(frames, "LEAST_BYTES", 8)
     monkeypatch.setattr(scanning, "PATIENCE", 1000)
     monkeypatch.setattr(Scanner, "scan", noted)
     return found
@@ -109,7 +109,7 @@ def scans(monkeypatch: pytest.MonkeyPatch) -> list[Scan | None]:
 
 def read_by_fields(read: Read, monkeypatch: pytest.MonkeyPatch, content: str, options: IngestOptions) -> object:
     with monkeypatch.context() as patched:
-        patched.setattr(scanning, "LEAST_BYTES", 1 << 60)
+        patched.setattr(frames, "LEAST_BYTES", 1 << 60)
         return read(content, options=options)
 
 
@@ -206,7 +206,7 @@ def test_each_tag_is_learnt_once(read: Read, monkeypatch: pytest.MonkeyPatch, sc
 
 def test_tags_of_all_lengths_are_told_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By words of eight bytes, the last of which goes over the one before."""
-    monkeypatch.setattr(scanning, "LEAST_BYTES", 8)
+    monkeypatch.setattr(frames, "LEAST_BYTES", 8)
     names = ["x" * n + last for n in range(30) for last in "ab"]
     rows = [f"{name}.PV,2026-01-31 00:{k:02d}:00,{at}" for k in range(20) for at, name in enumerate(names)]
     path = tmp_path / "night.csv"

@@ -141,7 +141,7 @@ def test_plain_numbers_of_a_tag_that_shows_itself_late_are_not_read_both_ways(re
 
 @LAYOUTS
 def test_a_tag_stays_as_it_showed_itself(read: Read, table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.ingest.scanning.LEAST_BYTES", 0)
+    monkeypatch.setattr("app.ingest.frames.LEAST_BYTES", 0)
     pv = ["50,12"] * 10 + ["1.005"] * 1190
     content = read(table(pv, ["40.1"], count=1200), options=CHUNKS)
     assert content.loops["FIC1"].pv[10:].tolist() == [1005] * 1190
