@@ -3,6 +3,7 @@
 import re
 from functools import lru_cache
 
+from app.ingest.clocks import date_and_clock, joined_stamp
 from app.ingest.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions
 from app.ingest.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
@@ -91,7 +92,9 @@ def form_of(
         return find_form(head.column(time[0], first_row), name, options)
     rows = [row for row in head.rows[first_row:] if len(row) > max(time)]
     return find_form(
-        [" ".join(row[index] for index in time) for row in rows if all(row[index] for index in time)], name, options
+        [joined_stamp([row[index] for index in time]) for row in rows if all(row[index] for index in time)],
+        name,
+        options,
     )
 
 
@@ -108,7 +111,7 @@ def wide_from(
     head: Head, layout: str, names: tuple[str, ...], first_row: int, options: IngestOptions, time: tuple[int, ...] = ()
 ) -> WidePlan | None:
     """A wide plan from the row of names and the first row of data."""
-    time = time or time_columns(names) or (0,)
+    time = date_and_clock(head, time or time_columns(names) or (0,), first_row, options)
     form = form_of(head, time, first_row, options, names[time[0]] if time[0] < len(names) else "")
     if form is None:
         return None
@@ -153,6 +156,7 @@ def long_from(
     time = time_columns(names)
     if not tags or not values or not time:
         return None
+    time = date_and_clock(head, time, first_row, options)
     form = form_of(head, time, first_row, options, names[time[0]])
     if form is None:
         return None

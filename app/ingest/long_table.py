@@ -7,6 +7,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from app.errors import DataError
+from app.ingest.clocks import joined_times
 from app.ingest.frames import NUMBERED, RowReader, Rows, name_of
 from app.ingest.grouping import Grouping, Place
 from app.ingest.kinds import IN_DOUBT, tells_nothing
@@ -23,7 +24,6 @@ from app.ingest.spilling import PartOfLoop, Spill
 from app.ingest.stamps import NO_TIME, TimeReader
 from app.ingest.tally import Tally
 from app.ingest.values import odd_numbers, refused_as, says_something
-from app.ingest.wide_table import joined_times
 from app.ingest.writing import MARKED
 
 BATCH_ROWS = 1_000_000  # more than these are parted in files

@@ -8,6 +8,7 @@ from dataclasses import replace
 import polars as pl
 
 from app.errors import DataError
+from app.ingest.clocks import joined_stamp
 from app.ingest.grouping import Grouping, place
 from app.ingest.head import Head
 from app.ingest.model import IngestOptions, TimeArray
@@ -55,7 +56,7 @@ def _cut(plan: WidePlan, head: Head) -> bool:
     if len(plan.groups) > 1 or group.form.kind != "text":
         return False
     rows = [row for row in head.rows[plan.first_row :] if len(row) > max(group.time)]
-    texts = [" ".join(row[index] for index in group.time) for row in rows]
+    texts = [joined_stamp([row[index] for index in group.time]) for row in rows]
     times = _times(texts, group.form)
     if not stamps_are_cut(times[times != NO_TIME], group.form.resolution_ns):
         return False

@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from app.ingest.clocks import joined_times
 from app.ingest.frames import Numbers, RowReader, Rows, name_of
 from app.ingest.grouping import Grouping
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
@@ -331,13 +332,3 @@ def _columns(groups: Iterable[TimedColumns]) -> list[int]:
         for value in group.values:
             needed.update(index for index in (value.off_line, value.quality) if index is not None)
     return sorted(needed)
-
-
-def joined_times(frame: pl.DataFrame, time: tuple[int, ...]) -> pl.Series:
-    if len(time) == 1:
-        return frame[name_of(time[0])]
-    return frame.select(
-        pl.concat_str(
-            [pl.col(name_of(index)).cast(pl.String).str.strip_chars() for index in time], separator=" "
-        ).alias("t")
-    )["t"]

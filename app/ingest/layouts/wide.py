@@ -1,6 +1,7 @@
 """Wide: a row of names, then a row an instant. Recordings `time,SP,PV,OP[,MODE]` and SQL dumps with date and time
 apart are of this form."""
 
+from app.ingest.clocks import date_and_clock
 from app.ingest.columns import first_row_of_times, time_columns, wide_from
 from app.ingest.grouping import AUDITED, place
 from app.ingest.head import PREAMBLE_ROWS, Head, is_number
@@ -13,7 +14,7 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
         named = [name for name in names if name]
         if len(named) < 2 or any(is_number(name, head.decimal_mark) for name in named):
             continue
-        time = time_columns(names) or (0,)
+        time = date_and_clock(head, time_columns(names) or (0,), index + 1, options)
         first_row = first_row_of_times(head, time[0], options)
         if any(names_better(row, names) for row in head.rows[index + 1 : max(first_row, 0)]):
             continue  # a title with a comma in it stands above the names

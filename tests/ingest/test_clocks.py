@@ -1,0 +1,96 @@
+"""Date and clock in two columns, whatever the columns are called."""
+
+import io
+
+import numpy as np
+import polars as pl
+import pytest
+
+from app.ingest.clocks import joined_stamp, joined_times
+
+from .conftest import Read
+from .test_tables import workbook
+
+START = np.datetime64("2026-03-01T22:00:00", "ns").astype(np.int64)
+STEPS = np.arange(300) * 30
+STAMPS = [np.datetime64("2026-03-01T22:00:00") + np.timedelta64(int(s), "s") for s in STEPS]
+
+
+def table(head: str, date: str, columns: str = "{date};{clock};{i},5;{i},25") -> str:
+    days = [stamp.item() for stamp in STAMPS]
+    rows = (columns.format(date=f"{day:{date}}", clock=f"{day:%H:%M:%S}", i=i) for i, day in enumerate(days))
+    return "\n".join((head, *rows)) + "\n"
+
+
+def check(read: Read, text: str) -> None:
+    content = read(text)
+    loop = content.loops["FIC1"]
+    np.testing.assert_array_equal(loop.time_ns - START, STEPS * 10**9)
+    np.testing.assert_array_equal(loop.pv, np.arange(300) + 0.5)
+    np.testing.assert_array_equal(loop.op, np.arange(300) + 0.25)
+    assert content.rejects.total == 0
+
+
+@pytest.mark.parametrize(
+    ("names", "date"),
+    [
+        ("Datum;Uhrzeit", "%d.%m.%Y"),
+        ("Datum;Zeit", "%d.%m.%Y"),
+        ("Date;Heure", "%d/%m/%Y"),
+        ("Fecha;Hora", "%d-%m-%Y"),
+        ("Day;Clock", "%Y-%m-%d"),
+        ("Date;Time", "%Y%m%d"),
+    ],
+)
+def test_by_what_the_columns_hold(read: Read, names: str, date: str) -> None:
+    check(read, table(f"{names};FIC1.PV;FIC1.OP", date))
+
+
+def test_the_clock_may_stand_first_or_apart(read: Read) -> None:
+    check(read, table("Zeit;Datum;FIC1.PV;FIC1.OP", "%d.%m.%Y", "{clock};{date};{i},5;{i},25"))
+    check(read, table("Datum;FIC1.PV;FIC1.OP;Uhrzeit", "%d.%m.%Y", "{date};{i},5;{i},25;{clock}"))
+
+
+def test_below_a_row_of_units(read: Read) -> None:
+    check(read, table("Datum;Uhrzeit;FIC1.PV;FIC1.OP\n;;m3/h;%", "%d.%m.%Y"))
+
+
+def test_in_a_long_table(read: Read) -> None:
+    columns = "FIC1.PV;{date};{clock};{i},5\nFIC1.OP;{date};{clock};{i},25"
+    check(read, table("Tagname;Datum;Uhrzeit;Value", "%d.%m.%Y", columns))
+
+
+def test_dates_alone_stay_dates(read: Read) -> None:
+    rows = "".join(f"2026-03-{day:02d},1{day},{day}\n" for day in range(1, 9))
+    loop = read("Datum,FIC1.PV,FIC1.OP\n" + rows).loops["FIC1"]
+    np.testing.assert_array_equal(np.diff(loop.time_ns), 86400 * 10**9)
+
+
+def test_spreadsheets_write_dates_at_midnight_and_clocks_on_their_first_day() -> None:
+    dates = ["2026-03-01 00:00:00", "2026-03-01", "2026-03-02 00:00:00.000"]
+    clocks = ["1899-12-31 22:00:00", "22:00:10", "1899-12-30 00:00:00"]
+    expected = ["2026-03-01 22:00:00", "2026-03-01 22:00:10", "2026-03-02 00:00:00"]
+    assert [joined_stamp(parts) for parts in zip(dates, clocks, strict=True)] == expected
+    frame = pl.DataFrame({"c0": dates, "c1": clocks})
+    assert joined_times(frame, (0, 1)).to_list() == expected
+    assert joined_times(frame, (0,)).to_list() == dates
+
+
+def test_a_workbook_with_date_and_clock_apart(read: Read) -> None:
+    pytest.importorskip("fastexcel", reason="the extra 'excel' is not installed")
+    days = [stamp.item() for stamp in STAMPS]
+    cells = [
+        [f"{day:%Y-%m-%d} 00:00:00", f"1899-12-31 {day:%H:%M:%S}", f"{i}.5", f"{i}.25"] for i, day in enumerate(days)
+    ]
+    loop = read(workbook([["Datum", "Uhrzeit", "FIC1.PV", "FIC1.OP"], *cells]), name="night.xlsx").loops["FIC1"]
+    np.testing.assert_array_equal(loop.time_ns - START, STEPS * 10**9)
+
+
+def test_a_parquet_file_with_dates_and_clocks(read: Read) -> None:
+    days = [stamp.item() for stamp in STAMPS]
+    columns = {"Day": [day.date() for day in days], "Clock": [day.time() for day in days]}
+    frame = pl.DataFrame({**columns, "FIC1.PV": STEPS * 1.5, "FIC1.OP": STEPS * 0.5})
+    target = io.BytesIO()
+    frame.write_parquet(target)
+    loop = read(target.getvalue(), name="night.parquet").loops["FIC1"]
+    np.testing.assert_array_equal(loop.time_ns - START, STEPS * 10**9)
