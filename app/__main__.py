@@ -1,6 +1,16 @@
-"""`python -m app`: the command line where its console script is not on the path, as for child processes of `serve`."""
+"""The console script, and `python -m app` where it is not on the path, as for child processes of `serve`."""
 
-from app.cli.main import main
+import signal
+
+
+def main() -> None:
+    """Ctrl-C while the command is loaded ends it without a word; from then on it is the command's."""
+    before = signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from app.cli.main import main as command
+
+    signal.signal(signal.SIGINT, before)
+    command()
+
 
 if __name__ == "__main__":
     main()

@@ -1,11 +1,13 @@
 """`loopaudit audit`: files and folders of recordings, without a service, through the engine that the service uses."""
 
 import os
-import sys
+import signal
 from collections.abc import Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, wait
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +15,7 @@ import typer
 
 from app.cli.mapping import MappingOption, mapping_bytes
 from app.cli.messages import ExitCode, progress, say
+from app.cli.outputs import is_stream, written
 from app.cli.stamps import DateOrderOption, TimeZoneOption, read_in
 from app.errors import DataError, LoopauditError
 
@@ -30,6 +33,7 @@ FORMS = "CSV, text, parquet, Excel, MATLAB"
 PROCESSES_PAY_FROM_FILES = 8
 NO_SIGNALS = "unknown_layout"
 SHOWN_REJECTS = 3
+INTERRUPTED_WITHIN_S = 0.2
 KNOWN_TO_A_SERVICE = ("unit", "window_start", "window_end", "audited_at", "audit_id")
 
 
@@ -88,18 +92,26 @@ def audit(
     """
     how = Reading(read_in(time_zone, date_order), mapping_bytes(mapping))
     files = recording_files(paths)
-    audited = []
-    with destination(out) as stream, progress("auditing", len(files)) as advance:
-        for result in audit_files(files, jobs, how):
-            advance(label=result.path.name)
-            for note in result.notes:
-                say(f"{result.path}: {note}")
-            if format_ is Format.jsonl:
-                write_jsonl(stream, result.lines)
-            audited.append(result)
-        if format_ is not Format.jsonl:
-            write_all(stream, format_, [line for result in audited for line in result.lines])
-    raise typer.Exit(exit_code(audited, paths))
+    audited: list[AuditedFile] = []
+    with written(out, read_files(files, paths, mapping, out)) as stream:
+        try:
+            with progress("auditing", len(files)) as advance:
+                for result in audit_files(files, jobs, how):
+                    advance(label=result.path.name)
+                    audited.append(result)
+                    for note in result.notes:
+                        say(f"{result.path}: {note}")
+                    if format_ is Format.jsonl:
+                        write_jsonl(stream, result.lines)
+        except KeyboardInterrupt:
+            say(interrupted(len(audited), len(files), out))
+            if is_stream(out):
+                write_rest(stream, format_, audited)
+            raise
+        write_rest(stream, format_, audited)
+        if (code := exit_code(audited, paths)) is ExitCode.NOTHING_USABLE:
+            raise typer.Exit(code)  # and what was in the file stays
+    raise typer.Exit(code)
 
 
 def recording_files(paths: list[Path]) -> list[Path]:
@@ -121,31 +133,73 @@ def recording_files(paths: list[Path]) -> list[Path]:
     return files
 
 
+def read_files(files: list[Path], named: list[Path], mapping: Path | None, out: Path | None) -> list[Path]:
+    """All that is read, and what `out` would be the next time: a file that is taken for an export of its folder."""
+    from app.ingest import is_export_name
+
+    folders = [path for path in named if path.is_dir()]
+    read = [*files, *([] if mapping is None else [mapping])]
+    if out is not None and is_export_name(out.name):
+        read += [folder / out.name for folder in folders]
+    return read
+
+
+def interrupted(done: int, files: int, out: Path | None) -> str:
+    kept = "what was found so far is written" if is_stream(out) else f"{out} is left as it was"
+    return f"loopaudit: interrupted, {done} of {files} files audited; {kept}"
+
+
 def audit_files(files: list[Path], jobs: int, how: Reading) -> Iterator[AuditedFile]:
-    """Results in the order of the files, whichever process is done first."""
-    with executor(len(files), jobs) as pool:
-        futures = [pool.submit(audit_file, file, how) for file in files]
-        for file, future in zip(files, futures, strict=True):
-            yield outcome(file, future)
+    """Results in the order of the files, whichever process is done first.
 
-
-def executor(files: int, jobs: int) -> Executor:
-    """Processes with one thread each where there is enough to share; the process that asks otherwise."""
-    wanted = min(jobs or os.cpu_count() or 1, files)
-    if wanted <= 1 or (jobs == 0 and files < PROCESSES_PAY_FROM_FILES):
-        return ThreadPoolExecutor(1)
-    from multiprocessing import get_context
-
+    Processes with one thread each where there is enough to share; otherwise this one, which an interrupt ends at once.
+    """
+    wanted = min(jobs or os.cpu_count() or 1, len(files))
+    if wanted <= 1 or (jobs == 0 and len(files) < PROCESSES_PAY_FROM_FILES):
+        yield from (audited_here(file, how) for file in files)
+        return
     for name in THREAD_LIMITS:
         os.environ.setdefault(name, "1")
-    return ProcessPoolExecutor(wanted, mp_context=get_context("spawn"))
+    pool = ProcessPoolExecutor(wanted, mp_context=get_context("spawn"))
+    try:
+        with uninterrupted():
+            futures = [pool.submit(audit_file, file, how) for file in files]
+        for file, future in zip(files, futures, strict=True):
+            while not future.done():
+                wait([future], timeout=INTERRUPTED_WITHIN_S)  # in steps: another thread may have got the signal
+            error = future.exception()
+            yield future.result() if error is None else failed_file(file, error)
+    except BaseException:
+        end(pool)
+        raise
+    pool.shutdown()
 
 
-def outcome(file: Path, future: "Future[AuditedFile]") -> AuditedFile:
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Processes started herein never see Ctrl-C, which goes to the whole terminal: who started them ends them."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def end(pool: ProcessPoolExecutor) -> None:
+    pool.shutdown(wait=False, cancel_futures=True)
+    for process in active_children():
+        process.terminate()
+
+
+def audited_here(file: Path, how: Reading) -> AuditedFile:
+    try:
+        return audit_file(file, how)
+    except Exception as error:  # noqa: BLE001 - told beside its file, as that of another process
+        return failed_file(file, error)
+
+
+def failed_file(file: Path, error: BaseException) -> AuditedFile:
     """A user's error fails its file alone, and so does a fault of ours: the others are still worth having."""
-    error = future.exception()
-    if error is None:
-        return future.result()
     if isinstance(error, LoopauditError):
         skipped = error.code == NO_SIGNALS
         text = f"{'skipped: ' if skipped else ''}{error.message} [{error.code}]"
@@ -199,13 +253,6 @@ def exit_code(audited: list[AuditedFile], named: list[Path]) -> ExitCode:
     return ExitCode.SOME_FAILED if missed else ExitCode.DONE
 
 
-def destination(out: Path | None) -> Any:
-    """The file to write to, or stdout, which stays open."""
-    from contextlib import nullcontext
-
-    return nullcontext(sys.stdout) if out is None else out.open("w", encoding="utf-8", newline="")
-
-
 def write_jsonl(stream: IO[str], lines: tuple[dict[str, Any], ...]) -> None:
     import json
 
@@ -214,8 +261,10 @@ def write_jsonl(stream: IO[str], lines: tuple[dict[str, Any], ...]) -> None:
     stream.flush()
 
 
-def write_all(stream: IO[str], format_: Format, lines: list[dict[str, Any]]) -> None:
-    if not lines:
+def write_rest(stream: IO[str], format_: Format, audited: list[AuditedFile]) -> None:
+    """What is written once all files are there; lines of JSON are written already."""
+    lines = [line for result in audited for line in result.lines]
+    if format_ is Format.jsonl or not lines:
         return
     if format_ is Format.csv:
         from app.services.auditing.audit_line import reliability_row

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from app.cli.messages import ExitCode, say
+from app.cli.outputs import refuse_outputs, written
 
 
 class Section(StrEnum):
@@ -49,10 +50,12 @@ def bench(
     from app.services.bench import running
     from app.services.bench.page import performance_page, summary
 
+    refuse_outputs([page], [out])
     wanted = running.Wanted([s.value for s in sections or list(Section)], quick, postgres, redis, recordings)
     figures = running.run(wanted, out, lambda text: say(f"loopaudit bench: {text}"))
     if page is not None:
-        page.write_text(performance_page(figures), encoding="utf-8")
+        with written(page, [out]) as stream:
+            stream.write(performance_page(figures))
     typer.echo(summary(figures))
     raise typer.Exit(ExitCode.DONE)
 

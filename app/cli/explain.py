@@ -3,6 +3,7 @@ with it.
 """
 
 import sys
+from collections.abc import Iterator
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.messages import say
+from app.cli.outputs import refuse_outputs, written
 from app.cli.stamps import DateOrderOption, TimeZoneOption, read_in
 from app.errors import RequestError
 
@@ -78,6 +80,8 @@ def explain(
         raise RequestError("several_simulations", "--sim and --sim-model are both given; one simulation is compared")
     if quick and any(given is not None for given in (validate, trace, plot, model)):
         raise RequestError("quick_alone", "--quick has no fit: --validate, --trace, --plot and --model need one")
+    plot = None if plot is None else drawn_as(plot)
+    refuse_outputs([trace, plot, model], files_read(file, validate, sim, sim_model))
     comparison = read_comparison(file, Columns(op, pv, sp, loop), sim, options)
     if sim_model is not None:
         comparison = replace(comparison, trace=None, simulation=simulation_from_json(sim_model))
@@ -91,10 +95,10 @@ def explain(
         second = read_comparison(validate, columns, None if sim is None or Path(sim).is_file() else sim, options)
     explanation = explain_comparison(comparison, second)
     line = explanation_line(explanation, perf_counter() - started)
-    write_files(explanation, comparison, trace, plot)
-    if model is not None:
-        model.write_text(as_json(line["model"]), encoding="utf-8")
-        say(f"wrote {model}")
+    for path, text in files_to_write(explanation, comparison, line, (trace, plot, model)):
+        with written(path) as stream:
+            stream.write(text)
+        say(f"wrote {path}")
     sys.stdout.write(as_json(line) if format_ is Form.json else as_text(line))
 
 
@@ -104,20 +108,43 @@ def as_json(line: dict[str, Any]) -> str:
     return json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def write_files(explanation: "Explanation", comparison: "Comparison", trace: Path | None, plot: Path | None) -> None:
+def drawn_as(plot: Path) -> Path:
+    """A picture where its name says so, a page otherwise."""
+    return plot if plot.suffix.lower() in (".html", ".htm", ".svg") else plot.with_suffix(".html")
+
+
+def files_read(file: Path, validate: Path | None, *perhaps: str | None) -> list[Path]:
+    """Simulations and models may be files or what would be in them."""
+    named = [] if validate is None else [validate]
+    return [file, *named, *(Path(text) for text in perhaps if text and is_file(text))]
+
+
+def is_file(text: str) -> bool:
+    try:
+        return Path(text).is_file()
+    except (OSError, ValueError):  # a long text of JSON is no name
+        return False
+
+
+def files_to_write(
+    explanation: "Explanation",
+    comparison: "Comparison",
+    line: dict[str, Any],
+    where: tuple[Path | None, Path | None, Path | None],
+) -> Iterator[tuple[Path, str]]:
+    """Trace, plot and model as texts, each that is wanted."""
     from app.services.explaining.plot import explanation_html
     from app.services.explaining.svg import explanation_svg
     from app.services.explaining.trace_table import as_csv, trace_rows
 
+    trace, plot, model = where
     if trace is not None:
-        trace.write_text(as_csv(*trace_rows(explanation)), encoding="utf-8")
-        say(f"wrote {trace}")
+        yield trace, as_csv(*trace_rows(explanation))
     if plot is not None:
-        drawn = plot.suffix.lower() in (".html", ".htm", ".svg")
-        target = plot if drawn else plot.with_suffix(".html")
-        draw = explanation_svg if target.suffix.lower() == ".svg" else explanation_html
-        target.write_text(draw(explanation, comparison.op), encoding="utf-8")
-        say(f"wrote {target}")
+        draw = explanation_svg if plot.suffix.lower() == ".svg" else explanation_html
+        yield plot, draw(explanation, comparison.op)
+    if model is not None:
+        yield model, as_json(line["model"])
 
 
 def as_text(line: dict[str, Any]) -> str:

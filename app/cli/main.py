@@ -1,6 +1,9 @@
 """The `loopaudit` command. Each command's module imports what it needs when it runs, so that --help is quick."""
 
+import errno
+import os
 import sys
+from contextlib import suppress
 from inspect import cleandoc
 
 import typer
@@ -28,8 +31,9 @@ from app.errors import LoopauditError
 
 EPILOG = (
     "Results go to stdout, messages to stderr. "
-    "Exit codes: 0 done, 1 some inputs failed, 2 wrong usage or nothing usable."
+    "Exit codes: 0 done, 1 some inputs failed, 2 wrong usage, nothing usable or no room for the results."
 )
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 cli = typer.Typer(
     name="loopaudit",
@@ -92,10 +96,26 @@ def options(
     """Audits every control loop of a plant and says which verdicts on valve stiction can be trusted."""
 
 
-def main() -> None:
-    """The console script: a user's error becomes one line on stderr and exit code 2, a fault of ours a traceback."""
+def flushed() -> None:
+    """Runs the command; what it wrote is on its way, or known not to be, before the process ends."""
     try:
         cli()
+    finally:
+        sys.stdout.flush()
+
+
+def leave_stdout() -> None:
+    """What is still to be written there would fail once more when the interpreter ends."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def main() -> None:
+    """A user's error, or no room for the results, becomes one line on stderr and exit code 2, a fault of ours a
+    traceback.
+    """
+    try:
+        flushed()
     except LoopauditError as error:
         say(f"loopaudit: {error.message} [{error.code}]")
         sys.exit(ExitCode.NOTHING_USABLE)
@@ -103,9 +123,13 @@ def main() -> None:
         sys.stderr.close()
         sys.exit(ExitCode.DONE)
     except OSError as error:
-        if error.filename is None:
+        if error.filename is not None:
+            say(f"loopaudit: {error.filename} cannot be used: {error.strerror} [file]")
+        elif error.errno in NO_ROOM:
+            leave_stdout()
+            say(f"loopaudit: the results could not be written: {error.strerror} [output]")
+        else:
             raise
-        say(f"loopaudit: {error.filename} cannot be used: {error.strerror} [file]")
         sys.exit(ExitCode.NOTHING_USABLE)
     except KeyboardInterrupt:
         sys.exit(130)

@@ -1,6 +1,5 @@
 """`loopaudit report`: what is known of a loop or of the plant, in one HTML file."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +7,7 @@ import typer
 
 from app.cli.keys import opened
 from app.cli.messages import ExitCode, say
+from app.cli.outputs import written
 from app.errors import RequestError
 
 
@@ -28,11 +28,10 @@ def report(
 
     if (loop is None) == (not plant):
         raise RequestError("which_report", "say either --loop TAG or --plant")
-    with opened() as backend:
-        html = plant_report(backend) if loop is None else loop_report(backend, loop)
-    if out is None:
-        sys.stdout.write(html)
-    else:
-        out.write_text(html, encoding="utf-8")
+    with written(out) as stream:
+        with opened() as backend:
+            html = plant_report(backend) if loop is None else loop_report(backend, loop)
+        stream.write(html)
+    if out is not None:
         say(f"loopaudit: {out} written, {len(html) // 1000} kB")
     raise typer.Exit(ExitCode.DONE)

@@ -1,8 +1,6 @@
 """`loopaudit simulate`: a recording of a loop whose valve is known, to try detectors on."""
 
-import sys
 from collections.abc import Iterator
-from contextlib import nullcontext
 from datetime import datetime, timedelta
 from enum import StrEnum
 from pathlib import Path
@@ -11,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.messages import ExitCode, say
+from app.cli.outputs import written
 from app.cli.stamps import read_in
 
 if TYPE_CHECKING:
@@ -117,7 +116,7 @@ def simulate(
         op_limits=(0.0, 100.0),
     )
     loop = simulate_loop(spec, samples * interval_s, interval_s, seed)
-    with nullcontext(sys.stdout) if out is None else out.open("w", encoding="utf-8", newline="") as stream:
+    with written(out) as stream:
         stream.writelines(_lines(loop, with_valve, start))
     say(f"{samples} samples of a loop with a {valve.value} valve" + (f" in {out}" if out else ""))
     raise typer.Exit(ExitCode.DONE)
@@ -136,8 +135,8 @@ def _simulate_explained(
 
     if model is None or recording is None:
         raise RequestError("model_invalid", "--model and --recording belong together: a model needs an OP to drive it")
-    found = simulate_files(model, recording, Columns(*columns), read_in(time_zone))
-    with nullcontext(sys.stdout) if out is None else out.open("w", encoding="utf-8", newline="") as stream:
+    with written(out, [model, recording]) as stream:
+        found = simulate_files(model, recording, Columns(*columns), read_in(time_zone))
         stream.write("time,OP,PV\n")
         for row in zip(found.time_s, found.op, found.pv, strict=True):
             stream.write(",".join(f"{value:.8g}" for value in row) + "\n")

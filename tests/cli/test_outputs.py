@@ -1,0 +1,202 @@
+"""What a command writes is there whole or not at all, and never over what it reads."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from app.cli.main import cli
+from app.cli.outputs import refuse_outputs, written
+from app.errors import RequestError
+
+FULL = Path("/dev/full")
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(cli, [*map(str, arguments)])
+
+
+def in_a_process(*arguments: object, stdout: object = subprocess.PIPE, **options) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "app", *map(str, arguments)]
+    return subprocess.Popen(command, stdout=stdout, stderr=subprocess.PIPE, text=True, **options)
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("recordings")
+    assert run("simulate", "--samples", 300, "--valve", "he", "-S", 5, "--out", folder / "L1.csv").exit_code == 0
+    return folder / "L1.csv"
+
+
+@pytest.fixture
+def recording(kept, tmp_path) -> Path:
+    target = tmp_path / "in" / "L1.csv"
+    target.parent.mkdir()
+    target.write_bytes(kept.read_bytes())
+    return target
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["audit", "{0}", "--out", "{0}"],
+        ["audit", "{0.parent}", "--out", "{0}"],
+        ["audit", "{0.parent}", "--format", "csv", "--out", "{0.parent}/verdicts.csv"],
+        ["audit", "{0}", "--out", "{0.parent}/../in/L1.csv"],
+        ["audit", "{0}", "--out", "{0.parent}/link.csv"],
+        ["audit", "{0}", "--mapping", "{0.parent}/tags.csv", "--out", "{0.parent}/tags.csv"],
+        ["explain", "{0}", "--trace", "{0}"],
+        ["explain", "{0}", "--model", "{0}"],
+        ["explain", "{0}", "--plot", "{0.parent}/page.html", "--trace", "{0.parent}/page.html"],
+        ["explain", "{0}", "--validate", "{0.parent}/tags.csv", "--model", "{0.parent}/tags.csv"],
+        ["explain", "{0}", "--sim-model", "{0.parent}/tags.csv", "--model", "{0.parent}/tags.csv"],
+        ["simulate", "--model", "{0.parent}/tags.csv", "--recording", "{0}", "--out", "{0}"],
+    ],
+    ids=lambda arguments: " ".join(arguments[:1] + arguments[2:]),
+)
+def test_a_file_that_is_read_is_never_written(arguments, recording):
+    (recording.parent / "link.csv").symlink_to(recording)
+    tags = recording.parent / "tags.csv"
+    tags.write_text("tag,loop,signal\nPV,L1,PV\nOP,L1,OP\n")
+    before = recording.read_bytes(), tags.read_bytes(), sorted(recording.parent.iterdir())
+    done = run(*(argument.format(recording) for argument in arguments))
+    assert isinstance(done.exception, RequestError)
+    assert done.exception.code in {"output_is_input", "outputs_same"}
+    assert (recording.read_bytes(), tags.read_bytes(), sorted(recording.parent.iterdir())) == before
+
+
+def test_a_plot_is_refused_by_the_name_that_it_gets(recording):
+    page = recording.with_suffix(".html")
+    recording.rename(page)
+    done = run("explain", page, "--plot", recording)
+    assert isinstance(done.exception, RequestError)
+    assert done.exception.code == "output_is_input"
+
+
+def test_what_was_there_stays_until_all_is_written(tmp_path):
+    out = tmp_path / "verdicts.csv"
+    out.write_text("yesterday\n")
+    out.chmod(0o640)
+    with written(out) as stream:
+        stream.write("today\n")
+        stream.flush()
+        assert out.read_text() == "yesterday\n"
+    assert out.read_text() == "today\n"
+    assert out.stat().st_mode & 0o777 == 0o640
+    assert list(tmp_path.iterdir()) == [out]
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()], ids=str)
+def test_what_was_there_stays_where_something_fails(tmp_path, error):
+    out = tmp_path / "verdicts.csv"
+    out.write_text("yesterday\n")
+    breaking_off = written(out)
+    breaking_off.__enter__().write("half of today")
+    assert not breaking_off.__exit__(type(error), error, None)
+    assert out.read_text() == "yesterday\n"
+    assert list(tmp_path.iterdir()) == [out]
+
+
+def test_a_link_goes_on_pointing_where_it_did(tmp_path):
+    (tmp_path / "there").mkdir()
+    link, target = tmp_path / "link.csv", tmp_path / "there" / "verdicts.csv"
+    link.symlink_to(target)
+    for text in ("first", "second"):
+        with written(link) as stream:
+            stream.write(text)
+        assert link.is_symlink()
+        assert target.read_text() == text
+
+
+def test_a_new_file_has_the_rights_that_the_umask_leaves(tmp_path):
+    before = os.umask(0o027)
+    try:
+        with written(tmp_path / "new.csv") as stream:
+            stream.write("x")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "new.csv").stat().st_mode & 0o777 == 0o640
+
+
+def test_no_folder_is_said_before_anything_is_done(tmp_path, recording):
+    for out in (tmp_path / "nowhere" / "x.csv", tmp_path):
+        with pytest.raises(RequestError) as refused:
+            refuse_outputs([out], [recording])
+        assert refused.value.code == "file"
+
+
+def test_results_of_yesterday_outlast_an_audit_of_nothing_usable(tmp_path):
+    out = tmp_path / "verdicts.csv"
+    out.write_text("yesterday\n")
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "labels.csv").write_text("recording,label\nL0,stiction\n")
+    assert run("audit", tmp_path / "in", "--format", "csv", "--out", out).exit_code == 2
+    assert out.read_text() == "yesterday\n"
+
+
+def test_stdout_by_its_name_is_stdout(recording):
+    done = run("audit", recording, "--format", "jsonl", "--out", "/dev/stdout")
+    assert json.loads(done.stdout)["recording"] == "L1"
+
+
+@pytest.mark.parametrize("arguments", [["audit", "{}"], ["simulate"], ["explain", "{}", "--quick"]], ids=" ".join)
+def test_a_full_disk_on_stdout_is_one_sentence_and_2(arguments, recording):
+    with FULL.open("w") as full:
+        done = in_a_process(*(argument.format(recording) for argument in arguments), stdout=full)
+        told = done.communicate(timeout=240)[1].splitlines()
+    assert done.returncode == 2
+    assert told[-1] == "loopaudit: the results could not be written: No space left on device [output]"
+    assert not any("Traceback" in line or "ignored" in line for line in told)
+
+
+@pytest.mark.parametrize("form", ["table", "csv", "jsonl"])
+def test_a_full_disk_under_out_is_one_sentence_and_2(form, recording):
+    done = in_a_process("audit", recording, "--format", form, "--out", FULL)
+    told = done.communicate(timeout=240)[1]
+    assert (done.returncode, told.count("\n")) == (2, 1)
+    assert "No space left on device [output]" in told
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_an_interrupt_ends_an_audit_soon_and_keeps_what_was_found(jobs, kept, tmp_path):
+    folder, results = tmp_path / "in", tmp_path / "results.jsonl"
+    folder.mkdir()
+    for number in range(400):
+        (folder / f"L{number:03}.csv").write_bytes(kept.read_bytes())
+    with results.open("w") as stream:
+        command = ("audit", folder, "--format", "jsonl", "--jobs", jobs)
+        done = in_a_process(*command, stdout=stream, start_new_session=True)
+        while not results.read_text().count("\n") and done.poll() is None:
+            time.sleep(0.05)
+        os.killpg(done.pid, signal.SIGINT)
+        sent = time.monotonic()
+        told = done.communicate(timeout=60)[1]
+    assert time.monotonic() - sent < 5.0
+    found = [json.loads(line)["recording"] for line in results.read_text().splitlines()]
+    assert found == [f"L{number:03}" for number in range(len(found))]
+    assert 0 < len(found) < 400
+    assert done.returncode == 130
+    assert told == f"loopaudit: interrupted, {len(found)} of 400 files audited; what was found so far is written\n"
+
+
+def test_an_interrupt_leaves_a_file_as_it_was(kept, tmp_path):
+    folder, out = tmp_path / "in", tmp_path / "verdicts.csv"
+    folder.mkdir()
+    out.write_text("yesterday\n")
+    for number in range(400):
+        (folder / f"L{number:03}.csv").write_bytes(kept.read_bytes())
+    done = in_a_process("audit", folder, "--jobs", "1", "--format", "csv", "--out", out, start_new_session=True)
+    while not list(tmp_path.glob(".verdicts.csv.*.part")) and done.poll() is None:
+        time.sleep(0.05)
+    os.killpg(done.pid, signal.SIGINT)
+    told = done.communicate(timeout=60)[1]
+    assert done.returncode == 130
+    assert told.endswith(f"{out} is left as it was\n")
+    assert out.read_text() == "yesterday\n"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "verdicts.csv"]
