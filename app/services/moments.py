@@ -22,3 +22,8 @@ def iso_utc(moment: datetime | None) -> str | None:
 
 def moment_of(time_ns: int) -> datetime:
     return datetime.fromtimestamp(time_ns / 1e9, UTC)
+
+
+def ns_of(moment: datetime) -> int:
+    """Nanoseconds since 1970, UTC."""
+    return (moment - EPOCH) // timedelta(microseconds=1) * 1000

@@ -1,5 +1,6 @@
 """What people write about a loop."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -53,8 +54,9 @@ def withdraw(connection: Connection, note_id: int, withdrawn_by: str) -> None:
     connection.execute(update(notes).where(*standing).values(withdrawn_at=now(), withdrawn_by=withdrawn_by))
 
 
-def repair_stated_last(connection: Connection, loop_id: int) -> datetime | None:
-    """Of the newest note that states one that stands, be it earlier than another note's: so a wrong time can be put
-    right."""
-    stated = (notes.c.loop_id == loop_id, notes.c.repaired_at.is_not(None), notes.c.withdrawn_at.is_(None))
-    return connection.scalar(select(notes.c.repaired_at).where(*stated).order_by(notes.c.id.desc()).limit(1))
+def repairs_stated_last(connection: Connection, loop_ids: Iterable[int]) -> dict[int, datetime]:
+    """By loop, of the newest note that states a repair that stands, be it earlier than another note's: so a wrong time
+    can be put right."""
+    standing = (notes.c.repaired_at.is_not(None), notes.c.withdrawn_at.is_(None))
+    query = select(notes.c.loop_id, notes.c.repaired_at).where(notes.c.loop_id.in_(list(loop_ids)), *standing)
+    return {row.loop_id: row.repaired_at for row in connection.execute(query.order_by(notes.c.id))}

@@ -51,6 +51,11 @@ class Fitness:
         return self.record
 
     @property
+    def long_enough(self) -> bool:
+        """Whether there are samples enough to judge by, whatever they are like."""
+        return not any(finding.code in checks.OF_LENGTH for finding in self.refusals)
+
+    @property
     def refusals(self) -> tuple[Finding, ...]:
         """The findings for which the recording is not audited."""
         return checks.refusals(self.findings)

@@ -16,6 +16,9 @@ BLOCKING = frozenset(
      "samples_per_cycle"}
 )  # fmt: skip
 
+# Of these, the ones that more samples of the same kind mend.
+OF_LENGTH = frozenset({"too_short", "missing_values", "not_in_automatic", "gaps"})
+
 
 def not_evaluated(code: str, because: str) -> Finding:
     """A check that could not be made, with the reason: it is neither good nor missing."""

@@ -2,10 +2,8 @@
 
 import logging
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from types import MappingProxyType
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,9 +11,10 @@ from app.engine.audit import audit
 from app.engine.audit_config import AuditConfig
 from app.engine.recording import Recording
 from app.errors import LoopauditError
-from app.ingest import LoopSamples, to_recording
 from app.logs import about
 from app.services.auditing.limits import TimeLimitError, time_limit
+from app.services.auditing.recordings import origin_ns, recording_of
+from app.services.auditing.repairs import Window, windows_since_repair
 from app.services.auditing.rows import new_verdict
 from app.services.backend import Backend
 from app.services.moments import moment_of
@@ -24,7 +23,6 @@ from app.storage import audits, items, loops, series, verdicts
 from app.storage.audits import AuditRow
 from app.storage.items import Claim, Failure
 from app.storage.loops import LoopRow
-from app.storage.samples import Samples
 from app.storage.types import now
 from app.storage.verdicts import NewVerdict
 
@@ -35,11 +33,11 @@ log = logging.getLogger("loopaudit.audit")
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """A claimed loop with what the engine needs; `samples` is None where the loop has none."""
+    """A claimed loop with what the engine needs."""
 
     claim: Claim
     loop: LoopRow
-    samples: Samples | None
+    window: Window
 
 
 @dataclass(frozen=True)
@@ -107,7 +105,7 @@ def _work_off(backend: Backend, run: AuditRow, config: AuditConfig, claims: Sequ
     """Writes what is done before the lease of the rest grows old, and renews the rest."""
     limit_s, lease_s = backend.settings.loop_limit_s, backend.settings.lease_s
     started, results = time.monotonic(), []
-    waiting = patiently(lambda: _load(backend, run, claims), lease_s)
+    waiting = patiently(lambda: _load(backend, run, config, claims), lease_s)
     while waiting:
         results.append(_isolated(waiting.pop(), run, config, limit_s, watchdog))
         if time.monotonic() - started > lease_s / 4:
@@ -116,12 +114,13 @@ def _work_off(backend: Backend, run: AuditRow, config: AuditConfig, claims: Sequ
     _write(backend, results, [])
 
 
-def _load(backend: Backend, run: AuditRow, claims: Sequence[Claim]) -> list[Work]:
-    ids = [claim.loop_id for claim in claims]
+def _load(backend: Backend, run: AuditRow, config: AuditConfig, claims: Sequence[Claim]) -> list[Work]:
+    ids, hold_days = [claim.loop_id for claim in claims], backend.settings.hold_days
     with backend.database.read() as connection:
         known = loops.by_ids(connection, ids)
-        samples = series.windows(connection, ids, run.window_h, run.window_samples, backend.settings.hold_days)
-    return [Work(claim, known[claim.loop_id], samples.get(claim.loop_id)) for claim in claims]
+        samples = series.windows(connection, ids, run.window_h, run.window_samples, hold_days)
+        windows = windows_since_repair(connection, known, samples, hold_days, config)
+    return [Work(claim, known[claim.loop_id], windows.get(claim.loop_id, Window(None))) for claim in claims]
 
 
 def _isolated(work: Work, run: AuditRow, config: AuditConfig, limit_s: float, watchdog: bool) -> Result:
@@ -140,12 +139,12 @@ def _isolated(work: Work, run: AuditRow, config: AuditConfig, limit_s: float, wa
 
 
 def _audited(work: Work, run: AuditRow, config: AuditConfig) -> NewVerdict:
-    samples = work.samples
+    samples = work.window.samples
     if samples is None or not len(samples):
         raise LoopauditError("no_samples", "the loop has no samples in the window")
     started = time.perf_counter()
     recording = recording_of(work.loop, samples)
-    found = audit(recording, config)
+    found = work.window.told(audit(recording, config))
     return new_verdict(
         found,
         loop_id=work.loop.id,
@@ -156,23 +155,6 @@ def _audited(work: Work, run: AuditRow, config: AuditConfig) -> NewVerdict:
         input_ns=(int(samples.time_ns[0]), int(samples.time_ns[-1])),
         held_ns=samples.held_ns,
     )
-
-
-def recording_of(loop: LoopRow, samples: Samples) -> Recording:
-    """The engine's record of stored samples: the same that a file with these samples gives, with the loop's spans."""
-    signals = samples.signals
-    own: dict[str, Any] = {name: signals.get(name) for name in ("pv", "op", "sp", "automatic")}
-    others: Mapping[str, np.ndarray] = {name.removeprefix("tag:"): signals[name] for name in signals if name not in own}
-    stretch = LoopSamples(loop.tag, samples.time_ns, **own, others=MappingProxyType(others))
-    recording = to_recording(stretch, loop.tag)
-    return replace(recording, pv_range=loop.pv_range, op_range=loop.op_range, integrating=loop.integrating)
-
-
-def origin_ns(samples: Samples) -> int:
-    """The instant of a recording's second 0: its first sample with PV or OP."""
-    missing = np.full(len(samples), np.nan)
-    given = np.isfinite(samples.signals.get("pv", missing)) | np.isfinite(samples.signals.get("op", missing))
-    return int(samples.time_ns[np.argmax(given)])
 
 
 def _set_aside(work: Work, code: str, text: str) -> Result:

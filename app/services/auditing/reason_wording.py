@@ -63,6 +63,10 @@ _EPISODES = {
     "stiction_ended": "The valve stuck at the beginning of the record and has not since.",
     "stiction_began": "The valve sticks up to the end of the record and did not at its beginning.",
 }
+_REPAIRS = {
+    "since_repair": "The loop is judged on what was recorded since its repair.",
+    "before_repair": "The verdict is of before the repair: too little was recorded since.",
+}
 _SIZE = {
     "size_regularity": "The oscillation is too irregular for the size of stiction to be told.",
     "size_cycles": "The record has too few cycles for the size to be told.",
@@ -87,4 +91,4 @@ def _placeholder(found: re.Match[str]) -> str:
 
 _SHAPES = {f"shape_{name}": _shape(name) for name in NAMES if _shape(name)}
 
-REASON_WORDS = {**_DOUBTS, **_DATA, **_METHODS, **_EPISODES, **_SIZE, **_SHAPES}
+REASON_WORDS = {**_DOUBTS, **_DATA, **_METHODS, **_EPISODES, **_REPAIRS, **_SIZE, **_SHAPES}

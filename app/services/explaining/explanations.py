@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Any
 
 from app.errors import DataError, NotFoundError, RequestError
-from app.services.auditing.chunks import recording_of
+from app.services.auditing.recordings import recording_of
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.explaining.simulations import GivenSimulation, comparison_with, kept, kind_of

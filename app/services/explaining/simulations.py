@@ -15,7 +15,7 @@ from app.engine.mismatch.comparison import LEAST_SAMPLES, check
 from app.engine.recording import FloatArray, Recording
 from app.errors import DataError, RequestError
 from app.ingest import NO_TIME, IngestOptions, parse_named, read_instants
-from app.services.auditing.chunks import origin_ns, recording_of
+from app.services.auditing.recordings import origin_ns, recording_of
 from app.services.explaining.aligning import Aligned, onto
 from app.services.explaining.comparisons import (
     NOT_MEASURED,

@@ -100,7 +100,7 @@ def newest_repair(backend: Backend, tag: str) -> Repair | None:
     """
     row = find(backend, tag)
     with backend.database.read() as connection:
-        at = notes.repair_stated_last(connection, row.id)
+        at = notes.repairs_stated_last(connection, [row.id]).get(row.id)
     if at is None:
         return None
     moment = iso_utc(at) or ""

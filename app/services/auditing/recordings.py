@@ -1,0 +1,30 @@
+"""Stored samples as the engine takes them."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from app.engine.recording import Recording
+from app.ingest import LoopSamples, to_recording
+from app.storage.loops import LoopRow
+from app.storage.samples import Samples
+
+
+def recording_of(loop: LoopRow, samples: Samples) -> Recording:
+    """The engine's record of stored samples: the same that a file with these samples gives, with the loop's spans."""
+    signals = samples.signals
+    own: dict[str, Any] = {name: signals.get(name) for name in ("pv", "op", "sp", "automatic")}
+    others: Mapping[str, np.ndarray] = {name.removeprefix("tag:"): signals[name] for name in signals if name not in own}
+    stretch = LoopSamples(loop.tag, samples.time_ns, **own, others=MappingProxyType(others))
+    recording = to_recording(stretch, loop.tag)
+    return replace(recording, pv_range=loop.pv_range, op_range=loop.op_range, integrating=loop.integrating)
+
+
+def origin_ns(samples: Samples) -> int:
+    """The instant of a recording's second 0: its first sample with PV or OP."""
+    missing = np.full(len(samples), np.nan)
+    given = np.isfinite(samples.signals.get("pv", missing)) | np.isfinite(samples.signals.get("op", missing))
+    return int(samples.time_ns[np.argmax(given)])

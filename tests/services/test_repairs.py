@@ -1,0 +1,131 @@
+"""A repair parts what a loop is judged on, as soon as there are samples enough since then."""
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+
+from app.engine.simulate import LinearValve, LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
+from app.services.auditing import audits, chunks
+from app.services.backend import Backend
+from app.services.moments import ns_of
+from app.services.plant import loops, notes
+from app.storage import loops as stored_loops
+from app.storage import series
+from app.storage.samples import Samples
+from app.storage.series import Stretch
+
+START = datetime(2026, 3, 1, 6, tzinfo=UTC)
+REPAIRED = START + timedelta(hours=2)
+HALF_S = 7200.0
+INTERVAL_S = 5.0
+
+Night = Callable[[], dict]
+
+
+def half(valve: object, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    spec = LoopSpec(
+        plant=first_order(1.0, 100.0, 10.0),
+        controller=Pid(1.0, 100.0, 0.0),
+        valve=valve,
+        load=Signal(1.0),
+        noise=Signal(noise_sd=0.05),
+        pv_start=50.0,
+        op_start=50.0,
+        op_limits=(0.0, 100.0),
+    )
+    loop = simulate_loop(spec, HALF_S, INTERVAL_S, seed)
+    return loop.pv, loop.op
+
+
+@pytest.fixture(scope="module")
+def recorded() -> tuple[np.ndarray, np.ndarray]:
+    """Two hours with a valve that sticks, two with one that does not."""
+    halves = half(TwoParameterValve(5.0, 2.0, "he"), 1), half(LinearValve(), 2)
+    return tuple(np.concatenate(parts) for parts in zip(*halves, strict=True))
+
+
+@pytest.fixture
+def arrives(backend: Backend, recorded, warm_kernels: None) -> Callable[[int], None]:
+    """Stores the first samples; the set point is stated once, at the very first of them."""
+    pv, op = recorded
+
+    def arrive(samples: int) -> None:
+        times = ns_of(START) + (np.arange(samples) * INTERVAL_S * 1e9).astype(np.int64)
+        sp = np.where(np.arange(samples) == 0, 50.0, np.nan)
+        with backend.database.write() as connection:
+            loop_id = stored_loops.ensure(connection, ["FIC1"])["FIC1"]
+            given = Samples(times, {"pv": pv[:samples], "op": op[:samples], "sp": sp})
+            series.add(connection, [Stretch(loop_id, given)], None)
+
+    return arrive
+
+
+@pytest.fixture
+def night(backend: Backend) -> Night:
+    def audited() -> dict:
+        run = audits.start_audit(backend)
+        while chunks.audit_chunk(backend, int(run.id), "w"):
+            pass
+        return loops.loop_health(backend, "FIC1")
+
+    return audited
+
+
+def test_from_a_repair_on_the_samples_after_it_are_judged(backend: Backend, arrives, night: Night) -> None:
+    arrives(1440)
+    assert night()["verdict"] == "stiction"
+    arrives(2880)
+    assert night()["verdict"] == "stiction"
+    notes.add_note(backend, "FIC1", "packing renewed", repaired_at=REPAIRED)
+    found = night()
+    assert found["verdict"] == "no_stiction"
+    assert found["window_start"] >= "2026-03-01T08:00:00Z"
+    assert "since_repair" in found["reasons"].split(";")
+    reasons = {reason["code"]: reason["text"] for reason in loops.verdict_detail(backend, "FIC1")["reasons"]}
+    assert reasons["since_repair"].startswith("judged from the repair of 2026-03-01T08:00:00Z on")
+    repair = notes.newest_repair(backend, "FIC1")
+    assert (repair.before["verdict"], repair.after["verdict"]) == ("stiction", "no_stiction")
+
+
+def test_until_there_are_enough_the_verdict_says_that_it_is_of_before(backend: Backend, arrives, night: Night) -> None:
+    arrives(1440 + 60)
+    before = night()
+    notes.add_note(backend, "FIC1", "packing renewed", repaired_at=REPAIRED)
+    found = night()
+    assert (found["verdict"], found["window_start"]) == (before["verdict"], before["window_start"])
+    assert found["reasons"].split(";")[0] == "before_repair"
+    reasons = loops.verdict_detail(backend, "FIC1")["reasons"]
+    assert reasons[0]["text"].startswith(
+        "of before the repair of 2026-03-01T08:00:00Z: 60 samples since then are too few"
+    )
+
+
+def test_a_repair_after_the_newest_sample_is_told_too(backend: Backend, arrives, night: Night) -> None:
+    arrives(1000)
+    notes.add_note(backend, "FIC1", "packing renewed", repaired_at=REPAIRED)
+    night()
+    assert ": 0 samples since then" in loops.verdict_detail(backend, "FIC1")["reasons"][0]["text"]
+
+
+def test_a_withdrawn_repair_cuts_nothing(backend: Backend, arrives, night: Night) -> None:
+    arrives(2880)
+    note = notes.add_note(backend, "FIC1", "another loop was meant", repaired_at=REPAIRED)
+    notes.withdraw_repair(backend, "FIC1", note.id, "me")
+    found = night()
+    assert found["verdict"] == "stiction"
+    assert not {"since_repair", "before_repair"} & set(found["reasons"].split(";"))
+
+
+def test_a_repair_before_the_window_changes_nothing(backend: Backend, arrives, night: Night) -> None:
+    arrives(1440)
+    notes.add_note(backend, "FIC1", "packing renewed", repaired_at=START - timedelta(days=1))
+    assert not {"since_repair", "before_repair"} & set(night()["reasons"].split(";"))
+
+
+def test_a_set_point_stated_before_the_repair_holds_after_it(backend: Backend, arrives, night: Night) -> None:
+    arrives(2880)
+    notes.add_note(backend, "FIC1", "packing renewed", repaired_at=REPAIRED)
+    night()
+    assert loops.verdict_detail(backend, "FIC1")["held_since"] == {"sp": "2026-03-01T06:00:00Z"}
