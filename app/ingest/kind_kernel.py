@@ -31,7 +31,7 @@ def kind_of(first: int, digits: int, decimals: int, comma: bool) -> int:
     `marks.DOUBTFUL` tell them apart."""
     if not decimals:
         return WHOLE
-    if decimals != 3 or digits > 3 or digits == 0 or (digits == 1 and first == ZERO):
+    if decimals != 3 or digits > 3 or (digits == 1 and first == ZERO):
         return COMMA if comma else POINT
     if first == ZERO:
         return OTHER
@@ -67,7 +67,7 @@ def _of_field(data: Bytes, start: int, delimiter: int) -> tuple[int, int]:
         decimals = at - whole - digits - 1
         if not decimals:
             return _of_text(data, start, delimiter)
-    if not (digits or decimals) or not ends_field(data[at], delimiter):
+    if not digits or not ends_field(data[at], delimiter):
         return _of_text(data, start, delimiter)
     return at, kind_of(data[whole], digits, decimals, comma)
 

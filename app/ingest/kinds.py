@@ -11,6 +11,7 @@ DOUBTFUL_POINT, DOUBTFUL_COMMA = 8, 16  # it may as well part thousands
 WORD = 32  # neither digits nor marks
 OTHER = 64
 DOUBTFUL = DOUBTFUL_POINT | DOUBTFUL_COMMA
+SURE = {".": POINT, ",": COMMA}
 WITH = {".": POINT | DOUBTFUL_POINT, ",": COMMA | DOUBTFUL_COMMA}
 IN_DOUBT = POINT | COMMA | DOUBTFUL | OTHER
 
@@ -23,6 +24,13 @@ def kinds_of(lines: Lines, delimiter: str, width: int) -> NDArray[np.uint8] | No
 
     kinds = np.zeros(width, dtype=np.uint8)
     return kinds if column_kinds(np.frombuffer(lines.data, np.uint8), ord(delimiter), kinds) else None
+
+
+def decimal_mark_of(kinds: int) -> str:
+    """The mark that stands before decimals in fields of these kinds, where some show it and none has another one;
+    empty elsewhere."""
+    shown = [mark for mark, sure in SURE.items() if kinds & sure and not kinds & ~(WITH[mark] | WHOLE | WORD)]
+    return shown[0] if shown else ""
 
 
 def tells_nothing(kinds: int, thousands: str) -> bool:

@@ -143,6 +143,7 @@ class LongTable:
         doubtful = (kinds & IN_DOUBT != 0) & self._usable & ~self._modes
         if not doubtful.any():
             return True
+        self._tally.writing.learn_from(int(np.bitwise_or.reduce(kinds[doubtful])))
         thousands = self._tally.writing.thousands
         if not all(tells_nothing(int(found), thousands) for found in np.unique(kinds[doubtful])):
             return False
@@ -283,6 +284,8 @@ class LongTable:
         kinds = 0 if rows.kinds is None else int(rows.kinds[self._plan.value])
         if not kinds & IN_DOUBT:
             return False
+        if of_numbers.all():
+            self._tally.writing.learn_from(kinds)
         if self._tally.writing.own or not tells_nothing(kinds, self._tally.writing.thousands):
             return True
         return not self._are_decimals(codes[of_numbers & np.isfinite(values)])

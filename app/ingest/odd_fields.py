@@ -44,6 +44,13 @@ class ChunkColumns:
         """Of a column's fields; 0 where they were not seen."""
         return 0 if self.rows.kinds is None else int(self.rows.kinds[self.columns[position].index])
 
+    def all_kinds(self) -> int:
+        """Of the fields of all columns; 0 where they were not seen, or are in rows that do not count."""
+        if self.rows.kinds is None or np.isfinite(self.numbers.values[~self.kept]).any():
+            return 0
+        indices = [value.index for value in self.columns.values()]
+        return int(np.bitwise_or.reduce(self.rows.kinds[indices], initial=0))
+
     def left(self, position: int, with_marks: bool) -> Where:
         """Where a column has text that the fast reader left; with_marks: numbers whose mark is in doubt count as
         missing."""
@@ -68,6 +75,7 @@ class OddFields:
     def read(self, chunk: ChunkColumns) -> None:
         """Puts into its numbers what is one; the others become NaN. Columns of which nothing tells how they are
         written are read as they were parsed, but for what is no number."""
+        self._writing.learn_from(chunk.all_kinds())
         own = {p for p, value in chunk.columns.items() if value.tag in self._writing.own}
         silent = self._silent(chunk, own)
         odd = own | {p for p in chunk.columns if chunk.kinds(p) & IN_DOUBT}

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import polars as pl
 
 from app.ingest.blanks import Blanks
+from app.ingest.kinds import decimal_mark_of
 from app.ingest.marks import DOUBTFUL, GROUPED, WHOLE, DoubtfulMarks, before_decimals, other_mark
 from app.ingest.stamps import to_numbers
 from app.ingest.telling import tags_by
@@ -54,6 +55,11 @@ class Writing:
         doubtful = doubtful.filter(~pl.col("tag").is_in(list(self.own)))
         if len(doubtful):
             self._look(doubtful, every)
+
+    def learn_from(self, kinds: int) -> None:
+        """The same from the kinds of all fields, where no text is needed to tell."""
+        if not self.thousands and not self.own and (mark := decimal_mark_of(kinds)):
+            self.thousands = other_mark(mark)
 
     def _doubtful(self) -> str:
         return DOUBTFUL.replace("[.,]", f"[{self.thousands}]") if self.thousands else DOUBTFUL

@@ -16,12 +16,16 @@ from tests.ingest.conftest import Content, Read
 from tests.ingest.test_blocks import same
 from tests.ingest.test_writing import CHUNKS, DOUBT, LAYOUTS, MIRRORED, Table, long, marked, wide
 
+LARGE_CHUNKS = IngestOptions(chunk_bytes=30_000)
 NUMBERS = [
     *("1", "-12", "+123456", "0", "007"),
-    *("1.5", "12.25", "0.125", "0.5", ".5", "-.125", "+1.12345", "1234.125", "00.12", "0000.125", "12.1234"),
+    *("1.5", "12.25", "0.125", "0.5", "+1.12345", "1234.125", "00.12", "0000.125", "12.1234"),
     *("1.125", "12.125", "-123.125", "+9.000"),
 ]
-OTHERS = ["5.", "-5.", ".", "012.125", "00.125", "1e3", "1.125e3", " 1.125", "1.125 ", "1.125 %", "1.2.3", "1.234,5"]
+OTHERS = [
+    *("5.", "-5.", ".5", "-.125", ",5", ".", "012.125", "00.125", "1e3", "1.125e3"),
+    *(" 1.125", "1.125 ", "1.125 %", "1.2.3", "1.234,5"),
+]
 WORDS = ["Bad", "-", "+", "nan", "No Data", "#"]
 
 
@@ -124,22 +128,22 @@ def test_numbers_between_words_in_a_long_table_are_not_looked_at(
     assert dict(content.rejects.counts) == {"not_a_number": 20}
 
 
-def test_texts_are_read_as_long_as_the_file_does_not_tell(
-    read: Read, seen: None, monkeypatch: pytest.MonkeyPatch
+@LAYOUTS
+@MIRRORED
+def test_what_tells_in_one_mark_alone_needs_no_texts(
+    read: Read, seen: None, table: Table, marks: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The first of four chunks has a number that tells, behind what is looked at of the file."""
-    asked: list[int] = []
-    original = FrameReader.texts
-
-    def noted(self: FrameReader, rows: object, columns: object) -> object:
-        asked.append(rows.first)  # type: ignore[attr-defined]
-        return original(self, rows, columns)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(FrameReader, "texts", noted)
-    op = ["40.100"] * 450 + ["40.1"] + ["40.100", "0.500"] * 800
-    content = read(wide(["50.123", "51.871"], op, count=2000), options=IngestOptions(chunk_bytes=20_000))
+    """The first of several chunks has a number that tells, behind what is looked at of the file."""
+    monkeypatch.setattr(FrameReader, "texts", lambda *_: pytest.fail("parted once more"))
+    op = ["40.100"] * 450 + ["40.1"] + ["40.100", "0.500", "7"] * 600
+    content = read(table(marked(["50.123"], marks), marked(op, marks), count=2000), options=LARGE_CHUNKS)
+    assert content.loops["FIC1"].pv.tolist() == [50.123] * 2000
     assert content.loops["FIC1"].op.tolist() == [float(text) for text in op[:2000]]
-    assert asked == [2]
+
+
+def test_what_tells_in_a_row_that_does_not_count_is_passed_over(read: Read, seen: None) -> None:
+    rows = wide(["50.123"], ["40.100"], count=600) + "never;1.5;2.5\n"
+    assert "read as decimals" in read(rows).summary.notes[0]
 
 
 def check_decimals(content: Content) -> None:
