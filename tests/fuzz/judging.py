@@ -13,7 +13,14 @@ from app.ingest import Export, IngestOptions, LoopSamples, SignalBlock, read_exp
 DECLARED = frozenset(
     (
         *("empty_file", "not_an_export", "unknown_layout", "nothing_readable", "decompressed_too_large"),
-        *("line_too_long", "too_many_tags", "bad_mapping", "excel_not_installed", "unknown_time_zone"),
+        *(
+            "line_too_long",
+            "too_many_tags",
+            "bad_mapping",
+            "excel_not_installed",
+            "unknown_time_zone",
+            "more_fields_than_names",
+        ),
     )
 )
 OF_ROWS = ("bad_time", "ragged_row", "no_tag", "name_too_long", "unbalanced_quote", "duplicate_time")
