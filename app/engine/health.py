@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from app.engine.judgement import Judgement
 from app.engine.key_figures import KeyFigures
 from app.engine.oscillation import Oscillation
+from app.engine.unanswered import CAUSE as UNANSWERED
 
 WEIGHTS = {"stiction": 40.0, "oscillation": 20.0, "service": 15.0, "saturation": 10.0, "tracking": 10.0, "data": 5.0}
 """What each part can take off at most; together 100. Chosen, not fitted: what costs a plant most weighs most."""
@@ -14,6 +15,9 @@ UNSURE = 0.6
 
 NOT_JUDGED = 0.5
 """A valve that could not be judged is neither good nor bad: half is taken off, and the part says why."""
+
+UNANSWERED_TEXT = "PV never answers OP: the valve is stuck, or the transmitter is dead"
+"""Whichever it is, nothing controls there: the valve's weight and that of being in automatic are taken off whole."""
 
 FULL_SATURATION_PCT = 50.0
 FULL_ERROR_PCT = 5.0
@@ -41,15 +45,17 @@ def health(judgement: Judgement, figures: KeyFigures, oscillation: Oscillation |
     """The health of a loop, 0..100, from its verdict, its key figures and its oscillation.
 
     Stiction counts by its probability, a verdict without reliability for 60 % of it; a valve that could not be judged
-    loses half of the weight. Oscillation counts by its strength where it is regular; time out of automatic, time of OP
-    at a limit (50 % of the time is full), mean control error (5 % of PV's span is full) and missing samples in
-    proportion. A figure that is not known takes nothing off, and says so. Misleads where a loop is meant to swing
-    (averaging level control) or to be in manual.
+    loses half of the weight, and all of it where PV does not answer a controller at work: whichever of stuck valve and
+    dead transmitter it is, the loop is not controlled, and being in automatic counts for nothing. Oscillation
+    counts by its strength where it is regular; time out of automatic, time of OP at a limit (50 % of the time is
+    full), mean control error (5 % of PV's span is full) and missing samples in proportion. A figure that is not known
+    takes nothing off, and says so. Misleads where a loop is meant to swing (averaging level control) or to be in
+    manual.
     """
     parts = (
         _stiction(judgement),
         _oscillation(oscillation),
-        _service(figures.service_factor_pct),
+        _service(judgement, figures.service_factor_pct),
         _saturation(figures.op_saturation_pct),
         _tracking(figures.error_abs_mean_pct_of_span),
         _data(figures.good_share_pct),
@@ -64,6 +70,8 @@ def _part(code: str, share: float, text: str) -> HealthPart:
 
 def _stiction(judgement: Judgement) -> HealthPart:
     probability = judgement.stiction_probability
+    if _unanswered(judgement):
+        return _part("stiction", 1.0, UNANSWERED_TEXT)
     if probability is None:
         return _part("stiction", NOT_JUDGED, "the valve could not be judged")
     if judgement.reliability == "reliable":
@@ -80,7 +88,14 @@ def _oscillation(oscillation: Oscillation | None) -> HealthPart:
     return _part("oscillation", oscillation.strength, text)
 
 
-def _service(service_pct: float | None) -> HealthPart:
+def _unanswered(judgement: Judgement) -> bool:
+    """A flat PV alone may be a signal that nobody maintains: only a controller at work against it is a failure."""
+    return judgement.verdict == "inconclusive" and judgement.likely_cause == UNANSWERED
+
+
+def _service(judgement: Judgement, service_pct: float | None) -> HealthPart:
+    if _unanswered(judgement):
+        return _part("service", 1.0, "in automatic, and nothing is controlled")
     if service_pct is None:
         return _part("service", 0.0, "the mode was not recorded")
     return _part("service", 1.0 - service_pct / 100.0, f"in automatic for {service_pct:.0f} % of the time")

@@ -21,6 +21,7 @@ from app.engine.verdict_config import VerdictConfig
 from app.engine.verdict_wording import spoken
 
 _REASONS_GIVEN = 3
+_SAID = {"stiction": "stiction", "no_stiction": "no stiction", None: "neither"}
 # Findings that leave a verdict possible and take its reliability away. Not op_interpolated: against a standing PV an
 # integrating controller runs on straight lines by itself.
 _DOUBTFUL_DATA = frozenset({"pv_quantised", "pv_interpolated", "filled", "stored_points"})
@@ -112,7 +113,7 @@ def judge(
         return Judgement("inconclusive", 0.5, "not_reliable", (Reason("no_variation", text),), None)
     judgement = conclude(weighing, oscillation, fitness, reference, config)
     methods = corroborate(record, oscillation, integrating, weighing.features.windows)
-    return replace(judgement, reasons=(*judgement.reasons, _methods_reason(methods)))
+    return replace(judgement, reasons=(*judgement.reasons, methods_reason(methods)))
 
 
 def conclude(
@@ -248,16 +249,23 @@ def _rival_reasons(weighing: Weighing, verdict: Verdict) -> tuple[Reason, ...]:
     return tuple(Reason(rival.cause, rival.text) for rival in weighing.rivals[:2] if rival.stands_out)
 
 
-def _methods_reason(methods: tuple[Corroboration, ...]) -> Reason:
+def methods_reason(methods: tuple[Corroboration, ...]) -> Reason:
     """How the published methods vote; they corroborate and do not move the verdict."""
     said = [m for m in methods if m.applies]
-    sticky = [m.method.replace("_", " ") for m in said if m.says == "stiction"]
-    healthy = [m.method.replace("_", " ") for m in said if m.says == "no_stiction"]
-    text = (
-        f"of {len(said)} published methods that apply, {len(sticky)} say stiction ({', '.join(sticky) or 'none'}) and "
-        f"{len(healthy)} no stiction ({', '.join(healthy) or 'none'})"
+    if not said:
+        return Reason("published_methods", "none of the published methods applies to this record")
+    votes = [(words, [m.method for m in said if m.says == side]) for side, words in _SAID.items()]
+    told = [_vote(words, names) for words, names in votes if names or words == _SAID["stiction"]]
+    which = (
+        "of the one published method that applies" if len(said) == 1 else f"of {len(said)} published methods that apply"
     )
-    return Reason("published_methods", text)
+    return Reason("published_methods", f"{which}, {', '.join(told)}; they do not move the verdict")
+
+
+def _vote(words: str, methods: list[str]) -> str:
+    named = ", ".join(method.replace("_", " ") for method in methods)
+    count = str(len(methods)) if methods else "none"
+    return f"{count} {'say' if len(methods) > 1 else 'says'} {words}{f' ({named})' if named else ''}"
 
 
 def reference_reason(reference: Reference, verdict: Verdict) -> tuple[Reason, ...]:
@@ -265,7 +273,8 @@ def reference_reason(reference: Reference, verdict: Verdict) -> tuple[Reason, ..
     said = "stiction" if reference.last.stiction else "no_stiction"
     if verdict == "inconclusive" or said == verdict:
         return ()
-    text = f"the published rule, run beside it as the reference, says {said.replace('_', ' ')}"
+    says = said.replace("_", " ")
+    text = f"the published rule, run beside it as the reference, says {says}; it does not move the verdict"
     return (Reason("reference_disagrees", text),)
 
 

@@ -16,13 +16,13 @@ from app.engine.reliability import Reference
 
 READINGS = {
     "high_stiction": "PV has harmonics that OP does not produce (Yper {yper:.3g} %), and the identification finds "
-    "stiction: by table 2 the verdict is reliable",
+    "stiction; alone, by its table 2, it would rely on that",
     "low_no_stiction": "PV has hardly any harmonics that OP does not produce (Yper {yper:.3g} %), and the "
-    "identification finds no stiction: by table 2 the verdict is reliable",
+    "identification finds no stiction; alone, by its table 2, it would rely on that",
     "high_no_stiction": "PV has harmonics that OP does not produce (Yper {yper:.3g} %), yet the identification finds "
-    "no stiction: by table 2 the verdict is not reliable, the search space may be too small",
+    "no stiction; by its table 2 it would not rely on that, the search space may be too small",
     "low_stiction": "PV has hardly any harmonics that OP does not produce (Yper {yper:.3g} %), yet the identification "
-    "finds stiction: by table 2 the verdict is not reliable, the search space may be too small",
+    "finds stiction; by its table 2 it would not rely on that, the search space may be too small",
 }
 
 # An uncalibrated rule never claims to be surer than some 2,000 to 1.

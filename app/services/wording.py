@@ -11,6 +11,9 @@ VERDICT_WORDS = {
 }
 VERDICT_RANK = ("stiction", "inconclusive", "not_auditable", "no_stiction")
 
+UNANSWERED = "stuck_valve_or_dead_transmitter"
+"""The likely cause where PV never answers OP, as the engine calls it."""
+
 RELIABILITY_WORDS = {
     "reliable": "the evidence agrees; rely on it",
     "not_reliable": "the evidence disagrees; look before you act",
@@ -74,14 +77,17 @@ def cause_words(code: str | None) -> str:
 
 
 def worst_first(lines: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Sticky valves first, the surest of them at the top; loops without a complaint last; ties by name."""
+    """Sticky valves first, the surest of them at the top, with loops where PV never answers among those that want a
+    look; loops without a complaint last; ties by name.
+    """
     return sorted(lines, key=_badness)
 
 
 def _badness(line: Mapping[str, Any]) -> tuple[int, bool, float, str]:
     probability = line.get("stiction_probability")
+    fails = line["verdict"] == "inconclusive" and line.get("likely_cause") == UNANSWERED
     return (
-        VERDICT_RANK.index(line["verdict"]),
+        VERDICT_RANK.index("stiction" if fails else line["verdict"]),
         line["reliability"] != "reliable",
         -(probability if probability is not None else 0.0),
         str(line["recording"]),

@@ -14,6 +14,7 @@ from app.services.addresses import tag_in_url
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.rival_wording import why_first
 from app.services.auditing.size_wording import size_in_words
+from app.services.next_steps import next_step
 from app.services.plant import glossary, loops, notes
 from app.services.plant.charts import charts as charts_of
 from app.services.plant.groups import groups_of
@@ -46,6 +47,7 @@ def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
         "loop.html",
         row=row,
         detail=detail,
+        next_step=next_step(row, tuple(reason["code"] for reason in detail["reasons"])),
         size=size_in_words(row, detail),
         why_first=why_first(detail.get("rivals", ()), row["rival_winner"]),
         figures=[told for told in glossary.figures(row, found.pv_unit) if told[1] is not None],

@@ -48,6 +48,21 @@ def test_stiction_counts_by_its_probability_and_its_reliability(judgement, point
     assert lost(health(judgement, STILL, None))["stiction"] == points
 
 
+def test_a_pv_that_never_answers_is_worse_than_a_valve_that_sticks():
+    dead = Judgement("inconclusive", 0.6, "not_reliable", (), "stuck_valve_or_dead_transmitter")
+    figures = replace(STILL, service_factor_pct=100.0)
+    found = health(dead, figures, None)
+    assert (lost(found)["stiction"], lost(found)["service"]) == (40.0, 15.0)
+    assert found.value == pytest.approx(100.0 - sum(part.lost for part in found.parts))
+    assert found.value < health(STICKY, figures, None).value
+
+
+def test_a_flat_pv_without_a_controller_at_work_is_neither_good_nor_bad():
+    flat = Judgement("not_auditable", None, "not_reliable", (), "stuck_valve_or_dead_transmitter")
+    assert lost(health(flat, replace(STILL, service_factor_pct=100.0), None))["stiction"] == 20.0
+    assert lost(health(flat, replace(STILL, service_factor_pct=100.0), None))["service"] == 0.0
+
+
 def test_what_is_not_known_takes_nothing_off_and_says_so():
     found = health(Judgement("no_stiction", 0.0, "reliable", (), None), STILL, None)
     assert found.value == 100.0

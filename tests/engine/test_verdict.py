@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.engine.corroborate import Corroboration
 from app.engine.features import NAMES
 from app.engine.fitness import assess, with_cycles
 from app.engine.judgement import Judgement
@@ -24,8 +25,9 @@ from app.engine.simulate import (
     rebuild,
     simulate_loop,
 )
-from app.engine.verdict import conclude, judge, weigh
+from app.engine.verdict import conclude, judge, methods_reason, weigh
 from app.engine.verdict_config import VerdictConfig
+from app.engine.verdict_reference import READINGS
 from app.engine.verdict_wording import spoken
 
 
@@ -307,3 +309,34 @@ def test_probabilities_of_a_reliable_verdict_that_are_out_of_order_are_refused(s
     with pytest.raises(ValueError, match="reliable_cycling_from <= reliable_stiction_from"):
         VerdictConfig(**settings)
     assert VerdictConfig(reliable_cycling_from=0.85).reliable_stiction_from == 0.85
+
+
+def vote(method: str, says: str | None, applies: bool = True) -> Corroboration:
+    return Corroboration(method, applies, "", 1.0 if applies else None, 0.5, says, "", "", None)
+
+
+@pytest.mark.parametrize(
+    ("votes", "told"),
+    [
+        ([], "none of the published methods applies to this record"),
+        ([vote("a", None, applies=False)], "none of the published methods applies to this record"),
+        (
+            [vote("cross_correlation", "no_stiction"), vote("b", "no_stiction")],
+            "of 2 published methods that apply, none says stiction, 2 say no stiction (cross correlation, b); they do "
+            "not move the verdict",
+        ),
+        (
+            [vote("a", "stiction"), vote("b", "no_stiction"), vote("c", None)],
+            "of 3 published methods that apply, 1 says stiction (a), 1 says no stiction (b), 1 says neither (c); they "
+            "do not move the verdict",
+        ),
+    ],
+)
+def test_the_votes_of_the_published_methods_are_a_sentence(votes, told):
+    assert methods_reason(tuple(votes)).text == told
+
+
+def test_what_the_published_rule_reads_cannot_be_taken_for_the_verdict():
+    for reading in READINGS.values():
+        assert "the verdict is" not in reading
+        assert "it would" in reading

@@ -9,6 +9,7 @@ from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.nightly import nightly
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import list_uploads
+from app.services.next_steps import next_step
 from app.services.plant import groups, loops
 from app.services.plant.groups import plant_groups
 from app.services.results import GroupView
@@ -71,6 +72,14 @@ def test_hostile_names_stay_text(client, path):
 
 def test_a_loop_says_how_large_its_stiction_is_or_why_not(client):
     assert "How large is the stiction" in seen(client, "/loops/LIC7").texts
+
+
+def test_a_loop_says_what_to_do_next_and_which_end_of_a_figure_is_good(client):
+    row = client.get("/v1/loops/FIC101/health").json()
+    text = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
+    assert next_step(row) in text
+    assert "(regular above 1; at most 100)" in text
+    assert "(1 is best, 0 worst)" in text
 
 
 def test_a_hostile_tag_has_a_page_and_charts(client):

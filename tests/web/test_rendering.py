@@ -44,6 +44,22 @@ def test_the_surest_sticky_valve_comes_first_and_what_is_fine_last():
     assert [line["recording"] for line in worst_first(rows)] == ["a", "b", "weak", "doubtful", "dead", "fine"]
 
 
+def test_a_pv_that_never_answers_comes_among_what_wants_a_look():
+    rows = [
+        row(recording="doubtful", verdict="inconclusive", stiction_probability=0.7),
+        row(recording="weak", reliability="not_reliable", stiction_probability=0.55),
+        row(
+            recording="stuck",
+            verdict="inconclusive",
+            reliability="not_reliable",
+            stiction_probability=0.6,
+            likely_cause="stuck_valve_or_dead_transmitter",
+        ),
+        row(recording="sure", stiction_probability=0.8),
+    ]
+    assert [line["recording"] for line in worst_first(rows)] == ["sure", "stuck", "weak", "doubtful"]
+
+
 def test_the_table_shows_the_weightiest_reasons_only():
     assert first_reasons("A (0.72). B. C") == "A (0.72). B ..."
     assert first_reasons("A. B") == "A. B"

@@ -12,6 +12,8 @@ from app.services.addresses import tag_in_url
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
+from app.services.next_steps import next_step
+from app.services.plant.loops import loop_health
 from app.services.plant.notes import add_note
 from app.services.reports import documents as reports
 from app.services.reports.svg import Ends, Line, chart, ticks
@@ -53,6 +55,11 @@ def two_nights(web_backend):
     add_note(web_backend, HOSTILE, "<b-evil>looked</b-evil> at it", "WO-1", None, "<i>somebody</i>")
     audit_chunk(web_backend, int(start_audit(web_backend).id), "test")
     return web_backend
+
+
+def test_a_report_says_what_to_do_next(two_nights):
+    text = " ".join(" ".join(Document(of_loop(two_nights)).texts).split())
+    assert f"What to do: {next_step(loop_health(two_nights, HOSTILE))}" in text
 
 
 def of_loop(backend) -> str:

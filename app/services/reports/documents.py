@@ -16,6 +16,7 @@ from app.services.backend import Backend
 from app.services.explaining import explanations
 from app.services.explaining.wording import in_words
 from app.services.moments import iso_utc
+from app.services.next_steps import next_step
 from app.services.plant import glossary, loops, notes
 from app.services.plant import overview as plant
 from app.services.plant.charts import charts
@@ -51,6 +52,7 @@ def loop_report(backend: Backend, tag: str) -> str:
         it=found,
         row=row,
         detail=detail,
+        next_step=next_step(row, tuple(reason["code"] for reason in detail["reasons"])),
         size=size_in_words(row, detail),
         why_first=why_first(detail.get("rivals", ()), row["rival_winner"]),
         figures=[told for told in glossary.figures(row, found.pv_unit) if told[1] is not None],

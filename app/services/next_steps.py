@@ -1,0 +1,75 @@
+"""What to do next about a loop, by its verdict: the same on its page, in reports and in the guide for operators."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from app.services.wording import CAUSE_WORDS
+
+STICKS = (
+    "Ask for a stroke test in steps of half a per cent to two, up and down; then for a look at packing, positioner and "
+    "air supply. Tuning does not cure it."
+)
+MAY_STICK = (
+    "Look before anyone takes a spanner: where operation allows it, put the loop in manual for some periods. A swing "
+    "that goes on comes from outside; one that stops is made here, and a stroke test tells valve from tuning."
+)
+CLEARED = "Nothing at the valve."
+CANNOT_TELL = "Nothing, unless it stays like that for weeks; then a stroke test tells more than another night."
+NOT_AUDITABLE = "Tell the control engineer what the checks say: better recording brings a verdict."
+WAIT = "Wait until enough is recorded since the repair: what is said here is of before it."
+
+BY_CAUSE = {
+    "stuck_valve_or_dead_transmitter": "Look today, at both: whether the transmitter reads anything (impulse lines, "
+    "wiring, a frozen signal), and in the field whether the stem moves when OP does (air, positioner, packing).",
+    "external_oscillation": "Leave the valve alone and look for the loop that shakes this one; the page of groups "
+    "names the likeliest.",
+    "disturbance": "Leave the valve alone and look for what upsets the process.",
+    "tuning_or_sinusoidal_disturbance": "Put the loop in manual for some periods, where operation allows it: a swing "
+    "that stops asks for weaker tuning, one that goes on comes from outside.",
+    "tight_tuning": "Ask for weaker tuning: less gain, or a longer integral time.",
+    "aggressive_controller": "Ask for weaker tuning: less gain, or a longer integral time.",
+    "sluggish_controller": "Ask for stronger tuning.",
+    "backlash": "Have linkage and positioner looked at: there is play between OP and the stem.",
+    "set_point_following": "Look at what moves the set point, such as the outer loop of a cascade.",
+    "no_oscillation": "Nothing: it does not swing.",
+    "saturated_op": "Find out why OP stands at its limit: the valve's size, a bypass, a set point out of reach.",
+    "op_at_limits": "Find out why OP stands at its limit: the valve's size, a bypass, a set point out of reach.",
+    "quantised_sensor": "Have the resolution of transmitter and historian looked at.",
+    "sensor_spikes": "Have transmitter and wiring looked at: single values jump.",
+    "sensor_sticking": "Have the transmitter looked at: it holds one value and jumps to the next.",
+    "controller_not_acting": "Find out whether the controller acts at all, and whether OP is recorded.",
+    "not_in_automatic": "Find out why it is in manual, and whether it may be put in automatic.",
+    "sampled_too_slowly": "Have it recorded faster: ten samples a cycle or more.",
+    "data": NOT_AUDITABLE,
+}
+"""Where the valve is not said to stick, by likely cause."""
+
+BY_VERDICT = {"no_stiction": CLEARED, "inconclusive": CANNOT_TELL, "not_auditable": NOT_AUDITABLE}
+BEFORE_REPAIR = "before_repair"
+
+
+def next_step(row: Mapping[str, Any], reasons: tuple[str, ...] = ()) -> str:
+    """What to do about a loop whose row of the reliability table this is; `reasons`: codes of its verdict."""
+    if BEFORE_REPAIR in reasons:
+        return WAIT
+    if row["verdict"] == "stiction":
+        return STICKS if row["reliability"] == "reliable" else MAY_STICK
+    return BY_CAUSE.get(row["likely_cause"] or "", BY_VERDICT[row["verdict"]])
+
+
+def as_table() -> str:
+    """The same as a table of Markdown, for the guide."""
+    rows = [
+        ("valve sticks, rely on it", STICKS),
+        ("valve sticks, look before you act", MAY_STICK),
+        ("cannot tell, and no cause is named", CANNOT_TELL),
+        ("not auditable, and no cause is named", NOT_AUDITABLE),
+        ("no stiction, and no cause is named", CLEARED),
+        *((f"else, likely cause: {CAUSE_WORDS[code]}", step) for code, step in BY_CAUSE.items()),
+        ("repaired, and too little recorded since", WAIT),
+    ]
+    steps: dict[str, dict[str, None]] = {}
+    for said, step in rows:
+        steps.setdefault(step, {})[said] = None
+    lines = [f"| {'; or '.join(said)} | {step} |" for step, said in steps.items()]
+    return "\n".join(["| the page says | what to do |", "|---|---|", *lines])

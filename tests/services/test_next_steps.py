@@ -1,0 +1,47 @@
+"""What to do next follows from verdict, reliability and cause, and stands in the guide in the same words."""
+
+from pathlib import Path
+
+import pytest
+
+from app.engine.unanswered import CAUSE
+from app.services import next_steps
+from app.services.auditing.reason_wording import REASON_WORDS
+from app.services.next_steps import BY_CAUSE, next_step
+from app.services.wording import CAUSE_WORDS, UNANSWERED
+
+GUIDE = Path(__file__).parents[2] / "docs" / "guides" / "OPERATOR.md"
+
+
+@pytest.mark.parametrize(
+    ("row", "told"),
+    [
+        (("stiction", "reliable", "stiction"), "stroke test"),
+        (("stiction", "reliable", "stiction"), "packing, positioner"),
+        (("stiction", "not_reliable", "stiction"), "in manual"),
+        (("inconclusive", "not_reliable", "stuck_valve_or_dead_transmitter"), "Look today"),
+        (("inconclusive", "not_reliable", None), "unless it stays like that for weeks"),
+        (("no_stiction", "reliable", "external_oscillation"), "shakes this one"),
+        (("no_stiction", "reliable", "tight_tuning"), "weaker tuning"),
+        (("no_stiction", "reliable", None), "Nothing at the valve"),
+        (("not_auditable", "not_reliable", "not_in_automatic"), "in manual"),
+        (("not_auditable", "not_reliable", None), "better recording"),
+    ],
+)
+def test_a_step_for_each(row, told):
+    assert told in next_step(dict(zip(("verdict", "reliability", "likely_cause"), row, strict=True)))
+
+
+def test_a_verdict_of_before_a_repair_sends_nobody_out():
+    row = {"verdict": "stiction", "reliability": "reliable", "likely_cause": "stiction"}
+    assert next_steps.BEFORE_REPAIR in REASON_WORDS
+    assert next_step(row, ("before_repair", "shape_sticking")) == next_steps.WAIT
+
+
+def test_every_cause_has_a_step():
+    assert set(BY_CAUSE) == set(CAUSE_WORDS) - {"stiction"}
+    assert UNANSWERED == CAUSE
+
+
+def test_the_guide_says_the_same():
+    assert next_steps.as_table() in GUIDE.read_text(encoding="utf-8")
