@@ -27,6 +27,7 @@ from app.api.bodies import LimitBodies
 from app.api.crowding import LimitCrowd
 from app.api.guard import Guard
 from app.api.headers import SecurityHeaders, WholeFiles
+from app.api.heads import AnswerHead
 from app.api.parameters import only_known
 from app.api.paths import KeepTagsEncoded
 from app.api.request_ids import RequestIds
@@ -78,6 +79,7 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
     app.add_middleware(WholeFiles)
     app.add_middleware(SecurityHeaders)
     app.add_middleware(KeepTagsEncoded)
+    app.add_middleware(AnswerHead)
     app.add_middleware(RequestIds)
     app.include_router(api())
     app.include_router(operations.router)

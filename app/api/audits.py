@@ -2,9 +2,9 @@
 
 import asyncio
 from collections.abc import AsyncIterator
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Body, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from starlette.responses import StreamingResponse
 
@@ -19,14 +19,17 @@ EVENT_STREAM: dict[int | str, dict[str, Any]] = {
     200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}}
 }
 
+EVERY_LOOP = AuditIn(tags=None, unit=None, type=None)
+Wanted = Annotated[AuditIn, Body()]
+
 router = APIRouter(tags=["audits"])
 
 
 @router.post(
     "/audits", status_code=202, response_model=AuditOut, responses=responses(400, 422), summary="Start an audit"
 )
-def start(response: Response, backend: Services, caller: Caller, wanted: AuditIn) -> Any:
-    """Audits the plant, or the loops that the body names. 202: the run is stored; workers do it."""
+def start(response: Response, backend: Services, caller: Caller, wanted: Wanted = EVERY_LOOP) -> Any:
+    """Audits the loops that the body names, or the plant, also without a body. 202: it is stored; workers do it."""
     run = service.start_audit(backend, loop_filter(wanted), trigger="request", started_by=caller.who)
     response.headers["Location"] = f"/v1/audits/{run.id}"
     return run

@@ -61,7 +61,15 @@ def trend(
     to: To = None,
 ) -> Any:
     """The series of a loop, thinned to what a screen shows: of each stretch the least and the greatest value."""
-    return thinned(backend, tag, points=points, start=one_of("start", start, from_), end=one_of("end", end, to))
+    window = {"start": one_of("start", start, from_), "end": one_of("end", end, to)}
+    refuse_backwards(**window)
+    return thinned(backend, tag, points=points, **window)
+
+
+def refuse_backwards(start: datetime | None, end: datetime | None) -> None:
+    if start is not None and end is not None and instant_ns(start) > instant_ns(end):
+        text = f"a window begins before it ends, got {start.isoformat()} to {end.isoformat()}"
+        raise RequestValidationError([{"type": "value_error", "loc": ("query", "start"), "msg": text}])
 
 
 def one_of(name: str, moment: datetime | None, other: datetime | None) -> datetime | None:

@@ -26,8 +26,8 @@ class RejectOut(Read):
     tag: str = Field("", description="The historian tag, where one is at fault.")
 
 
-class UploadOut(Read):
-    """An export as it came, and what became of it."""
+class UploadListed(Read):
+    """An export as it came, and what became of it, in short."""
 
     id: str = Field(description="Identifier of the upload; the same content under the same name always has the same.")
     state: UploadState = Field(description="received -> reading -> done or failed.")
@@ -38,14 +38,20 @@ class UploadOut(Read):
     ended_at: str | None = Field(description="When reading ended, ISO 8601, UTC; null before.")
     reason: str | None = Field(description="Why it failed; null otherwise.")
     layout: str | None = Field(description="How the file was found to be laid out; null before it is read.")
-    loops: list[str] = Field(description="Tags of the loops that were found.")
+    loops_found: int = Field(description="How many loops were found.")
     rows_kept: int = Field(description="Rows of the file that gave samples.")
     rows_refused: int = Field(description="Rows and values that could not be used.")
     samples_added: int = Field(description="Samples that were not there before.")
     reject_counts: dict[str, int] = Field(description="How many rows and values were refused, by code.")
-    rejects: list[RejectOut] = Field(description="The first of them, with line and reason.")
     notes: list[str] = Field(description="What was found out about the file, in words.")
     tags: list[dict[str, Any]] = Field([], description="Which tag of the file became which signal of which loop.")
+
+
+class UploadOut(UploadListed):
+    """An export as it came, and what became of it."""
+
+    loops: list[str] = Field(description="Tags of the loops that were found.")
+    rejects: list[RejectOut] = Field(description="The first rows and values that were refused, with line and reason.")
 
 
 class LoopOut(Read):
@@ -75,7 +81,11 @@ class LoopPatch(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)  # or false would be an op_high of 0
 
     unit: Name | None = Field(None, description="Plant unit or area.")
-    type: Name | None = Field(None, description="flow, pressure, level, temperature, ...")
+    type: Name | None = Field(
+        None,
+        description="flow, pressure, level, temperature, composition, speed, position, other, or one that the plant's "
+        "mapping gave to a loop.",
+    )
     description: Name | None = Field(None, description="What it controls, in words.")
     importance: Annotated[float, Field(ge=0, le=1000)] = Field(1.0, description="Weight in rankings; 1 is usual.")
     pv_unit: Name | None = Field(None, description="Engineering unit of PV and SP.")
@@ -117,7 +127,9 @@ class NotePage(Read):
 
 
 class UploadPage(Read):
-    rows: list[UploadOut] = Field(description="Uploads, the newest first.")
+    rows: list[UploadListed] = Field(
+        description="Uploads, the newest first; their `loops` and `rejects` are at `GET /v1/uploads/{id}`."
+    )
     next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
 
 

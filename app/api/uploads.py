@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
-from starlette.datastructures import UploadFile
+from starlette.datastructures import FormData, UploadFile
 
 from app.api.backend import Cursor, Identifier, Limit, Services, caller
 from app.api.models import UploadOut, UploadPage
@@ -21,6 +21,8 @@ LARGEST_MAPPING = 16 << 20  # 14,000 loops of four tags each: 5 MiB as CSV with 
 MAPPINGS_AT_ONCE = 2  # taken apart, a mapping has up to twenty times its size
 NAMELESS = "upload.csv"
 MULTIPART = "multipart/form-data"
+PARTS = ("file", "mapping")
+MOST_FILES = 8  # more than are taken, so that the refusal names the part that there is too often
 BINARY = {"schema": {"type": "string", "format": "binary"}}
 BODY: dict[str, Any] = {
     "requestBody": {
@@ -114,7 +116,8 @@ async def store(request: Request, backend: Services, filename: str | None, readi
     if not content_type.lower().startswith(MULTIPART):
         described = Description(filename or NAMELESS, content_type, reading)
         return await received(backend, described, request.stream())
-    async with spooled(request, backend.settings.uploads_dir, max_files=2, max_fields=10) as form:
+    async with spooled(request, backend.settings.uploads_dir, max_files=MOST_FILES, max_fields=10) as form:
+        refuse_several(form)
         part, mapping = form.get("file"), form.get("mapping")
         if not isinstance(part, UploadFile):
             raise RequestError("no_file", "the multipart form has no part `file` with a file in it")
@@ -124,6 +127,13 @@ async def store(request: Request, backend: Services, filename: str | None, readi
         async with request.app.state.mapping_places:
             mapped = replace(reading, mapping=await mapping_of(mapping))
             return await received(backend, Description(name, part.content_type, mapped), blocks(part))
+
+
+def refuse_several(form: FormData) -> None:
+    for name in PARTS:
+        if len(form.getlist(name)) > 1:
+            text = f"the multipart form has several parts `{name}`; an upload takes one: send each file by itself"
+            raise RequestError("several_files", text)
 
 
 async def mapping_of(part: UploadFile | str) -> bytes:

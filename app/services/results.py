@@ -40,6 +40,7 @@ class UploadView:
     reason: str | None
     layout: str | None
     loops: list[str]
+    loops_found: int
     rows_kept: int
     rows_refused: int
     samples_added: int

@@ -123,6 +123,12 @@ def count(connection: Connection) -> int:
     return connection.scalar(select(func.count()).select_from(loops)) or 0
 
 
+def types(connection: Connection) -> list[str]:
+    """The types that loops of the plant have."""
+    query = select(loops.c.type).where(loops.c.type.is_not(None)).distinct().order_by(loops.c.type)
+    return list(connection.scalars(query))
+
+
 def any_before(connection: Connection, moment: datetime) -> bool:
     """Whether a loop with samples was known before `moment`."""
     query = select(loops.c.id).where(loops.c.created_at < moment, loops.c.newest_ns.is_not(None)).limit(1)

@@ -99,6 +99,13 @@ def loops_of(connection: Connection, upload_id: int) -> list[str]:
     return list(connection.scalars(query.where(upload_loops.c.upload_id == upload_id).order_by(loops.c.tag)))
 
 
+def count_loops(connection: Connection, upload_ids: Sequence[int]) -> dict[int, int]:
+    """How many loops were found in each of the uploads; those without any are left out."""
+    found = upload_loops.c.upload_id
+    query = select(found, func.count()).where(found.in_(list(upload_ids))).group_by(found)
+    return {upload_id: count for upload_id, count in connection.execute(query)}
+
+
 def unread_fingerprints(connection: Connection) -> set[str]:
     return set(connection.scalars(select(uploads.c.fingerprint).where(uploads.c.state.in_(UNREAD))))
 

@@ -1,7 +1,7 @@
 """The page of a loop, and what can be done on it."""
 
 from datetime import datetime
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Form
 from fastapi.responses import HTMLResponse
@@ -101,9 +101,8 @@ def settings(
 ) -> RedirectResponse:
     words = {"unit": unit, "type": type, "description": description, "pv_unit": pv_unit}
     spans = {"pv_low": pv_low, "pv_high": pv_high, "op_low": op_low, "op_high": op_high}
-    changes: dict[str, Any] = {name: value.replace("\x00", "").strip() or None for name, value in words.items()}
-    changes |= {name: number(name, value) for name, value in spans.items()} | {"importance": importance}
-    loops.patch_loop(backend, tag, changes)
+    numbers = {name: number(name, value) for name, value in spans.items()}
+    loops.patch_loop(backend, tag, {**words, **numbers, "importance": importance})
     return back_to(tag, "settings")
 
 

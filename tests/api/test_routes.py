@@ -14,6 +14,7 @@ from app.services.auditing.chunks import audit_chunk, warm_up
 from app.services.backend import Backend
 from app.services.intake.reading import read_upload
 from app.settings import Settings
+from app.storage import tables
 
 TAGS = ["FIC101", "LIC7", "=AREA 1/<b>\"FIC' 1</b>?&#%2F"]
 HOSTILE = TAGS[2]
@@ -86,6 +87,28 @@ def test_gzip_is_read(client, backend):
     upload = sent(client, gzip.compress(wide("FIC_Z")), filename="z.csv.gz")
     read_upload(backend, int(upload["id"]), owner="test")
     assert client.get(f"/v1/uploads/{upload['id']}").json()["loops"] == ["FIC_Z"]
+
+
+def test_the_list_of_uploads_counts_the_loops_and_leaves_naming_them_to_each(client, backend):
+    body = re.sub(rb"(00:00:05Z),[^,]+", rb"\1,Bad Input", wide("FIC_L1", "FIC_L2"))
+    upload = sent(client, body, filename="listed.csv")
+    read_upload(backend, int(upload["id"]), owner="test")
+    listed = client.get("/v1/uploads?limit=1").json()["rows"][0]
+    assert (listed["id"], listed["loops_found"], listed["rows_refused"]) == (upload["id"], 2, 1)
+    assert not {"loops", "rejects"} & set(listed)
+    one = client.get(f"/v1/uploads/{upload['id']}").json()
+    assert {name: one[name] for name in listed} == listed
+    assert (one["loops"], len(one["rejects"])) == (["FIC_L1", "FIC_L2"], 1)
+
+
+@pytest.mark.parametrize("names", [["file", "file"], ["file", "file", "file"], ["file", "mapping", "mapping"]])
+def test_no_part_of_a_form_is_dropped_without_a_word(client, names):
+    before = client.get("/v1/uploads?limit=1").json()["rows"]
+    parts = [(name, (f"{number}.csv", wide(f"FIC_P{number}"), "text/csv")) for number, name in enumerate(names)]
+    answer = client.post("/v1/uploads", files=parts)
+    assert (answer.status_code, answer.json()["code"]) == (400, "several_files")
+    assert f"`{names[-1]}`" in answer.json()["detail"]
+    assert client.get("/v1/uploads?limit=1").json()["rows"] == before
 
 
 def test_rows_that_cannot_be_read_are_told_with_line_and_reason(client, backend):
@@ -297,6 +320,64 @@ def test_a_run_over_some_loops(client, plant, backend):
     audit_chunk(backend, int(answer.json()["id"]), "test")
     assert client.get(answer.headers["location"]).json()["state"] == "done"
     assert client.post("/v1/audits", json={"tags": ["NOWHERE"]}).json()["code"] == "unknown_loops"
+
+
+def test_a_run_without_a_body_is_one_over_the_plant(client, plant, backend):
+    answer = client.post("/v1/audits")
+    assert (answer.status_code, answer.json()["total"]) == (202, client.post("/v1/audits", json={}).json()["total"])
+
+
+@pytest.mark.parametrize("wanted", [{"unit": "nosuch"}, {"type": "nosuch"}, {"tags": []}], ids=str)
+def test_a_filter_that_no_loop_fits_starts_no_run(client, plant, wanted):
+    before = client.get("/v1/audits?limit=1").json()["rows"]
+    answer = client.post("/v1/audits", json=wanted)
+    assert (answer.status_code, answer.json()["code"]) == (400, "no_loops")
+    assert client.get("/v1/audits?limit=1").json()["rows"] == before
+
+
+def test_a_trend_that_ends_before_it_begins_is_refused(client, plant):
+    backwards = {"from": "2026-01-02T00:00:00Z", "to": "2026-01-01T00:00:00Z"}
+    answer = client.get("/v1/loops/FIC101/trend", params=backwards)
+    assert (answer.status_code, answer.json()["code"]) == (422, "invalid_request")
+    assert "begins before it ends" in answer.text
+    later = client.get("/v1/loops/FIC101/trend", params={"from": "2030-01-01T00:00:00Z"})
+    assert (later.status_code, later.json()["samples"]) == (200, 0)
+
+
+@pytest.mark.parametrize(
+    "path", ["/", "/healthz", "/readyz", "/metrics", "/openapi.json", "/v1/loops", "/v1/loops/FIC101/health", "/table"]
+)
+def test_every_route_that_is_got_answers_head_without_a_body(client, plant, path):
+    got, head = client.get(path), client.head(path)
+    assert (head.status_code, head.content) == (got.status_code, b"")
+    assert head.headers["content-type"] == got.headers["content-type"]
+
+
+def test_head_of_a_stream_ends_and_of_what_is_not_there_is_not_found(client, plant):
+    run = client.post("/v1/audits", json={"tags": ["LIC7"]}).json()
+    assert client.head(f"/v1/audits/{run['id']}/events", timeout=5).status_code == 200
+    assert client.head("/v1/loops/NOWHERE").status_code == 404
+    assert client.head("/nowhere").status_code == 404
+
+
+def test_what_is_said_of_a_loop_is_stripped_and_its_type_known(client, plant):
+    def patched(**changes):
+        return client.patch("/v1/loops/LIC7", json=changes)
+
+    assert patched(unit=" CRUDE ", type="level").json()["unit"] == "CRUDE"
+    assert patched(unit="  ").json()["unit"] is None
+    refused = patched(type="rocket")
+    assert (refused.status_code, refused.json()["code"]) == (400, "unknown_type")
+    assert "flow, pressure, level" in refused.json()["detail"]
+    assert patched(type=None).json()["type"] is None
+
+
+def test_a_type_that_the_plants_mapping_gave_is_known(client, plant, backend):
+    with backend.database.write() as connection:
+        loops = tables.loops
+        connection.execute(loops.update().where(loops.c.tag == "FIC101").values(type="Durchfluss"))
+    assert client.patch("/v1/loops/LIC7", json={"type": "Durchfluss"}).json()["type"] == "Durchfluss"
+    client.patch("/v1/loops/LIC7", json={"type": None})
 
 
 def test_events_tell_the_progress_and_the_end(client, plant, backend):

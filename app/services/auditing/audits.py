@@ -5,6 +5,8 @@ import math
 import time
 from collections.abc import Iterator
 
+from sqlalchemy import Connection
+
 from app.engine.audit_config import AuditConfig
 from app.errors import NotFoundError, RequestError
 from app.services.backend import Backend
@@ -31,7 +33,7 @@ def start_audit(
     """Plans a run over the loops with samples that fit the filter, and wakes the workers.
 
     The run of a night (`nightly_for`, a date) is planned once; asked for again, it is that run. Raises RequestError
-    ("unknown_loops") where a named tag is not there.
+    ("unknown_loops") where a named tag is not there, ("no_loops") where a filter leaves no loop with samples.
     """
     wanted = wanted or LoopFilter()
     _check_tags(backend, wanted)
@@ -49,6 +51,7 @@ def start_audit(
     }
     with backend.database.write() as connection:
         audit_id = audits.plan(connection, values, wanted)
+        _refuse_none(connection, audit_id, wanted)
         if audit_id is None:
             known = audits.by_night(connection, settings.plant, nightly_for or "")
     if audit_id is None:
@@ -122,6 +125,17 @@ def _check_tags(backend: Backend, wanted: LoopFilter) -> None:
     if missing:
         shown = ", ".join(repr(tag) for tag in missing[:5])
         raise RequestError("unknown_loops", f"{len(missing)} of {len(wanted.tags)} tags are not there: {shown}")
+
+
+def _refuse_none(connection: Connection, audit_id: int | None, wanted: LoopFilter) -> None:
+    planned = None if audit_id is None else audits.by_id(connection, audit_id)
+    if planned is not None and planned.total == 0 and wanted != LoopFilter():
+        named = ", ".join(f"{name} {_short(value)}" for name, value in vars(wanted).items() if value is not None)
+        raise RequestError("no_loops", f"no loop with samples has {named}")
+
+
+def _short(value: str | tuple[str, ...]) -> str:
+    return repr(value) if isinstance(value, str) else ", ".join(map(repr, value[:5])) or "none"
 
 
 def _view(row: AuditRow, progress: Progress, failed: list[FailureView]) -> AuditView:

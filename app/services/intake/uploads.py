@@ -156,16 +156,17 @@ def get_upload(backend: Backend, upload_id: str) -> UploadView:
             raise NotFoundError("unknown_upload", f"there is no upload {upload_id!r}")
         found = uploads.loops_of(connection, row.id)
         refused = [RejectView(**vars(reject)) for reject in uploads.rejects_of(connection, row.id)]
-    return _view(row, found, refused)
+    return _view(row, found, refused, len(found))
 
 
 def list_uploads(backend: Backend, limit: int = 100, cursor: str | None = None) -> Page[UploadView]:
-    """Uploads, the newest first, without their loops and refused rows."""
+    """Uploads, the newest first, without their loops and refused rows, which are counted."""
     before = decode(cursor, (int,))
     with backend.database.read() as connection:
         rows = uploads.page(connection, limit + 1, before[0] if before else None)
+        counted = uploads.count_loops(connection, [row.id for row in rows])
     following = encode(rows[limit - 1].id) if len(rows) > limit else None
-    return Page([_view(row, [], []) for row in rows[:limit]], following)
+    return Page([_view(row, [], [], counted.get(row.id, 0)) for row in rows[:limit]], following)
 
 
 def path_of(backend: Backend, fingerprint: str) -> Path:
@@ -178,7 +179,7 @@ def _content_key(fingerprint: str, reading_json: str, filename: str) -> str:
     return hashlib.sha256(f"{fingerprint} {reading_json} {stem_of(filename)}".encode()).hexdigest()
 
 
-def _view(row: UploadRow, found: list[str], refused: list[RejectView]) -> UploadView:
+def _view(row: UploadRow, found: list[str], refused: list[RejectView], loops_found: int) -> UploadView:
     summary = row.summary
     return UploadView(
         id=str(row.id),
@@ -191,6 +192,7 @@ def _view(row: UploadRow, found: list[str], refused: list[RejectView]) -> Upload
         reason=row.error_text,
         layout=summary.get("layout"),
         loops=found,
+        loops_found=loops_found,
         rows_kept=summary.get("rows_kept", 0),
         rows_refused=sum(summary.get("reject_counts", {}).values()),
         samples_added=summary.get("samples_added", 0),

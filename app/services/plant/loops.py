@@ -4,6 +4,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from sqlalchemy import Connection
+
 from app.errors import NotFoundError, RequestError
 from app.services.auditing.rows import FORM, KEY_FIGURES, as_row, compact, sent
 from app.services.backend import Backend
@@ -13,6 +15,8 @@ from app.services.results import LoopView, Page
 from app.storage import items, loops, verdicts
 from app.storage.loops import SETTABLE, LoopRow
 
+KNOWN_TYPES = ("flow", "pressure", "level", "temperature", "composition", "speed", "position", "other")
+WORDS = ("unit", "type", "description", "pv_unit")
 SPANS = (("pv_low", "pv_high"), ("op_low", "op_high"))
 
 
@@ -37,16 +41,21 @@ def get_loop(backend: Backend, tag: str) -> LoopView:
 
 
 def patch_loop(backend: Backend, tag: str, changes: Mapping[str, Any]) -> LoopView:
-    """Sets what `changes` names (None forgets it). Raises RequestError for an unknown field or a span that is none."""
+    """Sets what `changes` names (None, or blanks, forget it). Raises RequestError for an unknown field, a span that is
+    none, and ("unknown_type") for a type that is neither of `KNOWN_TYPES` nor of a loop of this plant.
+    """
     row = find(backend, tag)
     unknown = sorted(set(changes) - set(SETTABLE))
     if unknown:
         raise RequestError("unknown_field", f"a loop has no {unknown[0]!r} to set; it has {', '.join(SETTABLE)}")
     wanted = {name: changes.get(name, getattr(row, name)) for name in SETTABLE}
+    wanted |= {name: _stripped(wanted[name]) for name in WORDS if name in changes}
     if wanted["importance"] is None:
         wanted["importance"] = 1.0
     _check_spans(wanted)
     with backend.database.write() as connection:
+        if wanted["type"] != row.type:
+            _check_type(connection, wanted["type"])
         loops.change(connection, row.id, wanted)
     return get_loop(backend, tag)
 
@@ -115,6 +124,18 @@ def find(backend: Backend, tag: str) -> LoopRow:
 
 def unknown(tag: str) -> NotFoundError:
     return NotFoundError("unknown_loop", f"there is no loop {tag!r}")
+
+
+def _stripped(words: str | None) -> str | None:
+    return (words or "").replace("\x00", "").strip() or None
+
+
+def _check_type(connection: Connection, type_: str | None) -> None:
+    """What a plant's mapping calls its loops is known as well."""
+    if type_ is None or type_ in KNOWN_TYPES or type_ in (own := loops.types(connection)):
+        return
+    known = ", ".join(dict.fromkeys((*KNOWN_TYPES, *own)))
+    raise RequestError("unknown_type", f"{type_[:40]!r} is no type of loop; there are {known}")
 
 
 def _check_spans(wanted: Mapping[str, Any]) -> None:
