@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 cli = typer.Typer(no_args_is_help=True, help="Keys of the service: create, list, revoke, rotate.")
 
+SHORTEST_DAYS = 1 / 1440
 LONGEST_DAYS = 36_500
 MOST_A_MINUTE = 1_000_000
 
@@ -32,7 +33,7 @@ def create(
     ] = Role.read,
     days: Annotated[
         float,
-        typer.Option("--days", min=0, max=LONGEST_DAYS, help="For how many days it is good; 0: until it is revoked."),
+        typer.Option("--days", min=SHORTEST_DAYS, max=LONGEST_DAYS, help="For how many days it is good."),
     ] = 365.0,
     per_minute: Annotated[
         int, typer.Option("--per-minute", min=1, max=MOST_A_MINUTE, help="Requests that it may make a minute.")
@@ -48,9 +49,8 @@ def create(
     """
     from app.services.access import keys
 
-    with opened() as backend:
-        lifetime = timedelta(days=days) if days else None
-        show(keys.create_key(backend, name, role, lifetime=lifetime, requests_per_minute=per_minute))
+    with opened(new=True) as backend:
+        show(keys.create_key(backend, name, role, lifetime=timedelta(days=days), requests_per_minute=per_minute))
     raise typer.Exit(ExitCode.DONE)
 
 
@@ -128,13 +128,17 @@ def show(made: "NewKey") -> None:
 
 
 @contextmanager
-def opened() -> "Iterator[Backend]":
-    """The data base of the settings, brought to this version's tables where it is the embedded one."""
+def opened(*, new: bool = False) -> "Iterator[Backend]":
+    """The data base of the settings, brought to this version's tables where it is the embedded one; it is made where it
+    may be `new`.
+    """
     from app.errors import RequestError
     from app.services.backend import DATABASE_AWAY, Backend
-    from app.services.upkeep.operations import migrate
+    from app.services.upkeep.operations import migrate, refuse_missing
 
     settings = load_settings()
+    if not new:
+        refuse_missing(settings)
     if not settings.database_url:
         migrate(settings)
     backend = Backend.open(settings)

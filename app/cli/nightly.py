@@ -26,8 +26,8 @@ def nightly(
 ) -> None:
     """Audit the whole plant once, now: for cron, where the schedule of `beat` is not wanted.
 
-    The run and how it ended are printed as JSON. Exit code 1: some loops failed. On the embedded default this command
-    does the work together with the worker of `serve`, or alone where none runs.
+    The run and how it ended are printed as JSON. Exit code 1: some loops failed; 2: there are no loops. On the embedded
+    default this command does the work together with the worker of `serve`, or alone where none runs.
 
     [bold]Examples[/bold]
 
@@ -42,20 +42,24 @@ def nightly(
     from app.services.auditing.audits import start_audit
     from app.services.auditing.nightly import nightly as start
     from app.services.backend import Backend
-    from app.services.upkeep.operations import migrate
+    from app.services.upkeep.operations import migrate, refuse_empty, refuse_missing
+    from app.services.upkeep.presence import at_work
 
     settings = load_settings()
+    refuse_missing(settings)
     if settings.embedded:
         migrate(settings)
     backend = Backend.open(settings)
     try:
-        refuse_unready(backend)
-        run = start(backend, started_by=COMMAND_LINE.who)
-        if run.ended:  # this night's run is done; whoever asks again wants another one
-            run = start_audit(backend, trigger="nightly", started_by=COMMAND_LINE.who)
-        record(backend, COMMAND_LINE, "audit.start", f"/v1/audits/{run.id}", "done")
-        if wait:
-            run = watched(backend, run, timeout_s)
+        with at_work(settings):
+            refuse_unready(backend)
+            refuse_empty(backend)
+            run = start(backend, started_by=COMMAND_LINE.who)
+            if run.ended:  # this night's run is done; whoever asks again wants another one
+                run = start_audit(backend, trigger="nightly", started_by=COMMAND_LINE.who)
+            record(backend, COMMAND_LINE, "audit.start", f"/v1/audits/{run.id}", "done")
+            if wait:
+                run = watched(backend, run, timeout_s)
     finally:
         backend.close()
     sys.stdout.write(json.dumps(asdict(run)) + "\n")

@@ -39,11 +39,13 @@ def serve(
     settings = load_settings()
     keys_required = asks_for_keys(host, settings)
     signal.signal(signal.SIGTERM, stop_quietly)
+    from app.services.upkeep.presence import at_work
+
     if until_parent_ends:
         from app.cli.supervisor import stop_with_parent
 
         stop_with_parent()
-    with listen(host, port) as listening:
+    with listen(host, port) as listening, at_work(settings):
         run(settings, listening, keys_required)
     raise typer.Exit(ExitCode.DONE)
 

@@ -70,7 +70,9 @@ def restore(
     folder: Annotated[Path, typer.Argument(help="Folder of a backup.")],
     force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
 ) -> None:
-    """Bring a backup back. Stop the service first. Tables of an older version are brought to this one's.
+    """Bring a backup back. Stop the service first: while it runs here, this is refused.
+
+    Tables of an older version are brought to this one's.
 
     Keys come back as they were: revoke again what was revoked since.
 

@@ -30,13 +30,15 @@ def worker(
       LOOPAUDIT_DATABASE_URL=postgresql+psycopg://... LOOPAUDIT_BROKER_URL=redis://... loopaudit worker --concurrency 2
     """
     from app.queue.running import run_worker
+    from app.services.upkeep.presence import at_work
 
     settings = load_settings()
     if check:
         refuse_standstill(settings)
     else:
         follow_parent(until_parent_ends)
-        run_worker(settings, concurrency)
+        with at_work(settings):
+            run_worker(settings, concurrency)
     raise typer.Exit(ExitCode.DONE)
 
 
@@ -50,9 +52,12 @@ def beat(until_parent_ends: UntilParentEnds = False) -> None:
       LOOPAUDIT_NIGHTLY_AT=03:30 LOOPAUDIT_TIME_ZONE=Europe/Berlin loopaudit beat
     """
     from app.queue.running import run_beat
+    from app.services.upkeep.presence import at_work
 
+    settings = load_settings()
     follow_parent(until_parent_ends)
-    run_beat(load_settings())
+    with at_work(settings):
+        run_beat(settings)
     raise typer.Exit(ExitCode.DONE)
 
 

@@ -288,3 +288,31 @@ def test_what_is_odd_about_an_upload_is_said(tmp_path, capsys):
         "the gzip file is damaged after 9 bytes",
         "line 3: Bad Input [not_a_number]",
     ]
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["nightly", "keys list", "keys revoke x", "keys rotate x", "trail", "digest", "report --plant", "backup kept"],
+)
+def test_nothing_is_made_by_a_command_that_reads(tmp_path, monkeypatch, capsys, command):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", "elsewhere")
+    code, out, err = as_program(monkeypatch, capsys, *command.split())
+    assert (code, out) == (2, "")
+    assert "elsewhere" in err
+    assert "[no_database]" in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_night_over_no_loops_is_2_and_names_the_folder(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path / "data"))
+    assert as_program(monkeypatch, capsys, "migrate")[0] == 0
+    code, out, err = as_program(monkeypatch, capsys, "nightly")
+    assert (code, out) == (2, "")
+    assert f"no loop with samples is known in {tmp_path / 'data'}" in err
+
+
+def test_no_key_is_for_ever(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path))
+    code, made, _ = as_program(monkeypatch, capsys, "keys", "create", "me", "--days", "0")
+    assert (code, made) == (2, "")

@@ -16,6 +16,7 @@ from app.services.auditing.audits import get_audit, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.upkeep import backup as backups
+from app.services.upkeep.presence import alone, at_work
 from app.settings import Settings
 from app.storage import schema, tables
 from app.storage.tables import metadata
@@ -172,6 +173,38 @@ def test_nothing_is_left_of_a_backup_that_failed(plant, tmp_path, monkeypatch):
     with pytest.raises(OSError, match="No space"):
         backups.backup(plant.settings, tmp_path / "there" / "kept")
     assert not list((tmp_path / "there").iterdir())
+
+
+@pytest.mark.parametrize("kind", ["nothing", "empty", "no data base"])
+def test_a_data_base_that_is_not_there_is_one_sentence(tmp_path, kind):
+    settings = Settings(data_dir=tmp_path / "data")
+    if kind != "nothing":
+        settings.prepare_folders()
+        (settings.data_dir / "loopaudit.db").write_bytes(b"" if kind == "empty" else b"no data base at all " * 500)
+    with pytest.raises(RequestError) as refused:
+        backups.backup(settings, tmp_path / "kept")
+    assert refused.value.code == {"nothing": "no_database", "empty": "no_tables"}.get(kind, "database_away")
+    assert not (tmp_path / "kept").exists()
+    assert settings.data_dir.exists() == (kind != "nothing")
+
+
+def test_nothing_is_brought_back_under_a_running_service(plant, tmp_path):
+    backups.backup(plant.settings, tmp_path / "kept")
+    before = contents(plant)
+    with at_work(plant.settings), at_work(plant.settings):
+        with pytest.raises(RequestError, match="stop it first") as refused:
+            backups.restore(plant.settings, tmp_path / "kept", force=True)
+        assert refused.value.code == "still_running"
+        assert contents(plant) == before
+    plant.database.close()
+    backups.restore(plant.settings, tmp_path / "kept", force=True)
+
+
+def test_no_service_starts_while_a_backup_is_brought_back(tmp_path):
+    settings = Settings(data_dir=tmp_path)
+    with alone(settings), pytest.raises(RequestError) as refused, at_work(settings):
+        pass
+    assert refused.value.code == "being_restored"
 
 
 def test_no_password_is_told_where_it_goes_wrong(tmp_path):

@@ -7,15 +7,18 @@ import shutil
 import sqlite3
 import subprocess
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from sqlalchemy import URL
+from sqlalchemy.exc import DatabaseError
 
 from app.errors import RequestError
-from app.services.upkeep.operations import migrate
+from app.services.upkeep.operations import migrate, refuse_missing
+from app.services.upkeep.presence import alone
 from app.settings import Settings
 from app.storage import Database, schema
 from app.storage.types import now
@@ -42,13 +45,15 @@ def backup(settings: Settings, folder: Path) -> BackupReport:
     The service may go on meanwhile. The data base comes first: an export is stored before the data base knows of it, so
     every export that the copy knows is there to be copied.
     """
+    refuse_missing(settings)
     if folder.exists():
         raise RequestError("backup_there", f"{folder} is there already; a backup is written into a new folder")
     draft = folder.with_name(f".{folder.name}.part")
     shutil.rmtree(draft, ignore_errors=True)
     draft.mkdir(mode=0o700, parents=True)
     try:
-        kind, revision = _copy_database(settings, draft)
+        with _away_in_words():
+            kind, revision = _copy_database(settings, draft)
         _copy_uploads(settings, draft / UPLOADS)
         files = {path.relative_to(draft).as_posix(): _digest(path) for path in _files(draft)}
         size = sum(path.stat().st_size for path in _files(draft))
@@ -62,12 +67,18 @@ def backup(settings: Settings, folder: Path) -> BackupReport:
 
 
 def restore(settings: Settings, folder: Path, *, force: bool = False) -> BackupReport:
-    """Brings a backup back, then to this version's tables. The service must be stopped.
+    """Brings a backup back, then to this version's tables.
 
-    Raises RequestError where a file is missing, changed or not of the backup, where it is of the other kind of data
-    base or of a newer version, or, unless `force`, where there are loops, uploads or keys already.
+    Raises RequestError where the service is running, where a file is missing, changed or not of the backup, where it is
+    of the other kind of data base or of a newer version, or, unless `force`, where there are loops, uploads or keys
+    already.
     """
     told = _checked_manifest(folder)
+    with alone(settings), _away_in_words():
+        return _restored(settings, folder, told, force)
+
+
+def _restored(settings: Settings, folder: Path, told: dict[str, Any], force: bool) -> BackupReport:
     database = Database(settings.resolved_database_url)
     try:
         url, is_sqlite = database.url, database.is_sqlite
@@ -97,6 +108,15 @@ def restore(settings: Settings, folder: Path, *, force: bool = False) -> BackupR
     return BackupReport(
         folder, migrate(settings), len(told["files"]), sum(path.stat().st_size for path in _files(folder))
     )
+
+
+@contextmanager
+def _away_in_words() -> Iterator[None]:
+    try:
+        yield
+    except (DatabaseError, sqlite3.Error) as error:
+        text = f"the data base cannot be used: {getattr(error, 'orig', error)}"
+        raise RequestError("database_away", text) from error
 
 
 def _copy_database(settings: Settings, draft: Path) -> tuple[str, str]:

@@ -1,6 +1,8 @@
 """Upkeep: the schema, the sweeper that finds lost work, and whether all is well."""
 
 import shutil
+from datetime import UTC, datetime
+from pathlib import Path
 
 from sqlalchemy.exc import OperationalError, SQLAlchemyError
 
@@ -12,7 +14,7 @@ from app.services.digests.deliveries import announce_digests
 from app.services.results import Readiness, SweepReport
 from app.services.upkeep.retention import older_than, retain_if_due
 from app.settings import Settings
-from app.storage import Database, audits, explanations, figures, items, schema, uploads
+from app.storage import Database, audits, explanations, figures, items, loops, schema, uploads
 from app.storage.figures import Figures
 
 LEAST_FREE_BYTES = 100 << 20
@@ -32,6 +34,26 @@ def migrate(settings: Settings) -> str:
         raise RequestError("database_away", f"the data base cannot be used: {error.orig}") from error
     finally:
         database.close()
+
+
+def refuse_missing(settings: Settings) -> None:
+    """Raises RequestError("no_database") where the file of an SQLite data base is not there: reading makes none."""
+    database = Database(settings.resolved_database_url)
+    file = Path(database.url.database or "") if database.is_sqlite else None
+    database.close()
+    if file is not None and not file.is_file():
+        text = f"there is no data base in {file.parent} ({file.name}); is LOOPAUDIT_DATA_DIR the folder of the service?"
+        raise RequestError("no_database", f"{text} `loopaudit serve` makes one")
+
+
+def refuse_empty(backend: Backend) -> None:
+    """Raises RequestError("no_loops") where the plant has no loop with samples."""
+    with backend.database.read() as connection:
+        if loops.any_before(connection, datetime.now(UTC)):
+            return
+    settings = backend.settings
+    where = backend.database.url.render_as_string() if settings.database_url else str(settings.data_dir)
+    raise RequestError("no_loops", f"no loop with samples is known in {where}; is it the one of the service?")
 
 
 def sweep(backend: Backend) -> SweepReport:

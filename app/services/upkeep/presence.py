@@ -1,0 +1,53 @@
+"""Who works on a data folder: a restore must be alone there, and nobody else is told by the data base alone."""
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+from app.errors import RequestError
+from app.settings import Settings
+
+LOCK = "at-work.lock"
+
+
+@contextmanager
+def at_work(settings: Settings) -> Iterator[None]:
+    """While a process serves, works or keeps the schedule. Ends with the process, however it ends.
+
+    Raises RequestError("being_restored") while a backup is being brought back.
+    """
+    with _lock_file(settings) as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            text = f"a backup is being brought back into {settings.data_dir}; start again when that is done"
+            raise RequestError("being_restored", text) from error
+        except OSError:
+            pass  # a file system without locks: the administrator's care is all there is
+        yield
+
+
+@contextmanager
+def alone(settings: Settings) -> Iterator[None]:
+    """Raises RequestError("still_running") where a process is at work on the data folder."""
+    with _lock_file(settings) as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            text = f"`serve`, `worker`, `beat` or `nightly` is running on {settings.data_dir}; stop it first"
+            raise RequestError("still_running", text) from error
+        except OSError:
+            pass
+        yield
+
+
+@contextmanager
+def _lock_file(settings: Settings) -> Iterator[int]:
+    settings.prepare_folders()
+    lock = os.open(settings.data_dir / LOCK, os.O_RDWR | os.O_CREAT, 0o600)
+    try:
+        yield lock
+    finally:
+        with suppress(OSError):
+            os.close(lock)
