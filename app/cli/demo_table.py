@@ -52,20 +52,19 @@ LEGEND = (
 )
 
 
-def print_demo(loops: Sequence["DemoLoop"], rows: Sequence[Mapping[str, Any]], stream: IO[str]) -> str:
-    """Prints the table, worst first, and how often each condition was judged rightly; gives the worst loop."""
+def print_demo(loops: Sequence["DemoLoop"], rows: Sequence[Mapping[str, Any]], stream: IO[str]) -> None:
+    """Prints the table, worst first, and how often each condition was judged rightly."""
     by_tag = {loop.tag: loop for loop in loops}
-    judged = [Judged(by_tag[row["loop"]], row) for row in sorted(rows, key=_as_the_pages) if row["loop"] in by_tag]
+    judged = [Judged(by_tag[row["loop"]], row) for row in sorted(rows, key=_sticky_first) if row["loop"] in by_tag]
     console = console_for(stream)
     console.print(_table(judged, wide=console.width >= WIDE))
     console.print(Text(LEGEND))
     console.print(_summary(judged))
     console.print(Text(_sentence(judged, len(loops))))
-    return judged[0].loop.tag
 
 
-def _as_the_pages(row: Mapping[str, Any]) -> tuple[int, float, str]:
-    """Sticky valves first, and among them what has the worst health, as on the plant's page."""
+def _sticky_first(row: Mapping[str, Any]) -> tuple[int, float, str]:
+    """Sticky valves first, and among them what has the worst health."""
     health = row["health"]
     return VERDICT_RANK.index(row["verdict"]), 100.0 if health is None else health, row["loop"]
 

@@ -2,10 +2,12 @@
 
 import io
 import re
+from pathlib import Path
 
 import pytest
 from rich.text import Text
 
+from app.cli.demo import NOT_KEPT, where_to_look
 from app.cli.demo_table import print_demo
 from app.services.demo import plant
 
@@ -31,11 +33,21 @@ def test_verdict_and_reliability_stand_whole_in_the_line_of_a_loop(monkeypatch, 
     monkeypatch.setenv("TERM", "xterm")
     loops = [loop for loop in plant() if loop.right_verdict == "stiction"]
     terminal = Terminal()
-    worst = print_demo(loops, [ROW | {"loop": loop.tag, "verdict": "stiction"} for loop in loops], terminal)
+    print_demo(loops, [ROW | {"loop": loop.tag, "verdict": "stiction"} for loop in loops], terminal)
     lines = Text.from_ansi(terminal.getvalue()).plain.splitlines()
-    assert worst == min(loop.tag for loop in loops)
     assert max(map(len, lines)) <= columns
     for loop in loops:
         (line,) = (line for line in lines if line.strip().startswith(loop.tag))
         assert {"valve sticks", "not reliable", size} <= set(re.split(r" {2,}", line.strip()))
         assert line.rstrip().endswith("right")
+
+
+def test_the_readme_walks_to_the_loop_at_the_top_whichever_it_is():
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    walk = readme[readme.index("## Five minutes") : readme.index("Then with your own data")]
+    assert [loop.tag for loop in plant() if loop.tag in walk] == []
+    assert "Click on the loop at the top (the second address)" in walk
+    said = where_to_look("http://127.0.0.1:1", "FIC1")
+    assert said[1].endswith("http://127.0.0.1:1/loops/FIC1")
+    assert "`loopaudit demo --serve`" in NOT_KEPT[0]
+    assert "loopaudit demo --serve`" in walk
