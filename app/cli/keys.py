@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 cli = typer.Typer(no_args_is_help=True, help="Keys of the service: create, list, revoke, rotate.")
 
-SHORTEST_DAYS = 1 / 1440
+SHORTEST_DAYS = 0.001
 LONGEST_DAYS = 36_500
 MOST_A_MINUTE = 1_000_000
 

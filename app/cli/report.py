@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from app.cli.configuration import load_settings
 from app.cli.keys import opened
 from app.cli.messages import ExitCode, say
 from app.cli.outputs import written
@@ -25,10 +26,11 @@ def report(
       loopaudit report --plant --out plant.html
     """
     from app.services.reports.documents import loop_report, plant_report
+    from app.services.upkeep.operations import database_files
 
     if (loop is None) == (not plant):
         raise RequestError("which_report", "say either --loop TAG or --plant")
-    with written(out) as stream:
+    with written(out, database_files(load_settings())) as stream:
         with opened() as backend:
             html = plant_report(backend) if loop is None else loop_report(backend, loop)
         stream.write(html)

@@ -6,8 +6,8 @@ from typing import Any
 from app.services.wording import CAUSE_WORDS
 
 STICKS = (
-    "Ask for a stroke test in steps of half a per cent to two, up and down; then for a look at packing, positioner and "
-    "air supply. Tuning does not cure it."
+    "Ask for a stroke test in small steps, up and down, then for a look at packing, positioner and air supply. Tuning "
+    "does not cure it."
 )
 MAY_STICK = (
     "Look before anyone takes a spanner: where operation allows it, put the loop in manual for some periods. A swing "

@@ -200,3 +200,13 @@ def test_an_interrupt_leaves_a_file_as_it_was(kept, tmp_path):
     assert told.endswith(f"{out} is left as it was\n")
     assert out.read_text() == "yesterday\n"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "verdicts.csv"]
+
+
+def test_a_report_is_not_written_over_the_data_base(tmp_path, monkeypatch):
+    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path))
+    assert run("keys", "create", "me").exit_code == 0
+    before = (tmp_path / "loopaudit.db").read_bytes()
+    done = run("report", "--plant", "--out", tmp_path / "loopaudit.db")
+    assert isinstance(done.exception, RequestError)
+    assert done.exception.code == "output_is_input"
+    assert (tmp_path / "loopaudit.db").read_bytes() == before

@@ -48,7 +48,14 @@ FIGURES = (
     Figure("pv_std", "PV, standard deviation", "PV", 3, JELALI),
     Figure("op_std", "OP, standard deviation", "OP", 3, JELALI),
     Figure("oscillation_period_s", "Period of the oscillation", "s", 0, THORNHILL),
-    Figure("oscillation_regularity", "Regularity of the oscillation", "(regular above 1; at most 100)", 1, THORNHILL),
+    Figure(
+        "oscillation_regularity",
+        "Regularity of the oscillation",
+        "(regular above 1; at most 100)",
+        1,
+        THORNHILL,
+        "Above 1 it is regular; more than 100 is not told.",
+    ),
     Figure("oscillation_strength", "Strength of the oscillation", "(0 none, 1 strongest)", 2, THORNHILL),
     Figure(
         "op_travel_per_h", "Valve travel asked for", "OP an hour", 1, JELALI, "OP's travel: the stem may not follow."

@@ -38,12 +38,18 @@ def migrate(settings: Settings) -> str:
 
 def refuse_missing(settings: Settings) -> None:
     """Raises RequestError("no_database") where the file of an SQLite data base is not there: reading makes none."""
+    for file in database_files(settings):
+        if not file.is_file():
+            where = f"{file.parent} ({file.name})"
+            text = f"there is no data base in {where}; is LOOPAUDIT_DATA_DIR the folder of the service?"
+            raise RequestError("no_database", f"{text} `loopaudit serve` makes one")
+
+
+def database_files(settings: Settings) -> tuple[Path, ...]:
+    """The file of an SQLite data base; none of a server's."""
     database = Database(settings.resolved_database_url)
-    file = Path(database.url.database or "") if database.is_sqlite else None
     database.close()
-    if file is not None and not file.is_file():
-        text = f"there is no data base in {file.parent} ({file.name}); is LOOPAUDIT_DATA_DIR the folder of the service?"
-        raise RequestError("no_database", f"{text} `loopaudit serve` makes one")
+    return (Path(database.url.database or ""),) if database.is_sqlite else ()
 
 
 def refuse_empty(backend: Backend) -> None:
