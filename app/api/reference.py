@@ -28,6 +28,7 @@ TABLES: tuple[tuple[str, str, type[BaseModel]], ...] = (
     ("A loop", "`GET /v1/loops`", models.LoopOut),
     ("A trend", "`GET /v1/loops/{tag}/trend`", models.TrendOut),
     ("A note", "`GET /v1/loops/{tag}/notes`", models.NoteOut),
+    ("An upload in the list", "`GET /v1/uploads`", models.UploadListed),
     ("An upload", "`GET /v1/uploads/{id}`", models.UploadOut),
     ("A refused row", "`rejects` of an upload", models.RejectOut),
     ("A run", "`GET /v1/audits/{id}`", models.AuditOut),
