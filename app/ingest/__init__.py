@@ -4,7 +4,7 @@ For services that store a plant's samples::
 
     export = read_export(path, filename="night.csv.gz", mapping=mapping,
     options=IngestOptions(time_zone="Europe/Berlin"))
-    for stretch in export.loops():      # LoopSamples: loop, time_ns (int64, UTC), pv, op, sp, automatic (1/0/NaN),
+    for stretch in export.loops():      # LoopSamples: loop, time_ns (int64, UTC), pv, op, sp, automatic (1/0/-1/NaN),
     others, resampled
         store(stretch)                  # a signal that the stretch lacks is None, a missing value NaN
     export.rejects()                    # Rejects: counts by code (exact), listed (the first of them, with line, code,

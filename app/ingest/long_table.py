@@ -13,7 +13,7 @@ from app.ingest.grouping import Grouping, Place
 from app.ingest.kinds import IN_DOUBT, tells_nothing
 from app.ingest.marks import marked
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
-from app.ingest.modes import automatic_flags, flags_of_numbers
+from app.ingest.modes import UNKNOWN_MODE, flags_of_numbers
 from app.ingest.parting import BlocksByTag
 from app.ingest.pieces import Gathered, as_piece, in_whole_instants, joined
 from app.ingest.plans import LongPlan
@@ -23,7 +23,7 @@ from app.ingest.scanning import Scan, Scanner
 from app.ingest.spilling import PartOfLoop, Spill
 from app.ingest.stamps import NO_TIME, TimeReader
 from app.ingest.tally import Tally
-from app.ingest.values import odd_numbers, refused_as, says_something
+from app.ingest.values import odd_numbers, refused_as
 from app.ingest.writing import MARKED
 
 BATCH_ROWS = 1_000_000  # more than these are parted in files
@@ -120,7 +120,9 @@ class LongTable:
         time_ns, values = np.repeat(each_ns, scan.times.lengths), scan.values
         if self._modes.any():
             modes = np.flatnonzero(self._modes[codes] & ~np.isnan(values))
-            values[modes] = flags_of_numbers(values[modes])
+            if np.any(flags_of_numbers(values[modes]) == UNKNOWN_MODE):
+                return None
+            values[modes] = self._tally.modes.of_numbers(values[modes])
         lines = np.arange(rows.first, rows.first + len(codes), dtype=np.uint32)
         gathered = Gathered(codes, time_ns, values, lines)
         if not self._usable.all():
@@ -268,7 +270,7 @@ class LongTable:
         if missing.any() or self._tally.writing.own:
             self._read_odd(rows, values, missing, modes, kept, reader)
         if modes.any():
-            values[modes] = np.where(np.isnan(values[modes]), np.nan, flags_of_numbers(values[modes]))
+            self._read_numbers_of_modes(rows, values, np.flatnonzero(modes & ~missing & kept))
         if np.isfinite(values).all():
             return values
         at = np.flatnonzero(kept & ~np.isfinite(values) & ~missing)
@@ -276,6 +278,12 @@ class LongTable:
             self._refuse(rows, "not_finite", at, (f"{values[row]}" for row in at))
         values[~np.isfinite(values)] = np.nan
         return values
+
+    def _read_numbers_of_modes(self, rows: Rows, values: FloatArray, at: NDArray[np.int64]) -> None:
+        numbers = values[at]
+        values[at] = self._tally.modes.of_numbers(numbers)
+        unknown = np.flatnonzero(values[at] == UNKNOWN_MODE)
+        self._refuse(rows, "unknown_mode", at[unknown], (f"{numbers[i]:g}" for i in unknown))
 
     def _may_tell(
         self, rows: Rows, values: FloatArray, codes: NDArray[np.uint32], of_numbers: NDArray[np.bool_]
@@ -304,8 +312,8 @@ class LongTable:
         given = texts.is_not_null().to_numpy() & kept
         left = missing & given
         of_modes = np.flatnonzero(left & modes)
-        values[of_modes] = automatic_flags(texts[of_modes])
-        unknown = of_modes[np.isnan(values[of_modes]) & says_something(texts[of_modes])]
+        values[of_modes] = self._tally.modes.of_texts(texts[of_modes])
+        unknown = of_modes[values[of_modes] == UNKNOWN_MODE]
         all_tags = rows.frame[name_of(self._plan.tag)].cast(pl.String)
         left &= ~modes
         read = pl.Series(given & ~left & ~modes)

@@ -56,7 +56,7 @@ class SignalBlock:
 
     time_ns: (n,) nanoseconds since 1970-01-01 UTC. value: (n,) engineering units, NaN where the row gave none; for
     MODE 1 is
-    automatic or cascade, 0 manual, NaN unknown.
+    automatic or cascade, 0 manual, -1 not understood, NaN not written.
     """
 
     tag: str
@@ -71,7 +71,8 @@ class LoopSamples:
     """A stretch of one loop's samples on one time base; a signal that the stretch does not hold is None, a missing
     value NaN.
 
-    automatic: (n,) 1 automatic or cascade, 0 manual, NaN unknown. others: further signals by tag.
+    automatic: (n,) 1 automatic or cascade, 0 manual, -1 a mode that is not understood, NaN not written.
+    others: further signals by tag.
     resampled: the signals that were sampled at other times than PV and were brought to PV's times (see `align`).
     """
 

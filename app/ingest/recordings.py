@@ -82,7 +82,7 @@ def to_recording(samples: LoopSamples, name: str) -> Recording:
         pv[given],
         op[given],
         sp=None if samples.sp is None else carried(samples.sp)[given],
-        automatic=None if automatic is None or np.all(np.isnan(automatic)) else _flags(automatic)[given],
+        automatic=None if automatic is None or not np.any(automatic >= 0) else _flags(automatic)[given],
         others=MappingProxyType({tag: values[given] for tag, values in samples.others.items()}),
     )
 
@@ -92,10 +92,11 @@ def _or_missing(signal: np.ndarray | None, samples: LoopSamples) -> np.ndarray:
 
 
 def _flags(automatic: np.ndarray) -> np.ndarray:
-    """Where the mode is not known the last known one goes on, and before the first the first; somewhere it is known."""
+    """Where no mode is written the last one goes on, and before the first the first. One that is not understood is not
+    taken for automatic: what was recorded under it is not audited."""
     first = automatic[np.argmax(np.isfinite(automatic))]
     held = carried(automatic)
-    return np.where(np.isnan(held), first, held) != 0
+    return np.where(np.isnan(held), first, held) == 1
 
 
 __all__ = ["RecordingsRead", "SignalBlock", "align", "read_recordings", "to_recording"]

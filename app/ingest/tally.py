@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from app.ingest.model import TimeArray
+from app.ingest.modes import ModesMet
 from app.ingest.writing import Writing
 
 
@@ -19,6 +20,7 @@ class Tally:
     first_time_ns: int | None = None
     last_time_ns: int | None = None
     writing: Writing = field(default_factory=Writing)
+    modes: ModesMet = field(default_factory=ModesMet)
 
     def saw_times(self, time_ns: TimeArray) -> None:
         """`time_ns` is in order, and not empty."""

@@ -12,7 +12,7 @@ from app.ingest.clocks import joined_times
 from app.ingest.frames import Numbers, RowReader, Rows, name_of
 from app.ingest.grouping import Grouping
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
-from app.ingest.modes import automatic_flags
+from app.ingest.modes import UNKNOWN_MODE
 from app.ingest.odd_fields import ChunkColumns, OddFields
 from app.ingest.order import in_order, last_of_repeats, without_stutter
 from app.ingest.pieces import Grid, joined_grid
@@ -216,7 +216,7 @@ class WideTable:
             found = rows.numbers([group.values[position].index for position in plain])
             values[:, plain], missing[:, plain] = found.values, found.missing
         for position in modes:
-            values[:, position] = automatic_flags(_texts(rows, group.values[position]))
+            values[:, position] = self._tally.modes.of_texts(_texts(rows, group.values[position]))
         return Numbers(values, missing)
 
     def _refuse_modes(
@@ -229,8 +229,7 @@ class WideTable:
     ) -> None:
         for position in modes:
             texts = _texts(rows, group.values[position])
-            bad = np.isnan(matrix[:, position]) & kept & texts.is_not_null().to_numpy()
-            at = np.flatnonzero(bad & (texts.str.strip_chars().str.len_bytes().fill_null(0) > 0).to_numpy())
+            at = np.flatnonzero((matrix[:, position] == UNKNOWN_MODE) & kept)
             if len(at):
                 lines = rows.lines(at)
                 self._log.add_many(

@@ -283,7 +283,7 @@ def test_a_column_of_nothing_but_the_word_for_no_data(read: Read) -> None:
 
 def test_a_word_that_is_no_mode(read: Read) -> None:
     content = read("time,A.PV,A.MODE\n2024-03-01 00:00:00,1,AUTO\n2024-03-01 00:01:00,2,strange\n")
-    np.testing.assert_array_equal(content.loops["A"].automatic, [1, np.nan])
+    assert content.loops["A"].automatic.tolist() == [1, -1]
     assert [(r.line, r.code, r.text, r.tag) for r in content.rejects.listed] == [
         (3, "unknown_mode", "strange", "A.MODE")
     ]
