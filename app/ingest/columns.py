@@ -7,6 +7,7 @@ from app.ingest.clocks import date_and_clock, joined_stamp
 from app.ingest.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions
 from app.ingest.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
+from app.ingest.quality_columns import with_quality
 from app.ingest.stamps import TimeForm, find_form
 from app.ingest.widths import named_width
 
@@ -63,6 +64,8 @@ QUALITY_NAMES = (
     "dataintegrity",
     "good",
     "valuestatus",
+    "qualitycode",
+    "confidence",
 )
 SKIPPED_NAMES = frozenset(("id", "index", "row", "rowid", "ndx", "unnamed0", ""))
 NO_ROWS = -1
@@ -123,27 +126,8 @@ def wide_from(
     if not values:
         return None
     width = named_width(head, names, first_row)
-    return WidePlan(layout, first_row, width, (TimedColumns(time, form, _with_quality(names, values)),))
-
-
-def _with_quality(names: tuple[str, ...], values: tuple[ValueColumn, ...]) -> tuple[ValueColumn, ...]:
-    """`FIC101.PV_Quality`, `FIC101.PV Status` stand beside the column they judge."""
-    by_name = {name.casefold(): index for index, name in enumerate(names)}
-    judged: dict[int, int] = {}
-    for value in values:
-        for ending in ("quality", "status"):
-            for separator in ("_", ".", " ", "-"):
-                index = by_name.get(f"{value.tag}{separator}{ending}".casefold())
-                if index is not None:
-                    judged[value.index] = index
-    if not judged:
-        return values
-    used = set(judged.values())
-    return tuple(
-        ValueColumn(value.index, value.tag, quality=judged.get(value.index))
-        for value in values
-        if value.index not in used
-    )
+    judged = with_quality(head, names, first_row, values, lambda name: plain(name) in QUALITY_NAMES)
+    return WidePlan(layout, first_row, width, (TimedColumns(time, form, judged),))
 
 
 def long_from(
@@ -162,9 +146,15 @@ def long_from(
         return None
     judged = [known.index(name) for name in QUALITY_NAMES if name in known]
     quality = judged[0] if judged else None
-    zero = quality is not None and known[quality] == "quality" and ("qualitydetail" in known or "vvalue" in known)
+    zero = None if quality is None else _zero_is_good(known[quality], known)
     width = named_width(head, names, first_row)
     return LongPlan(layout, first_row, width, time, form, tags[0], values[0], quality, zero)
+
+
+def _zero_is_good(quality: str, names: list[str]) -> bool | None:
+    if quality in ("opcquality", "confidence"):
+        return False
+    return True if quality == "quality" and ("qualitydetail" in names or "vvalue" in names) else None
 
 
 def mostly_numbers(fields: list[str], decimal_mark: str) -> bool:

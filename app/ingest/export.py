@@ -133,6 +133,7 @@ class Export:
         notes += self._ahead_of_clock()
         notes += self._tally.writing.notes()
         notes += self._tally.modes.notes()
+        notes += self._tally.quality.notes()
         loops = self._grouping.loops()
         if not any(loop.pv or loop.op or loop.sp for loop in loops):
             shown = ", ".join([tag for loop in loops for tag in loop.others[:5]][:25])

@@ -38,7 +38,7 @@ class LongTable:
     ) -> None:
         self._plan, self._grouping, self._options, self._log, self._tally = plan, grouping, options, log, tally
         self._time = TimeReader(plan.form, options)
-        self._quality = Quality(options.drop_uncertain, plan.zero_is_good)
+        self._quality = tally.quality = Quality(options.drop_uncertain, plan.zero_is_good)
         self._tag_type = pl.Categorical(pl.Categories.random())
         self._quality_type = pl.Categorical(pl.Categories.random())
         # polars forgets the codes of a type of which no series is left: between two chunks that it parsed, others may
@@ -111,7 +111,10 @@ class LongTable:
     def _of_scan(self, rows: Rows, scan: Scan) -> Gathered | None:
         """None where something of the rows cannot be used: their text tells more of it."""
         each_ns = self._time.read(scan.times.texts)
-        if np.any(each_ns == NO_TIME) or self._quality.bad(scan.qualities.texts).any():
+        if np.any(each_ns == NO_TIME):
+            return None
+        self._quality.learn(scan.qualities.texts, scan.qualities.lengths)
+        if self._quality.bad(scan.qualities.texts).any():
             return None
         number_of_code = self._numbers_of_codes(scan)
         codes = number_of_code[scan.codes]
@@ -340,6 +343,7 @@ class LongTable:
         if self._plan.quality is None:
             return
         texts = rows.frame[name_of(self._plan.quality)]
+        self._quality.learn(texts)
         bad = self._quality.bad(texts)
         at = np.flatnonzero(bad & kept & np.isfinite(values))
         self._refuse(rows, "bad_quality", at, (str(texts[int(row)]) for row in at))

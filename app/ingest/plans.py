@@ -45,7 +45,7 @@ class WidePlan:
 @dataclass(frozen=True)
 class LongPlan:
     """A row holds one value of one tag. `zero_is_good`: the quality column counts from 0 = good instead of OPC's 192
-    = good."""
+    = good; None where it is not told."""
 
     layout: str
     first_row: int
@@ -55,7 +55,7 @@ class LongPlan:
     tag: int
     value: int
     quality: int | None = None
-    zero_is_good: bool = False
+    zero_is_good: bool | None = None
     notes: tuple[str, ...] = ()
 
 

@@ -1,34 +1,65 @@
-"""Quality of a value: words, OPC's numbers (0 bad, 64 uncertain, 192 good) or codes that count from 0 = good."""
+"""Quality of a value: words, numbers of OPC (0 bad, 64 uncertain, 192 good; UA: 0 good), codes of which one is good."""
+
+from collections import Counter
+from collections.abc import Mapping
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 _GOOD = frozenset(
-    [
-        "good",
-        "ok",
-        "g",
-        "true",
-        "valid",
-        "normal",
-        "raw",
-        "interpolated",
-        "1",
-        "goodsubstituted",
-        "good[sub]",
-        "goodlocaloverride",
-    ]
+    (
+        *("good", "ok", "g", "true", "valid", "normal", "raw", "interpolated", "goodsubstituted", "good[sub]"),
+        *("goodlocaloverride", "gut", "bon", "bonne", "bueno", "buena", "buono", "goed", "bra"),
+    )
 )
-_UNCERTAIN = frozenset(["uncertain", "questionable", "doubtful", "suspect", "u", "uncertaingood"])
+_UNCERTAIN = frozenset(
+    ["uncertain", "questionable", "doubtful", "suspect", "u", "uncertaingood", "unsicher", "incertain"]
+)
+_BAD = frozenset(["bad", "schlecht", "mauvais", "malo", "invalid", "false", "nodata"])
 OPC_GOOD, OPC_UNCERTAIN = 192.0, 64.0
+UA_UNCERTAIN, UA_BAD = 2.0**30, 2.0**31
+_MAY_BE_GOOD = (1.0, 0.0, -1.0)
+_SHOWN = 3
 
 
 class Quality:
-    """Judges texts of a quality column; each distinct text of a chunk once."""
+    """Judges texts of quality columns; each distinct text of a chunk once.
 
-    def __init__(self, drop_uncertain: bool, zero_is_good: bool = False) -> None:
-        self._drop_uncertain, self._zero_is_good = drop_uncertain, zero_is_good
+    zero_is_good: None where the file does not tell. Numbers that are none of OPC's are judged by the most frequent one
+    then: most values of a plant are good.
+    """
+
+    def __init__(self, drop_uncertain: bool = False, zero_is_good: bool | None = None) -> None:
+        self._drop_uncertain = drop_uncertain
+        self._told = zero_is_good is not None
+        self._good = 0.0 if zero_is_good else 1.0  # among numbers below those of OPC
+        self._chosen = False
+        self._numbers: Counter[float] = Counter()
+        self._judged: Counter[bool] = Counter()
+        self._refused: Counter[str] = Counter()
+
+    def learn(self, texts: pl.Series, weights: NDArray[np.int64] | None = None) -> None:
+        """Looks for what numbers mean, before they are judged. weights: how often each text stands."""
+        counts = _counted(texts, weights)
+        if not self._told:
+            self._learn_numbers(counts)
+        for text, times in counts.items():
+            bad = self.is_bad(text)
+            self._judged[bad] += times
+            if bad and len(self._refused) < 1000:
+                self._refused[text] += times
+
+    def _learn_numbers(self, counts: Mapping[str, int]) -> None:
+        found = {text: number for text in counts if (number := _number(text)) is not None}
+        for text, number in found.items():
+            self._numbers[number] += counts[text]
+        if any(number >= OPC_UNCERTAIN for number in found.values()):
+            self._told = True
+            self._good = 0.0 if max(found.values()) >= UA_UNCERTAIN else 1.0
+        elif not self._chosen and any(self._numbers[number] for number in _MAY_BE_GOOD):
+            self._good = max(_MAY_BE_GOOD, key=lambda number: self._numbers[number])
+            self._chosen = True  # none is read both ways
 
     def bad(self, texts: pl.Series) -> NDArray[np.bool_]:
         """(n,) True where a value cannot be used; an empty quality says nothing against it."""
@@ -52,20 +83,62 @@ class Quality:
         return bad[codes]
 
     def is_bad(self, text: str) -> bool:
-        word = text.strip(' "').lower().replace(" ", "")
+        word = _word(text)
         if not word:
             return False
-        try:
-            return self._judge_number(float(word))
-        except ValueError:
-            pass
+        number = _number(text)
+        if number is not None:
+            return self._judge_number(number)
         if word in _UNCERTAIN or word.startswith("uncertain"):
             return self._drop_uncertain
         return not (word in _GOOD or word.startswith("good"))
 
     def _judge_number(self, number: float) -> bool:
-        if self._zero_is_good:
+        if number >= UA_UNCERTAIN:
+            return number >= UA_BAD or self._drop_uncertain
+        if self._told and self._good == 0.0:
             return number != 0
-        if number == 1 or number >= OPC_GOOD:
+        if number == self._good or number >= OPC_GOOD:
             return False
         return self._drop_uncertain if number >= OPC_UNCERTAIN else True
+
+    def notes(self) -> list[str]:
+        """What is to be said of how qualities were read."""
+        notes = []
+        if not self._told and self._good != 1.0:
+            seen = ", ".join(f"{number:g}" for number, _ in self._numbers.most_common(_SHOWN))
+            taken = f"{self._good:g} was taken, the most frequent of {seen}"
+            notes.append(f"the file does not tell which quality number is good, {taken}")
+        if self._judged[True] > self._judged[False]:
+            words = ", ".join(f"{text[:40]} ({times})" for text, times in self._refused.most_common(_SHOWN))
+            notes.append(f"most values were refused for their quality: {words}")
+        return notes
+
+
+def tells_quality(fields: list[str]) -> bool:
+    """Whether most of a column's fields are words or numbers that a quality has, and not the state of something."""
+    known = sum(_number(text) is not None or _is_known(_word(text)) for text in fields)
+    return 2 * known > len(fields)
+
+
+def _is_known(word: str) -> bool:
+    return word in _GOOD | _UNCERTAIN | _BAD or word.startswith(("good", "bad", "uncertain"))
+
+
+def _word(text: str) -> str:
+    return text.strip(' "').lower().replace(" ", "")
+
+
+def _number(text: str) -> float | None:
+    word = _word(text)
+    try:
+        return float(int(word, 16)) if word.startswith("0x") else float(word)
+    except ValueError:
+        return None
+
+
+def _counted(texts: pl.Series, weights: NDArray[np.int64] | None) -> dict[str, int]:
+    """How often each text stands."""
+    frame = pl.DataFrame({"text": texts, "times": np.ones(len(texts), np.int64) if weights is None else weights})
+    found = frame.drop_nulls().group_by("text").agg(pl.col("times").sum())
+    return dict(zip(found["text"].cast(pl.String).to_list(), found["times"].to_list(), strict=True))

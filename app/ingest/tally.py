@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from app.ingest.model import TimeArray
 from app.ingest.modes import ModesMet
+from app.ingest.quality import Quality
 from app.ingest.writing import Writing
 
 
@@ -20,6 +21,7 @@ class Tally:
     first_time_ns: int | None = None
     last_time_ns: int | None = None
     writing: Writing = field(default_factory=Writing)
+    quality: Quality = field(default_factory=Quality)
     modes: ModesMet = field(default_factory=ModesMet)
 
     def saw_times(self, time_ns: TimeArray) -> None:

@@ -46,6 +46,7 @@ class WideTable:
     ) -> None:
         self._plan, self._grouping, self._options, self._log, self._tally = plan, grouping, options, log, tally
         self._times = [TimeReader(group.form, options) for group in plan.groups]
+        self._quality = tally.quality = Quality(options.drop_uncertain)
         self._spreaders: list[Spreader] = []
         self._odd_fields = OddFields(tally.writing, log)
         grouping.place_all(value.tag for group in plan.groups for value in group.values)
@@ -266,14 +267,18 @@ class WideTable:
             for i, value in enumerate(group.values)
             if value.off_line is not None or value.quality is not None
         ]
+        for column in dict.fromkeys(value.quality for _, value in judged):
+            if column is not None:
+                self._quality.learn(rows.frame[name_of(column)])
         for position, value in judged:
             bad, code, words = np.zeros(len(matrix), dtype=bool), "", "off-line flag set"
             if value.off_line is not None:
                 bad = np.nan_to_num(_flags(rows, value.off_line, reader)) != 0
                 code = "off_line"
             if value.quality is not None:
-                quality = Quality(self._options.drop_uncertain)
-                bad, code, words = quality.bad(rows.frame[name_of(value.quality)]), "bad_quality", "quality is not good"
+                texts = rows.frame[name_of(value.quality)]
+                bad, code = self._quality.bad(texts), "bad_quality"
+                words = "quality is not good"
             at = np.flatnonzero(bad & kept & np.isfinite(matrix[:, position]))
             if len(at):
                 self._log.add_many(code, rows.lines(at), (words for _ in at), value.tag)

@@ -1,0 +1,118 @@
+"""Which values are refused for their quality, and what is said where the file does not tell its meaning."""
+
+import numpy as np
+import pytest
+
+from app.ingest import IngestOptions
+
+from .conftest import Content, Read
+
+STAMPS = [f"2026-03-01 00:{i:02d}:00" for i in range(20)]
+
+
+def long(good: str, bad: str, name: str = "Quality") -> str:
+    """Every fifth value is bad."""
+    rows = (
+        f'A.{signal},{stamp},{i},"{bad if i % 5 == 0 else good}"\n'
+        for i, stamp in enumerate(STAMPS)
+        for signal in ("PV", "OP")
+    )
+    return f"Tagname,TimeStamp,Value,{name}\n" + "".join(rows)
+
+
+def refused(content: Content, signal: str = "pv") -> list[int]:
+    return np.flatnonzero(np.isnan(getattr(content.loops["A"], signal))).tolist()
+
+
+BAD_ROWS = [0, 5, 10, 15]
+UNTOLD = "the file does not tell which quality number is good, {} was taken, the most frequent of {}"
+
+
+@pytest.mark.parametrize("chunk_bytes", [16 << 20, 300])
+@pytest.mark.parametrize(
+    ("good", "bad"),
+    [
+        ("Gut", "Schlecht"),
+        ("Bon", "Mauvais"),
+        ("0x00C0", "0x0000"),
+        ("192", "0"),
+        ("1", "0"),
+        ("1073741824", "2147483648"),
+        ("0", "2147483648"),
+    ],
+)
+def test_words_and_numbers_that_tell(read: Read, good: str, bad: str, chunk_bytes: int) -> None:
+    content = read(long(good, bad), options=IngestOptions(chunk_bytes=chunk_bytes))
+    assert refused(content) == refused(content, "op") == BAD_ROWS
+    assert dict(content.rejects.counts) == {"bad_quality": 8}
+    assert content.summary.notes == ()
+
+
+@pytest.mark.parametrize(("good", "bad"), [("0", "1"), ("-1", "0"), ("0", "8")])
+def test_numbers_that_do_not_tell_are_judged_by_the_most_frequent(read: Read, good: str, bad: str) -> None:
+    content = read(long(good, bad))
+    assert refused(content) == BAD_ROWS
+    assert content.summary.notes == (UNTOLD.format(good, f"{good}, {bad}"),)
+
+
+def test_numbers_of_opc_tell_though_most_are_bad(read: Read) -> None:
+    content = read(long("0", "192"))
+    assert len(refused(content)) == 16
+    assert content.summary.notes == ("most values were refused for their quality: 0 (32)",)
+
+
+@pytest.mark.parametrize("name", ["CONFIDENCE", "OPCQuality"])
+def test_names_that_tell(read: Read, name: str) -> None:
+    assert refused(read(long("100", "0", name))) == BAD_ROWS
+    content = read(long("0", "0", name))
+    assert dict(content.rejects.counts) == {"bad_quality": 40}
+    assert content.summary.notes[0] == "most values were refused for their quality: 0 (40)"
+
+
+def test_what_was_decided_stays(read: Read) -> None:
+    """The first chunk has zeros alone, most of the file has ones."""
+    rows = [f"A.PV,2026-03-01 {i // 60:02d}:{i % 60:02d}:00,{i},{0 if i < 20 else 1}\n" for i in range(100)]
+    content = read("Tagname,TimeStamp,Value,Quality\n" + "".join(rows), options=IngestOptions(chunk_bytes=600))
+    assert content.loops["A"].samples == 100
+    assert np.isfinite(content.loops["A"].pv).sum() == 20
+    assert content.summary.notes[0].startswith("the file does not tell which quality number is good, 0 was taken")
+
+
+def wide(head: str, row: str, bad: str = "Bad", good: str = "Good") -> str:
+    qualities = [bad if i % 5 == 0 else good for i in range(20)]
+    return head + "\n" + "".join(row.format(t=t, i=i, q=qualities[i]) + "\n" for i, t in enumerate(STAMPS))
+
+
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [
+        ("Time,A.PV.Value,A.PV.Quality,A.OP.Value,A.OP.Quality", "{t},{i},{q},{i},Good"),
+        ("Time,A.PV,A.PV Status,A.OP,A.OP Status", "{t},{i},{q},{i},Good"),
+        ("Time,A.PV,Status,A.OP,Status", "{t},{i},{q},{i},Good"),
+        ("Time,A.PV,Status,A.OP", "{t},{i},{q},{i}"),
+    ],
+)
+def test_a_column_judges_the_value_it_names_or_stands_right_of(read: Read, head: str, row: str) -> None:
+    content = read(wide(head, row))
+    assert refused(content) == BAD_ROWS
+    assert refused(content, "op") == []
+    assert dict(content.rejects.counts) == {"bad_quality": 4}
+    assert content.loops["A"].others == {}
+
+
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [("Time,A.PV,A.OP,Quality", "{t},{i},{i},{q}"), ("Time,Quality,A.PV,A.OP", "{t},{q},{i},{i}")],
+)
+def test_a_single_column_judges_the_whole_row(read: Read, head: str, row: str) -> None:
+    content = read(wide(head, row))
+    assert refused(content) == refused(content, "op") == BAD_ROWS
+    content = read(wide(head, row, "1", "0"))
+    assert refused(content) == refused(content, "op") == BAD_ROWS
+    assert content.summary.notes == (UNTOLD.format(0, "0, 1"),)
+
+
+def test_the_state_of_something_is_no_quality(read: Read) -> None:
+    content = read(wide("Time,A.PV,A.OP,Status", "{t},{i},{i},{q}", "Stopped", "Running"))
+    assert refused(content) == []
+    assert content.rejects.total == 0
