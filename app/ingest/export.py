@@ -132,6 +132,7 @@ class Export:
             )
         notes += self._ahead_of_clock()
         notes += self._tally.writing.notes()
+        notes += self._tally.no_data.notes()
         notes += self._tally.modes.notes()
         notes += self._tally.quality.notes()
         loops = self._grouping.loops()

@@ -7,12 +7,11 @@ from numpy.typing import NDArray
 
 from app.ingest.grouping import Place
 from app.ingest.model import FloatArray, SignalBlock, TimeArray
+from app.ingest.no_data import ends_are_codes
 from app.ingest.order import in_order, last_of_repeats
 from app.ingest.pieces import Gathered, Grid, Piece, joined, joined_grid
 from app.ingest.rejecting import RejectLog
 from app.ingest.tally import Tally
-from app.ingest.values import refuse_sentinels
-from app.ingest.writing import SENTINELS
 
 MOST_CODES = 1 << 16
 
@@ -35,14 +34,12 @@ class BlocksByTag:
 
     def _of_grid(self, grid: Grid) -> Iterator[SignalBlock]:
         """Blocks of tags that were sampled together: they share their times."""
-        doubtful = np.zeros(len(grid.codes), dtype=bool)
-        for sentinel in SENTINELS:
-            doubtful |= (grid.values == sentinel).any(axis=1)
+        doubtful = ends_are_codes(np.fmin.reduce(grid.values, axis=1), np.fmax.reduce(grid.values, axis=1))
         self._tally.saw_times(grid.time_ns)
         for row in np.argsort(grid.codes):
             place, values = self._places[grid.codes[row]], grid.values[row]
             if doubtful[row]:
-                values = refuse_sentinels(values, grid.lines + grid.places[row], place.tag, self._log)
+                values = self._without_codes(place, values, grid.lines + grid.places[row])
             yield self._signal(place, grid.time_ns, values)
 
     def _of_rows(self, rows: Gathered) -> Iterator[SignalBlock]:
@@ -50,7 +47,7 @@ class BlocksByTag:
         bounds = np.concatenate(([0], np.cumsum(counts)))
         rows = rows.at(np.argsort(_few(rows.codes, counts), kind="stable"))
         time_ns, values, lines = rows.time_ns, rows.values, rows.lines
-        odd = self._odd_tags(rows.codes, time_ns, values)
+        odd = self._odd_tags(rows.codes, time_ns, values, counts)
         self._tally.saw_times(np.array([time_ns.min(), time_ns.max()]))
         for code in np.flatnonzero(counts):
             part = slice(int(bounds[code]), int(bounds[code + 1]))
@@ -60,15 +57,23 @@ class BlocksByTag:
             else:
                 yield self._signal(place, time_ns[part], values[part])
 
-    def _odd_tags(self, codes: NDArray[np.uint32], time_ns: TimeArray, values: FloatArray) -> NDArray[np.bool_]:
+    def _odd_tags(
+        self, codes: NDArray[np.uint32], time_ns: TimeArray, values: FloatArray, counts: NDArray[np.int64]
+    ) -> NDArray[np.bool_]:
         """By code: whether a tag has times that go back or repeat, or values that may stand for 'no data'. Most have
         neither."""
         odd = np.zeros(len(self._places), dtype=bool)
         same = codes[1:] == codes[:-1]
         odd[codes[1:][same & (time_ns[1:] <= time_ns[:-1])]] = True
-        for sentinel in SENTINELS:
-            odd[codes[values == sentinel]] = True
+        there = np.flatnonzero(counts)
+        starts = (np.cumsum(counts) - counts)[there]
+        odd[there] |= ends_are_codes(np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts))
         return odd
+
+    def _without_codes(self, place: Place, values: FloatArray, lines: NDArray[np.uint32]) -> FloatArray:
+        if place.signal == "MODE":
+            return values
+        return self._tally.no_data.refused(values, lines, place.tag, self._log)
 
     def _signal(self, place: Place, time_ns: TimeArray, values: FloatArray) -> SignalBlock:
         self._tally.values_kept += int(np.count_nonzero(np.isfinite(values)))
@@ -79,7 +84,7 @@ class BlocksByTag:
         if order is not None:
             self._tally.backward = True
             time_ns, values, lines = time_ns[order], values[order], lines[order]
-        values = refuse_sentinels(values, lines, place.tag, self._log)
+        values = self._without_codes(place, values, lines)
         time_ns, matrix = last_of_repeats(time_ns, values[:, None], lines, [place.tag], self._log)
         return self._signal(place, time_ns, matrix[:, 0])
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from app.ingest.model import TimeArray
 from app.ingest.modes import ModesMet
+from app.ingest.no_data import NoData
 from app.ingest.quality import Quality
 from app.ingest.writing import Writing
 
@@ -22,6 +23,7 @@ class Tally:
     last_time_ns: int | None = None
     writing: Writing = field(default_factory=Writing)
     quality: Quality = field(default_factory=Quality)
+    no_data: NoData = field(default_factory=NoData)
     modes: ModesMet = field(default_factory=ModesMet)
 
     def saw_times(self, time_ns: TimeArray) -> None:

@@ -3,7 +3,6 @@ counted."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import polars as pl
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from app.ingest.model import FloatArray
 from app.ingest.rejecting import RejectLog
 from app.ingest.stamps import to_numbers
-from app.ingest.writing import SENTINELS, Writing
+from app.ingest.writing import Writing
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,39 +57,3 @@ def refuse_texts(texts: pl.Series, lines: list[int], tag: str, writing: Writing,
     for code, at in found.refused.items():
         log.add_many(code, [lines[i] for i in at], (refused_as(code, texts[int(i)]) for i in at), tag)
     return found.values
-
-
-def is_sentinel(values: FloatArray) -> NDArray[np.bool_] | None:
-    """Where a value of a kind that historians write for 'no data' stands clear of all the others; None where it
-    nowhere does.
-
-    -9999 among values around -10000 is a value; a sentinel lies further from the others than they lie from each other.
-    """
-    found = np.zeros(len(values), dtype=bool)
-    for sentinel in SENTINELS:
-        at = values == sentinel
-        if np.any(at) and _stands_clear(values[~at], sentinel):
-            found |= at
-    return found if np.any(found) else None
-
-
-def _stands_clear(others: FloatArray, sentinel: float) -> bool:
-    others = others[np.isfinite(others) & ~np.isin(others, SENTINELS)]
-    if not len(others):
-        return True
-    low, high = float(others.min()), float(others.max())
-    span = high - low
-    return sentinel < low - span or sentinel > high + span
-
-
-def refuse_sentinels(values: FloatArray, lines: NDArray[np.integer[Any]], tag: str, log: RejectLog) -> FloatArray:
-    found = is_sentinel(values)
-    if found is None:
-        return values
-    log.add_many(
-        "sentinel",
-        [int(line) for line in lines[found]],
-        (f"{value:g} stands for no data" for value in values[found]),
-        tag,
-    )
-    return np.where(found, np.nan, values)

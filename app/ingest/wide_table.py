@@ -13,6 +13,7 @@ from app.ingest.frames import Numbers, RowReader, Rows, name_of
 from app.ingest.grouping import Grouping
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
 from app.ingest.modes import UNKNOWN_MODE
+from app.ingest.no_data import Span, ends_are_codes
 from app.ingest.odd_fields import ChunkColumns, OddFields
 from app.ingest.order import in_order, last_of_repeats, without_stutter
 from app.ingest.pieces import Grid, joined_grid
@@ -23,8 +24,6 @@ from app.ingest.spilling import PartOfLoop, Spill
 from app.ingest.spreading import Spreader
 from app.ingest.stamps import NO_TIME, TimeReader, to_numbers
 from app.ingest.tally import Tally
-from app.ingest.values import is_sentinel
-from app.ingest.writing import SENTINELS
 
 
 @dataclass(eq=False)
@@ -54,6 +53,8 @@ class WideTable:
         self._modes = frozenset(index for index, place in self._places.items() if place.signal == "MODE")
         part_of_loop = PartOfLoop()
         self._part_of_column = np.zeros(1 + max(self._places, default=0), dtype=np.uint8)
+        self._lowest = np.full(len(self._part_of_column), np.inf)  # by column, of values that are no codes
+        self._highest = -self._lowest
         for index, place in self._places.items():
             self._part_of_column[index] = part_of_loop.of(place.loop)
 
@@ -248,16 +249,23 @@ class WideTable:
             if len(at):
                 self._log.add_many("not_finite", rows.lines(at), (f"{matrix[row, position]}" for row in at), value.tag)
                 matrix[at, position] = np.nan
-        suspicious = np.zeros(matrix.shape[1], dtype=bool)
-        for sentinel in SENTINELS:
-            suspicious |= (matrix == sentinel).any(axis=0)
-        for position in np.flatnonzero(suspicious):
-            found = is_sentinel(matrix[:, position])
-            if found is not None:
-                at = np.flatnonzero(found)
-                texts = (f"{matrix[row, position]:g} stands for no data" for row in at)
-                self._log.add_many("sentinel", rows.lines(at), list(texts), group.values[position].tag)
-                matrix[at, position] = np.nan
+        self._refuse_codes(rows, group, matrix)
+
+    def _refuse_codes(self, rows: Rows, group: TimedColumns, matrix: FloatArray) -> None:
+        """Codes for no data, that stand apart from what their column has in these rows and had before."""
+        lowest, highest = np.fmin.reduce(matrix, axis=0), np.fmax.reduce(matrix, axis=0)
+        columns = [value.index for value in group.values]
+        lines = np.arange(rows.first, rows.first + len(matrix))
+        for position in np.flatnonzero(ends_are_codes(lowest, highest)):
+            value = group.values[position]
+            if self._is_mode(value):
+                continue
+            span = Span(self._lowest[value.index], self._highest[value.index])
+            matrix[:, position] = self._tally.no_data.refused(matrix[:, position], lines, value.tag, self._log, span)
+            known = matrix[np.isfinite(matrix[:, position]), position]
+            lowest[position], highest[position] = known.min(initial=np.inf), known.max(initial=-np.inf)
+        self._lowest[columns] = np.fmin(self._lowest[columns], lowest)
+        self._highest[columns] = np.fmax(self._highest[columns], highest)
 
     def _refuse_quality(
         self, rows: Rows, group: TimedColumns, matrix: FloatArray, reader: RowReader, kept: NDArray[np.bool_]
