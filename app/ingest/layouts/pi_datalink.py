@@ -1,40 +1,78 @@
-"""PI DataLink: pairs of columns (time, value), a pair a tag; the times differ from tag to tag."""
+"""PI DataLink: groups of columns (time, value), often with a status or a blank column behind them; the times differ
+from group to group."""
 
-from app.ingest.columns import NO_ROWS, first_row_of_times, plain
-from app.ingest.head import Head
+import re
+
+from app.ingest.columns import NO_ROWS, QUALITY_NAMES, TIME_NAMES, first_row_of_times, plain
+from app.ingest.head import Head, is_number
 from app.ingest.model import IngestOptions
 from app.ingest.plans import TimedColumns, ValueColumn, WidePlan
+from app.ingest.quality import tells_quality
 from app.ingest.stamps import TimeForm, find_form
 from app.ingest.widths import usual_width
 
-_GENERIC = frozenset(("", "time", "timestamp", "value", "datetime", "date"))
+_GENERIC = frozenset(("", "value", *TIME_NAMES, *QUALITY_NAMES))
+_PLAIN = re.compile(r"[+-]?\d+([.]\d*)?")
+_LEAST_SERIAL = 20_000.0  # a smaller number is no date
 
 
 def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
     first_row = first_row_of_times(head, 0, options)
-    width = usual_width(head, max(first_row, 0))
-    if first_row == NO_ROWS or width < 4 or width % 2:
+    if first_row == NO_ROWS:
         return None
-    forms = [_dated(head.column(index, first_row), options) for index in range(width)]
-    if any((form is None) == (index % 2 == 0) for index, form in enumerate(forms)):
+    width = usual_width(head, first_row)
+    forms = {column: form for column in range(width) if (form := _dated(head.column(column, first_row), options))}
+    if len(forms) < 2 or 0 not in forms:
         return None
-    groups = tuple(
-        TimedColumns((index,), form, (ValueColumn(index + 1, _tag(head, index, first_row)),))
-        for index, form in enumerate(forms)
-        if form is not None
-    )
-    return WidePlan("pi_datalink", first_row, width, groups)
+    groups: list[TimedColumns] = []
+    for (column, form), end in zip(forms.items(), [*list(forms)[1:], width], strict=True):
+        values = _values(head, range(column + 1, end), first_row)
+        if not values or (len(values) > 1 and not _named_as_time(head, column, first_row)):
+            return None
+        named = tuple(
+            ValueColumn(value, _tag(head, value, column, first_row, len(groups) + 1), quality=judging)
+            for value, judging in values.items()
+        )
+        groups.append(TimedColumns((column,), form, named))
+    return WidePlan("pi_datalink", first_row, width, tuple(groups))
 
 
 def _dated(fields: list[str], options: IngestOptions) -> TimeForm | None:
+    first = fields[0] if fields else ""
+    if _PLAIN.fullmatch(first) and abs(float(first)) < _LEAST_SERIAL:
+        return None
     form = find_form(fields, "date", options)
     return form if form is not None and form.kind != "relative" else None
 
 
-def _tag(head: Head, index: int, first_row: int) -> str:
-    """The first name that stands above the pair."""
+def _values(head: Head, columns: range, first_row: int) -> dict[int, int | None]:
+    """The columns of values of a group, each with the one of qualities right of it; the first of a group may be empty,
+    others are not read then."""
+    values: dict[int, int | None] = {}
+    for column in columns:
+        fields = head.column(column, first_row)
+        if values and _are_qualities(head, column, first_row, fields):
+            values[list(values)[-1]] = column
+        elif fields or not values:
+            values[column] = None
+    return values
+
+
+def _are_qualities(head: Head, column: int, first_row: int, fields: list[str]) -> bool:
+    named = any(plain(row[column]) in QUALITY_NAMES for row in head.rows[:first_row] if column < len(row))
+    words = not any(is_number(field) for field in fields)
+    return bool(fields) and (named or words) and tells_quality(fields)
+
+
+def _named_as_time(head: Head, column: int, first_row: int) -> bool:
+    return any(plain(row[column]) in TIME_NAMES for row in head.rows[:first_row] if column < len(row))
+
+
+def _tag(head: Head, value: int, time: int, first_row: int, number: int) -> str:
+    """The first name that stands above the value, or above its time."""
+    columns = (time, value) if value == time + 1 else (value,)
     for row in head.rows[:first_row]:
-        for name in row[index : index + 2]:
+        for name in (row[column] for column in columns if column < len(row)):
             if plain(name) not in _GENERIC:
                 return name
-    return f"{head.stem}.{index // 2 + 1}"
+    return f"{head.stem}.{number}"

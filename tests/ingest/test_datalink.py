@@ -1,0 +1,69 @@
+"""PI DataLink: each tag with its own times, whatever stands between the groups of columns."""
+
+import numpy as np
+import pytest
+
+from .conftest import Read
+from .test_tables import workbook
+
+START = np.datetime64("2026-03-01T22:00:00", "ns").astype(np.int64)
+STEP = 10 * 10**9
+
+
+def stamp(i: int, minutes: int = 0) -> str:
+    return str(np.datetime64("2026-03-01T22:00:00") + np.timedelta64(10 * i + 60 * minutes, "s")).replace("T", " ")
+
+
+def table(head: str, row: str, n: int = 30) -> str:
+    rows = (row.format(t=stamp(i), u=stamp(i, -2), i=i, q="Bad" if i == 7 else "Good") for i in range(n))
+    return "\n".join((head, *rows)) + "\n"
+
+
+SHAPES = [
+    ("Time,A.PV,Status,Time,A.OP,Status", "{t},{i}.5,{q},{u},{i},Good"),
+    ("A.PV,,,A.OP,\nTime,Value,,Time,Value", "{t},{i}.5,,{u},{i}"),
+    ("A.PV,,,A.OP,,\nTime,Value,Status,Time,Value,Status", "{t},{i}.5,{q},{u},{i},Good"),
+    (",A.PV,,A.OP", "{t},{i}.5,{u},{i}"),
+    ("Time,A.PV,,,Time,A.OP", "{t},{i}.5,,,{u},{i}"),
+]
+
+
+@pytest.mark.parametrize(("head", "row"), SHAPES)
+def test_each_tag_keeps_its_times(read: Read, head: str, row: str) -> None:
+    content = read(table(head, row))
+    assert content.summary.layout == "pi_datalink"
+    loop = content.loops["A"]
+    bad = [7] if "{q}" in row else []
+    assert dict(content.rejects.counts) == ({"bad_quality": 1} if bad else {})
+    given = np.flatnonzero(np.isfinite(loop.pv))
+    rows = [i for i in range(30) if i not in bad]
+    np.testing.assert_array_equal((loop.time_ns[given] - START) // STEP, rows)
+    np.testing.assert_array_equal(loop.pv[given], np.array(rows) + 0.5)
+    given = np.flatnonzero(np.isfinite(loop.op))
+    np.testing.assert_array_equal((loop.time_ns[given] - START) // STEP, np.arange(30) - 12)
+    np.testing.assert_array_equal(loop.op[given], np.arange(30))
+
+
+def test_a_workbook_with_a_blank_column(read: Read) -> None:
+    pytest.importorskip("fastexcel", reason="the extra 'excel' is not installed")
+    cells = [[stamp(i), f"{i}.5", "", stamp(i, -2), f"{i}"] for i in range(30)]
+    sheet = [["A.PV", "", "", "A.OP", ""], ["Time", "Value", "", "Time", "Value"], *cells]
+    loop = read(workbook(sheet), name="night.xlsx").loops["A"]
+    assert loop.time_ns[0] == START - 12 * STEP
+
+
+def test_several_values_of_one_time(read: Read) -> None:
+    content = read(table("Time,A.PV,A.OP,Time,B.PV,B.OP", "{t},{i}.5,{i},{u},{i}.25,{i}"))
+    assert content.loops["A"].time_ns[0] == START
+    assert content.loops["B"].time_ns[0] == START - 12 * STEP
+    np.testing.assert_array_equal(content.loops["B"].pv, np.arange(30) + 0.25)
+
+
+def test_another_column_of_times_is_not_that_of_the_values_behind_it(read: Read) -> None:
+    loop = read(table("Time,A.PV,LastAlarm,A.OP,A.SP", "{t},{i}.5,{u},{i},50")).loops["A"]
+    assert loop.time_ns[0] == START
+    np.testing.assert_array_equal(loop.op, np.arange(30))
+
+
+def test_numbers_with_units_are_no_times(read: Read) -> None:
+    assert read(table("Time,A.PV,A.OP", "{t},{i}.5 bar,{i} %")).summary.layout == "wide"
