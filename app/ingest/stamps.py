@@ -11,6 +11,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from app.errors import DataError
+from app.ingest.counted_times import DAY_NS, NUMBER, TICK_NS, find_count
 from app.ingest.date_order import AMBIGUOUS, DAY_FIRST, MONTH_FIRST, YEAR_FIRST, Reading, choose
 from app.ingest.model import NANOSECONDS, FloatArray, IngestOptions, TimeArray
 
@@ -18,7 +19,6 @@ FIRST_YEAR, LAST_YEAR = 1971, 2199
 SAMPLE = 400
 LEAST_SHARE = 0.5  # of a sample of a column of times that is readable
 NO_TIME = np.iinfo(np.int64).min
-SHORTEST_STEP_S = 0.02  # what a historian keeps of a loop is slower: such a step at such a time is one of days
 Kind = Literal["text", "relative", "epoch", "epoch_pair", "serial"]
 
 _ISO = ("%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%Y%m%d")
@@ -36,12 +36,7 @@ _TIMES = (
     "",
 )
 _PAIR = re.compile(r"\d{9,11}:\d{1,9}")
-_NUMBER = re.compile(r"[+-]?\d+([.,]\d+)?([eE][+-]?\d+)?")
 _ZONE = re.compile(r"(Z|[+-]\d{2}:?\d{2})$")
-_EPOCH_UNITS = ((1e17, 1.0), (1e14, 1e3), (1e11, 1e6), (1e8, 1e9))
-_UNIT = re.compile(r"[\[(_ ](ms|milliseconds?|min|minutes?|h|hours?|days?|us|µs)[\])]?$", re.IGNORECASE)
-_SECONDS = re.compile(r"(^|[\[(_ ]|time)(s|secs?|seconds?)[\])]?$", re.IGNORECASE)
-_UNIT_SECONDS = {"m": 60.0, "h": 3600.0, "d": 86400.0, "u": 1e-6, "µ": 1e-6}
 _PARTS = {"%Y": r"\d{4}", "%b": "[a-z]{3}", "%p": "[ap]m", "%.f": r"(\.\d+)?"}
 _PARTS |= dict.fromkeys(("%m", "%d", "%H", "%I", "%M"), r" ?\d{1,2}") | dict.fromkeys(("%y", "%S"), r"\d{2}")
 
@@ -52,14 +47,18 @@ class TimeForm:
 
     kind: "text" (`format`), "relative" (seconds from a start), "epoch" (a number since 1970), "epoch_pair"
     (seconds:nanoseconds),
-        "serial" (days since 1899-12-30).
-    scale: nanoseconds a unit of a number. resolution_ns: the smallest step that the text can show.
+        "serial" (days since 1899-12-30 or since year 0, of a clock on the wall).
+    scale: nanoseconds a unit of a number. origin_ns: of its zero, since 1970. rounding_ns: what its times are
+        rounded to.
+    resolution_ns: the smallest step that the text can show.
     rivals: other formats that fit the sample equally well.
     """
 
     kind: Kind
     format: str = ""
     scale: float = 1e9
+    origin_ns: int = 0
+    rounding_ns: int = 100
     zoned: bool = False
     resolution_ns: int = 1
     rivals: tuple[str, ...] = ()
@@ -92,7 +91,7 @@ def find_form(sample: list[str], name: str, options: IngestOptions) -> TimeForm 
         return None
     if _share(_PAIR, sample) > 0.8:
         return TimeForm("epoch_pair")
-    if _share(_NUMBER, sample) > 0.8:
+    if _share(NUMBER, sample) > 0.8:
         return _number_form(sample, name) or _text_form(sample, options)
     return _text_form(sample, options)
 
@@ -106,34 +105,13 @@ def _share(pattern: re.Pattern[str], sample: list[str]) -> float:
 
 
 def _number_form(sample: list[str], name: str) -> TimeForm | None:
-    values = np.array([float(text.replace(",", ".")) for text in sample if _NUMBER.fullmatch(text)])
-    middle = float(np.median(values))
-    if re.fullmatch(r"(19|20)\d{12}", sample[0]):
+    count = find_count(sample, name)
+    if count is None:
         return None
-    for above, scale in _EPOCH_UNITS:
-        if middle > above:
-            return TimeForm("epoch", scale=scale) if middle < above * 100 else None
-    unit = _UNIT.search(name.strip())
-    word = unit.group(1).lower() if unit else ""
-    if _serial_days(values, name, word):
-        return TimeForm("serial", scale=86400e9, notes=("times are days since 1899-12-30, as spreadsheets count them",))
-    if not word:
-        return TimeForm("relative")
-    seconds = 1e-3 if word.startswith(("ms", "mil")) else _UNIT_SECONDS[word[0]]
-    return TimeForm("relative", scale=seconds * 1e9, notes=(f"times are in {word} by the column's name",))
-
-
-def _serial_days(values: FloatArray, name: str, unit: str) -> bool:
-    """Whether numbers are days as spreadsheets count them: by their size and their step, where the name does not tell
-    another unit."""
-    if not 20000 < float(np.median(values)) < 80000 or not np.any(values % 1):
-        return False
-    if _SECONDS.search(name.strip()) or (unit and not unit.startswith("day")):
-        return False
-    steps = np.diff(np.unique(values))  # a long table has a stamp once a tag
-    step = float(np.median(steps)) if len(steps) else np.inf
-    dated = re.search(r"date|stamp", name, re.IGNORECASE) is not None
-    return step < (0.5 if dated else SHORTEST_STEP_S if not unit else 0.0)
+    kind: Kind = "relative" if count.origin_ns is None else "serial" if count.scale == DAY_NS else "epoch"
+    return TimeForm(
+        kind, scale=count.scale, origin_ns=count.origin_ns or 0, rounding_ns=count.rounding_ns, notes=count.notes
+    )
 
 
 def _text_form(sample: list[str], options: IngestOptions) -> TimeForm | None:
@@ -253,7 +231,7 @@ class TimeReader:
         return self._texts(texts) if self.form.kind == "text" else self._numbers(texts)
 
     def _in_utc(self, times: TimeArray) -> TimeArray:
-        local = self.form.kind == "text" and not self.form.zoned
+        local = self.form.kind in ("text", "serial") and not self.form.zoned
         return to_utc(times, self._options.time_zone) if local else times
 
     def _typed(self, times: pl.Series) -> TimeArray:
@@ -303,20 +281,20 @@ class TimeReader:
 
     def _numbers(self, texts: pl.Series) -> TimeArray:
         numbers = to_numbers(texts)
-        origin = {"relative": self._options.start_ns, "epoch": 0, "serial": -25569 * 86400 * NANOSECONDS}[
-            self.form.kind
-        ]
-        scaled = numbers * self.form.scale
+        form, origin = self.form, self._options.start_ns if self.form.kind == "relative" else 0
+        numbers = numbers + form.origin_ns / form.scale
+        scaled = numbers * form.scale
         good = np.isfinite(scaled) & (np.abs(scaled + origin) < 7.2e18)
         whole = np.floor(np.where(good, numbers, 0.0))
         part = np.where(good, numbers, 0.0) - whole
-        ticks = (whole * self.form.scale).astype(np.int64) + _rounded(part * self.form.scale)
+        ticks = (whole * form.scale).astype(np.int64) + _rounded(part * form.scale, form.rounding_ns)
+        ticks = ticks if form.scale != TICK_NS else _rounded(whole * form.scale, form.rounding_ns)
         return np.where(good, ticks + origin, NO_TIME)
 
 
-def _rounded(nanoseconds: FloatArray) -> TimeArray:
-    """To a tenth of a microsecond: what double precision leaves of a decimal fraction of seconds since 1970."""
-    return np.rint(nanoseconds / 100).astype(np.int64) * 100
+def _rounded(nanoseconds: FloatArray, to_ns: int) -> TimeArray:
+    """Double precision leaves a tenth of a microsecond of a decimal fraction of seconds since 1970."""
+    return np.rint(nanoseconds / to_ns).astype(np.int64) * to_ns
 
 
 def to_numbers(texts: pl.Series) -> FloatArray:

@@ -1,0 +1,100 @@
+"""Times that are numbers: which count they are, since when, and how finely they are written."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.ingest.model import NANOSECONDS, FloatArray
+
+NUMBER = re.compile(r"[+-]?\d+([.,]\d+)?([eE][+-]?\d+)?")
+_FEW_DIGITS = re.compile(r"[+-]?\d+([.](?P<decimals>\d*))?[eE][+](?P<exponent>\d+)")
+DAY_NS = 86_400 * NANOSECONDS
+SHORTEST_STEP_S = 0.02  # what a historian keeps of a loop is slower: such a step at such a time is one of days
+FINEST_NS, COARSEST_NS = 100_000, NANOSECONDS  # to which days are rounded: what a double leaves of them, whole seconds
+TICK_NS = 100.0
+_EPOCH_UNITS = ((1e17, 1.0), (1e14, 1e3), (1e11, 1e6), (1e8, 1e9))
+_UNIT = re.compile(r"[\[(_ ](ms|milliseconds?|min|minutes?|h|hours?|days?|us|µs)[\])]?$", re.IGNORECASE)
+_SECONDS = re.compile(r"(^|[\[(_ ]|time)(s|secs?|seconds?)[\])]?$", re.IGNORECASE)
+_UNIT_SECONDS = {"m": 60.0, "h": 3600.0, "d": 86400.0, "u": 1e-6, "µ": 1e-6}
+_TICKS = (
+    (1.16e17, 1.90e17, -11_644_473_600, "times are 100 ns since 1601, as Windows counts them (FILETIME)"),
+    (6.21e17, 6.95e17, -62_135_596_800, "times are 100 ns since year 1, as .NET counts them"),
+)
+"""From, to (of 1971 and 2199), seconds from 1970 to their zero. As ns since 1970 they would be of 1973 or 1990."""
+_DAYS = (
+    (20_000, 80_000, -25_569, "times are days since 1899-12-30, as spreadsheets count them"),
+    (719_900, 803_000, -719_529, "times are days since year 0, as MATLAB counts them"),
+)
+
+
+@dataclass(frozen=True)
+class Count:
+    """scale: ns a unit. origin_ns: since 1970, of its zero; None: since a start that is not told. rounding_ns: to which
+    times are rounded."""
+
+    scale: float
+    origin_ns: int | None = 0
+    rounding_ns: int = 100
+    notes: tuple[str, ...] = ()
+
+
+def find_count(sample: list[str], name: str) -> Count | None:
+    """Of a column from some of its fields and its name; None where they can be no times, or where those of a date are
+    written so short that seconds are lost, as 1.772402E+09."""
+    texts = [text.replace(",", ".") for text in sample if NUMBER.fullmatch(text)]
+    values = np.array([float(text) for text in texts])
+    middle = float(np.median(values))
+    if re.fullmatch(r"(19|20)\d{12}", sample[0]):
+        return None
+    for low, high, zero_s, note in _TICKS:
+        if low < middle < high:
+            return _sharp(Count(TICK_NS, zero_s * NANOSECONDS, 10_000, (note,)), texts)
+    for above, scale in _EPOCH_UNITS:
+        if middle > above:
+            return _sharp(Count(scale), texts) if middle < above * 100 else None
+    return _days(values, texts, name) or _relative(name)
+
+
+def _sharp(count: Count, texts: list[str]) -> Count | None:
+    """None where not even seconds are written: `1.772402E+09`, as spreadsheets and C show numbers with few digits. What
+    is written as 1.7724e9 has all its digits."""
+    cut = [found for text in texts if (found := _FEW_DIGITS.fullmatch(text))]
+    if not cut:
+        return count
+    step = min(10.0 ** (int(found["exponent"]) - len(found["decimals"] or "")) for found in cut)
+    return count if step * count.scale <= NANOSECONDS else None
+
+
+def _days(values: FloatArray, texts: list[str], name: str) -> Count | None:
+    unit = _unit(name)
+    for low, high, zero, note in _DAYS:
+        if low < float(np.median(values)) < high and _steps_are_of_days(values, name, unit):
+            step_ns = DAY_NS / 10.0 ** max(len(text.partition(".")[2]) for text in texts)
+            rounding = min(max(10 ** int(np.ceil(np.log10(step_ns))), FINEST_NS), COARSEST_NS)
+            cut = (f"times are written to {step_ns / NANOSECONDS:.3g} s only",) if step_ns > NANOSECONDS else ()
+            return Count(float(DAY_NS), zero * DAY_NS, rounding, (note, *cut))
+    return None
+
+
+def _steps_are_of_days(values: FloatArray, name: str, unit: str) -> bool:
+    """By their fractions and their step, where the name does not tell another unit."""
+    if not np.any(values % 1) or _SECONDS.search(name.strip()) or (unit and not unit.startswith("day")):
+        return False
+    steps = np.diff(np.unique(values))  # a long table has a stamp once a tag
+    step = float(np.median(steps)) if len(steps) else np.inf
+    dated = re.search(r"date|stamp", name, re.IGNORECASE) is not None
+    return step < (0.5 if dated else SHORTEST_STEP_S if not unit else 0.0)
+
+
+def _unit(name: str) -> str:
+    found = _UNIT.search(name.strip())
+    return found.group(1).lower() if found else ""
+
+
+def _relative(name: str) -> Count:
+    word = _unit(name)
+    if not word:
+        return Count(float(NANOSECONDS), None)
+    seconds = 1e-3 if word.startswith(("ms", "mil")) else _UNIT_SECONDS[word[0]]
+    return Count(seconds * NANOSECONDS, None, notes=(f"times are in {word} by the column's name",))
