@@ -103,10 +103,14 @@ class LongTable:
         self._tags_before = len(self._places)
         if rows.scan is None:
             return self._of_frame(rows, reader)
+        before = self._time.clock.before
         scanned = None if self._tally.writing.own else self._of_scan(rows, rows.scan)
         if scanned is None and self._scanner is not None:
             self._scanner.refused()
-        return self._of_frame(reader.parted(rows), reader) if scanned is None else scanned
+        if scanned is not None:
+            return scanned
+        self._time.clock.before = before
+        return self._of_frame(reader.parted(rows), reader)
 
     def _of_scan(self, rows: Rows, scan: Scan) -> Gathered | None:
         """None where something of the rows cannot be used: their text tells more of it."""

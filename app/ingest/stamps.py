@@ -8,12 +8,12 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from app.errors import DataError
 from app.ingest.counted_times import DAY_NS, NUMBER, TICK_NS, find_count
 from app.ingest.date_order import AMBIGUOUS, DAY_FIRST, MONTH_FIRST, YEAR_FIRST, Reading, choose
 from app.ingest.model import NANOSECONDS, FloatArray, IngestOptions, TimeArray
+from app.ingest.wall_clock import WallClock
 
 FIRST_YEAR, LAST_YEAR = 1971, 2199
 SAMPLE = 400
@@ -198,11 +198,12 @@ def parse_text(texts: pl.Series, form: str, zoned: bool) -> TimeArray:
 
 
 class TimeReader:
-    """Reads columns of one form, chunk by chunk; local time goes to UTC, the doubled hour of autumn by the order of
-    rows."""
+    """Reads columns of one form, chunk by chunk; local time goes to UTC, in the order of the rows (see
+    `WallClock`): each chunk is read once, or `clock.before` set back."""
 
     def __init__(self, form: TimeForm, options: IngestOptions) -> None:
         self.form = form
+        self.clock = WallClock(options.time_zone)
         self._options = options
 
     def read(self, texts: pl.Series) -> TimeArray:
@@ -232,7 +233,7 @@ class TimeReader:
 
     def _in_utc(self, times: TimeArray) -> TimeArray:
         local = self.form.kind in ("text", "serial") and not self.form.zoned
-        return to_utc(times, self._options.time_zone) if local else times
+        return self.clock.to_utc(times) if local else times
 
     def _typed(self, times: pl.Series) -> TimeArray:
         """A column that holds times already (parquet)."""
@@ -247,7 +248,7 @@ class TimeReader:
             .fill_null(NO_TIME)
             .to_numpy()
         )
-        return ticks if zoned else to_utc(ticks, self._options.time_zone)
+        return ticks if zoned else self.clock.to_utc(ticks)
 
     def _texts(self, texts: pl.Series) -> TimeArray:
         times = parse_text(texts, self.form.format, self.form.zoned)
@@ -315,37 +316,6 @@ def _pairs(texts: pl.Series) -> TimeArray:
         0
     ).to_numpy() * np.int64(good)
     return np.where(good, ticks, NO_TIME)
-
-
-def to_utc(local: TimeArray, zone: str) -> TimeArray:
-    """Local wall-clock times to UTC. An hour that comes twice is read by the order of rows: where the clock was set
-    back between two
-    rows, the rows after it are the second pass. Times that no clock showed are NO_TIME."""
-    if zone == "UTC" or not len(local):
-        return local
-    good = local != NO_TIME
-    naive = pl.Series(np.where(good, local, 0)).cast(pl.Datetime("ns"))
-    first, second = (
-        naive.dt.replace_time_zone(zone, ambiguous=which, non_existent="null")
-        .dt.convert_time_zone("UTC")
-        .cast(pl.Int64)
-        for which in ("earliest", "latest")
-    )
-    good = good & first.is_not_null().to_numpy()
-    early, late = first.fill_null(0).to_numpy(), second.fill_null(0).to_numpy()
-    twice = good & (early != late)
-    chosen = np.where(_second_pass(local, twice), late, early) if np.any(twice) else early
-    return np.where(good, chosen, NO_TIME)
-
-
-def _second_pass(local: TimeArray, twice: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    set_back = np.concatenate(([False], np.diff(local) < 0)) & twice & np.concatenate(([False], twice[:-1]))
-    entered = np.concatenate(([True], ~twice[:-1])) & twice
-    run = np.cumsum(entered)
-    passes = np.cumsum(set_back)
-    before = np.zeros(int(run[-1]) + 1, dtype=np.int64)
-    before[run[entered]] = passes[entered]
-    return twice & (passes > before[run])
 
 
 def from_utc(times: TimeArray, zone: str) -> TimeArray:

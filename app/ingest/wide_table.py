@@ -120,6 +120,7 @@ class WideTable:
 
     def _chunks(self, reader: RowReader, groups: list[TimedColumns], first: bool) -> Iterator[tuple[int, Chunk]]:
         """Chunks of each group, with the group's number."""
+        self._times = [TimeReader(group.form, self._options) for group in self._plan.groups]
         spread = self._plan.spread
         self._spreaders = [Spreader(group.form.resolution_ns) for group in groups] if spread else []
         for rows in reader.rows(self._plan.first_row, _columns(groups)):

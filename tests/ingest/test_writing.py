@@ -177,7 +177,7 @@ def test_codes_for_no_data_do_not_tell_how_numbers_are_written(read: Read, table
     content = read(table(marked(["5,123", "5,871", "4,250"] * 9 + [code], marks), marked(["40,100"], marks), count=56))
     assert content.loops["FIC1"].pv[:3].tolist() == [5.123, 5.871, 4.25]
     assert content.loops["FIC1"].op.tolist() == [40.1] * 56
-    assert content.rejects.total == 0
+    assert content.rejects.counts.keys() <= {"sentinel"}
 
 
 @pytest.mark.parametrize("whole", [["999"], ["980", "985", "990", "995"]])
