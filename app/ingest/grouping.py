@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from app.errors import DataError
-from app.ingest.model import LoopTags, Signal
+from app.ingest.model import SIGNALS, LoopTags, Signal
 from app.ingest.opening import detect_encoding
 
 _WORDS: Mapping[str, Signal] = MappingProxyType(
@@ -39,6 +39,16 @@ LONGEST_NAME = 1000  # the patterns cost the square of a name's length
 _SEPARATORS = "._-/:|\\ "
 _ENDING = re.compile(r"^(?P<loop>.+)[._\-/:|\\ ]+(?P<word>[A-Za-z]+)$")
 _START = re.compile(r"^(?P<word>[A-Za-z]+)[._\-/:|\\ ]+(?P<loop>.+)$")
+_OF_SYSTEMS: Mapping[str, Signal] = MappingProxyType(
+    {
+        **dict.fromkeys(("PV_OUT", "PV_IN", "VAL_PV"), "PV"),
+        **dict.fromkeys(("LMN", "VAL_CVOUT"), "OP"),
+        "VAL_SP": "SP",
+        **dict.fromkeys(("AUTACT", "STS_AUTO"), "MODE"),
+    }
+)
+"""Names of blocks in PCS 7 (with `#Value` behind them) and PlantPAx that their endings alone would misread."""
+_OF_SYSTEM = re.compile(rf"(?i)(?P<loop>.+)[._\-/:|\\ ](?P<word>{'|'.join(_OF_SYSTEMS)})")
 _SPLIT_WORDS = re.compile(
     r"(?i)[._\- ](set[ _]point|process[ _]value|process[ _]variable|controller[ _]output|control[ _]output)$"
 )
@@ -177,6 +187,9 @@ def place(tag: str, stem: str) -> Place:
     if signal is not None:
         return Place(tag, stem, signal)
     name = _UNIT.sub("", name) or name
+    name = name.removesuffix("#Value")
+    if of_system := _OF_SYSTEM.fullmatch(name):
+        return Place(tag, of_system["loop"].rstrip(_SEPARATORS), _OF_SYSTEMS[of_system["word"].upper()])
     spelled = _SPLIT_WORDS.search(name)
     if spelled:
         return Place(tag, name[: spelled.start()].rstrip(_SEPARATORS), _WORDS[_plain(spelled.group(1))])
@@ -231,10 +244,11 @@ def _number(tag: str) -> str:
 
 
 def _precedence(tag: str) -> int:
-    """Plain names first, then PV and OP by their number, then what has to have the number of these."""
+    """Signals by their own names first (OP before MV), other plain names, then PV and OP by their number, then what has
+    to have the number of these."""
     if not _number(tag):
-        return 0
-    return 2 if place(tag, "").signal in _OPTIONAL else 1
+        return 0 if _NO_LETTER.split(_UNIT.sub("", tag.strip()).upper())[-1] in SIGNALS else 1
+    return 3 if place(tag, "").signal in _OPTIONAL else 2
 
 
 class Grouping:

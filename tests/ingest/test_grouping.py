@@ -31,6 +31,13 @@ from .conftest import Read
         (["FIC1 Set Point", "FIC1.controller output", "FIC1-process value"], LoopTags("FIC1", "FIC1-process value",
         "FIC1.controller output", "FIC1 Set Point")),
         (["FIC1.PV", "FIC1.MEAS"], LoopTags("FIC1", "FIC1.PV", others=("FIC1.MEAS",))),
+        (["FIC1.PV", "FIC1.MV", "FIC1.OP"], LoopTags("FIC1", "FIC1.PV", "FIC1.OP", others=("FIC1.MV",))),
+        (["FIC1.MEAS", "FIC1.PV [m3/h]", "FIC1.SV", "FIC1.SP"], LoopTags("FIC1", "FIC1.PV [m3/h]", None, "FIC1.SP",
+        others=("FIC1.MEAS", "FIC1.SV"))),
+        (["F1/PID.PV_Out#Value", "F1/PID.MV#Value", "F1/PID.SP#Value", "F1/PID.AutAct#Value"], LoopTags("F1/PID",
+        "F1/PID.PV_Out#Value", "F1/PID.MV#Value", "F1/PID.SP#Value", "F1/PID.AutAct#Value")),
+        (["F1.Val_PV", "F1.Val_CVOut", "F1.Val_SP", "F1.Sts_Auto"], LoopTags("F1", "F1.Val_PV", "F1.Val_CVOut",
+        "F1.Val_SP", "F1.Sts_Auto")),
     ],
 )  # fmt: skip
 def test_one_loop(tags: list[str], expected: LoopTags) -> None:
