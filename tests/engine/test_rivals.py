@@ -1,16 +1,20 @@
 """Rival explanations: each stands out on the loop that it explains, and not on a sticky one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import sawtooth
 
-from app.engine.features import extract, shape_windows
+from app.engine.features import PER_CYCLE, extract, shape_windows
 from app.engine.freerun import through_process, valve_position
 from app.engine.oscillation import detect
 from app.engine.recording import UniformRecord
 from app.engine.rivals import Rival, compete, contest, runner_up, winner
 from app.engine.rivals.jumps import Jumps, jumps
+from app.engine.rivals.line import line, worst
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, Wave, first_order, simulate_loop
 
 N = 1200
@@ -242,3 +246,73 @@ def test_stiction_wins_from_one_half_on_and_ranks_by_its_probability_below(proba
     assert (won is not None and won.cause == "stiction") == (probability >= 0.5)
     if won is None:
         assert runner_up(ranked) is None
+
+
+def shaken(
+    period_s: float, valve: TwoParameterValve | None = None, sp: Signal | None = None, seed: int = 1
+) -> dict[str, Rival]:
+    """A flow under a PI controller and a noisy transmitter, swung by a sine from outside or by its valve."""
+    spec = LoopSpec(
+        plant=first_order(1.0, 10.0, 3.0),
+        controller=Pid(0.8, 10.0),
+        load=Signal(value=2.0) if valve else Signal(),
+        upset=Signal() if valve or sp else Signal(waves=(Wave(3.0, period_s),), noise_sd=0.2, noise_tau_s=40.0),
+        sp=sp or Signal(),
+        noise=Signal(noise_sd=0.4),
+        settle_s=300.0,
+    )
+    record = simulate_loop(spec if valve is None else replace(spec, valve=valve), float(N), 1.0, seed).uniform()
+    return rivals(record.pv, record.op, record.sp)
+
+
+@pytest.mark.parametrize("period_s", [40.0, 55.0, 70.0])
+def test_a_sine_under_noise_counts_against_stiction_though_its_shape_is_lost(period_s: float):
+    sines = shaken(period_s)["tuning_or_sinusoidal_disturbance"]
+    assert sines.stands_out
+    assert sines.counts > 0
+    assert "one line of the spectrum" in sines.text
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_limit_cycle_under_the_same_noise_is_no_line(seed: int):
+    sines = shaken(0.0, TwoParameterValve(6.0, 3.0), seed=seed)["tuning_or_sinusoidal_disturbance"]
+    assert not sines.stands_out
+
+
+def test_a_sine_of_the_set_point_is_not_taken_for_one_from_outside():
+    found = shaken(0.0, sp=Signal(waves=(Wave(8.0, 55.0),)))
+    assert "one line of the spectrum" not in found["tuning_or_sinusoidal_disturbance"].text
+
+
+WAVES = 2 * np.pi * np.arange(15 * PER_CYCLE) / PER_CYCLE
+
+
+@pytest.mark.parametrize(("wave", "third"), [(sawtooth(WAVES, 0.5), 1 / 9), (np.sign(np.sin(WAVES + 0.1)), 1 / 3)])
+def test_the_third_harmonic_of_a_triangle_and_of_a_square(wave: np.ndarray, third: float):
+    assert line(wave).third == pytest.approx(third, rel=0.02)
+    assert line(wave).loudest > 100.0
+
+
+def test_a_sine_is_one_line_and_noise_bounds_its_harmonics():
+    clean, noisy = line(np.sin(WAVES)), line(np.sin(WAVES) + 0.3 * np.random.default_rng(4).normal(size=len(WAVES)))
+    assert clean.share > 0.999
+    assert clean.third < 1e-3
+    assert 0.97 < noisy.share < clean.share
+    assert clean.third < noisy.third < 0.1
+    assert noisy.loudest < 4.0
+
+
+def test_a_swing_that_changes_its_period_is_no_line():
+    wandering = np.cumsum(0.15 * np.random.default_rng(7).normal(size=len(WAVES)))
+    assert line(np.sin(WAVES + wandering)).share < 0.9
+
+
+def test_few_cycles_have_no_line():
+    assert line(np.sin(WAVES[: 9 * PER_CYCLE])) is None
+    assert worst([line(np.sin(WAVES)), None]) is None
+
+
+def test_a_line_is_free_of_unit_and_sign():
+    wave = np.sin(WAVES) + 0.2 * np.random.default_rng(5).normal(size=len(WAVES))
+    one, other = line(wave), line(-40.0 * wave)
+    assert (other.share, other.third, other.loudest) == pytest.approx((one.share, one.third, one.loudest))

@@ -16,8 +16,6 @@ UNEXPLAINED = 0.3
 TAKEN_BACK = 0.5
 """From where on jumps of PV that go back along with OP are the load's."""
 _AGAINST_JUMPS = 3.0
-# Share of PV along the set point from which on its jumps may be the set point's.
-_ALONG_SP = 0.1
 
 
 def outside_wave(scene: Scene) -> Rival:
@@ -45,7 +43,7 @@ def load_disturbance(scene: Scene) -> Rival:
     Misleads where OP has little to do with PV for other reasons: a wrong pairing of signals, a loop in manual. Jumps
     are not looked at where PV follows a set point, which makes PV jump too.
     """
-    if scene.pv_along_sp < _ALONG_SP:
+    if not scene.along_sp:
         seen = jumps(scene.features.windows)
         if seen.taken_back >= TAKEN_BACK:
             return _load_steps(seen)

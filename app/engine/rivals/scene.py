@@ -9,12 +9,16 @@ from app.engine.features import PER_CYCLE, Features, cycle_samples, spans
 from app.engine.freerun import controller_action, cycle_range
 from app.engine.oscillation import Oscillation, autocorrelation
 from app.engine.recording import FloatArray, UniformRecord
+from app.engine.rivals.line import Line, line, worst
 from app.engine.rivals.periodic import held_out_sine
+from app.engine.rivals.response import response
 from app.engine.sampled import ROUNDING, correlation, moving_average, resample, without_drift, without_line
 
 _WINDOWS = 2
 _SMOOTHING_HALF = 2
 _LEAST_SWING = 0.3
+# Share of PV along the set point from which on its jumps may be the set point's.
+_ALONG_SP = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +59,30 @@ class Scene:
     def pv_along_sp(self) -> float:
         """Share of PV's variance that a straight line over SP explains; 0 where SP is not known or stands."""
         return 0.0 if self.record.sp is None else correlation(self.record.pv, self.record.sp) ** 2
+
+    @property
+    def along_sp(self) -> bool:
+        """Whether PV goes along with the set point, so that its jumps may be the set point's."""
+        return self.pv_along_sp >= _ALONG_SP
+
+    @cached_property
+    def from_sp(self) -> tuple[float, float]:
+        """Shares of the variance of PV and of OP that follow from SP through a lag and a dead time, on unseen cycles.
+
+        0 where SP is not known or stands.
+        """
+        moving = [k for k, sp in enumerate(self.sp) if float(np.ptp(sp)) > 0.0]
+        if not moving:
+            return 0.0, 0.0
+        pv = float(np.mean([response(self.pv[k], self.sp[k]).held_out for k in moving]))
+        op = float(np.mean([response(self.op[k], self.sp[k]).held_out for k in moving]))
+        return pv, op
+
+    @cached_property
+    def line(self) -> Line | None:
+        """The spectral line of PV and OP in the first and the last window, the worst of them; None for few cycles."""
+        windows = (self.features.windows[0], self.features.windows[-1])
+        return worst([line(x) for window in windows for x in (window.pv, window.op)])
 
     @property
     def raw_pv(self) -> list[FloatArray]:

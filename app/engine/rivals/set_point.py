@@ -1,8 +1,5 @@
 """PV and OP follow a set point that moves."""
 
-import numpy as np
-
-from app.engine.rivals.response import response
 from app.engine.rivals.rival import Rival, not_evaluated, rising
 from app.engine.rivals.scene import Scene
 from app.engine.sampled import correlation
@@ -25,9 +22,7 @@ def set_point_following(scene: Scene) -> Rival:
     """
     if not scene.sp:
         return not_evaluated("set_point_following", "the set point does not move or is not known")
-    moving = [k for k, sp in enumerate(scene.sp) if float(np.ptp(sp)) > 0.0]
-    pv = float(np.mean([response(scene.pv[k], scene.sp[k]).held_out for k in moving])) if moving else 0.0
-    op = float(np.mean([response(scene.op[k], scene.sp[k]).held_out for k in moving])) if moving else 0.0
+    pv, op = scene.from_sp
     plainly = 0.0 if scene.record.sp is None else scene.pv_along_sp * correlation(scene.record.op, scene.record.sp) ** 2
     strength = max(rising(min(pv, op), _NOTHING, 2 * FOLLOWED - _NOTHING), plainly)
     text = (

@@ -1,6 +1,7 @@
 """The controller makes the loop swing, or lets it drift."""
 
 from app.engine.rivals.disturbance import OPPOSED, WAVE
+from app.engine.rivals.line import Line
 from app.engine.rivals.rival import Rival, not_evaluated, rising
 from app.engine.rivals.scene import Scene
 
@@ -8,6 +9,10 @@ _PURE_SINE = 0.8
 _SINE_FORM = 0.2
 _STICTION_EXPLAINS = 0.1
 _AGAINST_SINES = 3.0
+STEADY = 0.97
+"""Share of the power about a fundamental that is in its line, from which on a signal is a steady wave."""
+_MOST_THIRD, _LOUDEST = 0.07, 3.0
+_FROM_SP = 0.1
 RINGING = 0.5
 """Decay ratio from which on Miao and Seborg call a loop excessively oscillatory."""
 FOLLOWS_OP = 0.35
@@ -21,8 +26,13 @@ _RINGS = 0.25
 def pure_sines(scene: Scene) -> Rival:
     """Both signals are pure sines that do not die out: a linear loop at the limit of stability, or shaken by a sine.
 
-    One frequency alone cannot tell the two apart: PV over OP is then minus one over the controller in both.
+    One frequency alone cannot tell the two apart: PV over OP is then minus one over the controller in both. A stuck
+    stem makes corners, and its limit cycle is not quite steady: where PV and OP are lines of the spectrum without
+    harmonics, what noise there is beside them does not matter. A wave that the set point brings is not looked at so.
     """
+    narrow = None if scene.from_sp[0] >= _FROM_SP else scene.line
+    if narrow is not None and _is_sine(narrow):
+        return _one_line(narrow)
     features = scene.features
     purity = min(features.named("pv_fundamental"), features.named("op_fundamental"))
     strength = scene.oscillation.strength * rising(purity, _PURE_SINE, 1.0)
@@ -33,6 +43,22 @@ def pure_sines(scene: Scene) -> Rival:
         strength *= 0.5
     counts = _AGAINST_SINES if sines else 0.0
     return Rival("tuning_or_sinusoidal_disturbance", strength, text, counts, statistic=purity, threshold=0.9)
+
+
+def _is_sine(narrow: Line) -> bool:
+    return narrow.share >= STEADY and narrow.third <= _MOST_THIRD and narrow.loudest <= _LOUDEST
+
+
+def _one_line(narrow: Line) -> Rival:
+    text = (
+        f"PV and OP swing with {100 * narrow.share:.0f} % of their power in one line of the spectrum, without "
+        f"harmonics: the third is at most {100 * narrow.third:.0f} % of the fundamental (a triangle has 11 %, a square "
+        "33 %)"
+    )
+    strength = rising(narrow.share, 2 * STEADY - 1.0, 1.0)
+    return Rival(
+        "tuning_or_sinusoidal_disturbance", strength, text, _AGAINST_SINES, statistic=narrow.share, threshold=STEADY
+    )
 
 
 def tight_tuning(scene: Scene) -> Rival:
