@@ -93,25 +93,40 @@ def audit(
     how = Reading(read_in(time_zone, date_order), mapping_bytes(mapping))
     files = recording_files(paths)
     audited: list[AuditedFile] = []
-    with written(out, read_files(files, paths, mapping, out)) as stream:
-        try:
-            with progress("auditing", len(files)) as advance:
-                for result in audit_files(files, jobs, how):
-                    advance(label=result.path.name)
-                    audited.append(result)
-                    for note in result.notes:
-                        say(f"{result.path}: {note}")
-                    if format_ is Format.jsonl:
-                        write_jsonl(stream, result.lines)
-        except KeyboardInterrupt:
-            say(interrupted(len(audited), len(files), out))
-            if is_stream(out):
-                write_rest(stream, format_, audited)
-            raise
-        write_rest(stream, format_, audited)
-        if (code := exit_code(audited, paths)) is ExitCode.NOTHING_USABLE:
-            raise typer.Exit(code)  # and what was in the file stays
+    try:
+        with written(out, read_files(files, paths, mapping, out)) as stream:
+            _audit_into(stream, audited, audit_files(files, jobs, how), len(files), format_, is_stream(out))
+            if (code := exit_code(audited, paths)) is ExitCode.NOTHING_USABLE:
+                raise typer.Exit(code)  # and what was in the file stays
+    except KeyboardInterrupt:
+        say(interrupted(len(audited), len(files), out))
+        raise
     raise typer.Exit(code)
+
+
+def _audit_into(
+    stream: IO[str],
+    audited: list[AuditedFile],
+    results: Iterator[AuditedFile],
+    files: int,
+    format_: Format,
+    keep_part: bool,
+) -> None:
+    """Gathers the results and writes them; of an interrupted audit, where `keep_part`, those that it came to."""
+    try:
+        with progress("auditing", files) as advance:
+            for result in results:
+                advance(label=result.path.name)
+                audited.append(result)
+                for note in result.notes:
+                    say(f"{result.path}: {note}")
+                if format_ is Format.jsonl:
+                    write_jsonl(stream, result.lines)
+    except KeyboardInterrupt:
+        if keep_part:
+            write_rest(stream, format_, audited)
+        raise
+    write_rest(stream, format_, audited)
 
 
 def recording_files(paths: list[Path]) -> list[Path]:
