@@ -17,28 +17,28 @@ def at_work(settings: Settings) -> Iterator[None]:
 
     Raises RequestError("being_restored") while a backup is being brought back.
     """
-    with _lock_file(settings) as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            text = f"a backup is being brought back into {settings.data_dir}; start again when that is done"
-            raise RequestError("being_restored", text) from error
-        except OSError:
-            pass  # a file system without locks: the administrator's care is all there is
+    text = f"a backup is being brought back into {settings.data_dir}; start again when that is done"
+    with _locked(settings, fcntl.LOCK_SH, RequestError("being_restored", text)):
         yield
 
 
 @contextmanager
 def alone(settings: Settings) -> Iterator[None]:
     """Raises RequestError("still_running") where a process is at work on the data folder."""
+    text = f"`serve`, `worker`, `beat` or `nightly` is running on {settings.data_dir}; stop it first"
+    with _locked(settings, fcntl.LOCK_EX, RequestError("still_running", text)):
+        yield
+
+
+@contextmanager
+def _locked(settings: Settings, how: int, refusal: RequestError) -> Iterator[None]:
     with _lock_file(settings) as lock:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(lock, how | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            text = f"`serve`, `worker`, `beat` or `nightly` is running on {settings.data_dir}; stop it first"
-            raise RequestError("still_running", text) from error
+            raise refusal from error
         except OSError:
-            pass
+            pass  # a file system without locks: the administrator's care is all there is
         yield
 
 
