@@ -81,8 +81,9 @@ class Scene:
     @cached_property
     def line(self) -> Line | None:
         """The spectral line of PV and OP in the first and the last window, the worst of them; None for few cycles."""
-        windows = (self.features.windows[0], self.features.windows[-1])
-        return worst([line(x) for window in windows for x in (window.pv, window.op)])
+        windows = self.features.windows
+        apart = max(len(windows) - 1, 1)
+        return worst([line(x) for window in windows[::apart] for x in (window.pv, window.op)])
 
     @property
     def raw_pv(self) -> list[FloatArray]:

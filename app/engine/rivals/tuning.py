@@ -9,8 +9,8 @@ _PURE_SINE = 0.8
 _SINE_FORM = 0.2
 _STICTION_EXPLAINS = 0.1
 _AGAINST_SINES = 3.0
-STEADY = 0.97
-"""Share of the power about a fundamental that is in its line, from which on a signal is a steady wave."""
+# Share of the power about a fundamental that is in its line, from which on a signal is a steady wave.
+_STEADY = 0.97
 _MOST_THIRD, _LOUDEST = 0.07, 3.0
 _FROM_SP = 0.1
 RINGING = 0.5
@@ -46,7 +46,7 @@ def pure_sines(scene: Scene) -> Rival:
 
 
 def _is_sine(narrow: Line) -> bool:
-    return narrow.share >= STEADY and narrow.third <= _MOST_THIRD and narrow.loudest <= _LOUDEST
+    return narrow.share >= _STEADY and narrow.third <= _MOST_THIRD and narrow.loudest <= _LOUDEST
 
 
 def _one_line(narrow: Line) -> Rival:
@@ -55,9 +55,9 @@ def _one_line(narrow: Line) -> Rival:
         f"harmonics: the third is at most {100 * narrow.third:.0f} % of the fundamental (a triangle has 11 %, a square "
         "33 %)"
     )
-    strength = rising(narrow.share, 2 * STEADY - 1.0, 1.0)
+    strength = rising(narrow.share, 2 * _STEADY - 1.0, 1.0)
     return Rival(
-        "tuning_or_sinusoidal_disturbance", strength, text, _AGAINST_SINES, statistic=narrow.share, threshold=STEADY
+        "tuning_or_sinusoidal_disturbance", strength, text, _AGAINST_SINES, statistic=narrow.share, threshold=_STEADY
     )
 
 
