@@ -8,13 +8,14 @@ import polars as pl
 from app.ingest.frames import name_of
 from app.ingest.head import Head
 from app.ingest.model import IngestOptions
+from app.ingest.spelled_times import respelled
 from app.ingest.stamps import find_form
 
 MOST = 0.8  # of the rows; units, footers and holes may stand between them
 SHOWN = 50
 _DAY_OF_NO_DATE = r"^(1899-12-3[01]|1900-01-0[01]|1904-01-01)[ T]"  # a spreadsheet's clock is a part of its first day
 _CLOCK_OF_NO_CLOCK = r"[ T]00:00:00([.]0+)?$"  # and its date has a clock at midnight
-_CLOCK = re.compile(r"\d{1,2}[:.]\d{2}([:.]\d{2}([.,]\d+)?)?( ?[ap]m)?", re.IGNORECASE)
+_CLOCK = re.compile(r"\d{1,2}[:.]\d{2}([:.]\d{2}([.,]\d+)?)?( ?[ap]m)?([+-]\d{2}:\d{2})?", re.IGNORECASE)
 
 
 def date_and_clock(head: Head, time: tuple[int, ...], first_row: int, options: IngestOptions) -> tuple[int, ...]:
@@ -36,7 +37,8 @@ def date_and_clock(head: Head, time: tuple[int, ...], first_row: int, options: I
 
 
 def _are_clocks(fields: list[str]) -> bool:
-    clocks = sum(bool(_CLOCK.fullmatch(re.sub(_DAY_OF_NO_DATE, "", field))) for field in fields)
+    plain = respelled(pl.Series([re.sub(_DAY_OF_NO_DATE, "", field) for field in fields], dtype=pl.String))
+    clocks = sum(bool(_CLOCK.fullmatch(field)) for field in plain)
     coloned = sum(":" in field for field in fields)  # 12.30 alone is a number
     return bool(fields) and min(clocks, coloned) >= MOST * len(fields)
 

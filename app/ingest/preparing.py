@@ -14,6 +14,7 @@ from app.ingest.head import Head
 from app.ingest.model import IngestOptions, TimeArray
 from app.ingest.plans import Plan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.rejecting import RejectLog
+from app.ingest.spelled_times import respelled
 from app.ingest.spreading import stamps_are_cut
 from app.ingest.stamps import NO_TIME, TimeForm, parse_text
 
@@ -71,4 +72,5 @@ def _sent_twice(texts: list[str], rows: Sequence[Sequence[str]]) -> bool:
 
 
 def _times(texts: list[str], form: TimeForm) -> TimeArray:
-    return parse_text(pl.Series(texts, dtype=pl.String), form.format, form.zoned)
+    written = pl.Series(texts, dtype=pl.String)
+    return parse_text(respelled(written) if form.spelled else written, form.format, form.zoned)

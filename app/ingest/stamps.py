@@ -1,7 +1,7 @@
 """Time stamps: which form a column has, and whole columns of it to nanoseconds since 1970 UTC."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal, cast
 from zoneinfo import ZoneInfo
@@ -13,6 +13,7 @@ from app.errors import DataError
 from app.ingest.counted_times import DAY_NS, NUMBER, TICK_NS, find_count
 from app.ingest.date_order import AMBIGUOUS, DAY_FIRST, MONTH_FIRST, YEAR_FIRST, Reading, choose
 from app.ingest.model import NANOSECONDS, FloatArray, IngestOptions, TimeArray
+from app.ingest.spelled_times import respelled, tells_utc
 from app.ingest.wall_clock import WallClock
 
 FIRST_YEAR, LAST_YEAR = 1971, 2199
@@ -50,6 +51,7 @@ class TimeForm:
         "serial" (days since 1899-12-30 or since year 0, of a clock on the wall).
     scale: nanoseconds a unit of a number. origin_ns: of its zero, since 1970. rounding_ns: what its times are
         rounded to.
+    spelled: `format` is that of the text as `respelled`.
     resolution_ns: the smallest step that the text can show.
     rivals: other formats that fit the sample equally well.
     """
@@ -60,6 +62,7 @@ class TimeForm:
     origin_ns: int = 0
     rounding_ns: int = 100
     zoned: bool = False
+    spelled: bool = False
     resolution_ns: int = 1
     rivals: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -93,7 +96,7 @@ def find_form(sample: list[str], name: str, options: IngestOptions) -> TimeForm 
         return TimeForm("epoch_pair")
     if _share(NUMBER, sample) > 0.8:
         return _number_form(sample, name) or _text_form(sample, options)
-    return _text_form(sample, options)
+    return _text_form(sample, options) or _spelled_form(sample, options)
 
 
 def normal(text: str) -> str:
@@ -114,13 +117,23 @@ def _number_form(sample: list[str], name: str) -> TimeForm | None:
     )
 
 
-def _text_form(sample: list[str], options: IngestOptions) -> TimeForm | None:
+def _spelled_form(sample: list[str], options: IngestOptions) -> TimeForm | None:
+    """A dotted a.m. is no American one."""
+    texts = pl.Series(sample, dtype=pl.String)
+    form = _text_form(respelled(texts).to_list(), options, _american(sample))
+    if form is None:
+        return None
+    notes = ("UTC or GMT stands behind the times, and they were read so",) if tells_utc(texts) else ()
+    return replace(form, spelled=True, notes=(*notes, *form.notes))
+
+
+def _text_form(sample: list[str], options: IngestOptions, american: bool | None = None) -> TimeForm | None:
     if not any(character.isdigit() for text in sample[:20] for character in text):
         return None
     zoned = sum(bool(_ZONE.search(text)) and len(text) > 12 for text in sample) > 0.8 * len(sample)
     series = pl.Series(sample, dtype=pl.String)
     fits: list[tuple[float, Reading]] = []
-    for candidate in _candidates(sample, zoned):
+    for candidate in _candidates(sample, zoned, _american(sample) if american is None else american):
         times = parse_text(series, candidate, zoned)
         share = float(np.mean(times != NO_TIME))
         if share >= LEAST_SHARE:
@@ -131,9 +144,9 @@ def _text_form(sample: list[str], options: IngestOptions) -> TimeForm | None:
     return _choose([reading for share, reading in fits if share >= best - 1e-9], zoned, options)
 
 
-def _candidates(sample: list[str], zoned: bool) -> list[str]:
+def _candidates(sample: list[str], zoned: bool, american: bool) -> list[str]:
     dates = [*_ISO, *_OTHER, *DAY_FIRST]
-    at = len(dates) if not _american(sample) else len(_ISO) + len(_OTHER)
+    at = len(dates) if not american else len(_ISO) + len(_OTHER)
     dates = [*dates[:at], *MONTH_FIRST, *dates[at:], *YEAR_FIRST]
     probe = next((text for text in sample if any(c.isdigit() for c in text)), sample[0])
     separator = "T" if re.search(r"\dT\d", probe) else " "
@@ -155,7 +168,7 @@ def _shape(form: str) -> re.Pattern[str]:
 
 def _american(sample: list[str]) -> bool:
     """Where nothing else tells: a clock of twelve hours or a month without its zero stands with the month first."""
-    return any(re.match(r"\d[/-]", text) or re.search(r"[AaPp][Mm]$", text) for text in sample)
+    return any(re.match(r"\d[/-]", text) or re.search(r"\d\s*[AaPp][Mm]\b", text) for text in sample)
 
 
 def _choose(fits: list[Reading], zoned: bool, options: IngestOptions) -> TimeForm:
@@ -251,6 +264,8 @@ class TimeReader:
         return ticks if zoned else self.clock.to_utc(ticks)
 
     def _texts(self, texts: pl.Series) -> TimeArray:
+        if self.form.spelled:
+            texts = respelled(texts)
         times = parse_text(texts, self.form.format, self.form.zoned)
         missing = np.flatnonzero((times == NO_TIME) & texts.is_not_null().to_numpy())
         if len(missing):
@@ -259,22 +274,27 @@ class TimeReader:
         return times
 
     def _odd(self, texts: pl.Series) -> TimeArray:
-        """Rows in a slightly other form: blanks around them, with or without seconds or their fraction, an offset."""
+        """Rows in a slightly other form: blanks around them, with or without seconds or their fraction, an offset, or
+        spelled otherwise."""
         texts = texts.str.strip_chars(' "')
+        times = self._of_forms(texts, self.form.format)
+        left = np.flatnonzero(times == NO_TIME)
+        if len(left) and not self.form.spelled:
+            form = re.sub(r"^.*%b.*%([yY])", r"%d-%b-%\1", self.form.format)
+            times[left] = self._of_forms(respelled(texts[left]), form)
+        return times
+
+    def _of_forms(self, texts: pl.Series, form: str) -> TimeArray:
         times = np.full(len(texts), NO_TIME)
-        base = self.form.format.replace("%.f", "")
+        base = form.replace("%.f", "")
         with_fraction = base.replace("%S", "%S%.f")
         without_seconds = base.replace(":%S", "")
-        for form in (
-            base,
-            with_fraction,
-            without_seconds,
-            base.replace("%H:%M", "%H:%M:%S") if "%S" not in base else base,
-        ):
+        with_seconds = base.replace("%H:%M", "%H:%M:%S") if "%S" not in base else base
+        for variant in (base, with_fraction, without_seconds, with_seconds):
             for zoned in (self.form.zoned, not self.form.zoned):
                 if not zoned and self.form.zoned:
                     continue
-                found = parse_text(texts, form, zoned)
+                found = parse_text(texts, variant, zoned)
                 if zoned and not self.form.zoned:
                     found = from_utc(found, self._options.time_zone)
                 times = np.where(times == NO_TIME, found, times)

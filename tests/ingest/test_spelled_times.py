@@ -1,0 +1,130 @@
+"""Times as regional settings spell them: a.m., narrow blanks, months in full, UTC in letters."""
+
+from collections import Counter
+from collections.abc import Callable
+from datetime import datetime, timedelta
+
+import numpy as np
+import polars as pl
+import pytest
+
+from app.errors import DataError
+from app.ingest import IngestOptions, parse_named
+from app.ingest.spelled_times import _ENGLISH, _NAMES, respelled
+
+from .conftest import Read
+
+TIMES = [datetime(2026, 10, 30, 9) + timedelta(minutes=20 * i) for i in range(300)]
+AT = np.array(TIMES, dtype="datetime64[ns]").astype(np.int64)
+GERMAN = {10: "Oktober", 11: "November"}
+FRENCH = {10: "octobre", 11: "nov."}
+SPANISH = {10: "octubre", 11: "noviembre"}
+HALF = {False: "a.m.", True: "p.m."}
+
+
+def table(stamp: Callable[[datetime], str], names: str = "Time;A.PV;A.OP") -> str:
+    return f"{names}\n" + "".join(f"{stamp(time)};{i};1{i}\n" for i, time in enumerate(TIMES))
+
+
+def clock(time: datetime) -> str:
+    return f"{time:%H:%M:%S}"
+
+
+@pytest.mark.parametrize(
+    "stamp",
+    [
+        lambda t: f"{t:%m/%d/%Y %I:%M:%S} {HALF[t.hour >= 12]}",
+        lambda t: f"{t:%m/%d/%Y %I:%M:%S\u202f%p}",
+        lambda t: f"{t:%m/%d/%Y %I:%M:%S\xa0%p}",
+        lambda t: f"{t:%m/%d/%Y %I:%M:%S%p}",
+        lambda t: f"{t:%m/%d/%Y, %I:%M:%S\u202f%p}",
+        lambda t: f"{t:%d/%m/%Y %I:%M:%S}\xa0{HALF[t.hour >= 12].replace('.', '.' + chr(0xA0), 1)}",
+        lambda t: f"{t:%d/%m/%Y, %H:%M:%S}",
+        lambda t: f"{t:%d %B %Y %H:%M:%S}",
+        lambda t: f"{t:%d-%B-%y %H:%M}",
+        lambda t: f"{t:%B} {t.day}, {t:%Y} at {t:%I:%M:%S\u202f%p}",
+        lambda t: f"{t:%A, %B %d, %Y %I:%M:%S %p}",
+        lambda t: f"{t.day}. {GERMAN[t.month]} {t:%Y} um {clock(t)} Uhr",
+        lambda t: f"{t.day} {FRENCH[t.month]} {t:%Y} \u00e0 {clock(t)}",
+        lambda t: f"{t:%A}, {t.day} de {SPANISH[t.month]} de {t:%Y}, {clock(t)}",
+        lambda t: f"{t:%d%b%Y:%H:%M:%S}".upper(),
+        lambda t: f"{t:%Y-%b-%d %H:%M:%S}",
+    ],
+)
+def test_spellings_of_a_clock_on_the_wall(read: Read, stamp: Callable[[datetime], str]) -> None:
+    content = read(table(stamp))
+    np.testing.assert_array_equal(content.loops["A"].time_ns, AT)
+    assert content.rejects.total == 0
+
+
+@pytest.mark.parametrize(
+    ("stamp", "hours"),
+    [
+        (lambda t: f"{t:%Y-%m-%d %H:%M:%S} UTC", 0),
+        (lambda t: f"{t:%Y-%m-%d %H:%M:%S.%f} (UTC)", 0),
+        (lambda t: f"{t:%a, %d %b %Y %H:%M:%S} GMT", 0),
+        (lambda t: f"{t:%d-%b-%y %H:%M:%S} gmt", 0),
+        (lambda t: f"{t:%Y-%m-%d %H:%M:%S} UTC+1", 1),
+        (lambda t: f"{t:%m/%d/%Y %I:%M:%S %p} UTC-03:30", -3.5),
+        (lambda t: f"{t:%a %b %d %Y %H:%M:%S} GMT+0100 (Central European Standard Time)", 1),
+    ],
+)
+def test_a_zone_in_letters_goes_before_the_one_of_the_options(
+    read: Read, stamp: Callable[[datetime], str], hours: float
+) -> None:
+    content = read(table(stamp), options=IngestOptions(time_zone="Asia/Tokyo"))
+    np.testing.assert_array_equal(content.loops["A"].time_ns, AT - int(hours * 3600) * 10**9)
+    assert content.summary.time_zone == "in the file"
+    assert "UTC or GMT stands behind the times" in content.summary.notes[0]
+    assert content.rejects.total == 0
+
+
+def test_other_zones_in_letters_are_refused(read: Read) -> None:
+    with pytest.raises(DataError, match="no row has a time that can be read"):
+        read(table(lambda t: f"{t:%Y-%m-%d %H:%M:%S} CST"))
+
+
+def test_a_dotted_half_of_the_day_tells_no_american_date(read: Read) -> None:
+    stamps = [f"05/11/2026 {hour}:{minute:02d} a.m." for hour in range(1, 10) for minute in range(60)]
+    content = read("Time;A.PV;A.OP\n" + "".join(f"{stamp};{i};1{i}\n" for i, stamp in enumerate(stamps)))
+    assert content.loops["A"].time_ns[0] == np.datetime64("2026-11-05T01:00", "ns").astype(np.int64)
+    assert "also possible: %m/%d/%Y" in content.summary.notes[0]
+
+
+def test_months_that_are_spelled_in_full_from_some_row_on(read: Read) -> None:
+    days = [f"{time:%d %B %Y %H:%M:%S}" for time in (datetime(2026, 5, 20) + timedelta(hours=i) for i in range(600))]
+    content = read("Time;A.PV;A.OP\n" + "".join(f"{day};{i};1{i}\n" for i, day in enumerate(days)))
+    assert np.all(np.diff(content.loops["A"].time_ns) == 3600 * 10**9)
+    assert content.loops["A"].samples == 600
+
+
+def test_dates_and_clocks_in_two_columns(read: Read) -> None:
+    text = table(lambda t: f"{t:%d %B %Y};{t:%I:%M:%S\u202f%p}", "Tag;Uhrzeit;A.PV;A.OP")
+    np.testing.assert_array_equal(read(text).loops["A"].time_ns, AT)
+
+
+def test_stamps_that_are_cut_to_the_minute(read: Read) -> None:
+    rows = "".join(f"12 November 2026 05:{i // 6:02d};{i};1{i}\n" for i in range(300))
+    steps = np.diff(read(f"Time;A.PV;A.OP\n{rows}").loops["A"].time_ns)
+    assert np.all(steps == 10 * 10**9)
+
+
+def test_tables_of_simulations() -> None:
+    named = parse_named("time;x\n12 November 2026 05:00:00;1\n12 November 2026 05:00:10;2\n", IngestOptions())
+    times = named.times_s("time")
+    assert times is not None
+    assert np.diff(times).tolist() == [10.0]
+
+
+def test_no_name_is_that_of_two_months() -> None:
+    months: dict[str, set[str]] = {}
+    for names in _NAMES:
+        for name, short in zip(names.split(), _ENGLISH, strict=True):
+            months.setdefault(name, set()).add(short)
+    del months["-"]
+    assert Counter(map(len, months.values())).keys() == {1}
+
+
+def test_what_is_no_stamp_stays() -> None:
+    texts = pl.Series(["FIC101", "36.4 %", None, "2026-11-12", "good"])
+    assert respelled(texts).to_list() == texts.to_list()
