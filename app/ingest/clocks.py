@@ -29,14 +29,14 @@ def date_and_clock(head: Head, time: tuple[int, ...], first_row: int, options: I
         return next((index for index in others if are(head.column(index, first_row)[:SHOWN])), None)
 
     shown = head.column(column, first_row)[:SHOWN]
-    if _are_clocks(shown):
+    if are_clocks(shown):
         date = first(lambda fields: _are_dates(fields, options))
         return time if date is None else (date, column)
-    clock = first(_are_clocks) if _are_dates(shown, options) else None
+    clock = first(are_clocks) if _are_dates(shown, options) else None
     return time if clock is None else (column, clock)
 
 
-def _are_clocks(fields: list[str]) -> bool:
+def are_clocks(fields: list[str]) -> bool:
     plain = respelled(pl.Series([re.sub(_DAY_OF_NO_DATE, "", field) for field in fields], dtype=pl.String))
     clocks = sum(bool(_CLOCK.fullmatch(field)) for field in plain)
     coloned = sum(":" in field for field in fields)  # 12.30 alone is a number

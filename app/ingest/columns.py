@@ -1,14 +1,17 @@
 """Knowing columns by their names and by what stands in them; shared by the layouts."""
 
 import re
+from collections.abc import Mapping
 from functools import lru_cache
 
-from app.ingest.clocks import date_and_clock, joined_stamp
+from app.ingest.clocks import are_clocks, date_and_clock, joined_stamp
+from app.ingest.grouping import place
 from app.ingest.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions
 from app.ingest.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.quality_columns import with_quality
 from app.ingest.stamps import TimeForm, find_form
+from app.ingest.told_zones import told_utc_offset_ns, without_zone
 from app.ingest.widths import named_width
 
 TIME_NAMES = frozenset(
@@ -77,14 +80,22 @@ def plain(name: str) -> str:
 
 
 def time_columns(names: tuple[str, ...]) -> tuple[int, ...]:
-    """The column named as a time; date and time apart are two."""
-    known = {plain(name): index for index, name in reversed(list(enumerate(names)))}
+    """The column named as a time; date and time apart are two. Those of UTC go before those of another clock."""
+    told = {index: name for index, name in enumerate(names) if told_utc_offset_ns(name) is not None}
+    in_utc = {index: name for index, name in told.items() if not told_utc_offset_ns(name)}
+    return _named_as_times(in_utc) or _named_as_times(told) or _named_as_times(dict(enumerate(names)))
+
+
+def _named_as_times(names: Mapping[int, str]) -> tuple[int, ...]:
+    known = {plain(without_zone(name)): index for index, name in reversed(list(names.items()))}
     if "date" in known and "time" in known:
         return known["date"], known["time"]
-    found = [
-        index for index, name in enumerate(names) if plain(name) in TIME_NAMES or plain(name).startswith("timestamp")
-    ]
+    found = [index for index, name in names.items() if _is_time(plain(name)) or _is_time(plain(without_zone(name)))]
     return (found[0],) if found else ()
+
+
+def _is_time(name: str) -> bool:
+    return name in TIME_NAMES or name.startswith("timestamp")
 
 
 def form_of(
@@ -118,16 +129,34 @@ def wide_from(
     form = form_of(head, time, first_row, options, names[time[0]] if time[0] < len(names) else "")
     if form is None:
         return None
-    values = tuple(
-        ValueColumn(index, name)
-        for index, name in enumerate(names)
-        if index not in time and plain(name) not in SKIPPED_NAMES and plain(name) not in QUALITY_NAMES
-    )
+    named = [index for index, name in enumerate(names) if index not in time and _may_name_values(name)]
+    stamps = [
+        index
+        for index in named
+        if _holds_times(head, index, first_row, options) and place(names[index], "").signal == "OTHER"
+    ]
+    values = tuple(ValueColumn(index, names[index]) for index in named if index not in stamps)
     if not values:
         return None
+    shown = ", ".join(names[index][:80] for index in stamps[:5])
+    notes = (f"columns of further times were not read, neither as times nor as values: {shown}",) if stamps else ()
     width = named_width(head, names, first_row)
     judged = with_quality(head, names, first_row, values, lambda name: plain(name) in QUALITY_NAMES)
-    return WidePlan(layout, first_row, width, (TimedColumns(time, form, judged),))
+    return WidePlan(layout, first_row, width, (TimedColumns(time, form, judged),), notes=notes)
+
+
+def _may_name_values(name: str) -> bool:
+    return plain(name) not in SKIPPED_NAMES and plain(name) not in QUALITY_NAMES
+
+
+def _holds_times(head: Head, column: int, first_row: int, options: IngestOptions) -> bool:
+    """Whether a column has stamps or clocks in letters; values are numbers, or words without any."""
+    first = next((row[column] for row in head.rows[first_row:] if column < len(row) and row[column]), "")
+    if not re.search(r"\d\D+\d+\D+\d", first) or is_number(first, head.decimal_mark):
+        return False
+    fields = head.column(column, first_row)
+    form = find_form(fields, "", options)
+    return are_clocks(fields) or (form is not None and form.kind == "text")
 
 
 def long_from(

@@ -112,7 +112,7 @@ class Export:
         form = self._plan.form
         if form.kind == "relative":
             return "none: relative times"
-        return "in the file" if form.zoned or form.kind in ("epoch", "epoch_pair") else self._options.time_zone
+        return "in the file" if form.zone_in_file else self._options.time_zone
 
     def _origin(self) -> tuple[str, ...]:
         """Which instant relative times were given: it matters where samples of several files come together."""

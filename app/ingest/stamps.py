@@ -14,6 +14,7 @@ from app.ingest.counted_times import DAY_NS, NUMBER, TICK_NS, find_count
 from app.ingest.date_order import AMBIGUOUS, DAY_FIRST, MONTH_FIRST, YEAR_FIRST, Reading, choose
 from app.ingest.model import NANOSECONDS, FloatArray, IngestOptions, TimeArray
 from app.ingest.spelled_times import respelled, tells_utc
+from app.ingest.told_zones import told_utc_offset_ns
 from app.ingest.wall_clock import WallClock
 
 FIRST_YEAR, LAST_YEAR = 1971, 2199
@@ -51,6 +52,7 @@ class TimeForm:
         "serial" (days since 1899-12-30 or since year 0, of a clock on the wall).
     scale: nanoseconds a unit of a number. origin_ns: of its zero, since 1970. rounding_ns: what its times are
         rounded to.
+    utc_offset_ns: of the zone that the column's name tells; None where it tells none.
     spelled: `format` is that of the text as `respelled`.
     resolution_ns: the smallest step that the text can show.
     rivals: other formats that fit the sample equally well.
@@ -62,10 +64,15 @@ class TimeForm:
     origin_ns: int = 0
     rounding_ns: int = 100
     zoned: bool = False
+    utc_offset_ns: int | None = None
     spelled: bool = False
     resolution_ns: int = 1
     rivals: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+
+    @property
+    def zone_in_file(self) -> bool:
+        return self.zoned or self.utc_offset_ns is not None or self.kind in ("epoch", "epoch_pair")
 
     @property
     def shown(self) -> str:
@@ -90,8 +97,24 @@ def find_form(sample: list[str], name: str, options: IngestOptions) -> TimeForm 
     """The form of a column from some of its fields in order of the rows; None where they are no times."""
     sample = [normal(text) for text in sample[:SAMPLE]]
     sample = [text for text in sample if text]
-    if not sample:
-        return None
+    form = _form_of(sample, name, options) if _have_digits(sample) else None
+    return form and with_told_zone(form, name)
+
+
+def with_told_zone(form: TimeForm, name: str) -> TimeForm:
+    """In the zone that the column's name tells, where its times tell none."""
+    offset_ns = told_utc_offset_ns(name)
+    if offset_ns is None or form.zoned or form.kind not in ("text", "serial"):
+        return form
+    note = f"times are in the zone that the name of their column tells: {name.strip()[:80]!r}"
+    return replace(form, utc_offset_ns=offset_ns, notes=(note, *form.notes))
+
+
+def _have_digits(sample: list[str]) -> bool:
+    return any(character.isdigit() for text in sample[:20] for character in text)
+
+
+def _form_of(sample: list[str], name: str, options: IngestOptions) -> TimeForm | None:
     if _share(_PAIR, sample) > 0.8:
         return TimeForm("epoch_pair")
     if _share(NUMBER, sample) > 0.8:
@@ -128,8 +151,6 @@ def _spelled_form(sample: list[str], options: IngestOptions) -> TimeForm | None:
 
 
 def _text_form(sample: list[str], options: IngestOptions, american: bool | None = None) -> TimeForm | None:
-    if not any(character.isdigit() for text in sample[:20] for character in text):
-        return None
     zoned = sum(bool(_ZONE.search(text)) and len(text) > 12 for text in sample) > 0.8 * len(sample)
     series = pl.Series(sample, dtype=pl.String)
     fits: list[tuple[float, Reading]] = []
@@ -216,7 +237,8 @@ class TimeReader:
 
     def __init__(self, form: TimeForm, options: IngestOptions) -> None:
         self.form = form
-        self.clock = WallClock(options.time_zone)
+        self._told_ns = form.utc_offset_ns
+        self.clock = WallClock(options.time_zone if self._told_ns is None else "UTC")
         self._options = options
 
     def read(self, texts: pl.Series) -> TimeArray:
@@ -246,7 +268,13 @@ class TimeReader:
 
     def _in_utc(self, times: TimeArray) -> TimeArray:
         local = self.form.kind in ("text", "serial") and not self.form.zoned
-        return self.clock.to_utc(times) if local else times
+        return self._from_wall(times) if local else times
+
+    def _from_wall(self, times: TimeArray) -> TimeArray:
+        return self.clock.to_utc(times) if not self._told_ns else _shifted(times, -self._told_ns)
+
+    def _to_wall(self, times: TimeArray) -> TimeArray:
+        return from_utc(times, self._options.time_zone) if self._told_ns is None else _shifted(times, self._told_ns)
 
     def _typed(self, times: pl.Series) -> TimeArray:
         """A column that holds times already (parquet)."""
@@ -261,7 +289,7 @@ class TimeReader:
             .fill_null(NO_TIME)
             .to_numpy()
         )
-        return ticks if zoned else self.clock.to_utc(ticks)
+        return ticks if zoned else self._from_wall(ticks)
 
     def _texts(self, texts: pl.Series) -> TimeArray:
         if self.form.spelled:
@@ -296,7 +324,7 @@ class TimeReader:
                     continue
                 found = parse_text(texts, variant, zoned)
                 if zoned and not self.form.zoned:
-                    found = from_utc(found, self._options.time_zone)
+                    found = self._to_wall(found)
                 times = np.where(times == NO_TIME, found, times)
         return times
 
@@ -336,6 +364,10 @@ def _pairs(texts: pl.Series) -> TimeArray:
         0
     ).to_numpy() * np.int64(good)
     return np.where(good, ticks, NO_TIME)
+
+
+def _shifted(times: TimeArray, by_ns: int) -> TimeArray:
+    return np.where(times == NO_TIME, NO_TIME, times + by_ns)
 
 
 def from_utc(times: TimeArray, zone: str) -> TimeArray:

@@ -8,7 +8,7 @@ from app.ingest.head import Head, is_number
 from app.ingest.model import IngestOptions
 from app.ingest.plans import TimedColumns, ValueColumn, WidePlan
 from app.ingest.quality import tells_quality
-from app.ingest.stamps import TimeForm, find_form
+from app.ingest.stamps import TimeForm, find_form, with_told_zone
 from app.ingest.widths import usual_width
 
 _GENERIC = frozenset(("", "value", *TIME_NAMES, *QUALITY_NAMES))
@@ -33,7 +33,8 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
             ValueColumn(value, _tag(head, value, column, first_row, len(groups) + 1), quality=judging)
             for value, judging in values.items()
         )
-        groups.append(TimedColumns((column,), form, named))
+        names = (row[column] for row in head.rows[:first_row] if column < len(row))
+        groups.append(TimedColumns((column,), with_told_zone(form, " ".join(names)), named))
     return WidePlan("pi_datalink", first_row, width, tuple(groups))
 
 

@@ -1,0 +1,24 @@
+"""The zone of a column's times by its name, as in `UTC Time`, `Timestamp_UTC` or `Time (UTC+01:00)`."""
+
+import re
+from functools import lru_cache
+
+from app.ingest.model import NANOSECONDS
+
+_UTC = re.compile(r"(?i)(?:(?<![a-z])(?:utc|gmt)|(?:utc|gmt)(?![a-z]))(?:\s*([+-])\s*(\d{1,2})(?::?(\d{2}))?)?")
+
+
+@lru_cache(maxsize=1 << 17)
+def told_utc_offset_ns(name: str) -> int | None:
+    """Of the clock that the times show, from UTC; None where the name tells none."""
+    found = _UTC.search(name)
+    if found is None:
+        return None
+    sign, hours, minutes = found.groups()
+    offset_ns = (int(hours or 0) * 60 + int(minutes or 0)) * 60 * NANOSECONDS
+    return -offset_ns if sign == "-" else offset_ns
+
+
+@lru_cache(maxsize=1 << 17)
+def without_zone(name: str) -> str:
+    return _UTC.sub(" ", name)

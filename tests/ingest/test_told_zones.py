@@ -1,0 +1,97 @@
+"""Columns of times whose names tell their zone, and several of them beside each other."""
+
+from datetime import datetime, timedelta
+
+import numpy as np
+import polars as pl
+import pytest
+
+from app.ingest import IngestOptions, read_instants
+
+from .conftest import Read
+from .test_tables import parquet
+
+UTC = [datetime(2026, 10, 24, 22) + timedelta(minutes=5 * i) for i in range(100)]  # over the hour that comes twice
+AT = np.array(UTC, dtype="datetime64[ns]").astype(np.int64)
+LOCAL = [time + timedelta(hours=2 if time < datetime(2026, 10, 25, 1) else 1) for time in UTC]
+BERLIN = IngestOptions(time_zone="Europe/Berlin")
+TOLD = "times are in the zone that the name of their column tells"
+
+
+def table(names: str, row: str) -> str:
+    pairs = enumerate(zip(UTC, LOCAL, strict=True))
+    return f"{names}\n" + "".join(row.format(i=i, utc=utc, local=local) + "\n" for i, (utc, local) in pairs)
+
+
+@pytest.mark.parametrize(
+    ("names", "row"),
+    [
+        ("Local Time,UTC Time", "{local:%Y-%m-%d %H:%M:%S},{utc:%Y-%m-%d %H:%M:%S}"),
+        ("UTC Time,Local Time", "{utc:%Y-%m-%d %H:%M:%S},{local:%d.%m.%Y %H:%M}"),
+        ("Time (local),Time (UTC)", "{local:%d/%m/%Y %H:%M:%S},{utc:%d/%m/%Y %H:%M:%S}"),
+        ("Timestamp,Timestamp_UTC", "{local:%Y-%m-%dT%H:%M:%S},{utc:%Y-%m-%dT%H:%M:%S}"),
+        ("Ortszeit,UTC-Zeit", "{local:%d.%m.%Y %H:%M:%S},{utc:%d.%m.%Y %H:%M:%S}"),
+        ("Local Date,Local Time,UTC Date,UTC Time", "{local:%d.%m.%Y},{local:%H:%M:%S},{utc:%d.%m.%Y},{utc:%H:%M:%S}"),
+        ("Local Time,DateTimeGMT", "{local:%Y-%m-%d %H:%M:%S},{utc:%Y-%m-%d %H:%M:%S}"),
+    ],
+)
+def test_utc_goes_before_local_times(read: Read, names: str, row: str) -> None:
+    content = read(table(f"{names},A.PV,A.OP", row + ",{i},1{i}"), options=BERLIN)
+    np.testing.assert_array_equal(content.loops["A"].time_ns, AT)
+    assert list(content.loops) == ["A"]
+    assert not content.loops["A"].others
+    assert content.rejects.total == 0
+    assert content.summary.time_zone == "in the file"
+    further, told = sorted(content.summary.notes)
+    assert further.startswith("columns of further times were not read")
+    assert TOLD in told
+
+
+@pytest.mark.parametrize(
+    ("name", "hours"), [("Time (UTC)", 0), ("UTC", 0), ("Time [UTC+1]", 1), ("Timestamp GMT-03:30", -3.5)]
+)
+def test_the_name_of_the_one_column_tells(read: Read, name: str, hours: float) -> None:
+    content = read(table(f"{name},A.PV,A.OP", "{utc:%Y-%m-%d %H:%M:%S},{i},1{i}"), options=BERLIN)
+    np.testing.assert_array_equal(content.loops["A"].time_ns, AT - int(hours * 3600) * 10**9)
+    assert TOLD in content.summary.notes[0]
+
+
+def test_an_offset_in_the_rows_goes_before_the_name(read: Read) -> None:
+    content = read(table("UTC Time,A.PV,A.OP", "{utc:%Y-%m-%d %H:%M:%S}+01:00,{i},1{i}"), options=BERLIN)
+    np.testing.assert_array_equal(content.loops["A"].time_ns, AT - 3600 * 10**9)
+    assert content.summary.notes == ()
+
+
+def test_rows_with_an_offset_among_those_of_the_name(read: Read) -> None:
+    text = table("Time (UTC+1),A.PV,A.OP", "{utc:%Y-%m-%d %H:%M:%S},{i},1{i}") + "2026-10-25 08:00:00Z,7,7\n"
+    assert read(text, options=BERLIN).loops["A"].time_ns[-1] == np.datetime64("2026-10-25T08:00", "ns").astype(int)
+
+
+def test_long_tables(read: Read) -> None:
+    times = "{local:%Y-%m-%d %H:%M:%S},{utc:%Y-%m-%d %H:%M:%S}"
+    row = f"A.PV,{times},{{i}}\nA.OP,{times},1{{i}}"
+    content = read(table("Tag,Local Time,UTC Time,Value", row), options=BERLIN)
+    np.testing.assert_array_equal(content.loops["A"].time_ns, AT)
+
+
+def test_pairs_of_columns(read: Read) -> None:
+    row = "{utc:%Y-%m-%d %H:%M:%S},{i},{utc:%Y-%m-%d %H:%M:%S},1{i}"
+    content = read(table("Time (UTC),A.PV,Time (UTC),A.OP", row), options=BERLIN)
+    assert content.summary.layout == "pi_datalink"
+    np.testing.assert_array_equal(content.loops["A"].time_ns, AT)
+
+
+def test_times_of_a_table_with_types(read: Read) -> None:
+    frame = pl.DataFrame({"UTC Time": UTC, "A.PV": range(100), "A.OP": range(100)})
+    np.testing.assert_array_equal(read(parquet(frame), "a.parquet", options=BERLIN).loops["A"].time_ns, AT)
+
+
+def test_times_of_a_simulation() -> None:
+    found = read_instants(pl.Series("time_utc", [str(time) for time in UTC]), BERLIN)
+    np.testing.assert_array_equal(found, AT)
+
+
+def test_a_column_of_stamps_is_no_signal(read: Read) -> None:
+    content = read(table("Time,Received,A.PV,A.OP", "{utc:%Y-%m-%d %H:%M},{local:%Y-%m-%d %H:%M},{i},1{i}"))
+    assert content.summary.tags == 2
+    assert "neither as times nor as values: Received" in content.summary.notes[0]
