@@ -145,11 +145,10 @@ class Export:
             notes.append(f"the mapping names none of the tags of this file; here is {shown}")
         if absent := self._grouping.absent:
             notes.append(f"{len(absent)} tags of the mapping are not in this file: {', '.join(absent[:5])}")
-        if self._grouping.second:
-            shown = ", ".join(self._grouping.second[:5])
-            notes.append(
-                f"{len(self._grouping.second)} tags name a signal that their loop has already; kept beside it: {shown}"
-            )
+        if second := self._grouping.second:
+            pairs = list(second.items())[:5]
+            shown = ", ".join(f"{tag} ({owner.signal} is {owner.tag})" for tag, owner in pairs)
+            notes.append(f"{len(second)} tags name a signal that their loop has already; kept beside it: {shown}")
         if self._grouping.of_other_number:
             shown = ", ".join(self._grouping.of_other_number[:5])
             notes.append(f"of another number than PV and OP, and not read as set point or mode: {shown}")

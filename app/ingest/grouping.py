@@ -28,6 +28,7 @@ _WORDS: Mapping[str, Signal] = MappingProxyType(
         "BETRIEBSART": "MODE",
     }
 )
+_RANKS = MappingProxyType({word: rank for rank, word in enumerate(_WORDS)})
 _SPELLED_OUT = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "AE", "Ö": "OE", "Ü": "UE", "ß": "ss"})
 AUDITED = frozenset({"PV", "OP"})
 """The signals without which a loop cannot be audited."""
@@ -243,16 +244,19 @@ def _number(tag: str) -> str:
     return found[1] if found else ""
 
 
-def _precedence(tag: str) -> int:
-    """Signals by their own names first (OP before MV), other plain names, then PV and OP by their number, then what has
-    to have the number of these."""
-    if not _number(tag):
-        return 0 if _NO_LETTER.split(_UNIT.sub("", tag.strip()).upper())[-1] in SIGNALS else 1
-    return 3 if place(tag, "").signal in _OPTIONAL else 2
+def _precedence(tag: str) -> tuple[int, int]:
+    """Signals by their own names first (OP before MV), other plain names in the order of `_WORDS`, then PV and OP by
+    their number, then what has to have the number of these."""
+    if _number(tag):
+        return (3 if place(tag, "").signal in _OPTIONAL else 2), 0
+    word = _NO_LETTER.split(_UNIT.sub("", tag.strip()).upper())[-1]
+    return (0 if word in SIGNALS else 1), _RANKS.get(word, len(_RANKS))
 
 
 class Grouping:
-    """Places tags as they come: the first tag of a loop's signal has it, a second one is kept as a further signal."""
+    """Places tags: of those that name one signal of a loop the first by mapping and `_precedence` has it, in whatever
+    order they come, others are kept as further signals. A mode stays with the tag that came first: its values are read
+    as modes from then on."""
 
     def __init__(self, stem: str, mapping: TagMapping | None = None) -> None:
         self._stem = stem
@@ -261,32 +265,50 @@ class Grouping:
         self._taken: dict[tuple[str, Signal], str] = {}
         self._others: dict[str, list[str]] = {}
         self._places: dict[str, Place] = {}
-        self.second: list[str] = []
+        self.second: dict[str, Place] = {}  # of the tag that has the signal
         self.of_other_number: list[str] = []
 
     def place_all(self, tags: Iterable[str]) -> None:
-        """Tags that are known at once: which of them has a signal does not hang on their order where one is plain."""
-        for tag in sorted(tags, key=_precedence):
-            self.place(tag)
+        """Tags that are known at once; of equal ones the first has the signal."""
+        for tag in sorted(tags, key=self._rank):
+            self.place(tag, in_order=True)
 
-    def place(self, tag: str) -> Place:
+    def _rank(self, tag: str) -> tuple[bool, tuple[int, int]]:
+        return not (self._mapping and self._mapping.find(tag)), _precedence(tag)
+
+    def place(self, tag: str, in_order: bool = False) -> Place:
+        """Of a tag, as far as it is known: a later one may take its signal, unless they come in order."""
         tag = tag.replace("\0", "\N{REPLACEMENT CHARACTER}")  # no data base takes it in a text
         known = self._places.get(tag)
         if known is None:
-            known = self._places[tag] = self._settle(tag)
+            known = self._places[tag] = self._settle(tag, in_order)
         return known
 
-    def _settle(self, tag: str) -> Place:
+    def _settle(self, tag: str, in_order: bool) -> Place:
         mapped = self._mapping.find(tag) if self._mapping else None
         found = Place(tag, mapped.loop, mapped.signal) if mapped else self._by_name(tag)
         loop = self._spelling.setdefault(found.loop.casefold(), found.loop)
-        owner = self._taken.setdefault((loop, found.signal), tag) if found.signal != "OTHER" else None
+        if found.signal == "OTHER":
+            return self._beside(tag, loop)
+        owner = self._taken.setdefault((loop, found.signal), tag)
+        here = Place(tag, loop, found.signal)
         if owner == tag:
-            return Place(tag, loop, found.signal)
-        if owner is not None:
-            self.second.append(tag)
+            return here
+        if in_order or found.signal == "MODE" or self._equal_less(owner) <= self._equal_less(tag):
+            self.second[tag] = Place(owner, loop, found.signal)
+            return self._beside(tag, loop)
+        self._taken[(loop, found.signal)] = tag
+        self._places[owner] = self._beside(owner, loop)
+        self.second |= {other: here for other, at in self.second.items() if at[1:] == here[1:]} | {owner: here}
+        return here
+
+    def _beside(self, tag: str, loop: str) -> Place:
         self._others.setdefault(loop, []).append(tag)
         return Place(tag, loop, "OTHER")
+
+    def _equal_less(self, tag: str) -> tuple[tuple[bool, tuple[int, int]], int, str]:
+        """Rank by which no two tags are equal."""
+        return self._rank(tag), len(tag), tag
 
     def _by_name(self, tag: str) -> Place:
         """A set point or a mode of another number than PV and OP is another loop's: none is better than a wrong one."""

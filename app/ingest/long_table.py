@@ -81,6 +81,7 @@ class LongTable:
                     whole, rest = in_whole_instants(joined(batch))
                     spill.add(as_piece(whole), self._part_of_code())
                     batch = [rest]
+            self._settle_places()
             last = [as_piece(joined(batch))] if any(map(len, batch)) else []
             if spill is None:
                 yield list(self._blocks.parted(last))
@@ -92,6 +93,10 @@ class LongTable:
         finally:
             if spill is not None:
                 spill.close()
+
+    def _settle_places(self) -> None:
+        """When all tags have come: a later one may have taken the signal of one that came before."""
+        self._places[:] = [at if at is NOWHERE else self._grouping.place(at.tag) for at in self._places]
 
     def _part_of_code(self) -> NDArray[np.uint8]:
         """Tags of one loop go into one part."""

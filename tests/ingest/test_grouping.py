@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from app.errors import DataError
-from app.ingest import LoopTags, TagMapping, group, read_export
+from app.ingest import LoopTags, TagMapping, group, long_table, read_export
 
 from .conftest import Read
 
@@ -151,3 +151,43 @@ def test_a_bare_mode_or_output_leaves_the_tags_their_loops(read: Read) -> None:
     one = read(f"time,A.PV,A.OP,PV,OP,Mode,TI1\n{rows}", name="night.csv").loops
     assert list(one) == ["night"]
     assert sorted(one["night"].others) == ["A.OP", "A.PV", "TI1"]
+
+
+LONG_TAGS = ["F1.CO", "F1.MEAS", "F1.MV", "F1.OP", "F1.PV", "F1.SP", "F1.OUT"]
+
+
+def long(tags: list[str]) -> str:
+    rows = (f"{tag},2026-03-01 10:{minute:02d}:00,{len(tag)}{minute}\n" for minute in range(60) for tag in tags)
+    return "Tag,Time,Value\n" + "".join(rows)
+
+
+@pytest.mark.parametrize("batch_rows", [50, 1_000_000])
+@pytest.mark.parametrize("tags", [LONG_TAGS, LONG_TAGS[::-1], sorted(LONG_TAGS, key=lambda tag: tag[::-1])])
+def test_which_tag_of_a_long_table_has_a_signal_does_not_hang_on_their_order(
+    read: Read, tags: list[str], batch_rows: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(long_table, "BATCH_ROWS", batch_rows)
+    content = read(long(tags))
+    (loop,) = content.summary.loops
+    assert (loop.pv, loop.op, loop.sp) == ("F1.PV", "F1.OP", "F1.SP")
+    assert set(loop.others) == {"F1.CO", "F1.MEAS", "F1.MV", "F1.OUT"} == set(content.loops["F1"].others)
+    (note,) = content.summary.notes
+    assert note.startswith("4 tags name a signal that their loop has already")
+    for told in ("F1.MEAS (PV is F1.PV)", "F1.CO (OP is F1.OP)", "F1.MV (OP is F1.OP)", "F1.OUT (OP is F1.OP)"):
+        assert told in note
+
+
+@pytest.mark.parametrize("tags", [("F1.CO", "F1.MV", "F1.PV"), ("F1.MV", "F1.PV", "F1.CO")])
+def test_of_other_names_the_usual_one_has_the_signal(read: Read, tags: tuple[str, ...]) -> None:
+    (loop,) = read(long(list(tags))).summary.loops
+    (wide,) = group(tags)
+    assert loop.op == wide.op == "F1.MV"
+
+
+@pytest.mark.parametrize("tags", [["F1.OP", "F1.PV", "X"], ["X", "F1.PV", "F1.OP"]])
+def test_a_tag_of_the_mapping_goes_before_one_that_is_named_so(read: Read, tags: list[str]) -> None:
+    mapping = TagMapping.from_bytes(b"tag,loop,signal\nX,F1,OP\n")
+    (loop,) = read(long(tags), mapping=mapping).summary.loops
+    (wide,) = group(tags, mapping)
+    assert loop.op == wide.op == "X"
+    assert loop.others == ("F1.OP",)
