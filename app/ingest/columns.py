@@ -81,17 +81,22 @@ def plain(name: str) -> str:
 
 def time_columns(names: tuple[str, ...]) -> tuple[int, ...]:
     """The column named as a time; date and time apart are two. Those of UTC go before those of another clock."""
-    told = {index: name for index, name in enumerate(names) if told_utc_offset_ns(name) is not None}
-    in_utc = {index: name for index, name in told.items() if not told_utc_offset_ns(name)}
-    return _named_as_times(in_utc) or _named_as_times(told) or _named_as_times(dict(enumerate(names)))
+    known = {index: plain(name) for index, name in enumerate(names)}
+    told = {index: offset for index, name in enumerate(names) if (offset := told_utc_offset_ns(name)) is not None}
+    if told:
+        bare = {index: plain(without_zone(names[index])) or known[index] for index in told}
+        in_utc = {index: name for index, name in bare.items() if told[index] == 0}
+        return _named_as_times(in_utc) or _named_as_times(bare) or _named_as_times(known)
+    return _named_as_times(known)
 
 
 def _named_as_times(names: Mapping[int, str]) -> tuple[int, ...]:
-    known = {plain(without_zone(name)): index for index, name in reversed(list(names.items()))}
-    if "date" in known and "time" in known:
-        return known["date"], known["time"]
-    found = [index for index, name in names.items() if _is_time(plain(name)) or _is_time(plain(without_zone(name)))]
-    return (found[0],) if found else ()
+    """By their plain names."""
+    of = {name: index for index, name in reversed(list(names.items()))}
+    if "date" in of and "time" in of:
+        return of["date"], of["time"]
+    found = next((index for index, name in names.items() if _is_time(name)), None)
+    return () if found is None else (found,)
 
 
 def _is_time(name: str) -> bool:

@@ -8,7 +8,18 @@ from collections.abc import Callable
 from app.errors import DataError
 from app.ingest.columns import TAG_NAMES, VALUE_NAMES, plain, time_columns
 from app.ingest.head import PREAMBLE_ROWS, Head
-from app.ingest.layouts import aveva, dcs_tab, ignition, long, long_bare, per_tag, pi_datalink, trendminer, wide
+from app.ingest.layouts import (
+    aveva,
+    dcs_tab,
+    ignition,
+    long,
+    long_bare,
+    per_tag,
+    pi_datalink,
+    trendminer,
+    two_rows,
+    wide,
+)
 from app.ingest.model import IngestOptions
 from app.ingest.plans import Plan
 
@@ -17,6 +28,7 @@ Sniff = Callable[[Head, IngestOptions], Plan | None]
 LAYOUTS: tuple[Sniff, ...] = (
     dcs_tab.sniff,
     ignition.sniff,
+    two_rows.sniff,
     trendminer.sniff,
     aveva.sniff,
     long.sniff,
