@@ -67,13 +67,16 @@ class Loop:
 
 @dataclass
 class Truth:
-    """The concealed effects and what is right to say. noise: (N,) what the true model leaves of PV, in its unit."""
+    """The concealed effects and what is right to say. noise: (N,) what the true model leaves of PV, in its unit. sizes:
+    of the valve, by the engine's names, unit of OP.
+    """
 
     effects: tuple[str, ...]
     windows: tuple[tuple[float, float], ...] = ()
     localise: bool = False
     energy: float = 0.0
     noise: FloatArray | None = None
+    sizes: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass

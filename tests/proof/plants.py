@@ -95,7 +95,11 @@ class MovedMass(Process):
 
 
 class Valve:
-    """Passes OP on; the effects of a valve are its subclasses' business."""
+    """Passes OP on; the effects of a valve are its subclasses' business. sizes: by the engine's names, as OP."""
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        return {}
 
     def step(self, u: float) -> float:
         return u
@@ -109,6 +113,10 @@ class StickingValve(Valve):
     S: float
     J: float
     state: np.ndarray | None = None
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        return {"S": self.S, "J": self.J}
 
     def step(self, u: float) -> float:
         if self.state is None:
@@ -156,6 +164,10 @@ class Backlash(Valve):
     down: float
     x: float | None = None
 
+    @property
+    def sizes(self) -> dict[str, float]:
+        return {"band": self.up + self.down}
+
     def step(self, u: float) -> float:
         if self.x is None:
             self.x = u
@@ -170,6 +182,10 @@ class SlewValve(Valve):
     up: float
     down: float
     x: float | None = None
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        return {"band": self.up + self.down}
 
     def step(self, u: float) -> float:
         if self.x is None:

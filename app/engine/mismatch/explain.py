@@ -37,6 +37,7 @@ from app.engine.mismatch.missing import compete
 from app.engine.mismatch.patterns import Pattern, find_patterns
 from app.engine.mismatch.physics import library
 from app.engine.mismatch.preparing import Prepared, prepare
+from app.engine.mismatch.read_back import without_read_backs
 from app.engine.mismatch.refitting import offered_beside
 from app.engine.mismatch.report import effects_of, export, location_of, pattern_effect, refit_estimates
 from app.engine.mismatch.residuals import residual_tests
@@ -58,7 +59,7 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     Misleads where OP hardly moves: then little can be told, and the answer is `consistent`.
     """
     check(comparison)
-    comparison = without_wild(comparison)
+    comparison = without_read_backs(without_wild(comparison))
     taken, acted = taken_of(comparison), record_of(comparison)
     comparison = shortened(comparison if taken is None else taken.comparison)
     prepared = replace(prepare(comparison, taken), acted=acted)
@@ -83,7 +84,7 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
 def locate(comparison: Comparison) -> Location:
     """A first answer without a competition: where the two differ, from scans alone, of a long record thinned."""
     check(comparison)
-    comparison = without_wild(comparison)
+    comparison = without_read_backs(without_wild(comparison))
     found = first_location(comparison)
     return replace(found, evidence=(*comparison.notes, *found.evidence))
 

@@ -7,7 +7,8 @@ import numpy as np
 from app.engine.evidence import Reason
 from app.engine.mismatch.block import Context, Parameter, Part
 from app.engine.mismatch.experiment import Experiment
-from app.engine.mismatch.fitting import Fit, residual_rows, slopes, task_of
+from app.engine.mismatch.fitting import Fit
+from app.engine.mismatch.intervals import deviations, interval, size_of_stiction
 from app.engine.mismatch.naming import Believed
 from app.engine.mismatch.patterns import Pattern
 from app.engine.mismatch.physics.stem import NAME as STEM_START
@@ -117,22 +118,6 @@ def absolute(parameters: tuple[Parameter, ...], values: FloatArray, record: Expe
     return [float(v + mids.get(p.unit, 0.0)) for p, v in zip(parameters, values, strict=True)]
 
 
-def deviations(found: Fit) -> FloatArray:
-    """Standard deviation of each free number of a fit, from its whitened slopes; infinite where nothing hangs on it."""
-    task = task_of(found)
-    jacobian = slopes(task, found.x, found.noise, residual_rows(task, found.x, found.noise))
-    information = jacobian.T @ jacobian
-    covariance = np.linalg.pinv(information, rcond=1e-12)
-    return np.where(np.diag(information) > 0.0, np.sqrt(np.maximum(np.diag(covariance), 0.0)), np.inf)
-
-
-def interval(found: Fit, name: str, shift: float, unit: str, label: str, spread: FloatArray) -> Estimate:
-    k = [f.name for f in found.free].index(name)
-    f, x = found.free[k], float(found.x[k])
-    low, high = (f.value(float(np.clip(x + side * 1.96 * spread[k], f.low, f.high))) for side in (-1.0, 1.0))
-    return Estimate(label, f.value(x) + shift, min(low, high) + shift, max(low, high) + shift, unit)
-
-
 def estimates(found: Fit, part: Part) -> tuple[Estimate, ...]:
     """A part's parameters with 95 % intervals; S and J for stiction, and where a stem began."""
     spread = deviations(found)
@@ -142,8 +127,7 @@ def estimates(found: Fit, part: Part) -> tuple[Estimate, ...]:
     for p in part.block.parameters(Context(found.record, found.given.plant)):
         said.append(interval(found, f"{index}.{p.name}", mids.get(p.unit, 0.0), plain_unit(p), p.name, spread))
     if part.block.code == "valve.stiction":
-        S, share = said[:2]
-        said[1] = Estimate("J", S.value * share.value, S.value * share.low, S.value * share.high, "OP")
+        said[:2] = size_of_stiction(found, f"{index}.S", f"{index}.share")
     if said and said[-1].name == STEM_START:
         reach = 1.0 if said[-1].unit == "OP" else 0.5 * sum(estimate.value for estimate in said[:-1])
         said[-1] = scaled(said[-1], float(found.record.op[0]), reach, "OP")

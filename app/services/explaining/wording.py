@@ -82,6 +82,7 @@ EVIDENCE_WORDS = {
     "pv_at_limit": "PV stands at a limit",
     "pv_repeats": "PV repeats one value while the loop moves",
     "pv_straight": "PV lies on straight lines between few samples",
+    "read_back": "a measured signal is the valve's own position",
     "wild_samples": "samples of PV far outside of all others are left out",
     "time_runs_back": "times run back in the file",
     "numbers_in_doubt": "numbers of the file may be read in two ways",
@@ -89,7 +90,7 @@ EVIDENCE_WORDS = {
 }
 SHOWN_WINDOWS = 4
 SIZED_ELSEWHERE = ("valve.stiction", "valve.deadband")
-NO_SIZE = "fitted to reproduce PV, not to measure the valve: its size, with an interval that was tried, is the audit's"
+NO_SIZE = "of the model that reproduces PV; how large stiction is of a whole limit cycle, the audit states"
 
 
 def effect_words(code: str) -> str:
