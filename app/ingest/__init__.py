@@ -26,7 +26,7 @@ one loop's blocks.
 
 Reject codes: bad_time, not_a_number, unclear_mark, not_finite, sentinel, bad_quality, off_line, unknown_mode,
 ragged_row, unbalanced_quote,
-duplicate_time, name_too_long, no_tag.
+duplicate_time, name_too_long, no_tag, sheet_not_read.
 DataError codes: empty_file, not_an_export, unknown_layout, nothing_readable, decompressed_too_large, line_too_long,
 too_many_tags,
 bad_mapping, excel_not_installed, unknown_time_zone, matlab_version, more_fields_than_names.
@@ -36,7 +36,8 @@ whose columns are asked for by name.
 """
 
 from app.ingest.align import align, carried
-from app.ingest.export import Export, is_export_name, read_export, stem_of
+from app.ingest.export import is_export_name, read_export, stem_of
+from app.ingest.exports import Export
 from app.ingest.grouping import MappedTag, TagMapping, group, mapping_text
 from app.ingest.inspection import InspectReport, LoopReport, inspect
 from app.ingest.model import (

@@ -1,166 +1,26 @@
-"""An export file, opened: its blocks of signals or stretches of loops, what was refused, and what it holds."""
+"""An export file, opened: which kind of file it is."""
 
-from collections.abc import Iterator
-from datetime import UTC, datetime
 from pathlib import Path
 
 import polars as pl
 
 from app.errors import DataError
-from app.ingest.align import stretches
-from app.ingest.date_order import CLOCKS_APART_NS
+from app.ingest.exports import Export, TableExport
 from app.ingest.frames import UNREADABLE, Dialect, FrameReader, in_short
-from app.ingest.grouping import Grouping, TagMapping
+from app.ingest.grouping import TagMapping
 from app.ingest.head import Head, look, with_tail
 from app.ingest.layouts import not_recognised, recognise
-from app.ingest.long_table import LongTable
-from app.ingest.marks import DoubtfulMarks
 from app.ingest.matlab import open_matlab
-from app.ingest.model import NANOSECONDS, FileSummary, IngestOptions, LoopSamples, Rejects, SignalBlock
+from app.ingest.model import IngestOptions
 from app.ingest.opening import TextFile
-from app.ingest.plans import Plan, WidePlan
-from app.ingest.preparing import prepared
+from app.ingest.plans import Plan
 from app.ingest.rejecting import RejectLog
+from app.ingest.sheets import SheetsExport
 from app.ingest.stamps import check_time_zone
-from app.ingest.tables_in import open_frames
-from app.ingest.tally import Tally
-from app.ingest.wide_table import WideTable
-from app.ingest.writing import Writing
+from app.ingest.tables_in import open_parquet
+from app.ingest.workbooks import open_workbook
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".tab", ".dat", ".parquet", ".pq", ".xlsx", ".xlsm", ".mat", ".gz")
-
-
-class Export:
-    """One export file. Iterate it once, for blocks of signals, or take `loops()` once, for stretches of loops.
-
-    `summary()` and `rejects()` tell what was found so far, and all of it when the iteration has ended.
-    """
-
-    def __init__(self, path: Path, name: str, mapping: TagMapping | None, options: IngestOptions) -> None:
-        self._options = options
-        self._log = RejectLog(options.max_rejects)
-        self.stem = stem_of(name)
-        source = (
-            open_frames(path, self.stem, mapping, options)
-            or open_matlab(path, self.stem, options)
-            or _open_text(path, self.stem, options)
-        )
-        self._source = source
-        usual = "thousands" if source.head.delimiter == "," else "decimals"
-        self._tally = Tally(writing=Writing(source.head.thousands_mark, marks=DoubtfulMarks(usual)))
-        self._grouping = Grouping(self.stem, mapping)
-        self._plan: Plan = prepared(source.plan, self._grouping, source.head, options, self._log)
-        self._taken = False
-
-    def __iter__(self) -> Iterator[SignalBlock]:
-        for batch in self._batches(self._table(self._plan)):
-            yield from batch
-
-    def loops(self) -> Iterator[LoopSamples]:
-        """Each loop once, signals side by side; memory stays below `options.buffered_values` values and a chunk."""
-        for batch in self._batches(self._table(self._plan)):
-            yield from stretches(batch)
-
-    def _batches(self, table: WideTable | LongTable) -> Iterator[list[SignalBlock]]:
-        if self._taken:
-            raise RuntimeError("an export is read once; open it again")
-        self._taken = True
-        try:
-            yield from table.batches(self._source.reader(self._plan.width, table.types(), self._log))
-        except UNREADABLE as error:
-            raise DataError("not_an_export", f"the file's rows cannot be read: {in_short(error)}") from error
-        if not self._tally.rows_kept:
-            raise DataError("nothing_readable", f"none of {self._tally.rows_read} rows has a readable time and values")
-
-    def _table(self, plan: Plan) -> WideTable | LongTable:
-        if isinstance(plan, WidePlan):
-            return WideTable(plan, self._grouping, self._options, self._log, self._tally)
-        return LongTable(plan, self._grouping, self._options, self._log, self._tally)
-
-    def rejects(self) -> Rejects:
-        return self._log.result()
-
-    def doubts(self) -> tuple[str, ...]:
-        """How numbers were read whose writing is in doubt."""
-        return tuple(self._tally.writing.doubts())
-
-    def damage(self) -> tuple[str, ...]:
-        """What of the file itself was lost on its way here."""
-        return self._source.damage
-
-    def summary(self) -> FileSummary:
-        head, tally = self._source.head, self._tally
-        return FileSummary(
-            layout=self._plan.layout,
-            encoding=self._source.encoding,
-            delimiter=head.delimiter,
-            decimal_mark=head.decimal_mark,
-            time_format=self._plan.form.shown,
-            time_zone=self._zone(),
-            compressed=self._source.compressed,
-            tags=self._grouping.tags,
-            loops=self._grouping.loops(),
-            rows_read=tally.rows_read,
-            rows_kept=tally.rows_kept,
-            values_kept=tally.values_kept,
-            first_time_ns=tally.first_time_ns,
-            last_time_ns=tally.last_time_ns,
-            notes=(*self.notes(), *self._origin()),
-        )
-
-    def _zone(self) -> str:
-        form = self._plan.form
-        if form.kind == "relative":
-            return "none: relative times"
-        return "in the file" if form.zone_in_file else self._options.time_zone
-
-    def _origin(self) -> tuple[str, ...]:
-        """Which instant relative times were given: it matters where samples of several files come together."""
-        if self._plan.form.kind != "relative":
-            return ()
-        start = f"{datetime.fromtimestamp(self._options.start_ns / NANOSECONDS, UTC):%Y-%m-%d %H:%M:%S}"
-        return (f"times are relative to a start that the file does not tell; 0 was taken for {start} UTC",)
-
-    def notes(self) -> tuple[str, ...]:
-        """What is to be said of how the rows were read so far."""
-        notes = [*self._source.notes, *self._plan.notes, *self._plan.form.notes]
-        if self._tally.backward:
-            notes.append("rows were not in order of time; they were sorted")
-        if self._tally.stuttering:
-            notes.append(
-                f"{self._tally.stuttering} stamps repeated the one before; their rows went into the missing step"
-            )
-        notes += self._ahead_of_clock()
-        notes += self._tally.writing.notes()
-        notes += self._tally.no_data.notes()
-        notes += self._tally.modes.notes()
-        notes += self._tally.quality.notes()
-        loops = self._grouping.loops()
-        if not any(loop.pv or loop.op or loop.sp for loop in loops):
-            shown = ", ".join([tag for loop in loops for tag in loop.others[:5]][:25])
-            unknown = f"no tag is named like PV, OP or SP of a loop, a mapping can say it; here is {shown}"
-            notes.append(unknown if shown else "of its loops the file has the mode alone")
-        if self._grouping.unmapped:
-            shown = ", ".join(self._grouping.unmapped[:5])
-            notes.append(f"the mapping names none of the tags of this file; here is {shown}")
-        if absent := self._grouping.absent:
-            notes.append(f"{len(absent)} tags of the mapping are not in this file: {', '.join(absent[:5])}")
-        if second := self._grouping.second:
-            pairs = list(second.items())[:5]
-            shown = ", ".join(f"{tag} ({owner.signal} is {owner.tag})" for tag, owner in pairs)
-            notes.append(f"{len(second)} tags name a signal that their loop has already; kept beside it: {shown}")
-        if self._grouping.of_other_number:
-            shown = ", ".join(self._grouping.of_other_number[:5])
-            notes.append(f"of another number than PV and OP, and not read as set point or mode: {shown}")
-        return tuple(notes)
-
-    def _ahead_of_clock(self) -> list[str]:
-        now_ns, last_ns = self._options.now_ns, self._tally.last_time_ns
-        relative = self._plan.form.kind == "relative"
-        if relative or now_ns is None or last_ns is None or last_ns <= now_ns + CLOCKS_APART_NS:
-            return []
-        last, now = (f"{datetime.fromtimestamp(at // NANOSECONDS, UTC):%Y-%m-%d %H:%M}" for at in (last_ns, now_ns))
-        return [f"times go on until {last} UTC, ahead of the clock ({now} UTC): are date, year and zone right?"]
 
 
 class TextSource:
@@ -227,6 +87,14 @@ def read_export(
     options = options or IngestOptions()
     check_time_zone(options.time_zone)
     try:
-        return Export(path, filename or path.name, mapping, options)
+        return _opened(path, stem_of(filename or path.name), mapping, options)
     except UNREADABLE as error:
         raise DataError("not_an_export", f"the file cannot be read: {in_short(error)}") from error
+
+
+def _opened(path: Path, stem: str, mapping: TagMapping | None, options: IngestOptions) -> Export:
+    book = open_workbook(path, stem, mapping, options)
+    if book is not None:
+        return SheetsExport(book, stem, mapping, options)
+    source = open_parquet(path, stem, options) or open_matlab(path, stem, options) or _open_text(path, stem, options)
+    return TableExport(source, stem, mapping, options)

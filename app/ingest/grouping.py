@@ -341,17 +341,8 @@ class Grouping:
         return len(self._places)
 
     @property
-    def unmapped(self) -> list[str]:
-        """The tags, where there is a mapping and it names none of them."""
-        mapping = self._mapping
-        return [] if mapping is None or any(map(mapping.find, self._places)) else list(self._places)
-
-    @property
-    def absent(self) -> list[str]:
-        """The tags of the mapping, where there is one, that have not come."""
-        come = {tag.casefold() for tag in self._places}
-        named = {} if self._mapping is None else self._mapping.entries
-        return [entry.tag for name, entry in named.items() if name not in come]
+    def placed(self) -> tuple[str, ...]:
+        return tuple(self._places)
 
     def loops(self) -> tuple[LoopTags, ...]:
         names = dict.fromkeys([loop for loop, _ in self._taken] + list(self._others))

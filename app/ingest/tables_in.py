@@ -1,8 +1,7 @@
-"""Files that hold tables with types: parquet and workbooks. Their rows go the way that rows of text go."""
+"""Tables with types, as parquet and workbooks have them. Their rows go the way that rows of text go."""
 
-import zipfile
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +9,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from app.errors import DataError
-from app.ingest.frames import NUMBERED, Rows, in_short, name_of
-from app.ingest.grouping import TagMapping, group
+from app.ingest.frames import NUMBERED, Rows, name_of
 from app.ingest.head import HEAD_ROWS, Head, find_decimal_mark
 from app.ingest.layouts import not_recognised, recognise
 from app.ingest.marks import POINTED, WRITTEN
@@ -22,7 +20,6 @@ from app.ingest.scanning import Scanner
 
 CELLS_A_CHUNK = 2_000_000
 MOST_COLUMNS = 1000  # of a wide table at a time: a day of minutes of them is a chunk
-WORKBOOK_BYTES = 1 << 30  # a workbook is unpacked whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,15 +78,29 @@ class TableSource:
     damage: tuple[str, ...] = ()  # a damaged one is refused whole
 
     def __init__(self, table: Table, stem: str, kind: str, names_in_rows: bool, options: IngestOptions) -> None:
-        self._table, self._names_in_rows = table, names_in_rows
+        self._table, self._names_in_rows, self._options = table, names_in_rows, options
         self.encoding = kind
         self.compressed = False
         self.notes = list(table.notes)
-        self.head = _head(table, stem, names_in_rows)
-        plan = recognise(self.head, options)
+        self._take(_head(table, stem, names_in_rows))
+
+    def _take(self, head: Head) -> None:
+        plan = recognise(head, self._options)
         if plan is None:
-            raise not_recognised(self.head)
+            raise not_recognised(head)
+        self.head: Head = head
         self.plan: Plan = plan
+
+    def call(self, stem: str) -> None:
+        """Names the loop of a table that does not tell it."""
+        self._take(replace(self.head, stem=stem))
+
+    def tags(self) -> list[str]:
+        """All that it has, of a long table those of all rows."""
+        if not isinstance(self.plan, LongPlan):
+            return [column.tag for timed in self.plan.groups for column in timed.values]
+        cells = self._table.part(self.plan.first_row, self._table.height, [self.plan.tag]).to_series()
+        return [str(tag) for tag in cells.drop_nulls().unique(maintain_order=True)]
 
     def reader(self, width: int, types: dict[int, pl.DataType], log: RejectLog) -> TableReader:
         width = self._table.width
@@ -97,15 +108,12 @@ class TableSource:
         return TableReader(self._table, known, self._names_in_rows)
 
 
-def open_frames(path: Path, stem: str, mapping: TagMapping | None, options: IngestOptions) -> TableSource | None:
-    """The file as a table, or None where it is none of the kinds known here."""
+def open_parquet(path: Path, stem: str, options: IngestOptions) -> TableSource | None:
+    """The file as a table, or None where it is no parquet."""
     with path.open("rb") as stream:
-        start = stream.read(4)
-    if start == b"PAR1":
-        return TableSource(_parquet(path, options), stem, "parquet", False, options)
-    if start == b"PK\x03\x04" and _is_workbook(path, options):
-        return _of_workbook(path, stem, mapping, options)
-    return None
+        return (
+            TableSource(_parquet(path, options), stem, "parquet", False, options) if stream.read(4) == b"PAR1" else None
+        )
 
 
 def _parquet(path: Path, options: IngestOptions) -> Table:
@@ -125,80 +133,6 @@ def _parquet(path: Path, options: IngestOptions) -> Table:
     shown = ", ".join(name[:80] for name in closed[:5])
     notes = (f"{len(closed)} columns hold lists, structures or bytes, which are no values: {shown}",) if closed else ()
     return Table(len(names), height, names, part, apart=True, notes=notes)
-
-
-def _is_workbook(path: Path, options: IngestOptions) -> bool:
-    try:
-        with zipfile.ZipFile(path) as archive:
-            entries = archive.infolist()
-    except (zipfile.BadZipFile, ValueError, OSError, NotImplementedError):
-        return False
-    if not any(entry.filename.startswith("xl/") for entry in entries):
-        return False
-    unpacked = sum(entry.file_size for entry in entries)
-    if unpacked > min(WORKBOOK_BYTES, options.max_bytes):
-        raise DataError("decompressed_too_large", f"the workbook unpacks to {unpacked} bytes; send it as CSV")
-    return True
-
-
-def _of_workbook(path: Path, stem: str, mapping: TagMapping | None, options: IngestOptions) -> TableSource:
-    """The first sheet that names PV and OP of a loop, by the mapping or by itself, else the first with a layout that is
-    known: a cover with dates or a pivot table may stand before it."""
-    known: TableSource | None = None
-    unknown: DataError | None = None
-    try:
-        for table in _sheets(path):
-            try:
-                source = TableSource(table, stem, "xlsx", True, options)
-            except DataError as error:
-                unknown = error
-                continue
-            if _names_a_loop(source.plan, table, stem, mapping):
-                return source
-            known = known or source
-    except DataError:  # a sheet that cannot be read takes nothing from one before it
-        if known is None:
-            raise
-    if known is not None:
-        return known
-    raise unknown or DataError("unknown_layout", "the workbook has no sheet with cells in it")
-
-
-def _names_a_loop(plan: Plan, table: Table, stem: str, mapping: TagMapping | None) -> bool:
-    if isinstance(plan, LongPlan):
-        cells = table.part(plan.first_row, table.height, [plan.tag]).to_series()
-        tags = [str(tag) for tag in cells.drop_nulls().unique(maintain_order=True)]
-    else:
-        tags = [column.tag for timed in plan.groups for column in timed.values]
-    return any(loop.pv and loop.op for loop in group(tags, mapping, stem))
-
-
-def _sheets(path: Path) -> Iterator[Table]:
-    try:
-        import fastexcel
-    except ImportError as error:
-        raise DataError(
-            "excel_not_installed", "reading workbooks needs the extra 'excel': pip install loopaudit[excel]"
-        ) from error
-    try:
-        workbook = fastexcel.read_excel(path)
-        names = workbook.sheet_names
-        for number, name in enumerate(names):
-            frame = workbook.load_sheet(number, header_row=None, dtypes="string").to_polars()
-            others = f"the workbook has {len(names)} sheets; the one read is {name[:80]!r}"
-            if frame.height and frame.width:
-                yield _sheet(frame, (others,) if len(names) > 1 else ())
-    except fastexcel.FastExcelError as error:
-        raise DataError("not_an_export", f"the workbook cannot be read: {in_short(error)}") from error
-
-
-def _sheet(frame: pl.DataFrame, notes: tuple[str, ...]) -> Table:
-    frame.columns = [name_of(index) for index in range(frame.width)]
-
-    def part(offset: int, count: int, columns: Sequence[int]) -> pl.DataFrame:
-        return frame.slice(offset, count).select(name_of(i) for i in columns)
-
-    return Table(frame.width, frame.height, (), part, notes=notes)
 
 
 def _holds_no_values(kind: pl.DataType) -> bool:

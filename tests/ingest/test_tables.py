@@ -87,7 +87,10 @@ def test_a_cover_with_dates_does_not_hide_the_data(read: Read) -> None:
     for data in (wide, [["Time", "Tag", "Value"], *rows]):
         content = read(workbook(cover, data, wide))
         assert content.loops["A"].op.tolist() == [10, 11, 12]
-        assert content.summary.notes == ("the workbook has 3 sheets; the one read is 'S2'",)
+        assert content.summary.notes == (
+            "the workbook has 3 sheets; the one read is 'S2'",
+            "'S3' has loops of 'S2' and was not read: send it as a file of its own",
+        )
     assert read(workbook(cover, [["a macro"]])).summary.notes[0].endswith("'S1'")
 
 

@@ -43,20 +43,30 @@ def recognise(head: Head, options: IngestOptions) -> Plan | None:
     return next((plan for sniff in LAYOUTS if (plan := sniff(head, options)) is not None), None)
 
 
-def not_recognised(head: Head) -> DataError:
-    """That no layout is known; where names are there, that their rows are missing or have no times."""
+class NotRecognised(DataError):
+    """No layout is known. named: names are there, but no rows, or none with times."""
+
+    def __init__(self, message: str, named: bool) -> None:
+        super().__init__("unknown_layout", message)
+        self.named = named
+
+    def __reduce__(self) -> tuple[type, tuple[str, bool]]:  # type: ignore[override]  # what makes it anew is other
+        return type(self), (self.message, self.named)
+
+
+def not_recognised(head: Head) -> NotRecognised:
     at = next((index for index, row in enumerate(head.rows[:PREAMBLE_ROWS]) if _are_names(row)), None)
     if at is None:
-        return DataError(
-            "unknown_layout",
+        return NotRecognised(
             "no column of times with signals beside it was found; needed is a row of names with time, PV and OP "
             "(or tags such as FIC101.PV), or rows of tag, time and value",
+            named=False,
         )
     names = head.rows[at]
     below = head.column(time_columns(names)[0], at + 1)
     shown = f"the first of them is {below[0][:60]!r}" if below else "there is none"
-    named = ", ".join(names[:5])[:200]
-    return DataError("unknown_layout", f"below the names {named} no row has a time that can be read; {shown}")
+    listed = ", ".join(names[:5])[:200]
+    return NotRecognised(f"below the names {listed} no row has a time that can be read; {shown}", named=True)
 
 
 def _are_names(row: tuple[str, ...]) -> bool:

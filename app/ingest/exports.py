@@ -1,0 +1,224 @@
+"""Exports: their blocks of signals or stretches of loops, what was refused, and what they hold."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterator
+from datetime import UTC, datetime
+from typing import Protocol
+
+import polars as pl
+
+from app.errors import DataError
+from app.ingest.align import stretches
+from app.ingest.date_order import CLOCKS_APART_NS
+from app.ingest.frames import UNREADABLE, RowReader, in_short
+from app.ingest.grouping import Grouping, TagMapping
+from app.ingest.head import Head
+from app.ingest.long_table import LongTable
+from app.ingest.marks import DoubtfulMarks
+from app.ingest.model import NANOSECONDS, FileSummary, IngestOptions, LoopSamples, Rejects, SignalBlock
+from app.ingest.plans import Plan, WidePlan
+from app.ingest.preparing import prepared
+from app.ingest.rejecting import RejectLog
+from app.ingest.tally import Tally
+from app.ingest.wide_table import WideTable
+from app.ingest.writing import Writing
+
+
+class Source(Protocol):
+    """A table whose layout is known. `notes`: what was odd about it; `damage`: what of it was lost on its way here."""
+
+    @property
+    def plan(self) -> Plan: ...
+
+    @property
+    def head(self) -> Head: ...
+
+    @property
+    def encoding(self) -> str: ...
+
+    @property
+    def compressed(self) -> bool: ...
+
+    @property
+    def notes(self) -> list[str]: ...
+
+    @property
+    def damage(self) -> tuple[str, ...]: ...
+
+    def reader(self, width: int, types: dict[int, pl.DataType], log: RejectLog) -> RowReader: ...
+
+
+class Export(ABC):
+    """One export file. Iterate it once, for blocks of signals, or take `loops()` once, for stretches of loops.
+
+    `summary()` and `rejects()` tell what was found so far, and all of it when the iteration has ended.
+    """
+
+    stem: str
+
+    @abstractmethod
+    def __iter__(self) -> Iterator[SignalBlock]: ...
+
+    @abstractmethod
+    def loops(self) -> Iterator[LoopSamples]:
+        """Each loop once, signals side by side; memory stays below `options.buffered_values` values and a chunk."""
+
+    @abstractmethod
+    def rejects(self) -> Rejects: ...
+
+    @abstractmethod
+    def doubts(self) -> tuple[str, ...]:
+        """How numbers were read whose writing is in doubt."""
+
+    @abstractmethod
+    def damage(self) -> tuple[str, ...]:
+        """What of the file itself was lost on its way here."""
+
+    @abstractmethod
+    def summary(self) -> FileSummary: ...
+
+    @abstractmethod
+    def notes(self) -> tuple[str, ...]:
+        """What is to be said of how the rows were read so far."""
+
+
+class TableExport(Export):
+    """An export of one table."""
+
+    def __init__(self, source: Source, stem: str, mapping: TagMapping | None, options: IngestOptions) -> None:
+        self._options = options
+        self._log = RejectLog(options.max_rejects)
+        self.stem = stem
+        self._source = source
+        usual = "thousands" if source.head.delimiter == "," else "decimals"
+        self._tally = Tally(writing=Writing(source.head.thousands_mark, marks=DoubtfulMarks(usual)))
+        self._mapping = mapping
+        self._grouping = Grouping(source.head.stem, mapping)
+        self._plan: Plan = prepared(source.plan, self._grouping, source.head, options, self._log)
+        self._taken = False
+
+    def __iter__(self) -> Iterator[SignalBlock]:
+        for batch in self._batches(self._table(self._plan)):
+            yield from batch
+
+    def loops(self) -> Iterator[LoopSamples]:
+        """Each loop once, signals side by side; memory stays below `options.buffered_values` values and a chunk."""
+        for batch in self._batches(self._table(self._plan)):
+            yield from stretches(batch)
+
+    def _batches(self, table: WideTable | LongTable) -> Iterator[list[SignalBlock]]:
+        if self._taken:
+            raise RuntimeError("an export is read once; open it again")
+        self._taken = True
+        try:
+            yield from table.batches(self._source.reader(self._plan.width, table.types(), self._log))
+        except UNREADABLE as error:
+            raise DataError("not_an_export", f"the file's rows cannot be read: {in_short(error)}") from error
+        if not self._tally.rows_kept:
+            raise DataError("nothing_readable", f"none of {self._tally.rows_read} rows has a readable time and values")
+
+    def _table(self, plan: Plan) -> WideTable | LongTable:
+        if isinstance(plan, WidePlan):
+            return WideTable(plan, self._grouping, self._options, self._log, self._tally)
+        return LongTable(plan, self._grouping, self._options, self._log, self._tally)
+
+    def rejects(self) -> Rejects:
+        return self._log.result()
+
+    def doubts(self) -> tuple[str, ...]:
+        """How numbers were read whose writing is in doubt."""
+        return tuple(self._tally.writing.doubts())
+
+    def damage(self) -> tuple[str, ...]:
+        """What of the file itself was lost on its way here."""
+        return self._source.damage
+
+    def summary(self) -> FileSummary:
+        head, tally = self._source.head, self._tally
+        return FileSummary(
+            layout=self._plan.layout,
+            encoding=self._source.encoding,
+            delimiter=head.delimiter,
+            decimal_mark=head.decimal_mark,
+            time_format=self._plan.form.shown,
+            time_zone=self._zone(),
+            compressed=self._source.compressed,
+            tags=self._grouping.tags,
+            loops=self._grouping.loops(),
+            rows_read=tally.rows_read,
+            rows_kept=tally.rows_kept,
+            values_kept=tally.values_kept,
+            first_time_ns=tally.first_time_ns,
+            last_time_ns=tally.last_time_ns,
+            notes=(*self.notes(), *self.origin()),
+        )
+
+    def _zone(self) -> str:
+        form = self._plan.form
+        if form.kind == "relative":
+            return "none: relative times"
+        return "in the file" if form.zone_in_file else self._options.time_zone
+
+    def origin(self) -> tuple[str, ...]:
+        """Which instant relative times were given: it matters where samples of several files come together."""
+        if self._plan.form.kind != "relative":
+            return ()
+        start = f"{datetime.fromtimestamp(self._options.start_ns / NANOSECONDS, UTC):%Y-%m-%d %H:%M:%S}"
+        return (f"times are relative to a start that the file does not tell; 0 was taken for {start} UTC",)
+
+    def tags(self) -> tuple[str, ...]:
+        """That have come so far."""
+        return self._grouping.placed
+
+    def notes(self) -> tuple[str, ...]:
+        return (*self.notes_of_rows(), *mapping_notes(self._mapping, self.tags()))
+
+    def notes_of_rows(self) -> tuple[str, ...]:
+        """All but those that tell what of the mapping is in the file."""
+        notes = [*self._source.notes, *self._plan.notes, *self._plan.form.notes]
+        if self._tally.backward:
+            notes.append("rows were not in order of time; they were sorted")
+        if self._tally.stuttering:
+            notes.append(
+                f"{self._tally.stuttering} stamps repeated the one before; their rows went into the missing step"
+            )
+        notes += self._ahead_of_clock()
+        notes += self._tally.writing.notes()
+        notes += self._tally.no_data.notes()
+        notes += self._tally.modes.notes()
+        notes += self._tally.quality.notes()
+        loops = self._grouping.loops()
+        if not any(loop.pv or loop.op or loop.sp for loop in loops):
+            shown = ", ".join([tag for loop in loops for tag in loop.others[:5]][:25])
+            unknown = f"no tag is named like PV, OP or SP of a loop, a mapping can say it; here is {shown}"
+            notes.append(unknown if shown else "of its loops the file has the mode alone")
+        if second := self._grouping.second:
+            pairs = list(second.items())[:5]
+            shown = ", ".join(f"{tag} ({owner.signal} is {owner.tag})" for tag, owner in pairs)
+            notes.append(f"{len(second)} tags name a signal that their loop has already; kept beside it: {shown}")
+        if self._grouping.of_other_number:
+            shown = ", ".join(self._grouping.of_other_number[:5])
+            notes.append(f"of another number than PV and OP, and not read as set point or mode: {shown}")
+        return tuple(notes)
+
+    def _ahead_of_clock(self) -> list[str]:
+        now_ns, last_ns = self._options.now_ns, self._tally.last_time_ns
+        relative = self._plan.form.kind == "relative"
+        if relative or now_ns is None or last_ns is None or last_ns <= now_ns + CLOCKS_APART_NS:
+            return []
+        last, now = (f"{datetime.fromtimestamp(at // NANOSECONDS, UTC):%Y-%m-%d %H:%M}" for at in (last_ns, now_ns))
+        return [f"times go on until {last} UTC, ahead of the clock ({now} UTC): are date, year and zone right?"]
+
+
+def mapping_notes(mapping: TagMapping | None, tags: Collection[str]) -> tuple[str, ...]:
+    """What of a mapping is not in a file of these tags."""
+    if mapping is None:
+        return ()
+    notes = []
+    if tags and not any(map(mapping.find, tags)):
+        notes.append(f"the mapping names none of the tags of this file; here is {', '.join(list(tags)[:5])}")
+    come = {tag.casefold() for tag in tags}
+    absent = [entry.tag for name, entry in mapping.entries.items() if name not in come]
+    if absent:
+        notes.append(f"{len(absent)} tags of the mapping are not in this file: {', '.join(absent[:5])}")
+    return tuple(notes)
