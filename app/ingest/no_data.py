@@ -12,7 +12,22 @@ from app.ingest.rejecting import RejectLog
 from app.ingest.writing import SENTINELS
 
 _NINES = [10.0**digits - 1 for digits in range(4, 10)]
-_CODES = np.array([*SENTINELS, -999.0, -999.25, *_NINES, *(-nines for nines in _NINES), 32767, -32768, -32767, 65535])
+_CODES = np.array(
+    [
+        *SENTINELS,
+        -999.0,
+        -999.25,
+        999.25,
+        -9999.25,
+        9999.25,
+        *_NINES,
+        *(-nines for nines in _NINES),
+        32767,
+        -32768,
+        -32767,
+        65535,
+    ]
+)
 _HUGE = 1e30  # of single and double precision's ends: no signal has such values
 _FAR = 3.0
 _SHOWN = 5
@@ -47,9 +62,11 @@ class NoData:
         tag: str,
         log: RejectLog,
         span: Span = NO_SPAN,
+        alone: bool = False,
     ) -> FloatArray:
-        """(n,) values of a tag, NaN in the place of codes."""
-        found = stand_for_nothing(values, span)
+        """(n,) values of a tag, NaN in the place of codes. alone: also where it has nothing else: a PV that stands
+        still on one of them is none, an OP or a set point may be."""
+        found = stand_for_nothing(values, span, alone)
         at = np.flatnonzero(found)
         if not len(at):
             return values
@@ -61,7 +78,8 @@ class NoData:
 
     def notes(self) -> list[str]:
         shown = ", ".join(f"{code:g} ({times})" for code, times in self.times.most_common(_SHOWN))
-        return [f"numbers far from their tag's others were refused as codes for no data: {shown}"] if shown else []
+        what = "numbers far from their tag's others, or the only ones of a PV, were refused as codes for no data"
+        return [f"{what}: {shown}"] if shown else []
 
 
 def are_codes(values: FloatArray) -> NDArray[np.bool_]:
@@ -75,24 +93,24 @@ def ends_are_codes(lowest: FloatArray, highest: FloatArray) -> NDArray[np.bool_]
     return are_codes(lowest) | are_codes(highest)
 
 
-def stand_for_nothing(values: FloatArray, span: Span = NO_SPAN) -> NDArray[np.bool_]:
+def stand_for_nothing(values: FloatArray, span: Span = NO_SPAN, alone: bool = False) -> NDArray[np.bool_]:
     """(n,) where codes stand apart from a tag's other values, those of `span` included: 9999 among values around 10000
-    is a value. Of a tag that has nothing else, a code is none if it can be a value."""
+    is a value. Of a tag that has nothing else, a code that can be a value is one, unless `alone`."""
     found = are_codes(values)
     if not np.any(found):
         return found
     span = span.with_values(values[np.isfinite(values) & ~found])
-    kept = [code for code in np.unique(values[found]) if not _stands_apart(float(code), span)]
+    kept = [code for code in np.unique(values[found]) if not _stands_apart(float(code), span, alone)]
     return found & ~np.isin(values, kept)
 
 
-def _stands_apart(code: float, others: Span) -> bool:
+def _stands_apart(code: float, others: Span, alone: bool) -> bool:
     """A sentinel lies further from the others than they lie from each other, other codes are much further away and much
     larger."""
     if abs(code) >= _HUGE:
         return True
     if others.low > others.high:
-        return code in SENTINELS
+        return alone or code in SENTINELS
     width = others.high - others.low
     away = max(others.low - code, code - others.high)
     if code in SENTINELS:

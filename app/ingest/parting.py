@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from app.ingest.doubled_hour import hours_apart
 from app.ingest.grouping import Place
 from app.ingest.model import FloatArray, SignalBlock, TimeArray
 from app.ingest.no_data import ends_are_codes
@@ -17,10 +18,10 @@ MOST_CODES = 1 << 16
 
 
 class BlocksByTag:
-    """`places`, by the code of a tag, grow while rows are gathered."""
+    """`places`, by the code of a tag, grow while rows are gathered. zone: of the clock that times were read from."""
 
-    def __init__(self, places: list[Place], log: RejectLog, tally: Tally) -> None:
-        self._places, self._log, self._tally = places, log, tally
+    def __init__(self, places: list[Place], zone: str, log: RejectLog, tally: Tally) -> None:
+        self._places, self._zone, self._log, self._tally = places, zone, log, tally
 
     def parted(self, pieces: Sequence[Piece]) -> Iterator[SignalBlock]:
         """Blocks by tag, the rows of a tag in the order in which they came."""
@@ -73,16 +74,21 @@ class BlocksByTag:
     def _without_codes(self, place: Place, values: FloatArray, lines: NDArray[np.uint32]) -> FloatArray:
         if place.signal == "MODE":
             return values
-        return self._tally.no_data.refused(values, lines, place.tag, self._log)
+        return self._tally.no_data.refused(values, lines, place.tag, self._log, alone=place.signal == "PV")
 
     def _signal(self, place: Place, time_ns: TimeArray, values: FloatArray) -> SignalBlock:
         self._tally.values_kept += int(np.count_nonzero(np.isfinite(values)))
         return SignalBlock(place.tag, place.loop, place.signal, time_ns, values)
 
     def _block(self, place: Place, time_ns: TimeArray, values: FloatArray, lines: NDArray[np.uint32]) -> SignalBlock:
+        newest_first = bool(time_ns[0] > time_ns[-1])
         order = in_order(time_ns)
         if order is not None:
             self._tally.backward = True
+            time_ns, values, lines = time_ns[order], values[order], lines[order]
+        time_ns = hours_apart(time_ns, self._zone, newest_first)
+        order = in_order(time_ns)
+        if order is not None:
             time_ns, values, lines = time_ns[order], values[order], lines[order]
         values = self._without_codes(place, values, lines)
         time_ns, matrix = last_of_repeats(time_ns, values[:, None], lines, [place.tag], self._log)

@@ -241,6 +241,12 @@ class TimeReader:
         self.clock = WallClock(options.time_zone if self._told_ns is None else "UTC")
         self._options = options
 
+    @property
+    def wall_zone(self) -> str:
+        """The zone of the clock that the times were read from; UTC where they tell one."""
+        local = self.form.kind in ("text", "serial") and not self.form.zone_in_file
+        return self._options.time_zone if local else "UTC"
+
     def read(self, texts: pl.Series) -> TimeArray:
         """(n,) ns since 1970 UTC, NO_TIME where a row has no readable time."""
         if isinstance(texts.dtype, pl.Datetime):

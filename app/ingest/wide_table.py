@@ -9,6 +9,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from app.ingest.clocks import joined_times
+from app.ingest.doubled_hour import hours_apart
 from app.ingest.frames import Numbers, RowReader, Rows, name_of
 from app.ingest.grouping import Grouping
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
@@ -98,7 +99,7 @@ class WideTable:
         held: list[list[Grid]] = [[] for _ in groups]
         try:
             for number, chunk in self._chunks(reader, groups, first):
-                held[number].append(self._grid(chunk))
+                held[number].append(self._grid(chunk, self._times[number].wall_zone))
                 if sum(map(len, chain.from_iterable(held))) >= self._options.buffered_values:
                     spill = spill or Spill(self._options.spill_folder)
                     self._put_aside(spill, held)
@@ -262,7 +263,10 @@ class WideTable:
             if self._is_mode(value):
                 continue
             span = Span(self._lowest[value.index], self._highest[value.index])
-            matrix[:, position] = self._tally.no_data.refused(matrix[:, position], lines, value.tag, self._log, span)
+            alone = self._places[value.index].signal == "PV"
+            matrix[:, position] = self._tally.no_data.refused(
+                matrix[:, position], lines, value.tag, self._log, span, alone
+            )
             known = matrix[np.isfinite(matrix[:, position]), position]
             lowest[position], highest[position] = known.min(initial=np.inf), known.max(initial=-np.inf)
         self._lowest[columns] = np.fmin(self._lowest[columns], lowest)
@@ -293,11 +297,15 @@ class WideTable:
                 self._log.add_many(code, rows.lines(at), (words for _ in at), value.tag)
                 matrix[at, position] = np.nan
 
-    def _grid(self, chunk: Chunk) -> Grid:
+    def _grid(self, chunk: Chunk, zone: str) -> Grid:
         time_ns, matrix, lines = chunk.time_ns, chunk.matrix, chunk.lines
         order = in_order(time_ns)
         if order is not None:
             self._tally.backward = True
+            time_ns, matrix, lines = time_ns[order], matrix[order], lines[order]
+        time_ns = hours_apart(time_ns, zone, newest_first=bool(chunk.time_ns[0] > chunk.time_ns[-1]))
+        order = in_order(time_ns)
+        if order is not None:
             time_ns, matrix, lines = time_ns[order], matrix[order], lines[order]
         steady = without_stutter(time_ns)
         self._tally.stuttering += int(np.sum(steady != time_ns))
