@@ -312,10 +312,10 @@ def test_names_that_patterns_would_look_at_for_hours(read: Read, name: str) -> N
 
 def test_ten_thousand_columns(read: Read) -> None:
     names = [f"T{i}.PV" for i in range(10_000)]
-    row = ",".join(str(i) for i in range(10_000))
+    row = ",".join(f"{i}.5" for i in range(10_000))
     content = read("time," + ",".join(names) + "\n" + "".join(f"2024-03-01 00:0{i}:00,{row}\n" for i in range(5)))
     assert len(content.loops) == 10_000
-    assert content.loops["T77"].pv.tolist() == [77] * 5
+    assert content.loops["T77"].pv.tolist() == [77.5] * 5
 
 
 def test_latin_letters_and_bytes_that_are_none(read: Read) -> None:
