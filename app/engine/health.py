@@ -53,7 +53,7 @@ def health(judgement: Judgement, figures: KeyFigures, oscillation: Oscillation |
     manual.
     """
     parts = (
-        _stiction(judgement),
+        of_stiction(judgement),
         _oscillation(oscillation),
         _service(judgement, figures.service_factor_pct),
         _saturation(figures.op_saturation_pct),
@@ -68,7 +68,8 @@ def _part(code: str, share: float, text: str) -> HealthPart:
     return HealthPart(code, weight, round(weight * min(max(share, 0.0), 1.0), 1), text)
 
 
-def _stiction(judgement: Judgement) -> HealthPart:
+def of_stiction(judgement: Judgement) -> HealthPart:
+    """What the valve takes off."""
     probability = judgement.stiction_probability
     if _unanswered(judgement):
         return _part("stiction", 1.0, UNANSWERED_TEXT)

@@ -89,6 +89,15 @@ class Group:
         sticks = (best.stiction_probability or 0.0) > _NOTHING_STICKS
         return best.tag if sticks and self.chance_probability <= UNNAMED else None
 
+    @property
+    def shaken(self) -> tuple[Suspect, ...]:
+        """The members that swing in step with the source, so that it may be what gives their swing its shape. A valve
+        that sticks makes a wave of corners and ramps, and a healthy loop that answers it looks as if its own stuck.
+        """
+        if self.source is None or not self.in_step:
+            return ()
+        return tuple(suspect for suspect in self.suspects[1:] if suspect.coherence >= IN_STEP)
+
 
 @dataclass(frozen=True, eq=False)
 class _Waves:

@@ -13,6 +13,10 @@ MAY_STICK = (
     "Look before anyone takes a spanner: where operation allows it, put the loop in manual for some periods. A swing "
     "that goes on comes from outside; one that stops is made here, and a stroke test tells valve from tuning."
 )
+SHAKEN = (
+    "Look at the loop that is named first: once its valve is mended, this one may stop by itself. If it swings on, ask "
+    "for a stroke test here."
+)
 CLEARED = "Nothing at the valve."
 CANNOT_TELL = "Nothing, unless it stays like that for weeks; then a stroke test tells more than another night."
 NOT_AUDITABLE = "Tell the control engineer what the checks say: better recording brings a verdict."
@@ -46,12 +50,15 @@ BY_CAUSE = {
 
 BY_VERDICT = {"no_stiction": CLEARED, "inconclusive": CANNOT_TELL, "not_auditable": NOT_AUDITABLE}
 BEFORE_REPAIR = "before_repair"
+SHAKEN_BY_NEIGHBOUR = "shaken_by_neighbour"
 
 
 def next_step(row: Mapping[str, Any], reasons: tuple[str, ...] = ()) -> str:
     """What to do about a loop whose row of the reliability table this is; `reasons`: codes of its verdict."""
     if BEFORE_REPAIR in reasons:
         return WAIT
+    if SHAKEN_BY_NEIGHBOUR in reasons:
+        return SHAKEN
     if row["verdict"] == "stiction":
         return STICKS if row["reliability"] == "reliable" else MAY_STICK
     return BY_CAUSE.get(row["likely_cause"] or "", BY_VERDICT[row["verdict"]])
@@ -66,6 +73,7 @@ def as_table() -> str:
         ("not auditable, and no cause is named", NOT_AUDITABLE),
         ("no stiction, and no cause is named", CLEARED),
         *((f"else, likely cause: {CAUSE_WORDS[code]}", step) for code, step in BY_CAUSE.items()),
+        ("valve sticks, but a neighbour may shake it", SHAKEN),
         ("repaired, and too little recorded since", WAIT),
     ]
     steps: dict[str, dict[str, None]] = {}

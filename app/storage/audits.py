@@ -15,6 +15,10 @@ UNFINISHED = ("planned", "running")
 TO_DO = ("open", "claimed")
 
 
+_MINE = audit_items.c.audit_id == audits.c.id
+_COMPLETE = (audits.c.state.in_(UNFINISHED), ~exists().where(_MINE, audit_items.c.state.in_(TO_DO)))
+
+
 @dataclass(frozen=True)
 class AuditRow:
     id: int
@@ -102,15 +106,19 @@ def set_running(connection: Connection, audit_id: int) -> None:
     )
 
 
-def end_if_complete(connection: Connection, audit_id: int | None = None) -> int:
-    """Ends the run (or all runs) that have nothing left to do: done, or partial where a loop failed."""
-    mine = audit_items.c.audit_id == audits.c.id
-    left = exists().where(mine, audit_items.c.state.in_(TO_DO))
-    failed = exists().where(mine, audit_items.c.state == "failed")
-    ending = update(audits).where(audits.c.state.in_(UNFINISHED), ~left)
-    if audit_id is not None:
-        ending = ending.where(audits.c.id == audit_id)
-    ending = ending.values(state=case((failed, "partial"), else_="done"), ended_at=now())
+def complete(connection: Connection) -> list[int]:
+    """The runs that have nothing left to do, and have not ended."""
+    return list(connection.scalars(select(audits.c.id).where(*_COMPLETE).order_by(audits.c.id)))
+
+
+def end_if_complete(connection: Connection, audit_id: int) -> int:
+    """Ends the run if it has nothing left to do: done, or partial where a loop failed."""
+    failed = exists().where(_MINE, audit_items.c.state == "failed")
+    ending = (
+        update(audits)
+        .where(audits.c.id == audit_id, *_COMPLETE)
+        .values(state=case((failed, "partial"), else_="done"), ended_at=now())
+    )
     return connection.execute(ending).rowcount
 
 

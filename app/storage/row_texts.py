@@ -15,21 +15,22 @@ Stamp = tuple[int, datetime, str]
 class RowTexts:
     """What one process has read of the newest rows: while a night runs, only the rows of new verdicts are read again.
 
-    A row is written once, with its verdict, and says the same as long as its loop's newest verdict is of the same run:
-    of the same number, begun at the same time. Safe to use from several threads: every entry is set whole.
+    A row is written with its verdict, may be reworded when its run ends, and says the same as long as its loop's newest
+    verdict is of the same run: of the same number, begun and ended at the same time. Safe to use from several threads:
+    every entry is set whole.
     """
 
     def __init__(self) -> None:
         self._kept: dict[int, tuple[Stamp, bytes]] = {}
 
     def of(
-        self, connection: Connection, rows: Sequence[SentRow], begun: Mapping[int, datetime], form: str
+        self, connection: Connection, rows: Sequence[SentRow], settled: Mapping[int, datetime], form: str
     ) -> dict[int, bytes]:
         """The stored JSON of the rows' loops by `loop_id`; a loop without one of this form is left out.
 
-        begun: when the rows' runs were begun.
+        settled: when the rows' runs were begun, or ended.
         """
-        stamps: dict[int, Stamp] = {number: (number, at, form) for number, at in begun.items()}
+        stamps: dict[int, Stamp] = {number: (number, at, form) for number, at in settled.items()}
         found: dict[int, bytes] = {}
         missing: list[SentRow] = []
         for row in rows:

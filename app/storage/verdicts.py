@@ -128,6 +128,37 @@ def _keep_rows(connection: Connection, new: Sequence[NewVerdict]) -> None:
     connection.execute(keeping, sorted(rows, key=lambda row: row["loop_id"]))
 
 
+@dataclass(frozen=True)
+class Reworded:
+    """A verdict that is stored, and what of it is to be other than it was."""
+
+    loop_id: int
+    audit_id: int
+    columns: dict[str, Any]
+    detail: bytes
+    row_json: str
+
+
+def reword(connection: Connection, changed: Sequence[Reworded]) -> None:
+    """Rewrites what these verdicts say; to be called in the transaction that ends their run, because what has been read
+    of a row is kept until then."""
+    for one in changed:
+        for table, values in (
+            (verdicts, one.columns),
+            (verdict_details, {"packed": one.detail}),
+            (newest_rows, {"row_json": one.row_json} | {n: v for n, v in one.columns.items() if n in KEPT}),
+        ):
+            mine = (table.c.loop_id == one.loop_id, table.c.audit_id == one.audit_id)
+            connection.execute(update(table).where(*mine).values(**values))
+
+
+def relied_on(connection: Connection, audit_id: int) -> dict[str, int]:
+    """The loops whose newest verdict is of this run and says reliably that the valve sticks: their keys by tag."""
+    query = select(loops.c.tag, loops.c.id).select_from(_newest_rows()).where(newest_rows.c.audit_id == audit_id)
+    sticks = and_(newest_rows.c.verdict == "stiction", newest_rows.c.reliability == "reliable")
+    return {tag: loop_id for tag, loop_id in connection.execute(query.where(sticks))}
+
+
 def pack_detail(detail: dict[str, Any]) -> bytes:
     return zstandard.ZstdCompressor(3).compress(json.dumps(detail, separators=(",", ":")).encode())
 
@@ -193,11 +224,13 @@ def texts(connection: Connection, loop_ids: Sequence[int], form: str) -> dict[in
     return {loop_id: text.encode() for loop_id, text in found}
 
 
-def begun(connection: Connection, audit_ids: Collection[int]) -> dict[int, datetime]:
-    """When each of these runs was begun: after a restore the number of a run may come again, with another time."""
+def settled(connection: Connection, audit_ids: Collection[int]) -> dict[int, datetime]:
+    """When each of these runs was begun, or ended, for then its rows may be reworded. After a restore the number of a
+    run may come again, with another time."""
     if not audit_ids:
         return {}
-    query = select(audits.c.id, audits.c.created_at).where(audits.c.id.between(min(audit_ids), max(audit_ids)))
+    last = func.coalesce(audits.c.ended_at, audits.c.created_at)
+    query = select(audits.c.id, last).where(audits.c.id.between(min(audit_ids), max(audit_ids)))
     return {audit_id: at for audit_id, at in connection.execute(query) if audit_id in audit_ids}
 
 

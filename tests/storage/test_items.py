@@ -71,10 +71,13 @@ def test_a_run_ends_once_nothing_is_left(database: Database, run: int) -> None:
     claims = claim(database, run, "a", 20)
     with database.write() as connection:
         items.finish(connection, claims[:19])
-        assert audits.end_if_complete(connection) == 0
+        assert audits.complete(connection) == []
+        assert audits.end_if_complete(connection, run) == 0
         items.fail(connection, [Failure(claims[19], "fault", "ValueError: x")])
-        assert audits.end_if_complete(connection) == 1
-        assert audits.end_if_complete(connection) == 0
+        assert audits.complete(connection) == [run]
+        assert audits.end_if_complete(connection, run) == 1
+        assert audits.complete(connection) == []
+        assert audits.end_if_complete(connection, run) == 0
     with database.read() as connection:
         assert audits.by_id(connection, run).state == "partial"
         assert [f.code for f in items.failures(connection, run, 10)] == ["fault"]
@@ -111,7 +114,7 @@ def test_a_loop_that_takes_its_worker_down_is_set_aside(database: Database, run:
             reopened = items.reopen_expired(connection, max_attempts=2, lease_s=60.0)
     assert reopened == Reopened(0, 20)
     with database.write() as connection:
-        assert audits.end_if_complete(connection) == 1
+        assert audits.end_if_complete(connection, run) == 1
         assert {f.code for f in items.failures(connection, run, 20)} == {"worker_lost"}
 
 

@@ -1,5 +1,6 @@
 """The one place where an Audit becomes JSON: the audit line and its flat twin for tables."""
 
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
@@ -104,10 +105,20 @@ def reliability_row(
         episode_start=newest["start"],
         episode_end=newest["end"],
         episode_probability=newest["probability"],
-        health_parts=";".join(f"{p['code']} {p['lost']:.1f}" for p in line["health_parts"] if p["lost"] > 0.0),
-        reasons=";".join(reason["code"] for reason in reasons),
-        reasons_text=". ".join(reason["text"] for reason in reasons),
+        **flat_reasons(reasons),
+        health_parts=flat_health(line["health_parts"]),
     ).model_dump(mode="json")
+
+
+def flat_reasons(reasons: Sequence[Mapping[str, str]]) -> dict[str, str]:
+    return {
+        "reasons": ";".join(reason["code"] for reason in reasons),
+        "reasons_text": ". ".join(reason["text"] for reason in reasons),
+    }
+
+
+def flat_health(parts: Iterable[Mapping[str, Any]]) -> str:
+    return ";".join(f"{part['code']} {part['lost']:.1f}" for part in parts if part["lost"] > 0.0)
 
 
 def _hammerstein(audit: Audit) -> HammersteinLine:

@@ -12,6 +12,7 @@ from app.engine.audit_config import AuditConfig
 from app.engine.recording import Recording
 from app.errors import LoopauditError
 from app.logs import about
+from app.services.auditing.ending import end_if_complete
 from app.services.auditing.limits import TimeLimitError, time_limit
 from app.services.auditing.recordings import origin_ns, recording_of
 from app.services.auditing.repairs import Window, windows_since_repair
@@ -177,9 +178,7 @@ def _write(backend: Backend, results: Sequence[Result], waiting: Sequence[Claim]
 
 
 def _settle(backend: Backend, audit_id: int) -> None:
-    with backend.database.write() as connection:
-        ended = audits.end_if_complete(connection, audit_id)
-    if ended:
+    if end_if_complete(backend, audit_id):
         return
     with backend.database.read() as connection:
         left = audits.progress(connection, [audit_id])[audit_id].open

@@ -43,6 +43,9 @@ _DOUBTS = {
     "pv_does_not_answer": "OP travels and PV does not answer at all: a stuck valve, or a dead transmitter.",
     "prior_only": "The probability is a prior between these two causes, not a measurement.",
 }
+_NEIGHBOURS = {
+    "shaken_by_neighbour": "The loop swings in step with one whose valve is likelier to stick; that one may shake it.",
+}
 _METHODS = {
     "published_methods": "How the published methods vote; they do not move the verdict.",
     "reference_disagrees": "The published rule says otherwise than the verdict.",
@@ -91,4 +94,4 @@ def _placeholder(found: re.Match[str]) -> str:
 
 _SHAPES = {f"shape_{name}": _shape(name) for name in NAMES if _shape(name)}
 
-REASON_WORDS = {**_DOUBTS, **_DATA, **_METHODS, **_EPISODES, **_REPAIRS, **_SIZE, **_SHAPES}
+REASON_WORDS = {**_DOUBTS, **_DATA, **_METHODS, **_EPISODES, **_REPAIRS, **_NEIGHBOURS, **_SIZE, **_SHAPES}

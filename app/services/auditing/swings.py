@@ -1,10 +1,12 @@
 """What is kept of an oscillation, between the engine and a few hundred characters of JSON."""
 
 import json
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
+from app.engine.plant_wide import Candidate
 from app.engine.swing import Swing
 
 STEPS = 999
@@ -32,6 +34,11 @@ def from_json(text: str) -> Swing:
     lines = (np.array(told.pop("re"), float) + 1j * np.array(told.pop("im"), float)) / STEPS
     bands = np.array(told.pop("bands"), float) / STEPS
     return Swing(**told, lines=lines / np.linalg.norm(lines), bands=bands)
+
+
+def candidates(rows: Iterable[Any]) -> list[Candidate]:
+    """Of rows of `verdicts.swings`."""
+    return [Candidate(row.tag, from_json(row.swing_json), row.stiction_probability, row.unit) for row in rows]
 
 
 def _steps(values: Any) -> list[int]:

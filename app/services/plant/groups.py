@@ -3,8 +3,8 @@
 import threading
 from typing import Any
 
-from app.engine.plant_wide import UNNAMED, Candidate, Group, groups
-from app.services.auditing.swings import from_json
+from app.engine.plant_wide import UNNAMED, Group, groups
+from app.services.auditing.swings import candidates
 from app.services.backend import Backend
 from app.services.moments import iso_utc, moment_of
 from app.services.results import GroupMember, GroupView
@@ -27,11 +27,12 @@ def plant_groups(backend: Backend) -> tuple[GroupView, ...]:
         rows = verdicts.swings(connection)
     with _finding:
         if state not in _found:
-            candidates = [Candidate(r.tag, from_json(r.swing_json), r.stiction_probability, r.unit) for r in rows]
             units = {row.tag: row.unit for row in rows}
             while len(_found) >= KEPT:
                 _found.pop(next(iter(_found)))
-            _found[state] = tuple(_view(number, found, units) for number, found in enumerate(groups(candidates), 1))
+            _found[state] = tuple(
+                _view(number, found, units) for number, found in enumerate(groups(candidates(rows)), 1)
+            )
         return _found[state]
 
 

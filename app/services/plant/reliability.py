@@ -90,13 +90,13 @@ def reliability_json(
     with backend.database.read() as connection:
         after = _after(cursor, sort)
         rows = verdicts.sent_rows(connection, limit + 1, name, sort.startswith("-"), filters, after)
-        begun = verdicts.begun(connection, {row.audit_id for row in rows})
+        settled = verdicts.settled(connection, {row.audit_id for row in rows})
     last = rows[limit - 1] if len(rows) > limit else None
     behind = encode(sort, last.value, last.tag) if last else None
     shown = rows[:limit]
-    runs = {str(number): at.isoformat() for number, at in sorted(begun.items())}
+    runs = {str(number): at.isoformat() for number, at in sorted(settled.items())}
     said = [FORM, behind, runs, [(row.loop_id, row.audit_id, row.unit) for row in shown]]
-    return TableAnswer(_digest(compact(said).encode()), lambda: _written(backend, shown, begun, behind))
+    return TableAnswer(_digest(compact(said).encode()), lambda: _written(backend, shown, settled, behind))
 
 
 def _digest(said: bytes) -> str:
@@ -145,11 +145,11 @@ def checked(limit: int, sort: str) -> str:
 
 
 def _written(
-    backend: Backend, rows: Sequence[SentRow], begun: Mapping[int, datetime], next_cursor: str | None
+    backend: Backend, rows: Sequence[SentRow], settled: Mapping[int, datetime], next_cursor: str | None
 ) -> bytes:
     """Each row's JSON as stored, else made from its columns; none where its verdict has been dropped meanwhile."""
     with backend.database.read() as connection:
-        texts = backend.row_texts.of(connection, rows, begun, FORM)
+        texts = backend.row_texts.of(connection, rows, settled, FORM)
         unwritten = [row.loop_id for row in rows if row.loop_id not in texts]
         made = verdicts.newest_of(connection, unwritten) if unwritten else {}
     units = {unit: f',"unit":{compact(unit)}}}'.encode() for unit in {row.unit for row in rows}}

@@ -8,6 +8,7 @@ from sqlalchemy.exc import OperationalError, SQLAlchemyError
 
 from app.errors import RequestError
 from app.services.auditing import audits as audit_runs
+from app.services.auditing.ending import end_if_complete
 from app.services.auditing.nightly import announce_explanations, nightly_if_due
 from app.services.backend import Backend
 from app.services.digests.deliveries import announce_digests
@@ -71,7 +72,8 @@ def sweep(backend: Backend) -> SweepReport:
     with backend.database.write() as connection:
         taken_back = items.reopen_expired(connection, settings.max_attempts, settings.lease_s)
         explanations.reopen_expired(connection, settings.max_attempts, settings.lease_s)
-        ended = audits.end_if_complete(connection)
+        complete = audits.complete(connection)
+    ended = sum(end_if_complete(backend, audit_id) for audit_id in complete)
     with backend.database.write() as connection:
         uploads.give_up(connection, settings.max_reading_attempts, settings.lease_s)
         unread = uploads.to_announce(connection, settings.stalled_s, settings.lease_s)

@@ -1,0 +1,73 @@
+"""What ends a run: its verdicts are heard beside their neighbours', because of loops that swing in step one shakes the
+others.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from sqlalchemy import Connection
+
+from app.engine.health import of_stiction
+from app.engine.judgement import Judgement
+from app.engine.plant_wide import Suspect, groups
+from app.services.auditing.audit_line import flat_health, flat_reasons
+from app.services.auditing.rows import as_row, fixed_part
+from app.services.auditing.swings import candidates
+from app.services.backend import Backend
+from app.storage import audits, verdicts
+from app.storage.verdicts import Reworded, pack_detail
+
+SHAKEN = "shaken_by_neighbour"
+
+
+def end_if_complete(backend: Backend, audit_id: int) -> bool:
+    """Whether the run has ended by this: nothing of it is left to do. May run twice at once."""
+    with backend.database.read() as connection:
+        if audit_id not in audits.complete(connection):
+            return False
+        doubts = _doubts(connection, audit_id)
+    with backend.database.write() as connection:
+        verdicts.reword(connection, doubts)
+        return bool(audits.end_if_complete(connection, audit_id))
+
+
+def _doubts(connection: Connection, audit_id: int) -> list[Reworded]:
+    """The verdicts of the run that are relied on, and that a neighbour's sticking valve explains as well."""
+    relied_on = verdicts.relied_on(connection, audit_id)
+    if not relied_on:
+        return []
+    shaken = {
+        suspect.tag: (suspect, group.suspects[0])
+        for group in groups(candidates(verdicts.swings(connection)))
+        for suspect in group.shaken
+        if suspect.tag in relied_on
+    }
+    rows = verdicts.newest_of(connection, [relied_on[tag] for tag in shaken])
+    return [
+        _reworded(row, verdicts.detail(connection, relied_on[tag], audit_id) or {}, relied_on[tag], *shaken[tag])
+        for tag, row in sorted(rows.items(), key=lambda found: relied_on[found[0]])
+        if row["audit_id"] == audit_id
+    ]
+
+
+def _reworded(
+    row: Mapping[str, Any], detail: Mapping[str, Any], loop_id: int, shaken: Suspect, source: Suspect
+) -> Reworded:
+    """The verdict and its probability stay: they are what the loop's own record says."""
+    probability = row["stiction_probability"]
+    text = (
+        f"PV swings in step with {source.tag} (coherence {shaken.coherence:.2f}), whose valve is likelier to stick "
+        f"({source.stiction_probability or 0.0:.2f} against {probability:.2f}) and may be what shakes this loop"
+    )
+    reasons = [{"code": SHAKEN, "text": text}, *detail.get("reasons", [])]
+    valve = asdict(of_stiction(Judgement("stiction", probability, "not_reliable", (), None)))
+    health = [valve if part["code"] == valve["code"] else part for part in detail.get("health", [])]
+    columns = {
+        "reliability": "not_reliable",
+        "health": round(100.0 - sum(part["lost"] for part in health), 1),
+        "health_parts": flat_health(health),
+        **flat_reasons(reasons),
+    }
+    told = pack_detail({**detail, "reasons": reasons, "health": health})
+    return Reworded(loop_id, row["audit_id"], columns, told, fixed_part(as_row({**row, **columns})))
