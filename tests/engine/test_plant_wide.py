@@ -130,6 +130,21 @@ def test_one_sticky_valve_that_shakes_ten_loops_is_the_likeliest_source(onset_s)
     assert lags[1:] == sorted(lags[1:])  # the loops were given ever longer lags behind the source
 
 
+def test_what_the_source_shakes_is_all_that_it_may_explain():
+    (found,) = (group for group in groups(candidates(0.0)) if group.in_step)
+    assert {suspect.tag for suspect in found.shaken} == set(SHAKEN)
+
+
+def test_nothing_is_shaken_where_no_source_is_named_or_only_shapes_are_alike():
+    one, two = wave("A", 300.0), wave("BB", 300.0, phase=1.0)
+    assert groups([one, two])[0].shaken == ()  # neither is likelier to stick than not
+    sticks = replace(two, stiction_probability=0.9)
+    assert [suspect.tag for suspect in groups([one, sticks])[0].shaken] == ["A"]
+    later = wave("BB", 300.0, start_s=40_000.0, unit="U1")
+    apart = groups([replace(one, unit="U1", stiction_probability=0.9), later])
+    assert [(group.in_step, group.shaken) for group in apart] == [(False, ())]
+
+
 def test_loops_with_a_swing_of_their_own_are_in_no_group():
     together = {suspect.tag for group in groups(candidates(0.0)) for suspect in group.suspects}
     assert together.isdisjoint(OTHERS)

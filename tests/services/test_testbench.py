@@ -8,7 +8,7 @@ import pytest
 
 from app.engine.simulate import first_order, integrator
 from app.services.testbench import __main__ as command
-from app.services.testbench import plots, tables
+from app.services.testbench import neighbours, plots, tables
 from app.services.testbench.building import build
 from app.services.testbench.case import HEALTHY, PLANTS, ordinary, wide
 from app.services.testbench.ladders import LADDERS, WIDE, Design, plan
@@ -148,3 +148,10 @@ def test_whole_audits_end_in_the_page(tmp_path):
     assert text.endswith("after\n")
     assert "old" not in text
     assert "### Valve model" in text
+
+
+def test_a_plant_heard_together_accuses_fewer_healthy_neighbours():
+    heard = [neighbours.hear(seed) for seed in (1000, 1010)]
+    assert all(one.accused and not one.left for one in heard)
+    assert all(one.source_named and one.source_kept for one in heard)
+    assert "; sticking valves relied on 2, 2 beside their neighbours; named as the source 2" in neighbours.report(heard)

@@ -1,0 +1,122 @@
+"""`python -m app.services.testbench.neighbours`: plants of a valve that sticks and healthy loops that it shakes.
+
+Prints how many healthy valves are accused reliably by their own record, and how many are left when the loops of a
+plant are heard beside each other.
+"""
+
+import argparse
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.engine.audit import Audit, audit
+from app.engine.plant_wide import Candidate, Group, groups
+from app.engine.recording import FloatArray
+from app.engine.simulate import LoopSpec, Pid, Signal, SimulatedLoop, TwoParameterValve, first_order, simulate_loop
+
+SOURCE = "source"
+SHAKEN_LOOPS = 4
+SAMPLES, INTERVAL_S = 2880, 5.0
+_SPANS = {"pv_limits": (-400.0, 600.0), "op_limits": (-400.0, 600.0), "pv_start": 60.0, "op_start": 50.0}
+
+
+@dataclass(frozen=True)
+class Heard:
+    """What was said of one plant. accused: healthy valves called sticky reliably, by tag."""
+
+    accused: frozenset[str]
+    left: frozenset[str]
+    source_relied_on: bool
+    source_kept: bool
+    source_named: bool
+
+
+def hear(seed: int) -> Heard:
+    """The plant of a seed: each loop audited by itself, then all of them together."""
+    rng = np.random.default_rng(seed)
+    source = sticking(rng, seed)
+    loops = {SOURCE: source} | {f"shaken {k}": shaken(source, rng, seed + k) for k in range(SHAKEN_LOOPS)}
+    audits = {tag: audit(loop.recording(tag)) for tag, loop in loops.items()}
+    together = groups(
+        [Candidate(t, a.swing, a.judgement.stiction_probability) for t, a in audits.items() if a.swing is not None]
+    )
+    sure = {tag for tag, found in audits.items() if _sure(found)}
+    doubted = _doubted(together)
+    return Heard(
+        accused=frozenset(sure - {SOURCE}),
+        left=frozenset(sure - doubted - {SOURCE}),
+        source_relied_on=SOURCE in sure,
+        source_kept=SOURCE in sure - doubted,
+        source_named=any(group.source == SOURCE for group in together),
+    )
+
+
+def _sure(found: Audit) -> bool:
+    return found.judgement.verdict == "stiction" and found.judgement.reliability == "reliable"
+
+
+def _doubted(together: tuple[Group, ...]) -> set[str]:
+    return {suspect.tag for group in together for suspect in group.shaken}
+
+
+def sticking(rng: np.random.Generator, seed: int) -> SimulatedLoop:
+    """A loop whose valve sticks, in its limit cycle."""
+    S, tau = float(rng.uniform(3.0, 10.0)), float(rng.uniform(10.0, 80.0))
+    spec = LoopSpec(
+        plant=first_order(float(rng.uniform(0.6, 1.6)), tau, tau * float(rng.uniform(0.1, 0.5))),
+        controller=Pid(float(rng.uniform(0.4, 1.0)), tau * float(rng.uniform(0.8, 1.5))),
+        valve=TwoParameterValve(S, S * float(rng.uniform(0.2, 1.0))),
+        load=Signal(value=2.5, noise_sd=0.15, noise_tau_s=300.0),
+        noise=Signal(noise_sd=0.05),
+        settle_s=3600.0,
+        **_SPANS,  # type: ignore[arg-type]
+    )
+    return simulate_loop(spec, SAMPLES * INTERVAL_S, INTERVAL_S, seed)
+
+
+def shaken(source: SimulatedLoop, rng: np.random.Generator, seed: int) -> SimulatedLoop:
+    """A healthy loop whose load is what the source's PV does, behind a lag."""
+    felt = _lagged(source.true_pv - source.sp, float(rng.uniform(2.0, 60.0)))
+    tau = float(rng.uniform(5.0, 150.0))
+    spec = LoopSpec(
+        plant=first_order(float(rng.uniform(0.6, 1.5)), tau, INTERVAL_S),
+        controller=Pid(float(rng.uniform(0.3, 1.2)), tau * float(rng.uniform(0.7, 2.0))),
+        load=Signal(steps=tuple(zip((source.time_s).tolist(), np.diff(felt, prepend=0.0).tolist(), strict=True))),
+        noise=Signal(noise_sd=float(rng.uniform(0.01, 0.15)) * float(np.std(felt))),
+        **_SPANS,  # type: ignore[arg-type]
+    )
+    return simulate_loop(spec, SAMPLES * INTERVAL_S, INTERVAL_S, seed)
+
+
+def _lagged(signal: FloatArray, lag_s: float) -> FloatArray:
+    share, out = 1.0 - float(np.exp(-INTERVAL_S / lag_s)), np.zeros(len(signal))
+    for k in range(1, len(signal)):
+        out[k] = out[k - 1] + share * (signal[k] - out[k - 1])
+    return out
+
+
+def report(heard: list[Heard]) -> str:
+    accused, left = (sum(len(getattr(one, name)) for one in heard) for name in ("accused", "left"))
+    relied_on, kept, named = (
+        sum(getattr(one, name) for one in heard) for name in ("source_relied_on", "source_kept", "source_named")
+    )
+    healthy = SHAKEN_LOOPS * len(heard)
+    return (
+        f"{healthy} healthy loops shaken by {len(heard)} valves that stick: {accused} accused reliably by their own "
+        f"records, {left} beside their neighbours; sticking valves relied on {relied_on}, {kept} beside their "
+        f"neighbours; named as the source {named}"
+    )
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="python -m app.services.testbench.neighbours", description=__doc__)
+    parser.add_argument("--plants", type=int, default=60)
+    parser.add_argument("--seed", type=int, default=1000)
+    options = parser.parse_args(arguments)
+    sys.stdout.write(report([hear(options.seed + 10 * k) for k in range(options.plants)]) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
