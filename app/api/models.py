@@ -29,7 +29,7 @@ class RejectOut(Read):
 class UploadListed(Read):
     """An export as it came, and what became of it, in short."""
 
-    id: str = Field(description="Identifier of the upload; the same content under the same name always has the same.")
+    id: str = Field(description="Identifier of the upload; the same content has the same, unless its name is its loop.")
     state: UploadState = Field(description="received -> reading -> done or failed.")
     filename: str = Field(description="Name under which it was sent.")
     size_bytes: int = Field(description="Size as it came, in bytes.")

@@ -98,7 +98,7 @@ class Client:
         time_zone: str | None = None,
         date_order: str | None = None,
     ) -> Upload:
-        """Sends an export; the same content under the same name, read in the same way, is the same upload.
+        """Sends an export; the same content, read in the same way, is the same upload.
 
         mapping: a file (CSV or JSON) that says which tag is which signal of which loop. time_zone: of stamps that name
         none (IANA). date_order: `day` or `month`, what stands first in dates that can be read in both orders.

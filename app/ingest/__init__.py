@@ -36,7 +36,7 @@ whose columns are asked for by name.
 """
 
 from app.ingest.align import align, carried
-from app.ingest.export import is_export_name, read_export, stem_of
+from app.ingest.export import is_export_name, read_export, stem_of, takes_its_name
 from app.ingest.exports import Export
 from app.ingest.grouping import MappedTag, TagMapping, group, mapping_text
 from app.ingest.inspection import InspectReport, LoopReport, inspect
@@ -85,6 +85,7 @@ __all__ = [
     "read_named",
     "read_recordings",
     "stem_of",
+    "takes_its_name",
     "to_recording",
     "warm_up",
 ]

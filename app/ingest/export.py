@@ -20,6 +20,7 @@ from app.ingest.stamps import check_time_zone
 from app.ingest.tables_in import open_parquet
 from app.ingest.workbooks import open_workbook
 
+_NO_NAME = "\ue000\ue001"  # of private letters
 SUFFIXES = (".csv", ".tsv", ".txt", ".tab", ".dat", ".parquet", ".pq", ".xlsx", ".xlsm", ".mat", ".gz")
 
 
@@ -90,6 +91,15 @@ def read_export(
         return _opened(path, stem_of(filename or path.name), mapping, options)
     except UNREADABLE as error:
         raise DataError("not_an_export", f"the file cannot be read: {in_short(error)}") from error
+
+
+def takes_its_name(path: Path, mapping: TagMapping | None = None) -> bool:
+    """Whether a file is read otherwise under another name, because its content does not name its loops; False where it
+    cannot be read."""
+    try:
+        return read_export(path, filename=_NO_NAME, mapping=mapping).takes_its_name()
+    except DataError:
+        return False
 
 
 def _opened(path: Path, stem: str, mapping: TagMapping | None, options: IngestOptions) -> Export:

@@ -11,7 +11,7 @@ from app.errors import DataError
 from app.ingest.align import stretches
 from app.ingest.date_order import CLOCKS_APART_NS
 from app.ingest.frames import UNREADABLE, RowReader, in_short
-from app.ingest.grouping import Grouping, TagMapping
+from app.ingest.grouping import Grouping, TagMapping, group
 from app.ingest.head import Head
 from app.ingest.long_table import LongTable
 from app.ingest.marks import DoubtfulMarks
@@ -62,6 +62,10 @@ class Export(ABC):
     @abstractmethod
     def loops(self) -> Iterator[LoopSamples]:
         """Each loop once, signals side by side; memory stays below `options.buffered_values` values and a chunk."""
+
+    @abstractmethod
+    def takes_its_name(self) -> bool:
+        """Whether, as far as its first rows show, a loop or a tag is called by the name of the file."""
 
     @abstractmethod
     def rejects(self) -> Rejects: ...
@@ -121,6 +125,15 @@ class TableExport(Export):
         if isinstance(plan, WidePlan):
             return WideTable(plan, self._grouping, self._options, self._log, self._tally)
         return LongTable(plan, self._grouping, self._options, self._log, self._tally)
+
+    def takes_its_name(self) -> bool:
+        plan, head = self._plan, self._source.head
+        if isinstance(plan, WidePlan):
+            tags = [value.tag for timed in plan.groups for value in timed.values]
+        else:
+            tags = list(dict.fromkeys(head.column(plan.tag, plan.first_row)))
+        loops = group(tags, self._mapping, head.stem)
+        return any(self.stem in name for name in (*tags, *(loop.loop for loop in loops)))
 
     def rejects(self) -> Rejects:
         return self._log.result()

@@ -50,6 +50,9 @@ class SheetsExport(Export):
             self._left_out[loop] = None
         return own
 
+    def takes_its_name(self) -> bool:
+        return any(sheet.takes_its_name() for sheet in self._sheets.values())
+
     def rejects(self) -> Rejects:
         each = {name: sheet.rejects() for name, sheet in self._sheets.items()}
         counts = sum((Counter(rejects.counts) for rejects in each.values()), Counter[str]())

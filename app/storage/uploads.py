@@ -70,6 +70,12 @@ def receive(connection: Connection, values: dict[str, Any]) -> tuple[UploadRow, 
     return UploadRow(*connection.execute(query).one()), created
 
 
+def keys_of(connection: Connection, fingerprint: str, reading_json: str) -> list[str]:
+    """The content keys of uploads of these bytes that are read so, the oldest first."""
+    same = (uploads.c.fingerprint == fingerprint, uploads.c.reading_json == reading_json)
+    return list(connection.scalars(select(uploads.c.content_key).where(*same).order_by(uploads.c.id)))
+
+
 def by_id(connection: Connection, upload_id: int) -> UploadRow | None:
     row = connection.execute(select(*COLUMNS).where(uploads.c.id == upload_id)).one_or_none()
     return None if row is None else UploadRow(*row)

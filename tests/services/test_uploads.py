@@ -104,12 +104,32 @@ def test_the_same_content_under_the_same_name_is_the_same_upload(backend: Backen
     assert len(list(backend.settings.uploads_dir.iterdir())) == 1
 
 
-def test_content_that_names_its_tags_adds_nothing_under_another_name(backend: Backend) -> None:
-    first = read(backend, send(backend, export()))
-    again = read(backend, send(backend, export(), name="other name.csv"))
-    assert again.id != first.id
-    assert (again.state, again.loops, again.samples_added) == ("done", first.loops, 0)
+def test_content_that_names_its_tags_is_the_same_upload_under_another_name(backend: Backend) -> None:
+    first = send(backend, export())
+    with uploads.receive(backend, filename="other name.csv") as receiving:
+        receiving.write(export())
+        again = receiving.commit()
+    assert (again.upload.id, again.upload.filename, again.created) == (first.id, "night.csv", False)
     assert len(list(backend.settings.uploads_dir.iterdir())) == 1
+    assert read(backend, send(backend, export(), name="third.csv")).id == first.id
+    berlin = ReadingOptions(time_zone="Europe/Berlin")
+    elsewhere = send(backend, export(), name="third.csv", options=berlin)
+    assert elsewhere.id != first.id
+    assert send(backend, export(), name="fourth.csv", options=berlin).id == elsewhere.id
+
+
+def test_content_that_cannot_be_read_is_the_same_upload_under_another_name(backend: Backend) -> None:
+    assert send(backend, b"\0\1\2", name="a.csv").id == send(backend, b"\0\1\2", name="b.csv").id
+
+
+def test_a_loop_without_a_name_is_another_upload_under_another_name(backend: Backend) -> None:
+    bare = export().replace(b"LIC2.", b"X").replace(b"FIC1.", b"")
+    first, other = (read(backend, send(backend, bare, name=f"{name}.csv")) for name in ("FIC7", "FIC8"))
+    assert (first.loops, other.loops) == (["FIC7"], ["FIC8"])
+    mapping = ReadingOptions(mapping=b"tag,loop,signal\nPV,A,PV\nOP,A,OP\nSP,A,SP\nMODE,A,MODE\n")
+    assert (
+        send(backend, bare, name="x.csv", options=mapping).id == send(backend, bare, name="y.csv", options=mapping).id
+    )
 
 
 def test_the_same_bytes_are_another_tag_under_another_name(backend: Backend) -> None:

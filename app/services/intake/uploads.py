@@ -1,4 +1,5 @@
-"""Uploads: stored and synced before they are acknowledged, the same content under the same name once."""
+"""Uploads: stored and synced before they are acknowledged, the same content once: under another name too, unless that
+says what the content does not."""
 
 import hashlib
 import json
@@ -10,7 +11,7 @@ from typing import Any, Self
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from app.errors import NotFoundError, RequestError
-from app.ingest import TagMapping, mapping_text, stem_of
+from app.ingest import TagMapping, mapping_text, stem_of, takes_its_name
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.intake.synced import SyncedFile
@@ -71,20 +72,34 @@ class Receiving:
             raise RequestError("empty_upload", "the upload has no bytes")
         fingerprint = self._file.sync()
         self._file.close()
-        values = {
-            **self._values,
-            "content_key": _content_key(fingerprint, self._values["reading_json"], self._values["filename"]),
-            "fingerprint": fingerprint,
-            "size_bytes": self._file.size,
-        }
-        with self._backend.database.write() as connection:
-            uploads.lock_bytes(connection, fingerprint)  # retention may be about to drop old bytes of that name
-            self._keep(fingerprint)
-            row, created = uploads.receive(connection, values)
-            again = uploads.try_again(connection, row.id)
+        key = _content_key(fingerprint, self._values["reading_json"], self._values["filename"])
+        values = {**self._values, "fingerprint": fingerprint, "size_bytes": self._file.size}
+        named: bool | None = None
+        while (registered := self._register(values, key, named)) is None:
+            named = self._takes_its_name()
+        row, created, again = registered
         if created or again:
             self._backend.queue.read_upload(row.id)
         return Receipt(get_upload(self._backend, str(row.id)), created)
+
+    def _register(self, values: dict[str, Any], key: str, named: bool | None) -> tuple[UploadRow, bool, bool] | None:
+        """The upload, whether it is new and whether it is read again. named: whether the name belongs to the content;
+        where that has to be known and is not (None), nothing is done."""
+        fingerprint = values["fingerprint"]
+        with self._backend.database.write() as connection:
+            uploads.lock_bytes(connection, fingerprint)  # retention may be about to drop old bytes of that name
+            keys = uploads.keys_of(connection, fingerprint, values["reading_json"])
+            if keys and key not in keys:
+                if named is None:
+                    return None
+                key = key if named else keys[0]
+            self._keep(fingerprint)
+            row, created = uploads.receive(connection, {**values, "content_key": key})
+            return row, created, uploads.try_again(connection, row.id)
+
+    def _takes_its_name(self) -> bool:
+        mapping = json.loads(self._values["reading_json"]).get("mapping")
+        return takes_its_name(self._draft, mapping and TagMapping.from_bytes(mapping.encode()))
 
     def _keep(self, fingerprint: str) -> None:
         self._draft.rename(path_of(self._backend, fingerprint))
@@ -175,7 +190,7 @@ def path_of(backend: Backend, fingerprint: str) -> Path:
 
 def _content_key(fingerprint: str, reading_json: str, filename: str) -> str:
     """The name is part of it, because it is the tag where the content names none: FIC201.SP.csv may have the bytes of
-    FIC202.SP.csv. Content that names its tags adds no samples when it is read under another name."""
+    FIC202.SP.csv. Content that names its tags keeps the key of the name under which it came first."""
     return hashlib.sha256(f"{fingerprint} {reading_json} {stem_of(filename)}".encode()).hexdigest()
 
 
