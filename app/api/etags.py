@@ -1,12 +1,17 @@
 """Answers that dashboards ask for again and again: sent only where they have changed."""
 
 import hashlib
+import json
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
+NOT_MODIFIED: dict[int | str, dict[str, Any]] = {
+    304: {"description": "Nothing has changed since the answer whose ETag is in If-None-Match."}
+}
 PART = 1 << 20  # bytes of an answer sent at once
 
 
@@ -27,6 +32,10 @@ def tagged(request: Request, body: str, media_type: str, headers: Mapping[str, s
     return versioned(request, hashlib.sha256(content).hexdigest()[:32], lambda: content, media_type, headers)
 
 
+def tag_of(fields: Mapping[str, Any]) -> str:
+    return f'W/"{hashlib.sha256(json.dumps(fields, sort_keys=True).encode()).hexdigest()[:32]}"'
+
+
 def versioned(
     request: Request,
     version: str,
@@ -42,7 +51,8 @@ def versioned(
     return InParts(write(), media_type=media_type, headers=own)
 
 
-def known(if_none_match: str, tag: str) -> bool:
-    """Compared weakly (RFC 9110, 13.1.2)."""
-    given = {part.strip().removeprefix("W/") for part in if_none_match.split(",")}
+def known(condition: str, tag: str) -> bool:
+    """Whether If-None-Match or If-Match names a tag; compared weakly (RFC 9110, 13.1.2): who waits for changes of a
+    loop asks what it says, not which bytes say it."""
+    given = {part.strip().removeprefix("W/") for part in condition.split(",")}
     return "*" in given or tag.removeprefix("W/") in given

@@ -3,12 +3,13 @@
 from datetime import datetime
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Header, Query
 from fastapi.exceptions import RequestValidationError
 from starlette.requests import Request
+from starlette.responses import Response
 
 from app.api.backend import Cursor, IsoTime, Limit, Services
-from app.api.etags import tagged
+from app.api.etags import NOT_MODIFIED, known, tag_of, tagged
 from app.api.models import HealthOut, LoopOut, LoopPage, LoopPatch, TrendOut, VerdictPage
 from app.api.paths import LoopTag
 from app.api.problems import responses
@@ -23,6 +24,7 @@ Unit = Annotated[str | None, Query(max_length=200, description="Plant unit.")]
 Points = Annotated[int, Query(ge=2, le=10000, description="About how many points are wanted.")]
 Instant = Annotated[IsoTime | None, Query(description="ISO 8601; without an offset it is UTC.")]
 From = Annotated[IsoTime | None, Query(alias="from", description="Another name of start, as explanations have it.")]
+IfMatch = Annotated[str | None, Header(max_length=500, description="ETag of the loop as it is to be changed.")]
 To = Annotated[IsoTime | None, Query(alias="to", description="Another name of end, as explanations have it.")]
 
 # The routes with more behind the tag come first: a tag may hold slashes.
@@ -80,13 +82,22 @@ def one_of(name: str, moment: datetime | None, other: datetime | None) -> dateti
     return other if moment is None else moment
 
 
-@router.get("/loops/{tag:path}", response_model=LoopOut, responses=responses(404), summary="One loop")
-def loop(backend: Services, tag: LoopTag) -> Any:
-    return service.get_loop(backend, tag)
+@router.get("/loops/{tag:path}", response_model=LoopOut, responses=NOT_MODIFIED | responses(404), summary="One loop")
+def loop(request: Request, response: Response, backend: Services, tag: LoopTag) -> Any:
+    """A loop with an ETag, which changes with what is said of it and with its samples."""
+    view = service.get_loop(backend, tag)
+    own = response.headers["ETag"] = tag_of(vars(view))
+    if known(request.headers.get("If-None-Match", ""), own):
+        return Response(status_code=304, headers={"ETag": own})
+    return view
 
 
 @router.patch(
-    "/loops/{tag:path}", response_model=LoopOut, responses=responses(404, 422), summary="Say more about a loop"
+    "/loops/{tag:path}", response_model=LoopOut, responses=responses(404, 412, 422), summary="Say more about a loop"
 )
-def patch(backend: Services, tag: LoopTag, changes: LoopPatch) -> Any:
-    return service.patch_loop(backend, tag, changes.model_dump(exclude_unset=True))
+def patch(response: Response, backend: Services, tag: LoopTag, changes: LoopPatch, if_match: IfMatch = None) -> Any:
+    """What it answers has the ETag that the loop has from now on."""
+    only_if = None if if_match is None else lambda view: known(if_match, tag_of(vars(view)))
+    view = service.patch_loop(backend, tag, changes.model_dump(exclude_unset=True), only_if)
+    response.headers["ETag"] = tag_of(vars(view))
+    return view

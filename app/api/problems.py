@@ -31,6 +31,7 @@ STATUS_BY_CODE = {
     "media_type": HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
     "content_encoding": HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
     "wrong_state": HTTPStatus.CONFLICT,
+    "changed_meanwhile": HTTPStatus.PRECONDITION_FAILED,
 }
 
 CODE_BY_STATUS = {

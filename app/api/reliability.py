@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field
 from starlette.requests import Request
 
 from app.api.backend import Services
-from app.api.etags import tagged, versioned
+from app.api.etags import NOT_MODIFIED, tagged, versioned
 from app.api.models import ReliabilityPage
 from app.api.problems import responses
 from app.errors import RequestError
@@ -23,7 +23,7 @@ COLUMNS = tuple(ReliabilityRow.model_fields)
 CHOOSABLE = (*COLUMNS, *service.OF_LOOP)
 CSV: dict[int | str, dict[str, Any]] = {
     200: {"content": {"text/csv": {"schema": {"type": "string"}}}},
-    304: {"description": "Nothing has changed since the answer whose ETag is in If-None-Match."},
+    **NOT_MODIFIED,
 }
 
 router = APIRouter(tags=["reliability"])

@@ -74,8 +74,10 @@ def ids_of(connection: Connection, tags: Sequence[str]) -> dict[str, int]:
     return {row.tag: row.id for row in connection.execute(query, asked)}
 
 
-def by_tag(connection: Connection, tag: str) -> LoopRow | None:
-    return _one(connection, select(*COLUMNS).where(loops.c.tag == tag))
+def by_tag(connection: Connection, tag: str, to_change: bool = False) -> LoopRow | None:
+    """to_change: nobody else changes it until the transaction ends."""
+    query = select(*COLUMNS).where(loops.c.tag == tag)
+    return _one(connection, query.with_for_update(key_share=True, of=loops) if to_change else query)
 
 
 def by_ids(connection: Connection, ids: Iterable[int]) -> dict[int, LoopRow]:

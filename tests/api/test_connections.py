@@ -122,7 +122,9 @@ def test_the_csv_twin_has_the_same_cells(client):
     assert [int(row["audited_at_ms"]) for row in csv_rows] == [row["audited_at_ms"] for row in json_rows]
 
 
-@pytest.mark.parametrize("url", ["/v1/reliability", "/v1/reliability?format=csv", "/v1/loops/FIC101/health"])
+@pytest.mark.parametrize(
+    "url", ["/v1/reliability", "/v1/reliability?format=csv", "/v1/loops/FIC101/health", "/v1/loops/FIC101"]
+)
 def test_what_has_not_changed_is_not_sent_again(client, url):
     tag = client.get(url).headers["ETag"]
     for known in (tag, tag.removeprefix("W/"), f'"other", {tag}', "*"):
@@ -136,6 +138,27 @@ def test_a_change_of_a_loop_changes_the_tag(client):
     client.patch("/v1/loops/FIC101", json={"unit": "area 9"})
     after = client.get("/v1/reliability", headers={"If-None-Match": before})
     assert (after.status_code, after.headers["ETag"] != before) == (200, True)
+
+
+def test_a_change_answers_with_the_tag_that_the_loop_has_then(client):
+    before = client.get("/v1/loops/FIC101").headers["ETag"]
+    changed = client.patch("/v1/loops/FIC101", json={"unit": "area 7"})
+    after = client.get("/v1/loops/FIC101")
+    assert changed.headers["ETag"] == after.headers["ETag"] != before
+    assert changed.json() == after.json()
+
+
+def test_a_loop_is_changed_only_as_it_was_known(client):
+    known = client.get("/v1/loops/FIC101").headers["ETag"]
+    first = client.patch("/v1/loops/FIC101", json={"unit": "area 5"}, headers={"If-Match": known})
+    late = client.patch("/v1/loops/FIC101", json={"description": "late"}, headers={"If-Match": known})
+    assert (first.status_code, late.status_code, late.json()["code"]) == (200, 412, "changed_meanwhile")
+    loop = client.get("/v1/loops/FIC101").json()
+    assert (loop["unit"], loop["description"]) == ("area 5", None)
+    again = {"If-Match": f'"other", {first.headers["ETag"]}'}
+    assert client.patch("/v1/loops/FIC101", json={"description": "now"}, headers=again).status_code == 200
+    assert client.patch("/v1/loops/FIC101", json={"unit": None}, headers={"If-Match": "*"}).status_code == 200
+    assert client.patch("/v1/loops/none", json={"unit": None}, headers={"If-Match": "*"}).status_code == 404
 
 
 def test_a_run_changes_the_tag(client, backend):

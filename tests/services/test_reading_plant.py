@@ -2,6 +2,7 @@
 
 import base64
 import json
+import threading
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta, timezone
 
@@ -312,6 +313,24 @@ def test_loops_are_listed_found_and_changed(plant: Backend) -> None:
             loops.patch_loop(plant, "FIC1", bad)
     with pytest.raises(NotFoundError):
         loops.get_loop(plant, "fic1")
+
+
+def test_two_who_change_a_loop_at_once_lose_nothing(untouched: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second one comes while the first looks at what there is."""
+    look, others = loops._check_spans, []
+
+    def second(wanted: dict[str, object]) -> None:
+        monkeypatch.setattr(loops, "_check_spans", look)
+        thread = threading.Thread(target=loops.patch_loop, args=(untouched, "FIC1", {"unit": "U2"}))
+        thread.start()
+        others.append(thread)
+        thread.join(0.5)
+
+    monkeypatch.setattr(loops, "_check_spans", second)
+    loops.patch_loop(untouched, "FIC1", {"description": "feed"})
+    others[0].join()
+    found = loops.get_loop(untouched, "FIC1")
+    assert (found.unit, found.description) == ("U2", "feed")
 
 
 def test_a_loop_without_verdict_says_so(backend: Backend, add_loops: AddLoops) -> None:

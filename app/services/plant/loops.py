@@ -1,7 +1,7 @@
 """The plant's loops, each with its newest verdict and its history."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from sqlalchemy import Connection
@@ -40,24 +40,37 @@ def get_loop(backend: Backend, tag: str) -> LoopView:
     return _view(find(backend, tag))
 
 
-def patch_loop(backend: Backend, tag: str, changes: Mapping[str, Any]) -> LoopView:
-    """Sets what `changes` names (None, or blanks, forget it). Raises RequestError for an unknown field, a span that is
-    none, and ("unknown_type") for a type that is neither of `KNOWN_TYPES` nor of a loop of this plant.
+def patch_loop(
+    backend: Backend, tag: str, changes: Mapping[str, Any], only_if: Callable[[LoopView], bool] | None = None
+) -> LoopView:
+    """Sets what `changes` names (None, or blanks, forget it), where `only_if` holds of the loop as it is; nobody else
+    changes it meanwhile. Raises RequestError for an unknown field, a span that is none, ("unknown_type") for a type
+    that is neither of `KNOWN_TYPES` nor of a loop of this plant, and ("changed_meanwhile") where `only_if` does not
+    hold.
     """
-    row = find(backend, tag)
-    unknown = sorted(set(changes) - set(SETTABLE))
-    if unknown:
-        raise RequestError("unknown_field", f"a loop has no {unknown[0]!r} to set; it has {', '.join(SETTABLE)}")
+    unknown_fields = sorted(set(changes) - set(SETTABLE))
+    if unknown_fields:
+        raise RequestError("unknown_field", f"a loop has no {unknown_fields[0]!r} to set; it has {', '.join(SETTABLE)}")
+    with backend.database.write() as connection:
+        row = loops.by_tag(connection, tag, to_change=True)
+        if row is None:
+            raise unknown(tag)
+        if only_if is not None and not only_if(_view(row)):
+            text = f"loop {tag!r} is not as the request takes it to be: get it again and look at what has changed"
+            raise RequestError("changed_meanwhile", text)
+        loops.change(connection, row.id, _wanted(connection, row, changes))
+        return _view(loops.by_ids(connection, [row.id])[row.id])
+
+
+def _wanted(connection: Connection, row: LoopRow, changes: Mapping[str, Any]) -> dict[str, Any]:
     wanted = {name: changes.get(name, getattr(row, name)) for name in SETTABLE}
     wanted |= {name: _stripped(wanted[name]) for name in WORDS if name in changes}
     if wanted["importance"] is None:
         wanted["importance"] = 1.0
     _check_spans(wanted)
-    with backend.database.write() as connection:
-        if wanted["type"] != row.type:
-            _check_type(connection, wanted["type"])
-        loops.change(connection, row.id, wanted)
-    return get_loop(backend, tag)
+    if wanted["type"] != row.type:
+        _check_type(connection, wanted["type"])
+    return wanted
 
 
 def loop_health(backend: Backend, tag: str) -> dict[str, Any]:
