@@ -15,7 +15,7 @@ import typer
 
 from app.cli.mapping import MappingOption, mapping_bytes
 from app.cli.messages import ExitCode, progress, say
-from app.cli.outputs import is_stream, written
+from app.cli.outputs import is_stream, part_of, written
 from app.cli.stamps import DateOrderOption, TimeZoneOption, read_in
 from app.errors import DataError, LoopauditError
 
@@ -94,12 +94,12 @@ def audit(
     files = recording_files(paths)
     audited: list[AuditedFile] = []
     try:
-        with written(out, read_files(files, paths, mapping, out)) as stream:
-            _audit_into(stream, audited, audit_files(files, jobs, how), len(files), format_, is_stream(out))
+        with written(out, read_files(files, paths, mapping, out), part_of(out)) as stream:
+            _audit_into(stream, audited, audit_files(files, jobs, how), len(files), format_)
             if (code := exit_code(audited, paths)) is ExitCode.NOTHING_USABLE:
                 raise typer.Exit(code)  # and what was in the file stays
     except KeyboardInterrupt:
-        say(interrupted(len(audited), len(files), out))
+        say(interrupted(audited, len(files), out))
         raise
     raise typer.Exit(code)
 
@@ -110,9 +110,8 @@ def _audit_into(
     results: Iterator[AuditedFile],
     files: int,
     format_: Format,
-    keep_part: bool,
 ) -> None:
-    """Gathers the results and writes them; of an interrupted audit, where `keep_part`, those that it came to."""
+    """Gathers the results and writes them; of an interrupted audit those that it came to."""
     try:
         with progress("auditing", files) as advance:
             for result in results:
@@ -123,8 +122,7 @@ def _audit_into(
                 if format_ is Format.jsonl:
                     write_jsonl(stream, result.lines)
     except KeyboardInterrupt:
-        if keep_part:
-            write_rest(stream, format_, audited)
+        write_rest(stream, format_, audited)
         raise
     write_rest(stream, format_, audited)
 
@@ -159,9 +157,13 @@ def read_files(files: list[Path], named: list[Path], mapping: Path | None, out: 
     return read
 
 
-def interrupted(done: int, files: int, out: Path | None) -> str:
-    kept = "what was found so far is written" if is_stream(out) else f"{out} is left as it was"
-    return f"loopaudit: interrupted, {done} of {files} files audited; {kept}"
+def interrupted(audited: list[AuditedFile], files: int, out: Path | None) -> str:
+    kept = "what was found so far is written"
+    if not is_stream(out):
+        found = any(result.lines for result in audited)
+        kept = f"what was found so far is in {part_of(out)}; " if found else ""
+        kept += f"{out} is left as it was"
+    return f"loopaudit: interrupted, {len(audited)} of {files} files audited; {kept}"
 
 
 def audit_files(files: list[Path], jobs: int, how: Reading) -> Iterator[AuditedFile]:

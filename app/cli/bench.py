@@ -50,9 +50,14 @@ def bench(
     from app.services.bench import running
     from app.services.bench.page import performance_page, summary
 
-    refuse_outputs([page], [out])
+    refuse_outputs([out, page])
     wanted = running.Wanted([s.value for s in sections or list(Section)], quick, postgres, redis, recordings)
-    figures = running.run(wanted, out, lambda text: say(f"loopaudit bench: {text}"))
+
+    def keep(text: str) -> None:
+        with written(out) as stream:
+            stream.write(text)
+
+    figures = running.run(wanted, running.read(out), keep, lambda text: say(f"loopaudit bench: {text}"))
     if page is not None:
         with written(page, [out]) as stream:
             stream.write(performance_page(figures))

@@ -16,21 +16,27 @@ NEW_FILE_MODE = 0o666
 
 
 @contextmanager
-def written(out: Path | None, inputs: Iterable[Path] = ()) -> Iterator[IO[str]]:
+def written(out: Path | None, inputs: Iterable[Path] = (), part: Path | None = None) -> Iterator[IO[str]]:
     """A stream to write `out` with; stdout, which stays open, where there is none.
 
-    What was in the file stays until all is written, and for good where something fails on the way. Devices and pipes
-    are written as they are. Raises RequestError as `refuse_outputs` does, before anything is written.
+    What was in the file stays until all is written, and for good where something fails on the way; where the command
+    is interrupted, what it wrote until then goes to `part`, if anything. Devices and pipes are written as they are.
+    Raises RequestError as `refuse_outputs` does, before anything is written.
     """
-    refuse_outputs([out], inputs)
+    refuse_outputs([out, None if is_stream(out) else part], inputs)
     if out is None or os.path.abspath(out) in STDOUT:
         yield sys.stdout
     elif is_stream(out):
         with out.open("w", encoding="utf-8", newline="") as stream:
             yield stream
     else:
-        with _replacing(Path(os.path.realpath(out))) as stream:
+        with _replacing(Path(os.path.realpath(out)), part) as stream:
             yield stream
+
+
+def part_of(out: Path | None) -> Path | None:
+    """Where a part of `out` is kept, in the folder that it is in."""
+    return None if out is None else Path(f"{os.path.realpath(out) if out.is_symlink() else out}.part")
 
 
 def is_stream(out: Path | None) -> bool:
@@ -66,8 +72,9 @@ def _same(out: Path, file: Path) -> bool:
 
 
 @contextmanager
-def _replacing(target: Path) -> Iterator[IO[str]]:
-    """Writes beside the target, with the rights that it has or would get, and takes its place when all is on disk."""
+def _replacing(target: Path, part: Path | None) -> Iterator[IO[str]]:
+    """Writes beside the target, with the rights that it has or would get, and takes its place when all is on disk; that
+    of the part where it is interrupted."""
     try:
         number, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
     except OSError as error:
@@ -80,7 +87,9 @@ def _replacing(target: Path) -> Iterator[IO[str]]:
             stream.flush()
             os.fsync(stream.fileno())
         draft.replace(target)
-    except BaseException:
+    except BaseException as error:
+        if part is not None and isinstance(error, KeyboardInterrupt) and draft.stat().st_size:
+            draft.replace(part)
         with suppress(FileNotFoundError):
             draft.unlink()
         raise

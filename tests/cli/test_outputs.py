@@ -12,8 +12,9 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from app.cli.main import cli
-from app.cli.outputs import refuse_outputs, written
+from app.cli.outputs import part_of, refuse_outputs, written
 from app.errors import RequestError
+from app.services.bench import running
 
 FULL = Path("/dev/full")
 
@@ -185,21 +186,65 @@ def test_an_interrupt_ends_an_audit_soon_and_keeps_what_was_found(jobs, kept, tm
     assert told == f"loopaudit: interrupted, {len(found)} of 400 files audited; what was found so far is written\n"
 
 
-def test_an_interrupt_leaves_a_file_as_it_was(kept, tmp_path):
-    folder, out = tmp_path / "in", tmp_path / "verdicts.csv"
+@pytest.mark.parametrize("form", ["csv", "jsonl"])
+def test_an_interrupt_leaves_a_file_as_it_was_and_keeps_what_was_found_beside_it(form, kept, tmp_path):
+    folder, out, part = tmp_path / "in", tmp_path / f"verdicts.{form}", tmp_path / f"verdicts.{form}.part"
     folder.mkdir()
     out.write_text("yesterday\n")
     for number in range(400):
         (folder / f"L{number:03}.csv").write_bytes(kept.read_bytes())
-    done = in_a_process("audit", folder, "--jobs", "1", "--format", "csv", "--out", out, start_new_session=True)
-    while not list(tmp_path.glob(".verdicts.csv.*.part")) and done.poll() is None:
-        time.sleep(0.05)
+    (folder / "L005.csv").write_text("time,temp\n")  # of which it is told, so that it is known how far the audit came
+    done = in_a_process("audit", folder, "--jobs", "1", "--format", form, "--out", out, start_new_session=True)
+    told = done.stderr.readline()
     os.killpg(done.pid, signal.SIGINT)
-    told = done.communicate(timeout=60)[1]
+    told += done.communicate(timeout=60)[1]
     assert done.returncode == 130
-    assert told.endswith(f"{out} is left as it was\n")
+    assert told.endswith(f"what was found so far is in {part}; {out} is left as it was\n")
     assert out.read_text() == "yesterday\n"
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "verdicts.csv"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in", out.name, part.name]
+    lines = part.read_text().splitlines()[form == "csv" :]
+    assert 5 <= len(lines) < 400
+    assert all(f"L{number:03}" in line for number, line in zip((0, 1, 2, 3, 4, 6), lines, strict=False))
+
+
+def test_an_interrupt_before_anything_is_found_leaves_nothing(kept, tmp_path):
+    out = tmp_path / "verdicts.csv"
+    writing = written(out, part=part_of(out))
+    writing.__enter__()
+    assert not writing.__exit__(KeyboardInterrupt, KeyboardInterrupt(), None)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_part_is_never_one_of_the_files_that_are_read(kept, tmp_path):
+    given = tmp_path / "verdicts.csv.part"
+    given.write_bytes(kept.read_bytes())
+    result = run("audit", given, "--out", tmp_path / "verdicts.csv")
+    assert (result.exception.code, given.read_bytes()) == ("output_is_input", kept.read_bytes())
+
+
+def test_figures_of_a_bench_that_breaks_off_stay(tmp_path, monkeypatch):
+    out = tmp_path / "bench.json"
+    known = {"format": 1, "sections": {"plant": {"took_s": 1.5}}}
+    out.write_text(json.dumps(known))
+    monkeypatch.setitem(running.SECTIONS, "search", lambda bench: {"fits": 1.23456})
+
+    def no_room(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as full:
+        full.setattr(os, "fsync", no_room)
+        assert run("bench", "search", "--quick", "--out", out).exit_code != 0
+    assert json.loads(out.read_text()) == known
+    assert list(tmp_path.iterdir()) == [out]
+    assert run("bench", "search", "--quick", "--out", out).exit_code == 0
+    sections = json.loads(out.read_text())["sections"]
+    assert (sections["plant"], sections["search"]["fits"]) == ({"took_s": 1.5}, 1.235)
+
+
+def test_figures_and_page_of_a_bench_are_two_files_in_folders_that_are_there(tmp_path):
+    same = run("bench", "search", "--quick", "--out", tmp_path / "a", "--page", tmp_path / "a")
+    nowhere = run("bench", "search", "--quick", "--out", tmp_path / "none" / "a")
+    assert (same.exception.code, nowhere.exception.code) == ("outputs_same", "file")
 
 
 def test_a_report_is_not_written_over_the_data_base(tmp_path, monkeypatch):

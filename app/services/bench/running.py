@@ -34,17 +34,20 @@ class Wanted:
     recordings: Path | None
 
 
-def run(wanted: Wanted, out: Path, tell: Callable[[str], None]) -> Figures:
-    """The figures in `out` with those of the wanted sections made anew, written after each section."""
+def run(wanted: Wanted, known: Figures, keep: Callable[[str], None], tell: Callable[[str], None]) -> Figures:
+    """The figures that are known, with those of the wanted sections made anew; kept, as JSON, after each section."""
     choose()
+    figures = known
     with tempfile.TemporaryDirectory(prefix="loopaudit-bench-") as folder:
         sizes = QUICK if wanted.quick else FULL
         bench = Bench(sizes, wanted.postgres, wanted.redis, Path(folder), wanted.recordings, tell)
         for name in wanted.sections:
             found = _measured(bench, name) | {"quick": wanted.quick, "machine": machine.describe()}
-            known = read(out)
-            write(out, {"format": FORMAT, "sections": {**known.get("sections", {}), name: found}})
-    return read(out)
+            made = {"format": FORMAT, "sections": {**figures.get("sections", {}), name: found}}
+            text = json.dumps(_rounded(made), indent=1, sort_keys=True)
+            keep(text + "\n")
+            figures = json.loads(text)
+    return figures
 
 
 def _measured(bench: Bench, name: str) -> Figures:
@@ -66,11 +69,6 @@ def read(path: Path) -> Figures:
         return {}
     known = json.loads(path.read_text(encoding="utf-8"))
     return known if known.get("format") == FORMAT else {}
-
-
-def write(path: Path, figures: Figures) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(_rounded(figures), indent=1, sort_keys=True) + "\n", encoding="utf-8")
 
 
 def _rounded(value: Any) -> Any:
