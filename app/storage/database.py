@@ -22,7 +22,7 @@ class Database:
     """
 
     def __init__(self, url: str, *, statement_timeout_s: float = 15.0, pool_size: int = 5) -> None:
-        self.url: URL = _parsed(url)
+        self.url: URL = parsed(url)
         self.is_sqlite = self.url.get_backend_name() == "sqlite"
         if self.is_sqlite:
             self._writer, self._reader = _sqlite(self.url, writes=True), _sqlite(self.url, writes=False)
@@ -52,7 +52,7 @@ class Database:
         self._reader.dispose()
 
 
-def _parsed(url: str) -> URL:
+def parsed(url: str) -> URL:
     """Raises RequestError where this is no address of PostgreSQL or SQLite; the driver is the one that we install."""
     try:
         parsed = make_url(url)

@@ -200,6 +200,38 @@ def test_nothing_is_brought_back_under_a_running_service(plant, tmp_path):
     backups.restore(plant.settings, tmp_path / "kept", force=True)
 
 
+def test_nothing_is_brought_back_under_a_service_on_another_data_folder(plant, tmp_path):
+    """Where the data base is a server, each machine has a data folder of its own, or none that is kept."""
+    if plant.settings.embedded:
+        pytest.skip("the data base is in the folder")
+    backups.backup(plant.settings, tmp_path / "kept")
+    before = contents(plant)
+    elsewhere = plant.settings.model_copy(update={"data_dir": tmp_path / "elsewhere"})
+    with at_work(elsewhere), at_work(elsewhere):
+        with pytest.raises(RequestError, match="data base, from another data folder") as refused:
+            backups.restore(plant.settings, tmp_path / "kept", force=True)
+        assert refused.value.code == "still_running"
+        assert contents(plant) == before
+    with alone(plant.settings), pytest.raises(RequestError, match="into the data base") as refused, at_work(elsewhere):
+        pass
+    assert refused.value.code == "being_restored"
+    plant.database.close()
+    backups.restore(plant.settings, tmp_path / "kept", force=True)
+
+
+def test_a_service_starts_where_the_data_base_is_away(tmp_path):
+    settings = Settings(data_dir=tmp_path, database_url="postgresql+psycopg://who@127.0.0.1:1/none")
+    with at_work(settings), at_work(settings):
+        pass
+    with pytest.raises(Exception, match=r"127\.0\.0\.1"), alone(settings):
+        pass
+
+
+def test_what_goes_wrong_at_work_is_raised(plant):
+    with pytest.raises(ValueError, match="of the work"), at_work(plant.settings):
+        raise ValueError("of the work")
+
+
 def test_no_service_starts_while_a_backup_is_brought_back(tmp_path):
     settings = Settings(data_dir=tmp_path)
     with alone(settings), pytest.raises(RequestError) as refused, at_work(settings):

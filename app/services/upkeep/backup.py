@@ -74,7 +74,7 @@ def restore(settings: Settings, folder: Path, *, force: bool = False) -> BackupR
     already.
     """
     told = _checked_manifest(folder)
-    with alone(settings), _away_in_words():
+    with _away_in_words(), alone(settings):
         return _restored(settings, folder, told, force)
 
 

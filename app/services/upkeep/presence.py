@@ -1,12 +1,14 @@
-"""Who works on a data folder: a restore must be alone there, and nobody else is told by the data base alone."""
+"""Who works on a data folder and on a data base: a restore must be alone on both."""
 
 import fcntl
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 
 from app.errors import RequestError
+from app.services.backend import DATABASE_AWAY
 from app.settings import Settings
+from app.storage.presence import present
 
 LOCK = "at-work.lock"
 
@@ -17,16 +19,25 @@ def at_work(settings: Settings) -> Iterator[None]:
 
     Raises RequestError("being_restored") while a backup is being brought back.
     """
-    text = f"a backup is being brought back into {settings.data_dir}; start again when that is done"
-    with _locked(settings, fcntl.LOCK_SH, RequestError("being_restored", text)):
+    text = "a backup is being brought back into {}; start again when that is done"
+    refusal = RequestError("being_restored", text.format(settings.data_dir))
+    with _locked(settings, fcntl.LOCK_SH, refusal), ExitStack() as stack:
+        with suppress(*DATABASE_AWAY):  # it is waited for; who brings back a backup needs it too
+            if not stack.enter_context(present(settings.resolved_database_url, alone=False)):
+                raise RequestError("being_restored", text.format("the data base"))
         yield
 
 
 @contextmanager
 def alone(settings: Settings) -> Iterator[None]:
-    """Raises RequestError("still_running") where a process is at work on the data folder."""
-    text = f"`serve`, `worker`, `beat` or `nightly` is running on {settings.data_dir}; stop it first"
-    with _locked(settings, fcntl.LOCK_EX, RequestError("still_running", text)):
+    """Raises RequestError("still_running") where a process is at work on the data folder or on the data base."""
+    text = "`serve`, `worker`, `beat` or `nightly` is running on {}; stop it first"
+    with (
+        _locked(settings, fcntl.LOCK_EX, RequestError("still_running", text.format(settings.data_dir))),
+        present(settings.resolved_database_url, alone=True) as nobody_else,
+    ):
+        if not nobody_else:
+            raise RequestError("still_running", text.format("the data base, from another data folder or machine"))
         yield
 
 

@@ -1,0 +1,29 @@
+"""Who works on a PostgreSQL data base, told by a lock of a session: it ends with the process that holds it, however
+that ends, and with the data base's own restart."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from sqlalchemy import NullPool, create_engine, func, select
+
+from app.storage.database import parsed
+
+KEY = int.from_bytes(b"loopaudt")  # of all processes of loopaudit on one data base
+
+
+@contextmanager
+def present(url: str, *, alone: bool) -> Iterator[bool]:
+    """Whether a place among those who work on the data base was free, or, `alone`, nobody has one; it is held
+    meanwhile. True on SQLite, whose folder tells it.
+
+    Raises what SQLAlchemy raises where the data base does not answer.
+    """
+    address = parsed(url)
+    if address.get_backend_name() == "sqlite":
+        yield True
+        return
+    lock = func.pg_try_advisory_lock if alone else func.pg_try_advisory_lock_shared
+    told = {"connect_timeout": 5, "application_name": "loopaudit"}
+    engine = create_engine(address, poolclass=NullPool, isolation_level="AUTOCOMMIT", connect_args=told)
+    with engine.connect() as connection:
+        yield bool(connection.scalar(select(lock(KEY))))
