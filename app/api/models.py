@@ -44,7 +44,7 @@ class UploadListed(Read):
     samples_added: int = Field(description="Samples that were not there before.")
     reject_counts: dict[str, int] = Field(description="How many rows and values were refused, by code.")
     notes: list[str] = Field(description="What was found out about the file, in words.")
-    tags: list[dict[str, Any]] = Field([], description="Which tag of the file became which signal of which loop.")
+    tags_found: int = Field(0, description="How many tags the file has.")
 
 
 class UploadOut(UploadListed):
@@ -52,6 +52,7 @@ class UploadOut(UploadListed):
 
     loops: list[str] = Field(description="Tags of the loops that were found.")
     rejects: list[RejectOut] = Field(description="The first rows and values that were refused, with line and reason.")
+    tags: list[dict[str, Any]] = Field([], description="Which tag of the file became which signal of which loop.")
 
 
 class LoopOut(Read):

@@ -47,12 +47,13 @@ class UploadView:
     reject_counts: dict[str, int]
     rejects: list[RejectView]
     notes: list[str]
+    tags_found: int = 0
     tags: list[dict[str, Any]] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
 class Receipt:
-    """The bytes are stored and synced. `created` is False where this content had been sent under this name before."""
+    """The bytes are stored and synced. `created` is False where this content had been sent before."""
 
     upload: UploadView
     created: bool

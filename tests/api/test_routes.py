@@ -95,10 +95,12 @@ def test_the_list_of_uploads_counts_the_loops_and_leaves_naming_them_to_each(cli
     read_upload(backend, int(upload["id"]), owner="test")
     listed = client.get("/v1/uploads?limit=1").json()["rows"][0]
     assert (listed["id"], listed["loops_found"], listed["rows_refused"]) == (upload["id"], 2, 1)
-    assert not {"loops", "rejects"} & set(listed)
+    assert not {"loops", "rejects", "tags"} & set(listed)
+    assert listed["tags_found"] == 6
     one = client.get(f"/v1/uploads/{upload['id']}").json()
     assert {name: one[name] for name in listed} == listed
     assert (one["loops"], len(one["rejects"])) == (["FIC_L1", "FIC_L2"], 1)
+    assert [loop["loop"] for loop in one["tags"]] == ["FIC_L1", "FIC_L2"]
 
 
 @pytest.mark.parametrize("names", [["file", "file"], ["file", "file", "file"], ["file", "mapping", "mapping"]])

@@ -1,6 +1,7 @@
 """Uploads: acknowledged only when stored, the same content once, read with the same effect however often."""
 
 import gzip
+import json
 import threading
 import time
 from collections.abc import Sequence
@@ -273,6 +274,15 @@ def test_options_that_cannot_be_used_are_refused_at_once(backend: Backend) -> No
     for options in (ReadingOptions(mapping=b"tag,loop\na,b\n"), ReadingOptions(time_zone="Mars/Base")):
         with pytest.raises(LoopauditError):
             uploads.receive(backend, filename="x.csv", reading=options)
+
+
+def test_tags_of_an_upload_that_an_older_version_read_are_counted(backend: Backend) -> None:
+    done = read(backend, send(backend, export()))
+    with backend.database.write() as connection:
+        told = json.loads(connection.scalar(select(uploads_table.c.summary_json)))
+        assert told.pop("tags_found") == done.tags_found == 5
+        connection.execute(update(uploads_table).values(summary_json=json.dumps(told)))
+    assert [view.tags_found for view in uploads.list_uploads(backend).rows] == [5]
 
 
 def test_names_cannot_leave_the_folder(backend: Backend) -> None:

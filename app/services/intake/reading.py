@@ -99,6 +99,7 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
         "samples_added": added,
         "reject_counts": dict(refused.counts),
         "notes": list(summary.notes),
+        "tags_found": summary.tags,
         "tags": [_tags(loop) for loop in summary.loops[:LISTED_LOOPS]],
     }
     return Read(told, refused)

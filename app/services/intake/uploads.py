@@ -194,8 +194,13 @@ def _content_key(fingerprint: str, reading_json: str, filename: str) -> str:
     return hashlib.sha256(f"{fingerprint} {reading_json} {stem_of(filename)}".encode()).hexdigest()
 
 
+def _tags_of(loop: dict[str, Any]) -> int:
+    return sum(loop[signal] is not None for signal in ("pv", "op", "sp", "mode")) + len(loop["others"])
+
+
 def _view(row: UploadRow, found: list[str], refused: list[RejectView], loops_found: int) -> UploadView:
     summary = row.summary
+    tags = summary.get("tags", [])
     return UploadView(
         id=str(row.id),
         state=row.state,  # type: ignore[arg-type]  # the table allows no other
@@ -214,5 +219,6 @@ def _view(row: UploadRow, found: list[str], refused: list[RejectView], loops_fou
         reject_counts=summary.get("reject_counts", {}),
         rejects=refused,
         notes=summary.get("notes", []),
-        tags=summary.get("tags", []),
+        tags_found=summary.get("tags_found", sum(map(_tags_of, tags))),
+        tags=tags,
     )
