@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from sqlalchemy import update
 
 from app.engine.recording import FloatArray
 from app.engine.simulate import LoopSpec, Pid, Signal, SimulatedLoop, TwoParameterValve, first_order, simulate_loop
-from app.services.auditing.audits import get_audit, start_audit
+from app.services.auditing import ending
+from app.services.auditing.audits import cancel_audit, get_audit, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.ending import SHAKEN, end_if_complete
 from app.services.backend import Backend
@@ -22,6 +24,7 @@ from app.storage import items, loops, series
 from app.storage.audits import LoopFilter
 from app.storage.samples import Samples
 from app.storage.series import Stretch
+from app.storage.tables import newest_rows
 
 START_NS = 1_750_000_000_000_000_000
 INTERVAL_S = 5.0
@@ -180,3 +183,33 @@ def test_a_run_that_its_workers_left_complete_is_ended_by_the_sweep(backend: Bac
     assert sweep(backend).ended == 1
     assert get_audit(backend, str(run)).state == "partial"
     assert not end_if_complete(backend, run)
+
+
+def test_who_comes_after_the_end_rewords_nothing(
+    backend: Backend, warm_kernels: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A worker that was overtaken by a cancellation, or by another worker: readers keep what they read after the
+    end."""
+    stored(backend, SHAKEN_LOOPS[1])
+    stored(backend, SOURCE, SHAKEN_LOOPS[0])
+    run = int(start_audit(backend).id)
+    with backend.database.write() as connection:
+        lost = items.claim(connection, run, "lost", 1, backend.settings.lease_s)
+    audit_chunk(backend, run, "test")
+    with backend.database.write() as connection:
+        items.fail(connection, [items.Failure(lost[0], "fault", "it broke")])
+    with backend.database.read() as connection:
+        doubts = ending._doubts(connection, run)
+    assert [doubt.columns["reliability"] for doubt in doubts] == ["not_reliable"]
+    cancel_audit(backend, str(run))
+    monkeypatch.setattr(ending.audits, "complete", lambda _: [run])
+    monkeypatch.setattr(ending, "_doubts", lambda *_: doubts)
+    assert not end_if_complete(backend, run)
+    assert Plant(backend, str(run)).row(SHAKEN_LOOPS[0])["reliability"] == "reliable"
+
+
+def test_a_run_ends_whatever_is_kept_of_a_loop(plant: Plant) -> None:
+    with plant.backend.database.write() as connection:
+        connection.execute(update(newest_rows).values(swing_json="{}"))
+    run = audited(plant.backend, LoopFilter(tags=(SOURCE,)))
+    assert get_audit(plant.backend, run).state == "done"

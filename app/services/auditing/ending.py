@@ -2,11 +2,13 @@
 others.
 """
 
+import logging
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
 from sqlalchemy import Connection
+from sqlalchemy.exc import SQLAlchemyError
 
 from app.engine.health import of_stiction
 from app.engine.judgement import Judgement
@@ -20,16 +22,31 @@ from app.storage.verdicts import Reworded, pack_detail
 
 SHAKEN = "shaken_by_neighbour"
 
+log = logging.getLogger("loopaudit.audit")
+
 
 def end_if_complete(backend: Backend, audit_id: int) -> bool:
     """Whether the run has ended by this: nothing of it is left to do. May run twice at once."""
     with backend.database.read() as connection:
         if audit_id not in audits.complete(connection):
             return False
-        doubts = _doubts(connection, audit_id)
+        doubts = _heard(connection, audit_id)
     with backend.database.write() as connection:
-        verdicts.reword(connection, doubts)
-        return bool(audits.end_if_complete(connection, audit_id))
+        ended = bool(audits.end_if_complete(connection, audit_id))
+        if ended:  # who comes second, or after a cancellation, would reword what readers keep as the run's last word
+            verdicts.reword(connection, doubts)
+    return ended
+
+
+def _heard(connection: Connection, audit_id: int) -> list[Reworded]:
+    """The doubts; none where they cannot be worked out, because a run ends whatever is kept of a loop."""
+    try:
+        return _doubts(connection, audit_id)
+    except SQLAlchemyError:
+        raise
+    except Exception:  # the sweep of all runs comes through here: one that never ends would stop the nights
+        log.exception("neighbours not heard", extra={"run": audit_id})
+        return []
 
 
 def _doubts(connection: Connection, audit_id: int) -> list[Reworded]:
