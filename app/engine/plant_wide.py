@@ -230,7 +230,9 @@ def _group(chosen: Sequence[Candidate], waves: _Waves, members: list[int], in_st
         _score(chosen[row], late_s=start - min(begun), resolution_s=resolution_s)
         for row, start in zip(members, begun, strict=True)
     ]
-    best = members[int(np.argmax(scores))]
+    # Of equal scores (beyond 0.99 all are) the likelier one, then the stronger swing, which stands first among members.
+    place = max(range(len(members)), key=lambda k: (scores[k], chosen[members[k]].stiction_probability or 0.0))
+    best = members[place]
     period_s = float(np.median([chosen[row].swing.period_s for row in members]))
     links = waves.coherence(best, _mask(len(chosen), members))
     by_row = dict(zip(sorted(members), links, strict=True))
@@ -246,7 +248,8 @@ def _group(chosen: Sequence[Candidate], waves: _Waves, members: list[int], in_st
         for row, score, onset in zip(members, scores, onsets, strict=True)
     ]
     chance = _chance(chosen, members)
-    return Group(period_s, in_step, chance, tuple(sorted(suspects, key=lambda s: (-s.score, s.tag))))
+    others = sorted((s for k, s in enumerate(suspects) if k != place), key=lambda s: (-s.score, s.tag))
+    return Group(period_s, in_step, chance, (suspects[place], *others))
 
 
 def _chance(chosen: Sequence[Candidate], members: Sequence[int]) -> float:

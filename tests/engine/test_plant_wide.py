@@ -198,6 +198,15 @@ def test_fewer_than_two_loops_are_no_group():
     assert groups([]) == groups([wave("A", 300.0)]) == ()
 
 
+def test_of_two_sure_valves_the_likelier_is_the_source_and_the_others_are_measured_against_it():
+    """Beyond 0.99 the odds are cut off, so that both score the same: the tag decided, against another's coherence."""
+    sure, surer = wave("A", 300.0), wave("BB", 300.0)
+    sure, surer = replace(sure, stiction_probability=0.991), replace(surer, stiction_probability=0.999)
+    found = groups([sure, surer])[0]
+    assert found.source == "BB"
+    assert [suspect.tag for suspect in found.shaken] == ["A"]
+
+
 @pytest.mark.shared
 def test_the_three_interacting_loops_of_a_real_plant(shared_dir: Path):
     """CHEM13 and CHEM14 share a period of 482 s; the faulty steam flow comes first. CHEM15 swings weakly, at 381 s."""

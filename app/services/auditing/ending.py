@@ -73,10 +73,7 @@ def _reworded(
 ) -> Reworded:
     """The verdict and its probability stay: they are what the loop's own record says."""
     probability = row["stiction_probability"]
-    text = (
-        f"PV swings in step with {source.tag} (coherence {shaken.coherence:.2f}), whose valve is likelier to stick "
-        f"({source.stiction_probability or 0.0:.2f} against {probability:.2f}) and may be what shakes this loop"
-    )
+    text = neighbour_text(shaken, source, probability)
     reasons = [{"code": SHAKEN, "text": text}, *detail.get("reasons", [])]
     valve = asdict(of_stiction(Judgement("stiction", probability, "not_reliable", (), None)))
     health = [valve if part["code"] == valve["code"] else part for part in detail.get("health", [])]
@@ -88,3 +85,13 @@ def _reworded(
     }
     told = pack_detail({**detail, "reasons": reasons, "health": health})
     return Reworded(loop_id, row["audit_id"], columns, told, fixed_part(as_row({**row, **columns})))
+
+
+def neighbour_text(shaken: Suspect, source: Suspect, probability: float) -> str:
+    """probability: that the valve of the shaken loop sticks; the source's is less only where its swing began sooner."""
+    sticks = source.stiction_probability or 0.0
+    why = "is likelier to stick" if sticks >= probability else "is likely to stick too and whose swing began sooner"
+    return (
+        f"PV swings in step with {source.tag} (coherence {shaken.coherence:.2f}), whose valve {why} "
+        f"({sticks:.2f} against {probability:.2f}) and may be what shakes this loop"
+    )

@@ -44,7 +44,7 @@ _DOUBTS = {
     "prior_only": "The probability is a prior between these two causes, not a measurement.",
 }
 _NEIGHBOURS = {
-    "shaken_by_neighbour": "The loop swings in step with one whose valve is likelier to stick; that one may shake it.",
+    "shaken_by_neighbour": "The loop swings in step with one that is likelier to be the source; that one may shake it.",
 }
 _METHODS = {
     "published_methods": "How the published methods vote; they do not move the verdict.",
