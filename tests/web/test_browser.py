@@ -169,6 +169,18 @@ def test_axe_finds_nothing_serious_and_narrow_screens_need_no_sideways_scrolling
 def test_a_page_that_is_opened_on_a_narrow_screen_fits_it(narrow: Page, path: str):
     settled(narrow, path)
     assert width(narrow) <= NARROW["width"]
+    narrow.evaluate("document.querySelectorAll('details').forEach((part) => { part.open = true; })")
+    assert width(narrow) <= NARROW["width"]
+
+
+def test_a_table_scrolls_within_itself_beside_its_tags(narrow: Page):
+    settled(narrow, "/table")
+    narrow.locator(".wide:has(#loops)").evaluate("part => part.scrollTo(400, 0)")
+    assert narrow.locator(".wide:has(#loops)").evaluate("part => part.scrollLeft") > 0
+    tag = narrow.locator("#loops td.tag").first.bounding_box()
+    assert tag["x"] >= 0
+    assert tag["x"] + tag["width"] <= NARROW["width"]
+    assert width(narrow) <= NARROW["width"]
 
 
 def test_the_page_of_a_loop_that_cannot_be_judged_fits_a_narrow_screen(narrow: Page, refused_page: str):
