@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import pdtrc
 
-from app.engine.recording import BoolArray, FloatArray
+from app.engine.recording import BoolArray, FloatArray, IntArray
 from app.engine.swing import BAND_EDGES_HZ, ComplexArray, Swing
 
 IN_STEP = 0.7
@@ -101,16 +101,20 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class _Waves:
-    """Narrow-band PV of every candidate on one grid of times: values (M, GRID) complex, zero outside of its record."""
+    """Narrow-band PV of every candidate: values (M, GRID) complex, zero outside of its record. time_s: (M, GRID), the
+    same for all whose records hang together in time; together: (M,) numbers of those. An old record would stretch one
+    grid for all until few points are left of each.
+    """
 
     time_s: FloatArray
     values: ComplexArray
     inside: BoolArray
+    together: IntArray
 
     def coherence(self, one: int, others: BoolArray) -> ComplexArray:
         """Normalised inner product of `one` with `others` over the times that both have; abs: coherence, angle: lag."""
         rows = self.values[others]
-        both = self.inside[others] & self.inside[one]
+        both = self.inside[others] & self.inside[one] & (self.together[others] == self.together[one])[:, None]
         product = rows.conj() @ self.values[one]
         norm = np.sqrt(_power(rows, both) * _power(self.values[one][None, :], both))
         return np.divide(product, norm, out=np.zeros_like(product), where=norm > 0.0)
@@ -199,14 +203,27 @@ def _periods(chosen: Sequence[Candidate], tolerance: float, lines: float) -> tup
 
 
 def _waves(swings: Sequence[Swing]) -> _Waves:
-    first = min(s.start_s for s in swings)
-    time_s = np.linspace(first, max(s.start_s + s.length_s for s in swings), GRID, endpoint=False)
+    start = np.array([s.start_s for s in swings])
+    end = start + np.array([s.length_s for s in swings])
+    together = _together(start, end)
+    time_s = np.empty((len(swings), GRID))
+    for number in range(together.max() + 1):
+        mine = together == number
+        time_s[mine] = np.linspace(start[mine].min(), end[mine].max(), GRID, endpoint=False)
+    inside = (time_s >= start[:, None]) & (time_s < end[:, None])
     values = np.zeros((len(swings), GRID), dtype=np.complex64)
-    inside = np.zeros((len(swings), GRID), dtype=np.bool_)
     for row, swing in enumerate(swings):
-        inside[row] = (time_s >= swing.start_s) & (time_s < swing.start_s + swing.length_s)
-        values[row, inside[row]] = _wave(swing, time_s[inside[row]])
-    return _Waves(time_s, values, inside)
+        values[row, inside[row]] = _wave(swing, time_s[row, inside[row]])
+    return _Waves(time_s, values, inside, together)
+
+
+def _together(start: FloatArray, end: FloatArray) -> IntArray:
+    """(M,) numbers of stretches of time that no record reaches out of, for records from start (M,) to end (M,)."""
+    order = np.argsort(start, kind="stable")
+    reached = np.maximum.accumulate(end[order])
+    number = np.empty(len(start), dtype=np.int64)
+    number[order] = np.cumsum(np.concatenate(([False], start[order][1:] >= reached[:-1])))
+    return number
 
 
 def _wave(swing: Swing, time_s: FloatArray) -> ComplexArray:
@@ -224,7 +241,8 @@ def _power(rows: ComplexArray, where: BoolArray) -> FloatArray:
 
 def _group(chosen: Sequence[Candidate], waves: _Waves, members: list[int], in_step: bool) -> Group:
     onsets = [_onset_s(waves, row) for row in members]
-    begun = [waves.time_s[0] if onset is None else onset for onset in onsets]
+    first_s = float(waves.time_s[members, 0].min())
+    begun = [first_s if onset is None else onset for onset in onsets]
     resolution_s = max(chosen[row].swing.length_s / len(chosen[row].swing.lines) for row in members)
     scores = [
         _score(chosen[row], late_s=start - min(begun), resolution_s=resolution_s)
@@ -298,7 +316,7 @@ def _onset_s(waves: _Waves, row: int) -> float | None:
         return None
     below = np.flatnonzero(envelope < 0.5 * usual)
     early = below[below < len(envelope) // 2]
-    return float(waves.time_s[inside[seen][early[-1]]]) if len(early) else None
+    return float(waves.time_s[row, inside[seen][early[-1]]]) if len(early) else None
 
 
 def _lag_s(link: complex, period_s: float) -> float:

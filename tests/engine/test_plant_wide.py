@@ -191,7 +191,18 @@ def test_too_few_cycles_make_no_group():
 def test_records_that_do_not_overlap_are_alike_at_most_and_only_within_a_unit():
     apart = [wave("A", 300.0, unit="U1"), wave("BB", 300.0, start_s=50_000.0, unit="U1")]
     assert [group.in_step for group in groups(apart)] == [False]
+    assert len({suspect.score for suspect in groups(apart)[0].suspects}) == 1  # neither began late
     assert groups([apart[0], wave("CCC", 300.0, start_s=50_000.0, unit="U2")]) == ()
+
+
+@pytest.mark.parametrize("age_d", [0.0, 10.0, 30.0, 100.0, 10_000.0])
+def test_one_old_record_changes_nothing_among_the_others(age_d):
+    """One grid over all times left the others a few points each, which chance brings in step, or none at all."""
+    own = [wave("A", 300.0), wave("BB", 300.0, phase=1.0), wave("CCC", 340.0), wave("DDDD", 318.0)]
+    old = wave("EEEEE", 300.0, start_s=-age_d * 86400.0 - 6000.0)
+    found = groups([*own, old])
+    assert [(g.in_step, {s.tag for s in g.suspects}) for g in found if g.in_step] == [(True, {"A", "BB"})]
+    assert found[0].suspects[1].lag_s == pytest.approx(300.0 / (2 * np.pi), rel=0.02)
 
 
 def test_fewer_than_two_loops_are_no_group():
