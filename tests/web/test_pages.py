@@ -13,6 +13,7 @@ from app.services.next_steps import next_step
 from app.services.plant import groups, loops
 from app.services.plant.groups import plant_groups
 from app.services.results import GroupView
+from app.web import loop as loop_page
 from app.web.columns import COLUMNS
 
 HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
@@ -265,6 +266,19 @@ def test_no_source_is_named_of_loops_that_may_share_a_period_by_chance(client, w
     assert "by chance (probability 0.84): no source is named" in told
     assert "Likeliest source:" not in told
     assert "No member probably sticks" not in told
+
+
+@pytest.mark.parametrize(
+    ("by_chance", "said"), [(False, "look there first."), (True, "look there first; it may be chance.")]
+)
+def test_a_loop_names_the_source_of_its_group_also_where_that_may_be_chance(
+    client, web_backend, monkeypatch, by_chance, said
+):
+    members = plant_groups(web_backend)[0].members
+    pair = GroupView("1", 300.0, True, by_chance, 0.03, "LIC7", members)
+    monkeypatch.setattr(loop_page, "groups_of", lambda backend, tag: [pair])
+    told = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
+    assert f"the likeliest source is LIC7 : {said}" in told
 
 
 def test_the_glossary_defines_every_figure_of_a_loop(client):
