@@ -34,10 +34,7 @@ class Heard:
 
 def hear(seed: int) -> Heard:
     """The plant of a seed: each loop audited by itself, then all of them together."""
-    rng = np.random.default_rng(seed)
-    source = sticking(rng, seed)
-    loops = {SOURCE: source} | {f"shaken {k}": shaken(source, rng, seed + k) for k in range(SHAKEN_LOOPS)}
-    audits = {tag: audit(loop.recording(tag)) for tag, loop in loops.items()}
+    audits = {tag: audit(loop.recording(tag)) for tag, loop in plant(seed).items()}
     together = groups(
         [Candidate(t, a.swing, a.judgement.stiction_probability) for t, a in audits.items() if a.swing is not None]
     )
@@ -50,6 +47,13 @@ def hear(seed: int) -> Heard:
         source_kept=SOURCE in sure - doubted,
         source_named=any(group.source == SOURCE for group in together),
     )
+
+
+def plant(seed: int) -> dict[str, SimulatedLoop]:
+    """The loops of a plant by tag: the source, and those that it shakes."""
+    rng = np.random.default_rng(seed)
+    source = sticking(rng, seed)
+    return {SOURCE: source} | {f"shaken {k}": shaken(source, rng, seed + k) for k in range(SHAKEN_LOOPS)}
 
 
 def _sure(found: Audit) -> bool:
