@@ -2,9 +2,11 @@
 read again."""
 
 import io
+import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -104,6 +106,20 @@ class Rows:
 def _quotes_close(data: bytes) -> bool:
     """Whether each line closes the quotes that it opens; polars lets one left open run on into further lines."""
     return b'"' not in data or all(line.count(b'"') % 2 == 0 for line in data.split(b"\n"))
+
+
+def _quotes_end_fields(data: bytes, delimiter: str) -> bool:
+    """Whether nothing stands behind the closing quote of a field, as in `"Valve"s`: polars takes the last byte away
+    there, which may be half a letter. Quotes are counted first, which is quick."""
+    end = delimiter.encode()
+    at_ends = sum(data.count(text) for text in (end + b'"', b'\n"', b'"' + end, b'"\n', b'"\r')) + data.startswith(b'"')
+    return at_ends == data.count(b'"') or not _text_behind_quotes(end).search(data)
+
+
+@lru_cache
+def _text_behind_quotes(delimiter: bytes) -> re.Pattern[bytes]:
+    other = re.escape(delimiter) + rb'\r\n"'
+    return re.compile(rb'(?:[^%b]"|(?:^|[\n%b])"")[^%b]' % (other, re.escape(delimiter), other))
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,7 +316,7 @@ class FrameReader:
         rows = self._read_block(lines, decimal_comma) if self._blocks else None
         if rows is not None:
             return rows
-        if _quotes_close(lines.data):
+        if _quotes_close(lines.data) and _quotes_end_fields(lines.data, self._dialect.delimiter):
             try:
                 frame = self._parse(lines.data, self._schema(), self._columns, decimal_comma)
                 if frame.height == lines.count:

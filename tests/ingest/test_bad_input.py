@@ -447,6 +447,26 @@ def test_no_bytes_raise_anything_else(tmp_path: Path, parts: list[str | bytes], 
         pass
 
 
+@pytest.mark.parametrize("field", ['""ü', '"Ventil"é', '"soon"x', '""\ufeff'])
+def test_text_behind_a_quote_spoils_its_row_alone(read: Read, field: str) -> None:
+    rows = "2024-03-01 00:00:00,1,2\n2024-03-01 00:01:00,3,4\n"
+    content = read(f"Time,A.PV,A.OP\n{rows}{field},5,6\n2024-03-01 00:02:00,7,8\n")
+    assert content.loops["A"].pv.tolist() == [1, 3, 7]
+    assert dict(content.rejects.counts) == {"bad_time": 1}
+    assert content.rejects.listed[0].text.startswith(repr(field.replace('"', "")))
+
+
+def test_half_a_letter_behind_a_quote_spoils_no_long_table(read: Read) -> None:
+    content = read('Tagname,TimeStamp,Value,DataQuality\nA.PV,2024-03-01 00:00:00,1,Good\n""\ufeff')
+    assert content.loops["A"].pv.tolist() == [1]
+    assert content.rejects.total == 1
+
+
+def test_numbers_behind_a_quote_keep_their_digits(read: Read) -> None:
+    content = read('Time,A.PV,A.OP\n2024-03-01 00:00:00,"1"5,2\n2024-03-01 00:01:00,"3","4"\n')
+    assert content.loops["A"].pv.tolist() == [15, 3]
+
+
 def test_a_signal_is_not_taken_for_the_time(read: Read) -> None:
     assert code_of(read, "FIC1.PV,FIC1.OP\n" + "50.1,20\n50.2,21\n50.3,22\n" * 5) == "unknown_layout"
 
