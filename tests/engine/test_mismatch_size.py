@@ -86,3 +86,37 @@ def test_a_signal_that_stands_or_follows_op_is_left_to_the_other_test() -> None:
     kept = without_read_backs(compared(made, A=np.full(1440, 3.0), B=lag(made.op, 1.0, TS)))
     assert [name for name, _ in kept.measured] == ["A", "B"]
     assert kept.notes == ()
+
+
+def forward(seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """PV and OP of a linear loop that a measured load moves in jumps, and the load; OP answers 0.6 of it at once."""
+    rng = np.random.default_rng(seed)
+    cause = np.cumsum(np.where(rng.random(1440) < 0.02, rng.normal(0.0, 3.0, 1440), 0.0))
+    pv, op = np.zeros(1440), np.zeros(1440)
+    level = integral = 0.0
+    for k in range(1440):
+        level += (1.0 - np.exp(-TS / 20.0)) * (op[k - 1] + cause[k - 1] - level) if k else 0.0
+        pv[k] = level + 0.1 * rng.standard_normal()
+        integral -= TS / 40.0 * pv[k]
+        op[k] = 0.6 * (integral - pv[k]) - 0.6 * cause[k]
+    return 50.0 + pv, 50.0 + op, 100.0 + cause
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_cause_that_op_answers_by_feedforward_is_no_stem(seed: int) -> None:
+    """It jumps where OP jumps, as a stem does: it was left out as the valve's position, and nothing was found."""
+    pv, op, cause = forward(seed)
+    assert best_stem(cause, op).sticks
+    said = explain(Comparison("FIC1", TS, op, pv, None, (("FF", cause),)))
+    assert codes(said) == ["disturbance.coupling"]
+    assert not [reason for reason in said.evidence if reason.code == "read_back"]
+
+
+def test_a_coarse_copy_of_op_is_no_stem() -> None:
+    """An exception-reported OP stands and jumps as a stem does; PV follows the OP beneath."""
+    made = loop(3, S=0.0, J=0.0, load=tuple((100.0 * k, (-1.0) ** k) for k in range(72)))
+    copy = made.op.copy()
+    for k in range(1, len(copy)):
+        copy[k] = made.op[k] if abs(made.op[k] - copy[k - 1]) > 0.3 else copy[k - 1]
+    assert best_stem(copy, made.op).sticks
+    assert without_read_backs(compared(made, OUT=copy)).notes == ()

@@ -1,5 +1,5 @@
-"""Whether a measured signal is the valve's own position: it answers OP through a stem that sticks, and causes nothing
-that OP did not.
+"""Whether a measured signal is the valve's own position: it answers OP through a stem that sticks, and OP moves PV
+through it alone. A cause that OP answers by feedforward stands and jumps along with OP too, but leaves OP an effect.
 
 A Granger test by linear pasts takes it for a cause, because no linear past of OP tells when a stem slips.
 """
@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.evidence import Reason
+from app.engine.mismatch.causing import stands_for_op
 from app.engine.mismatch.comparison import Comparison
 from app.engine.recording import FloatArray
 from app.engine.valve import two_parameter_he
@@ -41,9 +42,11 @@ class Stem:
 def without_read_backs(comparison: Comparison) -> Comparison:
     """The comparison without the measured signals that are the position of a valve that sticks, each said in a note."""
     newest = slice(-MOST_SAMPLES, None)
+    op, pv = comparison.op[newest], comparison.pv[newest]
+    seen = np.ones(len(pv), dtype=np.bool_) if comparison.known is None else comparison.known[newest]
     moving = [(name, signal[newest]) for name, signal in comparison.measured if np.ptp(signal[newest]) > 0.0]
-    stems = {name: best_stem(signal, comparison.op[newest]) for name, signal in moving}
-    found = {name: stem for name, stem in stems.items() if stem.sticks}
+    stems = {name: (signal, best_stem(signal, op)) for name, signal in moving}
+    found = {name: stem for name, (x, stem) in stems.items() if stem.sticks and stands_for_op(x, op, pv, seen)}
     said = tuple(
         Reason(
             "read_back",
