@@ -22,7 +22,7 @@ from app.services.plant.reliability import RowFilter, reliability_json, reliabil
 from app.services.testbench import neighbours
 from app.services.testbench.neighbours import SOURCE
 from app.services.upkeep.operations import sweep
-from app.storage import items, loops, series
+from app.storage import audits, items, loops, series
 from app.storage.audits import LoopFilter
 from app.storage.samples import Samples
 from app.storage.series import Stretch
@@ -148,6 +148,21 @@ def test_a_run_that_its_workers_left_complete_is_ended_by_the_sweep(backend: Bac
     assert not end_if_complete(backend, run)
 
 
+def test_a_run_that_is_cancelled_hears_what_it_has_found(backend: Backend, warm_kernels: None) -> None:
+    stored(backend, SHAKEN_LOOPS[1])
+    stored(backend, SOURCE, SHAKEN_LOOPS[0])
+    run = int(start_audit(backend).id)
+    with backend.database.write() as connection:
+        items.claim(connection, run, "slow", 1, backend.settings.lease_s)
+    audit_chunk(backend, run, "test")
+    heard = Plant(backend, str(run))
+    assert heard.row(SHAKEN_LOOPS[0])["reliability"] == "reliable"
+    assert cancel_audit(backend, str(run)).state == "cancelled"
+    assert heard.row(SHAKEN_LOOPS[0])["reasons"].split(";")[0] == SHAKEN
+    assert cancel_audit(backend, str(run)).state == "cancelled"
+    assert heard.row(SHAKEN_LOOPS[0])["reasons"].split(";").count(SHAKEN) == 1
+
+
 def test_who_comes_after_the_end_rewords_nothing(
     backend: Backend, warm_kernels: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -164,7 +179,8 @@ def test_who_comes_after_the_end_rewords_nothing(
     with backend.database.read() as connection:
         doubts = ending._doubts(connection, run)
     assert [doubt.columns["reliability"] for doubt in doubts] == ["not_reliable"]
-    cancel_audit(backend, str(run))
+    with backend.database.write() as connection:
+        audits.cancel(connection, run)
     monkeypatch.setattr(ending.audits, "complete", lambda _: [run])
     monkeypatch.setattr(ending, "_doubts", lambda *_: doubts)
     assert not end_if_complete(backend, run)

@@ -9,6 +9,7 @@ from sqlalchemy import Connection
 
 from app.engine.audit_config import AuditConfig
 from app.errors import NotFoundError, RequestError
+from app.services.auditing import ending
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.moments import iso_utc
@@ -98,8 +99,7 @@ def failures(backend: Backend, audit_id: str, limit: int = 20_000) -> list[Failu
 
 def cancel_audit(backend: Backend, audit_id: str) -> AuditView:
     """Stops a run: its open loops become failed(cancelled). A run that has ended stays as it is."""
-    with backend.database.write() as connection:
-        audits.cancel(connection, identifier(audit_id, "audit"))
+    ending.cancel(backend, identifier(audit_id, "audit"))
     return get_audit(backend, audit_id)
 
 

@@ -38,6 +38,17 @@ def end_if_complete(backend: Backend, audit_id: int) -> bool:
     return ended
 
 
+def cancel(backend: Backend, audit_id: int) -> bool:
+    """Whether the run was still to be cancelled: what it has found by then stays, and is heard as at any other end."""
+    with backend.database.read() as connection:
+        doubts = _heard(connection, audit_id)
+    with backend.database.write() as connection:
+        cancelled = audits.cancel(connection, audit_id)
+        if cancelled:
+            verdicts.reword(connection, doubts)
+    return cancelled
+
+
 def _heard(connection: Connection, audit_id: int) -> list[Reworded]:
     """The doubts; none where they cannot be worked out, because a run ends whatever is kept of a loop."""
     try:
