@@ -76,7 +76,9 @@ def test_exports_that_were_read_go_and_those_to_be_read_stay(plant):
 
 
 def sent_again(backend: Backend) -> None:
-    with uploads.receive(backend, filename="again.csv") as receiving:
+    """To be read otherwise: an upload of its own."""
+    reading = uploads.ReadingOptions(time_zone="Asia/Tokyo")
+    with uploads.receive(backend, filename="again.csv", reading=reading) as receiving:
         receiving.write(EXPORT)
         receiving.commit()
 
