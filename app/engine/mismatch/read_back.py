@@ -20,7 +20,7 @@ JUMPS = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0])  # J / S
 MOST_SAMPLES = 20_000  # of a longer record the newest
 LEFT = 0.85
 """Share that the slips of a stem may leave of what a signal's own past does not tell. Measured causes of 120 blind
-loops (noise, sines, triangles, squares) keep 0.93 and more of it, positions of 34 of 37 valves 0.05 to 0.82; slow
+loops (noise, sines, triangles, squares) keep 0.93 and more of it, positions of 33 of 36 valves 0.05 to 0.82; slow
 physical valves sampled once a second are missed."""
 
 
