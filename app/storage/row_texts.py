@@ -1,15 +1,14 @@
 """The rows of the reliability table as they are sent, kept in memory by the verdict that they belong to."""
 
 from collections.abc import Mapping, Sequence
-from datetime import datetime
 
 from sqlalchemy import Connection
 
-from app.storage.verdicts import SentRow, texts
+from app.storage.verdicts import SentRow, Settled, texts
 
 MOST_KEPT = 20_000  # the largest answer once: 56 MB
 
-Stamp = tuple[int, datetime, str]
+Stamp = tuple[int, Settled, str]
 
 
 class RowTexts:
@@ -24,13 +23,13 @@ class RowTexts:
         self._kept: dict[int, tuple[Stamp, bytes]] = {}
 
     def of(
-        self, connection: Connection, rows: Sequence[SentRow], settled: Mapping[int, datetime], form: str
+        self, connection: Connection, rows: Sequence[SentRow], settled: Mapping[int, Settled], form: str
     ) -> dict[int, bytes]:
         """The stored JSON of the rows' loops by `loop_id`; a loop without one of this form is left out.
 
-        settled: when the rows' runs were begun, or ended.
+        settled: when the rows' runs were begun and ended.
         """
-        stamps: dict[int, Stamp] = {number: (number, at, form) for number, at in settled.items()}
+        stamps: dict[int, Stamp] = {number: (number, times, form) for number, times in settled.items()}
         found: dict[int, bytes] = {}
         missing: list[SentRow] = []
         for row in rows:

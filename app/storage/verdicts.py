@@ -76,6 +76,13 @@ class NewVerdict:
     swing_json: str | None = None
 
 
+class Settled(NamedTuple):
+    """What tells a state of a run's rows from any other: when it was begun, and ended; None: not yet."""
+
+    begun: datetime
+    ended: datetime | None
+
+
 class SentRow(NamedTuple):
     """A row of the table as it is known before its text is read; `value` sorts it."""
 
@@ -224,14 +231,14 @@ def texts(connection: Connection, loop_ids: Sequence[int], form: str) -> dict[in
     return {loop_id: text.encode() for loop_id, text in found}
 
 
-def settled(connection: Connection, audit_ids: Collection[int]) -> dict[int, datetime]:
-    """When each of these runs was begun, or ended, for then its rows may be reworded. After a restore the number of a
-    run may come again, with another time."""
+def settled(connection: Connection, audit_ids: Collection[int]) -> dict[int, Settled]:
+    """When each of these runs was begun, and ended, for then its rows may be reworded. After a restore the number of a
+    run may come again, with other times."""
     if not audit_ids:
         return {}
-    last = func.coalesce(audits.c.ended_at, audits.c.created_at)
-    query = select(audits.c.id, last).where(audits.c.id.between(min(audit_ids), max(audit_ids)))
-    return {audit_id: at for audit_id, at in connection.execute(query) if audit_id in audit_ids}
+    query = select(audits.c.id, audits.c.created_at, audits.c.ended_at)
+    found = connection.execute(query.where(audits.c.id.between(min(audit_ids), max(audit_ids))))
+    return {run.id: Settled(run.created_at, run.ended_at) for run in found if run.id in audit_ids}
 
 
 @lru_cache(maxsize=1)

@@ -4,7 +4,6 @@ import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from typing import Any
 
 from sqlalchemy import ColumnElement
@@ -17,7 +16,7 @@ from app.services.cursors import decode, encode, refused
 from app.services.results import Page, PlantSummary
 from app.storage import verdicts
 from app.storage.loops import count as count_loops
-from app.storage.verdicts import SORTABLE, After, RowFilter, SentRow
+from app.storage.verdicts import SORTABLE, After, RowFilter, SentRow, Settled
 
 MOST_ROWS = 20_000
 OF_LOOP = ("type", "importance", "priority")  # of the loop, not of its verdict
@@ -94,7 +93,7 @@ def reliability_json(
     last = rows[limit - 1] if len(rows) > limit else None
     behind = encode(sort, last.value, last.tag) if last else None
     shown = rows[:limit]
-    runs = {str(number): at.isoformat() for number, at in sorted(settled.items())}
+    runs = {str(number): list(map(str, times)) for number, times in sorted(settled.items())}
     said = [FORM, behind, runs, [(row.loop_id, row.audit_id, row.unit) for row in shown]]
     return TableAnswer(_digest(compact(said).encode()), lambda: _written(backend, shown, settled, behind))
 
@@ -145,7 +144,7 @@ def checked(limit: int, sort: str) -> str:
 
 
 def _written(
-    backend: Backend, rows: Sequence[SentRow], settled: Mapping[int, datetime], next_cursor: str | None
+    backend: Backend, rows: Sequence[SentRow], settled: Mapping[int, Settled], next_cursor: str | None
 ) -> bytes:
     """Each row's JSON as stored, else made from its columns; none where its verdict has been dropped meanwhile."""
     with backend.database.read() as connection:
