@@ -10,8 +10,9 @@ from app.engine.recording import BoolArray, FloatArray, IntArray
 from app.engine.swing import BAND_EDGES_HZ, ComplexArray, Swing
 
 IN_STEP = 0.7
-"""Coherence from which two loops count as shaken by the same thing: chance reaches it in about one pair of a thousand
-(17 lines under a Hann window have some 11 independent ones; (1 - 0.49)^10)."""
+"""Coherence from which two loops count as shaken by the same thing: among swings that wander chance reaches it in about
+one pair of a thousand (17 lines under a Hann window have some 11 independent ones; (1 - 0.49)^10). Two limit cycles of
+nearly one period hold so few lines that it reaches it often: there the probability of a shared period has to tell."""
 
 CHANCE = 0.01
 """A group counts as shown where chance would bring so many loops together with less than this probability."""
