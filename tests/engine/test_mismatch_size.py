@@ -120,3 +120,13 @@ def test_a_coarse_copy_of_op_is_no_stem() -> None:
         copy[k] = made.op[k] if abs(made.op[k] - copy[k - 1]) > 0.3 else copy[k - 1]
     assert best_stem(copy, made.op).sticks
     assert without_read_backs(compared(made, OUT=copy)).notes == ()
+
+
+@pytest.mark.parametrize("seed", [1, 3, 4])
+def test_a_stem_that_jumps_all_its_way_is_sized_beside_our_own_loop(seed: int) -> None:
+    """Found from OP, our own loop had the stem's work in it: S was 2.2, 5.4 and 4.6, the least interval 1.1 to 3.0."""
+    said = explain(compared(loop(seed, S=6.0, J=6.0)))
+    size = {p.name: p for p in said.effects[0].parameters}
+    assert codes(said)[0] == "valve.stiction"
+    assert size["S"].low <= 6.0 <= size["S"].high
+    assert abs(size["S"].value - 6.0) < 0.3
