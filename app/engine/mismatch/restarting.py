@@ -20,15 +20,21 @@ WORTH_IT = 1.0  # nat
 
 def behind_the_stem(found: Fit) -> Fit:
     """The same model fitted from a loop that was found behind stems of the size that the limit cycle shows, where that
-    is likelier; the fit as it is where a simulation was given, where anything stands beside the stem, and where the
-    record shows no size.
+    is likelier and its free run nearer to PV; the fit as it is where a simulation was given, where anything stands
+    beside the stem, and where the record shows no size.
     """
     if found.given.deviation < OWN_DEVIATION or [part.block.code for part in found.parts] != [STICKS]:
         return found
     S = size_shown(found.record)
     others = [] if S is None else [found_behind(found, S, share) for share in SHARES]
     best = max((other for other in others if other is not None), key=lambda other: other.likelihood, default=found)
-    return best if best.likelihood > found.likelihood + WORTH_IT else found
+    likelier = best.likelihood > found.likelihood + WORTH_IT
+    return best if likelier and left_of(best) < left_of(found) else found
+
+
+def left_of(found: Fit) -> float:
+    """Deviation of what the free run leaves of PV where it is compared."""
+    return float(np.std(found.residual[found.record.usable]))
 
 
 def size_shown(record: Experiment) -> float | None:
