@@ -1,5 +1,6 @@
 """One number for how a loop does, and what it is made of: nothing is taken off without a part that says so."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.engine.judgement import Judgement
@@ -53,13 +54,23 @@ def health(judgement: Judgement, figures: KeyFigures, oscillation: Oscillation |
     manual.
     """
     parts = (
-        of_stiction(judgement),
+        _stiction(judgement),
         _oscillation(oscillation),
         _service(judgement, figures.service_factor_pct),
         _saturation(figures.op_saturation_pct),
         _tracking(figures.error_abs_mean_pct_of_span),
         _data(figures.good_share_pct),
     )
+    return _made_of(parts)
+
+
+def doubted_health(parts: Sequence[HealthPart], probability: float) -> Health:
+    """The health of a loop of these parts once its verdict of stiction, of a probability, is not relied on any more."""
+    valve = _unsure(probability)
+    return _made_of(tuple(valve if part.code == valve.code else part for part in parts))
+
+
+def _made_of(parts: tuple[HealthPart, ...]) -> Health:
     return Health(round(100.0 - sum(part.lost for part in parts), 1), parts)
 
 
@@ -68,8 +79,7 @@ def _part(code: str, share: float, text: str) -> HealthPart:
     return HealthPart(code, weight, round(weight * min(max(share, 0.0), 1.0), 1), text)
 
 
-def of_stiction(judgement: Judgement) -> HealthPart:
-    """What the valve takes off."""
+def _stiction(judgement: Judgement) -> HealthPart:
     probability = judgement.stiction_probability
     if _unanswered(judgement):
         return _part("stiction", 1.0, UNANSWERED_TEXT)
@@ -77,6 +87,10 @@ def of_stiction(judgement: Judgement) -> HealthPart:
         return _part("stiction", NOT_JUDGED, "the valve could not be judged")
     if judgement.reliability == "reliable":
         return _part("stiction", probability, f"probability of stiction {probability:.2f}")
+    return _unsure(probability)
+
+
+def _unsure(probability: float) -> HealthPart:
     return _part("stiction", UNSURE * probability, f"probability of stiction {probability:.2f}, not reliable")
 
 

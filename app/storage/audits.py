@@ -111,15 +111,16 @@ def complete(connection: Connection) -> list[int]:
     return list(connection.scalars(select(audits.c.id).where(*_COMPLETE).order_by(audits.c.id)))
 
 
-def end_if_complete(connection: Connection, audit_id: int) -> int:
-    """Ends the run if it has nothing left to do: done, or partial where a loop failed."""
+def end_if_complete(connection: Connection, audit_id: int) -> bool:
+    """Whether the run has ended by this, which it does with nothing left to do: done, or partial where a loop
+    failed."""
     failed = exists().where(_MINE, audit_items.c.state == "failed")
     ending = (
         update(audits)
         .where(audits.c.id == audit_id, *_COMPLETE)
         .values(state=case((failed, "partial"), else_="done"), ended_at=now())
     )
-    return connection.execute(ending).rowcount
+    return connection.execute(ending).rowcount == 1
 
 
 def cancel(connection: Connection, audit_id: int) -> bool:

@@ -65,6 +65,15 @@ def audited(backend: Backend, wanted: LoopFilter | None = None) -> str:
     return run.id
 
 
+def held_up(backend: Backend) -> tuple[int, list[items.Claim]]:
+    """A run over all loops that is done but for the first, which somebody else has claimed."""
+    run = int(start_audit(backend).id)
+    with backend.database.write() as connection:
+        claims = items.claim(connection, run, "lost", 1, backend.settings.lease_s)
+    audit_chunk(backend, run, "test")
+    return run, claims
+
+
 @pytest.fixture
 def plant(backend: Backend, warm_kernels: None) -> Plant:
     stored(backend, SOURCE, ALONE, *SHAKEN_LOOPS)
@@ -112,10 +121,7 @@ def test_every_view_of_the_verdict_says_the_same(plant: Plant) -> None:
 
 def test_the_table_that_was_read_before_the_end_is_read_again(backend: Backend, warm_kernels: None) -> None:
     stored(backend, SOURCE, *SHAKEN_LOOPS[:1])
-    run = int(start_audit(backend).id)
-    with backend.database.write() as connection:
-        lost = items.claim(connection, run, "lost", 1, backend.settings.lease_s)
-    audit_chunk(backend, run, "test")
+    run, lost = held_up(backend)
     before = reliability_json(backend)
     assert b"reliable" in before.write()
     with backend.database.write() as connection:
@@ -136,10 +142,7 @@ def test_a_loop_audited_alone_is_heard_beside_what_is_known_of_its_neighbours(pl
 
 def test_a_run_that_its_workers_left_complete_is_ended_by_the_sweep(backend: Backend, warm_kernels: None) -> None:
     stored(backend, SOURCE, *SHAKEN_LOOPS[:1])
-    run = int(start_audit(backend).id)
-    with backend.database.write() as connection:
-        lost = items.claim(connection, run, "lost", 1, backend.settings.lease_s)
-    audit_chunk(backend, run, "test")
+    run, lost = held_up(backend)
     assert not end_if_complete(backend, run)
     with backend.database.write() as connection:
         items.fail(connection, [items.Failure(lost[0], "fault", "it broke")])
@@ -151,10 +154,7 @@ def test_a_run_that_its_workers_left_complete_is_ended_by_the_sweep(backend: Bac
 def test_a_run_that_is_cancelled_hears_what_it_has_found(backend: Backend, warm_kernels: None) -> None:
     stored(backend, SHAKEN_LOOPS[1])
     stored(backend, SOURCE, SHAKEN_LOOPS[0])
-    run = int(start_audit(backend).id)
-    with backend.database.write() as connection:
-        items.claim(connection, run, "slow", 1, backend.settings.lease_s)
-    audit_chunk(backend, run, "test")
+    run, _ = held_up(backend)
     heard = Plant(backend, str(run))
     assert heard.row(SHAKEN_LOOPS[0])["reliability"] == "reliable"
     assert cancel_audit(backend, str(run)).state == "cancelled"
@@ -170,10 +170,7 @@ def test_who_comes_after_the_end_rewords_nothing(
     end."""
     stored(backend, SHAKEN_LOOPS[1])
     stored(backend, SOURCE, SHAKEN_LOOPS[0])
-    run = int(start_audit(backend).id)
-    with backend.database.write() as connection:
-        lost = items.claim(connection, run, "lost", 1, backend.settings.lease_s)
-    audit_chunk(backend, run, "test")
+    run, lost = held_up(backend)
     with backend.database.write() as connection:
         items.fail(connection, [items.Failure(lost[0], "fault", "it broke")])
     with backend.database.read() as connection:

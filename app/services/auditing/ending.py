@@ -3,15 +3,13 @@ others.
 """
 
 import logging
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from sqlalchemy import Connection
 from sqlalchemy.exc import SQLAlchemyError
 
-from app.engine.health import of_stiction
-from app.engine.judgement import Judgement
+from app.engine.health import HealthPart, doubted_health
 from app.engine.plant_wide import Suspect, groups
 from app.services.auditing.audit_line import flat_health, flat_reasons
 from app.services.auditing.rows import as_row, fixed_part
@@ -30,23 +28,22 @@ def end_if_complete(backend: Backend, audit_id: int) -> bool:
     with backend.database.read() as connection:
         if audit_id not in audits.complete(connection):
             return False
-        doubts = _heard(connection, audit_id)
-    with backend.database.write() as connection:
-        ended = bool(audits.end_if_complete(connection, audit_id))
-        if ended:  # who comes second, or after a cancellation, would reword what readers keep as the run's last word
-            verdicts.reword(connection, doubts)
-    return ended
+    return _end(backend, audit_id, audits.end_if_complete)
 
 
 def cancel(backend: Backend, audit_id: int) -> bool:
     """Whether the run was still to be cancelled: what it has found by then stays, and is heard as at any other end."""
+    return _end(backend, audit_id, audits.cancel)
+
+
+def _end(backend: Backend, audit_id: int, by: Callable[[Connection, int], bool]) -> bool:
     with backend.database.read() as connection:
         doubts = _heard(connection, audit_id)
     with backend.database.write() as connection:
-        cancelled = audits.cancel(connection, audit_id)
-        if cancelled:
+        ended = by(connection, audit_id)
+        if ended:  # who comes second, or after a cancellation, would reword what readers keep as the run's last word
             verdicts.reword(connection, doubts)
-    return cancelled
+    return ended
 
 
 def _heard(connection: Connection, audit_id: int) -> list[Reworded]:
@@ -86,15 +83,15 @@ def _reworded(
     probability = row["stiction_probability"]
     text = neighbour_text(shaken, source, probability)
     reasons = [{"code": SHAKEN, "text": text}, *detail.get("reasons", [])]
-    valve = asdict(of_stiction(Judgement("stiction", probability, "not_reliable", (), None)))
-    health = [valve if part["code"] == valve["code"] else part for part in detail.get("health", [])]
+    doubted = doubted_health([HealthPart(**part) for part in detail.get("health", [])], probability)
+    parts = [vars(part) for part in doubted.parts]
     columns = {
         "reliability": "not_reliable",
-        "health": round(100.0 - sum(part["lost"] for part in health), 1),
-        "health_parts": flat_health(health),
+        "health": doubted.value,
+        "health_parts": flat_health(parts),
         **flat_reasons(reasons),
     }
-    told = pack_detail({**detail, "reasons": reasons, "health": health})
+    told = pack_detail({**detail, "reasons": reasons, "health": parts})
     return Reworded(loop_id, row["audit_id"], columns, told, fixed_part(as_row({**row, **columns})))
 
 
