@@ -237,14 +237,18 @@ def settle(found: Fit) -> Fit:
     if max(found.noise.poles) < SLOW_POLE or not found.parts:
         return found
     other = finish_as(found, white_fit(found))
-    before, after = (float(np.std(fit.residual[found.record.usable])) for fit in (found, other))
-    return other if after < SETTLED * before else found
+    return other if left_of(other) < SETTLED * left_of(found) else found
+
+
+def left_of(found: Fit) -> float:
+    """Deviation of what the free run leaves of PV where it is compared, unit of PV."""
+    return float(np.std(found.residual[found.record.usable]))
 
 
 def white_fit(found: Fit) -> FloatArray:
     """Coordinates of the same model where its free run is nearest to PV."""
     task = task_of(found)
-    white = NoiseModel(deviation=float(np.std(found.residual[found.record.usable])))
+    white = NoiseModel(deviation=left_of(found))
     return descend(task, polish(task, found.x, white), white, 30)
 
 

@@ -5,7 +5,7 @@ and a lag that the process has not, and no fit of the stem leaves that hill.
 import numpy as np
 
 from app.engine.mismatch.experiment import Experiment
-from app.engine.mismatch.fitting import Fit, fit
+from app.engine.mismatch.fitting import Fit, fit, left_of
 from app.engine.mismatch.given import identify
 from app.engine.mismatch.task import OWN_DEVIATION, make_task, start_at
 from app.engine.oscillation import detect
@@ -30,11 +30,6 @@ def behind_the_stem(found: Fit) -> Fit:
     best = max((other for other in others if other is not None), key=lambda other: other.likelihood, default=found)
     likelier = best.likelihood > found.likelihood + WORTH_IT
     return best if likelier and left_of(best) < left_of(found) else found
-
-
-def left_of(found: Fit) -> float:
-    """Deviation of what the free run leaves of PV where it is compared."""
-    return float(np.std(found.residual[found.record.usable]))
 
 
 def size_shown(record: Experiment) -> float | None:
