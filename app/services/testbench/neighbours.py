@@ -6,7 +6,7 @@ plant are heard beside each other.
 
 import argparse
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from app.engine.simulate import LoopSpec, Pid, Signal, SimulatedLoop, TwoParamet
 SOURCE = "source"
 SHAKEN_LOOPS = 4
 SAMPLES, INTERVAL_S = 2880, 5.0
-_SPANS = {"pv_limits": (-400.0, 600.0), "op_limits": (-400.0, 600.0), "pv_start": 60.0, "op_start": 50.0}
+_LIMITS = (-400.0, 600.0)  # far from all that happens
 
 
 @dataclass(frozen=True)
@@ -74,9 +74,8 @@ def sticking(rng: np.random.Generator, seed: int) -> SimulatedLoop:
         load=Signal(value=2.5, noise_sd=0.15, noise_tau_s=300.0),
         noise=Signal(noise_sd=0.05),
         settle_s=3600.0,
-        **_SPANS,  # type: ignore[arg-type]
     )
-    return simulate_loop(spec, SAMPLES * INTERVAL_S, INTERVAL_S, seed)
+    return _simulated(spec, seed)
 
 
 def shaken(source: SimulatedLoop, rng: np.random.Generator, seed: int) -> SimulatedLoop:
@@ -86,10 +85,14 @@ def shaken(source: SimulatedLoop, rng: np.random.Generator, seed: int) -> Simula
     spec = LoopSpec(
         plant=first_order(float(rng.uniform(0.6, 1.5)), tau, INTERVAL_S),
         controller=Pid(float(rng.uniform(0.3, 1.2)), tau * float(rng.uniform(0.7, 2.0))),
-        load=Signal(steps=tuple(zip((source.time_s).tolist(), np.diff(felt, prepend=0.0).tolist(), strict=True))),
+        load=Signal(steps=tuple(zip(source.time_s.tolist(), np.diff(felt, prepend=0.0).tolist(), strict=True))),
         noise=Signal(noise_sd=float(rng.uniform(0.01, 0.15)) * float(np.std(felt))),
-        **_SPANS,  # type: ignore[arg-type]
     )
+    return _simulated(spec, seed)
+
+
+def _simulated(spec: LoopSpec, seed: int) -> SimulatedLoop:
+    spec = replace(spec, pv_limits=_LIMITS, op_limits=_LIMITS, pv_start=60.0, op_start=50.0)
     return simulate_loop(spec, SAMPLES * INTERVAL_S, INTERVAL_S, seed)
 
 
