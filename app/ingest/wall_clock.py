@@ -1,6 +1,7 @@
 """Times of a clock on the wall to UTC, rows in the order in which they come, chunk by chunk."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import polars as pl
@@ -40,15 +41,15 @@ class WallClock:
         if self._zone == "UTC" or not len(local):
             return local
         good = local != _NO_TIME
-        early, late = (self._as_utc(local, good, which) for which in ("earliest", "latest"))
+        early, late = self._as_utc(local, good, "earliest"), self._as_utc(local, good, "latest")
         good &= early != _NO_TIME
         twice = good & (early != late)
         chosen = np.where(self._passes(local, good, twice) == SECOND, late, early)
         return np.where(good, chosen, _NO_TIME)
 
-    def _as_utc(self, local: TimeArray, good: NDArray[np.bool_], which: str) -> TimeArray:
+    def _as_utc(self, local: TimeArray, good: NDArray[np.bool_], which: Literal["earliest", "latest"]) -> TimeArray:
         naive = pl.Series(np.where(good, local, 0)).cast(pl.Datetime("ns"))
-        zoned = naive.dt.replace_time_zone(self._zone, ambiguous=which, non_existent="null")  # type: ignore[arg-type]
+        zoned = naive.dt.replace_time_zone(self._zone, ambiguous=which, non_existent="null")
         return zoned.dt.convert_time_zone("UTC").cast(pl.Int64).fill_null(_NO_TIME).to_numpy()
 
     def _passes(self, local: TimeArray, good: NDArray[np.bool_], twice: NDArray[np.bool_]) -> NDArray[np.int8]:
