@@ -2,9 +2,10 @@
 that ends, and with the data base's own restart."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from sqlalchemy import NullPool, create_engine, func, select
+from sqlalchemy.exc import DBAPIError
 
 from app.storage.database import parsed
 
@@ -22,8 +23,19 @@ def present(url: str, *, alone: bool) -> Iterator[bool]:
     if address.get_backend_name() == "sqlite":
         yield True
         return
-    lock = func.pg_try_advisory_lock if alone else func.pg_try_advisory_lock_shared
+    lock, unlock = (
+        (func.pg_try_advisory_lock, func.pg_advisory_unlock)
+        if alone
+        else (func.pg_try_advisory_lock_shared, func.pg_advisory_unlock_shared)
+    )
     told = {"connect_timeout": 5, "application_name": "loopaudit"}
     engine = create_engine(address, poolclass=NullPool, isolation_level="AUTOCOMMIT", connect_args=told)
     with engine.connect() as connection:
-        yield bool(connection.scalar(select(lock(KEY))))
+        held = bool(connection.scalar(select(lock(KEY))))
+        try:
+            yield held
+        finally:
+            # The server ends a closed session a moment later: who is told of the end must find the place free.
+            with suppress(DBAPIError):
+                if held:
+                    connection.scalar(select(unlock(KEY)))
