@@ -432,6 +432,10 @@ def test_a_second_effect_is_not_paid_for_a_better_start_of_the_first(seed: int) 
     S, J, _ = answer.effects[0].parameters
     assert pytest.approx(6.0, rel=0.15) == S.value
     assert pytest.approx(3.0, rel=0.35) == J.value
+    # OP hardly goes beyond S, so that PV shows J times the gain alone: S is known well, J is not, and both say so.
+    assert S.low <= 6.0 <= S.high < 1.02 * S.low
+    assert J.low <= 3.0 <= J.high
+    assert J.high - J.low > 1.5
 
 
 def test_what_richer_noise_would_take_is_no_gain() -> None:

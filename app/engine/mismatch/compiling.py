@@ -8,6 +8,7 @@ from app.engine.mismatch.experiment import experiment
 from app.engine.mismatch.explain import locate
 from app.engine.mismatch.patterns import find_patterns
 from app.engine.mismatch.preparing import prepare
+from app.engine.mismatch.stems import shown_stems
 from app.engine.recording import FloatArray
 
 SAMPLES, INTERVAL_S = 240, 1.0
@@ -31,6 +32,7 @@ def compile_kernels() -> None:
     locate(Comparison("warm-up", INTERVAL_S, op, at_rest, sp, simulation=STRUCTURES[0]))
     base = prepare(Comparison("warm-up", INTERVAL_S, op, pv, sp, simulation=STRUCTURES[0])).base
     close_again(base, base, ())
+    shown_stems(base.record, base.noise)
 
 
 def held_from(pv: FloatArray, kept: np.ndarray) -> FloatArray:

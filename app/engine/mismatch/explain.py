@@ -41,7 +41,6 @@ from app.engine.mismatch.read_back import without_read_backs
 from app.engine.mismatch.refitting import offered_beside
 from app.engine.mismatch.report import effects_of, export, location_of, pattern_effect, refit_estimates
 from app.engine.mismatch.residuals import residual_tests
-from app.engine.mismatch.restarting import behind_the_stem
 from app.engine.mismatch.result import NOWHERE, Effect, Explanation, Improvement, Location, Traces
 from app.engine.mismatch.sampling import taken_of
 from app.engine.mismatch.selection import Selection
@@ -67,7 +66,7 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     competed = compete(prepared)
     prepared = replace(prepared, base=competed.base, off=(*prepared.off, *competed.off))
     selection = competed.selection if prepared.unrelated else reviewed(prepared.base, competed.selection)
-    selection = replace(selection, fit=behind_the_stem(settle(selection.fit)))
+    selection = replace(selection, fit=settle(selection.fit))
     doubts = prepared.unrelated or (op_moves_nothing(selection.fit) if selection.effects else ())
     if doubts:
         selection = Selection(prepared.base, (), selection.ranking)

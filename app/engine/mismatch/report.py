@@ -8,12 +8,13 @@ from app.engine.evidence import Reason
 from app.engine.mismatch.block import Context, Parameter, Part
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit
-from app.engine.mismatch.intervals import deviations, interval, size_of_stiction
+from app.engine.mismatch.intervals import deviations, interval
 from app.engine.mismatch.naming import Believed
 from app.engine.mismatch.patterns import Pattern
 from app.engine.mismatch.physics.stem import NAME as STEM_START
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.result import NOWHERE, Effect, Estimate, ExplainedModel, Location, PartModel
+from app.engine.mismatch.stem_sizes import size_of_stiction
 from app.engine.mismatch.task import OWN_DEVIATION
 from app.engine.mismatch.windows import Window, active_mask, windows_of
 from app.engine.mismatch.worth import hidden_gain
@@ -127,8 +128,8 @@ def estimates(found: Fit, part: Part) -> tuple[Estimate, ...]:
     for p in part.block.parameters(Context(found.record, found.given.plant)):
         said.append(interval(found, f"{index}.{p.name}", mids.get(p.unit, 0.0), plain_unit(p), p.name, spread))
     if part.block.code == "valve.stiction":
-        said[:2] = size_of_stiction(found, f"{index}.S", f"{index}.share")
-    if said and said[-1].name == STEM_START:
+        said[:3] = size_of_stiction(found, index)
+    elif said and said[-1].name == STEM_START:
         reach = 1.0 if said[-1].unit == "OP" else 0.5 * sum(estimate.value for estimate in said[:-1])
         said[-1] = scaled(said[-1], float(found.record.op[0]), reach, "OP")
     return tuple(said)

@@ -22,6 +22,7 @@ from app.engine.mismatch.physics import TWINS
 from app.engine.mismatch.physics.generic import CODE as UNNAMED
 from app.engine.mismatch.ranking import best_of_each_code, by_worth, ranked
 from app.engine.mismatch.refitting import CODE as PARAMETERS
+from app.engine.mismatch.restarting import with_stems_shown
 from app.engine.mismatch.searching import searched
 from app.engine.mismatch.worth import (
     LEAST_OF_PENALTY,
@@ -61,7 +62,7 @@ def select(base: Fit, blocks: tuple[Block, ...], already: tuple[str, ...] = ()) 
     """
     offered = tuple(block for block in blocks if block.code not in already)
     surveyed = survey(base, offered)
-    first = deepened(ranked(base, offered, surveyed=surveyed), offered)
+    first = with_stems_shown(deepened(ranked(base, offered, surveyed=surveyed), offered), base, offered)
     asked = SECOND_MUST_GAIN if already else 0.0
     names = best_of_each_code(first)
     pays = bool(first) and worth(first[0]) > asked

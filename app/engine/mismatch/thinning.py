@@ -92,7 +92,7 @@ def refined(base: Fit, selection: Selection) -> Selection:
         return replace(selection, fit=base)
     parts = selection.fit.parts
     known = named(base.record, (part.block.name for part in parts))
-    task = make_task(base.record, base.given, tuple(known[part.block.name] for part in parts))
+    task = make_task(base.record, selection.fit.given, tuple(known[part.block.name] for part in parts))
     x = start_at(task, selection.fit.plant, np.concatenate([part.values for part in parts]))
     fine = fit(task, x, None, 2, 6)
     usable = base.record.usable

@@ -34,6 +34,18 @@ def stem(signal: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray
     return np.array([S]), np.array([J]), np.array([start])
 
 
+def slipping_as(values: FloatArray, share: float) -> list[FloatArray]:
+    """The numbers (3,) of stems with another slip, J / S = `share`, that slip first where the stem of `values` does,
+    upwards or downwards: the distance from where it stood to where it lets go, (1 -+ start) (S + J) / 2, is the same.
+
+    All later slips hang on S alone as long as OP does not go on in one direction by more than J, and what a record then
+    tells is J times the gain: along these numbers the likelihood is flat, across them it jumps.
+    """
+    longer = (1.0 + values[1]) / (1.0 + share)
+    starts = [side * (1.0 - (1.0 - side * values[2]) * longer) for side in (1.0, -1.0)]
+    return [np.array([values[0], share, start]) for start in starts if abs(start) <= 1.0]
+
+
 def he(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
     return two_parameter_he(signal, *stem(signal, values))[0]
 

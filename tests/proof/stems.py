@@ -1,0 +1,116 @@
+"""How often explain, given no simulation, names a stem that sticks where one does, and where none does:
+`python stems.py [--sticking N] [--healthy N]`.
+
+Limit cycles of valves in He's form whose slip is from none to all of S, and loops with a sound valve under waves,
+triangles, drifts, squares, tight tuning and two waves at once.
+"""
+
+import argparse
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+
+import numpy as np
+
+from app.engine.mismatch import Comparison, Explanation, compile_kernels, explain
+from app.engine.recording import FloatArray
+from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
+
+SAMPLES, SHARES = 1440, (0.0, 0.25, 0.5, 0.75, 1.0)
+WITHIN = 0.1
+ACCUSING = {"valve.stiction", "valve.deadband"}
+Sized = tuple[float, float, Comparison]
+
+
+def loop(
+    valve: TwoParameterValve, controller: Pid, plant: tuple[float, float], load: Signal, **other: float
+) -> LoopSpec:
+    return LoopSpec(
+        plant=first_order(1.0, *plant),
+        controller=controller,
+        valve=valve,
+        load=load,
+        noise=Signal(noise_sd=other["noise"]),
+        pv_start=50.0,
+        op_start=50.0,
+        op_limits=(0.0, 100.0),
+    )
+
+
+def recorded(name: str, spec: LoopSpec, samples: int, ts: float, seed: int) -> Comparison:
+    made = simulate_loop(spec, samples * ts, ts, seed)
+    return Comparison(name, ts, made.op, made.pv, made.sp)
+
+
+def sticking(count: int, seed: int) -> Iterator[Sized]:
+    """S, J and the loop, started by a step of load."""
+    rng = np.random.default_rng(seed)
+    for k in range(count):
+        S, share = float(rng.choice([4, 6, 8, 12])), SHARES[k % len(SHARES)]
+        noise, ts, Kc = (float(rng.choice(some)) for some in ([0.05, 0.1, 0.2, 0.4], [2.0, 5.0], [0.6, 1.0, 1.5]))
+        start = Signal(steps=((0.0, 1.0),))
+        spec = loop(TwoParameterValve(S, share * S), Pid(Kc, 20.0, 0.0), (20.0, 2.0), start, noise=noise)
+        yield S, share * S, recorded(f"sticking {k}", spec, SAMPLES, ts, seed + k)
+
+
+def healthy(seed: int) -> Comparison:
+    """A loop whose valve is sound; the remainder of the seed by 6 says what moves it."""
+    rng = np.random.default_rng(seed)
+    ts, samples = float(rng.choice([1.0, 2.0, 5.0])), int(rng.choice([900, 1440, 2000]))
+    tau, theta = float(rng.choice([10, 20, 40])), float(rng.choice([2, 5, 10]))
+    Kc, noise = float(rng.choice([0.3, 0.6, 1.0, 1.6])), float(rng.choice([0.05, 0.1, 0.2, 0.4]))
+    period, size = float(rng.uniform(60, 400)), float(rng.choice([1, 2, 4]))
+    at = np.arange(samples) * ts
+    moved = np.diff(shaken(seed % 6, size, period, at, rng), prepend=0.0)
+    load = Signal(
+        steps=tuple((float(t), float(m)) for t, m in zip(at, moved, strict=True) if m != 0.0) or ((0.0, 1.0),)
+    )
+    tuned = Pid(2.0 * Kc if seed % 6 == 4 else Kc, tau, 0.0)
+    return recorded(
+        f"healthy {seed}", loop(TwoParameterValve(0.0, 0.0), tuned, (tau, theta), load, noise=noise), samples, ts, seed
+    )
+
+
+def shaken(kind: int, size: float, period: float, at: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """What comes from outside (N,): a wave, a triangle, a drift, a square, nothing, two waves of which one swells."""
+    turn = 2.0 * np.pi * at / period
+    if kind == 1:
+        return size * (4.0 * np.abs((at / period) % 1.0 - 0.5) - 1.0)
+    if kind == 2:
+        return np.cumsum(0.15 * rng.standard_normal(len(at)))
+    wave = np.sin(turn)
+    two = wave * (1.0 + 0.4 * np.sin(turn / 7.0)) + 0.5 * np.sin(2.0 * turn)
+    return size * {0: wave, 3: np.sign(wave), 4: np.zeros(len(at))}.get(kind, two)
+
+
+def right(said: Explanation, S: float, J: float) -> bool:
+    """Whether the valve alone is named, its size within a tenth; a slip of nearly nothing is a deadband."""
+    if len(said.effects) != 1 or said.effects[0].code not in ACCUSING:
+        return False
+    size = [p.value for p in said.effects[0].parameters]
+    slip = size[1] if said.effects[0].code == "valve.stiction" else 0.0
+    kind = slip < WITHIN * S if J == 0.0 else said.effects[0].code == "valve.stiction"
+    return kind and abs(size[0] / S - 1.0) < WITHIN
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--sticking", type=int, default=24)
+    options.add_argument("--healthy", type=int, default=120)
+    options.add_argument("--seed", type=int, default=100)
+    given = options.parse_args()
+    compile_kernels()
+    known = list(sticking(given.sticking, given.seed))
+    seeds = range(7 * given.seed, 7 * given.seed + given.healthy)
+    with ProcessPoolExecutor(2) as pool:
+        told = list(pool.map(explain, [comparison for _, _, comparison in known]))
+        named = [right(said, S, J) for said, (S, J, _) in zip(told, known, strict=True)]
+        print(f"sticking: {sum(named)} of {len(named)} named alone and sized within {WITHIN:.0%}")
+        sound = list(pool.map(explain, map(healthy, seeds)))
+    accused = [said for said in sound if ACCUSING & {effect.code for effect in said.effects}]
+    print(f"healthy: {len(accused)} of {len(sound)} are called a valve that sticks")
+    for said in accused:
+        print(f"  {said.name}: {', '.join(effect.code for effect in said.effects)}")
+
+
+if __name__ == "__main__":
+    main()
