@@ -105,6 +105,9 @@ def test_a_stem_that_jumps_all_its_way_is_named_alone(seed: int, S: float, noise
     assert size["J"].low <= S <= size["J"].high
     assert size["S"].high < 1.05 * S < float(np.ptp(compared.op))
     assert said.fit.explained.rmse < 1.5 * noise
+    own = {reason.code: reason.text for reason in said.evidence}
+    assert own["refit"].startswith("no simulation was given; our own linear loop")
+    assert "K 1.0" in own["own_loop"] or "K 0.9" in own["own_loop"]
 
 
 @pytest.mark.parametrize("values", [(6.0, 0.5, 0.3), (6.0, 0.5, -0.4), (6.0, 0.9, 0.0)])

@@ -22,6 +22,7 @@ from app.engine.mismatch.worth import no_worse
 
 CLEARLY = 20.0  # nat: by how much terms without a name must say more than names do, to take their place
 NOT_FAR = 0.5
+LITTLE = 0.05  # a share that says nothing against a name
 # The share left beside a name at which it is as likely wrong as right. A linear loop of our own is a guess from the
 # same record and leaves something itself: real valves that stick are named rightly with shares up to 0.5.
 HALF_SURE, HALF_SURE_OWN = 0.1, 0.4
@@ -97,7 +98,7 @@ def doubted(effect: Believed, left: tuple[Pays, ...], half_sure: float) -> Belie
     share = gain / (gain + max(effect.gain, 1e-9))
     names = ", ".join(term.name for term in left)
     text = (
-        f"it leaves {gain:.1f} nat that terms without a name explain ({names}), {100.0 * share:.0f} % of what both do: "
-        "the physics may be another"
+        f"it leaves {gain:.1f} nat that terms without a name explain ({names}), {100.0 * share:.0f} % of what both do"
     )
+    text += ": the physics may be another" if share > LITTLE else ""
     return replace(effect, most=1.0 / (1.0 + (share / half_sure) ** 2), left=(Reason("lack_of_fit", text),))

@@ -44,6 +44,7 @@ from app.engine.mismatch.residuals import residual_tests
 from app.engine.mismatch.result import NOWHERE, Effect, Explanation, Improvement, Location, Traces
 from app.engine.mismatch.sampling import taken_of
 from app.engine.mismatch.selection import Selection
+from app.engine.mismatch.task import OWN_DEVIATION
 from app.engine.mismatch.validation import validate
 from app.engine.mismatch.windows import windows_of
 from app.engine.recording import BoolArray, FloatArray
@@ -223,11 +224,19 @@ def improvement_of(traces: Traces, base: Fit) -> Improvement:
     return Improvement(given, refitted, explained, windows_of(held, record.sampling_interval_s))
 
 
+def in_words(found: Fit) -> str:
+    """The linear loop of a fit."""
+    return ", ".join(f"{e.name} {e.value:.4g} {e.unit}" for e in refit_estimates(found))
+
+
 def evidence_of(prepared: Prepared, selection: Selection) -> tuple[Reason, ...]:
     """What the refit alone explained, and how near the best effect that was not believed came."""
     base = prepared.base
-    changes = ", ".join(f"{e.name} {e.value:.4g} {e.unit}" for e in refit_estimates(base))
-    said = [*prepared.off, Reason("refit", f"the simulation's own parameters, fitted: {changes}")]
+    own = base.given.deviation >= OWN_DEVIATION
+    whose = "no simulation was given; our own linear loop" if own else "the simulation's own parameters, fitted"
+    said = [*prepared.off, Reason("refit", f"{whose}: {in_words(base)}")]
+    if own and selection.fit.given is not base.given:
+        said.append(Reason("own_loop", f"behind the stem our own linear loop is another: {in_words(selection.fit)}"))
     if base.parts:
         said.append(Reason("own_dynamics", "no simulation was given, and our own loop needed more lags than two"))
     best = selection.ranking[0] if selection.ranking and not selection.effects else None

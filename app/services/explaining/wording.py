@@ -60,6 +60,7 @@ EVIDENCE_WORDS = {
     "refit": "the simulation's own parameters, fitted to the record",
     "scan": "what the effect gains in a quick scan",
     "no_effect_pays": "the best effect gains less than is asked of it",
+    "own_loop": "our own loop as it was found behind the stem",
     "own_dynamics": "no simulation was given, and our own loop needed more lags",
     "parameters_off": "other parameters of the simulation explain the record better than any effect, or are far off",
     "lack_of_fit": "terms without a name still explain much of what the effect leaves",
