@@ -1,19 +1,30 @@
 """Stems are found with the loop behind them, before names compete: found from OP our own loop hides them."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Explanation, explain
 from app.engine.mismatch.comparison import record_of
-from app.engine.mismatch.compete import Rival
+from app.engine.mismatch.compete import Rival, descended
 from app.engine.mismatch.fitting import Fit
 from app.engine.mismatch.given import identify
+from app.engine.mismatch.noise import settling_samples, whiten
 from app.engine.mismatch.physics import library
 from app.engine.mismatch.physics.valve_stiction import slipping_as
-from app.engine.mismatch.restarting import restarted, takes_its_place, with_stems_shown
-from app.engine.mismatch.stems import followed, seen_under, shown_stems
+from app.engine.mismatch.plant import Plant, run_process
+from app.engine.mismatch.restarting import (
+    STICKS,
+    begun_at,
+    over_its_slips,
+    restarted,
+    takes_its_place,
+    to_its_end,
+    with_stems_shown,
+)
+from app.engine.mismatch.stems import DELAYS, LAGS, ShownStem, followed, loops_near, seen_under, shown_stems
 from app.engine.mismatch.task import GIVEN_DEVIATION
 from app.engine.recording import FloatArray
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
@@ -33,7 +44,7 @@ def loop(seed: int, S: float, J: float, load: Signal, **other: float) -> Compari
         op_start=50.0,
         op_limits=(0.0, 100.0),
     )
-    made = simulate_loop(spec, SAMPLES * TS, TS, seed)
+    made = simulate_loop(spec, other.get("samples", SAMPLES) * TS, TS, seed)
     return Comparison("FIC1", TS, made.op, made.pv, made.sp)
 
 
@@ -74,6 +85,49 @@ def test_what_a_loop_leaves_behind_the_true_stem_is_its_noise() -> None:
     alone = followed(seen, base.record.op_deviation[None, :]).left[0]
     assert left[0] < 0.8 * min(left[1], alone)
     assert followed(seen, stems).slope[0] == pytest.approx(1.0, rel=0.2)
+
+
+def test_what_simple_loops_leave_is_what_least_squares_leaves() -> None:
+    base = own_loop(sticking(3, 8.0, 4.0))
+    record, noise = base.record, base.noise
+    v = two_parameter_he(record.op, np.array([8.0]), np.array([4.0]))[0] - record.op_mid
+    every, ones, late = record.usable, np.ones(SAMPLES), settling_samples(SAMPLES)
+
+    def whitened(signal: FloatArray) -> FloatArray:
+        return whiten(signal, every, noise)[late:]
+
+    left = {}
+    for lag, delay in product(LAGS, DELAYS):
+        if np.isinf(lag):
+            continue
+        plant = Plant(1.0, lag * TS, delay * TS)
+        answer = run_process(v - v[0], plant, TS)
+        columns = (answer, ones, np.exp(-np.arange(SAMPLES) / lag))
+        basis = np.stack([whitened(column) for column in columns], axis=1)
+        left[lag, delay] = float(np.linalg.lstsq(basis, whitened(record.pv_deviation), rcond=None)[1][0])
+    found = followed(seen_under(record, noise), v[None, :])
+    nearest = min(left, key=lambda key: left[key])
+    assert (found.lag[0], found.delay[0]) == nearest
+    assert found.left[0] == pytest.approx(left[nearest], rel=1e-9)
+
+
+def test_loops_near_a_plant_have_about_its_lag_and_dead_time() -> None:
+    near = loops_near(Plant(1.0, 20.0, 10.0, tau2=5.0), TS)
+    assert near.lags == pytest.approx([2.4, 3.2, 4.0, 5.0, 6.4])
+    assert near.delays == pytest.approx([2.0, 2.5, 3.0, 3.5, 4.0])
+    assert np.isinf(loops_near(Plant(1.0, 1.0, 0.0, leak=0.0), TS).lags).all()
+    base = own_loop(sticking(3, 8.0, 4.0))
+    assert shown_stems(base.record, base.noise, Plant(1.0, 21.0, 2.0))[0].plant.tau in near.lags * 21.0 / 4.0
+
+
+def test_all_sizes_of_slip_are_walked_from_a_wrong_one() -> None:
+    base = own_loop(sticking(3, 8.0, 6.0))
+    block = next(block for block in library(base.record) if block.name == STICKS)
+    wrong = ShownStem(8.0, 0.2, 0.0, 100.0, Plant(3.0, 20.0, 2.0))
+    first = to_its_end(descended(*begun_at(base, wrong, block), 6))
+    walked = over_its_slips(first)
+    assert walked.score > first.score + 20.0
+    assert walked.parts[-1].values[1] == pytest.approx(0.75, abs=0.1)
 
 
 def test_a_stem_that_stands_still_explains_nothing() -> None:
@@ -124,6 +178,28 @@ def test_another_slip_from_the_same_first_one_slips_in_the_same_samples(values: 
     assert len(alike) >= 3
     first = slips(np.array(values))
     assert sum(len(other) == len(first) and bool(np.all(other == first)) for other in alike) >= 3
+
+
+@pytest.mark.parametrize("begin", [301, 333, 390])
+def test_the_interval_of_where_the_stem_stood_holds_it(begin: int) -> None:
+    """By J alone it was up to 80 times too narrow."""
+    compared = sticking(5, 6.0, 2.0)
+    stood = two_parameter_he(compared.op, np.array([6.0]), np.array([2.0]), np.array([50.0]))[0][begin - 1]
+    later = replace(compared, op=compared.op[begin:], pv=compared.pv[begin:], sp=compared.sp[begin:])
+    said = explain(later)
+    start = said.effects[0].parameters[-1]
+    assert codes(said) == ["valve.stiction"]
+    assert start.low <= stood <= start.high
+    assert 0.05 < start.high - start.low < 6.0
+    assert abs(stood - later.op[0]) > 0.05
+
+
+def test_the_stem_of_a_long_record_is_found_as_it_was_sampled() -> None:
+    """Block means hold no slip: S was 7.65 here, and in a record twice as long nothing was named."""
+    said = explain(sticking(3, 8.0, 4.0, samples=4300))
+    assert codes(said) == ["valve.stiction"]
+    assert abs(said.effects[0].parameters[0].value / 8.0 - 1.0) < 0.01
+    assert said.fit.explained.rmse < 1.2 * 0.2
 
 
 def test_a_healthy_loop_under_a_wave_shows_no_stem() -> None:

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from app.engine.evidence import Reason
 from app.engine.mismatch.compete import Rival
 from app.engine.mismatch.conclude import nothing_left, too_few
@@ -10,9 +12,10 @@ from app.engine.mismatch.physics import library
 from app.engine.mismatch.physics.generic import DYNAMIC
 from app.engine.mismatch.preparing import Prepared
 from app.engine.mismatch.refitting import freed, off_in_words, offered_beside, parameters_of
+from app.engine.mismatch.restarting import restarted, takes_its_place
 from app.engine.mismatch.selection import Selection, select
 from app.engine.mismatch.task import OWN_DEVIATION
-from app.engine.mismatch.thinning import Coarse, coarse_of, factor_for, refined
+from app.engine.mismatch.thinning import WANTED_SAMPLES, Coarse, coarse_of, factor_for, refined
 from app.engine.mismatch.worth import worth
 
 NEARLY = 0.5
@@ -38,7 +41,7 @@ def compete(prepared: Prepared) -> Competed:
     base, already = prepared.base, tuple(pattern.part.block.code for pattern in prepared.patterns)
     if prepared.unrelated or too_few(base.record) or nothing_left(base):
         return Competed(base, Selection(base, (), ()))
-    coarse = coarse_of(base, factor_for(base))
+    coarse = shortened_for(base)
     blocks = library(coarse.fit.record)
     selection = select(coarse.fit, (*blocks, *offered_beside(base)), already)
     off = parameters_of(selection.fit) if selection.effects else None
@@ -49,6 +52,20 @@ def compete(prepared: Prepared) -> Competed:
     coarse = coarse_of(again, factor_for(again))
     selection = select(coarse.fit, blocks, already)
     return Competed(again, finely(again, coarse, selection), (off_in_words(base.given, given),))
+
+
+def shortened_for(base: Fit) -> Coarse:
+    """What of a long record the names compete on: its beginning as sampled, where our own loop follows a stem there,
+    whose slips no block means hold; the record thinned otherwise.
+    """
+    factor = factor_for(base)
+    if factor > 1 and base.given.deviation >= OWN_DEVIATION and base.record.finer is None:
+        beginning = base.record.stretch(0, WANTED_SAMPLES)
+        if not too_few(beginning) and np.ptp(beginning.op) > 0.0:
+            alone = fit_linear(beginning, base.given)
+            if any(takes_its_place(rival, None) for rival in restarted(alone, library(beginning))):
+                return Coarse(alone, factor)
+    return coarse_of(base, factor)
 
 
 def finely(base: Fit, coarse: Coarse, selection: Selection) -> Selection:

@@ -17,6 +17,7 @@ WEAKENED = 24.0
 best of many narrow ones, one for each sample at which a stem could have slipped. Measured: docs/PROOF.md."""
 S_MOVES = np.geomspace(2e-4, 0.7, 22)  # of ln S
 SHARE_MOVES = np.array([0.01, 0.03, 0.07, 0.15, 0.3, 0.6])  # of J / S
+STARTS = np.linspace(-1.0, 1.0, 41)  # share of the band to either side
 LEAST_SHARE = 0.02  # of J / S, below which the gain does not fall with it
 
 
@@ -33,9 +34,10 @@ def size_of_stiction(found: Fit, part: int) -> tuple[Estimate, Estimate, Estimat
     tried = [names.index(f"{part}.{name}") for name in ("S", "share", STEM_START)]
     task = task_of(found)
     places = [around(task, found.x, tried, names.index("K"), side) for side in (0.0, 1.0, -1.0)]
-    passed = passing(found, task, places, tried)
+    passed = passing(found, task, places, tried[:2])
     reached = binary_dilation(np.any(passed, axis=0), np.ones((3, 3)))
     kept = [places[0][reached], *(grid[mask] for grid, mask in zip(places[1:], passed[1:], strict=True))]
+    kept.append(starts_passing(found, task, tried))
     first = found.record.op[0]
     sizes = np.array([size_at(found, x, tried) for x in (found.x, *np.concatenate(kept))])
     low, high = np.min(sizes, axis=0), np.max(sizes, axis=0)
@@ -46,13 +48,22 @@ def size_of_stiction(found: Fit, part: int) -> tuple[Estimate, Estimate, Estimat
     return S, J, start
 
 
-def passing(found: Fit, task: Task, places: list[FloatArray], tried: list[int]) -> BoolArray:
-    """(G, A, B) at which coordinates of G grids (A, B, P) the record is explained nearly as well as at the fitted ones.
+def starts_passing(found: Fit, task: Task, tried: list[int]) -> FloatArray:
+    """(M, P) coordinates of the fitted size from other places of the stem: those that pass, and the next ones."""
+    places = np.tile(found.x, (len(STARTS), 1, 1))
+    places[:, 0, tried[2]] = STARTS
+    passed = passing(found, task, [places], tried)[0]
+    return places[binary_dilation(passed, np.ones((3, 1)))]
+
+
+def passing(found: Fit, task: Task, places: list[FloatArray], held: list[int]) -> BoolArray:
+    """(G, A, B) at which coordinates of G grids (A, B, P) the record is explained nearly as well as at the fitted ones,
+    all numbers but those held following.
 
     The slopes of the fitted stem would stand for a stem that stands still, and any size beyond OP's travel passed: what
     passes with them has to pass with the slopes at its own size as well.
     """
-    others = [k for k in range(len(found.x)) if k not in tried[:2]]
+    others = [k for k in range(len(found.x)) if k not in held]
     at = residual_rows(task, found.x, found.noise)
     basis = orthonormal(slopes(task, found.x, found.noise, at, others))
     allowed = projected_cost(at.rows, basis) + CHI2_95 * WEAKENED
@@ -74,7 +85,7 @@ def size_at(found: Fit, x: FloatArray, tried: list[int]) -> tuple[float, float, 
 
 def around(task: Task, fitted: FloatArray, tried: list[int], gain: int, side: float) -> FloatArray:
     """(A, B, P) coordinates about the fitted ones (P,): other ln S and J / S; where `side` is 1 or -1 the stem first
-    slips up or down where the fitted one does, and the gain falls as J grows.
+    slips down or up where the fitted one does, and the gain falls as J grows.
     """
     grids = [np.concatenate((-moves[::-1], [0.0], moves)) for moves in (S_MOVES, SHARE_MOVES)]
     moves = np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1)

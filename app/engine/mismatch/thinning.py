@@ -19,7 +19,7 @@ WORTH = 0.995
 
 @dataclass(frozen=True, eq=False)
 class Coarse:
-    """A fit of a thinned record, and by which factor it was thinned (1: not at all)."""
+    """A fit of a shorter record, and by which factor it is shorter (1: it is the record itself)."""
 
     fit: Fit
     factor: int

@@ -36,7 +36,7 @@ def stem(signal: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray
 
 def slipping_as(values: FloatArray, share: float) -> list[FloatArray]:
     """The numbers (3,) of stems with another slip, J / S = `share`, that slip first where the stem of `values` does,
-    upwards or downwards: the distance from where it stood to where it lets go, (1 -+ start) (S + J) / 2, is the same.
+    downwards or upwards: the distance from where it stood to where it lets go, (1 -+ start) (S + J) / 2, is the same.
 
     All later slips hang on S alone as long as OP does not go on in one direction by more than J, and what a record then
     tells is J times the gain: along these numbers the likelihood is flat, across them it jumps.
