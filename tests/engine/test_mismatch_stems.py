@@ -212,7 +212,8 @@ def test_a_given_simulation_is_not_found_again() -> None:
     base = own_loop(sticking(3, 8.0, 4.0))
     given = replace(base, given=replace(base.given, deviation=GIVEN_DEVIATION))
     ranking = (Rival(library(base.record)[0], base, 1.0, base),)
-    assert with_stems_shown(ranking, given, library(base.record)) is ranking
+    assert restarted(given, library(base.record)) == ()
+    assert with_stems_shown(ranking, restarted(given, library(base.record))) is ranking
 
 
 def test_a_stem_takes_no_place_whose_free_run_is_farther_or_which_is_hardly_likelier() -> None:

@@ -14,11 +14,11 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 
 from cases import make_case
+from stems import SAMPLES, loop, recorded
 
 from app.engine.mismatch import Comparison, compile_kernels, explain
-from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
+from app.engine.simulate import Pid, Signal, TwoParameterValve
 
-SAMPLES = 1440
 Known = tuple[str, Comparison, dict[str, float]]
 Stated = tuple[float, float, float, float]
 
@@ -29,18 +29,9 @@ def limit_cycles(count: int, seed: int) -> Iterator[Known]:
     for k in range(count):
         S, J, noise = (float(rng.choice(sizes)) for sizes in ((4, 6, 8, 12), (1, 2, 3), (0.05, 0.1, 0.2, 0.4)))
         ts, kc = float(rng.choice([2.0, 5.0])), float(rng.choice([0.6, 1.0, 1.5]))
-        spec = LoopSpec(
-            plant=first_order(1.0, 20.0, 2.0),
-            controller=Pid(kc, 20.0, 0.0),
-            valve=TwoParameterValve(S, J),
-            load=Signal(steps=((0.0, 1.0),)),
-            noise=Signal(noise_sd=noise),
-            pv_start=50.0,
-            op_start=50.0,
-            op_limits=(0.0, 100.0),
-        )
-        made = simulate_loop(spec, SAMPLES * ts, ts, seed + k)
-        yield "valve.stiction", Comparison("loop", ts, made.op, made.pv, made.sp), {"S": S, "J": J}
+        start = Signal(steps=((0.0, 1.0),))
+        spec = loop(TwoParameterValve(S, J), Pid(kc, 20.0, 0.0), (20.0, 2.0), start, noise=noise)
+        yield "valve.stiction", recorded("loop", spec, SAMPLES, ts, seed + k), {"S": S, "J": J}
 
 
 def blind(effect: str, count: int, seed: int) -> Iterator[Known]:

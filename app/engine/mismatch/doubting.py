@@ -17,7 +17,7 @@ from app.engine.mismatch.physics.generic import CODE as UNNAMED
 from app.engine.mismatch.physics.terms import made_of
 from app.engine.mismatch.scan import task_with
 from app.engine.mismatch.selection import Selection
-from app.engine.mismatch.task import OWN_DEVIATION, start_at
+from app.engine.mismatch.task import start_at
 from app.engine.mismatch.worth import no_worse
 
 CLEARLY = 20.0  # nat: by how much terms without a name must say more than names do, to take their place
@@ -39,7 +39,7 @@ def reviewed(base: Fit, selection: Selection) -> Selection:
         return selection
     named = max(named_score(base, selection), 0.0)
     # A linear loop of our own is a guess from the same record: terms would mend that as well.
-    own = base.given.deviation >= OWN_DEVIATION
+    own = base.given.own
     unnamed = None if own else without_name(base, lack_of_fit(base) if selection.effects else left)
     if unnamed is not None and unnamed.score > named + CLEARLY and not runs_astray(selection.fit, unnamed.fit):
         return Selection(unnamed.fit, (in_place_of(selection, unnamed, named),), selection.ranking)

@@ -44,7 +44,6 @@ from app.engine.mismatch.residuals import residual_tests
 from app.engine.mismatch.result import NOWHERE, Effect, Explanation, Improvement, Location, Traces
 from app.engine.mismatch.sampling import taken_of
 from app.engine.mismatch.selection import Selection
-from app.engine.mismatch.task import OWN_DEVIATION
 from app.engine.mismatch.validation import validate
 from app.engine.mismatch.windows import windows_of
 from app.engine.recording import BoolArray, FloatArray
@@ -232,7 +231,7 @@ def in_words(found: Fit) -> str:
 def evidence_of(prepared: Prepared, selection: Selection) -> tuple[Reason, ...]:
     """What the refit alone explained, and how near the best effect that was not believed came."""
     base = prepared.base
-    own = base.given.deviation >= OWN_DEVIATION
+    own = base.given.own
     whose = "no simulation was given; our own linear loop" if own else "the simulation's own parameters, fitted"
     said = [*prepared.off, Reason("refit", f"{whose}: {in_words(base)}")]
     if own and selection.fit.given is not base.given:

@@ -1,6 +1,6 @@
 """What is missing, and beside which linear loop: the given one, one with parameters further off, or our own."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,9 +12,8 @@ from app.engine.mismatch.physics import library
 from app.engine.mismatch.physics.generic import DYNAMIC
 from app.engine.mismatch.preparing import Prepared
 from app.engine.mismatch.refitting import freed, off_in_words, offered_beside, parameters_of
-from app.engine.mismatch.restarting import restarted, takes_its_place
+from app.engine.mismatch.restarting import may_hide_a_stem, restarted, takes_its_place
 from app.engine.mismatch.selection import Selection, select
-from app.engine.mismatch.task import OWN_DEVIATION
 from app.engine.mismatch.thinning import WANTED_SAMPLES, Coarse, coarse_of, factor_for, refined
 from app.engine.mismatch.worth import worth
 
@@ -43,7 +42,7 @@ def compete(prepared: Prepared) -> Competed:
         return Competed(base, Selection(base, (), ()))
     coarse = shortened_for(base)
     blocks = library(coarse.fit.record)
-    selection = select(coarse.fit, (*blocks, *offered_beside(base)), already)
+    selection = select(coarse.fit, (*blocks, *offered_beside(base)), already, coarse.stems)
     off = parameters_of(selection.fit) if selection.effects else None
     if off is None:
         return beside_own_dynamics(base, coarse, selection, already)
@@ -59,13 +58,15 @@ def shortened_for(base: Fit) -> Coarse:
     whose slips no block means hold; the record thinned otherwise.
     """
     factor = factor_for(base)
-    if factor > 1 and base.given.deviation >= OWN_DEVIATION and base.record.finer is None:
+    if factor > 1 and may_hide_a_stem(base):
         beginning = base.record.stretch(0, WANTED_SAMPLES)
         if not too_few(beginning) and np.ptp(beginning.op) > 0.0:
             alone = fit_linear(beginning, base.given)
-            if any(takes_its_place(rival, None) for rival in restarted(alone, library(beginning))):
-                return Coarse(alone, factor)
-    return coarse_of(base, factor)
+            stems = restarted(alone, library(beginning))
+            if any(takes_its_place(stem, None) for stem in stems):
+                return Coarse(alone, factor, stems)
+    coarse = coarse_of(base, factor)
+    return replace(coarse, stems=restarted(coarse.fit, library(coarse.fit.record)))
 
 
 def finely(base: Fit, coarse: Coarse, selection: Selection) -> Selection:
@@ -82,7 +83,7 @@ def beside_own_dynamics(base: Fit, coarse: Coarse, selection: Selection, already
     named = tuple(block for block in library(coarse.fit.record) if block.name != own.block.name)
     if any(worth(r) > NEARLY * worth(own) for r in selection.ranking if r.block.code != own.block.code):
         # A name with one or two parameters explains nearly what four lags without a name do: it goes before them.
-        return Competed(base, finely(base, coarse, select(coarse.fit, named, already)))
+        return Competed(base, finely(base, coarse, select(coarse.fit, named, already, coarse.stems)))
     richer = own.fit if coarse.factor == 1 else refined(base, Selection(own.fit, selection.effects, ())).fit
     return Competed(richer, finely(richer, coarse, select(own.fit, named, already)))
 
@@ -92,5 +93,5 @@ def lacking_dynamics(selection: Selection) -> Rival | None:
     if not selection.ranking or not selection.effects:
         return None
     first = max((effect.rival for effect in selection.effects), key=lambda rival: rival.gain)
-    own = first.fit.given.deviation >= OWN_DEVIATION
+    own = first.fit.given.own
     return first if own and first.block is DYNAMIC and len(first.fit.parts) == 1 else None

@@ -9,7 +9,6 @@ from app.engine.mismatch.compete import Rival
 from app.engine.mismatch.physics import CLOSE, NEAR, NEAR_SHARE, TWINS
 from app.engine.mismatch.physics.generic import CODE as UNNAMED
 from app.engine.mismatch.refitting import CODE as PARAMETERS
-from app.engine.mismatch.task import OWN_DEVIATION
 from app.engine.mismatch.worth import worth
 
 INDISTINCT = 5.0
@@ -56,7 +55,7 @@ def own_doubt(best: Rival) -> float:
     """By how much a margin (nat) is to be divided: where no simulation was given the linear model came from the same
     record, its structure is a guess, and names that come within a third of each other are not told apart by it.
     """
-    if best.fit.given.deviation < OWN_DEVIATION:
+    if not best.fit.given.own:
         return 1.0
     return max(OWN_SHARE * worth(best) / INDISTINCT, 1.0)
 

@@ -12,7 +12,7 @@ from app.engine.mismatch.block import Block, Context, Parameter, Part, grid
 from app.engine.mismatch.chain import altered_plant
 from app.engine.mismatch.fitting import Fit
 from app.engine.mismatch.plant import Plant, run_process
-from app.engine.mismatch.task import OWN_DEVIATION, Given
+from app.engine.mismatch.task import Given
 from app.engine.recording import FloatArray
 
 CODE = "simulation.parameters"
@@ -78,7 +78,7 @@ REVERSED = replace(PARAMETERS, alter=reverse, form="reversed", sensible=None)
 
 def offered_beside(base: Fit) -> tuple[Block, ...]:
     """The parameters as rivals, where a simulation was given: one of our own is fitted freely at once."""
-    if base.given.deviation >= OWN_DEVIATION:
+    if base.given.own:
         return ()
     return (PARAMETERS, REVERSED) if runs_against(base) else (PARAMETERS,)
 

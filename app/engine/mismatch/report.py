@@ -15,7 +15,6 @@ from app.engine.mismatch.physics.stem import NAME as STEM_START
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.result import NOWHERE, Effect, Estimate, ExplainedModel, Location, PartModel
 from app.engine.mismatch.stem_sizes import size_of_stiction
-from app.engine.mismatch.task import OWN_DEVIATION
 from app.engine.mismatch.windows import Window, active_mask, windows_of
 from app.engine.mismatch.worth import hidden_gain
 from app.engine.recording import FloatArray
@@ -62,7 +61,7 @@ def probability_of(effect: Believed) -> float:
         beyond += hidden_gain(effect.rival)  # it was believed for that as well
     presence = 1.0 / (1.0 + np.exp(-np.clip(beyond, -30.0, 30.0)))
     name = 1.0 / (1.0 + np.exp(-np.clip(effect.margin, -30.0, 30.0)))
-    own = effect.rival.fit.given.deviation >= OWN_DEVIATION
+    own = effect.rival.fit.given.own
     return float(min(presence * name, OWN_CERTAIN if own else CERTAIN, effect.most))
 
 

@@ -5,17 +5,17 @@ stem's work in it, a dead time and a lag that the process has not, and no fit of
 import numpy as np
 
 from app.engine.mismatch.block import Block
+from app.engine.mismatch.chain import signal_after
 from app.engine.mismatch.compete import Rival, descended
 from app.engine.mismatch.fitting import Fit, fit, left_of, task_of
 from app.engine.mismatch.given import identify
 from app.engine.mismatch.physics.valve_stiction import slipping_as
 from app.engine.mismatch.ranking import best_of_each_code, by_worth
-from app.engine.mismatch.searching import searched
+from app.engine.mismatch.searching import score_of, searched
 from app.engine.mismatch.stems import ShownStem, shown_stems
 from app.engine.mismatch.task import OWN_DEVIATION, Given, Task, make_task, start_at
 from app.engine.mismatch.worth import worth
 from app.engine.recording import FloatArray
-from app.engine.valve import two_parameter_he
 
 STICKS, BACKLASH = "valve.stiction/he", "valve.deadband"
 PURSUED, OF_A_WALK = 4, 3  # of those begun, how many are fitted to their end
@@ -28,16 +28,19 @@ MORE_ASKED = 25.0
 Measured on healthy and sticking loops: docs/PROOF.md."""
 
 
-def with_stems_shown(ranking: tuple[Rival, ...], base: Fit, blocks: tuple[Block, ...]) -> tuple[Rival, ...]:
-    """A ranking with the stems that the record shows, each in the place of the rival of its code where it is likelier
-    and its free run nearer to PV; the ranking as it is where a simulation was given.
+def with_stems_shown(ranking: tuple[Rival, ...], stems: tuple[Rival, ...]) -> tuple[Rival, ...]:
+    """A ranking with the stems that its record shows, each in the place of the rival of its code where it is likelier
+    and its free run nearer to PV.
     """
-    if base.given.deviation < OWN_DEVIATION or base.parts or base.record.finer is not None:
-        return ranking
     known = {rival.block.code: rival for rival in best_of_each_code(ranking)}
-    shown = tuple(rival for rival in restarted(base, blocks) if takes_its_place(rival, known.get(rival.block.code)))
-    beaten = [known.get(rival.block.code) for rival in shown]
+    shown = tuple(stem for stem in stems if takes_its_place(stem, known.get(stem.block.code)))
+    beaten = [known.get(stem.block.code) for stem in shown]
     return by_worth((*shown, *(rival for rival in ranking if rival not in beaten))) if shown else ranking
+
+
+def may_hide_a_stem(base: Fit) -> bool:
+    """Whether a linear loop was found from OP as it was recorded, and from nothing else."""
+    return base.given.own and not base.parts and base.record.finer is None
 
 
 def takes_its_place(rival: Rival, known: Rival | None) -> bool:
@@ -49,8 +52,11 @@ def takes_its_place(rival: Rival, known: Rival | None) -> bool:
 
 def restarted(base: Fit, blocks: tuple[Block, ...]) -> tuple[Rival, ...]:
     """Of each code the best stem that the record shows, beside the linear loop behind it. Stems are looked for again
-    as long as that brings a better one: near its loop and under its noise they stand out more sharply.
+    as long as that brings a better one: near its loop and under its noise they stand out more sharply. None where a
+    simulation was given.
     """
+    if not may_hide_a_stem(base):
+        return ()
     ended = behind_stems(base, shown_stems(base.record, base.noise), blocks)
     for _ in range(AGAIN if ended else 0):
         best = max(ended, key=score_of)
@@ -90,20 +96,13 @@ def pursued(base: Fit, first: Fit, blocks: tuple[Block, ...]) -> Rival:
     """
     stem = first.parts[-1]
     walked = over_its_slips(first)
-    given = identify(base.record.with_op(stem_of(walked))).given
+    moved = signal_after(walked.record, walked.plant, walked.parts, walked.parts[-1]) + walked.record.op_mid
+    given = identify(base.record.with_op(moved)).given
     task = make_task(base.record, given, (stem.block,))
     other = fit(task, start_at(task, given.plant, walked.parts[-1].values), None, ROUNDS, STEPS)
     best = max((walked, other), key=score_of)
     alone = Rival(stem.block, best, best.likelihood - base.likelihood, base)
     return max((alone, searched(alone, blocks)), key=score_of)
-
-
-def stem_of(found: Fit) -> FloatArray:
-    """Where the stem of a fit stands, (N,), unit of OP."""
-    values, record = found.parts[-1].values, found.record
-    S, share, start = values if len(values) == 3 else (values[0], 0.0, values[1])
-    first = record.op[0] + start * 0.5 * S * (1.0 + share)
-    return two_parameter_he(record.op, np.array([S]), np.array([S * share]), np.array([first]))[0]
 
 
 def over_its_slips(found: Fit) -> Fit:
@@ -123,7 +122,3 @@ def over_its_slips(found: Fit) -> Fit:
             break
         found = best
     return found
-
-
-def score_of(found: Fit | Rival) -> float:
-    return found.score

@@ -114,5 +114,5 @@ def best_alone(part: Part, both: Fit, base: Fit, known: Rival | None, blocks: tu
     return searched(max((*others, *begun), key=lambda rival: rival.score), blocks)
 
 
-def score_of(fitted: Fit) -> float:
-    return fitted.score
+def score_of(found: Fit | Rival) -> float:
+    return found.score

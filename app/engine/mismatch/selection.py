@@ -55,14 +55,17 @@ class Selection:
     alone: "Selection | None" = None
 
 
-def select(base: Fit, blocks: tuple[Block, ...], already: tuple[str, ...] = ()) -> Selection:
+def select(
+    base: Fit, blocks: tuple[Block, ...], already: tuple[str, ...] = (), stems: tuple[Rival, ...] = ()
+) -> Selection:
     """Up to two effects beside the linear refit; none where no rival pays its penalty.
 
-    `already`: codes that PV showed by itself, which are not looked for again.
+    `already`: codes that PV showed by itself, which are not looked for again. `stems`: that the record shows, each
+    beside a loop of its own.
     """
     offered = tuple(block for block in blocks if block.code not in already)
     surveyed = survey(base, offered)
-    first = with_stems_shown(deepened(ranked(base, offered, surveyed=surveyed), offered), base, offered)
+    first = with_stems_shown(deepened(ranked(base, offered, surveyed=surveyed), offered), stems)
     asked = SECOND_MUST_GAIN if already else 0.0
     names = best_of_each_code(first)
     pays = bool(first) and worth(first[0]) > asked

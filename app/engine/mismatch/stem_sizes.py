@@ -7,8 +7,9 @@ from scipy.ndimage import binary_dilation
 
 from app.engine.mismatch.fitting import Fit, orthonormal, projected_cost, residual_rows, slopes, task_of
 from app.engine.mismatch.physics.stem import NAME as STEM_START
+from app.engine.mismatch.physics.valve_stiction import reach, start_slipping_as
 from app.engine.mismatch.result import Estimate
-from app.engine.mismatch.task import Task
+from app.engine.mismatch.task import Task, clipped
 from app.engine.recording import BoolArray, FloatArray
 
 CHI2_95 = 3.84
@@ -80,7 +81,7 @@ def passing(found: Fit, task: Task, places: list[FloatArray], held: list[int]) -
 def size_at(found: Fit, x: FloatArray, tried: list[int]) -> tuple[float, float, float]:
     """S, J and how far the stem stood from OP at first, at coordinates x (P,)."""
     S, share, start = (found.free[k].value(float(x[k])) for k in tried)
-    return S, S * share, 0.5 * start * S * (1.0 + share)
+    return S, S * share, start * reach(S, S * share)
 
 
 def around(task: Task, fitted: FloatArray, tried: list[int], gain: int, side: float) -> FloatArray:
@@ -91,11 +92,11 @@ def around(task: Task, fitted: FloatArray, tried: list[int], gain: int, side: fl
     moves = np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1)
     places = np.tile(fitted, (*moves.shape[:2], 1))
     places[..., tried[:2]] += moves
-    places = np.minimum(np.maximum(places, task.low), task.high)
+    places = clipped(task, places)
     if side == 0.0:
         return places
     share, start = tried[1:]
     share_there = places[..., share]
-    places[..., start] = side * (1.0 - (1.0 - side * fitted[start]) * (1.0 + fitted[share]) / (1.0 + share_there))
+    places[..., start] = start_slipping_as(fitted[start], fitted[share], share_there, side)
     places[..., gain] *= (fitted[share] + LEAST_SHARE) / (share_there + LEAST_SHARE)
-    return np.minimum(np.maximum(places, task.low), task.high)
+    return clipped(task, places)

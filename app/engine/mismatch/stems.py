@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.noise import Four, NoiseModel, compared_samples, settling_samples, whiten
+from app.engine.mismatch.physics.valve_stiction import reach
 from app.engine.mismatch.plant import Plant
 from app.engine.recording import BoolArray, FloatArray
 from app.engine.sampled import REORDERED_SUMS
@@ -74,8 +75,9 @@ EVERY = Loops(LAGS, DELAYS, ([1, 3, 5, 7], [0, 3, 5]))
 def loops_near(plant: Plant, sampling_interval_s: float) -> Loops:
     """Loops with about the lag and the dead time of a plant, a second lag taken for dead time."""
     lag = plant.tau / sampling_interval_s if plant.leak > 0.0 else np.inf
+    lags = np.unique(lag * NEAR_LAG)
     delays = np.maximum((plant.theta + plant.tau2) / sampling_interval_s + NEAR_DELAY, 0.0)
-    return Loops(np.unique(lag * NEAR_LAG), delays, ([len(np.unique(lag * NEAR_LAG)) // 2], [1, 2, 3]))
+    return Loops(lags, delays, ([len(lags) // 2], [1, 2, 3]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,8 +140,8 @@ def best_of(seen: Seen, sizes: FloatArray, alone: float) -> ShownStem:
     """The best of some stems (M, 3); alone: the energy that a loop leaves which follows OP."""
     record = seen.record
     S, share, start = sizes.T
-    first = record.op[0] + start * 0.5 * S * (1.0 + share)
-    stems = two_parameter_he(record.op, S, S * share, first) - record.op_mid
+    J = S * share
+    stems = two_parameter_he(record.op, S, J, record.op[0] + start * reach(S, J)) - record.op_mid
     if len(stems) > KEPT:
         foremost = np.argsort(followed(seen, stems, few=True).left, kind="stable")[:KEPT]
         stems, S, share, start = stems[foremost], S[foremost], share[foremost], start[foremost]

@@ -31,6 +31,11 @@ class Given:
     second_order: bool = False
     integrating: bool = False
 
+    @property
+    def own(self) -> bool:
+        """Whether no simulation was given, and it is our own guess from the same record."""
+        return self.deviation >= OWN_DEVIATION
+
 
 @dataclass(frozen=True)
 class Free:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.engine.mismatch.compete import Rival
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit, fit, fit_linear
 from app.engine.mismatch.physics import named
@@ -19,10 +20,13 @@ WORTH = 0.995
 
 @dataclass(frozen=True, eq=False)
 class Coarse:
-    """A fit of a shorter record, and by which factor it is shorter (1: it is the record itself)."""
+    """A fit of a shorter record, and by which factor it is shorter (1: it is the record itself). stems: that it shows,
+    each beside a loop of its own.
+    """
 
     fit: Fit
     factor: int
+    stems: tuple[Rival, ...] = ()
 
 
 def factor_for(base: Fit) -> int:

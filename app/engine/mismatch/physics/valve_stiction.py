@@ -2,12 +2,16 @@
 `app.engine.valve`.
 """
 
+from typing import TypeVar
+
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Parameter, grid
 from app.engine.mismatch.physics.stem import PENALTY, START, first_position
 from app.engine.recording import FloatArray
 from app.engine.valve import two_parameter_choudhury, two_parameter_he
+
+Sizes = TypeVar("Sizes", float, FloatArray)
 
 
 def parameters(context: Context) -> tuple[Parameter, ...]:
@@ -30,20 +34,31 @@ def starts(context: Context, _: FloatArray) -> FloatArray:
 def stem(signal: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """S, J and the stem's first position, (1,) each, unit of OP."""
     S, J = float(values[0]), float(values[0] * values[1])
-    start = first_position(float(signal[0]), values, 2, 0.5 * (S + J))
+    start = first_position(float(signal[0]), values, 2, reach(S, J))
     return np.array([S]), np.array([J]), np.array([start])
+
+
+def reach(S: Sizes, J: Sizes) -> Sizes:
+    """How far a stem may stand from OP, unit of OP: where it lets go."""
+    return 0.5 * (S + J)
 
 
 def slipping_as(values: FloatArray, share: float) -> list[FloatArray]:
     """The numbers (3,) of stems with another slip, J / S = `share`, that slip first where the stem of `values` does,
-    downwards or upwards: the distance from where it stood to where it lets go, (1 -+ start) (S + J) / 2, is the same.
+    downwards or upwards.
+    """
+    starts = [float(start_slipping_as(values[2], values[1], np.array(share), side)) for side in (1.0, -1.0)]
+    return [np.array([values[0], share, start]) for start in starts if abs(start) <= 1.0]
+
+
+def start_slipping_as(start: float, share: float, others: FloatArray, side: float) -> FloatArray:
+    """Where stems with other slips, J / S = `others`, stood at first if they let go where a stem of `start` and
+    `share` does, downwards (side 1) or upwards (-1): the distance from there, (1 -+ start) (S + J) / 2, is the same.
 
     All later slips hang on S alone as long as OP does not go on in one direction by more than J, and what a record then
     tells is J times the gain: along these numbers the likelihood is flat, across them it jumps.
     """
-    longer = (1.0 + values[1]) / (1.0 + share)
-    starts = [side * (1.0 - (1.0 - side * values[2]) * longer) for side in (1.0, -1.0)]
-    return [np.array([values[0], share, start]) for start in starts if abs(start) <= 1.0]
+    return side * (1.0 - (1.0 - side * start) * (1.0 + share) / (1.0 + others))
 
 
 def he(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
