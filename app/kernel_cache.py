@@ -4,12 +4,14 @@ numba looks only at the file of the function that it compiled: a kernel that cal
 or a package whose files all bear the same date, would go on running old machine code.
 """
 
+import fcntl
 import hashlib
 import os
 import re
 import shutil
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 KEPT_S = 30 * 86400.0  # since a source was last started
@@ -32,6 +34,20 @@ def choose() -> None:
     if os.access(folder, os.W_OK):
         os.environ["NUMBA_CACHE_DIR"] = str(folder)
         _forget_old(folder)
+
+
+@contextmanager
+def one_at_a_time() -> Iterator[None]:
+    """Of several processes that compile for this cache at once, also those of other plants, one does while the others
+    wait, and then load. Not to be nested. Where the cache cannot be written everybody compiles.
+    """
+    with ExitStack() as held:
+        if folder := os.environ.get("NUMBA_CACHE_DIR"):
+            with suppress(OSError):
+                Path(folder).mkdir(parents=True, exist_ok=True)
+                lock = held.enter_context((Path(folder) / ".compiling").open("w"))
+                fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def _forget_old(own: Path) -> None:

@@ -18,7 +18,7 @@ from fastapi import FastAPI
 from sqlalchemy import create_engine, make_url
 from sqlalchemy.exc import OperationalError
 
-from app.services.auditing import chunks
+from app.services.auditing import warming
 from app.services.backend import Backend
 from app.services.upkeep.operations import migrate
 from app.settings import Settings
@@ -131,7 +131,7 @@ def empty_tables(url: str) -> None:
 @pytest.fixture(scope="session")
 def warm_kernels() -> None:
     """As a worker does before its first loop: no time limit, of a loop or of a test, is to pay for compiling."""
-    chunks.warm_up()
+    warming.warm_up()
 
 
 @pytest.fixture

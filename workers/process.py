@@ -1,20 +1,20 @@
 """A worker process: kernels compiled before it forks, one connection to the data base after it forked."""
 
-import fcntl
 import gc
 import logging
 import os
 import resource
 import threading
 import time
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 from celery import current_app, signals
 
-from app import logs
+from app import kernel_cache, logs
 from app.engine.mismatch import compile_kernels
-from app.services.auditing import chunks
+from app.services.auditing import warming
 from app.services.backend import Backend
 from app.services.intake import reading
 
@@ -40,7 +40,7 @@ def warm_up(sender: Any, **_: object) -> None:
     """In the parent, once: its children inherit what is compiled and loaded."""
     log.warning("compiling the kernels; at the first start of a version this takes a minute or two")
     _compile_aside()
-    chunks.warm_up()
+    warming.warm_up()
     reading.warm_up()
     gc.collect()
     gc.freeze()  # what is loaded stays: looking through it for garbage took a twentieth of reading a file
@@ -51,20 +51,27 @@ def warm_up(sender: Any, **_: object) -> None:
 
 
 def _compile_aside() -> None:
-    """Fills the cache of compiled kernels from a process that then ends: compiling takes memory that is never given
-    back, and every worker process would carry it. Of several workers that start at once, one compiles for all."""
-    with (current_app.settings.data_dir / ".compiling").open("w") as one_at_a_time:
-        fcntl.flock(one_at_a_time, fcntl.LOCK_EX)
-        parent, aside = os.getpid(), os.fork()
-        if aside == 0:
-            threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
-            try:
-                chunks.warm_up()
-                reading.warm_up()
-                compile_kernels()  # explanations are rarer than audits: each process loads theirs when one comes
-            finally:
-                os._exit(0)
-        os.waitpid(aside, 0)
+    """Fills the cache of compiled kernels from processes that then end: compiling takes memory that is never given
+    back, and every worker process would carry it. Two of them compile about half each."""
+    with kernel_cache.one_at_a_time():
+        # Explanations are rarer than audits: each process loads their kernels when one comes.
+        for half in (_aside(warming.identifications), _aside(warming.verdicts, reading.warm_up, compile_kernels)):
+            os.waitpid(half, 0)
+
+
+def _aside(*work: Callable[[], None]) -> int:
+    """A process of its own that does the work and ends."""
+    parent, aside = os.getpid(), os.fork()
+    if aside:
+        return aside
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    try:
+        for part in work:
+            part()
+    except BaseException:
+        log.exception("compiling aside failed: each worker process compiles for itself")
+        os._exit(1)
+    os._exit(0)
 
 
 def _end_with(parent: int) -> None:

@@ -81,7 +81,7 @@ def watched(backend: "Backend", run: "AuditView", timeout_s: float) -> "AuditVie
 
     deadline = time.monotonic() + timeout_s
     if backend.settings.embedded:
-        from app.services.auditing.chunks import warm_up
+        from app.services.auditing.warming import warm_up
 
         warm_up()
     with progress("auditing", run.total) as advance:

@@ -11,7 +11,8 @@ from app.main import create_app
 from app.services.access import keys
 from app.services.access.identity import Role
 from app.services.auditing.audits import start_audit
-from app.services.auditing.chunks import audit_chunk, warm_up
+from app.services.auditing.chunks import audit_chunk
+from app.services.auditing.warming import warm_up
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import receive
 

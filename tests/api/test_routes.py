@@ -10,7 +10,8 @@ from urllib.parse import quote
 import pytest
 
 from app.main import create_app
-from app.services.auditing.chunks import audit_chunk, warm_up
+from app.services.auditing.chunks import audit_chunk
+from app.services.auditing.warming import warm_up
 from app.services.backend import Backend
 from app.services.intake.reading import read_upload
 from app.settings import Settings

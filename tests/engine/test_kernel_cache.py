@@ -4,8 +4,11 @@ import os
 import re
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
+
+import pytest
 
 from app import kernel_cache
 
@@ -87,3 +90,29 @@ def test_kernels_outside_of_the_engine_count_too(tmp_path, monkeypatch):
     changed.write_text(kernel_cache.READERS[0].read_text("utf-8") + "x = 1\n")
     monkeypatch.setattr(kernel_cache, "READERS", (changed,))
     assert kernel_cache._source_digest() != before
+
+
+@pytest.mark.parametrize("folder", ["made/here", "."])
+def test_one_process_compiles_at_a_time(tmp_path, monkeypatch, folder):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / folder))
+    entered = threading.Event()
+
+    def second():
+        with kernel_cache.one_at_a_time():
+            entered.set()
+
+    waiting = threading.Thread(target=second, daemon=True)
+    with kernel_cache.one_at_a_time():
+        waiting.start()
+        assert not entered.wait(0.3)
+    assert entered.wait(10)
+
+
+@pytest.mark.parametrize("folder", [None, "", "/proc/1/nowhere"])
+def test_without_a_cache_that_can_be_written_everybody_compiles(monkeypatch, tmp_path, folder):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    if folder is not None:
+        monkeypatch.setenv("NUMBA_CACHE_DIR", folder)
+    with kernel_cache.one_at_a_time(), kernel_cache.one_at_a_time():
+        assert list(tmp_path.iterdir()) == []

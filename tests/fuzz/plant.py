@@ -9,7 +9,8 @@ from pathlib import Path
 from app.services.access import keys
 from app.services.access.identity import Role
 from app.services.auditing.audits import LoopFilter, start_audit
-from app.services.auditing.chunks import audit_chunk, warm_up
+from app.services.auditing.chunks import audit_chunk
+from app.services.auditing.warming import warm_up
 from app.services.backend import Backend
 from app.services.explaining.explanations import Wanted, ask
 from app.services.explaining.simulations import GivenSimulation

@@ -1,17 +1,59 @@
 """A worker's first loops must not pay, out of their time limit, for what could be compiled before."""
 
+import json
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
 import pytest
 
-from app.services.auditing import chunks
+from app import kernel_cache
+from app.services.auditing import warming
 
 
 def test_the_warm_up_goes_the_longest_way_through_the_engine(
     monkeypatch: pytest.MonkeyPatch, warm_kernels: None
 ) -> None:
     """Both searches of the reference, its widening and the size of stiction: each has kernels of its own."""
-    audit, found = chunks.audit, []
-    monkeypatch.setattr(chunks, "audit", lambda recording: found.append(audit(recording)))
-    chunks.warm_up()
+    audit, found = warming.audit, []
+    monkeypatch.setattr(warming, "audit", lambda recording: found.append(audit(recording)))
+    warming.warm_up()
     assert any(one.reference is not None and one.reference.last.two is not None for one in found)
     assert any(one.stiction_size is not None for one in found)
     assert {one.judgement.verdict for one in found} == {"stiction", "no_stiction"}
+
+
+LOADED = """
+import json, sys
+from numba.core.dispatcher import Dispatcher
+from app.services.auditing import warming
+getattr(warming, sys.argv[1])()
+named = [one for name, module in sys.modules.items() if name.startswith("app.") for one in vars(module).values()]
+kernels = [one for one in named if isinstance(one, Dispatcher) and one.signatures]
+print(json.dumps({f"{one.py_func.__module__}.{one.py_func.__qualname__}": str(one.signatures) for one in kernels}))
+"""
+
+
+def loaded(part: str) -> dict[str, str]:
+    """The kernels of the project that are there after a part of the warm-up, and the types that they are for."""
+    run = subprocess.run([sys.executable, "-c", LOADED, part], capture_output=True, text=True, check=True)
+    return dict(json.loads(run.stdout))
+
+
+def test_the_halves_that_are_compiled_side_by_side_are_the_whole(warm_kernels: None) -> None:
+    """What both compile they compile for the same types: numba keeps what two processes save at once under one name."""
+    first, second, whole = map(loaded, ("identifications", "verdicts", "audits"))
+    assert min(len(first), len(second)) > 5
+    assert first | second == second | first == whole
+    assert len(first.keys() & second.keys()) < 5
+
+
+def test_a_warm_up_waits_for_who_compiles_for_the_same_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    warmed = threading.Event()
+    monkeypatch.setattr(warming, "audits", warmed.set)
+    with kernel_cache.one_at_a_time():
+        threading.Thread(target=warming.warm_up, daemon=True).start()
+        assert not warmed.wait(0.3)
+    assert warmed.wait(10)

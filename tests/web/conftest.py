@@ -7,7 +7,8 @@ import pytest
 
 from app.main import create_app
 from app.services.auditing.audits import LoopFilter, start_audit
-from app.services.auditing.chunks import audit_chunk, warm_up
+from app.services.auditing.chunks import audit_chunk
+from app.services.auditing.warming import warm_up
 from app.services.backend import Backend
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import receive

@@ -13,7 +13,7 @@ def test_what_is_loaded_before_the_first_task_is_frozen(monkeypatch: pytest.Monk
     settings = SimpleNamespace(data_dir=tmp_path, worker_memory_mb=400)
     monkeypatch.setattr(process, "current_app", SimpleNamespace(settings=settings))
     monkeypatch.setattr(process, "_compile_aside", lambda: None)
-    for room in ("chunks", "reading"):
+    for room in ("warming", "reading"):
         monkeypatch.setattr(process, room, SimpleNamespace(warm_up=lambda: None))
     before = gc.get_freeze_count()
     try:

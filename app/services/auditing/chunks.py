@@ -5,11 +5,8 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from app.engine.audit import audit
 from app.engine.audit_config import AuditConfig
-from app.engine.recording import Recording
 from app.errors import LoopauditError
 from app.logs import about
 from app.services.auditing.ending import end_if_complete
@@ -26,8 +23,6 @@ from app.storage.items import Claim, Failure
 from app.storage.loops import LoopRow
 from app.storage.types import now
 from app.storage.verdicts import NewVerdict
-
-WARM_UP_SAMPLES = 300
 
 log = logging.getLogger("loopaudit.audit")
 
@@ -71,20 +66,6 @@ def audit_chunk(backend: Backend, audit_id: int, owner: str, *, watchdog: bool =
         patiently(lambda: _settle(backend, audit_id), lease_s)
         log.info("loops audited", extra={"loops": done})
     return done
-
-
-def warm_up() -> None:
-    """Compiles or loads the kernels: a first audit otherwise pays for it, out of the first loop's time limit."""
-    steps = np.arange(WARM_UP_SAMPLES)
-    op = 50.0 + 5.0 * np.sin(steps / 6.0) + np.sin(steps * 1.7)
-    pv = 20.0 + 2.0 * np.sin(steps / 6.0 - 0.8) + 0.1 * np.cos(steps * 2.3)
-    sp = 20.0 + 0.5 * np.sign(np.sin(steps / 50.0))  # one that moves: some kernels run for no other
-    audit(Recording("warm-up", steps.astype(float), pv, op, sp))
-    # A stem that sticks and jumps under a controller that integrates: what leaves doubt goes through the whole search.
-    sawtooth = np.abs(steps % 40 - 20.0) / 2.0
-    jumps = np.convolve(np.where((steps + 4) % 40 < 20, 2.0, -2.0), np.full(4, 0.25), "same")
-    noise = 0.05 * np.sin(steps * 1.7) + 0.03 * np.cos(steps * 2.3)
-    audit(Recording("warm-up", steps.astype(float), 20.0 + jumps + noise, 50.0 + sawtooth, sp))
 
 
 def _run(backend: Backend, audit_id: int) -> AuditRow | None:

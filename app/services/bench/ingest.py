@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from app.services.auditing import chunks
+from app.services.auditing import warming
 from app.services.backend import Backend
 from app.services.bench.bench import Bench, Figures, SkippedError
 from app.services.bench.loops import SIGNALS, records, times_ns
@@ -42,7 +42,7 @@ print(json.dumps({"s": took, "cpu_s": cpu, "peak_mb": resource.getrusage(resourc
 
 
 def run(bench: Bench) -> Figures:
-    chunks.warm_up()  # compiles for the workers too, however long it takes
+    warming.warm_up()  # compiles for the workers too, however long it takes
     loops = bench.sizes.long_loops
     found: Figures = {"loops": loops, "values": loops * 1440 * len(SIGNALS), "rest_s": REST_S, "files": []}
     for name, write, count in (

@@ -8,7 +8,7 @@ from typing import Any
 
 from sqlalchemy import func, select
 
-from app.services.auditing import audits, chunks
+from app.services.auditing import audits, warming
 from app.services.auditing.audits import LoopFilter
 from app.services.backend import Backend
 from app.services.bench.bench import Bench, Figures
@@ -34,7 +34,7 @@ SCALING = (
 
 def run(bench: Bench) -> Figures:
     sizes = bench.sizes
-    chunks.warm_up()  # compiles for the workers too, however long it takes
+    warming.warm_up()  # compiles for the workers too, however long it takes
     with plant_backend(bench) as backend:
         bench.tell(f"plant: simulating {sizes.loops} loops and storing their day")
         started = time.perf_counter()

@@ -4,7 +4,7 @@ from datetime import UTC, datetime, timedelta
 
 from sqlalchemy import Connection, insert, select
 
-from app.services.auditing import audits, chunks
+from app.services.auditing import audits, chunks, warming
 from app.services.auditing.audits import LoopFilter
 from app.services.backend import Backend
 from app.services.bench.plant import analyse
@@ -65,7 +65,7 @@ def fill(backend: Backend, loops: int, nights: int) -> int:
 
     The first loops must have samples. Details of verdicts are not made: no route that is measured reads them.
     """
-    chunks.warm_up()
+    warming.warm_up()
     _audit_some(backend)
     with backend.database.write() as connection:
         connection.exec_driver_sql("SET LOCAL statement_timeout = 0")
