@@ -27,7 +27,7 @@ from app.engine.mismatch.compete import Rival
 from app.engine.mismatch.conclude import free_run_astray, unseen_data_refuse
 from app.engine.mismatch.experiment import experiment
 from app.engine.mismatch.fitting import fit_linear
-from app.engine.mismatch.holdout import Fitness, unseen_gain
+from app.engine.mismatch.holdout import Fitness, Unseen, unseen_gain
 from app.engine.mismatch.law import identify_law
 from app.engine.mismatch.noise import NoiseModel, fit_noise, whiten
 from app.engine.mismatch.patterns import Run, find_patterns, jumps_free
@@ -340,13 +340,12 @@ def test_a_free_run_that_leaves_pv_altogether_clears_nothing(with_backlash: Expl
 
 
 def test_names_that_unseen_data_refuse_do_not_stand(with_backlash: Explanation) -> None:
-    refitted = with_backlash.fit.refitted.rmse
-    worse, far = (replace(with_backlash.fit, explained=Fitness(share * refitted, 0.0)) for share in (1.2, 1.5))
+    better, worse, far = (Unseen(1.0, explained) for explained in (0.5, 1.2, 1.5))
     selection, wandering = (
         SimpleNamespace(effects=with_backlash.effects, fit=SimpleNamespace(given=Given(TRUE, integrating=integrating)))
         for integrating in (False, True)
     )
-    assert unseen_data_refuse(selection, with_backlash.fit, -1.0) == ()
+    assert unseen_data_refuse(selection, better, -1.0) == ()
     assert unseen_data_refuse(selection, worse, 1.0) == ()
     assert unseen_data_refuse(selection, worse, -1.0)[0].code == "held_out_disagrees"
     assert unseen_data_refuse(selection, far, 1.0)[0].code == "held_out_disagrees"

@@ -7,28 +7,9 @@ from app.engine.mismatch import Comparison, Explanation, explain
 from app.engine.mismatch.plant import lag
 from app.engine.mismatch.read_back import best_stem, without_read_backs
 from app.engine.recording import FloatArray
-from app.engine.simulate import LoopSpec, Pid, Signal, SimulatedLoop, TwoParameterValve, first_order, simulate_loop
+from tests.engine.sticking_loop import SAMPLES, TS, compared, loop
 
-TS = 5.0
 S, J = 6.0, 2.0
-
-
-def loop(seed: int, S: float = S, J: float = J, load: tuple[tuple[float, float], ...] = ((0.0, 1.0),)) -> SimulatedLoop:
-    spec = LoopSpec(
-        plant=first_order(1.0, 20.0, 2.0),
-        controller=Pid(1.0, 20.0, 0.0),
-        valve=TwoParameterValve(S, J),
-        load=Signal(steps=load),
-        noise=Signal(noise_sd=0.1),
-        pv_start=50.0,
-        op_start=50.0,
-        op_limits=(0.0, 100.0),
-    )
-    return simulate_loop(spec, 1440 * TS, TS, seed)
-
-
-def compared(made: SimulatedLoop, **measured: FloatArray) -> Comparison:
-    return Comparison("FIC1", TS, made.op, made.pv, made.sp, tuple(measured.items()))
 
 
 def codes(said: Explanation) -> list[str]:
@@ -38,7 +19,7 @@ def codes(said: Explanation) -> list[str]:
 @pytest.mark.parametrize("seed", [2, 3, 5])
 def test_the_intervals_of_a_limit_cycle_hold_its_valve(seed: int) -> None:
     """By the slopes of the free run S of these was within 0.1 % of a number up to 4 % off."""
-    said = explain(compared(loop(seed)))
+    said = explain(compared(loop(seed, S, J)))
     size = {p.name: p for p in said.effects[0].parameters}
     assert codes(said) == ["valve.stiction"]
     assert size["S"].low <= S <= size["S"].high
@@ -49,7 +30,7 @@ def test_the_intervals_of_a_limit_cycle_hold_its_valve(seed: int) -> None:
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_a_recorded_stem_is_the_valve_and_no_cause(noise: float) -> None:
-    made = loop(1)
+    made = loop(1, S, J)
     position = made.v + noise * float(np.std(made.v)) * np.random.default_rng(1).standard_normal(len(made.v))
     said = explain(compared(made, ZT=position))
     assert codes(said) == ["valve.stiction"]
@@ -58,7 +39,7 @@ def test_a_recorded_stem_is_the_valve_and_no_cause(noise: float) -> None:
 
 @pytest.mark.parametrize("unit", [(1.0, 0.0), (-0.16, 20.0), (1000.0, 5.0)])
 def test_the_unit_of_a_read_back_does_not_matter(unit: tuple[float, float]) -> None:
-    made = loop(4)
+    made = loop(4, S, J)
     stem = best_stem(unit[0] * made.v + unit[1], made.op)
     assert stem.sticks
     assert abs(stem.S - S) < 0.15 * S
@@ -66,24 +47,24 @@ def test_the_unit_of_a_read_back_does_not_matter(unit: tuple[float, float]) -> N
 
 def test_what_shakes_a_loop_is_no_stem() -> None:
     """Neither a wave, nor steps, nor drifting noise that OP answers."""
-    at = np.arange(1440) * TS
+    at = np.arange(SAMPLES) * TS
     rng = np.random.default_rng(7)
     for cause in (
         4.0 * np.sin(2.0 * np.pi * at / 400.0),
         4.0 * np.sign(np.sin(2.0 * np.pi * at / 700.0)),
-        np.cumsum(0.3 * rng.standard_normal(1440)),
+        np.cumsum(0.3 * rng.standard_normal(SAMPLES)),
     ):
         moves = tuple((float(t), float(m)) for t, m in zip(at, np.diff(cause, prepend=0.0), strict=True) if m != 0.0)
         made = loop(8, S=0.0, J=0.0, load=moves)
-        signal = cause + 0.02 * rng.standard_normal(1440)
+        signal = cause + 0.02 * rng.standard_normal(SAMPLES)
         assert float(np.std(made.op)) > 0.5
         assert not best_stem(signal, made.op).sticks
         assert without_read_backs(compared(made, FI=signal)).measured[0][0] == "FI"
 
 
 def test_a_signal_that_stands_or_follows_op_is_left_to_the_other_test() -> None:
-    made = loop(9)
-    kept = without_read_backs(compared(made, A=np.full(1440, 3.0), B=lag(made.op, 1.0, TS)))
+    made = loop(9, S, J)
+    kept = without_read_backs(compared(made, A=np.full(SAMPLES, 3.0), B=lag(made.op, 1.0, TS)))
     assert [name for name, _ in kept.measured] == ["A", "B"]
     assert kept.notes == ()
 
@@ -91,10 +72,10 @@ def test_a_signal_that_stands_or_follows_op_is_left_to_the_other_test() -> None:
 def forward(seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """PV and OP of a linear loop that a measured load moves in jumps, and the load; OP answers 0.6 of it at once."""
     rng = np.random.default_rng(seed)
-    cause = np.cumsum(np.where(rng.random(1440) < 0.02, rng.normal(0.0, 3.0, 1440), 0.0))
-    pv, op = np.zeros(1440), np.zeros(1440)
+    cause = np.cumsum(np.where(rng.random(SAMPLES) < 0.02, rng.normal(0.0, 3.0, SAMPLES), 0.0))
+    pv, op = np.zeros(SAMPLES), np.zeros(SAMPLES)
     level = integral = 0.0
-    for k in range(1440):
+    for k in range(SAMPLES):
         level += (1.0 - np.exp(-TS / 20.0)) * (op[k - 1] + cause[k - 1] - level) if k else 0.0
         pv[k] = level + 0.1 * rng.standard_normal()
         integral -= TS / 40.0 * pv[k]

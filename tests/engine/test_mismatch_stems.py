@@ -27,40 +27,23 @@ from app.engine.mismatch.restarting import (
 from app.engine.mismatch.stems import DELAYS, LAGS, ShownStem, followed, loops_near, seen_under, shown_stems
 from app.engine.mismatch.task import GIVEN_DEVIATION
 from app.engine.recording import FloatArray
-from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
 from app.engine.valve import two_parameter_he
-
-TS, SAMPLES = 5.0, 1440
-
-
-def loop(seed: int, S: float, J: float, load: Signal, **other: float) -> Comparison:
-    spec = LoopSpec(
-        plant=first_order(1.0, 20.0, 2.0),
-        controller=Pid(other.get("Kc", 1.0), 20.0, 0.0),
-        valve=TwoParameterValve(S, J),
-        load=load,
-        noise=Signal(noise_sd=other.get("noise", 0.2)),
-        pv_start=50.0,
-        op_start=50.0,
-        op_limits=(0.0, 100.0),
-    )
-    made = simulate_loop(spec, other.get("samples", SAMPLES) * TS, TS, seed)
-    return Comparison("FIC1", TS, made.op, made.pv, made.sp)
+from tests.engine.sticking_loop import SAMPLES, TS, compared, loop
 
 
-def sticking(seed: int, S: float, J: float, **other: float) -> Comparison:
-    return loop(seed, S, J, Signal(steps=((0.0, 1.0),)), **other)
+def sticking(seed: int, S: float, J: float, noise: float = 0.2, **other: float) -> Comparison:
+    return compared(loop(seed, S, J, noise=noise, **other))
 
 
 def shaken(seed: int) -> Comparison:
     """A healthy valve in a loop under a wave."""
     at = np.arange(SAMPLES) * TS
     moves = np.diff(3.0 * np.sin(2.0 * np.pi * at / 400.0), prepend=0.0)
-    return loop(seed, 0.0, 0.0, Signal(steps=tuple(zip(at.tolist(), moves.tolist(), strict=True))))
+    return compared(loop(seed, 0.0, 0.0, tuple(zip(at.tolist(), moves.tolist(), strict=True)), noise=0.2))
 
 
-def own_loop(compared: Comparison) -> Fit:
-    return identify(record_of(compared))
+def own_loop(comparison: Comparison) -> Fit:
+    return identify(record_of(comparison))
 
 
 def codes(said: Explanation) -> list[str]:
@@ -76,10 +59,10 @@ def test_a_stem_is_seen_before_any_loop_is_known(seed: int, S: float, J: float) 
 
 
 def test_what_a_loop_leaves_behind_the_true_stem_is_its_noise() -> None:
-    compared = sticking(3, 8.0, 4.0)
-    base = own_loop(compared)
+    recorded = sticking(3, 8.0, 4.0)
+    base = own_loop(recorded)
     seen = seen_under(base.record, base.noise)
-    stems = two_parameter_he(compared.op, np.array([8.0, 4.0, 16.0]), np.array([4.0, 2.0, 8.0])) - base.record.op_mid
+    stems = two_parameter_he(recorded.op, np.array([8.0, 4.0, 16.0]), np.array([4.0, 2.0, 8.0])) - base.record.op_mid
     left = followed(seen, stems).left
     alone = followed(seen, base.record.op_deviation[None, :]).left[0]
     assert left[0] < 0.8 * min(left[1], alone)
@@ -130,8 +113,8 @@ def test_all_sizes_of_slip_are_walked_from_a_wrong_one() -> None:
 
 
 def test_a_stem_that_stands_still_explains_nothing() -> None:
-    compared = sticking(3, 8.0, 4.0)
-    base = own_loop(compared)
+    recorded = sticking(3, 8.0, 4.0)
+    base = own_loop(recorded)
     still = np.full((1, SAMPLES), 2.0)
     assert followed(seen_under(base.record, base.noise), still).left[0] == np.inf
 
@@ -150,13 +133,13 @@ def test_samples_that_are_not_compared_say_nothing_of_a_stem() -> None:
 @pytest.mark.parametrize(("seed", "S", "noise", "Kc"), [(2, 6.0, 0.1, 1.0), (114, 12.0, 0.1, 0.6), (7, 6.0, 0.4, 1.5)])
 def test_a_stem_that_jumps_all_its_way_is_named_alone(seed: int, S: float, noise: float, Kc: float) -> None:
     """These were a resonance beside a drift of the gain, a stem half as large beside a dead zone, and friction."""
-    compared = sticking(seed, S, S, noise=noise, Kc=Kc)
-    said = explain(compared)
+    recorded = sticking(seed, S, S, noise=noise, Kc=Kc)
+    said = explain(recorded)
     assert codes(said) == ["valve.stiction"]
     size = {p.name: p for p in said.effects[0].parameters}
     assert abs(size["S"].value / S - 1.0) < 0.02
     assert size["J"].low <= S <= size["J"].high
-    assert size["S"].high < 1.05 * S < float(np.ptp(compared.op))
+    assert size["S"].high < 1.05 * S < float(np.ptp(recorded.op))
     assert said.fit.explained.rmse < 1.5 * noise
     own = {reason.code: reason.text for reason in said.evidence}
     assert own["refit"].startswith("no simulation was given; our own linear loop")
@@ -182,9 +165,9 @@ def test_another_slip_from_the_same_first_one_slips_in_the_same_samples(values: 
 @pytest.mark.parametrize("begin", [301, 390])
 def test_the_interval_of_where_the_stem_stood_holds_it(begin: int) -> None:
     """By J alone it was up to 80 times too narrow."""
-    compared = sticking(5, 6.0, 2.0)
-    stood = two_parameter_he(compared.op, np.array([6.0]), np.array([2.0]), np.array([50.0]))[0][begin - 1]
-    later = replace(compared, op=compared.op[begin:], pv=compared.pv[begin:], sp=compared.sp[begin:])
+    recorded = sticking(5, 6.0, 2.0)
+    stood = two_parameter_he(recorded.op, np.array([6.0]), np.array([2.0]), np.array([50.0]))[0][begin - 1]
+    later = replace(recorded, op=recorded.op[begin:], pv=recorded.pv[begin:], sp=recorded.sp[begin:])
     said = explain(later)
     start = said.effects[0].parameters[-1]
     assert codes(said) == ["valve.stiction"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch.conclude import held_out_worse
-from app.engine.mismatch.holdout import Fitness, judge
+from app.engine.mismatch.holdout import Fitness, Unseen, judge
 from app.engine.mismatch.result import Effect, Improvement
 
 NAMED = Effect("valve.deadband", ("valve.stiction",), 0.9, "valve", (), (), "after OP reversals", (), 40.0)
@@ -15,17 +15,20 @@ def improved(refitted: float, explained: float) -> Improvement:
 
 
 @pytest.mark.parametrize(
-    ("error", "gain", "ran_worse", "why"),
+    ("error", "beside_load", "gain", "ran_worse", "why"),
     [
-        (1.2, -1.0, [True, False, True, False, False], "2 of 5 stretches"),
-        (1.2, 7.0, [False], "better, by 7.0 nat"),
-        (1.02, -1.0, [False], "noise"),
+        (1.2, 1.2, -1.0, [True, False, True, False, False], "2 of 5 stretches"),
+        (1.2, 0.25, -1.0, [False], "is 0.25 there, and 1 without"),
+        (1.2, 1.2, 7.0, [False], "better, by 7.0 nat"),
+        (1.02, 1.02, -1.0, [False], "noise"),
     ],
 )
 def test_names_that_stand_beside_a_worse_free_run_say_so(
-    error: float, gain: float, ran_worse: list[bool], why: str
+    error: float, beside_load: float, gain: float, ran_worse: list[bool], why: str
 ) -> None:
-    (said,) = held_out_worse((NAMED,), improved(1.0, error), gain, ran_worse)
+    (said,) = held_out_worse(
+        (NAMED,), improved(1.0, error), Unseen(1.0, beside_load, beside_load < 1.0), gain, ran_worse
+    )
     assert said.code == "held_out_worse"
     assert f"from 1 to {error:.4g}" in said.text
     assert "valve.deadband or valve.stiction" in said.text
@@ -34,7 +37,7 @@ def test_names_that_stand_beside_a_worse_free_run_say_so(
 
 @pytest.mark.parametrize(("effects", "error"), [((NAMED,), 0.9), ((NAMED,), float("nan")), ((), 1.2)])
 def test_nothing_is_said_where_nothing_is_worse_or_named(effects: tuple[Effect, ...], error: float) -> None:
-    assert held_out_worse(effects, improved(1.0, error), 1.0, [False]) == ()
+    assert held_out_worse(effects, improved(1.0, error), Unseen(1.0, error), 1.0, [False]) == ()
 
 
 @pytest.mark.parametrize("level", [0.0, 50.1, 1000.3])

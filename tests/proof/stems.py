@@ -1,8 +1,9 @@
 """How often explain, given no simulation, names a stem that sticks where one does, and where none does:
-`python stems.py [--sticking N] [--healthy N]`.
+`python stems.py [--sticking N] [--healthy N] [--loaded N] [--stepped N]`.
 
 Limit cycles of valves in He's form whose slip is from none to all of S, and loops with a sound valve under waves,
-triangles, drifts, squares, tight tuning and two waves at once.
+triangles, drifts, squares, tight tuning and two waves at once; then such valves under a load that steps or walks, and
+sound ones under one that steps.
 """
 
 import argparse
@@ -52,6 +53,42 @@ def sticking(count: int, seed: int) -> Iterator[Sized]:
         yield S, share * S, recorded(f"sticking {k}", spec, SAMPLES, ts, seed + k)
 
 
+def loaded(count: int, seed: int) -> Iterator[Sized]:
+    """S, J and the loop, under a load that steps three to eight times as far as 1.5 S, or that walks."""
+    rng = np.random.default_rng(seed)
+    for k in range(count):
+        S, share = float(rng.choice([4, 6, 8, 12])), SHARES[k % len(SHARES)]
+        noise, ts, Kc = (float(rng.choice(some)) for some in ([0.05, 0.1, 0.2, 0.4], [2.0, 5.0], [0.6, 1.0, 1.5]))
+        few = int(rng.integers(3, 9))
+        if k % 3 < 2:
+            times = np.sort(rng.uniform(0.0, SAMPLES * ts, few))
+            moves = rng.uniform(-1.5 * S, 1.5 * S, few)
+        else:
+            times = np.arange(SAMPLES) * ts
+            moves = 0.02 * S * rng.standard_normal(SAMPLES)
+        load = steps_of(times, moves)
+        spec = loop(TwoParameterValve(S, share * S), Pid(Kc, 20.0, 0.0), (20.0, 2.0), load, noise=noise)
+        yield S, share * S, recorded(f"loaded {k}", spec, SAMPLES, ts, seed + k)
+
+
+def stepped(count: int, seed: int) -> Iterator[Comparison]:
+    """Loops with a sound valve under a load of few or many steps."""
+    rng = np.random.default_rng(seed)
+    for k in range(count):
+        ts, noise = float(rng.choice([1.0, 2.0, 5.0])), float(rng.choice([0.05, 0.1, 0.2, 0.4]))
+        tau, theta = float(rng.choice([10, 20, 40])), float(rng.choice([2, 5, 10]))
+        Kc, few = float(rng.choice([0.3, 0.6, 1.0, 1.6])), int(rng.integers(3, 40))
+        times, size = np.sort(rng.uniform(0.0, SAMPLES * ts, few)), float(rng.choice([1, 3, 8]))
+        load = steps_of(times, rng.uniform(-size, size, few))
+        spec = loop(TwoParameterValve(0.0, 0.0), Pid(Kc, tau, 0.0), (tau, theta), load, noise=noise)
+        yield recorded(f"stepped {k}", spec, SAMPLES, ts, seed + k)
+
+
+def steps_of(times: FloatArray, moves: FloatArray) -> Signal:
+    """A load that moves at these times, after a first step that starts the loop."""
+    return Signal(steps=((0.0, 1.0), *zip(times.tolist(), moves.tolist(), strict=True)))
+
+
 def healthy(seed: int) -> Comparison:
     """A loop whose valve is sound; the remainder of the seed by 6 says what moves it."""
     rng = np.random.default_rng(seed)
@@ -82,13 +119,16 @@ def shaken(kind: int, size: float, period: float, at: FloatArray, rng: np.random
     return size * {0: wave, 3: np.sign(wave), 4: np.zeros(len(at))}.get(kind, two)
 
 
-def right(said: Explanation, S: float, J: float) -> bool:
-    """Whether the valve alone is named, its size within a tenth; a slip of nearly nothing is a deadband."""
-    if len(said.effects) != 1 or said.effects[0].code not in ACCUSING:
+def right(said: Explanation, S: float, J: float, beside: tuple[str, ...] = ()) -> bool:
+    """Whether the valve is named, its size within a tenth, and nothing but what acts `beside` it; a slip of nearly
+    nothing is a deadband.
+    """
+    named = [effect for effect in said.effects if not effect.code.startswith(beside)]
+    if len(named) != 1 or named[0].code not in ACCUSING:
         return False
-    size = [p.value for p in said.effects[0].parameters]
-    slip = size[1] if said.effects[0].code == "valve.stiction" else 0.0
-    kind = slip < WITHIN * S if J == 0.0 else said.effects[0].code == "valve.stiction"
+    size = [p.value for p in named[0].parameters]
+    slip = size[1] if named[0].code == "valve.stiction" else 0.0
+    kind = slip < WITHIN * S if J == 0.0 else named[0].code == "valve.stiction"
     return kind and abs(size[0] / S - 1.0) < WITHIN
 
 
@@ -96,19 +136,33 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--sticking", type=int, default=24)
     options.add_argument("--healthy", type=int, default=120)
+    options.add_argument("--loaded", type=int, default=40)
+    options.add_argument("--stepped", type=int, default=60)
     options.add_argument("--seed", type=int, default=100)
     given = options.parse_args()
     compile_kernels()
-    known = list(sticking(given.sticking, given.seed))
-    seeds = range(7 * given.seed, 7 * given.seed + given.healthy)
+    shaken_by = range(7 * given.seed, 7 * given.seed + given.healthy)
     with ProcessPoolExecutor(2) as pool:
-        told = list(pool.map(explain, [comparison for _, _, comparison in known]))
-        named = [right(said, S, J) for said, (S, J, _) in zip(told, known, strict=True)]
+        known = list(sticking(given.sticking, given.seed))
+        named = [right(*said) for said in told_of(known, pool)]
         print(f"sticking: {sum(named)} of {len(named)} named alone and sized within {WITHIN:.0%}")
-        sound = list(pool.map(explain, map(healthy, seeds)))
-    accused = [said for said in sound if ACCUSING & {effect.code for effect in said.effects}]
-    print(f"healthy: {len(accused)} of {len(sound)} are called a valve that sticks")
-    for said in accused:
+        known = list(loaded(given.loaded, 4 * given.seed))
+        named = [right(*said, ("disturbance.",)) for said in told_of(known, pool)]
+        half = [right for right, (S, J, _) in zip(named, known, strict=True) if J >= 0.5 * S]
+        print(f"under a load: {sum(named)} of {len(named)}, {sum(half)} of {len(half)} where J is half of S or more")
+        accused(list(pool.map(explain, map(healthy, shaken_by))))
+        accused(list(pool.map(explain, stepped(given.stepped, 9 * given.seed))))
+
+
+def told_of(known: list[Sized], pool: ProcessPoolExecutor) -> list[tuple[Explanation, float, float]]:
+    told = pool.map(explain, [comparison for _, _, comparison in known])
+    return [(said, S, J) for said, (S, J, _) in zip(told, known, strict=True)]
+
+
+def accused(sound: list[Explanation]) -> None:
+    wrongly = [said for said in sound if ACCUSING & {effect.code for effect in said.effects}]
+    print(f"healthy: {len(wrongly)} of {len(sound)} are called a valve that sticks")
+    for said in wrongly:
         print(f"  {said.name}: {', '.join(effect.code for effect in said.effects)}")
 
 

@@ -8,7 +8,7 @@ from app.engine.evidence import Reason
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit, fit, fit_linear, task_of
 from app.engine.mismatch.given import TraceModel
-from app.engine.mismatch.holdout import worse
+from app.engine.mismatch.holdout import Unseen, worse
 from app.engine.mismatch.noise import compared_samples
 from app.engine.mismatch.result import Effect, Improvement, Verdict
 from app.engine.mismatch.selection import Selection
@@ -81,34 +81,39 @@ def stands_still(final: Fit) -> tuple[Reason, ...]:
     return (Reason("op_moves_nothing", text),)
 
 
-def unseen_data_refuse(selection: Selection, fit: Improvement, gain: float) -> tuple[Reason, ...]:
+def unseen_data_refuse(selection: Selection, errors: Unseen, gain: float) -> tuple[Reason, ...]:
     """Names whose model follows the kept-out stretch worse than the bare refit does are no explanation: by its free
     run, and by what it gains there beside the noise (`gain`, nat).
     """
     integrating = selection.fit.given.integrating
-    if not selection.effects or not worse(fit.refitted, fit.explained, gain, integrating=integrating):
+    if not selection.effects or not worse(errors, gain, integrating=integrating):
         return ()
     names = ", ".join(" or ".join((effect.code, *effect.alternatives)) for effect in selection.effects)
     text = (
-        f"{names} would explain what was fitted, but on the stretch kept out the error grows from "
-        f"{fit.refitted.rmse:.4g} to {fit.explained.rmse:.4g}"
+        f"{names} would explain what was fitted, but on the stretch kept out the error{less_load(errors)} grows from "
+        f"{errors.refitted:.4g} to {errors.explained:.4g}"
     )
     return (Reason("held_out_disagrees", text),)
 
 
 def held_out_worse(
-    effects: tuple[Effect, ...], fit: Improvement, gain: float, ran_worse: list[bool]
+    effects: tuple[Effect, ...], fit: Improvement, errors: Unseen, gain: float, ran_worse: list[bool]
 ) -> tuple[Reason, ...]:
     """That names stand although the free run of the kept-out stretch is worse with them, by how much, and why they do.
 
-    gain: by how much (nat) they predict that stretch better beside its noise. ran_worse: of the stretches that were
-    looked at, that one first, whether the free run is worse there by more than chance.
+    errors: over that stretch beside a load. gain: by how much (nat) they predict it better beside its noise. ran_worse:
+    of the stretches that were looked at, that one first, whether the free run is worse there by more than chance.
     """
     if not effects or not fit.explained.rmse > fit.refitted.rmse:
         return ()
     names = ", ".join(" or ".join((effect.code, *effect.alternatives)) for effect in effects)
     if ran_worse[0]:
         why = f"it is worse over {sum(ran_worse)} of {len(ran_worse)} stretches kept out in turn, not over most"
+    elif errors.beside_load:
+        why = (
+            f"both stand off by a load that was not recorded: the error{less_load(errors)} is {errors.explained:.4g} "
+            f"there, and {errors.refitted:.4g} without"
+        )
     elif gain > 0.0:
         why = f"beside its noise the model predicts that stretch better, by {gain:.1f} nat"
     else:
@@ -118,6 +123,10 @@ def held_out_worse(
         f"{fit.explained.rmse:.4g}; they stand, because {why}"
     )
     return (Reason("held_out_worse", text),)
+
+
+def less_load(errors: Unseen) -> str:
+    return ", less its median over a swing of the stem," if errors.beside_load else ""
 
 
 def too_little_told(base: Fit) -> tuple[Reason, ...]:

@@ -20,7 +20,8 @@ from app.engine.mismatch.conclude import (
 from app.engine.mismatch.controller import at_the_controller, controller_evidence, yper_evidence
 from app.engine.mismatch.doubting import reviewed
 from app.engine.mismatch.experiment import Experiment
-from app.engine.mismatch.fitting import Fit, settle
+from app.engine.mismatch.fitting import Fit
+from app.engine.mismatch.free_run import settle
 from app.engine.mismatch.holdout import (
     Fitness,
     FreeRuns,
@@ -30,6 +31,7 @@ from app.engine.mismatch.holdout import (
     ran_worse,
     refit_without,
     stretches,
+    unseen_errors,
     unseen_gain,
 )
 from app.engine.mismatch.locate import quick_location
@@ -120,7 +122,8 @@ def assemble(
         held,
     )
     improvement = improvement_of(traces, prepared.base)
-    doubts = unseen_data_refuse(selection, improvement, seen.gain)
+    errors = unseen_errors(comparison.pv, seen)
+    doubts = unseen_data_refuse(selection, errors, seen.gain)
     others = [other for other in stretches(usable) if doubts and not np.array_equal(other, held)]
     runs = [seen, *(free_runs(prepared, final, other) for other in others)]
     if doubts and mostly_worse(comparison.pv, runs):
@@ -148,7 +151,9 @@ def assemble(
         evidence=(
             *comparison.notes,
             *conclusion.reasons,
-            *held_out_worse(conclusion.effects, improvement, seen.gain, [ran_worse(comparison.pv, r) for r in runs]),
+            *held_out_worse(
+                conclusion.effects, improvement, errors, seen.gain, [ran_worse(comparison.pv, r) for r in runs]
+            ),
             *evidence_of(prepared, selection),
             *controller_evidence(prepared.record, closed),
             *yper_evidence(closed),

@@ -15,7 +15,6 @@ from app.engine.mismatch.task import Free, Given, Task, clipped, make_task, star
 from app.engine.recording import FloatArray
 
 SLOW_TIMES, SLOW_COST = 5.0, 7.0
-SLOW_POLE, SETTLED = 0.9, 0.85
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,43 +224,6 @@ def slowness_penalty(noise: NoiseModel, record: Experiment, given: Given) -> flo
     slowest = SLOW_TIMES * (given.plant.tau + given.plant.tau2 + given.plant.theta)
     usual = min(record.sampling_interval_s / slowest, 0.5)
     return float(sum(SLOW_COST * max(np.log(usual / max(1.0 - pole, 1e-6)), 0.0) for pole in noise.poles))
-
-
-def settle(found: Fit) -> Fit:
-    """The same model fitted by its free run alone, where the likelihood had taken what is left for slow noise.
-
-    A process that the library describes only nearly leaves slow errors; a noise model that is nearly a random walk
-    then hides
-    the free run's error from the fit. Kept only where the free run is better by more than SETTLED.
-    """
-    if max(found.noise.poles) < SLOW_POLE or not found.parts:
-        return found
-    other = finish_as(found, white_fit(found))
-    return other if left_of(other) < SETTLED * left_of(found) else found
-
-
-def left_of(found: Fit) -> float:
-    """Deviation of what the free run leaves of PV where it is compared, unit of PV."""
-    return float(np.std(found.residual[found.record.usable]))
-
-
-def white_fit(found: Fit) -> FloatArray:
-    """Coordinates of the same model where its free run is nearest to PV."""
-    task = task_of(found)
-    white = NoiseModel(deviation=left_of(found))
-    return descend(task, polish(task, found.x, white), white, 30)
-
-
-def finish_as(found: Fit, x: FloatArray) -> Fit:
-    """The same model at other coordinates, its noise model kept."""
-    return finish(task_of(found), x, found.noise)
-
-
-def by_free_run(found: Fit) -> Fit:
-    """The same model fitted by its free run alone, with the noise that it then leaves."""
-    task = task_of(found)
-    x = white_fit(found)
-    return finish(task, x, fit_noise(found.record.pv_deviation - task.simulated(x), found.record.usable))
 
 
 def quiet_noise(record: Experiment, given: Given) -> NoiseModel:

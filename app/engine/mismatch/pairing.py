@@ -11,10 +11,11 @@ from app.engine.mismatch.block import Block, Context, Part
 from app.engine.mismatch.chain import Recent
 from app.engine.mismatch.compete import Rival, Scanned, descended, finalists
 from app.engine.mismatch.fitting import Fit, finish, fit, quiet_noise, task_of
+from app.engine.mismatch.free_run import free_run_error
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.scan import Ground, Start, ground, moves, scan, task_with, with_block
 from app.engine.mismatch.task import Task, make_task, start_at
-from app.engine.mismatch.worth import free_run_error, nearer
+from app.engine.mismatch.worth import nearer
 from app.engine.recording import FloatArray
 
 LEAST_SHARE, MOST_SHARE = 0.0, 2.0

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 from app.engine.mismatch.block import Block, Part
 from app.engine.mismatch.compete import Rival, Scanned, rivals
-from app.engine.mismatch.fitting import Fit, by_free_run
+from app.engine.mismatch.fitting import Fit
+from app.engine.mismatch.free_run import by_free_run
 from app.engine.mismatch.kindred import with_kindred
 from app.engine.mismatch.worth import no_worse, worth
 

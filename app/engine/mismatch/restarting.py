@@ -2,12 +2,15 @@
 stem's work in it, a dead time and a lag that the process has not, and no fit of a stem leaves that hill.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from app.engine.mismatch.block import Block
 from app.engine.mismatch.chain import signal_after
 from app.engine.mismatch.compete import Rival, descended
-from app.engine.mismatch.fitting import Fit, fit, left_of, task_of
+from app.engine.mismatch.fitting import Fit, fit, task_of
+from app.engine.mismatch.free_run import free_run_error, stem_swing
 from app.engine.mismatch.given import identify
 from app.engine.mismatch.physics.valve_stiction import slipping_as
 from app.engine.mismatch.ranking import best_of_each_code, by_worth
@@ -47,7 +50,9 @@ def takes_its_place(rival: Rival, known: Rival | None) -> bool:
     """Whether a stem with a loop of its own is believed before what is known of its code, or before none."""
     before = rival.over if known is None else known.fit
     likelier = rival.fit.score > before.score + LIKELIER
-    return likelier and left_of(rival.fit) < left_of(before) and worth(rival) > MORE_ASKED
+    swing = stem_swing(rival.fit)
+    nearer = free_run_error(rival.fit, swing) < free_run_error(before, swing)
+    return likelier and nearer and worth(rival) > MORE_ASKED
 
 
 def restarted(base: Fit, blocks: tuple[Block, ...]) -> tuple[Rival, ...]:
@@ -80,7 +85,7 @@ def behind_stems(base: Fit, stems: tuple[ShownStem, ...], blocks: tuple[Block, .
 
 def begun_at(base: Fit, stem: ShownStem, block: Block) -> tuple[Task, FloatArray]:
     """The task of fitting a stem with the simple loop behind it, and where it begins."""
-    given = Given(stem.plant, OWN_DEVIATION, integrating=stem.plant.leak == 0.0)
+    given = Given(stem.plant, OWN_DEVIATION, integrating=stem.plant.leak == 0.0, behind_stem=True)
     task = make_task(base.record, given, (block,))
     size = (stem.S,) if block.name == BACKLASH else (stem.S, stem.share)
     return task, start_at(task, stem.plant, np.array((*size, stem.start)))
@@ -97,7 +102,7 @@ def pursued(base: Fit, first: Fit, blocks: tuple[Block, ...]) -> Rival:
     stem = first.parts[-1]
     walked = over_its_slips(first)
     moved = signal_after(walked.record, walked.plant, walked.parts, walked.parts[-1]) + walked.record.op_mid
-    given = identify(base.record.with_op(moved)).given
+    given = replace(identify(base.record.with_op(moved)).given, behind_stem=True)
     task = make_task(base.record, given, (stem.block,))
     other = fit(task, start_at(task, given.plant, walked.parts[-1].values), None, ROUNDS, STEPS)
     best = max((walked, other), key=score_of)

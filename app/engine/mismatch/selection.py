@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from app.engine.mismatch.block import Block
 from app.engine.mismatch.compete import Rival, Scanned, survey
 from app.engine.mismatch.fitting import Fit
+from app.engine.mismatch.free_run import free_run_error
 from app.engine.mismatch.naming import Believed, believed
 from app.engine.mismatch.pairing import coupled
 from app.engine.mismatch.pairs import (
@@ -27,7 +28,6 @@ from app.engine.mismatch.searching import searched
 from app.engine.mismatch.worth import (
     LEAST_OF_PENALTY,
     SECOND_MUST_GAIN,
-    free_run_error,
     makes_sense,
     nearer,
     worth,

@@ -23,13 +23,14 @@ class Given:
     """The linear model to start from, and how far to trust it.
 
     plant: gain, time constants, dead time. deviation: relative standard deviation of its gain and time constants.
-    second_order, integrating: its structure, which the refit keeps.
+    second_order, integrating: its structure, which the refit keeps. behind_stem: our own, found behind a stem.
     """
 
     plant: Plant
     deviation: float = GIVEN_DEVIATION
     second_order: bool = False
     integrating: bool = False
+    behind_stem: bool = False
 
     @property
     def own(self) -> bool:

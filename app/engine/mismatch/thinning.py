@@ -7,6 +7,7 @@ import numpy as np
 from app.engine.mismatch.compete import Rival
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit, fit, fit_linear
+from app.engine.mismatch.free_run import error_left, stem_swing
 from app.engine.mismatch.physics import named
 from app.engine.mismatch.selection import Selection
 from app.engine.mismatch.task import make_task, start_at
@@ -99,8 +100,8 @@ def refined(base: Fit, selection: Selection) -> Selection:
     task = make_task(base.record, selection.fit.given, tuple(known[part.block.name] for part in parts))
     x = start_at(task, selection.fit.plant, np.concatenate([part.values for part in parts]))
     fine = fit(task, x, None, 2, 6)
-    usable = base.record.usable
-    if np.std(fine.residual[usable]) > WORTH * np.std(base.residual[usable]):
+    swing = stem_swing(fine)
+    if error_left(fine, swing) > WORTH * error_left(base, swing):
         return Selection(base, (), selection.ranking)
     alone = None if selection.alone is None else refined(base, selection.alone)
     return replace(selection, fit=fine, alone=alone)

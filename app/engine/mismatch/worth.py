@@ -6,9 +6,9 @@ import numpy as np
 
 from app.engine.mismatch.block import Block, Context
 from app.engine.mismatch.compete import Rival
-from app.engine.mismatch.fitting import Fit, descend, quiet_noise, residual_rows, task_of
+from app.engine.mismatch.fitting import Fit, descend, residual_rows, task_of
+from app.engine.mismatch.free_run import free_run_error, stem_swing
 from app.engine.mismatch.limits import limit_bonus, limits_always
-from app.engine.mismatch.noise import whiten
 from app.engine.mismatch.physics.generic import CODE as UNNAMED
 from app.engine.mismatch.richer_noise import taken_by_noise
 from app.engine.mismatch.spikes import steady_gain, tail_penalty
@@ -51,24 +51,23 @@ def makes_sense(rival: Rival) -> bool:
 
 def no_worse(fit: Fit, over: Fit) -> bool:
     """Whether the free run of one fit is no worse than that of another."""
-    return free_run_error(fit) < NO_WORSE * free_run_error(over)
+    swing = swing_between(fit, over)
+    return free_run_error(fit, swing) < NO_WORSE * free_run_error(over, swing)
 
 
 def nearer(fit: Fit, over: Fit) -> bool:
     """Whether the free run of one fit is much nearer to PV than that of another."""
-    return free_run_error(fit) < NEARER * free_run_error(over)
+    swing = swing_between(fit, over)
+    return free_run_error(fit, swing) < NEARER * free_run_error(over, swing)
 
 
-def free_run_error(fit: Fit) -> float:
-    """Standard deviation of PV less its free run, in the unit of PV, over the samples that are compared.
-
-    An integrating process makes a random walk of any load, and a right free run stands far off by chance: there it is
-    the deviation of what quiet noise leaves of it, which a walk is hardly seen in.
+def swing_between(fit: Fit, over: Fit) -> int | None:
+    """The swing of the stem where one of two fits stands beside the linear loop that was found behind it, and the other
+    beside the one that was found from OP, with as much of the load as OP could take: a load says nothing of which is
+    right. None where both stand beside one loop.
     """
-    left = fit.residual
-    if fit.given.integrating:
-        left = whiten(left, fit.record.usable, quiet_noise(fit.record, fit.given))
-    return float(np.std(left[fit.record.usable]))
+    one, other = stem_swing(fit), stem_swing(over)
+    return None if one is not None and other is not None else one or other
 
 
 def pays_beside(second: Rival, first: Rival) -> bool:
