@@ -10,6 +10,7 @@ from app.engine.mismatch.law import identify_law
 from app.engine.recording import BoolArray, FloatArray
 
 FOLLOWS = 0.8
+FIRST_SAMPLES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +56,11 @@ class Experiment:
     def op_range(self) -> float:
         """From the lowest to the highest OP, its unit; never zero."""
         return float(max(np.ptp(self.op), self.op_span))
+
+    @cached_property
+    def pv_first(self) -> float:
+        """Where PV started, as deviation: the mean of its FIRST_SAMPLES."""
+        return float(np.mean(self.pv_deviation[:FIRST_SAMPLES]))
 
     @cached_property
     def time_s(self) -> FloatArray:

@@ -199,7 +199,7 @@ def fit_linear(record: Experiment, given: Given, rounds: int = 4) -> Fit:
     physics.
     """
     task = make_task(record, given, ())
-    x = start_at(task, replace(given.plant, b=0.0, x0=float(np.mean(record.pv_deviation[:3]))), np.zeros(0))
+    x = start_at(task, replace(given.plant, b=0.0, x0=record.pv_first), np.zeros(0))
     return best_of_noise(task, x, rounds)
 
 

@@ -127,8 +127,7 @@ def as_pv_begins(record: Experiment, given: Given) -> Plant:
     """The given model, started where PV started and, where it does not integrate, at the level of PV: a model says how
     PV moves, not where it stands.
     """
-    start = float(np.mean(record.pv_deviation[:3]))
-    plant = given.plant.changed(b=0.0, x0=start)
+    plant = given.plant.changed(b=0.0, x0=record.pv_first)
     if plant.leak == 0.0:
         return plant
     beside = (record.pv_deviation - simulate(record, plant))[record.usable]

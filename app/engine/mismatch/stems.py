@@ -155,7 +155,7 @@ def best_of(seen: Seen, sizes: FloatArray, alone: float) -> ShownStem:
 
 def plant_of(record: Experiment, found: Followed, k: int) -> Plant:
     ts, lag, slope = record.sampling_interval_s, float(found.lag[k]), float(found.slope[k])
-    theta, start = float(found.delay[k]) * ts, float(np.mean(record.pv_deviation[:3]))
+    theta, start = float(found.delay[k]) * ts, record.pv_first
     if np.isinf(lag):
         return Plant(slope / ts, 1.0, theta, x0=start, leak=0.0)
     return Plant(slope, lag * ts, theta, x0=start)

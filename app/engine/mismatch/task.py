@@ -7,14 +7,14 @@ import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Parameter, Part
 from app.engine.mismatch.chain import Recent, simulate
-from app.engine.mismatch.experiment import Experiment
+from app.engine.mismatch.experiment import FIRST_SAMPLES, Experiment
 from app.engine.mismatch.plant import Plant
 from app.engine.recording import BoolArray, FloatArray
 
 GIVEN_DEVIATION = 0.05
 OWN_DEVIATION = 1.0
 FREED_DEVIATION = 0.4
-START_DEVIATION, FIRST_SAMPLES = 0.05, 3
+START_DEVIATION = 0.05
 BEFORE_SHARE = 0.25  # of OP's span: how far OP usually moves within a dead time
 
 
@@ -72,7 +72,7 @@ def linear_free(record: Experiment, given: Given, gain_deviation: float) -> tupl
     free.append(Free("theta", ts, g.theta / ts, late, 0.0, max(3.0 * g.theta / ts, 3.0 + g.theta / ts), step=0.05))
     drift = max(abs(g.K) * record.op_span, 1e-300) if given.integrating else span
     free.append(Free("b", drift, 0.0, 10.0, -50.0, 50.0))
-    first = float(np.mean(record.pv_deviation[:FIRST_SAMPLES])) / span
+    first = record.pv_first / span
     free.append(Free("x0", span, first, start_deviation(record, g), first - 2.0, first + 2.0))
     return tuple(free)
 

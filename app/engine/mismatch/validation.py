@@ -81,7 +81,7 @@ def started(record: Experiment, plant: Plant, parts: tuple[Part, ...]) -> FloatA
         told = tuple(Part(part.block, values) for part, values in zip(parts, moved, strict=True))
         return simulate(record, plant.changed(x0=float(states[0])), told)
 
-    start = np.array([float(np.mean(record.pv_deviation[:3])), *np.zeros(len(begun))])
+    start = np.array([record.pv_first, *np.zeros(len(begun))])
     found = least_squares(lambda states: (run(states) - record.pv_deviation)[:first], start, x_scale=record.pv_span)
     return run(found.x)
 
