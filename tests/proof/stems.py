@@ -7,7 +7,7 @@ sound ones under one that steps.
 """
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
@@ -42,33 +42,29 @@ def recorded(name: str, spec: LoopSpec, samples: int, ts: float, seed: int) -> C
     return Comparison(name, ts, made.op, made.pv, made.sp)
 
 
-def sticking(count: int, seed: int) -> Iterator[Sized]:
-    """S, J and the loop, started by a step of load."""
+def started(k: int, rng: np.random.Generator, S: float, ts: float) -> Signal:
+    """A load that steps once."""
+    return Signal(steps=((0.0, 1.0),))
+
+
+def loaded(k: int, rng: np.random.Generator, S: float, ts: float) -> Signal:
+    """A load that steps three to eight times by up to 1.5 S, or that walks."""
+    few = int(rng.integers(3, 9))
+    if k % 3 < 2:
+        times = np.sort(rng.uniform(0.0, SAMPLES * ts, few))
+        return steps_of(times, rng.uniform(-1.5 * S, 1.5 * S, few))
+    return steps_of(np.arange(SAMPLES) * ts, 0.02 * S * rng.standard_normal(SAMPLES))
+
+
+def sticking(count: int, seed: int, load_of: Callable[..., Signal] = started) -> Iterator[Sized]:
+    """S, J and the loop, under a load of some kind."""
     rng = np.random.default_rng(seed)
     for k in range(count):
         S, share = float(rng.choice([4, 6, 8, 12])), SHARES[k % len(SHARES)]
         noise, ts, Kc = (float(rng.choice(some)) for some in ([0.05, 0.1, 0.2, 0.4], [2.0, 5.0], [0.6, 1.0, 1.5]))
-        start = Signal(steps=((0.0, 1.0),))
-        spec = loop(TwoParameterValve(S, share * S), Pid(Kc, 20.0, 0.0), (20.0, 2.0), start, noise=noise)
-        yield S, share * S, recorded(f"sticking {k}", spec, SAMPLES, ts, seed + k)
-
-
-def loaded(count: int, seed: int) -> Iterator[Sized]:
-    """S, J and the loop, under a load that steps three to eight times as far as 1.5 S, or that walks."""
-    rng = np.random.default_rng(seed)
-    for k in range(count):
-        S, share = float(rng.choice([4, 6, 8, 12])), SHARES[k % len(SHARES)]
-        noise, ts, Kc = (float(rng.choice(some)) for some in ([0.05, 0.1, 0.2, 0.4], [2.0, 5.0], [0.6, 1.0, 1.5]))
-        few = int(rng.integers(3, 9))
-        if k % 3 < 2:
-            times = np.sort(rng.uniform(0.0, SAMPLES * ts, few))
-            moves = rng.uniform(-1.5 * S, 1.5 * S, few)
-        else:
-            times = np.arange(SAMPLES) * ts
-            moves = 0.02 * S * rng.standard_normal(SAMPLES)
-        load = steps_of(times, moves)
+        load = load_of(k, rng, S, ts)
         spec = loop(TwoParameterValve(S, share * S), Pid(Kc, 20.0, 0.0), (20.0, 2.0), load, noise=noise)
-        yield S, share * S, recorded(f"loaded {k}", spec, SAMPLES, ts, seed + k)
+        yield S, share * S, recorded(f"sticking {k}", spec, SAMPLES, ts, seed + k)
 
 
 def stepped(count: int, seed: int) -> Iterator[Comparison]:
@@ -146,7 +142,7 @@ def main() -> None:
         known = list(sticking(given.sticking, given.seed))
         named = [right(*said) for said in told_of(known, pool)]
         print(f"sticking: {sum(named)} of {len(named)} named alone and sized within {WITHIN:.0%}")
-        known = list(loaded(given.loaded, 4 * given.seed))
+        known = list(sticking(given.loaded, 4 * given.seed, loaded))
         named = [right(*said, ("disturbance.",)) for said in told_of(known, pool)]
         half = [right for right, (S, J, _) in zip(named, known, strict=True) if J >= 0.5 * S]
         print(f"under a load: {sum(named)} of {len(named)}, {sum(half)} of {len(half)} where J is half of S or more")

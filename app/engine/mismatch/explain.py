@@ -239,7 +239,7 @@ def evidence_of(prepared: Prepared, selection: Selection) -> tuple[Reason, ...]:
     own = base.given.own
     whose = "no simulation was given; our own linear loop" if own else "the simulation's own parameters, fitted"
     said = [*prepared.off, Reason("refit", f"{whose}: {in_words(base)}")]
-    if own and selection.fit.given is not base.given:
+    if selection.fit.given.behind_stem:
         said.append(Reason("own_loop", f"behind the stem our own linear loop is another: {in_words(selection.fit)}"))
     if base.parts:
         said.append(Reason("own_dynamics", "no simulation was given, and our own loop needed more lags than two"))

@@ -24,24 +24,25 @@ def free_run_error(fit: Fit, swing: int | None = None) -> float:
     An integrating process makes a random walk of any load, and a right free run stands far off by chance: there it is
     the deviation of what quiet noise leaves of it, which a walk is hardly seen in.
     """
+    if swing is not None or not fit.given.integrating:
+        return error_left(fit, swing)
     seen = fit.record.usable
-    if swing is not None:
-        left = beside_load(fit.residual, seen, swing)
-    elif fit.given.integrating:
-        left = whiten(fit.residual, seen, quiet_noise(fit.record, fit.given))
-    else:
-        left = fit.residual
-    return float(np.std(left[seen]))
+    return float(np.std(whiten(fit.residual, seen, quiet_noise(fit.record, fit.given))[seen]))
 
 
-def beside_load(left: FloatArray, seen: BoolArray, swing: int) -> FloatArray:
+def error_left(found: Fit, swing: int | None) -> float:
+    """What the free run leaves of PV, also of an integrating process; beside a load where a swing is given."""
+    seen = found.record.usable
+    return float(np.std(beside_load(found.residual, seen, swing)[seen]))
+
+
+def beside_load(left: FloatArray, seen: BoolArray, swing: int | None) -> FloatArray:
     """What a free run leaves of PV (N,) less its median over a swing of the stem about each sample, of those that are
-    `seen` (N,): a median keeps the edges of a load that steps.
+    `seen` (N,): a median keeps the edges of a load that steps. All of it where no swing is given.
     """
-    at = np.flatnonzero(seen)
-    if not len(at):
+    if swing is None or not np.any(seen):
         return left
-    known = np.interp(np.arange(len(left)), at, left[at])
+    known = np.interp(np.arange(len(left)), np.flatnonzero(seen), left[seen])
     return left - median_filter(known, 2 * (swing // 2) + 1, mode="reflect")
 
 
@@ -71,13 +72,6 @@ def settle(found: Fit) -> Fit:
         return found
     other, swing = finish(task_of(found), white_fit(found), found.noise), stem_swing(found)
     return other if error_left(other, swing) < SETTLED * error_left(found, swing) else found
-
-
-def error_left(found: Fit, swing: int | None) -> float:
-    """What the free run leaves of PV, also of an integrating process; beside a load where a swing is given."""
-    seen = found.record.usable
-    left = found.residual if swing is None else beside_load(found.residual, seen, swing)
-    return float(np.std(left[seen]))
 
 
 def by_free_run(found: Fit) -> Fit:

@@ -35,14 +35,19 @@ class Fitness:
 
 def judge(pv: FloatArray, simulated: FloatArray, where: BoolArray) -> Fitness:
     """RMSE and fit per cent of a simulation (N,) against PV (N,) over the samples `where`."""
-    error, recorded = (pv - simulated)[where], pv[where]
-    if len(error) == 0:
+    recorded = pv[where]
+    if len(recorded) == 0:
         return Fitness(float("nan"), float("nan"))
-    rmse = float(np.sqrt(np.mean(error**2)))
+    rmse = rms(pv - simulated, where)
     spread = float(np.std(recorded))
     # The deviation of equal values from their mean is rounding.
     moves = spread > STANDS * float(np.max(np.abs(recorded)))
     return Fitness(rmse, 100.0 * (1.0 - rmse / spread) if moves else float("nan"))
+
+
+def rms(error: FloatArray, where: BoolArray) -> float:
+    """Root mean square of an error (N,) over the samples `where`; NaN where there are none."""
+    return float(np.sqrt(np.mean(error[where] ** 2))) if where.any() else float("nan")
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,12 +90,8 @@ class Unseen:
 
 def unseen_errors(pv: FloatArray, run: FreeRuns) -> Unseen:
     seen, swing = run.model.record.usable | run.held, stem_swing(run.model)
-
-    def error(simulated: FloatArray) -> float:
-        left = pv - simulated if swing is None else beside_load(pv - simulated, seen, swing)
-        return float(np.sqrt(np.mean(left[run.held] ** 2))) if run.held.any() else float("nan")
-
-    return Unseen(error(run.refitted), error(run.explained), swing is not None)
+    refitted, explained = (beside_load(pv - simulated, seen, swing) for simulated in (run.refitted, run.explained))
+    return Unseen(rms(refitted, run.held), rms(explained, run.held), swing is not None)
 
 
 def worse(errors: Unseen, gain: float, *, integrating: bool) -> bool:
