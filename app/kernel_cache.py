@@ -36,6 +36,25 @@ def choose() -> None:
         _forget_old(folder)
 
 
+class NotCompiled(Exception):
+    """A kernel is not in the cache."""
+
+
+@contextmanager
+def loading_only() -> Iterator[None]:
+    """In here kernels are loaded from the cache; before one would be compiled, NotCompiled is raised."""
+    from numba.core import event  # reads where its cache is as it is imported: `choose` comes first
+
+    class Refusing(event.Listener):
+        def on_start(self, event: object) -> None:
+            raise NotCompiled
+
+        def on_end(self, event: object) -> None: ...
+
+    with event.install_listener("numba:compile", Refusing()):
+        yield
+
+
 @contextmanager
 def one_at_a_time() -> Iterator[None]:
     """Of several processes that compile for this cache at once, also those of other plants, one does while the others

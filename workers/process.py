@@ -7,6 +7,7 @@ import resource
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from typing import Any
 
@@ -38,10 +39,11 @@ def log_structured(**_: object) -> None:
 @signals.worker_init.connect
 def warm_up(sender: Any, **_: object) -> None:
     """In the parent, once: its children inherit what is compiled and loaded."""
-    log.warning("compiling the kernels; at the first start of a version this takes a minute or two")
-    _compile_aside()
-    warming.warm_up()
-    reading.warm_up()
+    if not _all_were_compiled():
+        log.warning("compiling the kernels; at the first start of a version this takes a minute or two")
+        _compile_aside()
+        with kernel_cache.one_at_a_time():
+            _load()
     gc.collect()
     gc.freeze()  # what is loaded stays: looking through it for garbage took a twentieth of reading a file
     log.warning("ready")
@@ -50,11 +52,24 @@ def warm_up(sender: Any, **_: object) -> None:
     sender.max_memory_per_child = 1024 * max(current_app.settings.worker_memory_mb, own_mb + ROOM_TO_WORK_MB)
 
 
+def _all_were_compiled() -> bool:
+    """Loads the kernels, as far as they are in the cache; whether all of them are."""
+    with suppress(kernel_cache.NotCompiled), kernel_cache.loading_only():
+        _load()
+        return True
+    return False
+
+
+def _load() -> None:
+    warming.audits()
+    reading.warm_up()
+    compile_kernels()
+
+
 def _compile_aside() -> None:
     """Fills the cache of compiled kernels from processes that then end: compiling takes memory that is never given
     back, and every worker process would carry it. Two of them compile about half each."""
     with kernel_cache.one_at_a_time():
-        # Explanations are rarer than audits: each process loads their kernels when one comes.
         for half in (_aside(warming.identifications), _aside(warming.verdicts, reading.warm_up, compile_kernels)):
             os.waitpid(half, 0)
 

@@ -39,5 +39,8 @@ def spoil() -> None:
 
 if __name__ == "__main__":
     use_one_thread()
-    spoil()
-    (run_worker if sys.argv[1] == "worker" else run_beat)(load_settings(), log_level="INFO")
+    if sys.argv[1] == "worker":
+        spoil()
+        run_worker(load_settings(), log_level="INFO")
+    else:
+        run_beat(load_settings(), log_level="INFO")

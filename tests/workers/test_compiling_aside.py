@@ -1,11 +1,17 @@
 """The processes that compile for a worker belong to it, also at its end, and take turns with those of others."""
 
 import os
+import runpy
 import select
 import signal
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
+from numba import config
+
+from workers import process
 
 PATIENCE_S = 120
 SCRIPT = """
@@ -22,6 +28,27 @@ process.reading = SimpleNamespace(warm_up=part("reading"))
 process.compile_kernels = part("explanations")
 process._compile_aside()
 """
+
+
+KERNEL = """
+from numba import njit
+
+@njit(cache=True)
+def twice(x):
+    return 2 * x
+"""
+
+
+def test_a_worker_compiles_aside_only_what_it_does_not_find(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "cache"))
+    kernel = tmp_path / "kernel.py"
+    kernel.write_text(KERNEL)
+    monkeypatch.setattr(process, "_load", lambda: runpy.run_path(str(kernel))["twice"](1.0))
+    assert not process._all_were_compiled()
+    process._load()
+    assert process._all_were_compiled()
+    kernel.write_text(KERNEL.replace("2", "3"))
+    assert not process._all_were_compiled()
 
 
 def started(cache: Path, then: str) -> subprocess.Popen[bytes]:

@@ -12,9 +12,7 @@ from workers import process
 def test_what_is_loaded_before_the_first_task_is_frozen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     settings = SimpleNamespace(data_dir=tmp_path, worker_memory_mb=400)
     monkeypatch.setattr(process, "current_app", SimpleNamespace(settings=settings))
-    monkeypatch.setattr(process, "_compile_aside", lambda: None)
-    for room in ("warming", "reading"):
-        monkeypatch.setattr(process, room, SimpleNamespace(warm_up=lambda: None))
+    monkeypatch.setattr(process, "_load", lambda: None)
     before = gc.get_freeze_count()
     try:
         process.warm_up(SimpleNamespace())

@@ -5,7 +5,7 @@ given.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit, best_of_noise
@@ -128,7 +128,7 @@ def descend_trace(record: Experiment, y: FloatArray, structure: Structure, start
     ts = record.sampling_interval_s
     low = [0.0, np.log(0.05 * ts), np.log(0.05 * ts)]
     high = [0.2 * record.samples, np.log(record.duration_s), np.log(record.duration_s)]
-    z = least_squares(
+    z = scipy.optimize.least_squares(
         lambda z: project(record, y, structure, z)[0],
         np.clip(start, low, high),
         bounds=(low, high),

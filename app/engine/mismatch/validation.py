@@ -5,7 +5,7 @@ again.
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from app.engine.mismatch.block import Block, Context, Part
 from app.engine.mismatch.chain import simulate
@@ -82,7 +82,9 @@ def started(record: Experiment, plant: Plant, parts: tuple[Part, ...]) -> FloatA
         return simulate(record, plant.changed(x0=float(states[0])), told)
 
     start = np.array([record.pv_first, *np.zeros(len(begun))])
-    found = least_squares(lambda states: (run(states) - record.pv_deviation)[:first], start, x_scale=record.pv_span)
+    found = scipy.optimize.least_squares(
+        lambda states: (run(states) - record.pv_deviation)[:first], start, x_scale=record.pv_span
+    )
     return run(found.x)
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from app.engine.recording import FloatArray
 from app.engine.simulate.hold import zero_order_hold
@@ -101,7 +101,7 @@ def _pid(pid: Pid, step_s: float) -> DiscreteController:
 def _linear(controller: LinearController, step_s: float) -> DiscreteController:
     if len(controller.numerator) > len(controller.denominator):
         raise DataError("controller_improper", f"{controller} must not have more zeros than poles")
-    a, b, c, d = signal.tf2ss(controller.numerator, controller.denominator)
+    a, b, c, d = scipy.signal.tf2ss(controller.numerator, controller.denominator)
     phi, gamma = zero_order_hold(a, b, step_s)
     return DiscreteController(
         a=phi,

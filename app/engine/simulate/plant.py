@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from app.engine.recording import FloatArray
 from app.engine.simulate.hold import zero_order_hold
@@ -62,7 +62,7 @@ def from_zeros_poles(
     zeros: tuple[complex, ...], poles: tuple[complex, ...], gain: float, dead_time_s: float = 0.0
 ) -> Plant:
     """gain prod(s - z) / prod(s - p) e^(-theta s). zeros, poles in rad/s (complex ones in conjugate pairs)."""
-    numerator, denominator = signal.zpk2tf(zeros, poles, gain)
+    numerator, denominator = scipy.signal.zpk2tf(zeros, poles, gain)
     return Plant(tuple(np.atleast_1d(numerator).tolist()), tuple(denominator.tolist()), dead_time_s)
 
 
@@ -81,7 +81,7 @@ class DiscretePlant(NamedTuple):
 
 def discretise(plant: Plant, step_s: float) -> DiscretePlant:
     """The plant at step_s (s), exact for an input held over each step, dead times between two steps included."""
-    a, b, c, _ = signal.tf2ss(plant.numerator, plant.denominator)
+    a, b, c, _ = scipy.signal.tf2ss(plant.numerator, plant.denominator)
     steps = plant.dead_time_s / step_s
     delay_steps = int(np.floor(steps + 1e-9))
     late_s = max(0.0, plant.dead_time_s - delay_steps * step_s)

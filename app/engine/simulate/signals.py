@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from app.engine.recording import FloatArray
 from app.engine.simulate.digits import in_seven_digits
@@ -64,7 +64,7 @@ def _form(wave: Wave, time_s: FloatArray) -> FloatArray:
     if wave.form == "square":
         # Half-open halves: a sample that falls on an edge belongs to what follows, whatever the rounding.
         return np.where(np.mod(angle + 1e-9, 2.0 * np.pi) < np.pi, 1.0, -1.0)
-    return signal.sawtooth(angle + 0.5 * np.pi, width=0.5)
+    return scipy.signal.sawtooth(angle + 0.5 * np.pi, width=0.5)
 
 
 def _coloured(spec: Signal, time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -73,4 +73,4 @@ def _coloured(spec: Signal, time_s: FloatArray, rng: np.random.Generator) -> Flo
         return in_seven_digits(spec.noise_sd * white)
     pole = np.exp(-(time_s[1] - time_s[0]) / spec.noise_tau_s)
     white[1:] *= np.sqrt(1.0 - pole**2)  # the first sample is drawn from the stationary distribution
-    return in_seven_digits(spec.noise_sd * signal.lfilter([1.0], [1.0, -pole], white))
+    return in_seven_digits(spec.noise_sd * scipy.signal.lfilter([1.0], [1.0, -pole], white))
