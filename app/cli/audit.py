@@ -77,6 +77,8 @@ def audit(
 ) -> None:
     """Audit files or folders of recordings without a service: one line a recording.
 
+    Loops of one file are heard beside each other: where one whose valve sticks may shake another, it says so.
+
     A recording has columns time, SP, PV, OP and perhaps MODE (any case, the usual synonyms), or any layout that a
     plant's historian exports. A file without PV and OP is reported and skipped.
 
@@ -236,19 +238,27 @@ def audit_file(path: Path, how: Reading) -> AuditedFile:
     if not content.recordings:
         # What the file holds instead may tell why.
         return AuditedFile(path, notes=(*notes, "skipped: no loop with PV and OP in it", *content.notes), skipped=True)
-    lines = tuple(timed_line(recording, content.loops[recording.name]) for recording in content.recordings)
-    return AuditedFile(path, lines, (*content.notes, *notes), failed=bool(content.damage))
+    return AuditedFile(path, tuple(audited_lines(content)), (*content.notes, *notes), failed=bool(content.damage))
 
 
-def timed_line(recording: Any, loop: str) -> dict[str, Any]:
+def audited_lines(content: "RecordingsRead") -> list[dict[str, Any]]:
+    """The lines of a file's loops, each heard beside the others: they share a clock."""
     from time import perf_counter
 
     from app.engine.audit import audit as audit_recording
+    from app.services.auditing import swings
     from app.services.auditing.audit_line import audit_line
+    from app.services.auditing.hearing import heard_together
 
-    started = perf_counter()
-    result = audit_recording(recording)
-    return audit_line(result, perf_counter() - started, loop)
+    lines, swinging = [], []
+    for recording in content.recordings:
+        started = perf_counter()
+        found, loop = audit_recording(recording), content.loops[recording.name]
+        lines.append(audit_line(found, perf_counter() - started, loop))
+        if found.swing is not None:
+            start_s = content.starts_s[recording.name]
+            swinging.append(swings.candidate(loop, found.swing, found.judgement.stiction_probability, start_s))
+    return heard_together(lines, swinging)
 
 
 def in_words(content: "RecordingsRead") -> Iterator[str]:

@@ -17,7 +17,8 @@ from app.ingest.model import NANOSECONDS, IngestOptions, LoopSamples, Reject, Si
 @dataclass(frozen=True, eq=False)
 class RecordingsRead:
     """The recordings of a file, what was refused (the first of it; `reject_counts` has all by code), and the loops
-    passed over. `damage`: what of the file itself was lost on its way."""
+    passed over. `damage`: what of the file itself was lost on its way. `starts_s`: where on the file's clock the second
+    0 of each recording is, s."""
 
     recordings: tuple[Recording, ...]
     rejects: tuple[Reject, ...]
@@ -27,6 +28,7 @@ class RecordingsRead:
     damage: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     loops: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    starts_s: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
 
 def read_recordings(
@@ -52,6 +54,7 @@ def read_recordings(
         damage=export.damage(),
         doubts=export.doubts(),
         loops=MappingProxyType(names),
+        starts_s=MappingProxyType({name: _start_ns(audited[loop]) / NANOSECONDS for name, loop in names.items()}),
     )
 
 
@@ -71,20 +74,27 @@ def to_recording(samples: LoopSamples, name: str) -> Recording:
 
     Set point and mode hold until their next known value.
     """
-    pv, op = _or_missing(samples.pv, samples), _or_missing(samples.op, samples)
-    given = np.isfinite(pv) | np.isfinite(op)
-    time_ns = samples.time_ns[given]
-    start = time_ns[0] if len(time_ns) else 0
+    given = _given(samples)
     automatic = samples.automatic
     return Recording(
         name,
-        (time_ns - start) / NANOSECONDS,
-        pv[given],
-        op[given],
+        (samples.time_ns[given] - _start_ns(samples)) / NANOSECONDS,
+        _or_missing(samples.pv, samples)[given],
+        _or_missing(samples.op, samples)[given],
         sp=None if samples.sp is None else carried(samples.sp)[given],
         automatic=None if automatic is None or not np.any(automatic >= 0) else _flags(automatic)[given],
         others=MappingProxyType({tag: values[given] for tag, values in samples.others.items()}),
     )
+
+
+def _start_ns(samples: LoopSamples) -> int:
+    """The time of the first sample with PV or OP; 0 where there is none."""
+    given = _given(samples)
+    return int(samples.time_ns[np.argmax(given)]) if given.any() else 0
+
+
+def _given(samples: LoopSamples) -> np.ndarray:
+    return np.isfinite(_or_missing(samples.pv, samples)) | np.isfinite(_or_missing(samples.op, samples))
 
 
 def _or_missing(signal: np.ndarray | None, samples: LoopSamples) -> np.ndarray:

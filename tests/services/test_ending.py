@@ -2,7 +2,7 @@
 to be relied on.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from sqlalchemy import update
 
-from app.engine.plant_wide import Suspect
 from app.engine.simulate import SimulatedLoop
 from app.services.auditing import ending
 from app.services.auditing.audits import cancel_audit, get_audit, start_audit
 from app.services.auditing.chunks import audit_chunk
-from app.services.auditing.ending import SHAKEN, end_if_complete, neighbour_text
+from app.services.auditing.ending import end_if_complete
+from app.services.auditing.hearing import SHAKEN
 from app.services.backend import Backend
 from app.services.plant.loops import loop_health, verdict_detail
 from app.services.plant.reliability import RowFilter, reliability_json, reliability_page
@@ -189,12 +189,3 @@ def test_a_run_ends_whatever_is_kept_of_a_loop(plant: Plant) -> None:
         connection.execute(update(newest_rows).values(swing_json="{}"))
     run = audited(plant.backend, LoopFilter(tags=(SOURCE,)))
     assert get_audit(plant.backend, run).state == "done"
-
-
-def test_a_source_that_swung_sooner_is_not_called_likelier() -> None:
-    shaken = Suspect("TIC201", 0.95, 1.4, 9000.0, 0.91, -3.0)
-    source = Suspect(SOURCE, 0.85, 1.7, None, 1.0, 0.0)
-    assert "is likelier to stick (0.98 against 0.95)" in neighbour_text(
-        shaken, replace(source, stiction_probability=0.98), 0.95
-    )
-    assert "whose swing began sooner (0.85 against 0.95)" in neighbour_text(shaken, source, 0.95)

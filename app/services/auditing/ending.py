@@ -1,6 +1,4 @@
-"""What ends a run: its verdicts are heard beside their neighbours', because of loops that swing in step one shakes the
-others.
-"""
+"""What ends a run: its verdicts are heard beside their neighbours'."""
 
 import logging
 from collections.abc import Callable, Mapping
@@ -9,16 +7,14 @@ from typing import Any
 from sqlalchemy import Connection
 from sqlalchemy.exc import SQLAlchemyError
 
-from app.engine.health import HealthPart, doubted_health
-from app.engine.plant_wide import Suspect, groups
+from app.services.auditing import hearing
 from app.services.auditing.audit_line import flat_health, flat_reasons
+from app.services.auditing.hearing import Doubt, doubted
 from app.services.auditing.rows import as_row, fixed_part
 from app.services.auditing.swings import candidates
 from app.services.backend import Backend
 from app.storage import audits, verdicts
 from app.storage.verdicts import Reworded, pack_detail
-
-SHAKEN = "shaken_by_neighbour"
 
 log = logging.getLogger("loopaudit.audit")
 
@@ -62,44 +58,23 @@ def _doubts(connection: Connection, audit_id: int) -> list[Reworded]:
     relied_on = verdicts.relied_on(connection, audit_id)
     if not relied_on:
         return []
-    shaken = {
-        suspect.tag: (suspect, group.suspects[0])
-        for group in groups(candidates(verdicts.swings(connection)))
-        for suspect in group.shaken
-        if suspect.tag in relied_on
-    }
-    rows = verdicts.newest_of(connection, [relied_on[tag] for tag in shaken])
+    found = hearing.doubts(candidates(verdicts.swings(connection)), relied_on)
+    rows = verdicts.newest_of(connection, [relied_on[tag] for tag in found])
     return [
-        _reworded(row, verdicts.detail(connection, relied_on[tag], audit_id) or {}, relied_on[tag], *shaken[tag])
+        _reworded(row, verdicts.detail(connection, relied_on[tag], audit_id) or {}, relied_on[tag], found[tag])
         for tag, row in sorted(rows.items(), key=lambda found: relied_on[found[0]])
         if row["audit_id"] == audit_id
     ]
 
 
-def _reworded(
-    row: Mapping[str, Any], detail: Mapping[str, Any], loop_id: int, shaken: Suspect, source: Suspect
-) -> Reworded:
-    """The verdict and its probability stay: they are what the loop's own record says."""
-    probability = row["stiction_probability"]
-    text = neighbour_text(shaken, source, probability)
-    reasons = [{"code": SHAKEN, "text": text}, *detail.get("reasons", [])]
-    doubted = doubted_health([HealthPart(**part) for part in detail.get("health", [])], probability)
-    parts = [vars(part) for part in doubted.parts]
+def _reworded(row: Mapping[str, Any], detail: Mapping[str, Any], loop_id: int, doubt: Doubt) -> Reworded:
+    told = doubted(doubt, row["stiction_probability"], detail.get("reasons", []), detail.get("health", []))
+    reasons, parts = told["reasons"], told["health_parts"]
     columns = {
-        "reliability": "not_reliable",
-        "health": doubted.value,
+        "reliability": told["reliability"],
+        "health": told["health"],
         "health_parts": flat_health(parts),
         **flat_reasons(reasons),
     }
-    told = pack_detail({**detail, "reasons": reasons, "health": parts})
-    return Reworded(loop_id, row["audit_id"], columns, told, fixed_part(as_row({**row, **columns})))
-
-
-def neighbour_text(shaken: Suspect, source: Suspect, probability: float) -> str:
-    """probability: that the valve of the shaken loop sticks; the source's is less only where its swing began sooner."""
-    sticks = source.stiction_probability or 0.0
-    why = "is likelier to stick" if sticks >= probability else "is likely to stick too and whose swing began sooner"
-    return (
-        f"PV swings in step with {source.tag} (coherence {shaken.coherence:.2f}), whose valve {why} "
-        f"({sticks:.2f} against {probability:.2f}) and may be what shakes this loop"
-    )
+    packed = pack_detail({**detail, "reasons": reasons, "health": parts})
+    return Reworded(loop_id, row["audit_id"], columns, packed, fixed_part(as_row({**row, **columns})))

@@ -36,6 +36,11 @@ def from_json(text: str) -> Swing:
     return Swing(**told, lines=lines / np.linalg.norm(lines), bands=bands)
 
 
+def candidate(tag: str, swing: Swing, stiction_probability: float | None, start_s: float) -> Candidate:
+    """Of an audit that is not stored: as it would come back from there, so that the same loops are in step."""
+    return Candidate(tag, from_json(as_json(swing, start_s)), stiction_probability)
+
+
 def candidates(rows: Iterable[Any]) -> list[Candidate]:
     """Of rows of `verdicts.swings`."""
     return [Candidate(row.tag, from_json(row.swing_json), row.stiction_probability, row.unit) for row in rows]

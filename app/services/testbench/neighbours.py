@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.audit import Audit, audit
-from app.engine.plant_wide import Candidate, Group, groups
+from app.engine.plant_wide import Candidate, groups
 from app.engine.recording import FloatArray
 from app.engine.simulate import LoopSpec, Pid, Signal, SimulatedLoop, TwoParameterValve, first_order, simulate_loop
+from app.services.auditing.hearing import doubts
 
 SOURCE = "source"
 SHAKEN_LOOPS = 4
@@ -35,17 +36,17 @@ class Heard:
 def hear(seed: int) -> Heard:
     """The plant of a seed: each loop audited by itself, then all of them together."""
     audits = {tag: audit(loop.recording(tag)) for tag, loop in plant(seed).items()}
-    together = groups(
-        [Candidate(t, a.swing, a.judgement.stiction_probability) for t, a in audits.items() if a.swing is not None]
-    )
+    swinging = [
+        Candidate(t, a.swing, a.judgement.stiction_probability) for t, a in audits.items() if a.swing is not None
+    ]
     sure = {tag for tag, found in audits.items() if _sure(found)}
-    doubted = _doubted(together)
+    doubted = doubts(swinging, sure).keys()
     return Heard(
         accused=frozenset(sure - {SOURCE}),
         left=frozenset(sure - doubted - {SOURCE}),
         source_relied_on=SOURCE in sure,
         source_kept=SOURCE in sure - doubted,
-        source_named=any(group.source == SOURCE for group in together),
+        source_named=any(group.source == SOURCE for group in groups(swinging)),
     )
 
 
@@ -58,10 +59,6 @@ def plant(seed: int) -> dict[str, SimulatedLoop]:
 
 def _sure(found: Audit) -> bool:
     return found.judgement.verdict == "stiction" and found.judgement.reliability == "reliable"
-
-
-def _doubted(together: tuple[Group, ...]) -> set[str]:
-    return {suspect.tag for group in together for suspect in group.shaken}
 
 
 def sticking(rng: np.random.Generator, seed: int) -> SimulatedLoop:
