@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
+from app.services.auditing.hearing import SHAKEN_BY_NEIGHBOUR
+from app.services.auditing.repairs import BEFORE_REPAIR
 from app.services.wording import CAUSE_WORDS
 
 STICKS = (
@@ -49,8 +51,6 @@ BY_CAUSE = {
 """Where the valve is not said to stick, by likely cause."""
 
 BY_VERDICT = {"no_stiction": CLEARED, "inconclusive": CANNOT_TELL, "not_auditable": NOT_AUDITABLE}
-BEFORE_REPAIR = "before_repair"
-SHAKEN_BY_NEIGHBOUR = "shaken_by_neighbour"
 
 
 def next_step(row: Mapping[str, Any], reasons: tuple[str, ...] = ()) -> str:

@@ -16,7 +16,7 @@ from app.engine.simulate import SimulatedLoop
 from app.services.auditing.audit_line import flat_reasons
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
-from app.services.auditing.hearing import SHAKEN
+from app.services.auditing.hearing import SHAKEN_BY_NEIGHBOUR
 from app.services.intake import reading, uploads
 from app.services.plant.reliability import reliability_page
 from app.services.testbench import neighbours
@@ -64,7 +64,7 @@ def test_loops_of_one_file_are_heard_beside_each_other(export: Path) -> None:
     assert lines[SOURCE]["reliability"] == "reliable"
     for tag in TAGS[1:]:
         assert lines[tag]["reliability"] == "not_reliable"
-        assert lines[tag]["reasons"][0]["code"] == SHAKEN
+        assert lines[tag]["reasons"][0]["code"] == SHAKEN_BY_NEIGHBOUR
         assert f"in step with {SOURCE}" in lines[tag]["reasons"][0]["text"]
         lost = sum(part["lost"] for part in lines[tag]["health_parts"])
         assert lines[tag]["health"] == pytest.approx(100.0 - lost, abs=0.05)
@@ -88,7 +88,7 @@ def test_a_loop_that_was_recorded_later_is_heard_on_the_clock_of_the_file(tmp_pa
     later = written(tmp_path / "unit.csv", columns(SOURCE), columns(TAGS[1], LATE_ROWS))
     line = audited(later)[TAGS[1]]
     assert line["samples"] == neighbours.SAMPLES - LATE_ROWS
-    assert line["reasons"][0]["code"] == SHAKEN
+    assert line["reasons"][0]["code"] == SHAKEN_BY_NEIGHBOUR
 
 
 def test_loops_of_two_files_may_be_of_two_plants(tmp_path: Path) -> None:

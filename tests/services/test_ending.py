@@ -15,7 +15,7 @@ from app.services.auditing import ending
 from app.services.auditing.audits import cancel_audit, get_audit, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.ending import end_if_complete
-from app.services.auditing.hearing import SHAKEN
+from app.services.auditing.hearing import SHAKEN_BY_NEIGHBOUR
 from app.services.backend import Backend
 from app.services.plant.loops import loop_health, verdict_detail
 from app.services.plant.reliability import RowFilter, reliability_json, reliability_page
@@ -92,7 +92,7 @@ def test_shaken_loops_are_not_relied_on_and_say_whose_valve_to_look_at(plant: Pl
     for tag in SHAKEN_LOOPS:
         row = plant.row(tag)
         assert (row["verdict"], row["reliability"]) == ("stiction", "not_reliable")
-        assert row["reasons"].split(";")[0] == SHAKEN
+        assert row["reasons"].split(";")[0] == SHAKEN_BY_NEIGHBOUR
         assert f"in step with {SOURCE}" in row["reasons_text"]
 
 
@@ -100,7 +100,7 @@ def test_the_source_and_a_valve_with_a_swing_of_its_own_keep_their_verdicts(plan
     for tag in (SOURCE, ALONE):
         row = plant.row(tag)
         assert (row["verdict"], row["reliability"]) == ("stiction", "reliable")
-        assert SHAKEN not in row["reasons"]
+        assert SHAKEN_BY_NEIGHBOUR not in row["reasons"]
 
 
 def test_every_view_of_the_verdict_says_the_same(plant: Plant) -> None:
@@ -129,7 +129,7 @@ def test_the_table_that_was_read_before_the_end_is_read_again(backend: Backend, 
     audit_chunk(backend, run, "test")
     after = reliability_json(backend)
     assert after.version != before.version
-    assert SHAKEN.encode() in after.write()
+    assert SHAKEN_BY_NEIGHBOUR.encode() in after.write()
 
 
 def test_a_loop_audited_alone_is_heard_beside_what_is_known_of_its_neighbours(plant: Plant) -> None:
@@ -137,7 +137,7 @@ def test_a_loop_audited_alone_is_heard_beside_what_is_known_of_its_neighbours(pl
     row = plant.row(SHAKEN_LOOPS[0])
     assert row["audit_id"] == run
     assert row["reliability"] == "not_reliable"
-    assert row["reasons"].split(";").count(SHAKEN) == 1
+    assert row["reasons"].split(";").count(SHAKEN_BY_NEIGHBOUR) == 1
 
 
 def test_a_run_that_its_workers_left_complete_is_ended_by_the_sweep(backend: Backend, warm_kernels: None) -> None:
@@ -158,9 +158,9 @@ def test_a_run_that_is_cancelled_hears_what_it_has_found(backend: Backend, warm_
     heard = Plant(backend, str(run))
     assert heard.row(SHAKEN_LOOPS[0])["reliability"] == "reliable"
     assert cancel_audit(backend, str(run)).state == "cancelled"
-    assert heard.row(SHAKEN_LOOPS[0])["reasons"].split(";")[0] == SHAKEN
+    assert heard.row(SHAKEN_LOOPS[0])["reasons"].split(";")[0] == SHAKEN_BY_NEIGHBOUR
     assert cancel_audit(backend, str(run)).state == "cancelled"
-    assert heard.row(SHAKEN_LOOPS[0])["reasons"].split(";").count(SHAKEN) == 1
+    assert heard.row(SHAKEN_LOOPS[0])["reasons"].split(";").count(SHAKEN_BY_NEIGHBOUR) == 1
 
 
 def test_who_comes_after_the_end_rewords_nothing(

@@ -9,7 +9,7 @@ from typing import Any
 from app.engine.health import HealthPart, doubted_health
 from app.engine.plant_wide import Candidate, Suspect, groups
 
-SHAKEN = "shaken_by_neighbour"
+SHAKEN_BY_NEIGHBOUR = "shaken_by_neighbour"
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def doubted(
     health = doubted_health([HealthPart(**part) for part in health_parts], probability)
     return {
         "reliability": "not_reliable",
-        "reasons": [{"code": SHAKEN, "text": text}, *reasons],
+        "reasons": [{"code": SHAKEN_BY_NEIGHBOUR, "text": text}, *reasons],
         "health": health.value,
         "health_parts": [vars(part) for part in health.parts],
     }
