@@ -15,10 +15,11 @@ FROM python:3.11-slim-trixie
 RUN apt-get update && apt-get install --yes --no-install-recommends postgresql-client-17 && rm -rf /var/lib/apt/lists/*
 RUN useradd --system --uid 10001 --home-dir /var/lib/loopaudit --create-home loopaudit
 COPY --from=build /opt/loopaudit /opt/loopaudit
-# Compiled kernels are kept where the user may write; one thread a process, the processes are what scales.
+# Compiled kernels are kept where the user may write, a folder for each state of their source; one thread a process,
+# the processes are what scales.
 ENV PATH=/opt/loopaudit/bin:$PATH \
     PYTHONUNBUFFERED=1 \
-    NUMBA_CACHE_DIR=/var/lib/loopaudit/numba \
+    XDG_CACHE_HOME=/var/lib/loopaudit/.cache \
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1 \
     LOOPAUDIT_DATA_DIR=/var/lib/loopaudit
 USER loopaudit

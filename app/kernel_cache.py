@@ -69,6 +69,14 @@ def one_at_a_time() -> Iterator[None]:
         yield
 
 
+def empty() -> None:
+    """Drops all compiled kernels of the folder in use."""
+    if folder := os.environ.get("NUMBA_CACHE_DIR"):
+        with one_at_a_time():
+            for path in Path(folder).rglob("*.nb[ic]"):
+                path.unlink(missing_ok=True)
+
+
 def _forget_old(own: Path) -> None:
     """Drops the folders of sources that nobody has started for long. A process that runs has its kernels in memory."""
     for other in own.parent.iterdir():

@@ -7,8 +7,8 @@ import resource
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from functools import cache
+from importlib import import_module
 from typing import Any
 
 from celery import current_app, signals
@@ -53,17 +53,25 @@ def warm_up(sender: Any, **_: object) -> None:
 
 
 def _all_were_compiled() -> bool:
-    """Loads the kernels, as far as they are in the cache; whether all of them are."""
-    with suppress(kernel_cache.NotCompiled), kernel_cache.loading_only():
-        _load()
-        return True
-    return False
+    """Loads the kernels, as far as they are in the cache; whether all of them are. A cache that cannot be read, as
+    after a power cut, is emptied: numba would fail on it each time."""
+    try:
+        with kernel_cache.loading_only():
+            _load()
+    except kernel_cache.NotCompiled:
+        return False
+    except Exception:
+        log.exception("the kernels cannot be loaded: they are compiled anew")
+        kernel_cache.empty()
+        return False
+    return True
 
 
 def _load() -> None:
     warming.audits()
     reading.warm_up()
     compile_kernels()
+    import_module("scipy.optimize")  # at its first use a loop's time limit could cut it off half-way, for good
 
 
 def _compile_aside() -> None:

@@ -231,6 +231,7 @@ def failed_file(file: Path, error: BaseException) -> AuditedFile:
 def audit_file(path: Path, how: Reading) -> AuditedFile:
     """Reads and audits one file; runs in a worker process."""
     from app.ingest import TagMapping, read_recordings
+    from app.services.auditing.file_audit import audited_lines
 
     mapping = None if how.mapping is None else TagMapping.from_bytes(how.mapping)
     content = read_recordings(path, mapping=mapping, options=how.options)
@@ -239,26 +240,6 @@ def audit_file(path: Path, how: Reading) -> AuditedFile:
         # What the file holds instead may tell why.
         return AuditedFile(path, notes=(*notes, "skipped: no loop with PV and OP in it", *content.notes), skipped=True)
     return AuditedFile(path, tuple(audited_lines(content)), (*content.notes, *notes), failed=bool(content.damage))
-
-
-def audited_lines(content: "RecordingsRead") -> list[dict[str, Any]]:
-    """The lines of a file's loops, each heard beside the others: they share a clock."""
-    from time import perf_counter
-
-    from app.engine.audit import audit as audit_recording
-    from app.services.auditing import swings
-    from app.services.auditing.audit_line import audit_line
-    from app.services.auditing.hearing import heard_together
-
-    lines, swinging = [], []
-    for recording in content.recordings:
-        started = perf_counter()
-        found, loop = audit_recording(recording), content.loops[recording.name]
-        lines.append(audit_line(found, perf_counter() - started, loop))
-        if found.swing is not None:
-            start_s = content.starts_s[recording.name]
-            swinging.append(swings.candidate(loop, found.swing, found.judgement.stiction_probability, start_s))
-    return heard_together(lines, swinging)
 
 
 def in_words(content: "RecordingsRead") -> Iterator[str]:

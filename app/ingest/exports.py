@@ -19,6 +19,7 @@ from app.ingest.model import NANOSECONDS, FileSummary, IngestOptions, LoopSample
 from app.ingest.plans import Plan, WidePlan
 from app.ingest.preparing import prepared
 from app.ingest.rejecting import RejectLog
+from app.ingest.stamps import TimeForm
 from app.ingest.tally import Tally
 from app.ingest.wide_table import WideTable
 from app.ingest.writing import Writing
@@ -66,6 +67,10 @@ class Export(ABC):
     @abstractmethod
     def takes_its_name(self) -> bool:
         """Whether, as far as its first rows show, a loop or a tag is called by the name of the file."""
+
+    @abstractmethod
+    def on_one_clock(self) -> bool:
+        """Whether the times of its loops may be held against each other."""
 
     @abstractmethod
     def rejects(self) -> Rejects: ...
@@ -134,6 +139,17 @@ class TableExport(Export):
             tags = list(dict.fromkeys(head.column(plan.tag, plan.first_row)))
         loops = group(tags, self._mapping, head.stem)
         return any(self.stem in name for name in (*tags, *(loop.loop for loop in loops)))
+
+    def bears_dates(self) -> bool:
+        return "relative" not in {form.kind for _, form in self._times()}
+
+    def on_one_clock(self) -> bool:
+        """Seconds are of one start where they stand in one column: each loop may count its own from another."""
+        return self.bears_dates() or len({column for column, _ in self._times()}) == 1
+
+    def _times(self) -> Iterator[tuple[tuple[int, ...], TimeForm]]:
+        plan = self._plan
+        yield from ((part.time, part.form) for part in (plan.groups if isinstance(plan, WidePlan) else (plan,)))
 
     def rejects(self) -> Rejects:
         return self._log.result()

@@ -17,8 +17,8 @@ from app.ingest.model import NANOSECONDS, IngestOptions, LoopSamples, Reject, Si
 @dataclass(frozen=True, eq=False)
 class RecordingsRead:
     """The recordings of a file, what was refused (the first of it; `reject_counts` has all by code), and the loops
-    passed over. `damage`: what of the file itself was lost on its way. `starts_s`: where on the file's clock the second
-    0 of each recording is, s."""
+    passed over. `damage`: what of the file itself was lost on its way. `starts_s`: by name of the recording, where on
+    the clock of them all its second 0 is, s; empty where each may have a clock of its own."""
 
     recordings: tuple[Recording, ...]
     rejects: tuple[Reject, ...]
@@ -44,6 +44,7 @@ def read_recordings(
     audited = {loop: samples for loop, samples in loops.items() if samples.pv is not None and samples.op is not None}
     single = len(audited) == 1
     names = {export.stem if single else f"{export.stem}:{loop}": loop for loop in audited}
+    starts_s = {name: _start_ns(audited[loop]) / NANOSECONDS for name, loop in names.items()}
     rejects = export.rejects()
     return RecordingsRead(
         recordings=tuple(to_recording(audited[loop], name) for name, loop in names.items()),
@@ -54,7 +55,7 @@ def read_recordings(
         damage=export.damage(),
         doubts=export.doubts(),
         loops=MappingProxyType(names),
-        starts_s=MappingProxyType({name: _start_ns(audited[loop]) / NANOSECONDS for name, loop in names.items()}),
+        starts_s=MappingProxyType(starts_s if export.on_one_clock() else {}),
     )
 
 

@@ -53,6 +53,10 @@ class SheetsExport(Export):
     def takes_its_name(self) -> bool:
         return any(sheet.takes_its_name() for sheet in self._sheets.values())
 
+    def on_one_clock(self) -> bool:
+        sheets = self._sheets.values()
+        return all(s.bears_dates() for s in sheets) or (len(sheets) == 1 and all(s.on_one_clock() for s in sheets))
+
     def rejects(self) -> Rejects:
         each = {name: sheet.rejects() for name, sheet in self._sheets.items()}
         counts = sum((Counter(rejects.counts) for rejects in each.values()), Counter[str]())

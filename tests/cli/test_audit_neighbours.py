@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
+from scipy.io import savemat
 from typer.testing import CliRunner
 
 from app.cli.main import cli
@@ -89,6 +90,22 @@ def test_a_loop_that_was_recorded_later_is_heard_on_the_clock_of_the_file(tmp_pa
     line = audited(later)[TAGS[1]]
     assert line["samples"] == neighbours.SAMPLES - LATE_ROWS
     assert line["reasons"][0]["code"] == SHAKEN_BY_NEIGHBOUR
+
+
+def structures(*tags: str) -> dict[str, Any]:
+    loops = {tag: simulated()[tag] for tag in tags}
+    return {tag: {"PV": loop.pv, "OP": loop.op, "Ts": neighbours.INTERVAL_S} for tag, loop in loops.items()}
+
+
+def test_loops_that_count_their_own_seconds_may_be_of_two_plants(tmp_path: Path) -> None:
+    savemat(tmp_path / "cdata.mat", structures(*TAGS[:2]))
+    assert [line["reliability"] for line in audited(tmp_path / "cdata.mat").values()] == ["reliable", "reliable"]
+
+
+def test_seconds_of_one_column_are_of_one_clock(tmp_path: Path) -> None:
+    together = pl.DataFrame({"time": simulated()[SOURCE].time_s, **columns(SOURCE), **columns(TAGS[1])})
+    together.write_csv(tmp_path / "unit.csv")
+    assert audited(tmp_path / "unit.csv")[TAGS[1]]["reasons"][0]["code"] == SHAKEN_BY_NEIGHBOUR
 
 
 def test_loops_of_two_files_may_be_of_two_plants(tmp_path: Path) -> None:

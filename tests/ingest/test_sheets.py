@@ -47,6 +47,26 @@ def test_loops_without_a_name_are_called_after_their_sheets(read: Read) -> None:
     assert sorted(read(workbook(sheet("PV", "OP"), sheet("B.PV", "B.OP"))).loops) == ["B", "export"]
 
 
+def in_seconds(rows: Rows) -> Rows:
+    """A sheet whose times are seconds from a start of its own."""
+    return [rows[0], *([str(60 * k), *row[1:]] for k, row in enumerate(rows[1:]))]
+
+
+def test_loops_are_on_one_clock_where_all_sheets_bear_dates_or_one_has_them_all(tmp_path: Path) -> None:
+    path = tmp_path / "plant.xlsx"
+    one, other = sheet("A.PV", "A.OP"), sheet("B.PV", "B.OP", hour=5)
+    path.write_bytes(workbook(one, other))
+    starts_s = read_recordings(path).starts_s
+    assert starts_s["plant:B"] - starts_s["plant:A"] == 5 * 3600.0
+    for apart in ((one, in_seconds(other)), (in_seconds(one), in_seconds(other))):
+        path.write_bytes(workbook(*apart))
+        content = read_recordings(path)
+        assert len(content.recordings) == 2
+        assert not content.starts_s
+    path.write_bytes(workbook(in_seconds(sheet("A.PV", "A.OP", "B.PV", "B.OP"))))
+    assert dict(read_recordings(path).starts_s) == {"plant:A": 0.0, "plant:B": 0.0}
+
+
 def test_a_sheet_with_loops_of_another_is_told(read: Read) -> None:
     content = read(workbook(sheet("A.PV", "A.OP"), sheet("A.PV", "A.OP", first=5), sheet("B.PV", "B.OP")))
     assert content.loops["A"].pv[0] == 100

@@ -1,9 +1,77 @@
-"""What is said of a loop that a neighbour's valve may shake."""
+"""Which verdicts a neighbour's valve puts in doubt, and what is then said."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
+from typing import Any
 
-from app.engine.plant_wide import Suspect
-from app.services.auditing.hearing import neighbour_text
+import pytest
+
+from app.engine.audit import audit
+from app.engine.plant_wide import Candidate, Suspect
+from app.services.auditing import swings
+from app.services.auditing.audit_line import audit_line
+from app.services.auditing.hearing import SHAKEN_BY_NEIGHBOUR, heard_together, neighbour_text
+from app.services.testbench import neighbours
+from app.services.testbench.neighbours import SOURCE
+
+SHAKEN = ("shaken 0", "shaken 1", "shaken 2")
+
+
+@cache
+def audited() -> tuple[Sequence[dict[str, Any]], Sequence[Candidate]]:
+    """A valve that sticks and three healthy loops that it shakes, each called sticky reliably by its own record."""
+    found = {
+        tag: audit(loop.recording(tag)) for tag, loop in neighbours.plant(1010).items() if tag in (SOURCE, *SHAKEN)
+    }
+    swinging = [
+        swings.candidate(tag, one.swing, one.judgement.stiction_probability, 0.0)
+        for tag, one in found.items()
+        if one.swing is not None
+    ]
+    return [audit_line(one, 0.1) for one in found.values()], swinging
+
+
+def said(tag: str, **of_its_own: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The line of a loop whose own record said so, before and after it was heard with the others."""
+    lines, swinging = audited()
+    before = [line | of_its_own if line["loop"] == tag else line for line in lines]
+    after = heard_together(before, swinging)
+    assert [line["loop"] for line in after] == [SOURCE, *SHAKEN]
+    at = [line["loop"] for line in before].index(tag)
+    return before[at], after[at]
+
+
+def test_reliability_reasons_and_health_change_and_nothing_else() -> None:
+    before, after = said(SHAKEN[0])
+    assert (before["verdict"], before["reliability"]) == ("stiction", "reliable")
+    changed = {name for name in before if before[name] != after[name]}
+    assert changed == {"reliability", "reasons", "health", "health_parts"}
+    assert after["reliability"] == "not_reliable"
+    assert after["reasons"][0]["code"] == SHAKEN_BY_NEIGHBOUR
+    assert after["reasons"][1:] == before["reasons"]
+
+
+@pytest.mark.parametrize(
+    ("tag", "of_its_own"),
+    [
+        (SOURCE, {}),
+        (SHAKEN[1], {"reliability": "not_reliable"}),
+        (SHAKEN[1], {"verdict": "no_stiction"}),
+        (SHAKEN[1], {"verdict": "inconclusive", "reliability": "not_reliable"}),
+        (SHAKEN[1], {"verdict": "not_auditable", "reliability": "not_reliable", "stiction_probability": None}),
+    ],
+)
+def test_a_verdict_that_nobody_would_rely_on_against_the_valve_stays(tag: str, of_its_own: dict[str, Any]) -> None:
+    before, after = said(tag, **of_its_own)
+    assert after is before
+
+
+def test_a_loop_that_does_not_swing_is_heard_with_nobody() -> None:
+    lines, swinging = audited()
+    kept = [candidate for candidate in swinging if candidate.tag != SHAKEN[2]]
+    assert heard_together(lines, kept)[-1] is lines[-1]
+    assert heard_together(lines, []) == list(lines)
 
 
 def test_a_source_that_swung_sooner_is_not_called_likelier() -> None:

@@ -1,16 +1,21 @@
 """The processes that compile for a worker belong to it, also at its end, and take turns with those of others."""
 
+import gc
 import os
 import runpy
 import select
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from numba import config
 
+from app import kernel_cache
 from workers import process
 
 PATIENCE_S = 120
@@ -39,16 +44,79 @@ def twice(x):
 """
 
 
-def test_a_worker_compiles_aside_only_what_it_does_not_find(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+@dataclass
+class Start:
+    """A worker that has one kernel, and what its start did: the answers of the kernel, and how often it compiled."""
+
+    kernel: Path
+    answers: list[float] = field(default_factory=list)
+    compiled_aside: int = 0
+
+    def load(self) -> None:
+        self.answers.append(runpy.run_path(str(self.kernel))["twice"](1.0))
+
+    def compile_aside(self) -> None:
+        self.compiled_aside += 1
+        self.load()
+
+    def again(self) -> int:
+        """How often the worker, started again, compiled aside."""
+        self.answers, self.compiled_aside = [], 0
+        process.warm_up(SimpleNamespace())
+        return self.compiled_aside
+
+
+@pytest.fixture
+def start(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Start]:
     monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "cache"))
-    kernel = tmp_path / "kernel.py"
-    kernel.write_text(KERNEL)
-    monkeypatch.setattr(process, "_load", lambda: runpy.run_path(str(kernel))["twice"](1.0))
-    assert not process._all_were_compiled()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    settings = SimpleNamespace(data_dir=tmp_path, worker_memory_mb=400)
+    monkeypatch.setattr(process, "current_app", SimpleNamespace(settings=settings))
+    made = Start(tmp_path / "kernel.py")
+    made.kernel.write_text(KERNEL)
+    monkeypatch.setattr(process, "_load", made.load)
+    monkeypatch.setattr(process, "_compile_aside", made.compile_aside)
+    yield made
+    gc.unfreeze()
+
+
+def test_a_worker_compiles_aside_only_what_it_does_not_find(start: Start) -> None:
+    assert start.again() == 1
+    assert start.answers == [2.0, 2.0]  # aside, then here
+    assert start.again() == 0
+    assert start.answers == [2.0]
+    start.kernel.write_text(KERNEL.replace("2", "3"))
+    assert start.again() == 1
+    assert start.answers == [3.0, 3.0]
+
+
+@pytest.mark.parametrize("what", ["*.nbi", "*.nbc"])
+def test_a_cache_that_a_power_cut_emptied_is_made_anew(start: Start, what: str) -> None:
+    assert start.again() == 1
+    spoiled = list((start.kernel.parent / "cache").rglob(what))
+    assert spoiled
+    for path in spoiled:
+        path.write_bytes(b"")
+    assert start.again() == 1
+    assert start.answers == [2.0, 2.0]
+    assert start.again() == 0
+
+
+def test_a_kernel_is_compiled_as_ever_once_only_loading_is_over(start: Start) -> None:
+    with pytest.raises(kernel_cache.NotCompiled), kernel_cache.loading_only():
+        start.load()
+    start.load()
+    assert start.answers == [2.0]
+
+
+def test_all_that_a_task_needs_is_loaded_before_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    loaded: list[str] = []
+    monkeypatch.setattr(process.warming, "audits", lambda: loaded.append("audits"))
+    monkeypatch.setattr(process.reading, "warm_up", lambda: loaded.append("reading"))
+    monkeypatch.setattr(process, "compile_kernels", lambda: loaded.append("explanations"))
     process._load()
-    assert process._all_were_compiled()
-    kernel.write_text(KERNEL.replace("2", "3"))
-    assert not process._all_were_compiled()
+    assert loaded == ["audits", "reading", "explanations"]
+    assert "scipy.optimize" in sys.modules
 
 
 def started(cache: Path, then: str) -> subprocess.Popen[bytes]:

@@ -9,7 +9,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from app.services.auditing import hearing
 from app.services.auditing.audit_line import flat_health, flat_reasons
-from app.services.auditing.hearing import Doubt, doubted
+from app.services.auditing.hearing import Doubt
 from app.services.auditing.rows import as_row, fixed_part
 from app.services.auditing.swings import candidates
 from app.services.backend import Backend
@@ -62,13 +62,13 @@ def _doubts(connection: Connection, audit_id: int) -> list[Reworded]:
     rows = verdicts.newest_of(connection, [relied_on[tag] for tag in found])
     return [
         _reworded(row, verdicts.detail(connection, relied_on[tag], audit_id) or {}, relied_on[tag], found[tag])
-        for tag, row in sorted(rows.items(), key=lambda found: relied_on[found[0]])
+        for tag, row in sorted(rows.items(), key=lambda one: relied_on[one[0]])
         if row["audit_id"] == audit_id
     ]
 
 
 def _reworded(row: Mapping[str, Any], detail: Mapping[str, Any], loop_id: int, doubt: Doubt) -> Reworded:
-    told = doubted(doubt, row["stiction_probability"], detail.get("reasons", []), detail.get("health", []))
+    told = hearing.reworded(doubt, row["stiction_probability"], detail.get("reasons", []), detail.get("health", []))
     reasons, parts = told["reasons"], told["health_parts"]
     columns = {
         "reliability": told["reliability"],

@@ -30,7 +30,7 @@ def doubts(candidates: Sequence[Candidate], relied_on: Container[str]) -> dict[s
     }
 
 
-def doubted(
+def reworded(
     doubt: Doubt, probability: float, reasons: Iterable[Mapping[str, str]], health_parts: Iterable[Mapping[str, Any]]
 ) -> dict[str, Any]:
     """What changes in an audit line. Verdict and probability stay: they are what the loop's own record says."""
@@ -56,7 +56,7 @@ def heard_together(lines: Sequence[dict[str, Any]], candidates: Sequence[Candida
 def _heard(line: dict[str, Any], doubt: Doubt | None) -> dict[str, Any]:
     if doubt is None:
         return line
-    return line | doubted(doubt, line["stiction_probability"], line["reasons"], line["health_parts"])
+    return line | reworded(doubt, line["stiction_probability"], line["reasons"], line["health_parts"])
 
 
 def neighbour_text(shaken: Suspect, source: Suspect, probability: float) -> str:

@@ -1,0 +1,23 @@
+"""A file that was read, to audit lines: what needs no data base."""
+
+from time import perf_counter
+from typing import Any
+
+from app.engine.audit import audit
+from app.ingest import RecordingsRead
+from app.services.auditing import swings
+from app.services.auditing.audit_line import audit_line
+from app.services.auditing.hearing import heard_together
+
+
+def audited_lines(content: RecordingsRead) -> list[dict[str, Any]]:
+    """A line a recording, heard beside the others where all have one clock."""
+    lines, swinging = [], []
+    for recording in content.recordings:
+        started = perf_counter()
+        found, loop = audit(recording), content.loops[recording.name]
+        lines.append(audit_line(found, perf_counter() - started, loop))
+        start_s = content.starts_s.get(recording.name)
+        if found.swing is not None and start_s is not None:
+            swinging.append(swings.candidate(loop, found.swing, found.judgement.stiction_probability, start_s))
+    return heard_together(lines, swinging)
