@@ -1,6 +1,6 @@
 """Loops that oscillate together, and which of them is likeliest to shake the others."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,6 +26,13 @@ ALIKE = 0.8
 
 FEWEST_CYCLES = 10.0
 """Below so many cycles everything regular looks in step with everything of about its period."""
+
+TOGETHER = 0.5
+"""How many loops so coherent chance may bring at most where as many as there are come by chance with less than CHANCE:
+valves that stick in nearly pure limit cycles, and what they shake, are told from others only together."""
+
+HANN_SHARE = 11.0 / 17.0
+"""How many independent lines a line under a Hann window is."""
 
 GRID = 512
 _LARGEST = 4000
@@ -70,7 +77,8 @@ class Group:
 
     in_step: amplitude and phase wander together; False: same unit, period and spectrum.
     chance_probability: that so many of the candidates share a period by chance, if periods are spread evenly (in their
-    logarithm) over what the candidates have, at least a factor of 20. Pairs among many loops mostly are chance.
+    logarithm) over what the candidates have, at least a factor of 20; in step, that they are as coherent besides. Pairs
+    among many loops mostly are chance, unless what they share wanders.
     source: tag of the likeliest source; None where the loops share their period by chance with more than UNNAMED,
     and where no member is likelier to stick than not: the source is then outside of the loops that were judged.
     """
@@ -121,6 +129,58 @@ class _Waves:
         return np.divide(product, norm, out=np.zeros_like(product), where=norm > 0.0)
 
 
+@dataclass(frozen=True, eq=False)
+class _Company:
+    """What chance brings to each of the candidates. expected: (M,) how many others within a line and a half of its
+    frequency. lines: (M,) over how many independent lines its power is spread.
+    """
+
+    expected: FloatArray
+    lines: FloatArray
+
+    @classmethod
+    def of(cls, chosen: Sequence[Candidate]) -> "_Company":
+        period, slack = _periods(chosen, 0.0, 1.5)
+        spread = max(float(np.log(period.max() / period.min())), _LEAST_SPREAD)
+        power = [np.abs(c.swing.lines) ** 2 for c in chosen]
+        lines = np.array([HANN_SHARE * np.sum(p) ** 2 / np.sum(p * p) for p in power])
+        return cls((len(chosen) - 1) * 2.0 * slack / spread, lines)
+
+    def of_one_period(self, one: int, count: int) -> float:
+        """Poisson probability of so many others of its period or more."""
+        return float(pdtrc(count - 1, self.expected[one]))
+
+    def by_chance(self, one: int, links: Mapping[int, complex]) -> float:
+        """The least probability that as many others as coherent with it come by chance, of those linked to it."""
+        return min(self._ranked(one, {row: link for row, link in links.items() if row != one}).values())
+
+    def beyond_chance(self, one: int, links: Mapping[int, complex]) -> list[int]:
+        """The rows linked to one that hardly come by chance, each for itself or several together."""
+        expected = {row: self._as_coherent(one, row, link) for row, link in links.items()}
+        together = self._ranked(one, links)
+        return sorted(
+            row
+            for row, loops in expected.items()
+            if loops <= UNNAMED or (loops <= TOGETHER and together[row] <= CHANCE)
+        )
+
+    def _ranked(self, one: int, links: Mapping[int, complex]) -> dict[int, float]:
+        """The others, the one that chance brings least first, each with the probability of so many so coherent."""
+        expected = {row: self._as_coherent(one, row, link) for row, link in links.items()}
+        ranked = sorted(expected, key=lambda row: (expected[row], row))
+        return {row: float(pdtrc(count, expected[row])) for count, row in enumerate(ranked)}
+
+    def _as_coherent(self, one: int, other: int, link: complex) -> float:
+        """How many others chance brings to the period of one, as coherent with it as another is.
+
+        Of swings that wander by themselves over n independent lines a share of (1 - c^2)^(n - 1) is more coherent than
+        c. A limit cycle is hardly more than one line: to be coherent with it tells little.
+        """
+        lines = min(self.lines[one], self.lines[other])
+        alike = (1.0 - min(1.0, abs(link)) ** 2) ** max(lines - 1.0, 0.0)
+        return float(alike * self.expected[one])
+
+
 @dataclass(eq=False)
 class _Free:
     """Which candidates have no group yet."""
@@ -152,13 +212,19 @@ def groups(candidates: Sequence[Candidate]) -> tuple[Group, ...]:
         return ()
     waves = _waves([c.swing for c in chosen])
     free = _Free(np.ones(len(chosen), dtype=np.bool_))
-    _gather_in_step(chosen, waves, free)
+    company = _Company.of(chosen)
+    # In a large plant some are coherent enough by chance to hide which belong together: those that are not come first.
+    _gather_in_step(chosen, waves, free, company.beyond_chance)
+    _gather_in_step(chosen, waves, free, lambda seed, links: sorted(links))
     _gather_alike(chosen, free)
-    found = [_group(chosen, waves, members, in_step) for in_step, members in free.groups]
+    found = [_group(chosen, waves, company, members, in_step) for in_step, members in free.groups]
     return tuple(sorted(found, key=lambda g: (g.by_chance, not g.in_step, -len(g.suspects), g.suspects[0].tag)))
 
 
-def _gather_in_step(chosen: Sequence[Candidate], waves: _Waves, free: _Free) -> None:
+def _gather_in_step(
+    chosen: Sequence[Candidate], waves: _Waves, free: _Free, told: Callable[[int, Mapping[int, complex]], list[int]]
+) -> None:
+    """told: which of the loops that are coherent with a seed, by row, are taken."""
     period, slack = _periods(chosen, 0.05, 1.5)
     for seed in range(len(chosen)):
         if not free.left[seed]:
@@ -166,9 +232,10 @@ def _gather_in_step(chosen: Sequence[Candidate], waves: _Waves, free: _Free) -> 
         near = free.left & (np.abs(np.log(period / period[seed])) <= np.maximum(slack, slack[seed]))
         near[seed] = False
         if near.any():
-            coherent = np.flatnonzero(near)[np.abs(waves.coherence(seed, near)) >= IN_STEP]
-            if len(coherent):
-                free.take([seed, *coherent.tolist()], in_step=True)
+            rows = np.flatnonzero(near)
+            links = dict(zip(rows.tolist(), waves.coherence(seed, near).tolist(), strict=True))
+            if together := told(seed, {row: link for row, link in links.items() if abs(link) >= IN_STEP}):
+                free.take([seed, *together], in_step=True)
 
 
 def _gather_alike(chosen: Sequence[Candidate], free: _Free) -> None:
@@ -240,7 +307,7 @@ def _power(rows: ComplexArray, where: BoolArray) -> FloatArray:
     return np.sum(np.abs(rows) ** 2 * where, axis=1)
 
 
-def _group(chosen: Sequence[Candidate], waves: _Waves, members: list[int], in_step: bool) -> Group:
+def _group(chosen: Sequence[Candidate], waves: _Waves, company: _Company, members: list[int], in_step: bool) -> Group:
     onsets = [_onset_s(waves, row) for row in members]
     first_s = float(waves.time_s[members, 0].min())
     begun = [first_s if onset is None else onset for onset in onsets]
@@ -266,17 +333,9 @@ def _group(chosen: Sequence[Candidate], waves: _Waves, members: list[int], in_st
         )
         for row, score, onset in zip(members, scores, onsets, strict=True)
     ]
-    chance = _chance(chosen, members)
+    chance = company.by_chance(best, by_row) if in_step else company.of_one_period(members[0], len(members) - 1)
     others = sorted((s for k, s in enumerate(suspects) if k != place), key=lambda s: (-s.score, s.tag))
     return Group(period_s, in_step, chance, (suspects[place], *others))
-
-
-def _chance(chosen: Sequence[Candidate], members: Sequence[int]) -> float:
-    """Poisson probability of as many partners as the seed has, each within a line and a half of its frequency."""
-    period, slack = _periods(chosen, 0.0, 1.5)
-    spread = max(float(np.log(period.max() / period.min())), _LEAST_SPREAD)
-    expected = (len(chosen) - 1) * 2.0 * slack[members[0]] / spread
-    return float(pdtrc(len(members) - 2, expected))
 
 
 def _mask(length: int, rows: Sequence[int]) -> BoolArray:

@@ -178,10 +178,20 @@ def test_a_pair_among_many_loops_may_be_chance():
 
 def test_no_source_is_named_where_the_period_may_be_shared_by_chance():
     many = [wave("L" * (number + 3), 150.0 * 1.06**number) for number in range(30)]
-    sticky = [replace(wave("A", 300.0), stiction_probability=0.9), wave("BB", 300.0, phase=1.0)]
+    sticky = [replace(wave("A", 300.0), stiction_probability=0.9), wave("BB", 309.0, phase=1.0)]
     assert [group.source for group in groups(sticky)] == ["A"]
     crowded = [group for group in groups([*sticky, *many]) if "A" in {suspect.tag for suspect in group.suspects}]
     assert [group.source for group in crowded] == [None]
+
+
+def test_loops_that_wander_together_are_told_from_many_others_of_their_period():
+    """In a plant of hundreds some share any period: who is shaken by whom must not be lost among them."""
+    many = tuple(wave("L" * (number + 3), 60.0 * 1.01**number) for number in range(300))
+    source = next(group for group in groups(candidates(0.0)) if group.source == SOURCE)
+    crowded = [group for group in groups((*candidates(0.0), *many)) if group.source == SOURCE]
+    assert [{suspect.tag for suspect in group.shaken} for group in crowded] == [{s.tag for s in source.shaken}]
+    assert crowded[0].chance_probability < 0.01
+    assert len(source.shaken) >= len(SHAKEN) - 2
 
 
 def test_too_few_cycles_make_no_group():

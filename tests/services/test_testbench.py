@@ -151,7 +151,8 @@ def test_whole_audits_end_in_the_page(tmp_path):
 
 
 def test_a_plant_heard_together_accuses_fewer_healthy_neighbours():
-    heard = [neighbours.hear(seed) for seed in (1000, 1010)]
+    heard = [neighbours.hear(neighbours.audited(seed)) for seed in (1000, 1010)]
     assert all(one.accused and not one.left for one in heard)
-    assert all(one.source_named and one.source_kept for one in heard)
-    assert "; sticking valves relied on 2, 2 beside their neighbours; named as the source 2" in neighbours.report(heard)
+    assert all(one.named == one.kept == one.relied_on for one in heard)
+    told = neighbours.report(heard, 2)
+    assert "; sticking valves relied on 2, 2 beside their neighbours; named as the source 2" in told

@@ -10,6 +10,7 @@ from app.engine.audit import Audit
 from app.engine.audit_config import AuditConfig
 from app.engine.evidence import Reason
 from app.engine.fitness import assess
+from app.engine.health import doubted_health
 from app.services.auditing.recordings import recording_of
 from app.services.moments import iso_utc, ns_of
 from app.storage import notes, series
@@ -33,18 +34,20 @@ class Window:
     cut: bool = False
 
     def told(self, audit: Audit) -> Audit:
-        """The audit with a reason that says on which side of the repair it stands."""
+        """The audit with a reason that says on which side of the repair it stands; what is of before it is not relied
+        on."""
         if self.repaired_at is None:
             return audit
         at = iso_utc(self.repaired_at)
-        found = audit.judgement.reasons
+        judged, health = audit.judgement, audit.health
         if self.cut:
             text = f"judged from the repair of {at} on: what came before it is left out"
-            reasons = (*found, Reason(SINCE_REPAIR, text))
-        else:
-            text = f"of before the repair of {at}: {self.since_repair} samples since then are too few to judge by"
-            reasons = (Reason(BEFORE_REPAIR, text), *found)
-        return replace(audit, judgement=replace(audit.judgement, reasons=reasons))
+            return replace(audit, judgement=replace(judged, reasons=(*judged.reasons, Reason(SINCE_REPAIR, text))))
+        text = f"of before the repair of {at}: {self.since_repair} samples since then are too few to judge by"
+        if judged.reliability == "reliable" and judged.stiction_probability is not None:
+            health = doubted_health(health.parts, judged.stiction_probability)
+        reasons = (Reason(BEFORE_REPAIR, text), *judged.reasons)
+        return replace(audit, judgement=replace(judged, reliability="not_reliable", reasons=reasons), health=health)
 
 
 def windows_since_repair(

@@ -9,7 +9,7 @@ LACKING = {
     "size_regularity": "the swing is too irregular (regularity {0:.2g}, at least {1:.2g} is needed)",
     "size_cycles": "the record holds only {0:.2g} swings, at least {1:.2g} are needed",
     "size_samples_per_cycle": "the swing is sampled only {0:.2g} times, at least {1:.2g} times are needed",
-    "size_evidence": "a valve without stiction explains PV nearly as well",
+    "size_evidence": "its shapes tell that the valve sticks; PV is explained nearly as well whatever the size",
     "size_as_sampled": "the historian stored too few points and drew lines between them",
     "size_width": "sizes too far apart explain PV equally well",
 }
@@ -21,7 +21,10 @@ NO_SWING = (
     "Not stated: PV and OP do not swing together in this record, so there is nothing to read a size from. "
     "A record in which the loop cycles would tell."
 )
-NOT_TOLD = "The record cannot tell how large it is, so no number is stated."
+NOT_TOLD = (
+    "The record cannot tell how large it is, so no size is measured. What the estimated position and the published "
+    "identification take for S and J are assumptions of theirs."
+)
 
 
 @dataclass(frozen=True)

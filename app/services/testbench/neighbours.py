@@ -1,11 +1,13 @@
 """`python -m app.services.testbench.neighbours`: plants of a valve that sticks and healthy loops that it shakes.
 
 Prints how many healthy valves are accused reliably by their own record, and how many are left when the loops of a
-plant are heard beside each other.
+plant are heard beside each other: each plant for itself, then all of them as one plant, in which many periods are alike
+by chance.
 """
 
 import argparse
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,30 +26,38 @@ _LIMITS = (-400.0, 600.0)  # far from all that happens
 
 @dataclass(frozen=True)
 class Heard:
-    """What was said of one plant. accused: healthy valves called sticky reliably, by tag."""
+    """What was said of one plant. accused: healthy valves called sticky reliably, by tag; left: of those that are left
+    beside their neighbours. relied_on, kept: the same of valves that stick. named: of which loops it is said that they
+    shake others.
+    """
 
     accused: frozenset[str]
     left: frozenset[str]
-    source_relied_on: bool
-    source_kept: bool
-    source_named: bool
+    relied_on: frozenset[str]
+    kept: frozenset[str]
+    named: frozenset[str]
 
 
-def hear(seed: int) -> Heard:
-    """The plant of a seed: each loop audited by itself, then all of them together."""
-    audits = {tag: audit(loop.recording(tag)) for tag, loop in plant(seed).items()}
+def hear(audits: Mapping[str, Audit]) -> Heard:
+    """The loops of a plant by tag, each audited by itself, now all of them together."""
     swinging = [
         Candidate(t, a.swing, a.judgement.stiction_probability) for t, a in audits.items() if a.swing is not None
     ]
     sure = {tag for tag, found in audits.items() if _sure(found)}
-    doubted = doubts(swinging, sure).keys()
+    left = sure - doubts(swinging, sure).keys()
+    sources = {tag for tag in audits if tag.endswith(SOURCE)}
     return Heard(
-        accused=frozenset(sure - {SOURCE}),
-        left=frozenset(sure - doubted - {SOURCE}),
-        source_relied_on=SOURCE in sure,
-        source_kept=SOURCE in sure - doubted,
-        source_named=any(group.source == SOURCE for group in groups(swinging)),
+        accused=frozenset(sure - sources),
+        left=frozenset(left - sources),
+        relied_on=frozenset(sure & sources),
+        kept=frozenset(left & sources),
+        named=frozenset(sources & {group.source for group in groups(swinging)}),
     )
+
+
+def audited(seed: int) -> dict[str, Audit]:
+    """The plant of a seed, each loop by itself, under tags that begin with the seed."""
+    return {f"{seed} {tag}": audit(loop.recording(tag)) for tag, loop in plant(seed).items()}
 
 
 def plant(seed: int) -> dict[str, SimulatedLoop]:
@@ -100,16 +110,14 @@ def _lagged(signal: FloatArray, lag_s: float) -> FloatArray:
     return out
 
 
-def report(heard: list[Heard]) -> str:
-    accused, left = (sum(len(getattr(one, name)) for one in heard) for name in ("accused", "left"))
-    relied_on, kept, named = (
-        sum(getattr(one, name) for one in heard) for name in ("source_relied_on", "source_kept", "source_named")
+def report(heard: list[Heard], sources: int) -> str:
+    accused, left, relied_on, kept, named = (
+        sum(len(getattr(one, name)) for one in heard) for name in ("accused", "left", "relied_on", "kept", "named")
     )
-    healthy = SHAKEN_LOOPS * len(heard)
     return (
-        f"{healthy} healthy loops shaken by {len(heard)} valves that stick: {accused} accused reliably by their own "
-        f"records, {left} beside their neighbours; sticking valves relied on {relied_on}, {kept} beside their "
-        f"neighbours; named as the source {named}"
+        f"{SHAKEN_LOOPS * sources} healthy loops shaken by {sources} valves that stick: {accused} accused reliably by "
+        f"their own records, {left} beside their neighbours; sticking valves relied on {relied_on}, {kept} beside "
+        f"their neighbours; named as the source {named}"
     )
 
 
@@ -118,7 +126,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--plants", type=int, default=60)
     parser.add_argument("--seed", type=int, default=1000)
     options = parser.parse_args(arguments)
-    sys.stdout.write(report([hear(options.seed + 10 * k) for k in range(options.plants)]) + "\n")
+    plants = [audited(options.seed + 10 * k) for k in range(options.plants)]
+    sys.stdout.write(report([hear(one) for one in plants], len(plants)) + "\n")
+    together = {tag: found for one in plants for tag, found in one.items()}
+    sys.stdout.write(f"as one plant of {len(together)} loops: {report([hear(together)], len(plants))}\n")
     return 0
 
 
