@@ -133,11 +133,25 @@ def test_op_range_without_meaning_is_ignored():
     assert assess(cycling(op_range=(np.nan, 100.0))).auditable
 
 
-def test_hole_splits_the_record_and_the_longer_part_is_used():
+@pytest.mark.parametrize(
+    ("hole_at", "judged", "said"),
+    [
+        (250, slice(250, 400), "the newest has 150 of 400 samples"),  # as it is now, though more is known of before
+        (150, slice(150, 400), "the newest has 250 of 400 samples"),
+        (
+            290,
+            slice(0, 290),
+            "has 290 of 400 samples, at least 100 are needed; the 110 samples after it are not looked at",
+        ),
+    ],
+)
+def test_a_hole_splits_the_record_and_the_newest_long_part_is_judged(hole_at: int, judged: slice, said: str):
     t = np.arange(N, dtype=float)
-    t[250:] += 3600.0
+    t[hole_at:] += 3600.0
     fitness = assess(cycling(time_s=t))
-    assert (fitness.gaps, fitness.record.samples, fitness.filled_share) == (1, 250, 0.0)
+    assert (fitness.gaps, fitness.record.samples, fitness.filled_share) == (1, judged.stop - judged.start, 0.0)
+    assert fitness.record.start_s == t[judged][0]
+    assert said in next(finding.text for finding in fitness.findings if finding.code == "gaps")
 
 
 def test_holes_that_leave_no_stretch():

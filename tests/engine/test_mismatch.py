@@ -23,6 +23,7 @@ from app.engine.mismatch import pairs as pairs_module
 from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.chain import simulate
 from app.engine.mismatch.closed_loop import close, close_again
+from app.engine.mismatch.comparison import record_of
 from app.engine.mismatch.compete import Rival
 from app.engine.mismatch.conclude import free_run_astray, unseen_data_refuse
 from app.engine.mismatch.experiment import experiment
@@ -154,6 +155,16 @@ def test_patterns_of_pv_are_read_off_pv() -> None:
     assert pattern_codes(np.minimum(pv, 53.0)) == {"sensor.saturation"}
     kept = np.arange(0, N, 9)
     assert pattern_codes(np.interp(np.arange(N), kept, pv[kept])) == {"sensor.compression"}
+
+
+def test_what_a_gap_was_bridged_with_is_no_pattern() -> None:
+    """A line over a long gap hardly rises from sample to sample: a pause of the historian was called a stuck sensor."""
+    pv, known = recorded(moves()), np.ones(N, dtype=np.bool_)
+    known[500:560] = known[700:] = False
+    pv[500:560], pv[700:] = np.linspace(pv[499], pv[560], 60), np.max(pv)
+    comparison = Comparison("loop", TS, moves(), pv, known=known)
+    assert find_patterns(record_of(comparison)) == ()
+    assert find_patterns(record_of(replace(comparison, known=None))) != ()
 
 
 def test_one_stuck_stretch_is_seen_where_hardly_anything_else_repeats() -> None:

@@ -1,9 +1,10 @@
 """How often explain, given no simulation, names a stem that sticks where one does, and where none does:
-`python stems.py [--sticking N] [--healthy N] [--loaded N] [--stepped N]`.
+`python stems.py [--sticking N] [--healthy N] [--loaded N] [--stepped N] [--levels N] [--sound-levels N]`.
 
 Limit cycles of valves in He's form whose slip is from none to all of S, and loops with a sound valve under waves,
 triangles, drifts, squares, tight tuning and two waves at once; then such valves under a load that steps or walks, and
-sound ones under one that steps.
+sound ones under one that steps; then levels (an integrating process) under loads that step with valves that stick, and
+under steps, squares, walks, waves and triangles with sound ones.
 """
 
 import argparse
@@ -14,7 +15,7 @@ import numpy as np
 
 from app.engine.mismatch import Comparison, Explanation, compile_kernels, explain
 from app.engine.recording import FloatArray
-from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
+from app.engine.simulate import LoopSpec, Pid, Plant, Signal, TwoParameterValve, first_order, integrator, simulate_loop
 
 SAMPLES, SHARES = 1440, (0.0, 0.25, 0.5, 0.75, 1.0)
 WITHIN = 0.1
@@ -22,11 +23,9 @@ ACCUSING = {"valve.stiction", "valve.deadband"}
 Sized = tuple[float, float, Comparison]
 
 
-def loop(
-    valve: TwoParameterValve, controller: Pid, plant: tuple[float, float], load: Signal, **other: float
-) -> LoopSpec:
+def loop(valve: TwoParameterValve, controller: Pid, plant: Plant, load: Signal, **other: float) -> LoopSpec:
     return LoopSpec(
-        plant=first_order(1.0, *plant),
+        plant=plant,
         controller=controller,
         valve=valve,
         load=load,
@@ -63,7 +62,7 @@ def sticking(count: int, seed: int, load_of: Callable[..., Signal] = started) ->
         S, share = float(rng.choice([4, 6, 8, 12])), SHARES[k % len(SHARES)]
         noise, ts, Kc = (float(rng.choice(some)) for some in ([0.05, 0.1, 0.2, 0.4], [2.0, 5.0], [0.6, 1.0, 1.5]))
         load = load_of(k, rng, S, ts)
-        spec = loop(TwoParameterValve(S, share * S), Pid(Kc, 20.0, 0.0), (20.0, 2.0), load, noise=noise)
+        spec = loop(TwoParameterValve(S, share * S), Pid(Kc, 20.0, 0.0), first_order(1.0, 20.0, 2.0), load, noise=noise)
         yield S, share * S, recorded(f"sticking {k}", spec, SAMPLES, ts, seed + k)
 
 
@@ -76,8 +75,57 @@ def stepped(count: int, seed: int) -> Iterator[Comparison]:
         Kc, few = float(rng.choice([0.3, 0.6, 1.0, 1.6])), int(rng.integers(3, 40))
         times, size = np.sort(rng.uniform(0.0, SAMPLES * ts, few)), float(rng.choice([1, 3, 8]))
         load = steps_of(times, rng.uniform(-size, size, few))
-        spec = loop(TwoParameterValve(0.0, 0.0), Pid(Kc, tau, 0.0), (tau, theta), load, noise=noise)
+        spec = loop(TwoParameterValve(0.0, 0.0), Pid(Kc, tau, 0.0), first_order(1.0, tau, theta), load, noise=noise)
         yield recorded(f"stepped {k}", spec, SAMPLES, ts, seed + k)
+
+
+def levels(count: int, seed: int) -> Iterator[Sized]:
+    """S, J and the loop: a level whose valve sticks, under a load that steps three to eight times by up to S."""
+    for k in range(seed, seed + count):
+        rng = np.random.default_rng(k)
+        S = float(rng.choice([3, 5, 8]))
+        J = S * float(rng.choice(SHARES))
+        ts, noise, plant, gain = of_level(rng, [2, 5])
+        tuned = Pid(float(rng.choice([0.5, 1.0, 2.0])) * 0.02 / gain, float(rng.choice([120, 240, 400])), 0.0)
+        few = int(rng.integers(3, 9))
+        times = np.sort(rng.uniform(0.0, SAMPLES * ts, few))
+        load = steps_of(times, rng.uniform(-S, S, few))
+        spec = loop(TwoParameterValve(S, J), tuned, plant, load, noise=noise)
+        yield S, J, recorded(f"level {k}", spec, SAMPLES, ts, k)
+
+
+def sound_levels(count: int, seed: int) -> Iterator[Comparison]:
+    """Levels with a sound valve; the remainder of the seed by 5 says what moves them."""
+    for k in range(seed, seed + count):
+        rng = np.random.default_rng(k)
+        ts, noise, plant, gain = of_level(rng, [2, 5, 10])
+        tuned = Pid(float(rng.choice([0.25, 0.5, 1.0, 2.0])) * 0.02 / gain, float(rng.choice([120, 240, 400])), 0.0)
+        size, period, at = float(rng.choice([2, 5, 8])), float(rng.uniform(100, 600)), np.arange(SAMPLES) * ts
+        if k % 5 == 0:
+            few = int(rng.integers(3, 9))
+            load = steps_of(np.sort(rng.uniform(0.0, SAMPLES * ts, few)), rng.uniform(-size, size, few))
+        else:
+            moved = np.diff(upset(k % 5, size, period, at, rng), prepend=0.0)
+            load = Signal(steps=tuple((float(t), float(m)) for t, m in zip(at, moved, strict=True) if m != 0.0))
+        spec = loop(TwoParameterValve(0.0, 0.0), tuned, plant, load, noise=noise)
+        yield recorded(f"sound level {k}", spec, SAMPLES, ts, k)
+
+
+def of_level(rng: np.random.Generator, dead_times: list[int]) -> tuple[float, float, Plant, float]:
+    """Sampling interval, noise, process and its gain."""
+    ts, noise = float(rng.choice([2.0, 5.0])), float(rng.choice([0.05, 0.1, 0.2]))
+    gain = float(rng.choice([0.002, 0.005, 0.01]))
+    return ts, noise, integrator(gain, float(rng.choice(dead_times))), gain
+
+
+def upset(kind: int, size: float, period: float, at: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """A square, a walk, a wave or a triangle (N,)."""
+    turn = 2.0 * np.pi * at / period
+    if kind == 1:
+        return size * np.sign(np.sin(turn))
+    if kind == 2:
+        return np.cumsum(0.02 * size * rng.standard_normal(len(at)))
+    return size * (np.sin(turn) if kind == 3 else 4.0 * np.abs((at / period) % 1.0 - 0.5) - 1.0)
 
 
 def steps_of(times: FloatArray, moves: FloatArray) -> Signal:
@@ -98,9 +146,8 @@ def healthy(seed: int) -> Comparison:
         steps=tuple((float(t), float(m)) for t, m in zip(at, moved, strict=True) if m != 0.0) or ((0.0, 1.0),)
     )
     tuned = Pid(2.0 * Kc if seed % 6 == 4 else Kc, tau, 0.0)
-    return recorded(
-        f"healthy {seed}", loop(TwoParameterValve(0.0, 0.0), tuned, (tau, theta), load, noise=noise), samples, ts, seed
-    )
+    spec = loop(TwoParameterValve(0.0, 0.0), tuned, first_order(1.0, tau, theta), load, noise=noise)
+    return recorded(f"healthy {seed}", spec, samples, ts, seed)
 
 
 def shaken(kind: int, size: float, period: float, at: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -134,6 +181,8 @@ def main() -> None:
     options.add_argument("--healthy", type=int, default=120)
     options.add_argument("--loaded", type=int, default=40)
     options.add_argument("--stepped", type=int, default=60)
+    options.add_argument("--levels", type=int, default=40)
+    options.add_argument("--sound-levels", type=int, default=80)
     options.add_argument("--seed", type=int, default=100)
     given = options.parse_args()
     compile_kernels()
@@ -144,10 +193,18 @@ def main() -> None:
         print(f"sticking: {sum(named)} of {len(named)} named alone and sized within {WITHIN:.0%}")
         known = list(sticking(given.loaded, 4 * given.seed, loaded))
         named = [right(*said, ("disturbance.",)) for said in told_of(known, pool)]
-        half = [right for right, (S, J, _) in zip(named, known, strict=True) if J >= 0.5 * S]
-        print(f"under a load: {sum(named)} of {len(named)}, {sum(half)} of {len(half)} where J is half of S or more")
+        print(f"under a load: {counted(named, known)}")
         accused(list(pool.map(explain, map(healthy, shaken_by))))
         accused(list(pool.map(explain, stepped(given.stepped, 9 * given.seed))))
+        known = list(levels(given.levels, 50 * given.seed))
+        named = [right(*said, ("disturbance.", "sensor.drift")) for said in told_of(known, pool)]
+        print(f"levels under a load: {counted(named, known)}")
+        accused(list(pool.map(explain, sound_levels(given.sound_levels, 90 * given.seed))))
+
+
+def counted(named: list[bool], known: list[Sized]) -> str:
+    half = [right for right, (S, J, _) in zip(named, known, strict=True) if J >= 0.5 * S]
+    return f"{sum(named)} of {len(named)}, {sum(half)} of {len(half)} where J is half of S or more"
 
 
 def told_of(known: list[Sized], pool: ProcessPoolExecutor) -> list[tuple[Explanation, float, float]]:

@@ -9,7 +9,7 @@ from app.engine.fitness import checks
 from app.engine.fitness.align import Aligned, align
 from app.engine.fitness.config import FitnessConfig
 from app.engine.fitness.resample import is_regular, to_uniform, typical_interval
-from app.engine.fitness.signals import longest_run, run_lengths, usable_values
+from app.engine.fitness.signals import longest_run, newest_long, run_lengths, usable_values
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, Recording, UniformRecord
 from app.errors import DataError
@@ -83,10 +83,10 @@ class _Samples:
 def assess(recording: Recording, config: FitnessConfig | None = None) -> Fitness:
     """The fitness checks in their order; each narrows the recording to what can be audited, and says so.
 
-    Missing values are taken out, then the longest stretch in automatic and without a hole is kept, then what is left of
-    it beside dead PV or OP, and that stretch is put on a uniform time base. A recording is refused where a step leaves
-    fewer than `config.min_samples`, where OP stands at a limit or where too much had to be filled. No answer depends on
-    the unit, scale, offset or sign of PV or OP, nor on where time starts.
+    Missing values are taken out, then the longest stretch in automatic is kept, of it the newest long one without a
+    hole, then what is left beside dead PV or OP, and that stretch is put on a uniform time base. A recording is refused
+    where a step leaves fewer than `config.min_samples`, where OP stands at a limit or where too much had to be filled.
+    No answer depends on the unit, scale, offset or sign of PV or OP, nor on where time starts.
     """
     config = config or FitnessConfig()
     aligned = align(recording, config)
@@ -133,8 +133,9 @@ def _assess_stretches(recording: Recording, samples: _Samples, fitness: Fitness,
     found = (*fitness.findings, checks.check_automatic(samples.automatic, len(in_automatic), config))
     if len(in_automatic) < config.min_samples:
         return _stopped(fitness, found, LATER_CHECKS[1:])
-    whole, gaps = _longest_without_gap(in_automatic, config)
-    found = (*found, checks.check_gaps(gaps, len(whole), len(in_automatic), config))
+    stretch, gaps = _newest_without_gap(in_automatic, config)
+    whole, later = in_automatic.part(stretch), len(in_automatic) - stretch.stop
+    found = (*found, checks.check_gaps(gaps, len(whole), len(in_automatic), later, config))
     fitness = replace(fitness, gaps=gaps)
     if len(whole) < config.min_samples:
         return _stopped(fitness, found, LATER_CHECKS[2:])
@@ -168,12 +169,11 @@ def _longest_automatic(samples: _Samples) -> _Samples:
     return samples if samples.automatic is None else samples.part(longest_run(samples.automatic))
 
 
-def _longest_without_gap(samples: _Samples, config: FitnessConfig) -> tuple[_Samples, int]:
+def _newest_without_gap(samples: _Samples, config: FitnessConfig) -> tuple[slice, int]:
     intervals = np.diff(samples.time_s)
     holes = np.flatnonzero(intervals > config.max_gap_intervals * typical_interval(samples.time_s))
     edges = np.concatenate(([0], holes + 1, [len(samples)]))
-    longest = int(np.argmax(np.diff(edges)))
-    return samples.part(slice(int(edges[longest]), int(edges[longest + 1]))), len(holes)
+    return newest_long(edges, config.newest_share), len(holes)
 
 
 def _alive(samples: _Samples, config: FitnessConfig) -> BoolArray:

@@ -52,15 +52,16 @@ def check_automatic(automatic: BoolArray | None, kept: int, config: FitnessConfi
     return _finding("not_in_automatic", kept >= config.min_samples, text, share, None, "share")
 
 
-def check_gaps(gaps: int, kept: int, samples: int, config: FitnessConfig) -> Finding:
-    """gaps: holes that split the record; kept: samples in its longest stretch without one."""
+def check_gaps(gaps: int, kept: int, samples: int, later: int, config: FitnessConfig) -> Finding:
+    """gaps: holes that split the record; kept: samples in the stretch that is judged; later: those that came after."""
     if gaps == 0:
         text = f"no hole is longer than {config.max_gap_intervals:g} sampling intervals"
     else:
         text = (
-            f"{gaps} holes longer than {config.max_gap_intervals:g} sampling intervals split the record; the longest "
-            f"stretch without one has {kept} of {samples} samples, at least {config.min_samples} are needed"
+            f"{gaps} holes longer than {config.max_gap_intervals:g} sampling intervals split the record; of its long "
+            f"stretches the newest has {kept} of {samples} samples, at least {config.min_samples} are needed"
         )
+        text += f"; the {later} samples after it are not looked at" if later else ""
     return _finding("gaps", kept >= config.min_samples, text, gaps, None, "holes")
 
 

@@ -8,6 +8,7 @@ class FitnessConfig:
     """Thresholds of the fitness checks. Shares are of samples, 0 to 1.
 
     min_samples: fewest usable samples in one stretch; the smallest ladder rungs have some ten parameters to find.
+    newest_share: the newest stretch that has this share of the samples of the longest is judged in its place.
     max_gap_intervals: a hole longer than this many sampling intervals splits the record, a shorter one is filled.
     jitter_tolerance: a stretch whose intervals all lie within this share of their median is taken as regular.
     max_filled_share: more filled samples than this, and the record says more about the filling than about the valve.
@@ -20,6 +21,7 @@ class FitnessConfig:
     """
 
     min_samples: int = 100
+    newest_share: float = 0.5
     max_gap_intervals: float = 10.0
     jitter_tolerance: float = 0.25
     max_filled_share: float = 0.3

@@ -45,6 +45,13 @@ def longest_run(mask: BoolArray) -> slice:
     return slice(int(starts[k]), int(ends[k]))
 
 
+def newest_long(edges: IntArray, share: float) -> slice:
+    """The newest of the stretches between edges (K + 1,) that has at least a share of the longest one's samples."""
+    lengths = np.diff(edges)
+    k = int(np.flatnonzero(lengths >= share * np.max(lengths))[-1])
+    return slice(int(edges[k]), int(edges[k + 1]))
+
+
 def run_lengths(signal: FloatArray) -> IntArray:
     """(N,) for each sample the length of the constant run that it stands in, in samples."""
     if len(signal) == 0:

@@ -59,7 +59,10 @@ class Comparison:
 
 
 def record_of(comparison: Comparison) -> Experiment:
-    return experiment(comparison.sampling_interval_s, comparison.op, comparison.pv, comparison.sp, comparison.measured)
+    """Compared where PV is known."""
+    c = comparison
+    record = experiment(c.sampling_interval_s, c.op, c.pv, c.sp, c.measured)
+    return record if c.known is None else record.comparing(c.known.copy())
 
 
 def check(comparison: Comparison) -> None:

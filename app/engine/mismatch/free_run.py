@@ -15,6 +15,7 @@ from app.engine.recording import BoolArray, FloatArray
 SLOW_POLE, SETTLED = 0.9, 0.85
 SLIPS = 0.15  # J / S. Measured: docs/PROOF.md
 LEAST_SWING = 8  # samples
+CLEARLY = 0.5  # 0.58 is left behind a sound valve where a square load makes a swing with every step
 
 
 def free_run_error(fit: Fit, swing: int | None = None) -> float:
@@ -31,7 +32,28 @@ def free_run_error(fit: Fit, swing: int | None = None) -> float:
 
 
 def error_left(found: Fit, swing: int | None) -> float:
-    """What the free run leaves of PV, also of an integrating process; beside a load where a swing is given."""
+    """What the free run leaves of PV, also of an integrating process; beside a load where a swing is given: in the
+    middle one of all swings then, because a load that steps is felt in some of them, and a wrong model in each.
+    """
+    seen = found.record.usable
+    left = beside_load(found.residual, seen, swing)[seen]
+    if swing is None:
+        return float(np.std(left))
+    swings = np.array_split(left, max(len(left) // swing, 1))
+    return float(np.sqrt(np.median([np.mean(piece * piece) for piece in swings])))
+
+
+def runs_nearer(one: Fit, other: Fit, swing: int | None, share: float = 1.0) -> bool:
+    """Whether the free run of one fit leaves less than a share of what that of another does; beside a load in the
+    middle one of all swings, and clearly there or over all of them too.
+    """
+    left, beside = free_run_error(one, swing), free_run_error(other, swing)
+    if swing is None or left < CLEARLY * beside:
+        return left < share * beside
+    return left < share * beside and left_over_all(one, swing) < share * left_over_all(other, swing)
+
+
+def left_over_all(found: Fit, swing: int) -> float:
     seen = found.record.usable
     return float(np.std(beside_load(found.residual, seen, swing)[seen]))
 

@@ -62,9 +62,12 @@ def noise_deviation(pv: FloatArray) -> float:
     return float(np.median(np.abs(moving)) / 0.6745 / np.sqrt(6.0)) if len(moving) > 20 else 0.0
 
 
-def equal_runs(pv: FloatArray, tolerance: float) -> tuple[Run, ...]:
-    """Runs of at least two samples that repeat the one before within the tolerance."""
-    same = np.concatenate(([False], np.abs(np.diff(pv)) <= tolerance, [False]))
+def equal_runs(record: Experiment, tolerance: float) -> tuple[Run, ...]:
+    """Runs of at least two samples that repeat the one before within the tolerance; what a gap was bridged with
+    repeats nothing.
+    """
+    known = record.usable[1:] & record.usable[:-1]
+    same = np.concatenate(([False], known & (np.abs(np.diff(record.pv)) <= tolerance), [False]))
     edges = np.flatnonzero(np.diff(same.astype(np.int8)))
     return tuple(Run(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True))
 
@@ -77,7 +80,7 @@ def find_patterns(record: Experiment) -> tuple[Pattern, ...]:
     if hold is not None:
         return (held(record, hold.interval * record.sampling_interval_s),)
     noise = noise_deviation(record.pv)
-    runs = equal_runs(record.pv, 0.02 * noise)
+    runs = equal_runs(record, 0.02 * noise)
     step = level_spacing(record.pv)
     coarse = step > max(STEP_OVER_NOISE * innovation_floor(record.pv), STEP_OVER_SPAN * record.pv_span)
     rests = coarse or holds(record)
@@ -98,7 +101,7 @@ def held(record: Experiment, interval_s: float) -> Pattern:
 
 def holds(record: Experiment) -> bool:
     """Whether PV repeats itself most of the time, also away from its extremes: a historian that stores changes."""
-    away = away_from_extremes(record)
+    away = away_from_extremes(record) & record.usable
     still = np.abs(np.diff(record.pv)) <= 1e-9 * record.pv_span
     return bool(np.mean(still[away[1:]]) > HOLDS) if away.sum() > LEAST_RUN else False
 
@@ -132,7 +135,7 @@ def at_limit(record: Experiment, runs: tuple[Run, ...], sign: float, coarse: boo
     if coarse:
         return None
     extreme = sign * np.max(sign * record.pv)
-    near = np.abs(record.pv - extreme) <= 1e-6 * record.pv_span
+    near = record.usable & (np.abs(record.pv - extreme) <= 1e-6 * record.pv_span)
     there = [run for run in runs if near[run.first]]
     repeated = sum(run.length for run in there)
     if repeated < LEAST_AT_LIMIT or (len(there) == 1 and jumps_free(record.pv, there[0])):
@@ -201,7 +204,8 @@ def compressed(record: Experiment) -> Pattern | None:
     first, second = np.diff(record.pv), np.diff(record.pv, 2)
     typical = float(np.std(first))
     straight = np.abs(second) < 0.02 * typical
-    away = away_from_extremes(record)[1:-1]
+    known = record.usable
+    away = (away_from_extremes(record) & known)[1:-1] & known[:-2] & known[2:]
     share = float(np.mean(straight[away])) if away.sum() > LEAST_RUN else 0.0
     if share < 0.4 or typical == 0.0:
         return None

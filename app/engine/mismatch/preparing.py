@@ -48,7 +48,7 @@ def prepare(comparison: Comparison, taken: Taken | None = None) -> Prepared:
     patterns = find_patterns(record)
     if taken is not None:
         patterns = (held(record, taken.interval_s), *patterns)
-    usable = np.ones(record.samples, dtype=np.bool_) if comparison.known is None else comparison.known.copy()
+    usable = record.usable.copy()
     for pattern in patterns:
         if pattern.hides_pv:
             usable &= ~pattern.shows

@@ -10,12 +10,12 @@ from app.engine.mismatch.block import Block
 from app.engine.mismatch.chain import signal_after
 from app.engine.mismatch.compete import Rival, descended
 from app.engine.mismatch.fitting import Fit, fit, task_of
-from app.engine.mismatch.free_run import free_run_error, stem_swing
+from app.engine.mismatch.free_run import runs_nearer, stem_swing
 from app.engine.mismatch.given import identify
 from app.engine.mismatch.physics.valve_stiction import slipping_as
 from app.engine.mismatch.ranking import best_of_each_code, by_worth
 from app.engine.mismatch.searching import score_of, searched
-from app.engine.mismatch.stems import ShownStem, shown_stems
+from app.engine.mismatch.stems import ShownStem, shown_stems, walking
 from app.engine.mismatch.task import OWN_DEVIATION, Given, Task, make_task, start_at
 from app.engine.mismatch.worth import worth
 from app.engine.recording import FloatArray
@@ -50,8 +50,7 @@ def takes_its_place(rival: Rival, known: Rival | None) -> bool:
     """Whether a stem with a loop of its own is believed before what is known of its code, or before none."""
     before = rival.over if known is None else known.fit
     likelier = rival.fit.score > before.score + LIKELIER
-    swing = stem_swing(rival.fit)
-    nearer = free_run_error(rival.fit, swing) < free_run_error(before, swing)
+    nearer = runs_nearer(rival.fit, before, stem_swing(rival.fit))
     return likelier and nearer and worth(rival) > MORE_ASKED
 
 
@@ -62,7 +61,9 @@ def restarted(base: Fit, blocks: tuple[Block, ...]) -> tuple[Rival, ...]:
     """
     if not may_hide_a_stem(base):
         return ()
-    ended = behind_stems(base, shown_stems(base.record, base.noise), blocks)
+    record = base.record
+    shown = shown_stems(record, base.noise) or shown_stems(record, walking(record))
+    ended = behind_stems(base, shown, blocks)
     for _ in range(AGAIN if ended else 0):
         best = max(ended, key=score_of)
         ended += behind_stems(base, shown_stems(base.record, best.noise, best.plant), blocks)

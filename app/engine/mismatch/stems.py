@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from app.engine.mismatch.experiment import Experiment
-from app.engine.mismatch.noise import Four, NoiseModel, compared_samples, settling_samples, whiten
+from app.engine.mismatch.noise import POLE_MAX, Four, NoiseModel, compared_samples, settling_samples, whiten
 from app.engine.mismatch.physics.valve_stiction import reach
 from app.engine.mismatch.plant import Plant
 from app.engine.recording import BoolArray, FloatArray
@@ -30,6 +30,7 @@ TELLING = 20.0  # nat over what follows OP itself, from which a stem is looked a
 LOOKED_AT_AGAIN = 3
 CLOSE_S, STARTS = np.exp(np.linspace(-0.006, 0.006, 7)), np.linspace(-0.8, 0.8, 9)
 SLIPS = np.linspace(0.1, 1.0, 13)
+WALKS = tuple(NoiseModel((POLE_MAX, POLE_MAX), (zero, zero)) for zero in (0.6, 0.7, 0.8, 0.85, 0.9, 0.93, 0.96))
 MOST = 6
 Indices = NDArray[np.int64]
 
@@ -116,6 +117,14 @@ def shown_stems(record: Experiment, noise: NoiseModel, near: Plant | None = None
         slips = SLIPS if stem.share > 0.0 else [0.0]
         again += [best_of(seen, sizes_of(stem.S * CLOSE_S, [share], STARTS), alone) for share in slips]
     return (*first[:MOST], *apart(again)[:MOST])
+
+
+def walking(record: Experiment) -> NoiseModel:
+    """What an integrating process makes of a load that steps or walks: of some such noises the one under which OP
+    explains PV best. A controller answers such a load, so that PV hardly walks, and a noise fitted to it does not.
+    """
+    op = record.op_deviation[None, :]
+    return min(WALKS, key=lambda noise: float(followed(seen_under(record, noise), op).left[0]))
 
 
 def sizes_of(S: FloatArray, shares: FloatArray | list[float], starts: FloatArray | list[float]) -> FloatArray:

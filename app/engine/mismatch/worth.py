@@ -7,7 +7,7 @@ import numpy as np
 from app.engine.mismatch.block import Block, Context
 from app.engine.mismatch.compete import Rival
 from app.engine.mismatch.fitting import Fit, descend, residual_rows, task_of
-from app.engine.mismatch.free_run import free_run_error, stem_swing
+from app.engine.mismatch.free_run import runs_nearer, stem_swing
 from app.engine.mismatch.limits import limit_bonus, limits_always
 from app.engine.mismatch.physics.generic import CODE as UNNAMED
 from app.engine.mismatch.richer_noise import taken_by_noise
@@ -51,14 +51,12 @@ def makes_sense(rival: Rival) -> bool:
 
 def no_worse(fit: Fit, over: Fit) -> bool:
     """Whether the free run of one fit is no worse than that of another."""
-    swing = swing_between(fit, over)
-    return free_run_error(fit, swing) < NO_WORSE * free_run_error(over, swing)
+    return runs_nearer(fit, over, swing_between(fit, over), NO_WORSE)
 
 
 def nearer(fit: Fit, over: Fit) -> bool:
     """Whether the free run of one fit is much nearer to PV than that of another."""
-    swing = swing_between(fit, over)
-    return free_run_error(fit, swing) < NEARER * free_run_error(over, swing)
+    return runs_nearer(fit, over, swing_between(fit, over), NEARER)
 
 
 def swing_between(fit: Fit, over: Fit) -> int | None:
