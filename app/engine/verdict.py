@@ -7,7 +7,7 @@ import numpy as np
 
 from app.engine.corroborate import Corroboration, corroborate
 from app.engine.coupling import strangers_chance
-from app.engine.evidence import Reason
+from app.engine.evidence import Finding, Reason
 from app.engine.features import NAMES, Features, observe
 from app.engine.fitness import Fitness
 from app.engine.judgement import Judgement, Reliability, Verdict
@@ -25,6 +25,9 @@ _SAID = {"stiction": "stiction", "no_stiction": "no stiction", None: "neither"}
 # Findings that leave a verdict possible and take its reliability away. Not op_interpolated: against a standing PV an
 # integrating controller runs on straight lines by itself.
 _DOUBTFUL_DATA = frozenset({"pv_quantised", "pv_interpolated", "filled", "stored_points"})
+
+# For most of the stretch one of them held one value, as behind a valve that is stuck: the rest of it says little.
+_DEAD = frozenset({"op_flat", "pv_flat"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,6 +225,7 @@ def _data_doubts(weighing: Weighing, fitness: Fitness, config: VerdictConfig) ->
     cycles_on_it = any(r.cause == "quantised_sensor" and r.stands_out for r in weighing.rivals)
     codes = _DOUBTFUL_DATA - {"pv_quantised"} if cycles_on_it else _DOUBTFUL_DATA
     doubts = [Reason(f.code, f.text) for f in fitness.findings if f.outcome == "fail" and f.code in codes]
+    doubts += [Reason(f.code, f.text) for f in fitness.findings if f.code in _DEAD and _beyond(f)]
     if fitness.filled_share is not None and fitness.filled_share > config.max_filled_share:
         text = f"{100 * fitness.filled_share:.0f} % of the samples were filled by interpolation"
         doubts.append(Reason("filled_share", text))
@@ -229,6 +233,12 @@ def _data_doubts(weighing: Weighing, fitness: Fitness, config: VerdictConfig) ->
         text = f"the loop was in automatic for {100 * fitness.automatic_share:.0f} % of the recording only"
         doubts.append(Reason("mode_share", text))
     return doubts
+
+
+def _beyond(finding: Finding) -> bool:
+    """Whether a check's statistic is beyond its threshold, also where enough was left to go on with."""
+    value, threshold = finding.statistic, finding.threshold
+    return value is not None and threshold is not None and value >= threshold
 
 
 def _shape_reasons(weighing: Weighing, verdict: Verdict) -> tuple[Reason, ...]:

@@ -210,6 +210,15 @@ def test_doubts_about_the_record_are_among_the_reasons():
     assert "pv_quantised" in [reason.code for reason in audit(coarse).judgement.reasons]
 
 
+def test_a_valve_is_not_cleared_reliably_by_the_way_that_op_runs_to_its_end():
+    """Behind a valve that does not move at all OP winds up, and stands at its limit for the rest of the record."""
+    t, noise = np.arange(2400.0), np.random.default_rng(4)
+    op = np.maximum(50.0 - 0.05 * t, 0.0) + np.where(t < 1000, 0.05 * noise.standard_normal(2400), 0.0)
+    found = audit(Recording("stuck", t, 49.0 + 0.05 * noise.standard_normal(2400), op))
+    assert found.judgement.reliability == "not_reliable"
+    assert "op_flat" in {reason.code for reason in found.judgement.reasons}
+
+
 def test_long_records_are_identified_on_their_newest_samples():
     loop = sticky_loop(900)
     result = audit(loop, AuditConfig(max_samples=400))
