@@ -6,7 +6,7 @@ import numpy as np
 
 from app.engine import ENGINE_VERSION, verdict, verdict_reference
 from app.engine.audit_config import AuditConfig
-from app.engine.episodes import NO_EPISODES, Episodes, episode_reasons, find
+from app.engine.episodes import BEGAN, NO_EPISODES, Episodes, episode_reasons, find
 from app.engine.evidence import Finding, Reason
 from app.engine.fitness import Fitness
 from app.engine.health import Health
@@ -122,7 +122,8 @@ def _identified(recording: Recording, config: AuditConfig, prepared: Preparation
         return _result(recording, config, fitness, refusal, oscillation=oscillation, record=record)
     judgement = _with_reference(judgement, reference, fitness, config)
     episodes = find(fitness.audited, oscillation, config.episodes)
-    judgement = replace(judgement, reasons=judgement.reasons + _stretch_reasons(prepared) + episode_reasons(episodes))
+    judgement = replace(judgement, reasons=judgement.reasons + _stretch_reasons(prepared))
+    judgement = _with_episodes(judgement, episodes)
     result = _result(
         recording,
         config,
@@ -134,6 +135,18 @@ def _identified(recording: Recording, config: AuditConfig, prepared: Preparation
         episodes=episodes,
     )
     return replace(result, stiction_size=_stiction_size(record, fitness, oscillation, judgement, config))
+
+
+def _with_episodes(judgement: Judgement, episodes: Episodes) -> Judgement:
+    """What reliable spells add. Where the valve sticks up to the end of a record over which it does not, that comes
+    first, and nobody is to rely on the whole: it is of a valve that was.
+    """
+    reasons = episode_reasons(episodes)
+    sticks_now = any(reason.code == BEGAN for reason in reasons)
+    if judgement.verdict == "stiction" or not sticks_now:
+        return replace(judgement, reasons=(*judgement.reasons, *reasons))
+    first = sorted(reasons, key=lambda reason: reason.code != BEGAN)
+    return replace(judgement, reliability="not_reliable", reasons=(*first, *judgement.reasons))
 
 
 def _stretch_reasons(prepared: Preparation) -> tuple[Reason, ...]:

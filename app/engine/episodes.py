@@ -19,6 +19,8 @@ from app.engine.rivals import compete
 from app.engine.shape_model import ShapeModel, fitted_model
 from app.engine.verdict import weigh_features
 
+SPELL, BEGAN = "short_lived_stiction", "stiction_began"
+
 
 @dataclass(frozen=True)
 class EpisodeConfig:
@@ -121,13 +123,13 @@ def episode_reasons(episodes: Episodes) -> tuple[Reason, ...]:
             continue
         when = f"from {episode.start_s:.0f} s to {episode.end_s:.0f} s of the record"
         text = f"the valve sticks {when} and not in the rest (probability {episode.probability:.2f})"
-        reasons.append(Reason("short_lived_stiction", text))
+        reasons.append(Reason(SPELL, text))
         if episode.at_start:
             text = f"the valve stuck until {episode.end_s:.0f} s and has not since: repaired, eased, or less exercised"
             reasons.append(Reason("stiction_ended", text))
         if episode.at_end:
             text = f"the valve has been sticking since {episode.start_s:.0f} s and did not before"
-            reasons.append(Reason("stiction_began", text))
+            reasons.append(Reason(BEGAN, text))
     return tuple(reasons)
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from app.engine.episodes import BEGAN
 from app.services.auditing.hearing import SHAKEN_BY_NEIGHBOUR
 from app.services.auditing.repairs import BEFORE_REPAIR
 from app.services.wording import CAUSE_WORDS
@@ -19,6 +20,7 @@ SHAKEN = (
     "Look at the loop that is named first: once its valve is mended, this one may stop by itself. If it swings on, ask "
     "for a stroke test here."
 )
+BEGAN_TO_STICK = "It sticks since the hour that is named, whatever the rest of the record says: ask for a stroke test."
 CLEARED = "Nothing at the valve."
 CANNOT_TELL = "Nothing, unless it stays like that for weeks; then a stroke test tells more than another night."
 NOT_AUDITABLE = "Tell the control engineer what the checks say: better recording brings a verdict."
@@ -59,6 +61,8 @@ def next_step(row: Mapping[str, Any], reasons: tuple[str, ...] = ()) -> str:
         return WAIT
     if SHAKEN_BY_NEIGHBOUR in reasons:
         return SHAKEN
+    if row["verdict"] != "stiction" and BEGAN in reasons:
+        return BEGAN_TO_STICK
     if row["verdict"] == "stiction":
         return STICKS if row["reliability"] == "reliable" else MAY_STICK
     return BY_CAUSE.get(row["likely_cause"] or "", BY_VERDICT[row["verdict"]])
@@ -75,6 +79,7 @@ def as_table() -> str:
         *((f"else, likely cause: {CAUSE_WORDS[code]}", step) for code, step in BY_CAUSE.items()),
         ("valve sticks, but a neighbour may shake it", SHAKEN),
         ("repaired, and too little recorded since", WAIT),
+        ("anything else, but the valve sticks up to the end of the record", BEGAN_TO_STICK),
     ]
     steps: dict[str, dict[str, None]] = {}
     for said, step in rows:

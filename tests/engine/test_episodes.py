@@ -9,7 +9,7 @@ from app.engine.audit import AuditConfig, audit
 from app.engine.episodes import EpisodeConfig, episode_reasons, find, is_long, window_spans
 from app.engine.fitness import assess
 from app.engine.oscillation import detect
-from app.engine.recording import UniformRecord
+from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
 
 SAMPLES = 9000
@@ -109,6 +109,15 @@ def test_an_audit_says_when_the_valve_stuck_and_leaves_its_verdict():
     assert "short_lived_stiction" in {reason.code for reason in answer.judgement.reasons}
     assert "short_lived_stiction" not in {reason.code for reason in quiet.judgement.reasons}
     assert quiet.episodes.found == ()
+
+
+def test_a_valve_that_began_to_stick_comes_first_and_is_not_cleared():
+    made = record((FREE, 5500), (STICKY, 3500))
+    recording = Recording("x", np.arange(made.samples, dtype=float), made.pv, made.op)
+    answer, quiet = audit(recording), audit(recording, AuditConfig(episodes=EpisodeConfig(long_samples=10**9)))
+    assert (quiet.judgement.verdict, answer.judgement.verdict) == ("no_stiction", "no_stiction")
+    assert answer.judgement.reliability == "not_reliable"
+    assert [reason.code for reason in answer.judgement.reasons[:2]] == ["stiction_began", "short_lived_stiction"]
 
 
 @pytest.mark.shared

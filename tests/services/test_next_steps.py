@@ -36,6 +36,7 @@ def test_a_verdict_of_before_a_repair_sends_nobody_out():
     row = {"verdict": "stiction", "reliability": "reliable", "likely_cause": "stiction"}
     assert next_steps.BEFORE_REPAIR in REASON_WORDS
     assert next_step(row, ("before_repair", "shape_sticking")) == next_steps.WAIT
+    assert next_step(row | {"verdict": "no_stiction"}, ("stiction_began",)) == next_steps.BEGAN_TO_STICK
 
 
 def test_every_cause_has_a_step():

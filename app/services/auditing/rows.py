@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from app.engine.audit import Audit
+from app.engine.episodes import BEGAN, SPELL
 from app.services.auditing import swings
 from app.services.auditing.audit_detail import detail
 from app.services.auditing.audit_line import audit_line, reliability_row
@@ -70,10 +71,11 @@ def dated(line: dict[str, Any], origin: datetime) -> dict[str, Any]:
         episode | {side: iso_utc(_instant(origin, round(episode[f"{side}_s"]))) for side in ("start", "end")}
         for episode in line["episodes"]
     ]
-    reliable = iter([episode for episode in episodes if episode["reliability"] == "reliable"])
+    reliable = [episode for episode in episodes if episode["reliability"] == "reliable"]
+    told = {SPELL: iter(reliable), BEGAN: iter(reliable[-1:])}
     reasons = [
-        reason | {"text": f"{reason['text']}: {_stretch(next(reliable))}"}
-        if reason["code"] == "short_lived_stiction"
+        reason | {"text": f"{reason['text']}: {_stretch(next(told[reason['code']]))}"}
+        if reason["code"] in told
         else reason
         for reason in line["reasons"]
     ]
