@@ -24,8 +24,7 @@ def choose() -> None:
     """Points numba to the folder for this source; a folder named before, or a closed home, leaves it as it is."""
     if "NUMBA_CACHE_DIR" in os.environ:
         return
-    root = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
-    folder = root / "loopaudit" / "kernels" / _source_digest()
+    folder = _own_folder()
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         os.utime(folder)
@@ -70,10 +69,11 @@ def one_at_a_time() -> Iterator[None]:
 
 
 def empty() -> None:
-    """Drops all compiled kernels of the folder in use."""
-    if folder := os.environ.get("NUMBA_CACHE_DIR"):
-        with one_at_a_time():
-            for path in Path(folder).rglob("*.nb[ic]"):
+    """Drops all compiled kernels of the folder in use; of one that was named, which others may use too, none."""
+    folder = _own_folder()
+    if os.environ.get("NUMBA_CACHE_DIR") == str(folder):
+        with one_at_a_time(), suppress(OSError):
+            for path in folder.rglob("*.nb[ic]"):
                 path.unlink(missing_ok=True)
 
 
@@ -83,6 +83,11 @@ def _forget_old(own: Path) -> None:
         with suppress(OSError):  # another process may drop it at the same time
             if other != own and time.time() - other.stat().st_mtime > KEPT_S:
                 shutil.rmtree(other)
+
+
+def _own_folder() -> Path:
+    root = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
+    return root / "loopaudit" / "kernels" / _source_digest()
 
 
 def _source_digest() -> str:

@@ -7,6 +7,7 @@ import resource
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from typing import Any
@@ -39,11 +40,12 @@ def log_structured(**_: object) -> None:
 @signals.worker_init.connect
 def warm_up(sender: Any, **_: object) -> None:
     """In the parent, once: its children inherit what is compiled and loaded."""
-    if not _all_were_compiled():
-        log.warning("compiling the kernels; at the first start of a version this takes a minute or two")
-        _compile_aside()
-        with kernel_cache.one_at_a_time():
-            _load()
+    try:
+        _load_or_compile()
+    except Exception:  # after a power cut a file may be there and empty: numba would fail on it each time
+        log.exception("the kernels cannot be loaded: they are compiled anew")
+        kernel_cache.empty()
+        _load_or_compile()
     gc.collect()
     gc.freeze()  # what is loaded stays: looking through it for garbage took a twentieth of reading a file
     log.warning("ready")
@@ -52,19 +54,21 @@ def warm_up(sender: Any, **_: object) -> None:
     sender.max_memory_per_child = 1024 * max(current_app.settings.worker_memory_mb, own_mb + ROOM_TO_WORK_MB)
 
 
+def _load_or_compile() -> None:
+    if _all_were_compiled():
+        return
+    log.warning("compiling the kernels; at the first start of a version this takes a minute or two")
+    _compile_aside()
+    with kernel_cache.one_at_a_time():
+        _load()
+
+
 def _all_were_compiled() -> bool:
-    """Loads the kernels, as far as they are in the cache; whether all of them are. A cache that cannot be read, as
-    after a power cut, is emptied: numba would fail on it each time."""
-    try:
-        with kernel_cache.loading_only():
-            _load()
-    except kernel_cache.NotCompiled:
-        return False
-    except Exception:
-        log.exception("the kernels cannot be loaded: they are compiled anew")
-        kernel_cache.empty()
-        return False
-    return True
+    """Loads the kernels, as far as they are in the cache; whether all of them are."""
+    with suppress(kernel_cache.NotCompiled), kernel_cache.loading_only():
+        _load()
+        return True
+    return False
 
 
 def _load() -> None:

@@ -39,6 +39,7 @@ _LARGEST = 4000
 _ONSET_RISE = 0.35
 _ONSET_WEIGHT = 1.5
 _NOTHING_STICKS = 0.5
+_LEAST_APART = 1e-4  # of 1 - c^2: no two swings of a plant are one
 _LEAST_SPREAD = float(np.log(20.0))
 
 
@@ -132,11 +133,13 @@ class _Waves:
 @dataclass(frozen=True, eq=False)
 class _Company:
     """What chance brings to each of the candidates. expected: (M,) how many others within a line and a half of its
-    frequency. lines: (M,) over how many independent lines its power is spread.
+    frequency. lines: (M,) over how many independent lines its power is spread. start_s, end_s: (M,) of its record.
     """
 
     expected: FloatArray
     lines: FloatArray
+    start_s: FloatArray
+    end_s: FloatArray
 
     @classmethod
     def of(cls, chosen: Sequence[Candidate]) -> "_Company":
@@ -144,7 +147,9 @@ class _Company:
         spread = max(float(np.log(period.max() / period.min())), _LEAST_SPREAD)
         power = [np.abs(c.swing.lines) ** 2 for c in chosen]
         lines = np.array([HANN_SHARE * np.sum(p) ** 2 / np.sum(p * p) for p in power])
-        return cls((len(chosen) - 1) * 2.0 * slack / spread, lines)
+        start = np.array([c.swing.start_s for c in chosen])
+        end = start + np.array([c.swing.length_s for c in chosen])
+        return cls((len(chosen) - 1) * 2.0 * slack / spread, lines, start, end)
 
     def of_one_period(self, one: int, count: int) -> float:
         """Poisson probability of so many others of its period or more."""
@@ -174,11 +179,14 @@ class _Company:
         """How many others chance brings to the period of one, as coherent with it as another is.
 
         Of swings that wander by themselves over n independent lines a share of (1 - c^2)^(n - 1) is more coherent than
-        c. A limit cycle is hardly more than one line: to be coherent with it tells little.
+        c; n is less where the two were recorded together for a part of the time only. A limit cycle is hardly more than
+        one line: to be coherent with it tells little.
         """
-        lines = min(self.lines[one], self.lines[other])
-        alike = (1.0 - min(1.0, abs(link)) ** 2) ** max(lines - 1.0, 0.0)
-        return float(alike * self.expected[one])
+        pair = [one, other]
+        together = max(0.0, float(np.min(self.end_s[pair]) - np.max(self.start_s[pair])))
+        lines = float(np.min(self.lines[pair] * together / (self.end_s[pair] - self.start_s[pair])))
+        apart = max(1.0 - min(1.0, abs(link)) ** 2, _LEAST_APART)
+        return float(apart ** max(lines - 1.0, 0.0) * self.expected[one])
 
 
 @dataclass(eq=False)

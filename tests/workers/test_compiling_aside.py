@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
@@ -41,23 +42,31 @@ from numba import njit
 @njit(cache=True)
 def twice(x):
     return 2 * x
+
+@njit(cache=True)
+def half(x):
+    return 0.5 * x
 """
 
 
 @dataclass
 class Start:
-    """A worker that has one kernel, and what its start did: the answers of the kernel, and how often it compiled."""
+    """A worker that has two kernels, and what its start did: the answers of one, and how often it compiled."""
 
     kernel: Path
     answers: list[float] = field(default_factory=list)
     compiled_aside: int = 0
 
     def load(self) -> None:
-        self.answers.append(runpy.run_path(str(self.kernel))["twice"](1.0))
+        kernels = runpy.run_path(str(self.kernel))
+        self.answers.append(kernels["twice"](1.0))
+        kernels["half"](1.0)
 
     def compile_aside(self) -> None:
+        """In processes of their own, whose failing is theirs."""
         self.compiled_aside += 1
-        self.load()
+        with suppress(EOFError):
+            self.load()
 
     def again(self) -> int:
         """How often the worker, started again, compiled aside."""
@@ -70,6 +79,7 @@ class Start:
 def start(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Start]:
     monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr(kernel_cache, "_own_folder", lambda: tmp_path / "cache")
     settings = SimpleNamespace(data_dir=tmp_path, worker_memory_mb=400)
     monkeypatch.setattr(process, "current_app", SimpleNamespace(settings=settings))
     made = Start(tmp_path / "kernel.py")
@@ -90,16 +100,29 @@ def test_a_worker_compiles_aside_only_what_it_does_not_find(start: Start) -> Non
     assert start.answers == [3.0, 3.0]
 
 
-@pytest.mark.parametrize("what", ["*.nbi", "*.nbc"])
-def test_a_cache_that_a_power_cut_emptied_is_made_anew(start: Start, what: str) -> None:
+@pytest.mark.parametrize("what", ["*.nbi", "*.nbc", "*half*.nbi"])
+@pytest.mark.parametrize("gone", ["nothing", "*twice*"])
+def test_a_cache_that_a_power_cut_emptied_is_made_anew(start: Start, what: str, gone: str) -> None:
     assert start.again() == 1
-    spoiled = list((start.kernel.parent / "cache").rglob(what))
+    cache = start.kernel.parent / "cache"
+    spoiled = list(cache.rglob(what))
     assert spoiled
     for path in spoiled:
         path.write_bytes(b"")
-    assert start.again() == 1
-    assert start.answers == [2.0, 2.0]
+    for path in list(cache.rglob(gone)):
+        path.unlink()
+    assert start.again() >= 1
+    assert start.answers[-1] == 2.0
     assert start.again() == 0
+
+
+def test_a_cache_that_others_may_use_too_is_not_emptied(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    start.again()
+    kept = sorted((start.kernel.parent / "cache").rglob("*.nb[ic]"))
+    monkeypatch.setattr(kernel_cache, "_own_folder", lambda: start.kernel.parent / "elsewhere")
+    kernel_cache.empty()
+    assert kept
+    assert sorted((start.kernel.parent / "cache").rglob("*.nb[ic]")) == kept
 
 
 def test_a_kernel_is_compiled_as_ever_once_only_loading_is_over(start: Start) -> None:

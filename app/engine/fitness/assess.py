@@ -173,7 +173,7 @@ def _newest_without_gap(samples: _Samples, config: FitnessConfig) -> tuple[slice
     intervals = np.diff(samples.time_s)
     holes = np.flatnonzero(intervals > config.max_gap_intervals * typical_interval(samples.time_s))
     edges = np.concatenate(([0], holes + 1, [len(samples)]))
-    return newest_long(edges, config.newest_share), len(holes)
+    return newest_long(edges, config.newest_share, config.min_samples), len(holes)
 
 
 def _alive(samples: _Samples, config: FitnessConfig) -> BoolArray:

@@ -45,10 +45,13 @@ def longest_run(mask: BoolArray) -> slice:
     return slice(int(starts[k]), int(ends[k]))
 
 
-def newest_long(edges: IntArray, share: float) -> slice:
-    """The newest of the stretches between edges (K + 1,) that has at least a share of the longest one's samples."""
+def newest_long(edges: IntArray, share: float, least: int) -> slice:
+    """The newest of the stretches between edges (K + 1,) that has at least a share of the longest one's samples, and
+    not fewer than `least` where the longest has as many.
+    """
     lengths = np.diff(edges)
-    k = int(np.flatnonzero(lengths >= share * np.max(lengths))[-1])
+    longest = int(np.max(lengths))
+    k = int(np.flatnonzero(lengths >= max(share * longest, min(least, longest)))[-1])
     return slice(int(edges[k]), int(edges[k + 1]))
 
 

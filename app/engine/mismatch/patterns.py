@@ -55,10 +55,12 @@ class Run:
         return self.last - self.first + 1
 
 
-def noise_deviation(pv: FloatArray) -> float:
-    """Standard deviation of PV's sample-to-sample noise, from second differences; repeated values aside."""
-    second = np.diff(pv, 2)
-    moving = second[second != 0.0]
+def noise_deviation(record: Experiment) -> float:
+    """Standard deviation of PV's sample-to-sample noise where it is known, from second differences; repeated values
+    aside.
+    """
+    second, known = np.diff(record.pv, 2), record.usable
+    moving = second[(second != 0.0) & known[:-2] & known[1:-1] & known[2:]]
     return float(np.median(np.abs(moving)) / 0.6745 / np.sqrt(6.0)) if len(moving) > 20 else 0.0
 
 
@@ -79,7 +81,7 @@ def find_patterns(record: Experiment) -> tuple[Pattern, ...]:
     hold = hold_of(record.pv, record.usable)
     if hold is not None:
         return (held(record, hold.interval * record.sampling_interval_s),)
-    noise = noise_deviation(record.pv)
+    noise = noise_deviation(record)
     runs = equal_runs(record, 0.02 * noise)
     step = level_spacing(record.pv)
     coarse = step > max(STEP_OVER_NOISE * innovation_floor(record.pv), STEP_OVER_SPAN * record.pv_span)

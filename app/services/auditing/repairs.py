@@ -44,7 +44,7 @@ class Window:
             text = f"judged from the repair of {at} on: what came before it is left out"
             return replace(audit, judgement=replace(judged, reasons=(*judged.reasons, Reason(SINCE_REPAIR, text))))
         text = f"of before the repair of {at}: {self.since_repair} samples since then are too few to judge by"
-        if judged.reliability == "reliable" and judged.stiction_probability is not None:
+        if judged.stiction_probability is not None:
             health = doubted_health(health.parts, judged.stiction_probability)
         reasons = (Reason(BEFORE_REPAIR, text), *judged.reasons)
         return replace(audit, judgement=replace(judged, reliability="not_reliable", reasons=reasons), health=health)
