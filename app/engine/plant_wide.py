@@ -204,9 +204,10 @@ class _Free:
 def groups(candidates: Sequence[Candidate]) -> tuple[Group, ...]:
     """Groups of two or more candidates; those that are no chance first, those in step first, the larger ones first.
 
-    Two passes, the strongest oscillation as the seed each time. First: the same period (within 5 % and the resolution
-    of the record) and coherence with the seed of 0.7 or more in the narrow band about it. Then, of what is left: the
-    same unit, the same period (within 3 % and resolution) and spectra alike from a third of the frequency upwards.
+    Three passes, the strongest oscillation as the seed each time. First: the same period (within 5 % and the resolution
+    of the record) and coherence with the seed of 0.7 or more in the narrow band about it, more than chance brings among
+    so many loops. Then the same whatever chance brings. Then, of what is left: the same unit, the same period (within
+    3 % and resolution) and spectra alike from a third of the frequency upwards.
     Cost: M x GRID complex numbers, and M products of that length; of more than 4,000 candidates the strongest are
     taken, and none of fewer than ten cycles. Misleads on pairs of pure sines: two periods that a record cannot tell
     apart are in step as far as it shows.
