@@ -48,7 +48,7 @@ CHANGE_WORDS = {"new": "newly said to stick", "cured": "no longer sticks", "flip
 WHY_WORDS = {
     "first": "first verdict",
     "method": "the method changed (engine or settings)",
-    "data": "the record changed (gaps, length or sampling)",
+    "data": "the record changed (gaps, length, sampling, or whether it can be audited at all)",
     "loop": "the loop behaves differently",
 }
 
