@@ -157,23 +157,21 @@ class _Company:
 
     def by_chance(self, one: int, links: Mapping[int, complex]) -> float:
         """The least probability that as many others as coherent with it come by chance, of those linked to it."""
-        return min(self._ranked(one, {row: link for row, link in links.items() if row != one}).values())
+        return min(_ranked(self._expected(one, {row: link for row, link in links.items() if row != one})).values())
 
     def beyond_chance(self, one: int, links: Mapping[int, complex]) -> list[int]:
         """The rows linked to one that hardly come by chance, each for itself or several together."""
-        expected = {row: self._as_coherent(one, row, link) for row, link in links.items()}
-        together = self._ranked(one, links)
+        expected = self._expected(one, links)
+        together = _ranked(expected)
         return sorted(
             row
             for row, loops in expected.items()
             if loops <= UNNAMED or (loops <= TOGETHER and together[row] <= CHANCE)
         )
 
-    def _ranked(self, one: int, links: Mapping[int, complex]) -> dict[int, float]:
-        """The others, the one that chance brings least first, each with the probability of so many so coherent."""
-        expected = {row: self._as_coherent(one, row, link) for row, link in links.items()}
-        ranked = sorted(expected, key=lambda row: (expected[row], row))
-        return {row: float(pdtrc(count, expected[row])) for count, row in enumerate(ranked)}
+    def _expected(self, one: int, links: Mapping[int, complex]) -> dict[int, float]:
+        """How many others as coherent with one as each that is linked to it chance brings."""
+        return {row: self._as_coherent(one, row, link) for row, link in links.items()}
 
     def _as_coherent(self, one: int, other: int, link: complex) -> float:
         """How many others chance brings to the period of one, as coherent with it as another is.
@@ -187,6 +185,14 @@ class _Company:
         lines = float(np.min(self.lines[pair] * together / (self.end_s[pair] - self.start_s[pair])))
         apart = max(1.0 - min(1.0, abs(link)) ** 2, _LEAST_APART)
         return float(apart ** max(lines - 1.0, 0.0) * self.expected[one])
+
+
+def _ranked(expected: Mapping[int, float]) -> dict[int, float]:
+    """The loops of which chance brings so many, the fewest first, each with the probability that as many come by it as
+    stand up to there.
+    """
+    ranked = sorted(expected, key=lambda row: (expected[row], row))
+    return {row: float(pdtrc(count, expected[row])) for count, row in enumerate(ranked)}
 
 
 @dataclass(eq=False)
@@ -208,9 +214,9 @@ def groups(candidates: Sequence[Candidate]) -> tuple[Group, ...]:
     of the record) and coherence with the seed of 0.7 or more in the narrow band about it, more than chance brings among
     so many loops. Then the same whatever chance brings. Then, of what is left: the same unit, the same period (within
     3 % and resolution) and spectra alike from a third of the frequency upwards.
-    Cost: M x GRID complex numbers, and M products of that length; of more than 4,000 candidates the strongest are
-    taken, and none of fewer than ten cycles. Misleads on pairs of pure sines: two periods that a record cannot tell
-    apart are in step as far as it shows.
+    Cost: M x GRID complex numbers, and M products of that length, up to M^2 where all have one period; of more than
+    4,000 candidates the strongest are taken, and none of fewer than ten cycles. Misleads on pairs of pure sines: two
+    periods that a record cannot tell apart are in step as far as it shows.
     Sources: Thornhill, Shah, Huang, Vishnubhotla 2002, Control Eng. Practice 10, 1247-1258,
     doi 10.1016/S0967-0661(02)00090-5 (spectra alike); Thornhill 2005, J. Process Control 15, 309-324,
     doi 10.1016/j.jprocont.2004.06.005 (the source is where nonlinearity is strongest).

@@ -51,7 +51,7 @@ from app.ingest.model import (
     SignalBlock,
 )
 from app.ingest.named_columns import NamedTable, parse_named, read_instants, read_named
-from app.ingest.recordings import RecordingsRead, read_recordings, to_recording
+from app.ingest.recordings import RecordingsRead, read_recordings, second_zero_ns, to_recording
 from app.ingest.scanning import warm_up
 from app.ingest.stamps import NO_TIME, check_time_zone
 
@@ -84,6 +84,7 @@ __all__ = [
     "read_instants",
     "read_named",
     "read_recordings",
+    "second_zero_ns",
     "stem_of",
     "takes_its_name",
     "to_recording",

@@ -11,7 +11,7 @@ from app.engine.recording import Recording
 from app.ingest.align import align, carried
 from app.ingest.export import read_export
 from app.ingest.grouping import TagMapping
-from app.ingest.model import NANOSECONDS, IngestOptions, LoopSamples, Reject, SignalBlock
+from app.ingest.model import NANOSECONDS, FloatArray, IngestOptions, LoopSamples, Reject, SignalBlock, TimeArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,6 @@ def read_recordings(
     audited = {loop: samples for loop, samples in loops.items() if samples.pv is not None and samples.op is not None}
     single = len(audited) == 1
     names = {export.stem if single else f"{export.stem}:{loop}": loop for loop in audited}
-    starts_s = {name: _start_ns(audited[loop]) / NANOSECONDS for name, loop in names.items()}
     rejects = export.rejects()
     return RecordingsRead(
         recordings=tuple(to_recording(audited[loop], name) for name, loop in names.items()),
@@ -55,7 +54,7 @@ def read_recordings(
         damage=export.damage(),
         doubts=export.doubts(),
         loops=MappingProxyType(names),
-        starts_s=MappingProxyType(starts_s if export.on_one_clock() else {}),
+        starts_s=MappingProxyType(_starts_s(audited, names) if export.on_one_clock() else {}),
     )
 
 
@@ -75,27 +74,36 @@ def to_recording(samples: LoopSamples, name: str) -> Recording:
 
     Set point and mode hold until their next known value.
     """
-    given = _given(samples)
+    pv, op = _or_missing(samples.pv, samples), _or_missing(samples.op, samples)
+    given = np.isfinite(pv) | np.isfinite(op)
+    time_ns = samples.time_ns[given]
+    start = time_ns[0] if len(time_ns) else 0
     automatic = samples.automatic
     return Recording(
         name,
-        (samples.time_ns[given] - _start_ns(samples)) / NANOSECONDS,
-        _or_missing(samples.pv, samples)[given],
-        _or_missing(samples.op, samples)[given],
+        (time_ns - start) / NANOSECONDS,
+        pv[given],
+        op[given],
         sp=None if samples.sp is None else carried(samples.sp)[given],
         automatic=None if automatic is None or not np.any(automatic >= 0) else _flags(automatic)[given],
         others=MappingProxyType({tag: values[given] for tag, values in samples.others.items()}),
     )
 
 
-def _start_ns(samples: LoopSamples) -> int:
-    """The time of the first sample with PV or OP; 0 where there is none."""
-    given = _given(samples)
-    return int(samples.time_ns[np.argmax(given)]) if given.any() else 0
+def second_zero_ns(time_ns: TimeArray, pv: FloatArray | None, op: FloatArray | None) -> int:
+    """The instant of a recording's second 0: its first sample (of one or more) with PV or OP."""
+    given = np.zeros(len(time_ns), dtype=np.bool_)
+    for signal in (pv, op):
+        if signal is not None:
+            given |= np.isfinite(signal)
+    return int(time_ns[np.argmax(given)])
 
 
-def _given(samples: LoopSamples) -> np.ndarray:
-    return np.isfinite(_or_missing(samples.pv, samples)) | np.isfinite(_or_missing(samples.op, samples))
+def _starts_s(audited: Mapping[str, LoopSamples], names: Mapping[str, str]) -> dict[str, float]:
+    loops = {name: audited[loop] for name, loop in names.items()}
+    return {
+        name: second_zero_ns(one.time_ns, one.pv, one.op) / NANOSECONDS for name, one in loops.items() if one.samples
+    }
 
 
 def _or_missing(signal: np.ndarray | None, samples: LoopSamples) -> np.ndarray:
@@ -110,4 +118,4 @@ def _flags(automatic: np.ndarray) -> np.ndarray:
     return np.where(np.isnan(held), first, held) == 1
 
 
-__all__ = ["RecordingsRead", "SignalBlock", "align", "read_recordings", "to_recording"]
+__all__ = ["RecordingsRead", "SignalBlock", "align", "read_recordings", "second_zero_ns", "to_recording"]

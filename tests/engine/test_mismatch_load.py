@@ -14,7 +14,7 @@ from app.engine.mismatch.free_run import (
     beside_load,
     error_left,
     free_run_error,
-    left_over_all,
+    left_by,
     runs_nearer,
     stem_swing,
 )
@@ -192,7 +192,7 @@ def test_a_step_is_felt_in_one_swing_and_a_wrong_model_in_each() -> None:
     bump = np.where(np.arange(N) < N // 10, 20.0 * np.sin(np.arange(N) * 0.5), 0.0)
     right = replace(right, simulated=right.simulated - bump)
     wrong = replace(wrong, simulated=wrong.simulated - 0.5 * swinging())
-    assert left_over_all(right, PERIOD) > 2.0 * left_over_all(wrong, PERIOD)
+    assert np.std(left_by(right, PERIOD)) > 2.0 * np.std(left_by(wrong, PERIOD))
     assert error_left(right, PERIOD) == pytest.approx(0.1, rel=0.1)
     assert runs_nearer(right, wrong, PERIOD)
     assert not runs_nearer(wrong, right, PERIOD)

@@ -19,6 +19,7 @@ from app.engine.simulate import LoopSpec, Pid, Plant, Signal, TwoParameterValve,
 
 SAMPLES, SHARES = 1440, (0.0, 0.25, 0.5, 0.75, 1.0)
 WITHIN = 0.1
+SHAPES = {1: 3, 3: 0, 4: 1}  # of what moves a sound level, as `shaken` counts them: a square, a wave, a triangle
 ACCUSING = {"valve.stiction", "valve.deadband"}
 Sized = tuple[float, float, Comparison]
 
@@ -105,7 +106,8 @@ def sound_levels(count: int, seed: int) -> Iterator[Comparison]:
             few = int(rng.integers(3, 9))
             load = steps_of(np.sort(rng.uniform(0.0, SAMPLES * ts, few)), rng.uniform(-size, size, few))
         else:
-            moved = np.diff(upset(k % 5, size, period, at, rng), prepend=0.0)
+            walk = np.cumsum(0.02 * size * rng.standard_normal(SAMPLES)) if k % 5 == 2 else None
+            moved = np.diff(shaken(SHAPES[k % 5], size, period, at, rng) if walk is None else walk, prepend=0.0)
             load = Signal(steps=tuple((float(t), float(m)) for t, m in zip(at, moved, strict=True) if m != 0.0))
         spec = loop(TwoParameterValve(0.0, 0.0), tuned, plant, load, noise=noise)
         yield recorded(f"sound level {k}", spec, SAMPLES, ts, k)
@@ -116,16 +118,6 @@ def of_level(rng: np.random.Generator, dead_times: list[int]) -> tuple[float, fl
     ts, noise = float(rng.choice([2.0, 5.0])), float(rng.choice([0.05, 0.1, 0.2]))
     gain = float(rng.choice([0.002, 0.005, 0.01]))
     return ts, noise, integrator(gain, float(rng.choice(dead_times))), gain
-
-
-def upset(kind: int, size: float, period: float, at: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """A square, a walk, a wave or a triangle (N,)."""
-    turn = 2.0 * np.pi * at / period
-    if kind == 1:
-        return size * np.sign(np.sin(turn))
-    if kind == 2:
-        return np.cumsum(0.02 * size * rng.standard_normal(len(at)))
-    return size * (np.sin(turn) if kind == 3 else 4.0 * np.abs((at / period) % 1.0 - 0.5) - 1.0)
 
 
 def steps_of(times: FloatArray, moves: FloatArray) -> Signal:

@@ -35,8 +35,7 @@ def error_left(found: Fit, swing: int | None) -> float:
     """What the free run leaves of PV, also of an integrating process; beside a load where a swing is given: in the
     middle one of all swings then, because a load that steps is felt in some of them, and a wrong model in each.
     """
-    seen = found.record.usable
-    left = beside_load(found.residual, seen, swing)[seen]
+    left = left_by(found, swing)
     if swing is None:
         return float(np.std(left))
     swings = np.array_split(left, max(len(left) // swing, 1))
@@ -50,12 +49,13 @@ def runs_nearer(one: Fit, other: Fit, swing: int | None, share: float = 1.0) -> 
     left, beside = free_run_error(one, swing), free_run_error(other, swing)
     if swing is None or left < CLEARLY * beside:
         return left < share * beside
-    return left < share * beside and left_over_all(one, swing) < share * left_over_all(other, swing)
+    return left < share * beside and float(np.std(left_by(one, swing))) < share * float(np.std(left_by(other, swing)))
 
 
-def left_over_all(found: Fit, swing: int) -> float:
+def left_by(found: Fit, swing: int | None) -> FloatArray:
+    """What the free run leaves of PV at the samples that are compared, beside a load where a swing is given."""
     seen = found.record.usable
-    return float(np.std(beside_load(found.residual, seen, swing)[seen]))
+    return beside_load(found.residual, seen, swing)[seen]
 
 
 def beside_load(left: FloatArray, seen: BoolArray, swing: int | None) -> FloatArray:

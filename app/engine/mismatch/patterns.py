@@ -59,9 +59,15 @@ def noise_deviation(record: Experiment) -> float:
     """Standard deviation of PV's sample-to-sample noise where it is known, from second differences; repeated values
     aside.
     """
-    second, known = np.diff(record.pv, 2), record.usable
-    moving = second[(second != 0.0) & known[:-2] & known[1:-1] & known[2:]]
+    second = np.diff(record.pv, 2)
+    moving = second[(second != 0.0) & between_known(record)]
     return float(np.median(np.abs(moving)) / 0.6745 / np.sqrt(6.0)) if len(moving) > 20 else 0.0
+
+
+def between_known(record: Experiment) -> BoolArray:
+    """(N - 2,) whether a sample and both beside it are known, for second differences."""
+    known = record.usable
+    return known[:-2] & known[1:-1] & known[2:]
 
 
 def equal_runs(record: Experiment, tolerance: float) -> tuple[Run, ...]:
@@ -206,8 +212,7 @@ def compressed(record: Experiment) -> Pattern | None:
     first, second = np.diff(record.pv), np.diff(record.pv, 2)
     typical = float(np.std(first))
     straight = np.abs(second) < 0.02 * typical
-    known = record.usable
-    away = (away_from_extremes(record) & known)[1:-1] & known[:-2] & known[2:]
+    away = away_from_extremes(record)[1:-1] & between_known(record)
     share = float(np.mean(straight[away])) if away.sum() > LEAST_RUN else 0.0
     if share < 0.4 or typical == 0.0:
         return None

@@ -66,7 +66,7 @@ def restarted(base: Fit, blocks: tuple[Block, ...]) -> tuple[Rival, ...]:
     ended = behind_stems(base, shown, blocks)
     for _ in range(AGAIN if ended else 0):
         best = max(ended, key=score_of)
-        ended += behind_stems(base, shown_stems(base.record, best.noise, best.plant), blocks)
+        ended += behind_stems(base, shown_stems(record, best.noise, best.plant), blocks)
         if max(ended, key=score_of).score < best.score + LIKELIER:
             break
     of_each = {found.parts[-1].block.code: found for found in sorted(ended, key=score_of)}

@@ -7,6 +7,7 @@ from typing import Any
 from sqlalchemy import Connection
 from sqlalchemy.exc import SQLAlchemyError
 
+from app.engine.plant_wide import groups
 from app.services.auditing import hearing
 from app.services.auditing.audit_line import flat_health, flat_reasons
 from app.services.auditing.hearing import Doubt
@@ -58,7 +59,7 @@ def _doubts(connection: Connection, audit_id: int) -> list[Reworded]:
     relied_on = verdicts.relied_on(connection, audit_id)
     if not relied_on:
         return []
-    found = hearing.doubts(candidates(verdicts.swings(connection)), relied_on)
+    found = hearing.doubts(groups(candidates(verdicts.swings(connection))), relied_on)
     rows = verdicts.newest_of(connection, [relied_on[tag] for tag in found])
     return [
         _reworded(row, verdicts.detail(connection, relied_on[tag], audit_id) or {}, relied_on[tag], found[tag])

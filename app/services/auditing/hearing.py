@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from app.engine.health import HealthPart, doubted_health
-from app.engine.plant_wide import Candidate, Suspect, groups
+from app.engine.plant_wide import Candidate, Group, Suspect, groups
 
 SHAKEN_BY_NEIGHBOUR = "shaken_by_neighbour"
 
@@ -20,11 +20,11 @@ class Doubt:
     source: Suspect
 
 
-def doubts(candidates: Sequence[Candidate], relied_on: Container[str]) -> dict[str, Doubt]:
+def doubts(together: Iterable[Group], relied_on: Container[str]) -> dict[str, Doubt]:
     """The doubts by tag. relied_on: tags of the loops whose valves are reliably said to stick."""
     return {
         suspect.tag: Doubt(suspect, group.suspects[0])
-        for group in groups(candidates)
+        for group in together
         for suspect in group.shaken
         if suspect.tag in relied_on
     }
@@ -49,7 +49,7 @@ def heard_together(lines: Sequence[dict[str, Any]], candidates: Sequence[Candida
     that swing, under their loop's name.
     """
     relied_on = {line["loop"] for line in lines if (line["verdict"], line["reliability"]) == ("stiction", "reliable")}
-    found = doubts(candidates, relied_on) if relied_on else {}
+    found = doubts(groups(candidates), relied_on) if relied_on else {}
     return [_heard(line, found.get(line["loop"])) for line in lines]
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from app.engine.recording import Recording
-from app.ingest import LoopSamples, to_recording
+from app.ingest import LoopSamples, second_zero_ns, to_recording
 from app.storage.loops import LoopRow
 from app.storage.samples import Samples
 
@@ -24,7 +24,5 @@ def recording_of(loop: LoopRow, samples: Samples) -> Recording:
 
 
 def origin_ns(samples: Samples) -> int:
-    """The instant of a recording's second 0: its first sample with PV or OP."""
-    missing = np.full(len(samples), np.nan)
-    given = np.isfinite(samples.signals.get("pv", missing)) | np.isfinite(samples.signals.get("op", missing))
-    return int(samples.time_ns[np.argmax(given)])
+    """The instant of a recording's second 0."""
+    return second_zero_ns(samples.time_ns, samples.signals.get("pv"), samples.signals.get("op"))

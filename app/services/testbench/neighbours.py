@@ -43,15 +43,16 @@ def hear(audits: Mapping[str, Audit]) -> Heard:
     swinging = [
         Candidate(t, a.swing, a.judgement.stiction_probability) for t, a in audits.items() if a.swing is not None
     ]
+    together = groups(swinging)
     sure = {tag for tag, found in audits.items() if _sure(found)}
-    left = sure - doubts(swinging, sure).keys()
+    left = sure - doubts(together, sure).keys()
     sources = {tag for tag in audits if tag.endswith(SOURCE)}
     return Heard(
         accused=frozenset(sure - sources),
         left=frozenset(left - sources),
         relied_on=frozenset(sure & sources),
         kept=frozenset(left & sources),
-        named=frozenset(sources & {group.source for group in groups(swinging)}),
+        named=frozenset(sources & {group.source for group in together}),
     )
 
 
