@@ -40,7 +40,7 @@ _AS_CONFIGURED = AuditConfig()  # one of it, because its fingerprint costs as mu
 
 @dataclass(frozen=True)
 class Window:
-    """The stretch that was identified, in seconds from the start of the recording (first and last sample)."""
+    """A stretch of the recording, in seconds from its start (first and last sample)."""
 
     start_s: float
     end_s: float
@@ -52,8 +52,10 @@ class Audit:
     """What one audit found, and what is needed to make it again.
 
     samples: samples of the recording. sampling_interval_s: of the audited stretch, else the recording's median; None
-    below two samples. op_span: max(OP) - min(OP) in the window, unit of OP.
-    oscillation, window, reference, op_span: None where the recording is not auditable.
+    below two samples.
+    window: what was judged. identified: its newest part, which the published rule was run on.
+    op_span: max(OP) - min(OP) in what was identified, unit of OP.
+    oscillation, window, identified, reference, op_span: None where the recording is not auditable.
     episodes: stretches of a long record in which the valve sticks while it does not in the rest.
     key_figures: over the whole recording, also where it is not auditable. health: from these and the verdict.
     swing: what is kept of a regular oscillation to compare loops by; None where there is none.
@@ -67,6 +69,7 @@ class Audit:
     fitness: Fitness
     oscillation: Oscillation | None
     window: Window | None
+    identified: Window | None
     op_span: float | None
     reference: Reference | None
     judgement: Judgement
@@ -82,7 +85,7 @@ class Audit:
 
     @property
     def stiction_band_pct_of_op_range(self) -> float | None:
-        """The stiction band d of the last rung in per cent of the range that OP covers in the window."""
+        """The stiction band d of the last rung in per cent of the range that OP covers in what was identified."""
         if self.reference is None or not self.op_span:
             return None
         return 100.0 * float(self.reference.last.one.d_best) / self.op_span
@@ -222,7 +225,8 @@ def _result(
         sampling_interval_s=_interval(recording, fitness),
         fitness=fitness,
         oscillation=oscillation,
-        window=None if record is None else _window(record),
+        window=None if record is None else _window(fitness.audited),
+        identified=None if record is None else _window(record),
         op_span=None if record is None else float(np.ptp(record.op)),
         reference=reference,
         judgement=judgement,

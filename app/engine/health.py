@@ -23,6 +23,9 @@ UNANSWERED_TEXT = "PV never answers OP: the valve is stuck, or the transmitter i
 FULL_SATURATION_PCT = 50.0
 FULL_ERROR_PCT = 5.0
 
+LONG_AT_EXTREME_PCT = 20.0
+"""Where OP's span is not known, resting at its own least or greatest value for so long is taken for a limit."""
+
 
 @dataclass(frozen=True)
 class HealthPart:
@@ -46,18 +49,18 @@ def health(judgement: Judgement, figures: KeyFigures, oscillation: Oscillation |
     """The health of a loop, 0..100, from its verdict, its key figures and its oscillation.
 
     Stiction counts by its probability, a verdict without reliability for 60 % of it; a valve that could not be judged
-    loses half of the weight, and all of it where PV does not answer a controller at work: whichever of stuck valve and
-    dead transmitter it is, the loop is not controlled, and being in automatic counts for nothing. Oscillation
-    counts by its strength where it is regular; time out of automatic, time of OP at a limit (50 % of the time is
-    full), mean control error (5 % of PV's span is full) and missing samples in proportion. A figure that is not known
-    takes nothing off, and says so. Misleads where a loop is meant to swing (averaging level control) or to be in
-    manual.
+    or of which the record shows nothing loses half of the weight, and all of it where PV does not answer a controller
+    at work: whichever of stuck valve and dead transmitter it is, the loop is not controlled, and being in automatic
+    counts for nothing. Oscillation counts by its strength where it is regular; time out of automatic, time of OP at a
+    limit (50 % of the time is full; its own extremes where no span is known), mean control error (5 % of PV's span is
+    full) and missing samples in proportion. A figure that is not known takes nothing off, and says so. Misleads where a
+    loop is meant to swing (averaging level control) or to be in manual.
     """
     parts = (
         _stiction(judgement),
         _oscillation(oscillation),
         _service(judgement, figures.service_factor_pct),
-        _saturation(figures.op_saturation_pct),
+        _saturation(figures),
         _tracking(figures.error_abs_mean_pct_of_span),
         _data(figures.good_share_pct),
     )
@@ -83,7 +86,7 @@ def _stiction(judgement: Judgement) -> HealthPart:
     probability = judgement.stiction_probability
     if _unanswered(judgement):
         return _part("stiction", 1.0, UNANSWERED_TEXT)
-    if probability is None:
+    if probability is None or judgement.shows_no_valve:
         return _part("stiction", NOT_JUDGED, "the valve could not be judged")
     if judgement.reliability == "reliable":
         return _part("stiction", probability, f"probability of stiction {probability:.2f}")
@@ -116,10 +119,14 @@ def _service(judgement: Judgement, service_pct: float | None) -> HealthPart:
     return _part("service", 1.0 - service_pct / 100.0, f"in automatic for {service_pct:.0f} % of the time")
 
 
-def _saturation(saturation_pct: float | None) -> HealthPart:
-    if saturation_pct is None:
+def _saturation(figures: KeyFigures) -> HealthPart:
+    at_limit, at_extreme = figures.op_saturation_pct, figures.op_at_extreme_pct
+    if at_limit is not None:
+        return _part("saturation", at_limit / FULL_SATURATION_PCT, f"OP at a limit for {at_limit:.0f} %")
+    if at_extreme is None or at_extreme < LONG_AT_EXTREME_PCT:
         return _part("saturation", 0.0, "the span of OP is not known")
-    return _part("saturation", saturation_pct / FULL_SATURATION_PCT, f"OP at a limit for {saturation_pct:.0f} %")
+    text = f"OP at its own least or greatest value for {at_extreme:.0f} % (its span is not known)"
+    return _part("saturation", at_extreme / FULL_SATURATION_PCT, text)
 
 
 def _tracking(error_pct: float | None) -> HealthPart:

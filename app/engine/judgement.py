@@ -9,6 +9,9 @@ from app.engine.rivals.rival import Rival
 Verdict = Literal["stiction", "no_stiction", "inconclusive", "not_auditable"]
 Reliability = Literal["reliable", "not_reliable"]
 
+UNCOUPLED = "uncoupled"
+"""The reason that nothing in a record tells of a valve: PV owes nothing to OP."""
+
 
 @dataclass(frozen=True)
 class Judgement:
@@ -25,3 +28,8 @@ class Judgement:
     reasons: tuple[Reason, ...]
     likely_cause: str | None
     rivals: tuple[Rival, ...] = ()
+
+    @property
+    def shows_no_valve(self) -> bool:
+        """Whether the record, neither accusing nor clearing, tells nothing of a valve."""
+        return self.verdict == "inconclusive" and any(reason.code == UNCOUPLED for reason in self.reasons)

@@ -6,13 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from app.engine.fitness.signals import resolution, usable_values
+from app.engine.fitness.signals import extreme_share, quantisation_step, resolution, usable_values
 from app.engine.oscillation import autocorrelation
 from app.engine.recording import BoolArray, FloatArray, Recording
 from app.errors import DataError
 
 LIMIT_BAND_SHARE = 0.005
 """How near to the end of a known OP span counts as saturated, as a share of the span."""
+
+FEWEST_STEPS = 10
+"""Steps of its resolution below which OP's own extremes say nothing of limits."""
 
 REVERSAL_SHARE = 0.02
 """A reversal counts once OP has come back by this share of its range (5th to 95th percentile): noise is no travel."""
@@ -31,6 +34,8 @@ class KeyFigures:
     good_share_pct: samples with PV and OP, of all samples.
     service_factor_pct: good samples in automatic, of all good samples; None where the mode was not recorded.
     op_saturation_pct: automatic samples with OP within 0.5 % of an end of its span; None without a known span.
+    op_at_extreme_pct: automatic samples with OP at the one of its own extremes where it stands longer; None where its
+    span is known and where its range is below ten of its steps.
     error_mean, error_std, error_abs_mean, error_abs_p95: SP - PV in the unit of PV; None without a set point.
     error_p05, error_median, error_p95: percentiles of SP - PV, its distribution in three numbers, in the unit of PV.
     error_abs_mean_pct_of_span: mean of abs(SP - PV) in per cent of PV's span; None without a known span.
@@ -47,6 +52,7 @@ class KeyFigures:
     good_share_pct: float
     service_factor_pct: float | None
     op_saturation_pct: float | None
+    op_at_extreme_pct: float | None
     error_mean: float | None
     error_std: float | None
     error_abs_mean: float | None
@@ -95,6 +101,7 @@ def compute(recording: Recording, harris_horizon_samples: int = 5) -> KeyFigures
         good_share_pct=100.0 * float(good.mean()) if recording.samples else 0.0,
         service_factor_pct=_share_pct(used, good) if recording.automatic is not None else None,
         op_saturation_pct=_saturation_pct(recording.op[used], recording.op_range),
+        op_at_extreme_pct=_at_extreme_pct(recording.op[used]) if recording.op_range is None else None,
         error_mean=_statistic(error, np.mean),
         error_std=_statistic(error, np.std),
         error_abs_mean=_statistic(size, np.mean),
@@ -151,6 +158,12 @@ def _saturation_pct(op: FloatArray, op_range: tuple[float, float] | None) -> flo
     low, high = op_range
     band = LIMIT_BAND_SHARE * (high - low)
     return 100.0 * float(np.mean((op <= low + band) | (op >= high - band)))
+
+
+def _at_extreme_pct(op: FloatArray) -> float | None:
+    step = quantisation_step(op) if len(op) else None
+    # A signal of a few values is at its least or greatest for much of the time whatever it does.
+    return None if step is None or np.ptp(op) < FEWEST_STEPS * step else 100.0 * extreme_share(op)
 
 
 def _variability_pct(pv: FloatArray) -> float | None:

@@ -10,7 +10,7 @@ from app.engine.coupling import strangers_chance
 from app.engine.evidence import Finding, Reason
 from app.engine.features import NAMES, Features, observe
 from app.engine.fitness import Fitness
-from app.engine.judgement import Judgement, Reliability, Verdict
+from app.engine.judgement import UNCOUPLED, Judgement, Reliability, Verdict
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.reliability import Reference
@@ -128,26 +128,32 @@ def conclude(
 ) -> Judgement:
     """The judgement that follows from weighed evidence."""
     probability = weighing.probability
-    verdict = _verdict(probability, config)
-    doubts = _doubts(weighing, verdict, oscillation, fitness, config)
-    reliability: Reliability = "not_reliable" if doubts else "reliable"
-    reasons = (*_shape_reasons(weighing, verdict), *_rival_reasons(weighing, verdict), *doubts)
+    unrelated = _unrelated(fitness, oscillation, config)
+    verdict = _verdict(probability, unrelated, config)
+    doubts = (*_doubts(weighing, verdict, oscillation, config), *_data_doubts(weighing, fitness, config))
+    reliability: Reliability = "not_reliable" if unrelated or doubts else "reliable"
+    reasons = (*unrelated, *_shape_reasons(weighing, verdict), *_rival_reasons(weighing, verdict), *doubts)
     if reference is not None:
         reasons += reference_reason(reference, verdict)
     ranked = contest(weighing.rivals, probability, weighing.features)
-    return Judgement(verdict, probability, reliability, reasons, _cause(weighing, verdict), ranked)
+    found = Judgement(verdict, probability, reliability, reasons, _cause(weighing, verdict), ranked)
+    return replace(found, likely_cause=None) if found.shows_no_valve else found
 
 
-def _verdict(probability: float, config: VerdictConfig) -> Verdict:
+def _verdict(probability: float, unrelated: tuple[Reason, ...], config: VerdictConfig) -> Verdict:
     if abs(probability - 0.5) < config.undecided_within:
         return "inconclusive"
-    return "stiction" if probability > 0.5 else "no_stiction"
+    if probability > 0.5:
+        return "stiction"
+    # Behind a valve that does not move at all PV owes nothing to OP: what accuses nobody clears nobody there.
+    strangers = any(reason.code == UNCOUPLED for reason in unrelated)
+    return "inconclusive" if strangers else "no_stiction"
 
 
 def _doubts(
-    weighing: Weighing, verdict: Verdict, oscillation: Oscillation, fitness: Fitness, config: VerdictConfig
+    weighing: Weighing, verdict: Verdict, oscillation: Oscillation, config: VerdictConfig
 ) -> tuple[Reason, ...]:
-    """Why the verdict is not reliable; empty where it is."""
+    """Why the shapes do not make the verdict reliable; empty where they do."""
     doubts = []
     doubts.extend(_unclear(weighing, oscillation, config))
     if oscillation.cycles < config.min_cycles:
@@ -155,11 +161,9 @@ def _doubts(
         doubts.append(Reason("few_cycles", text))
     if weighing.window_spread > config.max_window_spread * abs(weighing.log_odds_by_shapes):
         doubts.append(Reason("windows_disagree", "parts of the record say different things about the valve"))
-    doubts.extend(_unrelated(fitness, oscillation, config))
     if verdict == "stiction":
         doubts.extend(_shaped_outside(weighing, config))
         doubts.extend(Reason(rival.cause, rival.text) for rival in weighing.rivals if rival.stands_out and rival.counts)
-    doubts.extend(_data_doubts(weighing, fitness, config))
     return tuple(doubts)
 
 
@@ -197,7 +201,8 @@ def _unrelated(fitness: Fitness, oscillation: Oscillation, config: VerdictConfig
     """Where PV and OP are one signal, or may be strangers (a tag of another loop), nothing is shown of a valve."""
     record = fitness.audited
     if 1.0 - correlation(record.pv, record.op) ** 2 < config.min_difference:
-        return (Reason("same_signal", "PV is OP on another scale: one tag for both, or a loop without a process"),)
+        text = "PV is OP on another scale: a controller of gain alone, one tag for both, or no process between them"
+        return (Reason("same_signal", text),)
     if strangers_chance(record, oscillation) < config.max_strangers_chance:
         return ()
     text = "what is new in PV and what is new in OP have nothing to do with each other: tags of two loops, or no loop"

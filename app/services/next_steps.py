@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from app.engine.episodes import BEGAN
+from app.engine.judgement import UNCOUPLED
 from app.services.auditing.hearing import SHAKEN_BY_NEIGHBOUR
 from app.services.auditing.repairs import BEFORE_REPAIR
 from app.services.wording import CAUSE_WORDS
@@ -24,6 +25,10 @@ BEGAN_TO_STICK = "It sticks since the hour that is named, whatever the rest of t
 CLEARED = "Nothing at the valve."
 CANNOT_TELL = "Nothing, unless it stays like that for weeks; then a stroke test tells more than another night."
 NOT_AUDITABLE = "Tell the control engineer what the checks say: better recording brings a verdict."
+UNRELATED = (
+    "Find out whether PV and OP are tags of one loop, and recorded. If they are, see in the field whether the stem "
+    "moves when OP does: behind a valve that is stuck PV owes nothing to OP."
+)
 WAIT = "Wait until enough is recorded since the repair: what is said here is of before it."
 
 BY_CAUSE = {
@@ -65,6 +70,8 @@ def next_step(row: Mapping[str, Any], reasons: tuple[str, ...] = ()) -> str:
         return BEGAN_TO_STICK
     if row["verdict"] == "stiction":
         return STICKS if row["reliability"] == "reliable" else MAY_STICK
+    if row["verdict"] == "inconclusive" and UNCOUPLED in reasons:
+        return UNRELATED
     return BY_CAUSE.get(row["likely_cause"] or "", BY_VERDICT[row["verdict"]])
 
 
@@ -74,6 +81,7 @@ def as_table() -> str:
         ("valve sticks, rely on it", STICKS),
         ("valve sticks, look before you act", MAY_STICK),
         ("cannot tell, and no cause is named", CANNOT_TELL),
+        ("cannot tell, because PV has nothing to do with OP", UNRELATED),
         ("not auditable, and no cause is named", NOT_AUDITABLE),
         ("no stiction, and no cause is named", CLEARED),
         *((f"else, likely cause: {CAUSE_WORDS[code]}", step) for code, step in BY_CAUSE.items()),

@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from app.engine import ENGINE_VERSION
 from app.engine import audit as audit_module
@@ -215,15 +216,29 @@ def test_a_valve_is_not_cleared_reliably_by_the_way_that_op_runs_to_its_end():
     t, noise = np.arange(2400.0), np.random.default_rng(4)
     op = np.maximum(50.0 - 0.05 * t, 0.0) + np.where(t < 1000, 0.05 * noise.standard_normal(2400), 0.0)
     found = audit(Recording("stuck", t, 49.0 + 0.05 * noise.standard_normal(2400), op))
-    assert found.judgement.reliability == "not_reliable"
+    assert (found.judgement.verdict, found.judgement.reliability) == ("inconclusive", "not_reliable")
+    assert {"uncoupled", "op_flat"} <= {reason.code for reason in found.judgement.reasons}
+    assert found.judgement.reasons[0].code == "uncoupled"
+    assert found.judgement.likely_cause is None
+
+
+def test_a_loop_that_is_shut_for_most_of_the_time_is_judged_by_what_it_does_in_the_rest():
+    """As above OP stands still for most of the record, but where it moves PV owes its movement to it."""
+    n, noise = 3000, np.random.default_rng(5)
+    op = np.zeros(n)
+    op[:1200] = 40.0 + np.cumsum(noise.standard_normal(1200))
+    pv = lfilter([0.0, 0.3], [1.0, -0.7], op) + 0.2 * noise.standard_normal(n)
+    found = audit(Recording("batch", np.arange(float(n)), pv, op))
+    assert (found.judgement.verdict, found.judgement.reliability) == ("no_stiction", "not_reliable")
     assert "op_flat" in {reason.code for reason in found.judgement.reasons}
 
 
-def test_long_records_are_identified_on_their_newest_samples():
+def test_long_records_are_judged_whole_and_identified_on_their_newest_samples():
     loop = sticky_loop(900)
     result = audit(loop, AuditConfig(max_samples=400))
     assert (result.samples, result.fitness.record.samples) == (900, 900)
-    assert (result.window.start_s, result.window.end_s, result.window.samples) == (500.0, 899.0, 400)
+    assert (result.window.start_s, result.window.end_s, result.window.samples) == (0.0, 899.0, 900)
+    assert (result.identified.start_s, result.identified.end_s, result.identified.samples) == (500.0, 899.0, 400)
 
 
 def test_newest():

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.engine.evidence import Reason
 from app.engine.health import WEIGHTS, health
 from app.engine.judgement import Judgement
 from app.engine.key_figures import compute
@@ -69,6 +70,33 @@ def test_what_is_not_known_takes_nothing_off_and_says_so():
     texts = {part.code: part.text for part in found.parts}
     assert texts["service"] == "the mode was not recorded"
     assert texts["saturation"] == "the span of OP is not known"
+
+
+def resting_at_its_least(share: float) -> np.ndarray:
+    n = 1000
+    ramp = np.linspace(50.0, 0.0, n - round(share * n), endpoint=False)
+    return np.concatenate([ramp, np.zeros(n - len(ramp))])
+
+
+@pytest.mark.parametrize(("share", "points"), [(0.1, 0.0), (0.25, 5.0), (0.6, 10.0)])
+def test_without_a_span_of_op_its_own_extremes_are_asked(share, points):
+    op = resting_at_its_least(share)
+    figures = compute(Recording("x", np.arange(1000.0), np.sin(np.arange(1000.0)), op))
+    assert figures.op_saturation_pct is None
+    assert lost(health(STICKY, figures, None))["saturation"] == points
+    known = compute(Recording("x", np.arange(1000.0), np.sin(np.arange(1000.0)), op - 20.0, op_range=(-50.0, 50.0)))
+    assert known.op_at_extreme_pct is None
+    assert lost(health(STICKY, known, None))["saturation"] == 0.0
+
+
+def test_an_op_of_few_values_has_no_extremes_that_say_anything():
+    figures = compute(Recording("x", np.arange(1000.0), np.sin(np.arange(1000.0)), np.arange(1000.0) % 2))
+    assert figures.op_at_extreme_pct is None
+
+
+def test_a_record_that_shows_nothing_of_a_valve_is_not_a_healthy_valve():
+    nothing = Judgement("inconclusive", 0.05, "not_reliable", (Reason("uncoupled", "of two loops"),), None)
+    assert lost(health(nothing, STILL, None))["stiction"] == 20.0
 
 
 def test_an_irregular_oscillation_takes_nothing_off():

@@ -6,7 +6,7 @@ import numpy as np
 
 from app.engine.evidence import Finding, Outcome
 from app.engine.fitness.config import FitnessConfig
-from app.engine.fitness.signals import on_line_share, quantisation_step, resolution, run_lengths, stored_points
+from app.engine.fitness.signals import extreme_share, on_line_share, quantisation_step, run_lengths, stored_points
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, UniformRecord
 
@@ -85,8 +85,10 @@ def check_op_limits(op: FloatArray, op_range: tuple[float, float] | None, config
 
 def limit_share(op: FloatArray, op_range: tuple[float, float] | None, config: FitnessConfig) -> float:
     """The share of `op` (N,) at the limit where it stands longer, 0 to 1; op_range in the unit of OP, or None."""
-    low, high = (min(op_range), max(op_range)) if _known(op_range) else (float(op.min()), float(op.max()))
-    band = config.op_limit_band * (high - low) if _known(op_range) else resolution(op)
+    if not _known(op_range):
+        return extreme_share(op)
+    low, high = min(op_range), max(op_range)
+    band = config.op_limit_band * (high - low)
     return max(float(np.mean(op <= low + band)), float(np.mean(op >= high - band)))
 
 

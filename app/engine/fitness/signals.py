@@ -27,6 +27,12 @@ def resolution(signal: FloatArray) -> float:
     return max(SAME_SHARE_OF_SPAN * float(np.ptp(signal)), 8.0 * float(np.finfo(np.float64).eps) * largest)
 
 
+def extreme_share(signal: FloatArray) -> float:
+    """The share of `signal` (N,), N at least 1, at the one of its extremes where it stands longer, 0 to 1."""
+    band = resolution(signal)
+    return max(float(np.mean(signal <= signal.min() + band)), float(np.mean(signal >= signal.max() - band)))
+
+
 def set_point_activity(sp: FloatArray | None, pv: FloatArray) -> float | None:
     """Standard deviation of the set point over that of PV, (N,) each; None where either is not known or PV stands."""
     spread = float(np.std(pv)) if len(pv) else 0.0

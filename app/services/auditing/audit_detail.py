@@ -24,6 +24,7 @@ def detail(audit: Audit) -> dict[str, Any]:
     return {
         "findings": [_finding(finding) for finding in audit.fitness.findings],
         "window": None if audit.window is None else vars(audit.window),
+        "identified": None if audit.identified is None else vars(audit.identified),
         "key_figures": scalars(vars(audit.key_figures)),
         "health": [vars(part) for part in audit.health.parts],
         "oscillation": None if audit.oscillation is None else scalars(vars(audit.oscillation)),

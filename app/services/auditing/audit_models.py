@@ -82,7 +82,7 @@ class AuditFields(BaseModel):
     yper_raw_pct: float | None = Field(description="Yper in per cent as published, which depends on the units.")
     table2_reading: ReadingName | None = Field(description="Yper (high or low) and identification, read by table 2.")
     stiction_band_pct_of_op_range: float | None = Field(
-        description="Stiction band d in per cent of the range that OP covers in the audited window."
+        description="Stiction band d in per cent of the range that OP covers in what the published rule was run on."
     )
     likely_cause: str | None = Field(
         description="Code of what probably drives the loop or spoils the record; null where nothing is known."
@@ -185,6 +185,9 @@ class KeyFiguresLine(BaseModel):
     service_factor_pct: float | None = Field(None, description="Good samples in automatic, per cent; null: no mode.")
     op_saturation_pct: float | None = Field(
         None, description="Samples in automatic with OP at an end of its span, per cent; null: no span."
+    )
+    op_at_extreme_pct: float | None = Field(
+        None, description="The same at the one of OP's own extremes where it stands longer; null: its span is known."
     )
     error_mean: float | None = Field(None, description="Mean of SP - PV, in the unit of PV.")
     error_std: float | None = Field(None, description="Standard deviation of SP - PV, in the unit of PV.")

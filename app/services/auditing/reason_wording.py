@@ -36,7 +36,7 @@ _DOUBTS = {
     "few_cycles": "The record holds too few cycles to be trusted.",
     "windows_disagree": "Parts of the record say different things about the valve.",
     "uncoupled": "What is new in PV and in OP have nothing to do with each other: they may be of two loops.",
-    "same_signal": "PV is OP on another scale: one tag for both, or a loop without a process.",
+    "same_signal": "PV is OP on another scale: a controller of gain alone, one tag for both, or no process.",
     "set_point_moves": "PV and OP mostly follow the set point, so that their shape need not be the valve's.",
     "set_point_rests": "The set point hides a limit cycle: judged where it rests and the loop cycles by itself.",
     "nearly_sinusoidal": "PV and OP are nearly one sine, so that their shape need not be the valve's.",

@@ -6,8 +6,11 @@ from typing import Any
 import numpy as np
 
 from app.engine import yper
+from app.engine.fitness import FitnessConfig
+from app.engine.fitness.align import align
 from app.engine.fitness.signals import resolution, usable_values
 from app.engine.freerun import valve_position
+from app.engine.recording import Recording
 from app.errors import DataError
 from app.ingest import carried
 from app.services.backend import Backend
@@ -22,7 +25,10 @@ SCATTERED = 1500
 BINS = 41
 MARGIN = 0.05
 MOST_LINES = 1000
+MOST_HOLES = 500
 NS_PER_S = 1_000_000_000
+
+_FITNESS = FitnessConfig()
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,17 +72,21 @@ def _record(backend: Backend, tag: str, audit_id: str | None) -> tuple[_Record |
         window = [iso_utc(given.window_start) or "", iso_utc(given.window_end) or ""]
     if samples is None or len(samples) < 2:
         return None, window
+    return _together(samples, given), window
+
+
+def _together(samples: Samples, given: Any) -> _Record:
+    """The samples with PV and OP side by side, also where they came at times of their own."""
     pv, op, sp = (_usable(samples.signals.get(name)) for name in ("pv", "op", "sp"))
     missing = np.full(len(samples), np.nan)
-    inside = _inside(samples, given)
-    record = _Record(
-        samples,
-        missing if pv is None else pv,
-        missing if op is None else op,
-        None if sp is None else carried(sp),
-        inside,
-    )
-    return record, window
+    sp = None if sp is None else carried(sp)
+    time_s = (samples.time_ns - samples.time_ns[0]) / NS_PER_S
+    recording = Recording("", time_s, missing if pv is None else pv, missing if op is None else op)
+    joined = align(recording, _FITNESS)
+    shown = joined.both if joined.interpolated else np.full(len(samples), True)
+    times = samples.part(shown)
+    sp = None if sp is None else sp[shown]
+    return _Record(times, joined.pv[shown], joined.op[shown], sp, _inside(times, given))
 
 
 def _usable(signal: FloatArray | None) -> FloatArray | None:
@@ -112,8 +122,19 @@ def _trend(record: _Record, valve: dict[str, float] | None) -> dict[str, Any]:
     given = {name: signal for name, signal in shown.items() if signal is not None}
     n = len(record.samples)
     kept = np.arange(n) if n <= POINTS else extremes(list(given.values()), n, POINTS)
-    time = [iso_utc(moment_of(int(t))) for t in record.samples.time_ns[kept]]
-    return {"time": time, **{name: numbers(signal[kept]) for name, signal in given.items()}}
+    time_ns = record.samples.time_ns
+    holes = _holes(time_ns)
+    # A moment without values within each hole breaks the lines there.
+    where, at = np.searchsorted(kept, holes, side="right"), (time_ns[holes] + time_ns[holes + 1]) // 2
+    time = [iso_utc(moment_of(int(t))) for t in np.insert(time_ns[kept], where, at)]
+    return {"time": time, **{name: numbers(np.insert(signal[kept], where, np.nan)) for name, signal in given.items()}}
+
+
+def _holes(time_ns: np.ndarray) -> np.ndarray:
+    """The samples (H,) behind which the audit sees a hole that is wide enough to be seen in a chart."""
+    steps = np.diff(time_ns)
+    least = max(_FITNESS.max_gap_intervals * float(np.median(steps)), float(time_ns[-1] - time_ns[0]) / MOST_HOLES)
+    return np.flatnonzero(steps > least)
 
 
 def _position(op: FloatArray, valve: dict[str, float]) -> FloatArray | None:

@@ -36,6 +36,7 @@ FIGURES = (
     Figure("good_share_pct", "Good samples", "%", 1, JELALI),
     Figure("service_factor_pct", "Service factor", "%", 1, JELALI),
     Figure("op_saturation_pct", "OP at a limit", "%", 1, JELALI),
+    Figure("op_at_extreme_pct", "OP at its own extreme, span not known", "%", 1, OURS),
     Figure("error_mean", "Control error, mean", "PV", 3, JELALI),
     Figure("error_std", "Control error, standard deviation", "PV", 3, JELALI),
     Figure("error_abs_mean", "Control error, mean size", "PV", 3, JELALI),
