@@ -11,7 +11,6 @@ from app.services.wording import (
     RELIABILITY_WORDS,
     VERDICT_RANK,
     VERDICT_WORDS,
-    WHY_WORDS,
     cause_words,
 )
 
@@ -36,7 +35,6 @@ def _environment() -> Environment:
         "reliability_words": RELIABILITY_WORDS,
         "reliability_short": RELIABILITY_SHORT,
         "change_words": CHANGE_WORDS,
-        "why_words": WHY_WORDS,
         "ranks": VERDICT_RANK,
     }
     return templates

@@ -227,16 +227,20 @@ class NoteView:
     withdrawn_by: str | None = None
 
 
+ChangedBy = Literal["first", "method", "repair", "auditable", "data", "loop"]
+
+
 @dataclass(frozen=True)
 class ChangeView:
-    """A loop whose verdict is another one than before. `why`: the method, the data or the loop changed."""
+    """A loop whose verdict is another one than before. `why`: what changed, `because` the same in words."""
 
     loop: str
     unit: str | None
     kind: Literal["new", "cured", "flipped"]
     before: str | None
     now: str
-    why: Literal["first", "method", "data", "loop"]
+    why: ChangedBy
+    because: str
     reasons_text: str
     health: float | None
 

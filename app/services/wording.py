@@ -48,7 +48,9 @@ CHANGE_WORDS = {"new": "newly said to stick", "cured": "no longer sticks", "flip
 WHY_WORDS = {
     "first": "first verdict",
     "method": "the method changed (engine or settings)",
-    "data": "the record changed (gaps, length, sampling, or whether it can be audited at all)",
+    "repair": "a repair was stated",
+    "auditable": "whether it can be audited changed",
+    "data": "the record changed (gaps, length or sampling)",
     "loop": "the loop behaves differently",
 }
 

@@ -4,6 +4,7 @@ from typing import Any
 
 from sqlalchemy import Connection, and_, func, or_, select
 
+from app.storage.plant import told_of_both
 from app.storage.tables import loops, verdicts
 
 COMPLAINTS = ("stiction", "inconclusive")
@@ -37,12 +38,7 @@ def changes_of(connection: Connection, audit_id: int, limit: int) -> list[Any]:
     joined = _OF_RUN.outerjoin(before, and_(before.c.loop_id == now.c.loop_id, before.c.audit_id == earlier))
     query = select(
         *(loops.c.tag, loops.c.unit, before.c.verdict.label("verdict_before"), now.c.verdict, now.c.health),
-        now.c.reasons_text,
-        (now.c.engine_version != before.c.engine_version).label("engine_changed"),
-        (now.c.config_fingerprint != before.c.config_fingerprint).label("config_changed"),
-        (now.c.filled_share - before.c.filled_share).label("filled_more"),
-        (now.c.samples * 1.0 / func.nullif(before.c.samples, 0)).label("samples_ratio"),
-        (now.c.sampling_interval_s / func.nullif(before.c.sampling_interval_s, 0.0)).label("interval_ratio"),
+        *told_of_both(now, before),
     ).select_from(joined)
     news = or_(now.c.verdict != before.c.verdict, and_(before.c.verdict.is_(None), now.c.verdict == "stiction"))
     query = query.where(now.c.audit_id == audit_id, news)

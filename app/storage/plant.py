@@ -1,11 +1,26 @@
 """The plant as a whole: what its units come to, and whose verdict is another one than in the run before."""
 
 from collections.abc import Sequence
+from datetime import timedelta
 from typing import Any
 
-from sqlalchemy import Connection, Select, and_, func, or_, select
+from sqlalchemy import (
+    Column,
+    ColumnElement,
+    Connection,
+    FromClause,
+    ScalarSelect,
+    Select,
+    and_,
+    case,
+    func,
+    or_,
+    select,
+)
 
 from app.storage.tables import audits, loops, newest_rows, verdicts
+
+A_DAY = timedelta(days=1)
 
 rows = newest_rows
 newest = verdicts.alias("newest")
@@ -48,15 +63,20 @@ def _tiles() -> Select[Any]:
 
 
 def last_whole_run(connection: Connection) -> Any:
-    """The newest nightly run that has ended; where there is none, the newest ended run of all loops of its day."""
+    """The newest ended run of the plant: a nightly one, or one of half as many loops as the largest has, or more.
+
+    What somebody starts within a day after a night does not take the night's place: what changed in it is still news.
+    """
     ended = audits.c.state.in_(("done", "partial"))
     query = select(audits.c.id, audits.c.created_at, audits.c.trigger, audits.c.total).where(ended)
-    nightly = connection.execute(
-        query.where(audits.c.trigger == "nightly").order_by(audits.c.id.desc()).limit(1)
-    ).one_or_none()
-    if nightly is not None:
-        return nightly
-    return connection.execute(query.order_by(audits.c.total.desc(), audits.c.id.desc()).limit(1)).one_or_none()
+    query = query.order_by(audits.c.id.desc()).limit(1)
+    nightly = audits.c.trigger == "nightly"
+    night = connection.execute(query.where(nightly)).one_or_none()
+    most = select(func.max(audits.c.total)).where(ended).scalar_subquery()
+    asked_for = connection.execute(query.where(~nightly, 2 * audits.c.total >= most)).one_or_none()
+    if night is None or asked_for is None:
+        return night or asked_for
+    return asked_for if asked_for.created_at - night.created_at > A_DAY else night
 
 
 def any_run_before(connection: Connection, audit_id: int) -> bool:
@@ -64,34 +84,58 @@ def any_run_before(connection: Connection, audit_id: int) -> bool:
 
 
 def changes(connection: Connection, since_audit: int, limit: int) -> list[Any]:
-    """Loops whose newest verdict, of `since_audit` or later, is another one than their verdict before.
+    """Loops whose newest verdict, of `since_audit` or later, is another one than their last verdict before that run.
 
     The worst of them first, by importance x health.
     """
+    # A row knows the verdict before it; where a loop was audited again since the run, that may be the run's own.
+    again = rows.c.audit_id > since_audit
+    verdict_before = case((again, _last_before(since_audit, verdicts.c.verdict)), else_=rows.c.verdict_before)
+    audit_before = case((again, _last_before(since_audit, verdicts.c.audit_id)), else_=rows.c.before_audit_id)
     # A first verdict is news only where something is wrong.
-    first = and_(rows.c.verdict_before.is_(None), rows.c.verdict == "stiction")
-    news = or_(rows.c.verdict != rows.c.verdict_before, first)
+    first = and_(verdict_before.is_(None), rows.c.verdict == "stiction")
+    news = or_(rows.c.verdict != verdict_before, first)
     listed = select(
         *(loops.c.tag, loops.c.unit, _PRIORITY.label("priority"), rows.c.loop_id, rows.c.audit_id),
-        *(rows.c.before_audit_id, rows.c.verdict_before, rows.c.verdict, rows.c.health),
+        *(audit_before.label("before_audit_id"), verdict_before.label("verdict_before")),
+        *(rows.c.verdict, rows.c.health),
     ).select_from(_NEWEST)
     listed = listed.where(rows.c.audit_id >= since_audit, news)
     # Verdicts are looked up for those that are listed: in a night of a new method every loop may be news.
     found = listed.order_by(_PRIORITY.desc().nulls_last(), loops.c.tag).limit(limit).subquery()
     joined = found.join(newest, and_(newest.c.loop_id == found.c.loop_id, newest.c.audit_id == found.c.audit_id))
     query = select(
-        *(found.c.tag, found.c.unit, found.c.verdict_before, found.c.verdict, found.c.health, newest.c.reasons_text),
-        (newest.c.engine_version != before.c.engine_version).label("engine_changed"),
-        (newest.c.config_fingerprint != before.c.config_fingerprint).label("config_changed"),
-        (newest.c.filled_share - before.c.filled_share).label("filled_more"),
-        (newest.c.samples * 1.0 / func.nullif(before.c.samples, 0)).label("samples_ratio"),
-        (newest.c.sampling_interval_s / func.nullif(before.c.sampling_interval_s, 0.0)).label("interval_ratio"),
+        *(found.c.tag, found.c.unit, found.c.verdict_before, found.c.verdict, found.c.health),
+        *told_of_both(newest, before),
     ).select_from(
         joined.outerjoin(
             before, and_(before.c.loop_id == found.c.loop_id, before.c.audit_id == found.c.before_audit_id)
         )
     )
     return list(connection.execute(query.order_by(found.c.priority.desc().nulls_last(), found.c.tag)))
+
+
+def _last_before(audit_id: int, column: Column[Any]) -> ScalarSelect[Any]:
+    """This column of the loop's last verdict before a run."""
+    mine = (verdicts.c.loop_id == rows.c.loop_id, verdicts.c.audit_id < audit_id)
+    query = select(column).where(*mine).order_by(verdicts.c.audit_id.desc()).limit(1)
+    return query.correlate(rows).scalar_subquery()
+
+
+def told_of_both(now: FromClause, earlier: FromClause) -> tuple[ColumnElement[Any], ...]:
+    """What tells why the verdict `now` is another one than the `earlier` one."""
+    return (
+        now.c.reasons_text,
+        now.c.reasons,
+        now.c.likely_cause,
+        earlier.c.reasons.label("reasons_before"),
+        earlier.c.likely_cause.label("likely_cause_before"),
+        (now.c.engine_version != earlier.c.engine_version).label("engine_changed"),
+        (now.c.config_fingerprint != earlier.c.config_fingerprint).label("config_changed"),
+        (now.c.filled_share - earlier.c.filled_share).label("filled_more"),
+        (now.c.samples * 1.0 / func.nullif(earlier.c.samples, 0)).label("samples_ratio"),
+        (now.c.sampling_interval_s / func.nullif(earlier.c.sampling_interval_s, 0.0)).label("interval_ratio"),
+    )
 
 
 def durations(connection: Connection, audit_id: int) -> Any:

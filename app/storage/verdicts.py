@@ -20,10 +20,11 @@ SORTABLE = {column.name: column for column in ROW if column.name != "reasons_tex
     "unit": loops.c.unit,
     "type": loops.c.type,
     "importance": loops.c.importance,
+    "recorded_to": loops.c.newest_ns,
     "priority": (loops.c.importance * (100.0 - verdicts.c.health)).label("priority"),
 }
 """What the table can be sorted by; sentences have no order that means anything, and no cursor holds them."""
-OF_LOOPS = ("loop", "unit", "type", "importance")
+OF_LOOPS = ("loop", "unit", "type", "importance", "recorded_to")
 KEPT = ("verdict", "reliability", "likely_cause", "table2_reading", "stiction_probability", "health")
 QUICK = (
     {name: SORTABLE[name] for name in OF_LOOPS}
@@ -335,7 +336,7 @@ def _rows_of(wanted: RowFilter) -> Any:
 
 
 def _select() -> Select[Any]:
-    of_loop = [SORTABLE[name] for name in ("unit", "type", "importance", "priority")]
+    of_loop = [SORTABLE[name] for name in ("unit", "type", "importance", "recorded_to", "priority")]
     return select(loops.c.tag, *of_loop, verdicts.c.extra_json, *ROW)
 
 

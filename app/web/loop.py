@@ -16,6 +16,7 @@ from app.services.auditing.rival_wording import why_first
 from app.services.auditing.size_wording import size_in_words
 from app.services.next_steps import next_step
 from app.services.plant import glossary, loops, notes
+from app.services.plant.arrivals import age_of
 from app.services.plant.charts import charts as charts_of
 from app.services.plant.groups import groups_of
 from app.web.explanation import newest_in_words
@@ -37,6 +38,7 @@ def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
     found = loops.get_loop(backend, tag)
     told = {"it": found, "tag": found.tag, "notes": notes.list_notes(backend, tag)}
     told["explanation"] = newest_in_words(backend, tag)
+    told["age"] = age_of(found.samples_to)
     told["failure"] = loops.newest_failure(backend, tag)
     try:
         row = loops.loop_health(backend, tag)

@@ -11,6 +11,7 @@ from starlette.responses import FileResponse, JSONResponse
 from app.api.backend import Services
 from app.services.plant import groups as grouped
 from app.services.plant import overview as plants
+from app.services.plant.arrivals import arrivals, sentences
 from app.services.plant.glossary import FIGURES
 from app.services.plant.reliability import RowFilter
 from app.services.wording import VERDICT_RANK
@@ -60,6 +61,7 @@ def plant(backend: Services) -> HTMLResponse:
         seen=seen,
         ranks=VERDICT_RANK,
         changed=changed,
+        arrivals=sentences(arrivals(backend)) if seen.audited else [],
         worst=plants.worst(backend) if seen.audited else [],
         groups=[found for found in grouped.soon(backend) or () if not found.by_chance][:5],
     )

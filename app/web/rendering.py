@@ -17,7 +17,6 @@ from app.services.wording import (
     RELIABILITY_WORDS,
     STATE_WORDS,
     VERDICT_WORDS,
-    WHY_WORDS,
     cause_words,
     starter_words,
 )
@@ -75,7 +74,7 @@ def environment() -> Environment:
     }
     templates.globals |= {"verdict_words": VERDICT_WORDS, "reliability_words": RELIABILITY_WORDS}
     templates.globals |= {"reliability_short": RELIABILITY_SHORT, "state_words": STATE_WORDS}
-    templates.globals |= {"change_words": CHANGE_WORDS, "why_words": WHY_WORDS}
+    templates.globals |= {"change_words": CHANGE_WORDS}
     templates.globals |= {"csrf_field": csrf_field, "csrf_token": csrf_token, "may": may, "logged_in": logged_in}
     return templates
 

@@ -52,6 +52,7 @@ def test_each_thing_that_is_wrong_is_named_with_advice(plant):
         "settings": "warning",
         "workers": "problem",
         "open work": "warning",
+        "records": "warning",
         "keys": "warning",
         "broker": "problem",
     }

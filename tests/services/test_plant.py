@@ -8,8 +8,9 @@ from sqlalchemy import update
 
 from app.engine.key_figures import KeyFigures
 from app.errors import NotFoundError, RequestError
-from app.services.auditing.audits import start_audit
+from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
+from app.services.auditing.nightly import nightly
 from app.services.backend import Backend
 from app.services.plant import glossary, notes
 from app.services.plant import overview as plant
@@ -17,7 +18,7 @@ from app.services.plant.groups import groups_of, plant_groups
 from app.services.plant.loops import loop_health, newest_failure, verdict_history
 from app.storage import items, loops
 from app.storage.items import Failure
-from app.storage.tables import newest_rows, verdicts
+from app.storage.tables import audits, newest_rows, verdicts
 
 AddLoops = Callable[..., dict[str, int]]
 
@@ -98,6 +99,72 @@ def test_a_changed_verdict_says_why(
     (change,) = plant.changes(backend).rows
     assert (change.loop, change.before, change.now, change.why) == ("B", other, now, why)
     assert change.kind == ("new" if now == "stiction" else "cured" if now == "no_stiction" else "flipped")
+
+
+def test_what_a_night_changed_is_news_though_somebody_audits_again(backend: Backend, add_loops: AddLoops) -> None:
+    ids = add_loops("A", "B", n=600)
+    first = audited(backend)
+    run = nightly(backend)
+    assert run is not None
+    audit_chunk(backend, int(run.id), "test")
+    now = loop_health(backend, "B")["verdict"]
+    other = "no_stiction" if now == "stiction" else "stiction"
+    rewrite(backend, first, ids["B"], verdict=other)
+    audited(backend)
+    told = plant.changes(backend)
+    assert told.run_id == run.id
+    assert [(change.loop, change.before, change.now) for change in told.rows] == [("B", other, now)]
+
+
+def test_what_is_started_days_after_the_last_night_takes_its_place(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("A", "B", "C")
+    run = nightly(backend)
+    assert run is not None
+    audit_chunk(backend, int(run.id), "test")
+    asked_for = audited(backend)
+    of_one = start_audit(backend, LoopFilter(tags=("A",)))
+    audit_chunk(backend, int(of_one.id), "test")
+    assert plant.changes(backend).run_id == run.id
+    with backend.database.write() as connection:
+        days_ago = datetime.now(UTC) - timedelta(days=3)
+        connection.execute(update(audits).where(audits.c.id == int(run.id)).values(created_at=days_ago))
+    assert plant.changes(backend).run_id == str(asked_for)
+
+
+@pytest.mark.parametrize(
+    ("now", "before", "why", "because"),
+    [
+        (
+            {"verdict": "not_auditable", "likely_cause": "op_at_limits"},
+            {},
+            "auditable",
+            "cannot be audited now: OP at its limit",
+        ),
+        ({}, {"verdict": "not_auditable", "likely_cause": None}, "auditable",
+         "could not be audited before: too little usable data"),
+        ({"reasons": "since_repair;shape_x"}, {"verdict": "stiction", "samples": 9000}, "repair",
+         "a repair was stated"),
+        ({"reasons": "since_repair"}, {"verdict": "stiction", "reasons": "since_repair"}, "loop",
+         "the loop behaves differently"),
+    ],
+)  # fmt: skip
+def test_a_change_of_what_can_be_audited_names_the_cause(
+    backend: Backend,
+    two_runs: tuple[dict[str, int], int],
+    now: dict[str, object],
+    before: dict[str, object],
+    why: str,
+    because: str,
+) -> None:
+    ids, first = two_runs
+    newest = {"verdict": "no_stiction", **now}
+    rewrite(backend, first + 1, ids["B"], **newest)
+    rewrite(backend, first, ids["B"], **{"verdict": "no_stiction", **before})
+    with backend.database.write() as connection:
+        row = newest_rows.c.loop_id == ids["B"]
+        connection.execute(update(newest_rows).where(row).values(verdict=newest["verdict"]))
+    changes = {change.loop: change for change in plant.changes(backend).rows}
+    assert (changes["B"].why, changes["B"].because) == (why, because)
 
 
 def test_the_overview_adds_up(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:

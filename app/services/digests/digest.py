@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import asdict, dataclass
+from datetime import datetime
 from itertools import groupby
 from typing import Any
 
@@ -10,10 +11,11 @@ from app.services.addresses import loop_address
 from app.services.auditing.audits import get_audit
 from app.services.backend import Backend
 from app.services.cursors import identifier
+from app.services.plant.arrivals import arrivals, sentences
 from app.services.plant.overview import change_of
 from app.services.rendering import document, figure, short_time
 from app.services.results import AuditView, ChangeView
-from app.services.wording import CHANGE_WORDS, RELIABILITY_SHORT, VERDICT_RANK, VERDICT_WORDS, WHY_WORDS, cause_words
+from app.services.wording import CHANGE_WORDS, RELIABILITY_SHORT, VERDICT_RANK, VERDICT_WORDS, cause_words
 from app.storage import digests, plant
 
 TOP = 5
@@ -50,6 +52,7 @@ class Digest:
     run: AuditView
     verdicts: dict[str, int]
     refused: dict[str, int]
+    arrivals: list[str]
     areas: list[Area]
     changes: list[ChangeView]
     more_changes: bool
@@ -89,6 +92,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         run=run,
         verdicts=dict(verdicts),
         refused=dict(refused.most_common()),
+        arrivals=sentences(arrivals(backend, number, datetime.fromisoformat(run.created_at)), "before the run"),
         areas=[Area(unit, [_loop(row, url) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
         changes=[change_of(row) for row in changed[:CHANGES]],
         more_changes=len(changed) > CHANGES,
@@ -118,6 +122,7 @@ def as_text(digest: Digest) -> str:
         if name == "not_auditable":
             lines += [f"         {count} of these: {cause_words(cause)}" for cause, count in digest.refused.items()]
     lines += [f"  {run.failed:6d} failed"] if run.failed else []
+    lines += map(_line, digest.arrivals)
     lines += ["", "WHAT CHANGED SINCE THE RUN BEFORE", ""]
     lines += [_change_line(change) for change in digest.changes] or [_no_change(digest)]
     lines += ["  ... and more"] if digest.more_changes else []
@@ -181,7 +186,7 @@ def _loop_lines(place: int, loop: DigestLoop) -> list[str]:
 def _change_line(change: ChangeView) -> str:
     before = VERDICT_WORDS[change.before] if change.before else "not audited"
     words = f"{CHANGE_WORDS[change.kind]} ({before} -> {VERDICT_WORDS[change.now]})"
-    return f"  {_line(change.loop)}: {words}; {WHY_WORDS[change.why]}"
+    return f"  {_line(change.loop)}: {words}; {change.because}"
 
 
 def _no_change(digest: Digest) -> str:

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from app.services.auditing.audits import get_audit
-from app.services.auditing.rows import as_row
+from app.services.auditing.repairs import BEFORE_REPAIR, SINCE_REPAIR
 from app.services.backend import Backend
 from app.services.moments import iso_utc
-from app.services.plant.reliability import checked, following, place_of
-from app.services.results import AuditView, ChangeView, Page, UnitView
+from app.services.plant.reliability import checked, following, place_of, with_loop
+from app.services.results import AuditView, ChangedBy, ChangeView, Page, UnitView
+from app.services.wording import WHY_WORDS, cause_words
 from app.storage import plant, verdicts
 from app.storage.loops import count as count_loops
 from app.storage.verdicts import RowFilter
@@ -20,7 +21,7 @@ MOST_TILES = 400  # what a browser lays out and paints at once
 LEAST_TILES = 3
 FILLED_MORE = 0.05
 FEWER_SAMPLES = 0.8
-Why = Literal["first", "method", "data", "loop"]
+OF_REPAIRS = {SINCE_REPAIR, BEFORE_REPAIR}
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ def table(
     with backend.database.read() as connection:
         place = asked[1] if asked is not None and asked[0] == sort else None
         found = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), place)
-    shown = [as_row(row) | {name: row[name] for name in ("importance", "priority", "type")} for row in found[:limit]]
+    shown = [with_loop(row) for row in found[:limit]]
     return Page(shown, following(found, limit, sort))
 
 
@@ -163,8 +164,9 @@ def _mean_health(rows: list[Any]) -> float | None:
 
 
 def change_of(row: Any) -> ChangeView:
-    kind = _kind(row.verdict_before, row.verdict)
-    return ChangeView(row.tag, row.unit, kind, row.verdict_before, row.verdict, _why(row), row.reasons_text, row.health)
+    kind, why = _kind(row.verdict_before, row.verdict), _why(row)
+    verdicts_told = (row.verdict_before, row.verdict, why, _because(why, row))
+    return ChangeView(row.tag, row.unit, kind, *verdicts_told, row.reasons_text, row.health)
 
 
 def _kind(before: str | None, now: str) -> Literal["new", "cured", "flipped"]:
@@ -174,14 +176,25 @@ def _kind(before: str | None, now: str) -> Literal["new", "cured", "flipped"]:
     return "cured" if before == "stiction" and now == "no_stiction" else "flipped"
 
 
-def _why(row: Any) -> Why:
+def _why(row: Any) -> ChangedBy:
     """Another engine or configuration is the method; a record that became much poorer or shorter is the data."""
     if row.verdict_before is None:
         return "first"
     if row.engine_changed or row.config_changed:
         return "method"
+    if OF_REPAIRS & set(row.reasons.split(";")) - set((row.reasons_before or "").split(";")):
+        return "repair"
+    if "not_auditable" in (row.verdict_before, row.verdict):
+        return "auditable"
     poorer = (row.filled_more or 0.0) > FILLED_MORE
     shorter = row.samples_ratio is not None and not FEWER_SAMPLES <= row.samples_ratio <= 1 / FEWER_SAMPLES
     resampled = row.interval_ratio is not None and not 0.99 <= row.interval_ratio <= 1.01
-    refused = "not_auditable" in (row.verdict_before, row.verdict)
-    return "data" if poorer or shorter or resampled or refused else "loop"
+    return "data" if poorer or shorter or resampled else "loop"
+
+
+def _because(why: ChangedBy, row: Any) -> str:
+    if why != "auditable":
+        return WHY_WORDS[why]
+    if row.verdict == "not_auditable":
+        return f"cannot be audited now: {cause_words(row.likely_cause or 'data')}"
+    return f"could not be audited before: {cause_words(row.likely_cause_before or 'data')}"

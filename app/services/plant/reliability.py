@@ -6,23 +6,23 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import ColumnElement
+from sqlalchemy import BigInteger, ColumnElement
 
 from app.errors import RequestError
 from app.services.auditing.audits import list_audits
 from app.services.auditing.rows import FORM, as_row, compact
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, refused
+from app.services.moments import iso_utc, moment_of
 from app.services.results import Page, PlantSummary
 from app.storage import verdicts
 from app.storage.loops import count as count_loops
 from app.storage.verdicts import SORTABLE, After, RowFilter, SentRow, Settled
 
 MOST_ROWS = 20_000
-OF_LOOP = ("type", "importance", "priority")  # of the loop, not of its verdict
+OF_LOOP = ("type", "importance", "priority", "recorded_to")  # of the loop, not of its verdict
 THE_SAME = {"audited_at_ms": "audited_at", "window_start_ms": "window_start", "window_end_ms": "window_end"}
 ANYTHING: tuple[type, ...] = (object,)
-LARGEST_INTEGER = 2**31 - 1  # of a column of integers on PostgreSQL
 
 __all__ = [
     "RowFilter",
@@ -51,16 +51,20 @@ def reliability_page(
 ) -> Page[dict[str, Any]]:
     """One row a loop, its newest verdict. `sort`: a name of `sortable()`, `-name` for descending; unknowns last.
 
-    of_loop: with the loop's type and importance, and its priority.
+    of_loop: with the loop's type, importance and priority, and its newest sample.
     """
     name = checked(limit, sort)
     with backend.database.read() as connection:
         after = _after(cursor, sort)
         rows = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), after)
-    besides = OF_LOOP if of_loop else ()
-    return Page(
-        [as_row(row) | {name: row[name] for name in besides} for row in rows[:limit]], following(rows, limit, sort)
-    )
+    return Page([(with_loop if of_loop else as_row)(row) for row in rows[:limit]], following(rows, limit, sort))
+
+
+def with_loop(stored: dict[str, Any]) -> dict[str, Any]:
+    """A stored verdict as a row, with what its loop is now."""
+    newest_ns = stored["newest_ns"]
+    recorded_to = None if newest_ns is None else iso_utc(moment_of(newest_ns))
+    return as_row(stored) | {name: stored[name] for name in OF_LOOP[:-1]} | {"recorded_to": recorded_to}
 
 
 @dataclass(frozen=True)
@@ -187,8 +191,13 @@ def place_of(cursor: str | None) -> tuple[str, After] | None:
 def _comparable(column: ColumnElement[Any], value: Any) -> bool:
     kind = column.type.python_type
     if isinstance(value, int):
-        return kind is float or (kind is int and abs(value) <= LARGEST_INTEGER)
+        return kind is float or (kind is int and abs(value) <= _largest(column))
     return isinstance(value, kind)
+
+
+def _largest(column: ColumnElement[Any]) -> int:
+    """The largest number that a column of whole numbers can be compared with on PostgreSQL."""
+    return 2**63 - 1 if isinstance(column.type, BigInteger) else 2**31 - 1
 
 
 def _after(cursor: str | None, sort: str) -> After | None:

@@ -19,6 +19,7 @@ from app.services.moments import iso_utc
 from app.services.next_steps import next_step
 from app.services.plant import glossary, loops, notes
 from app.services.plant import overview as plant
+from app.services.plant.arrivals import arrivals, sentences
 from app.services.plant.charts import charts
 from app.services.plant.groups import groups_of
 from app.services.plant.groups import soon as groups_soon
@@ -80,6 +81,7 @@ def plant_report(backend: Backend) -> str:
         seen=seen,
         bars={unit.unit: _bar(unit.verdicts) for unit in seen.units},
         changed=plant.changes(backend),
+        arrivals=sentences(arrivals(backend)),
         worst=_worst(backend),
         refused=refused.rows,
         groups=[group for group in groups_soon(backend) or () if not group.by_chance],

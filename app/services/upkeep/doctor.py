@@ -18,6 +18,7 @@ from app.services.access import keys
 from app.services.access.rates import shared_answers
 from app.services.backend import Backend
 from app.services.digests import deliveries
+from app.services.plant.arrivals import arrivals, sentences
 from app.services.upkeep.metrics import standstill_s
 from app.services.upkeep.operations import LEAST_FREE_BYTES
 from app.services.upkeep.retention import oldest_export
@@ -187,6 +188,15 @@ def oldest_work(backend: Backend) -> Check:
     return Check("open work", "ok", text)
 
 
+def records(backend: Backend) -> Check:
+    """A plant whose exports stopped is audited night after night all the same."""
+    found = arrivals(backend)
+    told = " ".join(sentences(found)) or "nothing was recorded yet"
+    if not (found.late or found.behind):
+        return Check("records", "ok", told)
+    return Check("records", "warning", told, "look whether the historian's export runs, and names all loops")
+
+
 def keys_of_the_plant(backend: Backend) -> Check:
     active = [key for key in keys.list_keys(backend) if key.state == "active"]
     soon = (datetime.now(UTC) + SOON).isoformat()
@@ -262,6 +272,7 @@ OF_THE_DATABASE: tuple[tuple[str, Callable[[Backend], Check]], ...] = (
     ("clock", clock),
     ("workers", workers),
     ("open work", oldest_work),
+    ("records", records),
     ("exports", exports),
     ("keys", keys_of_the_plant),
     ("digest", digests),

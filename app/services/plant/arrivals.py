@@ -1,0 +1,72 @@
+"""How recent the records are that verdicts rest on: a verdict of last night may be of what was recorded months ago."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+from app.services.backend import Backend
+from app.services.moments import EPOCH, iso_utc, moment_of, ns_of
+from app.services.rendering import short_time
+from app.storage import arrivals as stored
+
+LATE = timedelta(days=2)
+"""Exports come once a day: what has not come for two days is missing."""
+
+AHEAD = timedelta(hours=1)
+"""Samples farther ahead of the clock than this are not the newest ones: their clock is wrong."""
+
+NAMED = 5
+
+
+@dataclass(frozen=True)
+class Arrivals:
+    """recorded_to: the newest sample of all, ISO 8601, UTC; None where there is none. age: from it to when it was asked
+    for, or to the run. behind: how many loops end two days or more before it. named: some of them, tag and newest
+    sample, the weightiest first."""
+
+    recorded_to: str | None
+    age: timedelta
+    behind: int
+    named: tuple[tuple[str, str], ...]
+
+    @property
+    def late(self) -> bool:
+        return self.recorded_to is not None and self.age >= LATE
+
+
+def arrivals(backend: Backend, audit_id: int | None = None, at: datetime | None = None) -> Arrivals:
+    """Of all that is stored, as it is now; or of what a run was given that began `at`."""
+    at = at or datetime.now(UTC)
+    with backend.database.read() as connection:
+        newest_ns = stored.newest(connection, ns_of(at + AHEAD), audit_id)
+        if newest_ns is None:
+            return Arrivals(None, timedelta(0), 0, ())
+        behind, named = stored.behind(connection, newest_ns - ns_of(EPOCH + LATE), NAMED, audit_id)
+    told = tuple((tag, iso_utc(moment_of(end_ns)) or "") for tag, end_ns in named)
+    return Arrivals(iso_utc(moment_of(newest_ns)), at - moment_of(newest_ns), behind, told)
+
+
+def sentences(found: Arrivals, since: str = "ago") -> list[str]:
+    """What an engineer is told of it; the second only where loops are behind the others. since: to what the age is."""
+    if found.recorded_to is None:
+        return []
+    told = f"Recorded up to {short_time(found.recorded_to)} UTC"
+    lines = [f"{told}{old(found.age, since)}: no newer export has come." if found.late else f"{told}."]
+    if found.behind:
+        named = ", ".join(f"{' '.join(tag.split())} ({short_time(end)})" for tag, end in found.named)
+        more = f" and {found.behind - len(found.named)} more" if found.behind > len(found.named) else ""
+        lines.append(f"{_loops(found.behind)} no samples for two days or more before that: {named}{more}.")
+    return lines
+
+
+def age_of(samples_to: str | None) -> str:
+    """How old a loop's newest sample is now, where it is too old to pass over."""
+    return "" if samples_to is None else old(datetime.now(UTC) - datetime.fromisoformat(samples_to))
+
+
+def old(age: timedelta, since: str = "ago") -> str:
+    """How old, where that is too old to pass over."""
+    return f", {age.days} days {since}" if age >= LATE else ""
+
+
+def _loops(count: int) -> str:
+    return f"{count} loops got" if count > 1 else "One loop got"

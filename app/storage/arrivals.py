@@ -1,0 +1,38 @@
+"""How far records reach: of the plant as it is now, or of what one run was given."""
+
+from typing import Any
+
+from sqlalchemy import Connection, Subquery, func, select
+
+from app.storage.tables import loops, verdicts
+
+
+def newest(connection: Connection, not_after_ns: int, audit_id: int | None = None) -> int | None:
+    """Time of the newest sample of all loops, of those that are not ahead of `not_after_ns`; None where there is none.
+
+    audit_id: of what this run was given; None: of all that is stored.
+    """
+    ends = _ends(audit_id)
+    return connection.scalar(select(func.max(ends.c.end_ns)).where(ends.c.end_ns <= not_after_ns))
+
+
+def behind(
+    connection: Connection, before_ns: int, limit: int, audit_id: int | None = None
+) -> tuple[int, list[tuple[str, int]]]:
+    """How many loops have their newest sample before `before_ns`, and tag and time of the weightiest of them."""
+    ends = _ends(audit_id)
+    late = ends.c.end_ns < before_ns
+    count = connection.scalar(select(func.count()).select_from(ends).where(late)) or 0
+    if not count:
+        return 0, []
+    query = select(ends.c.tag, ends.c.end_ns).where(late).order_by(ends.c.importance.desc(), ends.c.tag).limit(limit)
+    return count, [(tag, end_ns) for tag, end_ns in connection.execute(query)]
+
+
+def _ends(audit_id: int | None) -> Subquery:
+    """Tag, importance and newest sample of each loop."""
+    shown: tuple[Any, ...] = (loops.c.tag, loops.c.importance)
+    if audit_id is None:
+        return select(*shown, loops.c.newest_ns.label("end_ns")).where(loops.c.newest_ns.is_not(None)).subquery()
+    query = select(*shown, verdicts.c.input_end_ns.label("end_ns")).join(verdicts, verdicts.c.loop_id == loops.c.id)
+    return query.where(verdicts.c.audit_id == audit_id, verdicts.c.input_end_ns.is_not(None)).subquery()

@@ -1,0 +1,96 @@
+"""Verdicts of last night may rest on records of months ago: the plant says how far they reach, and who is behind."""
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+
+import pytest
+from sqlalchemy import update
+
+from app.services.auditing.audits import start_audit
+from app.services.auditing.chunks import audit_chunk
+from app.services.backend import Backend
+from app.services.moments import iso_utc, moment_of, ns_of
+from app.services.plant.arrivals import LATE, NAMED, Arrivals, age_of, arrivals, sentences
+from app.storage.tables import loops
+
+AddLoops = Callable[..., dict[str, int]]
+NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
+
+
+@pytest.fixture
+def ends(backend: Backend, add_loops: AddLoops) -> Callable[..., None]:
+    """Sets when the records of loops end, in days before NOON."""
+
+    def set_ends(**days_before: float) -> None:
+        ids = add_loops(*days_before)
+        with backend.database.write() as connection:
+            for tag, days in days_before.items():
+                end_ns = ns_of(NOON - timedelta(days=days))
+                connection.execute(update(loops).where(loops.c.id == ids[tag]).values(newest_ns=end_ns))
+
+    return set_ends
+
+
+def test_a_plant_without_records_says_nothing(backend: Backend) -> None:
+    assert arrivals(backend) == Arrivals(None, timedelta(0), 0, ())
+    assert sentences(arrivals(backend)) == []
+
+
+def test_records_of_last_night(backend: Backend, ends: Callable[..., None]) -> None:
+    ends(A=0.2, B=1.0)
+    found = arrivals(backend, at=NOON)
+    assert (found.late, found.behind) == (False, 0)
+    assert sentences(found) == ["Recorded up to 2026-03-01 07:12 UTC."]
+
+
+def test_an_export_that_stopped(backend: Backend, ends: Callable[..., None]) -> None:
+    ends(A=206, B=206.5)
+    found = arrivals(backend, at=NOON)
+    assert (found.late, found.behind) == (True, 0)
+    assert sentences(found) == ["Recorded up to 2025-08-07 12:00 UTC, 206 days ago: no newer export has come."]
+
+
+def test_loops_that_fell_out_of_the_export_are_named(backend: Backend, ends: Callable[..., None]) -> None:
+    ends(A=0.5, B=40, C=1.9)
+    found = arrivals(backend, at=NOON)
+    assert (found.late, found.behind, [tag for tag, _ in found.named]) == (False, 1, ["B"])
+    assert sentences(found)[1] == ("One loop got no samples for two days or more before that: B (2026-01-20 12:00).")
+
+
+def test_of_many_the_weightiest_are_named(backend: Backend, ends: Callable[..., None]) -> None:
+    ends(A=0.5, **{f"L{k}": 10 for k in range(NAMED + 2)})
+    with backend.database.write() as connection:
+        connection.execute(update(loops).where(loops.c.tag == "L6").values(importance=9.0))
+    found = arrivals(backend, at=NOON)
+    assert (found.behind, found.named[0][0], len(found.named)) == (NAMED + 2, "L6", NAMED)
+    assert sentences(found)[1].endswith(" and 2 more.")
+    assert sentences(found)[1].startswith("7 loops got no samples")
+
+
+def test_a_clock_that_is_ahead_makes_no_other_loop_late(backend: Backend, ends: Callable[..., None]) -> None:
+    ends(A=-300, B=0.5)
+    found = arrivals(backend, at=NOON)
+    assert (found.recorded_to, found.behind) == ("2026-03-01T00:00:00Z", 0)
+
+
+def test_a_run_is_told_by_what_it_was_given(backend: Backend, add_loops: AddLoops) -> None:
+    """What came since then changes nothing of it."""
+    ids = add_loops("A", "B")
+    run = start_audit(backend)
+    audit_chunk(backend, int(run.id), "test")
+    at = datetime.fromisoformat(run.created_at)
+    before = arrivals(backend, int(run.id), at)
+    with backend.database.write() as connection:
+        connection.execute(update(loops).where(loops.c.id == ids["A"]).values(newest_ns=ns_of(at)))
+    assert arrivals(backend, int(run.id), at) == before
+    assert before.recorded_to is not None
+    assert before.recorded_to < (arrivals(backend, at=at).recorded_to or "")
+
+
+def test_the_age_of_one_loop() -> None:
+    def ago(age: timedelta) -> str:
+        return iso_utc(moment_of(ns_of(datetime.now(UTC) - age))) or ""
+
+    assert age_of(None) == ""
+    assert age_of(ago(timedelta(days=1))) == ""
+    assert age_of(ago(LATE + timedelta(hours=1))) == ", 2 days ago"
