@@ -10,12 +10,12 @@ Kind = Literal["text", "number", "verdict", "reliability", "health", "cause", "t
 
 @dataclass(frozen=True)
 class Column:
-    """`sort` names the order that a click on the head starts with."""
+    """`sort` names the order that a click on the head starts with; empty: from the least, None: there is no order."""
 
     label: str
     kind: Kind = "number"
     digits: int = 1
-    sort: str = ""
+    sort: str | None = ""
 
 
 COLUMNS: Mapping[str, Column] = {
@@ -30,6 +30,8 @@ COLUMNS: Mapping[str, Column] = {
     "stiction_band_pct_of_op_range": Column(
         "Band d of the published rule, % of OP range", "number", 1, "-stiction_band_pct_of_op_range"
     ),
+    "stiction_S": Column("Size S, units of OP", "number", 2, None),
+    "stiction_S_pct_of_span": Column("Size S, % of OP span", "number", 1, None),
     "likely_cause": Column("Likely cause", "cause"),
     "oscillation_period_s": Column("Period, s", "number", 0),
     "oscillation_strength": Column("Oscillation strength", "number", 2, "-oscillation_strength"),

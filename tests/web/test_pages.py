@@ -119,6 +119,29 @@ def test_the_table_is_filtered_sorted_and_shows_the_columns_that_were_chosen(cli
     assert client.get("/v1/reliability?search=fic&sort=loop&format=csv&limit=20000").text.count("\n") == 2
 
 
+def test_a_plant_says_how_old_its_records_are(client):
+    told = next(text for text in seen(client, "/").texts if text.startswith("Recorded up to 2026-01-01 00:49 UTC, "))
+    assert told.endswith(" days ago: no newer export has come.")
+    assert any("newest sample 2026-01-01 00:49, " in text for text in seen(client, "/loops/FIC101").texts)
+    one = seen(client, "/table?column=recorded_to&sort=-recorded_to")
+    assert "Recorded until, UTC" in one.texts
+    assert [text.strip() for text in one.texts].count("2026-01-01 00:49") == 3
+    first = client.get("/v1/reliability?format=csv&columns=loop,recorded_to&sort=recorded_to&limit=1")
+    assert first.text.splitlines()[1].endswith(",2026-01-01T00:49:55Z")
+    second = client.get(
+        "/v1/reliability",
+        params={"sort": "recorded_to", "limit": 1, "cursor": first.headers["X-Next-Cursor"]},
+    ).json()
+    assert [row["loop"] for row in second["rows"]] == ["FIC101"]
+
+
+def test_columns_without_an_order_have_no_link(client):
+    html = client.get("/table?column=stiction_S&column=health").text
+    assert '<th scope="col" class="number">Size S, units of OP</th>' in html
+    assert "sort=stiction_S" not in html
+    assert "sort=health" in html
+
+
 def test_what_is_seen_of_the_table_can_be_exported(client):
     links = seen(client, "/table?search=fic&column=yper_pct&column=verdict&sort=-yper_pct").links
     as_seen = next(link for link in links if "columns=" in link)
