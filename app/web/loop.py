@@ -19,6 +19,7 @@ from app.services.plant import glossary, loops, notes
 from app.services.plant.arrivals import age_of
 from app.services.plant.charts import charts as charts_of
 from app.services.plant.groups import groups_of
+from app.services.plant.nights import nights as nights_of
 from app.web.explanation import newest_in_words
 from app.web.rendering import page
 
@@ -53,6 +54,7 @@ def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
         size=size_in_words(row, detail),
         why_first=why_first(detail.get("rivals", ()), row["rival_winner"]),
         figures=[told for told in glossary.figures(row, found.pv_unit) if told[1] is not None],
+        last_nights=nights_of(backend, [tag]).get(tag, ()),
         history=loops.verdict_history(backend, tag, limit=HISTORY_NIGHTS).rows,
         groups=groups_of(backend, tag),
         repair=notes.newest_repair(backend, tag),

@@ -13,6 +13,7 @@ from app.services.plant import groups as grouped
 from app.services.plant import overview as plants
 from app.services.plant.arrivals import arrivals, sentences
 from app.services.plant.glossary import FIGURES
+from app.services.plant.nights import nights
 from app.services.plant.reliability import RowFilter
 from app.services.wording import VERDICT_RANK
 from app.web import loop, runs, uploads
@@ -56,13 +57,15 @@ class TableForm(BaseModel):
 def plant(backend: Services) -> HTMLResponse:
     seen = plants.overview(backend)
     changed = plants.changes(backend)
+    worst = plants.worst(backend) if seen.audited else []
     return page(
         "plant.html",
         seen=seen,
         ranks=VERDICT_RANK,
         changed=changed,
         arrivals=sentences(arrivals(backend)) if seen.audited else [],
-        worst=plants.worst(backend) if seen.audited else [],
+        worst=worst,
+        last_nights=nights(backend, [row["loop"] for row in worst]),
         groups=[found for found in grouped.soon(backend) or () if not found.by_chance][:5],
     )
 
@@ -81,6 +84,7 @@ def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLRespons
     return page(
         "table.html",
         rows=found.rows,
+        last_nights=nights(backend, [row["loop"] for row in found.rows]),
         next_cursor=found.next_cursor,
         form=form,
         names=names,

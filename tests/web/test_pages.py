@@ -12,8 +12,10 @@ from app.services.intake.uploads import list_uploads
 from app.services.next_steps import next_step
 from app.services.plant import groups, loops
 from app.services.plant.groups import plant_groups
+from app.services.plant.nights import Night
 from app.services.results import GroupView
 from app.web import loop as loop_page
+from app.web import pages
 from app.web.columns import COLUMNS
 
 HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
@@ -133,6 +135,17 @@ def test_a_plant_says_how_old_its_records_are(client):
         params={"sort": "recorded_to", "limit": 1, "cursor": first.headers["X-Next-Cursor"]},
     ).json()
     assert [row["loop"] for row in second["rows"]] == ["FIC101"]
+
+
+@pytest.mark.parametrize("path", ["/", "/table", "/loops/FIC101"])
+def test_the_last_nights_stand_behind_a_verdict(client, monkeypatch, path):
+    assert 'class="nights"' not in client.get(path).text  # of one night there is no course
+    told = (Night("2026-03-01", "no_stiction", "reliable"), Night("2026-03-02", "stiction", "not_reliable"))
+    for module, name in ((pages, "nights"), (loop_page, "nights_of")):
+        monkeypatch.setattr(module, name, lambda _, tags: dict.fromkeys(tags, told))
+    html = client.get(path).text
+    assert '<span class="no_stiction">–</span><span class="stiction unsure">S</span>' in html
+    assert "2026-03-01 no stiction (rely on it); 2026-03-02 valve sticks (look first)" in html
 
 
 def test_columns_without_an_order_have_no_link(client):

@@ -1,0 +1,52 @@
+"""What the last nights said of a loop."""
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+
+from sqlalchemy import update
+
+from app.services.auditing.audits import start_audit
+from app.services.auditing.chunks import audit_chunk
+from app.services.backend import Backend
+from app.services.plant.nights import NIGHTS, Night, nights
+from app.storage.tables import verdicts
+
+AddLoops = Callable[..., dict[str, int]]
+FIRST = datetime(2026, 3, 1, 3, tzinfo=UTC)
+
+
+def audited(backend: Backend, at: datetime, **told: str) -> None:
+    run = int(start_audit(backend).id)
+    audit_chunk(backend, run, "test")
+    with backend.database.write() as connection:
+        mine = verdicts.c.audit_id == run
+        connection.execute(update(verdicts).where(mine).values(audited_at=at, **told))
+
+
+def test_a_loop_without_a_verdict_has_no_nights(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("A")
+    assert nights(backend, ["A", "unknown"]) == {}
+    assert nights(backend, []) == {}
+
+
+def test_the_last_verdict_of_each_date_counts_the_oldest_first(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("A", "B")
+    audited(backend, FIRST, verdict="no_stiction", reliability="reliable")
+    audited(backend, FIRST + timedelta(hours=5), verdict="inconclusive", reliability="not_reliable")
+    audited(backend, FIRST + timedelta(days=1), verdict="stiction", reliability="reliable")
+    found = nights(backend, ["A"])
+    assert found == {
+        "A": (
+            Night("2026-03-01", "inconclusive", "not_reliable"),
+            Night("2026-03-02", "stiction", "reliable"),
+        )
+    }
+    assert [night.mark for night in found["A"]] == ["?", "S"]
+    assert found["A"][1].words == "2026-03-02 valve sticks (rely on it)"
+
+
+def test_the_newest_nights_are_kept(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("A", n=120)
+    for day in range(NIGHTS + 2):
+        audited(backend, FIRST + timedelta(days=day), verdict="no_stiction", reliability="reliable")
+    assert [night.date for night in nights(backend, ["A"])["A"]] == [f"2026-03-{day:02d}" for day in range(3, 10)]
