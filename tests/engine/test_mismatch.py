@@ -167,6 +167,23 @@ def test_what_a_gap_was_bridged_with_is_no_pattern() -> None:
     assert find_patterns(record_of(replace(comparison, known=None))) != ()
 
 
+@pytest.mark.parametrize("worse", ["levels", "held"])
+def test_what_a_gap_was_bridged_with_hides_no_pattern(worse: str) -> None:
+    """Straight lines over gaps take values between the levels, and move where a historian that stores changes holds."""
+    pv, known = recorded(moves()), np.ones(N, dtype=np.bool_)
+    if worse == "levels":
+        seen = 0.8 * np.round(pv / 0.8)
+    else:
+        seen = pv[np.maximum.accumulate(np.where(keep(np.arange(float(N)), pv, 0.3, "exception"), np.arange(N), 0))]
+    bridged = seen.copy()
+    for first in range(60, N - 60, 100):
+        known[first : first + 12] = False
+        bridged[first : first + 12] = np.linspace(seen[first - 1], seen[first + 12], 14)[1:-1]
+    whole, holed = (find_patterns(record_of(Comparison("loop", TS, moves(), x, known=known))) for x in (seen, bridged))
+    assert [p.part.block.code for p in whole] == [p.part.block.code for p in holed] != []
+    assert [p.part.values[0] for p in holed] == pytest.approx([p.part.values[0] for p in whole], rel=0.05)
+
+
 def test_one_stuck_stretch_is_seen_where_hardly_anything_else_repeats() -> None:
     pv = recorded(moves())
     stuck = pv.copy()

@@ -89,7 +89,7 @@ def find_patterns(record: Experiment) -> tuple[Pattern, ...]:
         return (held(record, hold.interval * record.sampling_interval_s),)
     noise = noise_deviation(record)
     runs = equal_runs(record, 0.02 * noise)
-    step = level_spacing(record.pv)
+    step = level_spacing(record.pv[record.usable])
     coarse = step > max(STEP_OVER_NOISE * innovation_floor(record.pv), STEP_OVER_SPAN * record.pv_span)
     rests = coarse or holds(record)
     limits = limits_of(record, runs, rests)
@@ -125,9 +125,10 @@ def innovation_floor(pv: FloatArray) -> float:
 
 
 def quantised(record: Experiment, step: float) -> Pattern:
-    text = f"PV takes {len(np.unique(record.pv))} levels, {step:.4g} apart, wider than its noise"
+    known = record.pv[record.usable]
+    text = f"PV takes {len(np.unique(known))} levels, {step:.4g} apart, wider than its noise"
     everywhere = np.ones(record.samples, dtype=np.bool_)
-    level = float(np.min(record.pv)) - record.pv_mid
+    level = float(np.min(known)) - record.pv_mid
     return Pattern(Part(QUANTIZATION, np.array([step, level])), everywhere, Reason("pv_levels", text), False)
 
 
@@ -228,7 +229,7 @@ def how_compressed(record: Experiment, kept: IntArray) -> Part:
     usual = float(np.median(spacing))
     if usual > 1.0 and np.mean(np.abs(spacing / usual - np.round(spacing / usual)) < 0.01) > REGULAR:
         return Part(INTERPOLATED, np.array([usual * record.sampling_interval_s]))
-    moves = np.abs(np.diff(record.pv))
+    moves = np.abs(np.diff(record.pv))[record.usable[1:] & record.usable[:-1]]
     still = moves <= 1e-9 * record.pv_span
     if still.mean() > HOLDS:
         return Part(HELD, np.array([float(np.quantile(moves[~still], 0.02))]))
