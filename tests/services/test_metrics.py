@@ -29,6 +29,8 @@ def test_an_empty_plant_has_nothing_open(backend):
     assert found["oldest_open_run_age_seconds", ""] == found["oldest_unread_upload_age_seconds", ""] == 0
     assert [found["queue_depth", kind] for kind in ("upload", "loop", "explanation")] == [0, 0, 0]
     assert ("last_run_duration_seconds", "") not in found
+    assert ("newest_sample_timestamp_seconds", "") not in found
+    assert found["loops_behind", ""] == 0
 
 
 def test_what_waits_is_counted_with_its_age(backend, add_loops):
@@ -81,6 +83,18 @@ def test_a_run_over_one_loop_hides_neither_the_failures_of_the_night_nor_a_night
     assert found["last_night_ended_timestamp_seconds", ""] == pytest.approx(ended.timestamp(), abs=1e-3)
     assert found["last_night_duration_seconds", ""] == 0
     assert found["last_run_duration_seconds", ""] == 6 * 3600
+
+
+def test_an_export_that_stands_still_and_loops_that_fell_out_of_it_are_told(backend, add_loops):
+    ids = add_loops("FIC1", "FIC2")
+    newest = datetime.now(UTC) - timedelta(days=30)
+    with backend.database.write() as connection:
+        for tag, at in (("FIC1", newest), ("FIC2", newest - timedelta(days=3))):
+            values = {"newest_ns": int(at.timestamp()) * 1_000_000_000}
+            connection.execute(update(tables.loops).where(tables.loops.c.id == ids[tag]).values(**values))
+    found = told(backend)
+    assert found["newest_sample_timestamp_seconds", ""] == int(newest.timestamp())
+    assert found["loops_behind", ""] == 1
 
 
 def test_failures_of_days_ago_are_not_told_as_today_s(backend, add_loops):

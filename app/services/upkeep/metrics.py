@@ -2,9 +2,11 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
 from typing import Literal
 
 from app.services.backend import Backend
+from app.services.plant.arrivals import arrivals
 from app.storage.figures import EndedRun, Figures, collect
 
 
@@ -27,6 +29,8 @@ class Metric:
 def metrics(backend: Backend) -> tuple[Metric, ...]:
     with backend.database.read() as connection:
         found = collect(connection)
+    reach = arrivals(backend)
+    newest_s = None if reach.recorded_to is None else datetime.fromisoformat(reach.recorded_to).timestamp()
     return (
         _gauge("loopaudit_loops", "Loops of the plant.", (Sample(found.loops),)),
         _gauge("loopaudit_uploads", "Uploads by state.", _by("state", found.uploads)),
@@ -57,6 +61,16 @@ def metrics(backend: Backend) -> tuple[Metric, ...]:
             "loopaudit_oldest_unread_upload_age_seconds",
             "Age of the oldest upload that has not been read; 0: none.",
             (Sample(found.oldest_unread_s),),
+        ),
+        _gauge(
+            "loopaudit_newest_sample_timestamp_seconds",
+            "When the newest sample was recorded. Old while uploads go on is an alarm: the export stands still.",
+            _one(newest_s),
+        ),
+        _gauge(
+            "loopaudit_loops_behind",
+            "Loops that got no sample for two days or more before the newest one.",
+            (Sample(reach.behind),),
         ),
         Metric(
             "loopaudit_upload_bytes_total",
