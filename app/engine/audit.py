@@ -148,8 +148,8 @@ def _with_episodes(judgement: Judgement, episodes: Episodes) -> Judgement:
     sticks_now = any(reason.code == BEGAN for reason in reasons)
     if judgement.verdict == "stiction" or not sticks_now:
         return replace(judgement, reasons=(*judgement.reasons, *reasons))
-    first = sorted(reasons, key=lambda reason: reason.code != BEGAN)
-    return replace(judgement, reliability="not_reliable", reasons=(*first, *judgement.reasons))
+    ranked = sorted((*judgement.reasons, *reasons), key=lambda reason: reason.code != BEGAN)
+    return replace(judgement, reliability="not_reliable", reasons=tuple(ranked))
 
 
 def _stretch_reasons(prepared: Preparation) -> tuple[Reason, ...]:

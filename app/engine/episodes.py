@@ -19,7 +19,7 @@ from app.engine.rivals import compete
 from app.engine.shape_model import ShapeModel, fitted_model
 from app.engine.verdict import weigh_features
 
-SPELL, BEGAN = "short_lived_stiction", "stiction_began"
+SPELL, ENDED, BEGAN = "short_lived_stiction", "stiction_ended", "stiction_began"
 
 
 @dataclass(frozen=True)
@@ -121,16 +121,19 @@ def episode_reasons(episodes: Episodes) -> tuple[Reason, ...]:
     for episode in episodes.found:
         if episode.reliability != "reliable":
             continue
-        when = f"from {episode.start_s:.0f} s to {episode.end_s:.0f} s of the record"
-        text = f"the valve sticks {when} and not in the rest (probability {episode.probability:.2f})"
-        reasons.append(Reason(SPELL, text))
-        if episode.at_start:
-            text = f"the valve stuck until {episode.end_s:.0f} s and has not since: repaired, eased, or less exercised"
-            reasons.append(Reason("stiction_ended", text))
-        if episode.at_end:
-            text = f"the valve has been sticking since {episode.start_s:.0f} s and did not before"
-            reasons.append(Reason(BEGAN, text))
+        start, end = f"{episode.start_s:.0f} s", f"{episode.end_s:.0f} s"
+        codes = [SPELL, *([ENDED] if episode.at_start else []), *([BEGAN] if episode.at_end else [])]
+        reasons += [Reason(code, episode_text(code, episode.probability, start, end)) for code in codes]
     return tuple(reasons)
+
+
+def episode_text(code: str, probability: float, start: str, end: str) -> str:
+    """The sentence behind a reason of an episode; start, end: of it, in words, because a service knows the calendar."""
+    if code == ENDED:
+        return f"the valve stuck until {end} and has not since: repaired, eased, or less exercised"
+    if code == BEGAN:
+        return f"the valve has been sticking since {start} and did not before"
+    return f"the valve sticks from {start} to {end} and not in the rest of the record (probability {probability:.2f})"
 
 
 def window_spans(record: UniformRecord, oscillation: Oscillation, config: EpisodeConfig) -> list[slice]:

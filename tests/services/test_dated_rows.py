@@ -7,6 +7,7 @@ import pytest
 
 from app.engine.audit import audit
 from app.services.auditing.rows import FIELDS, new_verdict
+from app.services.rendering import short_time
 from app.services.testbench.spells import spell
 
 ORIGIN = datetime(2026, 1, 1, tzinfo=UTC)
@@ -43,7 +44,8 @@ def test_row_tells_the_newest_spell_in_calendar_time(made, row):
 
 def test_reason_carries_the_dates(row):
     assert "short_lived_stiction" in row["reasons"].split(";")
-    assert f"{row['episode_start']} to {row['episode_end']}" in row["reasons_text"]
+    start, end = (short_time(row[f"episode_{side}"]) for side in ("start", "end"))
+    assert f"the valve sticks from {start} UTC to {end} UTC and not in the rest" in row["reasons_text"]
 
 
 def test_row_is_flat_and_names_the_rivals(row):

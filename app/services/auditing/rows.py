@@ -8,12 +8,13 @@ from types import MappingProxyType
 from typing import Any
 
 from app.engine.audit import Audit
-from app.engine.episodes import BEGAN, SPELL
+from app.engine.episodes import BEGAN, ENDED, SPELL, episode_text
 from app.services.auditing import swings
 from app.services.auditing.audit_detail import detail
 from app.services.auditing.audit_line import audit_line, reliability_row
 from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow
 from app.services.moments import epoch_ms, iso_utc, moment_of
+from app.services.rendering import short_time
 from app.storage.tables import verdicts
 from app.storage.verdicts import NewVerdict, pack_detail
 
@@ -72,9 +73,10 @@ def dated(line: dict[str, Any], origin: datetime) -> dict[str, Any]:
         for episode in line["episodes"]
     ]
     reliable = [episode for episode in episodes if episode["reliability"] == "reliable"]
-    told = {SPELL: iter(reliable), BEGAN: iter(reliable[-1:])}
+    first, last = reliable[:1], reliable[-1:]
+    told = {SPELL: iter(reliable), ENDED: iter(first), BEGAN: iter(last)}
     reasons = [
-        reason | {"text": f"{reason['text']}: {_stretch(next(told[reason['code']]))}"}
+        reason | {"text": _episode_text(reason["code"], next(told[reason["code"]]))}
         if reason["code"] in told
         else reason
         for reason in line["reasons"]
@@ -82,8 +84,9 @@ def dated(line: dict[str, Any], origin: datetime) -> dict[str, Any]:
     return line | {"episodes": episodes, "reasons": reasons}
 
 
-def _stretch(episode: dict[str, Any]) -> str:
-    return f"{episode['start']} to {episode['end']}"
+def _episode_text(code: str, episode: dict[str, Any]) -> str:
+    start, end = (f"{short_time(episode[side])} UTC" for side in ("start", "end"))
+    return episode_text(code, episode["probability"], start, end)
 
 
 def compact(value: Any) -> str:
