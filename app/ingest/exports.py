@@ -69,6 +69,10 @@ class Export(ABC):
         """Whether, as far as its first rows show, a loop or a tag is called by the name of the file."""
 
     @abstractmethod
+    def bears_dates(self) -> bool:
+        """Whether its times are instants, and not seconds from a start that it does not tell."""
+
+    @abstractmethod
     def on_one_clock(self) -> bool:
         """Whether the times of its loops may be held against each other."""
 

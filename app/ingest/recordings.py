@@ -18,7 +18,8 @@ from app.ingest.model import NANOSECONDS, FloatArray, IngestOptions, LoopSamples
 class RecordingsRead:
     """The recordings of a file, what was refused (the first of it; `reject_counts` has all by code), and the loops
     passed over. `damage`: what of the file itself was lost on its way. `starts_s`: by name of the recording, where on
-    the clock of them all its second 0 is, s; empty where each may have a clock of its own."""
+    the clock of them all its second 0 is, s; empty where each may have a clock of its own. `dated`: whether that clock
+    counts from 1970, UTC."""
 
     recordings: tuple[Recording, ...]
     rejects: tuple[Reject, ...]
@@ -29,6 +30,7 @@ class RecordingsRead:
     doubts: tuple[str, ...] = ()
     loops: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     starts_s: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    dated: bool = False
 
 
 def read_recordings(
@@ -55,6 +57,7 @@ def read_recordings(
         doubts=export.doubts(),
         loops=MappingProxyType(names),
         starts_s=MappingProxyType(_starts_s(audited, names) if export.on_one_clock() else {}),
+        dated=export.bears_dates(),
     )
 
 

@@ -53,9 +53,12 @@ class SheetsExport(Export):
     def takes_its_name(self) -> bool:
         return any(sheet.takes_its_name() for sheet in self._sheets.values())
 
+    def bears_dates(self) -> bool:
+        return all(sheet.bears_dates() for sheet in self._sheets.values())
+
     def on_one_clock(self) -> bool:
         sheets = self._sheets.values()
-        return all(s.bears_dates() for s in sheets) or (len(sheets) == 1 and all(s.on_one_clock() for s in sheets))
+        return self.bears_dates() or (len(sheets) == 1 and all(s.on_one_clock() for s in sheets))
 
     def rejects(self) -> Rejects:
         each = {name: sheet.rejects() for name, sheet in self._sheets.items()}

@@ -20,6 +20,11 @@ def iso_utc(moment: datetime | None) -> str | None:
     return utc.isoformat(timespec="milliseconds" if utc.microsecond else "seconds") + "Z"
 
 
+def short_time(iso: str | None) -> str:
+    """2026-01-31T03:00:00Z as 2026-01-31 03:00."""
+    return (iso or "–")[:16].replace("T", " ")
+
+
 def moment_of(time_ns: int) -> datetime:
     return datetime.fromtimestamp(time_ns / 1e9, UTC)
 

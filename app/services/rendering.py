@@ -5,6 +5,7 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from app.services.moments import short_time
 from app.services.wording import (
     CHANGE_WORDS,
     RELIABILITY_SHORT,
@@ -18,11 +19,6 @@ from app.services.wording import (
 def figure(value: float | None, digits: int) -> str:
     """A number for people; a dash where there is none."""
     return "–" if value is None else f"{value:.{digits}f}"
-
-
-def short_time(iso: str | None) -> str:
-    """2026-01-31T03:00:00Z as 2026-01-31 03:00."""
-    return (iso or "–")[:16].replace("T", " ")
 
 
 def _environment() -> Environment:

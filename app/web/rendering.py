@@ -10,7 +10,8 @@ from starlette.responses import HTMLResponse
 
 from app.services.access.identity import Identity, Role, current
 from app.services.addresses import tag_in_url
-from app.services.rendering import figure, short_time
+from app.services.moments import short_time
+from app.services.rendering import figure
 from app.services.wording import (
     CHANGE_WORDS,
     RELIABILITY_SHORT,

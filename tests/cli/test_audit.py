@@ -6,12 +6,14 @@ import io
 import json
 import subprocess
 import sys
+from datetime import UTC, datetime, timedelta
 
 import pytest
 from typer.testing import CliRunner, Result
 
 from app.cli.audit import recording_files
 from app.cli.main import cli
+from app.services.testbench.spells import spell
 
 CONTRACT = {
     "recording", "loop", "samples", "sampling_interval_s", "verdict", "stiction_probability", "reliability", "reasons",
@@ -142,6 +144,28 @@ def test_names_in_a_folder_that_are_taken(tmp_path):
     (tmp_path / "folder.csv").mkdir()
     taken = [path.name for path in recording_files([tmp_path])]
     assert taken == ["a.csv", "b.CSV", "c.parquet", "d.csv.gz", "e.xlsx", "g.mat", "h.TSV"]
+
+
+@pytest.mark.parametrize("dated", [True, False])
+def test_a_spell_is_told_in_calendar_time_where_the_file_has_one(tmp_path, dated):
+    made = spell(0, samples=8000, share=0.25, first=0.4).recording
+    start = datetime(2026, 3, 1, tzinfo=UTC)
+    rows = ["time,PV,OP"]
+    for k, (pv, op) in enumerate(zip(made.pv, made.op, strict=True)):
+        rows.append(
+            f"{start + timedelta(seconds=k):%Y-%m-%d %H:%M:%S},{pv:.6g},{op:.6g}" if dated else f"{k},{pv},{op}"
+        )
+    path = tmp_path / "FIC1.csv"
+    path.write_text("\n".join(rows) + "\n")
+    (line,) = lines(audit(path, "--format", "jsonl"))
+    (episode,) = line["episodes"]
+    (text,) = [reason["text"] for reason in line["reasons"] if reason["code"] == "short_lived_stiction"]
+    if dated:
+        assert episode["start"] == f"{start + timedelta(seconds=round(episode['start_s'])):%Y-%m-%dT%H:%M:%SZ}"
+        assert text.startswith(f"the valve sticks from {episode['start'][:16].replace('T', ' ')} UTC to 2026-03-01 ")
+    else:
+        assert episode["start"] is None
+        assert text.startswith(f"the valve sticks from {episode['start_s']:.0f} s to ")
 
 
 def test_local_times_are_read_in_the_zone_that_is_named(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 
 from app.engine.audit import audit
 from app.services.auditing.rows import FIELDS, new_verdict
-from app.services.rendering import short_time
+from app.services.moments import short_time
 from app.services.testbench.spells import spell
 
 ORIGIN = datetime(2026, 1, 1, tzinfo=UTC)

@@ -3,7 +3,8 @@
 import pytest
 
 from app.services.auditing.audit_models import ReliabilityRow
-from app.services.rendering import figure, short_time
+from app.services.moments import short_time
+from app.services.rendering import figure
 from app.services.wording import worst_first
 from app.web.columns import query_without
 from app.web.rendering import as_tags, cause_words, first_reasons, other_way, shown

@@ -1,5 +1,6 @@
 """A file that was read, to audit lines: what needs no data base."""
 
+from datetime import timedelta
 from time import perf_counter
 from typing import Any
 
@@ -7,7 +8,9 @@ from app.engine.audit import audit
 from app.ingest import RecordingsRead
 from app.services.auditing import swings
 from app.services.auditing.audit_line import audit_line
+from app.services.auditing.dating import dated
 from app.services.auditing.hearing import heard_together
+from app.services.moments import EPOCH
 
 
 def audited_lines(content: RecordingsRead) -> list[dict[str, Any]]:
@@ -16,8 +19,9 @@ def audited_lines(content: RecordingsRead) -> list[dict[str, Any]]:
     for recording in content.recordings:
         started = perf_counter()
         found, loop = audit(recording), content.loops[recording.name]
-        lines.append(audit_line(found, perf_counter() - started, loop))
+        line = audit_line(found, perf_counter() - started, loop)
         start_s = content.starts_s.get(recording.name)
+        lines.append(dated(line, EPOCH + timedelta(seconds=start_s)) if content.dated and start_s is not None else line)
         if found.swing is not None and start_s is not None:
             swinging.append(swings.candidate(loop, found.swing, found.judgement.stiction_probability, start_s))
     return heard_together(lines, swinging)

@@ -3,18 +3,17 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from datetime import datetime, timedelta
+from datetime import datetime
 from types import MappingProxyType
 from typing import Any
 
 from app.engine.audit import Audit
-from app.engine.episodes import BEGAN, ENDED, SPELL, episode_text
 from app.services.auditing import swings
 from app.services.auditing.audit_detail import detail
 from app.services.auditing.audit_line import audit_line, reliability_row
 from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow
+from app.services.auditing.dating import dated, instant
 from app.services.moments import epoch_ms, iso_utc, moment_of
-from app.services.rendering import short_time
 from app.storage.tables import verdicts
 from app.storage.verdicts import NewVerdict, pack_detail
 
@@ -51,8 +50,8 @@ def new_verdict(
     extra = {name: value for name, value in row.items() if name not in COLUMNS and name not in (*OF_LOOP, *TIMES_MS)}
     columns |= {
         "audited_at": audited_at,
-        "window_start": _instant(origin, line["window_start_s"]),
-        "window_end": _instant(origin, line["window_end_s"]),
+        "window_start": instant(origin, line["window_start_s"]),
+        "window_end": instant(origin, line["window_end_s"]),
         "input_start_ns": input_ns[0],
         "input_end_ns": input_ns[1],
     }
@@ -64,29 +63,6 @@ def new_verdict(
     figures = compact(told[KEY_FIGURES])
     fixed = fixed_part(as_row(stored))
     return NewVerdict(loop_id, audit_id, columns, pack_detail(told), fixed, figures, FORM, swing)
-
-
-def dated(line: dict[str, Any], origin: datetime) -> dict[str, Any]:
-    """The line with its episodes in calendar time, in the reasons too."""
-    episodes = [
-        episode | {side: iso_utc(_instant(origin, round(episode[f"{side}_s"]))) for side in ("start", "end")}
-        for episode in line["episodes"]
-    ]
-    reliable = [episode for episode in episodes if episode["reliability"] == "reliable"]
-    first, last = reliable[:1], reliable[-1:]
-    told = {SPELL: iter(reliable), ENDED: iter(first), BEGAN: iter(last)}
-    reasons = [
-        reason | {"text": _episode_text(reason["code"], next(told[reason["code"]]))}
-        if reason["code"] in told
-        else reason
-        for reason in line["reasons"]
-    ]
-    return line | {"episodes": episodes, "reasons": reasons}
-
-
-def _episode_text(code: str, episode: dict[str, Any]) -> str:
-    start, end = (f"{short_time(episode[side])} UTC" for side in ("start", "end"))
-    return episode_text(code, episode["probability"], start, end)
 
 
 def compact(value: Any) -> str:
@@ -113,7 +89,3 @@ def as_row(stored: dict[str, Any]) -> dict[str, Any]:
         row[name] = iso_utc(stored[name])
         row[f"{name}_ms"] = epoch_ms(stored[name])
     return row
-
-
-def _instant(origin: datetime, seconds: float | None) -> datetime | None:
-    return None if seconds is None else origin + timedelta(seconds=seconds)

@@ -11,9 +11,10 @@ from app.services.addresses import loop_address
 from app.services.auditing.audits import get_audit
 from app.services.backend import Backend
 from app.services.cursors import identifier
+from app.services.moments import short_time
 from app.services.plant.arrivals import arrivals, sentences
 from app.services.plant.overview import change_of
-from app.services.rendering import document, figure, short_time
+from app.services.rendering import document, figure
 from app.services.results import AuditView, ChangeView
 from app.services.wording import CHANGE_WORDS, RELIABILITY_SHORT, VERDICT_RANK, VERDICT_WORDS, cause_words
 from app.storage import digests, plant

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 from app.services.backend import Backend
-from app.services.moments import EPOCH, iso_utc, moment_of, ns_of
-from app.services.rendering import short_time
+from app.services.moments import EPOCH, iso_utc, moment_of, ns_of, short_time
 from app.storage import arrivals as stored
 
 LATE = timedelta(days=2)

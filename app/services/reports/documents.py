@@ -15,7 +15,7 @@ from app.services.auditing.size_wording import size_in_words
 from app.services.backend import Backend
 from app.services.explaining import explanations
 from app.services.explaining.wording import in_words
-from app.services.moments import iso_utc
+from app.services.moments import iso_utc, short_time
 from app.services.next_steps import next_step
 from app.services.plant import glossary, loops, notes
 from app.services.plant import overview as plant
@@ -23,7 +23,7 @@ from app.services.plant.arrivals import arrivals, sentences
 from app.services.plant.charts import charts
 from app.services.plant.groups import groups_of
 from app.services.plant.groups import soon as groups_soon
-from app.services.rendering import document, short_time
+from app.services.rendering import document
 from app.services.reports.svg import WIDTH, Ends, Line, chart
 from app.storage import loops as stored_loops
 from app.storage import plant as stored_plant

@@ -1,0 +1,34 @@
+"""Seconds of a record in calendar time."""
+
+from datetime import datetime, timedelta
+from typing import Any
+
+from app.engine.episodes import BEGAN, ENDED, SPELL, episode_text
+from app.services.moments import iso_utc, short_time
+
+
+def dated(line: dict[str, Any], origin: datetime) -> dict[str, Any]:
+    """The line with its episodes in calendar time, in the reasons too."""
+    episodes = [
+        episode | {side: iso_utc(instant(origin, round(episode[f"{side}_s"]))) for side in ("start", "end")}
+        for episode in line["episodes"]
+    ]
+    reliable = [episode for episode in episodes if episode["reliability"] == "reliable"]
+    first, last = reliable[:1], reliable[-1:]
+    told = {SPELL: iter(reliable), ENDED: iter(first), BEGAN: iter(last)}
+    reasons = [
+        reason | {"text": _episode_text(reason["code"], next(told[reason["code"]]))}
+        if reason["code"] in told
+        else reason
+        for reason in line["reasons"]
+    ]
+    return line | {"episodes": episodes, "reasons": reasons}
+
+
+def _episode_text(code: str, episode: dict[str, Any]) -> str:
+    start, end = (f"{short_time(episode[side])} UTC" for side in ("start", "end"))
+    return episode_text(code, episode["probability"], start, end)
+
+
+def instant(origin: datetime, seconds: float | None) -> datetime | None:
+    return None if seconds is None else origin + timedelta(seconds=seconds)
