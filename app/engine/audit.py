@@ -114,18 +114,30 @@ def newest(record: UniformRecord, max_samples: int) -> UniformRecord:
     return record.part(slice(first, None))
 
 
+def _moving(record: UniformRecord, max_samples: int) -> UniformRecord:
+    """The newest `max_samples` in which OP moves, or the newest of all where it never does. A PV that stands still
+    against an OP that moves is what is to be said.
+    """
+    for end in range(record.samples, 0, -max_samples):
+        part = newest(record.part(slice(0, end)), max_samples)
+        if np.ptp(part.op) > 0.0:
+            return part
+    return newest(record, max_samples)
+
+
 def _identified(recording: Recording, config: AuditConfig, prepared: Preparation, oscillation: Oscillation) -> Audit:
-    fitness = prepared.fitness
-    record = newest(fitness.audited, config.max_samples)
+    fitness, looked_at = prepared.fitness, prepared.fitness.looked_at
+    record = _moving(fitness.audited, config.max_samples)
     judgement = verdict.judge(fitness.audited, oscillation, fitness, None, config.judgement, recording.integrating)
     try:
         reference = climb(record, ladder_for(judgement, config), config.hammerstein)
     except DataError as error:
-        refusal = _unidentifiable(error)
+        refusal = _unidentifiable(error, record)
         return _result(recording, config, fitness, refusal, oscillation=oscillation, record=record)
     judgement = _with_reference(judgement, reference, fitness, config)
-    episodes = find(fitness.audited, oscillation, config.episodes)
-    judgement = replace(judgement, reasons=judgement.reasons + _stretch_reasons(prepared))
+    episodes = find(looked_at, oscillation, config.episodes)
+    if prepared.rest_of is not None:
+        judgement = replace(judgement, reasons=(*judgement.reasons, _rest_reason(fitness, prepared.rest_of)))
     judgement = _with_episodes(judgement, episodes)
     result = _result(
         recording,
@@ -137,30 +149,36 @@ def _identified(recording: Recording, config: AuditConfig, prepared: Preparation
         reference=reference,
         episodes=episodes,
     )
-    return replace(result, stiction_size=_stiction_size(record, fitness, oscillation, judgement, config))
+    return replace(
+        result,
+        window=_window(looked_at),
+        swing=swing_of(newest(looked_at, config.max_samples), oscillation),
+        stiction_size=_stiction_size(record, fitness, oscillation, judgement, config),
+    )
 
 
 def _with_episodes(judgement: Judgement, episodes: Episodes) -> Judgement:
-    """What reliable spells add. Where the valve sticks up to the end of a record over which it does not, that comes
-    first, and nobody is to rely on the whole: it is of a valve that was.
+    """What reliable spells add. A valve that sticks for a part of the record is not cleared by the rest of it; one that
+    sticks up to the end sticks, whatever it did before, and that comes first.
     """
     reasons = episode_reasons(episodes)
-    sticks_now = any(reason.code == BEGAN for reason in reasons)
-    if judgement.verdict == "stiction" or not sticks_now:
+    if judgement.verdict == "stiction" or not reasons:
         return replace(judgement, reasons=(*judgement.reasons, *reasons))
     ranked = sorted((*judgement.reasons, *reasons), key=lambda reason: reason.code != BEGAN)
-    return replace(judgement, reliability="not_reliable", reasons=tuple(ranked))
+    doubted = replace(judgement, reliability="not_reliable", reasons=tuple(ranked))
+    if ranked[0].code != BEGAN:
+        return doubted
+    now = [episode for episode in episodes.found if episode.at_end][-1]
+    return replace(doubted, verdict="stiction", stiction_probability=now.probability, likely_cause="stiction")
 
 
-def _stretch_reasons(prepared: Preparation) -> tuple[Reason, ...]:
-    if prepared.rest_of is None:
-        return ()
-    share = prepared.fitness.audited.samples / prepared.rest_of.samples
+def _rest_reason(fitness: Fitness, rest_of: UniformRecord) -> Reason:
+    share = fitness.audited.samples / rest_of.samples
     text = (
         f"the set point moves PV more than all else; judged where it stands, on {100 * share:.0f} % of the record, "
         "because the loop cycles there by itself; the remainder is not judged"
     )
-    return (Reason("set_point_rests", text),)
+    return Reason("set_point_rests", text)
 
 
 def _stiction_size(
@@ -203,8 +221,12 @@ def _refusal(recording: Recording, refusals: tuple[Finding, ...]) -> Judgement:
     return Judgement("not_auditable", None, "not_reliable", reasons, causes[0] if causes else None)
 
 
-def _unidentifiable(error: DataError) -> Judgement:
-    return Judgement("not_auditable", None, "not_reliable", (Reason(error.code, error.message),), None)
+def _unidentifiable(error: DataError, record: UniformRecord) -> Judgement:
+    reason, cause = Reason(error.code, error.message), None
+    if np.ptp(record.pv) == 0.0 < np.ptp(record.op):
+        text = f"PV holds one value for the newest {record.samples} samples: a stuck valve or a dead transmitter"
+        reason, cause = Reason("pv_flat", text), CAUSE
+    return Judgement("not_auditable", None, "not_reliable", (reason,), cause)
 
 
 def _result(

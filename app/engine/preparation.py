@@ -1,4 +1,5 @@
-"""What of a recording is judged: its fit stretch with its oscillation, or the rest of a set point that hides one."""
+"""What of a recording is judged: its fit stretch with its oscillation, the rest of a set point that hides one, or the
+stretch that speaks for a long record."""
 
 from dataclasses import dataclass, replace
 
@@ -8,6 +9,7 @@ from app.engine.features import at_rest
 from app.engine.fitness import Fitness, FitnessConfig, assess, with_cycles
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import FloatArray, Recording, UniformRecord
+from app.engine.stretches import speaking_stretch
 
 # A part is judged for the whole only where it swings beyond doubt.
 _STRONG_SWING, _FEWEST_CYCLES = 0.6, 5.0
@@ -20,7 +22,7 @@ class Preparation:
     """One recording, ready to be judged.
 
     fitness: of the stretch that is judged. oscillation: in it; None where the recording is not auditable.
-    rest_of: the stretch of which only the rest of its set point is judged; None where all that is fit is judged.
+    rest_of: the stretch of which only the rest of its set point is judged; None where it is not.
     """
 
     fitness: Fitness
@@ -43,7 +45,18 @@ def prepare(recording: Recording, config: FitnessConfig | None = None) -> Prepar
     if alone is not None:
         return replace(alone, rest_of=fitness.record)
     oscillation = detect(fitness.record)
-    return Preparation(with_cycles(fitness, oscillation, config), oscillation)
+    spoken_for = _spoken_for(fitness, oscillation, config)
+    return spoken_for or Preparation(with_cycles(fitness, oscillation, config), oscillation)
+
+
+def _spoken_for(fitness: Fitness, oscillation: Oscillation, config: FitnessConfig | None) -> Preparation | None:
+    """The stretch of a long record that is judged for it, where there is one."""
+    stretch = speaking_stretch(fitness.audited, oscillation)
+    if stretch is None:
+        return None
+    part = replace(fitness, record=stretch.record, speaks_for=stretch.whole)
+    own = with_cycles(part, stretch.oscillation, config)
+    return Preparation(own, stretch.oscillation) if own.auditable else None
 
 
 def _settled_rest(whole: UniformRecord) -> UniformRecord | None:

@@ -130,9 +130,11 @@ def conclude(
     probability = weighing.probability
     unrelated = _unrelated(fitness, oscillation, config)
     verdict = _verdict(probability, unrelated, config)
-    doubts = (*_doubts(weighing, verdict, oscillation, config), *_data_doubts(weighing, fitness, config))
+    doubts = (*_doubts(weighing, verdict, oscillation, config), *_parts_disagree(weighing, fitness, config))
+    doubts += tuple(_data_doubts(weighing, fitness, config))
     reliability: Reliability = "not_reliable" if unrelated or doubts else "reliable"
     reasons = (*unrelated, *_shape_reasons(weighing, verdict), *_rival_reasons(weighing, verdict), *doubts)
+    reasons += _stretches_reason(fitness)
     if reference is not None:
         reasons += reference_reason(reference, verdict)
     ranked = contest(weighing.rivals, probability, weighing.features)
@@ -159,12 +161,30 @@ def _doubts(
     if oscillation.cycles < config.min_cycles:
         text = f"the record holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be trusted"
         doubts.append(Reason("few_cycles", text))
-    if weighing.window_spread > config.max_window_spread * abs(weighing.log_odds_by_shapes):
-        doubts.append(Reason("windows_disagree", "parts of the record say different things about the valve"))
     if verdict == "stiction":
         doubts.extend(_shaped_outside(weighing, config))
         doubts.extend(Reason(rival.cause, rival.text) for rival in weighing.rivals if rival.stands_out and rival.counts)
     return tuple(doubts)
+
+
+def _parts_disagree(weighing: Weighing, fitness: Fitness, config: VerdictConfig) -> tuple[Reason, ...]:
+    """Of a long record its stretches are asked, of others the windows."""
+    whole = fitness.speaks_for
+    if whole is not None:
+        text = f"only {whole.agreeing} of the {whole.judged} stretches that were judged are on this side"
+        return (Reason("stretches_disagree", text),) if whole.contested else ()
+    if weighing.window_spread <= config.max_window_spread * abs(weighing.log_odds_by_shapes):
+        return ()
+    return (Reason("windows_disagree", "parts of the record say different things about the valve"),)
+
+
+def _stretches_reason(fitness: Fitness) -> tuple[Reason, ...]:
+    whole = fitness.speaks_for
+    if whole is None:
+        return ()
+    length_h = fitness.audited.samples * fitness.audited.sampling_interval_s / 3600.0
+    text = f"{whole.judged} stretches of {length_h:.2g} h were judged each by itself; the middle one of them is shown"
+    return (Reason("stretches", text),)
 
 
 def _unclear(weighing: Weighing, oscillation: Oscillation, config: VerdictConfig) -> list[Reason]:
@@ -203,7 +223,7 @@ def _unrelated(fitness: Fitness, oscillation: Oscillation, config: VerdictConfig
     if 1.0 - correlation(record.pv, record.op) ** 2 < config.min_difference:
         text = "PV is OP on another scale: a controller of gain alone, one tag for both, or no process between them"
         return (Reason("same_signal", text),)
-    if strangers_chance(record, oscillation) < config.max_strangers_chance:
+    if strangers_chance(fitness.looked_at, oscillation) < config.max_strangers_chance:
         return ()
     text = "what is new in PV and what is new in OP have nothing to do with each other: tags of two loops, or no loop"
     return (Reason("uncoupled", text),)

@@ -99,24 +99,26 @@ def test_units_and_time_do_not_move_an_episode():
     assert there.probability == pytest.approx(here.probability, abs=1e-6)
 
 
-def test_an_audit_says_when_the_valve_stuck_and_leaves_its_verdict():
+def test_an_audit_says_when_the_valve_stuck_and_clears_it_no_more():
     recording = simulate_loop(STICKY, 10.0, 1.0).recording("x")
     made = record((FREE, 3500), (STICKY, 2500), (FREE, 3000))
     recording = type(recording)("x", np.arange(made.samples, dtype=float), made.pv, made.op)
     answer = audit(recording)
     quiet = audit(recording, AuditConfig(episodes=EpisodeConfig(long_samples=10**9)))
-    assert answer.judgement.verdict == quiet.judgement.verdict
+    assert answer.judgement.verdict == quiet.judgement.verdict == "no_stiction"
+    assert (answer.judgement.reliability, quiet.judgement.reliability) == ("not_reliable", "reliable")
     assert "short_lived_stiction" in {reason.code for reason in answer.judgement.reasons}
     assert "short_lived_stiction" not in {reason.code for reason in quiet.judgement.reasons}
     assert quiet.episodes.found == ()
 
 
-def test_a_valve_that_began_to_stick_comes_first_and_is_not_cleared():
-    made = record((FREE, 5500), (STICKY, 3500))
+def test_a_valve_that_began_to_stick_sticks_now():
+    made = record((FREE, 7000), (STICKY, 2500))
     recording = Recording("x", np.arange(made.samples, dtype=float), made.pv, made.op)
     answer, quiet = audit(recording), audit(recording, AuditConfig(episodes=EpisodeConfig(long_samples=10**9)))
-    assert (quiet.judgement.verdict, answer.judgement.verdict) == ("no_stiction", "no_stiction")
-    assert answer.judgement.reliability == "not_reliable"
+    assert (quiet.judgement.verdict, answer.judgement.verdict) == ("no_stiction", "stiction")
+    assert (answer.judgement.reliability, answer.judgement.likely_cause) == ("not_reliable", "stiction")
+    assert answer.judgement.stiction_probability == answer.episodes.found[-1].probability > 0.8
     codes = [reason.code for reason in answer.judgement.reasons]
     assert (codes[0], codes[-1]) == ("stiction_began", "short_lived_stiction")
 

@@ -21,6 +21,23 @@ LATER_CHECKS = (
 
 
 @dataclass(frozen=True, eq=False)
+class Whole:
+    """A long record that was judged stretch by stretch: the middle one of them speaks for it.
+
+    record: all of it. agreeing: how many of the `judged` stretches are on the side of the one that speaks.
+    """
+
+    record: UniformRecord
+    agreeing: int
+    judged: int
+
+    @property
+    def contested(self) -> bool:
+        """Whether fewer than two of three stretches are on its side."""
+        return 3 * self.agreeing < 2 * self.judged
+
+
+@dataclass(frozen=True, eq=False)
 class Fitness:
     """Whether and on which stretch a recording can be audited, check by check.
 
@@ -30,6 +47,7 @@ class Fitness:
     automatic_share: samples in automatic, 0 to 1; None where the mode was not recorded.
     filled_share: samples of `record` that were interpolated into holes, 0 to 1; None without a record.
     gaps: holes that split the recording.
+    speaks_for: the long record for which `record` speaks; None where `record` is all that is judged.
     """
 
     findings: tuple[Finding, ...]
@@ -38,6 +56,7 @@ class Fitness:
     automatic_share: float | None
     filled_share: float | None
     gaps: int
+    speaks_for: Whole | None = None
 
     @property
     def auditable(self) -> bool:
@@ -49,6 +68,11 @@ class Fitness:
         if self.record is None:
             raise DataError("not_auditable", "; ".join(finding.text for finding in self.refusals))
         return self.record
+
+    @property
+    def looked_at(self) -> UniformRecord:
+        """All that a judgement on `audited` stands for; raises as that does."""
+        return self.audited if self.speaks_for is None else self.speaks_for.record
 
     @property
     def long_enough(self) -> bool:

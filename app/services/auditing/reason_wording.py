@@ -62,6 +62,8 @@ _METHODS = {
     "reference_only": "Verdict and probability come from the published rule alone and are not calibrated.",
 }
 _EPISODES = {
+    "stretches": "A long record was judged stretch by stretch; the middle one speaks for it.",
+    "stretches_disagree": "Fewer than two of three stretches of a long record are on the verdict's side.",
     "short_lived_stiction": "The valve sticks in one spell of a long record and not in the rest.",
     "stiction_ended": "The valve stuck at the beginning of the record and has not since.",
     "stiction_began": "The valve sticks up to the end of the record and did not at its beginning.",

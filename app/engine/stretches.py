@@ -1,0 +1,112 @@
+"""The stretch that speaks for a long record: one of several that are judged each by itself, the middle one of them.
+
+Over days the load wanders, a unit stands still for a shift, set points are moved: that is the strongest movement of
+the whole, and a limit cycle of minutes within it is neither its oscillation nor its shape. Within an hour it is.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.engine.fitness import Whole
+from app.engine.fitness.signals import run_lengths
+from app.engine.oscillation import Oscillation, detect
+from app.engine.recording import UniformRecord
+from app.engine.verdict import Weighing, weigh
+
+LONG_SAMPLES = 5000
+"""Samples above which a record is judged by stretches; the verdict's shapes were fitted on records below it."""
+
+_PARTS = (6, 12, 24, 48)
+_LEAST_PART, _MOST_LOOKED_AT = 400, 12
+_SWINGING_SHARE = 2.0 / 3.0
+_REGULAR_STRENGTH, _IRREGULAR_STRENGTH, _FEWEST_CYCLES = 0.2, 0.3, 5.0
+_LEAST_PER_CYCLE = 5.0
+_CYCLES, _LEAST_STRETCH = 15.0, 600
+_FEWEST, _MOST = 3, 7
+_DEAD_SHARE = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """record: the stretch. oscillation: its own. whole: what it speaks for."""
+
+    record: UniformRecord
+    oscillation: Oscillation
+    whole: Whole
+
+
+def speaking_stretch(record: UniformRecord, oscillation: Oscillation) -> Stretch | None:
+    """The stretch whose log-odds of stiction are the middle ones of up to seven spread over a long record; None where
+    the record is not long, where no scale is found on which most of it swings, or where fewer than three are left.
+
+    oscillation: of the whole. A stretch has some fifteen cycles of the scale on which the parts of the record swing
+    most clearly; what stands still for half of its time (a unit that is shut down) is not judged. Misleads where a
+    valve sticks for less than half of the time: that is for the episodes to say.
+    """
+    if record.samples <= LONG_SAMPLES:
+        return None
+    per_cycle = cycle_of_parts(record) or (oscillation.samples_per_cycle if oscillation.regular else None)
+    if per_cycle is None:
+        return None
+    weighed = [(found, part) for part in _spread(record, per_cycle) if (found := _weighed(part)) is not None]
+    if len(weighed) < _FEWEST:
+        return None
+    weighed.sort(key=lambda pair: pair[0][0].log_odds)
+    (middle, own), part = weighed[(len(weighed) - 1) // 2]
+    agreeing = sum((found.log_odds > 0.0) == (middle.log_odds > 0.0) for (found, _), _ in weighed)
+    return Stretch(part, own, Whole(record, agreeing, len(weighed)))
+
+
+def cycle_of_parts(record: UniformRecord) -> float | None:
+    """Samples a cycle on the scale on which the parts of a record swing most clearly; None where most do not swing.
+
+    The record is cut into 6 to 48 parts, of which a dozen are looked at; the number of parts counts whose median
+    oscillation is the strongest and most regular.
+    """
+    best, per_cycle = 0.0, None
+    for count in _PARTS:
+        if record.samples // count < _LEAST_PART:
+            break
+        found = [detect(part) for part in _parts(record, count)]
+        swinging = [one for one in found if _swings(one)]
+        if len(swinging) < _SWINGING_SHARE * len(found):
+            continue
+        clear = float(np.median([_clarity(one) for one in swinging])) * len(swinging) / len(found)
+        if clear > best:
+            best, per_cycle = clear, float(np.median([one.samples_per_cycle for one in swinging]))
+    return per_cycle
+
+
+def _parts(record: UniformRecord, count: int) -> Iterator[UniformRecord]:
+    length = record.samples // count
+    for k in np.unique(np.linspace(0, count - 1, min(count, _MOST_LOOKED_AT)).round().astype(int)):
+        yield record.part(slice(int(k) * length, (int(k) + 1) * length))
+
+
+def _swings(oscillation: Oscillation) -> bool:
+    least = _REGULAR_STRENGTH if oscillation.regular else _IRREGULAR_STRENGTH
+    enough = oscillation.strength >= least and oscillation.cycles >= _FEWEST_CYCLES
+    return enough and (oscillation.samples_per_cycle or 0.0) >= _LEAST_PER_CYCLE
+
+
+def _clarity(oscillation: Oscillation) -> float:
+    regularity = min(oscillation.regularity, 3.0)
+    return oscillation.strength * regularity / (regularity + 1.0)
+
+
+def _spread(record: UniformRecord, per_cycle: float) -> Iterator[UniformRecord]:
+    """Stretches from the record's start to its end, each overlapping the next by half at most."""
+    length = int(np.clip(_CYCLES * per_cycle, _LEAST_STRETCH, record.samples))
+    count = min(_MOST, 2 * (record.samples // length) - 1)
+    for start in np.linspace(0, record.samples - length, count).astype(int):
+        yield record.part(slice(int(start), int(start) + length))
+
+
+def _weighed(part: UniformRecord) -> tuple[Weighing, Oscillation] | None:
+    if any(run_lengths(x).max() >= _DEAD_SHARE * part.samples for x in (part.pv, part.op)):
+        return None
+    oscillation = detect(part)
+    weighing = weigh(part, oscillation)
+    return None if weighing is None else (weighing, oscillation)
