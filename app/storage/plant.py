@@ -70,7 +70,7 @@ def last_whole_run(connection: Connection) -> Any:
     ended = audits.c.state.in_(("done", "partial"))
     query = select(audits.c.id, audits.c.created_at, audits.c.trigger, audits.c.total).where(ended)
     query = query.order_by(audits.c.id.desc()).limit(1)
-    nightly = audits.c.trigger == "nightly"
+    nightly = audits.c.nightly_for.is_not(None)  # not one that somebody asked for once that night's had ended
     night = connection.execute(query.where(nightly)).one_or_none()
     most = select(func.max(audits.c.total)).where(ended).scalar_subquery()
     asked_for = connection.execute(query.where(~nightly, 2 * audits.c.total >= most)).one_or_none()
@@ -79,8 +79,10 @@ def last_whole_run(connection: Connection) -> Any:
     return asked_for if asked_for.created_at - night.created_at > A_DAY else night
 
 
-def any_run_before(connection: Connection, audit_id: int) -> bool:
-    return connection.scalar(select(audits.c.id).where(audits.c.id < audit_id, audits.c.total > 0).limit(1)) is not None
+def run_before(connection: Connection, audit_id: int) -> int | None:
+    """The newest run before this one; None: it is the first."""
+    query = select(audits.c.id).where(audits.c.id < audit_id, audits.c.total > 0)
+    return connection.scalar(query.order_by(audits.c.id.desc()).limit(1))
 
 
 def changes(connection: Connection, since_audit: int, limit: int) -> list[Any]:

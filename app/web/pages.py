@@ -1,5 +1,6 @@
 """The plant, its table, its groups, and what each figure means."""
 
+from datetime import datetime
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
@@ -11,7 +12,7 @@ from starlette.responses import FileResponse, JSONResponse
 from app.api.backend import Services
 from app.services.plant import groups as grouped
 from app.services.plant import overview as plants
-from app.services.plant.arrivals import arrivals, sentences
+from app.services.plant.arrivals import arrivals, nothing_new, sentences
 from app.services.plant.glossary import FIGURES
 from app.services.plant.nights import nights
 from app.services.plant.reliability import RowFilter
@@ -63,11 +64,18 @@ def plant(backend: Services) -> HTMLResponse:
         seen=seen,
         ranks=VERDICT_RANK,
         changed=changed,
-        arrivals=sentences(arrivals(backend)) if seen.audited else [],
+        arrivals=_arrivals(backend, changed) if seen.audited else [],
         worst=worst,
         last_nights=nights(backend, [row["loop"] for row in worst]),
         groups=[found for found in grouped.soon(backend) or () if not found.by_chance][:5],
     )
+
+
+def _arrivals(backend: Services, changed: plants.Changes) -> list[str]:
+    told = sentences(arrivals(backend))
+    if changed.run_id is None or changed.run_at is None:
+        return told
+    return [*told, *nothing_new(backend, int(changed.run_id), datetime.fromisoformat(changed.run_at))]
 
 
 @router.get("/plant/tiles")

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
@@ -222,6 +222,7 @@ def test_stability_is_that_of_the_roots(c):
 
 
 @given(coefficients)
+@example(np.array([1.0, 2.225073858507e-311]))
 def test_reflection_makes_stable(c):
     reflect_to_stable(c)
     assert is_stable(c, SLOWEST_ROOT)

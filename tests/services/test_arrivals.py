@@ -10,7 +10,7 @@ from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.moments import iso_utc, moment_of, ns_of
-from app.services.plant.arrivals import LATE, NAMED, Arrivals, age_of, arrivals, sentences
+from app.services.plant.arrivals import LATE, NAMED, NOTHING_NEW, Arrivals, age_of, arrivals, of_run, sentences
 from app.storage.tables import loops
 
 AddLoops = Callable[..., dict[str, int]]
@@ -85,6 +85,17 @@ def test_a_run_is_told_by_what_it_was_given(backend: Backend, add_loops: AddLoop
     assert arrivals(backend, int(run.id), at) == before
     assert before.recorded_to is not None
     assert before.recorded_to < (arrivals(backend, at=at).recorded_to or "")
+
+
+def test_a_night_that_nothing_came_for_says_so(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("A")
+    runs = [start_audit(backend)]
+    audit_chunk(backend, int(runs[0].id), "test")
+    runs.append(start_audit(backend))
+    audit_chunk(backend, int(runs[1].id), "test")
+    at = datetime.fromisoformat(runs[1].created_at)
+    assert NOTHING_NEW not in of_run(backend, int(runs[0].id), at)
+    assert of_run(backend, int(runs[1].id), at)[-1] == NOTHING_NEW
 
 
 def test_the_age_of_one_loop() -> None:

@@ -110,7 +110,8 @@ def test_what_a_night_changed_is_news_though_somebody_audits_again(backend: Back
     now = loop_health(backend, "B")["verdict"]
     other = "no_stiction" if now == "stiction" else "stiction"
     rewrite(backend, first, ids["B"], verdict=other)
-    audited(backend)
+    again = start_audit(backend, trigger="nightly")  # `loopaudit nightly` once the night's run has ended
+    audit_chunk(backend, int(again.id), "test")
     told = plant.changes(backend)
     assert told.run_id == run.id
     assert [(change.loop, change.before, change.now) for change in told.rows] == [("B", other, now)]

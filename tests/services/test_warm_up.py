@@ -21,7 +21,7 @@ def test_the_warm_up_goes_the_longest_way_through_the_engine(
     warming.warm_up()
     assert any(one.reference is not None and one.reference.last.two is not None for one in found)
     assert any(one.stiction_size is not None for one in found)
-    assert {one.judgement.verdict for one in found} == {"stiction", "no_stiction"}
+    assert {one.judgement.verdict for one in found} == {"stiction", "inconclusive"}  # sums of sines: PV owes OP nothing
 
 
 LOADED = """

@@ -8,6 +8,7 @@ from app.engine.recording import FloatArray
 
 ComplexArray = NDArray[np.complex128]
 
+_NOTHING = 1e-290  # what is smaller cannot be divided by
 # It converges with the third power: after a step of this share of a root the next one would be rounding.
 _LAST_STEP = 1e-9
 _MOST_PASSES = 60
@@ -25,7 +26,7 @@ def roots_of(c: FloatArray) -> ComplexArray:
     n = len(c)
     # On the circle of the roots' geometric mean, off the real axis, about which the roots are mirrored.
     z = abs(c[n - 1]) ** (1.0 / n) * np.exp(1j * (2.0 * np.pi * np.arange(n) / n + 0.4))
-    for _ in range(_MOST_PASSES if c[n - 1] != 0.0 else 0):
+    for _ in range(_MOST_PASSES if abs(c[n - 1]) > _NOTHING else 0):
         settled = True
         for k in range(n):
             step = _aberth_step(c, z, k)
@@ -35,7 +36,7 @@ def roots_of(c: FloatArray) -> ComplexArray:
             return z
     polynomial = np.ones(n + 1, dtype=np.complex128)
     for k in range(n):
-        polynomial[k + 1] = c[k]
+        polynomial[k + 1] = c[k] if abs(c[k]) > _NOTHING else 0.0
     return np.roots(polynomial)  # type: ignore[return-value]  # complex coefficients have complex roots
 
 

@@ -12,7 +12,7 @@ from app.services.auditing.audits import get_audit
 from app.services.backend import Backend
 from app.services.cursors import identifier
 from app.services.moments import short_time
-from app.services.plant.arrivals import arrivals, sentences
+from app.services.plant.arrivals import of_run
 from app.services.plant.overview import change_of
 from app.services.rendering import document, figure
 from app.services.results import AuditView, ChangeView
@@ -80,8 +80,8 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         counted = digests.counts_of(connection, number)
         worst = digests.worst_of_units(connection, number, TOP)
         # In a plant's first run every verdict is new: that is no news.
-        compared = plant.any_run_before(connection, number)
-        changed = digests.changes_of(connection, number, CHANGES + 1) if compared else []
+        earlier = plant.run_before(connection, number)
+        changed = [] if earlier is None else digests.changes_of(connection, number, CHANGES + 1)
     verdicts, refused = Counter[str](), Counter[str]()
     for row in counted:
         verdicts[row.verdict] += row.loops
@@ -93,11 +93,11 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         run=run,
         verdicts=dict(verdicts),
         refused=dict(refused.most_common()),
-        arrivals=sentences(arrivals(backend, number, datetime.fromisoformat(run.created_at)), "before the run"),
+        arrivals=of_run(backend, number, datetime.fromisoformat(run.created_at)),
         areas=[Area(unit, [_loop(row, url) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
         changes=[change_of(row) for row in changed[:CHANGES]],
         more_changes=len(changed) > CHANGES,
-        compared=compared,
+        compared=earlier is not None,
         public_url=url,
     )
 
