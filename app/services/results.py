@@ -243,6 +243,7 @@ class ChangeView:
     because: str
     reasons_text: str
     health: float | None
+    reliability: str
 
 
 @dataclass(frozen=True)

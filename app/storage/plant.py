@@ -127,6 +127,7 @@ def _last_before(audit_id: int, column: Column[Any]) -> ScalarSelect[Any]:
 def told_of_both(now: FromClause, earlier: FromClause) -> tuple[ColumnElement[Any], ...]:
     """What tells why the verdict `now` is another one than the `earlier` one."""
     return (
+        now.c.reliability,
         now.c.reasons_text,
         now.c.reasons,
         now.c.likely_cause,

@@ -23,6 +23,7 @@ from app.web.rendering import CHARTS, STATIC, page
 
 A_WEEK = {"Cache-Control": "public, max-age=604800"}
 ROWS_A_PAGE = 100
+CHANGES = 10
 
 router = APIRouter(include_in_schema=False)
 for module in (loop, runs, uploads):
@@ -66,7 +67,8 @@ def plant(backend: Services) -> HTMLResponse:
         changed=changed,
         arrivals=_arrivals(backend, changed) if seen.audited else [],
         worst=worst,
-        last_nights=nights(backend, [row["loop"] for row in worst]),
+        last_nights=nights(backend, [row["loop"] for row in worst] + [row.loop for row in changed.rows[:CHANGES]]),
+        most_changes=CHANGES,
         groups=[found for found in grouped.soon(backend) or () if not found.by_chance][:5],
     )
 

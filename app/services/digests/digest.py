@@ -187,7 +187,8 @@ def _loop_lines(place: int, loop: DigestLoop) -> list[str]:
 def _change_line(change: ChangeView) -> str:
     before = VERDICT_WORDS[change.before] if change.before else "not audited"
     words = f"{CHANGE_WORDS[change.kind]} ({before} -> {VERDICT_WORDS[change.now]})"
-    return f"  {_line(change.loop)}: {words}; {change.because}"
+    sure = "" if change.reliability == "reliable" else ", look first"
+    return f"  {_line(change.loop)}: {words}{sure}; {change.because}"
 
 
 def _no_change(digest: Digest) -> str:

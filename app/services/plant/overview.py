@@ -166,7 +166,7 @@ def _mean_health(rows: list[Any]) -> float | None:
 def change_of(row: Any) -> ChangeView:
     kind, why = _kind(row.verdict_before, row.verdict), _why(row)
     verdicts_told = (row.verdict_before, row.verdict, why, _because(why, row))
-    return ChangeView(row.tag, row.unit, kind, *verdicts_told, row.reasons_text, row.health)
+    return ChangeView(row.tag, row.unit, kind, *verdicts_told, row.reasons_text, row.health, row.reliability)
 
 
 def _kind(before: str | None, now: str) -> Literal["new", "cured", "flipped"]:
