@@ -6,7 +6,7 @@ import numpy as np
 
 from app.engine import ENGINE_VERSION, verdict, verdict_reference
 from app.engine.audit_config import AuditConfig
-from app.engine.episodes import BEGAN, NO_EPISODES, Episodes, episode_reasons, find
+from app.engine.episodes import BEGAN, NO_EPISODES, EpisodeConfig, Episodes, episode_reasons, find, samples_wanted
 from app.engine.evidence import Finding, Reason
 from app.engine.fitness import Fitness
 from app.engine.health import Health
@@ -35,6 +35,7 @@ SPOILED_BY = {
 
 # Findings that show a historian's compression: what lies between the stored values is not the loop's.
 _REBUILT = frozenset({"pv_interpolated", "op_interpolated"})
+_OF_STRETCHES = frozenset({"stretches", "stretches_disagree"})
 _AS_CONFIGURED = AuditConfig()  # one of it, because its fingerprint costs as much as a stage of the audit
 
 
@@ -53,7 +54,7 @@ class Audit:
 
     samples: samples of the recording. sampling_interval_s: of the audited stretch, else the recording's median; None
     below two samples.
-    window: what was judged. identified: its newest part, which the published rule was run on.
+    window: what was judged. identified: the part of it that the published rule was run on.
     op_span: max(OP) - min(OP) in what was identified, unit of OP.
     oscillation, window, identified, reference, op_span: None where the recording is not auditable.
     episodes: stretches of a long record in which the valve sticks while it does not in the rest.
@@ -128,17 +129,17 @@ def _moving(record: UniformRecord, max_samples: int) -> UniformRecord:
 def _identified(recording: Recording, config: AuditConfig, prepared: Preparation, oscillation: Oscillation) -> Audit:
     fitness, looked_at = prepared.fitness, prepared.fitness.looked_at
     record = _moving(fitness.audited, config.max_samples)
-    judgement = verdict.judge(fitness.audited, oscillation, fitness, None, config.judgement, recording.integrating)
+    by_itself = verdict.judge(fitness.audited, oscillation, fitness, None, config.judgement, recording.integrating)
+    if prepared.rest_of is not None:
+        by_itself = replace(by_itself, reasons=(*by_itself.reasons, _rest_reason(fitness, prepared.rest_of)))
+    episodes = find(looked_at, _quicker(oscillation, fitness, config.episodes), config.episodes)
+    judgement = _with_episodes(by_itself, episodes)
     try:
         reference = climb(record, ladder_for(judgement, config), config.hammerstein)
     except DataError as error:
         refusal = _unidentifiable(error, record)
         return _result(recording, config, fitness, refusal, oscillation=oscillation, record=record)
     judgement = _with_reference(judgement, reference, fitness, config)
-    episodes = find(looked_at, oscillation, config.episodes)
-    if prepared.rest_of is not None:
-        judgement = replace(judgement, reasons=(*judgement.reasons, _rest_reason(fitness, prepared.rest_of)))
-    judgement = _with_episodes(judgement, episodes)
     result = _result(
         recording,
         config,
@@ -153,8 +154,18 @@ def _identified(recording: Recording, config: AuditConfig, prepared: Preparation
         result,
         window=_window(looked_at),
         swing=swing_of(newest(looked_at, config.max_samples), oscillation),
-        stiction_size=_stiction_size(record, fitness, oscillation, judgement, config),
+        # What was judged by itself is not the spell that turned the verdict.
+        stiction_size=_stiction_size(record, fitness, oscillation, by_itself, config),
     )
+
+
+def _quicker(oscillation: Oscillation, fitness: Fitness, config: EpisodeConfig) -> Oscillation:
+    """Of the oscillations of a long record and of the stretch that speaks for it the one by which shorter spells are
+    seen.
+    """
+    if fitness.speaks_for is None:
+        return oscillation
+    return min((oscillation, fitness.speaks_for.oscillation), key=lambda one: samples_wanted(one, config))
 
 
 def _with_episodes(judgement: Judgement, episodes: Episodes) -> Judgement:
@@ -164,12 +175,20 @@ def _with_episodes(judgement: Judgement, episodes: Episodes) -> Judgement:
     reasons = episode_reasons(episodes)
     if judgement.verdict == "stiction" or not reasons:
         return replace(judgement, reasons=(*judgement.reasons, *reasons))
-    ranked = sorted((*judgement.reasons, *reasons), key=lambda reason: reason.code != BEGAN)
-    doubted = replace(judgement, reliability="not_reliable", reasons=tuple(ranked))
-    if ranked[0].code != BEGAN:
-        return doubted
-    now = [episode for episode in episodes.found if episode.at_end][-1]
-    return replace(doubted, verdict="stiction", stiction_probability=now.probability, likely_cause="stiction")
+    if all(reason.code != BEGAN for reason in reasons):
+        return replace(judgement, reliability="not_reliable", reasons=(*judgement.reasons, *reasons))
+    # What explains the rest of the record, and which parts of it agree, is not said of the spell.
+    left = {rival.cause for rival in judgement.rivals} | _OF_STRETCHES
+    kept = tuple(reason for reason in judgement.reasons if reason.code not in left)
+    ranked = sorted((*reasons, *kept), key=lambda reason: reason.code != BEGAN)
+    return replace(
+        judgement,
+        verdict="stiction",
+        stiction_probability=[episode for episode in episodes.found if episode.at_end][-1].probability,
+        reliability="not_reliable",
+        reasons=tuple(ranked),
+        likely_cause="stiction",
+    )
 
 
 def _rest_reason(fitness: Fitness, rest_of: UniformRecord) -> Reason:
@@ -224,7 +243,7 @@ def _refusal(recording: Recording, refusals: tuple[Finding, ...]) -> Judgement:
 def _unidentifiable(error: DataError, record: UniformRecord) -> Judgement:
     reason, cause = Reason(error.code, error.message), None
     if np.ptp(record.pv) == 0.0 < np.ptp(record.op):
-        text = f"PV holds one value for the newest {record.samples} samples: a stuck valve or a dead transmitter"
+        text = f"PV holds one value for {record.samples} samples in which OP moves: a stuck valve or a dead transmitter"
         reason, cause = Reason("pv_flat", text), CAUSE
     return Judgement("not_auditable", None, "not_reliable", (reason,), cause)
 

@@ -139,13 +139,16 @@ def episode_text(code: str, probability: float, start: str, end: str) -> str:
 def window_spans(record: UniformRecord, oscillation: Oscillation, config: EpisodeConfig) -> list[slice]:
     """Windows over the whole record, each overlapping the next by half: at most `most_windows`."""
     shortest = 2.0 * record.samples / (config.most_windows + 1)
-    # The period of what does not swing over the whole record says nothing about a spell in it.
-    known = oscillation.regular and oscillation.strength >= config.screen_strength
-    wanted = config.cycles * (oscillation.samples_per_cycle or 0.0) if known else 0.0
-    length = int(np.clip(max(wanted, shortest), 64, record.samples))
+    length = int(np.clip(max(samples_wanted(oscillation, config), shortest), 64, record.samples))
     count = min(config.most_windows, max(1, round(2.0 * record.samples / length) - 1))
     starts = np.linspace(0, record.samples - length, count).astype(int)
     return [slice(int(start), int(start) + length) for start in starts]
+
+
+def samples_wanted(oscillation: Oscillation, config: EpisodeConfig) -> float:
+    """Samples of a window by an oscillation; 0 where that does not swing: it says nothing about a spell."""
+    known = oscillation.regular and oscillation.strength >= config.screen_strength
+    return config.cycles * (oscillation.samples_per_cycle or 0.0) if known else 0.0
 
 
 @lru_cache(maxsize=1)

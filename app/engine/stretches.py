@@ -13,16 +13,18 @@ from app.engine.fitness import Whole
 from app.engine.fitness.signals import run_lengths
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import UniformRecord
-from app.engine.verdict import Weighing, weigh
+from app.engine.verdict import weigh
 
 LONG_SAMPLES = 5000
 """Samples above which a record is judged by stretches; the verdict's shapes were fitted on records below it."""
 
-_PARTS = (6, 12, 24, 48)
+# Chosen on simulated loops under loads that wander (`testbench.days`); what swings is as an episode's windows ask.
+_PARTS = (6, 12, 24, 48)  # into which a record is cut, each of at least so many samples, a dozen of them looked at
 _LEAST_PART, _MOST_LOOKED_AT = 400, 12
 _SWINGING_SHARE = 2.0 / 3.0
 _REGULAR_STRENGTH, _IRREGULAR_STRENGTH, _FEWEST_CYCLES = 0.2, 0.3, 5.0
 _LEAST_PER_CYCLE = 5.0
+# Cycles of a stretch, as a window of the shapes has them, and its samples at least.
 _CYCLES, _LEAST_STRETCH = 15.0, 600
 _FEWEST, _MOST = 3, 7
 _DEAD_SHARE = 0.5
@@ -50,13 +52,20 @@ def speaking_stretch(record: UniformRecord, oscillation: Oscillation) -> Stretch
     per_cycle = cycle_of_parts(record) or (oscillation.samples_per_cycle if oscillation.regular else None)
     if per_cycle is None:
         return None
-    weighed = [(found, part) for part in _spread(record, per_cycle) if (found := _weighed(part)) is not None]
-    if len(weighed) < _FEWEST:
+    parts = list(_spread(record, per_cycle))
+    weighed = [found for part in parts if (found := _weighed(part)) is not None]
+    if len(weighed) < _FEWEST or _dead_at_its_end(record):
         return None
-    weighed.sort(key=lambda pair: pair[0][0].log_odds)
-    (middle, own), part = weighed[(len(weighed) - 1) // 2]
-    agreeing = sum((found.log_odds > 0.0) == (middle.log_odds > 0.0) for (found, _), _ in weighed)
-    return Stretch(part, own, Whole(record, agreeing, len(weighed)))
+    middle = sorted(weighed, key=lambda one: one.log_odds)[(len(weighed) - 1) // 2]
+    sides = [(one.log_odds > 0.0) == (middle.log_odds > 0.0) for one in weighed]
+    whole = Whole(record, oscillation, sum(sides), len(sides), any(sides[-2:]), len(parts) - len(weighed))
+    return Stretch(middle.record, middle.oscillation, whole)
+
+
+def _dead_at_its_end(record: UniformRecord) -> bool:
+    """Whether PV has stood still for a stretch up to the end of the record while OP moved: that comes first."""
+    still = int(run_lengths(record.pv)[-1])
+    return still >= _LEAST_STRETCH and float(np.ptp(record.op[-still:])) > 0.0
 
 
 def cycle_of_parts(record: UniformRecord) -> float | None:
@@ -104,9 +113,16 @@ def _spread(record: UniformRecord, per_cycle: float) -> Iterator[UniformRecord]:
         yield record.part(slice(int(start), int(start) + length))
 
 
-def _weighed(part: UniformRecord) -> tuple[Weighing, Oscillation] | None:
+@dataclass(frozen=True, eq=False)
+class _Weighed:
+    record: UniformRecord
+    oscillation: Oscillation
+    log_odds: float
+
+
+def _weighed(part: UniformRecord) -> _Weighed | None:
     if any(run_lengths(x).max() >= _DEAD_SHARE * part.samples for x in (part.pv, part.op)):
         return None
     oscillation = detect(part)
     weighing = weigh(part, oscillation)
-    return None if weighing is None else (weighing, oscillation)
+    return None if weighing is None else _Weighed(part, oscillation, weighing.log_odds)

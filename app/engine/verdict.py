@@ -159,7 +159,7 @@ def _doubts(
     doubts = []
     doubts.extend(_unclear(weighing, oscillation, config))
     if oscillation.cycles < config.min_cycles:
-        text = f"the record holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be trusted"
+        text = f"what was judged holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be trusted"
         doubts.append(Reason("few_cycles", text))
     if verdict == "stiction":
         doubts.extend(_shaped_outside(weighing, config))
@@ -172,6 +172,7 @@ def _parts_disagree(weighing: Weighing, fitness: Fitness, config: VerdictConfig)
     whole = fitness.speaks_for
     if whole is not None:
         text = f"only {whole.agreeing} of the {whole.judged} stretches that were judged are on this side"
+        text += "" if whole.newest_agree else ", the newest two are not"
         return (Reason("stretches_disagree", text),) if whole.contested else ()
     if weighing.window_spread <= config.max_window_spread * abs(weighing.log_odds_by_shapes):
         return ()
@@ -184,6 +185,7 @@ def _stretches_reason(fitness: Fitness) -> tuple[Reason, ...]:
         return ()
     length_h = fitness.audited.samples * fitness.audited.sampling_interval_s / 3600.0
     text = f"{whole.judged} stretches of {length_h:.2g} h were judged each by itself; the middle one of them is shown"
+    text += f"; {whole.standing} more are left out, because PV or OP stood still" if whole.standing else ""
     return (Reason("stretches", text),)
 
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from sqlalchemy import Connection, Subquery, func, select
+from sqlalchemy import Connection, Subquery, func, or_, select
 
 from app.storage.tables import loops, verdicts
 
@@ -27,6 +27,18 @@ def behind(
         return 0, []
     query = select(ends.c.tag, ends.c.end_ns).where(late).order_by(ends.c.importance.desc(), ends.c.tag).limit(limit)
     return count, [(tag, end_ns) for tag, end_ns in connection.execute(query)]
+
+
+def anything_new(connection: Connection, audit_id: int) -> bool:
+    """Whether a loop of this run was given samples that its verdict before was not, or has none before."""
+    earlier = verdicts.alias("earlier")
+    known = select(func.max(earlier.c.input_end_ns)).where(
+        earlier.c.loop_id == verdicts.c.loop_id, earlier.c.audit_id < audit_id
+    )
+    before = known.correlate(verdicts).scalar_subquery()
+    newer = or_(before.is_(None), verdicts.c.input_end_ns > before)
+    query = select(verdicts.c.loop_id).where(verdicts.c.audit_id == audit_id, newer)
+    return connection.scalar(query.limit(1)) is not None
 
 
 def _ends(audit_id: int | None) -> Subquery:

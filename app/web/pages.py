@@ -1,6 +1,5 @@
 """The plant, its table, its groups, and what each figure means."""
 
-from datetime import datetime
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
@@ -74,10 +73,7 @@ def plant(backend: Services) -> HTMLResponse:
 
 
 def _arrivals(backend: Services, changed: plants.Changes) -> list[str]:
-    told = sentences(arrivals(backend))
-    if changed.run_id is None or changed.run_at is None:
-        return told
-    return [*told, *nothing_new(backend, int(changed.run_id), datetime.fromisoformat(changed.run_at))]
+    return [*sentences(arrivals(backend)), *(nothing_new(backend, int(changed.run_id)) if changed.run_id else [])]
 
 
 @router.get("/plant/tiles")

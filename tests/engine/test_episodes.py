@@ -119,8 +119,7 @@ def test_a_valve_that_began_to_stick_sticks_now():
     assert (quiet.judgement.verdict, answer.judgement.verdict) == ("no_stiction", "stiction")
     assert (answer.judgement.reliability, answer.judgement.likely_cause) == ("not_reliable", "stiction")
     assert answer.judgement.stiction_probability == answer.episodes.found[-1].probability > 0.8
-    codes = [reason.code for reason in answer.judgement.reasons]
-    assert (codes[0], codes[-1]) == ("stiction_began", "short_lived_stiction")
+    assert [reason.code for reason in answer.judgement.reasons][:2] == ["stiction_began", "short_lived_stiction"]
 
 
 @pytest.mark.shared

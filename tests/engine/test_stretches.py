@@ -69,7 +69,7 @@ def test_all_that_was_looked_at_is_the_window(sticky):
 
 
 def test_hours_of_a_shutdown_say_nothing(sticky):
-    stands = slice(8000, 11_600)
+    stands = slice(5000, 8600)
     op, pv = sticky.op.copy(), sticky.pv.copy()
     op[stands], pv[stands] = 0.0, 0.1
     shut = replace(sticky, op=op, pv=pv)
@@ -87,6 +87,37 @@ def test_a_valve_that_sticks_for_a_third_of_the_record_is_neither_cleared_nor_ac
     assert "short_lived_stiction" in {reason.code for reason in found.judgement.reasons}
 
 
+@pytest.mark.parametrize("share", [0.2, 0.3])
+def test_a_valve_that_sticks_up_to_the_end_is_not_cleared(sticky, share):
+    free, since = recorded(FREE), round((1.0 - share) * N)
+    op, pv = free.op.copy(), free.pv.copy()
+    op[since:], pv[since:] = sticky.op[since:], sticky.pv[since:]
+    found = audit(replace(free, op=op, pv=pv))
+    assert said(found) == ("stiction", "not_reliable")
+    codes = [reason.code for reason in found.judgement.reasons]
+    assert codes[0] == "stiction_began"
+    assert not {"stretches", "stretches_disagree", "disturbance"} & set(codes)
+    assert found.stiction_size is None or not found.stiction_size.identifiable
+
+
+def test_a_pv_that_died_lately_comes_before_what_the_valve_did(sticky):
+    pv = sticky.pv.copy()
+    pv[-5100:] = pv[-5100]
+    dead = audit(replace(sticky, pv=pv))
+    assert dead.judgement.verdict == "not_auditable"
+    assert dead.judgement.likely_cause == "stuck_valve_or_dead_transmitter"
+    assert [reason.code for reason in dead.judgement.reasons] == ["pv_flat"]
+
+
+def test_a_unit_that_stands_still_at_the_end_is_judged_by_what_was_before(sticky):
+    op, pv = sticky.op.copy(), sticky.pv.copy()
+    op[-3000:], pv[-3000:] = 0.0, 0.1
+    found = audit(replace(sticky, op=op, pv=pv))
+    assert said(found) == ("stiction", "reliable")
+    (text,) = [reason.text for reason in found.judgement.reasons if reason.code == "stretches"]
+    assert text.endswith("more are left out, because PV or OP stood still")
+
+
 def test_records_that_are_not_long_are_judged_whole(sticky):
     short = sticky.part(slice(0, LONG_SAMPLES))
     assert prepare(short).fitness.speaks_for is None
@@ -100,11 +131,12 @@ def test_noise_has_no_scale_and_is_judged_whole():
     assert speaking_stretch(record, replace(detect(record), regularity=0.5)) is None
 
 
-@pytest.mark.parametrize("change", ["scale", "sign", "time"])
+@pytest.mark.parametrize("change", ["scale", "sign of PV", "sign of OP", "time"])
 def test_units_change_nothing(sticky, change):
     other = {
         "scale": lambda: replace(sticky, pv=1e3 * sticky.pv + 7.0, op=0.01 * sticky.op - 3.0),
-        "sign": lambda: replace(sticky, pv=-sticky.pv),
+        "sign of PV": lambda: replace(sticky, pv=-sticky.pv),
+        "sign of OP": lambda: replace(sticky, op=-sticky.op),
         "time": lambda: replace(sticky, time_s=sticky.time_s / 60.0),
     }[change]()
     one, two = audit(sticky).judgement, audit(other).judgement

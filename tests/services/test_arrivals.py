@@ -3,15 +3,30 @@
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
+import numpy as np
 import pytest
 from sqlalchemy import update
 
-from app.services.auditing.audits import start_audit
+from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.moments import iso_utc, moment_of, ns_of
-from app.services.plant.arrivals import LATE, NAMED, NOTHING_NEW, Arrivals, age_of, arrivals, of_run, sentences
+from app.services.plant.arrivals import (
+    LATE,
+    NAMED,
+    NOTHING_NEW,
+    Arrivals,
+    age_of,
+    arrivals,
+    nothing_new,
+    of_run,
+    sentences,
+)
+from app.storage import series
+from app.storage.samples import Samples
+from app.storage.series import Stretch
 from app.storage.tables import loops
+from tests.services.conftest import MINUTE, START_NS
 
 AddLoops = Callable[..., dict[str, int]]
 NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
@@ -96,6 +111,21 @@ def test_a_night_that_nothing_came_for_says_so(backend: Backend, add_loops: AddL
     at = datetime.fromisoformat(runs[1].created_at)
     assert NOTHING_NEW not in of_run(backend, int(runs[0].id), at)
     assert of_run(backend, int(runs[1].id), at)[-1] == NOTHING_NEW
+
+
+def test_a_loop_that_somebody_audited_in_between_does_not_make_a_night_old(
+    backend: Backend, add_loops: AddLoops
+) -> None:
+    ids = add_loops("A", "B")
+    audit_chunk(backend, int(start_audit(backend).id), "test")
+    steps = START_NS + np.arange(300, 600) * MINUTE
+    values = {"pv": 20 + np.sin(np.arange(300) / 6), "op": 50 + np.cos(np.arange(300) / 6)}
+    with backend.database.write() as connection:
+        series.add(connection, [Stretch(loop, Samples(steps, values)) for loop in ids.values()], None)
+    audit_chunk(backend, int(start_audit(backend, LoopFilter(tags=("A",))).id), "test")
+    night = start_audit(backend)
+    audit_chunk(backend, int(night.id), "test")
+    assert nothing_new(backend, int(night.id)) == []
 
 
 def test_the_age_of_one_loop() -> None:

@@ -24,17 +24,22 @@ LATER_CHECKS = (
 class Whole:
     """A long record that was judged stretch by stretch: the middle one of them speaks for it.
 
-    record: all of it. agreeing: how many of the `judged` stretches are on the side of the one that speaks.
+    record: all of it. oscillation: of all of it. agreeing: how many of the `judged` stretches are on the side of the
+    one that speaks. newest_agree: whether one of the newest two of them is. standing: how many were left out because
+    PV or OP stood still in them.
     """
 
     record: UniformRecord
+    oscillation: Oscillation
     agreeing: int
     judged: int
+    newest_agree: bool
+    standing: int
 
     @property
     def contested(self) -> bool:
-        """Whether fewer than two of three stretches are on its side."""
-        return 3 * self.agreeing < 2 * self.judged
+        """Whether fewer than two of three stretches are on its side, or the newest two are not."""
+        return 3 * self.agreeing < 2 * self.judged or not self.newest_agree
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,6 @@ from datetime import UTC, datetime, timedelta
 from app.services.backend import Backend
 from app.services.moments import EPOCH, iso_utc, moment_of, ns_of, short_time
 from app.storage import arrivals as stored
-from app.storage.plant import run_before
 
 LATE = timedelta(days=2)
 """Exports come once a day: what has not come for two days is missing."""
@@ -62,15 +61,13 @@ def sentences(found: Arrivals, since: str = "ago") -> list[str]:
 def of_run(backend: Backend, audit_id: int, at: datetime) -> list[str]:
     """The same of a run that began `at`, whenever it is asked for."""
     found = arrivals(backend, audit_id, at)
-    return [*sentences(found, "before the run"), *nothing_new(backend, audit_id, at)]
+    return [*sentences(found, "before the run"), *nothing_new(backend, audit_id)]
 
 
-def nothing_new(backend: Backend, audit_id: int, at: datetime) -> list[str]:
-    """Says so where a run was given what the run before it was given."""
+def nothing_new(backend: Backend, audit_id: int) -> list[str]:
+    """Says so where no loop of a run was given more than for its verdict before."""
     with backend.database.read() as connection:
-        earlier = run_before(connection, audit_id)
-        ends = [stored.newest(connection, ns_of(at + AHEAD), run) for run in (audit_id, earlier) if run is not None]
-    return [NOTHING_NEW] if len(ends) == 2 and ends[0] is not None and ends[0] == ends[1] else []
+        return [] if stored.anything_new(connection, audit_id) else [NOTHING_NEW]
 
 
 def age_of(samples_to: str | None) -> str:

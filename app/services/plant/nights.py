@@ -8,7 +8,7 @@ from app.services.wording import RELIABILITY_SHORT, VERDICT_WORDS
 from app.storage import nights as stored
 
 NIGHTS = 7
-AUDITS = 3 * NIGHTS
+AUDITS = 6 * NIGHTS
 """Who audits a loop again by day has some verdicts of one date: the last of them counts."""
 
 MARKS = {"stiction": "S", "inconclusive": "?", "not_auditable": "×", "no_stiction": "–"}
