@@ -154,7 +154,9 @@ def verdicts(lines: list[dict]) -> dict[str, tuple]:
 
 @pytest.mark.shared
 def test_real_recordings_get_the_verdicts_of_the_command_line(service, audited, shared_dir):
-    """The 78 recordings as files over HTTP, two workers: the same verdicts as `loopaudit audit` on the folder."""
+    """The 78 recordings as files over HTTP, two workers: the same verdicts as `loopaudit audit` on the folder, but for
+    what the service hears beside each other: recordings without a date seem to be of one plant and one hour.
+    """
     folder = shared_dir / "recordings"
     files = sorted(path for path in folder.glob("*.csv") if path.name != "labels.csv")
     states = Counter(upload["state"] for upload in service.upload(*files, seconds=300))
@@ -162,7 +164,10 @@ def test_real_recordings_get_the_verdicts_of_the_command_line(service, audited, 
     run = service.audit(seconds=600)
     assert run["state"] == "done", run
     rows = service.client.get("/v1/reliability", params={"limit": 20000}).json()["rows"]
-    served = verdicts([row for row in rows if row["loop"] not in VALVES])
+    rows = [row for row in rows if row["loop"] not in VALVES]
+    doubted = {row["loop"] for row in rows if "shaken_by_neighbour" in row["reasons"].split(";")}
+    assert len(doubted) <= 1  # of some 500 pairs of one period, at a chance of 0.01
+    served = verdicts([row | {"reliability": "reliable"} if row["loop"] in doubted else row for row in rows])
     audit = service.processes.run("audit", str(folder), "--format", "jsonl", timeout=600)
     assert audit.returncode == 0, audit.stderr
     alone = verdicts([json.loads(line) for line in audit.stdout.splitlines()])
