@@ -127,12 +127,12 @@ def _moving(record: UniformRecord, max_samples: int) -> UniformRecord:
 
 
 def _identified(recording: Recording, config: AuditConfig, prepared: Preparation, oscillation: Oscillation) -> Audit:
-    fitness, looked_at = prepared.fitness, prepared.fitness.looked_at
+    fitness = prepared.fitness
     record = _moving(fitness.audited, config.max_samples)
     by_itself = verdict.judge(fitness.audited, oscillation, fitness, None, config.judgement, recording.integrating)
     if prepared.rest_of is not None:
         by_itself = replace(by_itself, reasons=(*by_itself.reasons, _rest_reason(fitness, prepared.rest_of)))
-    episodes = find(looked_at, _quicker(oscillation, fitness, config.episodes), config.episodes)
+    episodes = find(fitness.looked_at, _quicker(oscillation, fitness, config.episodes), config.episodes)
     judgement = _with_episodes(by_itself, episodes)
     try:
         reference = climb(record, ladder_for(judgement, config), config.hammerstein)
@@ -150,13 +150,8 @@ def _identified(recording: Recording, config: AuditConfig, prepared: Preparation
         reference=reference,
         episodes=episodes,
     )
-    return replace(
-        result,
-        window=_window(looked_at),
-        swing=swing_of(newest(looked_at, config.max_samples), oscillation),
-        # What was judged by itself is not the spell that turned the verdict.
-        stiction_size=_stiction_size(record, fitness, oscillation, by_itself, config),
-    )
+    # What was judged by itself is not the spell that turned the verdict.
+    return replace(result, stiction_size=_stiction_size(record, fitness, oscillation, by_itself, config))
 
 
 def _quicker(oscillation: Oscillation, fitness: Fitness, config: EpisodeConfig) -> Oscillation:
@@ -260,13 +255,14 @@ def _result(
     episodes: Episodes = NO_EPISODES,
 ) -> Audit:
     figures = key_figures_of(recording)
+    looked_at = None if record is None else fitness.looked_at
     return Audit(
         recording=recording.name,
         samples=recording.samples,
         sampling_interval_s=_interval(recording, fitness),
         fitness=fitness,
         oscillation=oscillation,
-        window=None if record is None else _window(fitness.audited),
+        window=None if looked_at is None else _window(looked_at),
         identified=None if record is None else _window(record),
         op_span=None if record is None else float(np.ptp(record.op)),
         reference=reference,
@@ -274,12 +270,16 @@ def _result(
         episodes=episodes,
         key_figures=figures,
         health=health_of(judgement, figures, oscillation),
-        swing=None if record is None or oscillation is None else swing_of(record, oscillation),
+        swing=None if looked_at is None or oscillation is None else _swing(looked_at, oscillation, config),
         input_fingerprint=recording.fingerprint(),
         config_fingerprint=config.fingerprint(),
         engine_version=ENGINE_VERSION,
         op_instrument_span=None if recording.op_range is None else float(np.ptp(recording.op_range)) or None,
     )
+
+
+def _swing(looked_at: UniformRecord, oscillation: Oscillation, config: AuditConfig) -> Swing | None:
+    return swing_of(newest(looked_at, config.max_samples), oscillation)
 
 
 def _window(record: UniformRecord) -> Window:

@@ -160,8 +160,7 @@ def _weighed(record: UniformRecord, part: slice, config: EpisodeConfig) -> Windo
     window = record.part(part)
     end_s = window.start_s + (window.samples - 1) * window.sampling_interval_s
     oscillation = detect(window)
-    swings = oscillation.strength >= (config.screen_strength if oscillation.regular else config.screen_irregular)
-    if not swings or oscillation.cycles < config.screen_cycles:
+    if not oscillation.swings(config.screen_strength, config.screen_irregular, config.screen_cycles):
         return WindowEvidence(window.start_s, end_s, 0.0, oscillation.period_s)
     features = extract(window, oscillation, most_windows=1)
     if features is None:

@@ -45,6 +45,20 @@ class Oscillation:
     def regular(self) -> bool:
         return self.period_s is not None and self.regularity > REGULAR_ABOVE
 
+    @property
+    def clarity(self) -> float:
+        """How strong and how regular it is, in one number, 0..0.75."""
+        return clarity(self.strength, self.regularity)
+
+    def swings(self, regular_from: float, irregular_from: float, least_cycles: float) -> bool:
+        """Whether it is strong enough, by what is asked of a regular and of an irregular one, for so many cycles."""
+        return self.strength >= (regular_from if self.regular else irregular_from) and self.cycles >= least_cycles
+
+
+def clarity(strength: float, regularity: float) -> float:
+    # Regularity beyond about 3 says nothing more, while a weak but even ripple must not beat a strong swing.
+    return strength * min(regularity, 3.0) / (min(regularity, 3.0) + 1.0)
+
 
 @dataclass(frozen=True)
 class _Swing:
@@ -56,8 +70,7 @@ class _Swing:
 
     @property
     def score(self) -> float:
-        # Regularity beyond about 3 says nothing more, while a weak but even ripple must not beat a strong swing.
-        return self.strength * min(self.regularity, 3.0) / (min(self.regularity, 3.0) + 1.0)
+        return clarity(self.strength, self.regularity)
 
 
 _NO_OSCILLATION = Oscillation(None, 0.0, 0.0, None, 0.0, "pv", 0.0)

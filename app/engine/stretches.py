@@ -82,7 +82,7 @@ def cycle_of_parts(record: UniformRecord) -> float | None:
         swinging = [one for one in found if _swings(one)]
         if len(swinging) < _SWINGING_SHARE * len(found):
             continue
-        clear = float(np.median([_clarity(one) for one in swinging])) * len(swinging) / len(found)
+        clear = float(np.median([one.clarity for one in swinging])) * len(swinging) / len(found)
         if clear > best:
             best, per_cycle = clear, float(np.median([one.samples_per_cycle for one in swinging]))
     return per_cycle
@@ -95,14 +95,8 @@ def _parts(record: UniformRecord, count: int) -> Iterator[UniformRecord]:
 
 
 def _swings(oscillation: Oscillation) -> bool:
-    least = _REGULAR_STRENGTH if oscillation.regular else _IRREGULAR_STRENGTH
-    enough = oscillation.strength >= least and oscillation.cycles >= _FEWEST_CYCLES
+    enough = oscillation.swings(_REGULAR_STRENGTH, _IRREGULAR_STRENGTH, _FEWEST_CYCLES)
     return enough and (oscillation.samples_per_cycle or 0.0) >= _LEAST_PER_CYCLE
-
-
-def _clarity(oscillation: Oscillation) -> float:
-    regularity = min(oscillation.regularity, 3.0)
-    return oscillation.strength * regularity / (regularity + 1.0)
 
 
 def _spread(record: UniformRecord, per_cycle: float) -> Iterator[UniformRecord]:

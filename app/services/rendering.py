@@ -8,6 +8,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from app.services.moments import short_time
 from app.services.wording import (
     CHANGE_WORDS,
+    RELIABILITY_BRIEF,
     RELIABILITY_SHORT,
     RELIABILITY_WORDS,
     VERDICT_RANK,
@@ -30,6 +31,7 @@ def _environment() -> Environment:
         "verdict_words": VERDICT_WORDS,
         "reliability_words": RELIABILITY_WORDS,
         "reliability_short": RELIABILITY_SHORT,
+        "reliability_brief": RELIABILITY_BRIEF,
         "change_words": CHANGE_WORDS,
         "ranks": VERDICT_RANK,
     }

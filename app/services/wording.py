@@ -20,6 +20,8 @@ RELIABILITY_WORDS = {
 }
 
 RELIABILITY_SHORT = {"reliable": "yes", "not_reliable": "look first"}
+RELIABILITY_BRIEF = {**RELIABILITY_SHORT, "reliable": "rely on it"}
+"""Behind a verdict, where no question stands before it."""
 
 CAUSE_WORDS = {
     "stiction": "the valve sticks",
@@ -49,7 +51,6 @@ WHY_WORDS = {
     "first": "first verdict",
     "method": "the method changed (engine or settings)",
     "repair": "a repair was stated",
-    "auditable": "whether it can be audited changed",
     "data": "the record changed (gaps, length or sampling)",
     "loop": "the loop behaves differently",
 }

@@ -79,10 +79,8 @@ def last_whole_run(connection: Connection) -> Any:
     return asked_for if asked_for.created_at - night.created_at > A_DAY else night
 
 
-def run_before(connection: Connection, audit_id: int) -> int | None:
-    """The newest run before this one; None: it is the first."""
-    query = select(audits.c.id).where(audits.c.id < audit_id, audits.c.total > 0)
-    return connection.scalar(query.order_by(audits.c.id.desc()).limit(1))
+def any_run_before(connection: Connection, audit_id: int) -> bool:
+    return connection.scalar(select(audits.c.id).where(audits.c.id < audit_id, audits.c.total > 0).limit(1)) is not None
 
 
 def changes(connection: Connection, since_audit: int, limit: int) -> list[Any]:

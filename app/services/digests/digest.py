@@ -16,7 +16,7 @@ from app.services.plant.arrivals import of_run
 from app.services.plant.overview import change_of
 from app.services.rendering import document, figure
 from app.services.results import AuditView, ChangeView
-from app.services.wording import CHANGE_WORDS, RELIABILITY_SHORT, VERDICT_RANK, VERDICT_WORDS, cause_words
+from app.services.wording import CHANGE_WORDS, RELIABILITY_BRIEF, VERDICT_RANK, VERDICT_WORDS, cause_words
 from app.storage import digests, plant
 
 TOP = 5
@@ -80,8 +80,8 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         counted = digests.counts_of(connection, number)
         worst = digests.worst_of_units(connection, number, TOP)
         # In a plant's first run every verdict is new: that is no news.
-        earlier = plant.run_before(connection, number)
-        changed = [] if earlier is None else digests.changes_of(connection, number, CHANGES + 1)
+        compared = plant.any_run_before(connection, number)
+        changed = digests.changes_of(connection, number, CHANGES + 1) if compared else []
     verdicts, refused = Counter[str](), Counter[str]()
     for row in counted:
         verdicts[row.verdict] += row.loops
@@ -97,7 +97,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         areas=[Area(unit, [_loop(row, url) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
         changes=[change_of(row) for row in changed[:CHANGES]],
         more_changes=len(changed) > CHANGES,
-        compared=earlier is not None,
+        compared=compared,
         public_url=url,
     )
 
@@ -123,7 +123,7 @@ def as_text(digest: Digest) -> str:
         if name == "not_auditable":
             lines += [f"         {count} of these: {cause_words(cause)}" for cause, count in digest.refused.items()]
     lines += [f"  {run.failed:6d} failed"] if run.failed else []
-    lines += map(_line, digest.arrivals)
+    lines += digest.arrivals
     lines += ["", "WHAT CHANGED SINCE THE RUN BEFORE", ""]
     lines += [_change_line(change) for change in digest.changes] or [_no_change(digest)]
     lines += ["  ... and more"] if digest.more_changes else []
@@ -178,8 +178,8 @@ def _loop(row: Any, url: str) -> DigestLoop:
 
 
 def _loop_lines(place: int, loop: DigestLoop) -> list[str]:
-    sure = "rely on it" if loop.reliability == "reliable" else RELIABILITY_SHORT[loop.reliability]
-    told = f"{VERDICT_WORDS[loop.verdict]} (probability {figure(loop.stiction_probability, 2)}, {sure})"
+    sure, probability = RELIABILITY_BRIEF[loop.reliability], figure(loop.stiction_probability, 2)
+    told = f"{VERDICT_WORDS[loop.verdict]} (probability {probability}, {sure})"
     head = f"  {place}. {_line(loop.loop)}: {told}, health {figure(loop.health, 0)}"
     return [head, f"     {_line(loop.why)}", *([f"     {loop.address}"] if loop.address else [])]
 
@@ -187,7 +187,7 @@ def _loop_lines(place: int, loop: DigestLoop) -> list[str]:
 def _change_line(change: ChangeView) -> str:
     before = VERDICT_WORDS[change.before] if change.before else "not audited"
     words = f"{CHANGE_WORDS[change.kind]} ({before} -> {VERDICT_WORDS[change.now]})"
-    sure = "" if change.reliability == "reliable" else ", look first"
+    sure = "" if change.reliability == "reliable" else f", {RELIABILITY_BRIEF[change.reliability]}"
     return f"  {_line(change.loop)}: {words}{sure}; {change.because}"
 
 

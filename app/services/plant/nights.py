@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.services.backend import Backend
-from app.services.wording import RELIABILITY_SHORT, VERDICT_WORDS
+from app.services.wording import RELIABILITY_BRIEF, VERDICT_WORDS
 from app.storage import nights as stored
 
 NIGHTS = 7
@@ -28,8 +28,7 @@ class Night:
 
     @property
     def words(self) -> str:
-        sure = "rely on it" if self.reliability == "reliable" else RELIABILITY_SHORT[self.reliability]
-        return f"{self.date} {VERDICT_WORDS[self.verdict]} ({sure})"
+        return f"{self.date} {VERDICT_WORDS[self.verdict]} ({RELIABILITY_BRIEF[self.reliability]})"
 
 
 def nights(backend: Backend, tags: Sequence[str]) -> dict[str, tuple[Night, ...]]:

@@ -71,7 +71,7 @@ def changes(backend: Backend, limit: int = LISTED_CHANGES) -> Changes:
     with backend.database.read() as connection:
         run = plant.last_whole_run(connection)
         # In a plant's first run every verdict is new: that is no news.
-        compared = run is not None and plant.run_before(connection, run.id) is not None
+        compared = run is not None and plant.any_run_before(connection, run.id)
         found = plant.changes(connection, run.id, limit + 1) if compared else []
     if run is None:
         return Changes(None, None, [], False)
