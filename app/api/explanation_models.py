@@ -157,6 +157,10 @@ class RequestOut(BaseModel):
     audit_id: str | None = Field(description="The nightly run that asked for it; null: somebody did.")
     window_start: str | None = Field(description="First sample of the window, ISO 8601, UTC.")
     window_end: str | None = Field(description="Last sample of the window, ISO 8601, UTC.")
+    as_judged: bool = Field(
+        description="Where neither window nor simulation was given: of a long record only the part that its audit "
+        "judges is explained; once that is done the window is that part."
+    )
     verdict: Literal["missing_physics", "consistent", "inconclusive"] | None = Field(description="null before the end.")
     effect_codes: list[str] = Field(description="Codes of the effects, the strongest first.")
     error_code: str | None = Field(description="Stable code of why it failed.")

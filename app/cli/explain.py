@@ -50,6 +50,9 @@ def explain(
     trace: Annotated[Path | None, typer.Option("--trace", help="Write PV, simulations and residuals as CSV.")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", help="Write a plot: HTML, or a small picture (.svg).")] = None,
     model: Annotated[Path | None, typer.Option("--model", help="Write the explained model, for simulate.")] = None,
+    judged: Annotated[
+        bool, typer.Option("--judged", help="Of a long record only the part that an audit judges, without --sim.")
+    ] = False,
     quick: Annotated[bool, typer.Option("--quick", help="Only where they differ, in a second, no names.")] = False,
     time_zone: TimeZoneOption = "UTC",
     date_order: DateOrderOption = None,
@@ -71,9 +74,11 @@ def explain(
 
     from app.engine.mismatch import explain as explain_comparison
     from app.engine.mismatch import locate
+    from app.engine.stretches import LONG_SAMPLES
     from app.services.explaining.comparisons import Columns, read_comparison
     from app.services.explaining.given_model import simulation_from_json
     from app.services.explaining.line import explanation_line, located_line
+    from app.services.explaining.narrowing import narrowed
 
     started, options = perf_counter(), read_in(time_zone, date_order)
     if sim is not None and sim_model is not None:
@@ -85,6 +90,13 @@ def explain(
     comparison = read_comparison(file, Columns(op, pv, sp, loop), sim, options)
     if sim_model is not None:
         comparison = replace(comparison, trace=None, simulation=simulation_from_json(sim_model))
+    simulated = comparison.trace is not None or comparison.simulation is not None
+    if judged and simulated:
+        raise RequestError("judged_alone", "--judged takes part of the record; a simulation is compared with all of it")
+    if judged:
+        comparison = narrowed(comparison)
+    elif not simulated and len(comparison.pv) > LONG_SAMPLES:
+        say(f"all {len(comparison.pv)} samples are explained by one loop; --judged takes those that an audit judges")
     if quick:
         located = located_line(locate(comparison), comparison.name, perf_counter() - started)
         sys.stdout.write(as_json(located) if format_ is Form.json else located_in_words(located))

@@ -19,6 +19,7 @@ from app.engine.preparation import Preparation, prepare
 from app.engine.quantification import StictionSize, quantify
 from app.engine.recording import Recording, UniformRecord
 from app.engine.reliability import LadderConfig, Reference, climb
+from app.engine.stretches import newest, newest_moving
 from app.engine.swing import Swing, swing_of
 from app.engine.unanswered import CAUSE, unanswered
 from app.errors import DataError
@@ -107,28 +108,9 @@ def audit(recording: Recording, config: AuditConfig | None = None) -> Audit:
     return _identified(recording, config, prepared, oscillation)
 
 
-def newest(record: UniformRecord, max_samples: int) -> UniformRecord:
-    """The newest `max_samples` of a record, or all of it where it has no more."""
-    first = record.samples - max_samples
-    if first <= 0:
-        return record
-    return record.part(slice(first, None))
-
-
-def _moving(record: UniformRecord, max_samples: int) -> UniformRecord:
-    """The newest `max_samples` in which OP moves, or the newest of all where it never does. A PV that stands still
-    against an OP that moves is what is to be said.
-    """
-    for end in range(record.samples, 0, -max_samples):
-        part = newest(record.part(slice(0, end)), max_samples)
-        if np.ptp(part.op) > 0.0:
-            return part
-    return newest(record, max_samples)
-
-
 def _identified(recording: Recording, config: AuditConfig, prepared: Preparation, oscillation: Oscillation) -> Audit:
     fitness = prepared.fitness
-    record = _moving(fitness.audited, config.max_samples)
+    record = newest_moving(fitness.audited, config.max_samples)
     by_itself = verdict.judge(fitness.audited, oscillation, fitness, None, config.judgement, recording.integrating)
     if prepared.rest_of is not None:
         by_itself = replace(by_itself, reasons=(*by_itself.reasons, _rest_reason(fitness, prepared.rest_of)))

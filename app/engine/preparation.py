@@ -9,7 +9,7 @@ from app.engine.features import at_rest
 from app.engine.fitness import Fitness, FitnessConfig, assess, with_cycles
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import FloatArray, Recording, UniformRecord
-from app.engine.stretches import speaking_stretch
+from app.engine.stretches import LONG_SAMPLES, newest_moving, speaking_stretch
 
 # A part is judged for the whole only where it swings beyond doubt.
 _STRONG_SWING, _FEWEST_CYCLES = 0.6, 5.0
@@ -47,6 +47,16 @@ def prepare(recording: Recording, config: FitnessConfig | None = None) -> Prepar
     oscillation = detect(fitness.record)
     spoken_for = _spoken_for(fitness, oscillation, config)
     return spoken_for or Preparation(with_cycles(fitness, oscillation, config), oscillation)
+
+
+def identified_part(recording: Recording, max_samples: int = LONG_SAMPLES) -> UniformRecord | None:
+    """The part of a recording on which a model of the loop is identified: of what is judged the newest samples in which
+    the loop is at work. None where the recording is not auditable.
+    """
+    prepared = prepare(recording)
+    if prepared.oscillation is None or not prepared.fitness.auditable:
+        return None
+    return newest_moving(prepared.fitness.audited, max_samples)
 
 
 def _spoken_for(fitness: Fitness, oscillation: Oscillation, config: FitnessConfig | None) -> Preparation | None:

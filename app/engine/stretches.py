@@ -62,6 +62,33 @@ def speaking_stretch(record: UniformRecord, oscillation: Oscillation) -> Stretch
     return Stretch(middle.record, middle.oscillation, whole)
 
 
+def newest(record: UniformRecord, max_samples: int) -> UniformRecord:
+    """The newest `max_samples` of a record, or all of it where it has no more."""
+    first = record.samples - max_samples
+    if first <= 0:
+        return record
+    return record.part(slice(first, None))
+
+
+def newest_moving(record: UniformRecord, max_samples: int) -> UniformRecord:
+    """The newest stretch of up to `max_samples` in which OP nowhere stands still for long, as where a unit is shut down
+    or a loop is in manual; the longest where none has half of that.
+
+    All of a record that has no more. Where OP hardly moves without standing still, the newest `max_samples` in which it
+    moves, or the newest of all: a PV that stands still against an OP that moves is what is to be said.
+    """
+    if record.samples <= max_samples:
+        return record
+    moving = np.concatenate(([False], run_lengths(record.op) < _LEAST_STRETCH, [False]))
+    spans = np.flatnonzero(np.diff(moving)).reshape(-1, 2).tolist()
+    long_enough = [span for span in spans if span[1] - span[0] >= max_samples // 2]
+    start, end = (long_enough or sorted(spans, key=lambda span: span[1] - span[0]) or [[0, 0]])[-1]
+    if end - start >= max_samples // 5:
+        return newest(record.part(slice(start, end)), max_samples)
+    blocks = (newest(record.part(slice(0, last)), max_samples) for last in range(record.samples, 0, -max_samples))
+    return next((block for block in blocks if np.ptp(block.op) > 0.0), newest(record, max_samples))
+
+
 def _dead_at_its_end(record: UniformRecord) -> bool:
     """Whether PV has stood still for a stretch up to the end of the record while OP moved: that comes first."""
     still = int(run_lengths(record.pv)[-1])

@@ -5,7 +5,20 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, Update, and_, exists, func, insert, literal, or_, select, update
+from sqlalchemy import (
+    ColumnElement,
+    Connection,
+    Update,
+    and_,
+    exists,
+    func,
+    insert,
+    literal,
+    or_,
+    select,
+    true,
+    update,
+)
 
 from app.storage.leases import Reopened, take_back
 from app.storage.series import insert_new
@@ -28,6 +41,7 @@ class ExplanationRow:
     attempts: int
     window_start_ns: int | None
     window_end_ns: int | None
+    as_judged: bool
     verdict: str | None
     effects: str
     error_code: str | None
@@ -71,6 +85,7 @@ def plan_for_run(connection: Connection, audit_id: int, count: int) -> int:
             literal(now()).label("asked_at"),
             verdicts.c.input_start_ns,
             verdicts.c.input_end_ns,
+            true().label("as_judged"),
         )
         .join(loops, loops.c.id == verdicts.c.loop_id)
         .where(verdicts.c.audit_id == audit_id, verdicts.c.verdict.in_(WITH_A_VERDICT), suspicious)
@@ -78,7 +93,7 @@ def plan_for_run(connection: Connection, audit_id: int, count: int) -> int:
         .order_by((verdicts.c.stiction_probability * loops.c.importance).desc(), verdicts.c.loop_id)
         .limit(count)
     )
-    columns = ["loop_id", "audit_id", "asked_at", "window_start_ns", "window_end_ns"]
+    columns = ["loop_id", "audit_id", "asked_at", "window_start_ns", "window_end_ns", "as_judged"]
     asked = insert_new(connection, explanations).from_select(columns, worst).returning(explanations.c.id)
     return len(connection.scalars(asked).all())
 

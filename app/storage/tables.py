@@ -14,6 +14,7 @@ from sqlalchemy import (
     Table,
     Text,
     UniqueConstraint,
+    false,
     text,
 )
 
@@ -258,6 +259,7 @@ explanations = Table(
     Column("announced_s", Float),
     Column("window_start_ns", BigInteger),  # the stretch of the recording that is explained
     Column("window_end_ns", BigInteger),
+    Column("as_judged", Boolean, nullable=False, server_default=false()),  # of it only what an audit judges
     Column("simulation_packed", LargeBinary),  # what was given: a trace or a model; None: our own linear loop
     Column("verdict", Text),
     Column("effects", Text, nullable=False, server_default=""),  # codes, the strongest first, for lists

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from app.cli.main import cli
 from app.errors import LoopauditError
+from tests.engine.wandering import STICKY, TS, recorded
 
 runner = CliRunner()
 
@@ -58,6 +59,7 @@ def test_json_has_the_form_of_the_contract(recording: Path, tmp_path: Path) -> N
         (["--quick", "--plot", "plot.svg"], "quick_alone"),
         (["--quick", "--trace", "trace.csv"], "quick_alone"),
         (["--quick", "--validate", "other.csv"], "quick_alone"),
+        (["--sim", "PV_sim", "--judged"], "judged_alone"),
         (["--sim-model", "{}"], "model_invalid"),
         (["--sim-model", '{"gain": NaN}'], "model_invalid"),
         (["--sim-model", '{"gain": 1, "time_constants_s": [-5]}'], "model_invalid"),
@@ -122,6 +124,24 @@ def test_a_trace_leaves_the_simulation_empty_that_was_not_given(recording: Path,
     assert empty == {"PV_given", "residual_given"}
     assert len(rows) == 600
     assert all(cell == "" or np.isfinite(float(cell)) for row in rows for cell in row)
+
+
+def test_of_a_long_record_the_part_that_is_judged_may_be_explained(tmp_path: Path) -> None:
+    loop, path = recorded(STICKY, 6500), tmp_path / "FIC9.csv"
+    columns = np.stack((loop.time_s, loop.op, loop.pv), axis=1)
+    np.savetxt(path, columns, fmt="%.2f", delimiter=",", header="time,OP,PV", comments="")
+    trace = tmp_path / "trace.csv"
+    result = runner.invoke(cli, ["explain", str(path), "--judged", "--format", "json", "--trace", str(trace)])
+    assert result.exit_code == 0, result.output
+    line = json.loads(result.stdout)
+    assert [effect["effect"] for effect in line["effects"]] == ["valve.stiction"]
+    part = next(reason["text"] for reason in line["evidence"] if reason["code"] == "part_explained")
+    first = round(float(part.split("from ")[1].split()[0]) / TS)
+    rows = trace.read_text().splitlines()[1:]
+    assert len(rows) < 2000
+    assert [float(row.split(",")[1]) for row in rows] == loop.pv[first : first + len(rows)].tolist()
+    whole = runner.invoke(cli, ["explain", str(path), "--quick"])
+    assert "--judged takes those that an audit judges" in whole.output
 
 
 def test_a_first_look_comes_without_names(recording: Path) -> None:

@@ -8,9 +8,9 @@ from scipy.signal import lfilter
 
 from app.engine import ENGINE_VERSION
 from app.engine import audit as audit_module
-from app.engine.audit import Audit, AuditConfig, audit, newest
+from app.engine.audit import Audit, AuditConfig, audit
 from app.engine.fitness import FitnessConfig
-from app.engine.recording import Recording, UniformRecord
+from app.engine.recording import Recording
 from app.engine.reliability import LadderConfig
 from app.errors import DataError
 
@@ -239,13 +239,6 @@ def test_long_records_are_judged_whole_and_identified_on_their_newest_samples():
     assert (result.samples, result.fitness.record.samples) == (900, 900)
     assert (result.window.start_s, result.window.end_s, result.window.samples) == (0.0, 899.0, 900)
     assert (result.identified.start_s, result.identified.end_s, result.identified.samples) == (500.0, 899.0, 400)
-
-
-def test_newest():
-    record = UniformRecord(2.0, np.arange(5.0), np.arange(5.0), None, np.zeros(5, dtype=bool), start_s=10.0)
-    assert newest(record, 5) is record
-    cut = newest(record, 2)
-    assert (cut.pv.tolist(), cut.start_s, cut.sp) == ([3.0, 4.0], 16.0, None)
 
 
 def test_an_audit_calls_yper_high_above_the_calibrated_threshold():

@@ -1,6 +1,7 @@
 """What makes explanations quick changes none of their numbers, and is compiled before the first of them."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import ModuleType
 
 import numpy as np
@@ -163,6 +164,21 @@ def test_starts_at_one_place_are_descended_from_once(monkeypatch):
     begun = compete.begin(scanned, found)
     assert len(places) == len(set(places)) == 2
     assert len(begun) == 3
+
+
+@pytest.mark.parametrize("rate", [5.0, -5.0, float("nan")])
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_process_that_runs_away_gains_nothing_and_is_no_fault(rate: float):
+    def runs_away(signal, plant, values, context):
+        with np.errstate(over="ignore"):
+            return np.sign(rate) * np.exp(np.abs(rate) * np.arange(len(signal)))
+
+    found = base()
+    known = next(block for block in library(found.record) if block.name == "process.resonance")
+    block = replace(known, replaces=runs_away, suits=None)
+    scanned = compete.survey(found, (block,))[0]
+    assert max(scanned.gain, scanned.quiet_gain) <= 0.0
+    assert all(fit.likelihood < found.likelihood for fit in compete.begin(scanned, found))
 
 
 @pytest.mark.parametrize("sizes", [(0.7, -0.3), (0.7, -0.3, 0.2, 0.1, -0.4, 0.5)])

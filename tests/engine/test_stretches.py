@@ -7,34 +7,17 @@ import pytest
 
 from app.engine.audit import Audit, audit
 from app.engine.oscillation import detect
-from app.engine.preparation import prepare
+from app.engine.preparation import identified_part, prepare
 from app.engine.recording import Recording, UniformRecord
-from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
-from app.engine.stretches import LONG_SAMPLES, cycle_of_parts, speaking_stretch
+from app.engine.stretches import LONG_SAMPLES, cycle_of_parts, newest, newest_moving, speaking_stretch
+from tests.engine.wandering import FREE, STICKY, TS, recorded
 
-N, TS = 12_000, 10.0
-FREE = LoopSpec(
-    plant=first_order(1.0, 25.0, 8.0),
-    controller=Pid(1.2, 25.0),
-    load=Signal(value=2.0, noise_sd=2.5, noise_tau_s=6000.0),
-    noise=Signal(noise_sd=0.1),
-    pv_start=50.0,
-    op_start=50.0,
-    op_limits=(0.0, 100.0),
-    step_s=2.0,
-    settle_s=3600.0,
-)
-STICKY = replace(FREE, valve=TwoParameterValve(8.0, 2.0))
-
-
-def recorded(spec: LoopSpec, samples: int = N) -> Recording:
-    made = simulate_loop(spec, samples * TS, TS, 7).recording("loop")
-    return replace(made, pv=np.round(made.pv, 2), op=np.round(made.op, 2), op_range=None)
+N = 12_000
 
 
 @pytest.fixture(scope="module")
 def sticky() -> Recording:
-    return recorded(STICKY)
+    return recorded(STICKY, N)
 
 
 def uniform(recording: Recording) -> UniformRecord:
@@ -56,7 +39,7 @@ def test_a_valve_that_sticks_under_a_load_that_wanders_for_a_day_is_found(sticky
 
 
 def test_a_healthy_valve_under_the_same_load_is_cleared():
-    assert audit(recorded(FREE)).judgement.verdict == "no_stiction"
+    assert audit(recorded(FREE, N)).judgement.verdict == "no_stiction"
 
 
 def test_all_that_was_looked_at_is_the_window(sticky):
@@ -78,7 +61,7 @@ def test_hours_of_a_shutdown_say_nothing(sticky):
 
 
 def test_a_valve_that_sticks_for_a_third_of_the_record_is_neither_cleared_nor_accused_reliably(sticky):
-    free = recorded(FREE)
+    free = recorded(FREE, N)
     part = slice(3000, 7000)
     op, pv = free.op.copy(), free.pv.copy()
     op[part], pv[part] = sticky.op[part], sticky.pv[part]
@@ -89,7 +72,7 @@ def test_a_valve_that_sticks_for_a_third_of_the_record_is_neither_cleared_nor_ac
 
 @pytest.mark.parametrize("share", [0.2, 0.3])
 def test_a_valve_that_sticks_up_to_the_end_is_not_cleared(sticky, share):
-    free, since = recorded(FREE), round((1.0 - share) * N)
+    free, since = recorded(FREE, N), round((1.0 - share) * N)
     op, pv = free.op.copy(), free.pv.copy()
     op[since:], pv[since:] = sticky.op[since:], sticky.pv[since:]
     found = audit(replace(free, op=op, pv=pv))
@@ -142,3 +125,43 @@ def test_units_change_nothing(sticky, change):
     one, two = audit(sticky).judgement, audit(other).judgement
     assert (one.verdict, one.reliability) == (two.verdict, two.reliability)
     assert one.stiction_probability == pytest.approx(two.stiction_probability, abs=1e-6)
+
+
+def test_newest():
+    record = UniformRecord(2.0, np.arange(5.0), np.arange(5.0), None, np.zeros(5, dtype=bool), start_s=10.0)
+    assert newest(record, 5) is record
+    cut = newest(record, 2)
+    assert (cut.pv.tolist(), cut.start_s, cut.sp) == ([3.0, 4.0], 16.0, None)
+
+
+def standing(*moves: tuple[int, bool]) -> UniformRecord:
+    """OP moves, or stands still, for so many samples each in turn."""
+    rng = np.random.default_rng(3)
+    op = np.concatenate([rng.normal(size=n) if moving else np.zeros(n) for n, moving in moves])
+    return UniformRecord(1.0, rng.normal(size=len(op)), op, None, np.zeros(len(op), dtype=bool))
+
+
+@pytest.mark.parametrize(
+    ("moves", "taken"),
+    [
+        (((9000, True),), (4000, 9000)),
+        (((9000, True), (700, False)), (4000, 9000)),  # shut down up to now
+        (((9000, True), (700, False), (1000, True)), (4000, 9000)),  # too little since
+        (((9000, True), (700, False), (2600, True)), (9700, 12300)),
+        (((2000, True), (700, False), (1500, True), (3000, False)), (0, 2000)),  # the longest
+        (((500, True), (6000, False), (500, True)), (2000, 7000)),  # hardly moves at all
+        (((500, True), (6000, False)), (0, 1500)),  # the newest in which it moves
+        (((6000, False),), (1000, 6000)),
+        (((900, True), (700, False)), (0, 1600)),  # no more than asked for
+    ],
+)
+def test_a_model_is_identified_where_the_loop_was_last_at_work(moves, taken):
+    part = newest_moving(standing(*moves), 5000)
+    assert (part.start_s, part.start_s + part.samples) == taken
+
+
+def test_of_a_long_record_the_stretch_that_speaks_is_identified(sticky):
+    part, found = identified_part(sticky), audit(sticky)
+    assert (part.start_s, part.samples) == (found.identified.start_s, found.identified.samples)
+    assert part.samples < LONG_SAMPLES
+    assert identified_part(replace(sticky, pv=np.full(sticky.samples, np.nan))) is None

@@ -28,6 +28,7 @@ from app.storage import loops, series
 from app.storage.samples import Samples
 from app.storage.series import Stretch
 from app.storage.tables import explanations as explanations_table
+from tests.engine.wandering import STICKY, recorded
 
 N, INTERVAL_S = 400, 10
 START = datetime(2026, 3, 1, tzinfo=UTC)
@@ -374,6 +375,31 @@ def test_a_night_explains_its_worst_loops_once(backend: Backend, add_loops: Call
     found = loops_service.loop_health(backend, asked[0]["loop"])
     assert (asked[0]["window_start"], asked[0]["window_end"]) == (found["window_start"], found["window_end"])
     assert len(compared_samples(backend)) == 300
+
+
+def test_of_a_long_record_what_its_audit_judges_is_explained(backend: Backend) -> None:
+    loop = recorded(STICKY, 6500)
+    signals = {"pv": loop.pv, "op": loop.op}
+    keep(backend, "FIC1", signals)
+    asked = explanations.ask(backend, "FIC1")
+    assert (asked["as_judged"], asked["window_start"]) == (True, "2026-03-01T00:00:00Z")
+    assert explaining.explain_next(backend, "w")
+    found = explanations.get_explanation(backend, "FIC1", asked["id"])
+    assert (found["state"], found["effect_codes"], found["as_judged"]) == ("done", ["valve.stiction"], True)
+    start, end = (datetime.fromisoformat(found[name]) for name in ("window_start", "window_end"))
+    first, last = (round((at - START).total_seconds() / INTERVAL_S) for at in (start, end))
+    assert last - first < 2000
+    table = explanation_traces.trace_csv(backend, "FIC1", asked["id"]).splitlines()
+    assert len(table) == 1 + last - first + 1
+    assert float(table[1].split(",")[1]) == pytest.approx(signals["pv"][first], rel=1e-5)
+
+
+def test_a_stated_window_and_a_given_simulation_are_explained_whole(backend: Backend) -> None:
+    keep(backend, "FIC1", record(n=5200))
+    for wanted in (Wanted(window_h=20.0), Wanted(start=START), model(gain=GAIN, time_constants_s=[TAU_S])):
+        asked = explanations.ask(backend, "FIC1", wanted)
+        assert (asked["as_judged"], asked["window_start"]) == (False, "2026-03-01T00:00:00Z")
+    assert explanations.ask(backend, "FIC1")["as_judged"]
 
 
 def compared_samples(backend: Backend) -> Samples:

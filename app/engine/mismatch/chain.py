@@ -3,8 +3,10 @@
 from collections.abc import Callable
 from functools import partial
 
+import numpy as np
+
 from app.engine.mismatch.block import STAGES, Context, Part, Stage
-from app.engine.mismatch.experiment import Experiment
+from app.engine.mismatch.experiment import LARGEST, Experiment
 from app.engine.mismatch.plant import Plant, run_process
 from app.engine.recording import FloatArray
 
@@ -103,7 +105,12 @@ def altered_plant(context: Context, parts: tuple[Part, ...]) -> Plant:
 
 
 def through_process(signal: FloatArray, parts: list[Part], plant: Plant, context: Context) -> FloatArray:
-    for part in parts:
-        if part.block.replaces is not None:
-            return part.block.replaces(signal, plant, part.values, context) + context.record.rest
-    return run_process(signal, plant, context.record.sampling_interval_s) + context.record.rest
+    """What the process makes of a signal (N,); one that runs away is cut to what can be squared."""
+    replacing = next((part for part in parts if part.block.replaces is not None), None)
+    if replacing is None or replacing.block.replaces is None:
+        pv = run_process(signal, plant, context.record.sampling_interval_s)
+    else:
+        pv = replacing.block.replaces(signal, plant, replacing.values, context)
+    if not np.max(np.abs(pv)) < LARGEST:
+        pv = np.nan_to_num(np.clip(pv, -LARGEST, LARGEST), nan=LARGEST)
+    return pv + context.record.rest

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.evidence import Reason
-from app.engine.mismatch.experiment import Experiment, experiment
+from app.engine.mismatch.experiment import LARGEST, Experiment, experiment
 from app.engine.mismatch.law import Controller
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.task import Given
@@ -15,7 +15,7 @@ from app.errors import DataError
 
 LEAST_SAMPLES = 100
 LEAST_MOVES = 10
-LARGEST, STRONGEST = 1e100, 1e12
+STRONGEST = 1e12
 WILD, WILD_SHARE, OUTSIDE = 30.0, 0.01, 5.0
 MOST_SAMPLES = 40_000
 QUICK_SAMPLES, MOST_QUICK_SAMPLES = 1500, 3000
@@ -56,6 +56,18 @@ class Comparison:
     trace: FloatArray | None = None
     simulation: LinearSimulation | None = None
     notes: tuple[Reason, ...] = ()
+
+    def part(self, which: slice) -> "Comparison":
+        """Those samples alone, at second 0 again."""
+        return replace(
+            self,
+            op=self.op[which],
+            pv=self.pv[which],
+            sp=None if self.sp is None else self.sp[which],
+            measured=tuple((name, signal[which]) for name, signal in self.measured),
+            known=None if self.known is None else self.known[which],
+            trace=None if self.trace is None else self.trace[which],
+        )
 
 
 def record_of(comparison: Comparison) -> Experiment:

@@ -11,6 +11,8 @@ from app.engine.recording import BoolArray, FloatArray
 
 FOLLOWS = 0.8
 FIRST_SAMPLES = 3
+LARGEST = 1e100
+"""Of what is compared: its square is a number too."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine import hammerstein, verdict
-from app.engine.audit import Audit, AuditConfig, audit, ladder_for, newest
+from app.engine.audit import Audit, AuditConfig, audit, ladder_for
 from app.engine.corroborate import corroborate
 from app.engine.episodes import find
 from app.engine.features import extract
@@ -19,6 +19,7 @@ from app.engine.quantification import quantify
 from app.engine.recording import Recording
 from app.engine.reliability import Reference, climb
 from app.engine.rivals import compete
+from app.engine.stretches import newest_moving
 
 WHOLE = "whole audit"
 
@@ -62,7 +63,7 @@ def _stages(
     prepared = prepare(recording, config.fitness)
     fitness, oscillation = prepared.fitness, prepared.oscillation
     assert oscillation is not None  # noqa: S101 - the loops of the bench swing
-    record, audited = newest(fitness.audited, config.max_samples), fitness.audited
+    record, audited = newest_moving(fitness.audited, config.max_samples), fitness.audited
     features = extract(audited, oscillation)
     assert features is not None  # noqa: S101 - the loops of the bench move
     last = reference.last

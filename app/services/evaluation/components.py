@@ -3,11 +3,11 @@
 import numpy as np
 
 from app.engine import verdict_reference
-from app.engine.audit import newest
 from app.engine.corroborate import corroborate
 from app.engine.recording import FloatArray
 from app.engine.reliability import climb
 from app.engine.shape_model import ShapeModel
+from app.engine.stretches import newest
 from app.errors import DataError
 from app.services.evaluation.fitting import SIGNS
 from app.services.evaluation.recordings import Labelled

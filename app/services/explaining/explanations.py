@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
+from app.engine.stretches import LONG_SAMPLES
 from app.errors import DataError, NotFoundError, RequestError
 from app.services.auditing.recordings import recording_of
 from app.services.backend import Backend
@@ -43,27 +44,36 @@ LINE_FIELDS = (
 
 @dataclass(frozen=True)
 class Wanted:
-    """Which stretch of the recording: from `start` to `end`, or `window_h` hours up to `end`; nothing: the newest."""
+    """Which stretch of the recording: from `start` to `end`, or `window_h` hours up to `end`; nothing: the newest, and
+    of a long one, where no simulation is given, the part that an audit judges.
+    """
 
     start: datetime | None = None
     end: datetime | None = None
     window_h: float | None = None
     simulation: GivenSimulation = field(default_factory=GivenSimulation)
 
+    @property
+    def states_a_window(self) -> bool:
+        return any(bound is not None for bound in (self.start, self.end, self.window_h))
+
 
 def ask(backend: Backend, tag: str, wanted: Wanted | None = None, asked_by: str | None = None) -> dict[str, Any]:
     """Asks for an explanation and wakes a worker. What can be known to be wrong with the request is told at once."""
     wanted = wanted or Wanted()
     loop = find(backend, tag)
-    samples = _window(backend, loop, wanted)
+    window = _window(backend, loop, wanted)
+    samples = newest_samples(window, backend.settings.explanation_samples)
     recording = recording_of(loop, samples)
     simulation = kept(wanted.simulation, samples, recording, backend.settings.time_zone)
     comparison_with(loop, samples, simulation)
+    as_judged = simulation is None and not wanted.states_a_window and len(window) > LONG_SAMPLES
     values = {
         "loop_id": loop.id,
         "asked_by": asked_by,
-        "window_start_ns": int(samples.time_ns[0]),
+        "window_start_ns": int((window if as_judged else samples).time_ns[0]),
         "window_end_ns": int(samples.time_ns[-1]),
+        "as_judged": as_judged,
         "simulation_packed": None if simulation is None else pack_document(simulation),
     }
     with backend.database.write() as connection:
@@ -112,6 +122,7 @@ def summary(row: ExplanationRow, tag: str) -> dict[str, Any]:
         "audit_id": None if row.audit_id is None else str(row.audit_id),
         "window_start": _iso(row.window_start_ns),
         "window_end": _iso(row.window_end_ns),
+        "as_judged": row.as_judged,
         "verdict": row.verdict,
         "effect_codes": row.effects.split(";") if row.effects else [],
         "error_code": row.error_code,
@@ -160,7 +171,7 @@ def _window(backend: Backend, loop: LoopRow, wanted: Wanted) -> Samples:
             "window_too_large",
             f"the window has {len(samples)} samples, at most {most} are explained; take a shorter one",
         )
-    return newest_samples(samples, most)
+    return samples
 
 
 def _bounds(newest_ns: int, wanted: Wanted, window_h: float) -> tuple[int, int]:

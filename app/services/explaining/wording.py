@@ -86,6 +86,7 @@ EVIDENCE_WORDS = {
     "read_back": "a measured signal is the valve's own position",
     "wild_samples": "samples of PV far outside of all others are left out",
     "time_runs_back": "times run back in the file",
+    "part_explained": "of a long record only what its audit judges is explained",
     "numbers_in_doubt": "numbers of the file may be read in two ways",
     "times_repeated": "samples whose time was there before are left out",
 }

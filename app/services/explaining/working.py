@@ -13,9 +13,11 @@ from app.engine.mismatch import Comparison, Explanation, explain, locate
 from app.engine.mismatch.result import Location
 from app.errors import DataError, LoopauditError
 from app.services.auditing.limits import TimeLimitError, time_limit
+from app.services.auditing.recordings import origin_ns, recording_of
 from app.services.backend import Backend
 from app.services.explaining.explanations import newest_samples
 from app.services.explaining.line import explanation_line, rounded, windows
+from app.services.explaining.narrowing import span_to_explain
 from app.services.explaining.simulations import comparison_with
 from app.services.explaining.trace_table import trace_rows
 from app.services.explaining.trigger import trigger_of
@@ -35,12 +37,16 @@ log = logging.getLogger("loopaudit.explaining")
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A claimed explanation with what the engine needs; `simulation` is None for our own linear loop."""
+    """A claimed explanation with what the engine needs; `simulation` is None for our own linear loop.
+
+    as_judged: whether only what an audit judges of a long record is explained.
+    """
 
     claim: ExplanationClaim
     loop: LoopRow
     samples: Samples | None
     simulation: Document | None
+    as_judged: bool
 
 
 @dataclass(frozen=True)
@@ -75,8 +81,8 @@ def _load(backend: Backend, claim: ExplanationClaim) -> Task:
         start_ns, end_ns = row.window_start_ns or 0, row.window_end_ns or 0
         samples = series.between(connection, loop.id, start_ns, end_ns, backend.settings.hold_days)
         packed = explanations.packed_simulation(connection, row.id)
-    newest = None if samples is None else newest_samples(samples, backend.settings.explanation_samples)
-    return Task(claim, loop, newest, None if packed is None else unpack_document(packed))
+    simulation = None if packed is None else unpack_document(packed)
+    return Task(claim, loop, samples, simulation, row.as_judged)
 
 
 def _isolated(backend: Backend, task: Task, watchdog: bool) -> Ending:
@@ -100,15 +106,29 @@ def _explained(backend: Backend, task: Task, limit_s: float, watchdog: bool) -> 
         raise DataError("no_samples", "the loop has no samples in the window")
     started = time.perf_counter()
     with time_limit(limit_s, watchdog=watchdog):
-        comparison = comparison_with(task.loop, task.samples, task.simulation)
+        judged = _judged(task, task.samples)
+        samples = newest_samples(judged, backend.settings.explanation_samples)
+        comparison = comparison_with(task.loop, samples, task.simulation)
         first = locate(comparison)
     _tell_first(backend, task.claim, first)
     with time_limit(limit_s, watchdog=watchdog):
         explanation = explain(comparison)
-    answer = answer_of(explanation, comparison, time.perf_counter() - started, _start_ns(task.samples))
+    answer = answer_of(explanation, comparison, time.perf_counter() - started, _start_ns(samples))
     codes = ";".join(effect.code for effect in explanation.effects)
     values = {"verdict": explanation.verdict, "effects": codes, "packed": pack_document(answer)}
-    return Ending("done", values | {"error_code": None, "error_text": None})
+    window = {"window_start_ns": int(samples.time_ns[0]), "window_end_ns": int(samples.time_ns[-1])}
+    explained = window | {"as_judged": judged is not task.samples}
+    return Ending("done", values | explained | {"error_code": None, "error_text": None})
+
+
+def _judged(task: Task, samples: Samples) -> Samples:
+    """What an audit judges of the samples, where that is asked for and is less than all."""
+    span = span_to_explain(recording_of(task.loop, samples)) if task.as_judged else None
+    if span is None:
+        return samples
+    first_ns, last_ns = (origin_ns(samples) + round(at_s * NS_PER_S) for at_s in span)
+    first, after = np.searchsorted(samples.time_ns, first_ns), np.searchsorted(samples.time_ns, last_ns, side="right")
+    return samples.part(slice(int(first), int(after)))
 
 
 def _tell_first(backend: Backend, claim: ExplanationClaim, first: Location) -> None:

@@ -1,0 +1,44 @@
+"""The part of a long record that is explained where nobody says which: that on which its audit identifies the loop."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from app.engine.evidence import Reason
+from app.engine.mismatch import Comparison
+from app.engine.preparation import identified_part
+from app.engine.recording import Recording
+from app.engine.stretches import LONG_SAMPLES
+
+
+def span_to_explain(recording: Recording) -> tuple[float, float] | None:
+    """Start and end in seconds from the start of the recording; None where all of it is explained, because it is not
+    long or cannot be audited.
+
+    Over days a load wanders, a unit stands still and set points move: a free run through all that says little of the
+    limit cycle of minutes that the verdict is about.
+    """
+    if recording.samples <= LONG_SAMPLES:
+        return None
+    part = identified_part(recording)
+    if part is None:
+        return None
+    return part.start_s, part.start_s + (part.samples - 1) * part.sampling_interval_s
+
+
+def narrowed(comparison: Comparison) -> Comparison:
+    """The part of a comparison that is explained where its audit decides which; seconds then count from its start."""
+    time_s = np.arange(len(comparison.pv), dtype=np.float64) * comparison.sampling_interval_s
+    pv = comparison.pv.copy()
+    if comparison.known is not None:
+        pv[~comparison.known] = np.nan
+    span = span_to_explain(Recording(comparison.name, time_s, pv, comparison.op, comparison.sp))
+    if span is None:
+        return comparison
+    first, last = (round(at_s / comparison.sampling_interval_s) for at_s in span)
+    text = (
+        f"of {len(comparison.pv)} samples those from {span[0]:g} to {span[1]:g} s are explained, which its audit "
+        "judges; seconds count from their start"
+    )
+    part = comparison.part(slice(first, last + 1))
+    return replace(part, notes=(*comparison.notes, Reason("part_explained", text)))
