@@ -277,6 +277,11 @@ def newest(connection: Connection, tag: str) -> tuple[int, dict[str, Any] | None
     return row["id"], None if row["audit_id"] is None else _dict(row)
 
 
+def newest_audited_at(connection: Connection, loop_id: int) -> datetime | None:
+    query = select(verdicts.c.audited_at).join(loops, _is_newest()).where(loops.c.id == loop_id)
+    return connection.scalar(query)
+
+
 def history(connection: Connection, loop_id: int, limit: int, before_audit: int | None) -> list[dict[str, Any]]:
     """A loop's verdicts, the newest first."""
     query = _select().join(loops, loops.c.id == verdicts.c.loop_id).where(verdicts.c.loop_id == loop_id)

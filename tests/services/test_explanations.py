@@ -21,6 +21,7 @@ from app.services.explaining.explanations import Wanted
 from app.services.explaining.simulations import GivenSimulation, GivenTrace
 from app.services.explaining.trigger import since_reversal
 from app.services.plant import loops as loops_service
+from app.services.plant import notes
 from app.services.upkeep import operations
 from app.settings import Settings
 from app.storage import explanations as stored
@@ -405,6 +406,22 @@ def test_a_stated_window_and_a_given_simulation_are_explained_whole(backend: Bac
 def compared_samples(backend: Backend) -> Samples:
     with backend.database.write() as connection:
         return explaining._load(backend, stored.claim_next(connection, "w", 60.0)).samples
+
+
+def test_an_explanation_says_what_came_after_it(backend: Backend, add_loops: Callable[..., dict[str, int]]) -> None:
+    add_loops("FIC1")
+    explanations.ask(backend, "FIC1")
+    found = explanations.newest(backend, "FIC1")
+    assert found["since"] == []
+    run = audits.start_audit(backend)
+    chunks.audit_chunk(backend, int(run.id), "w")
+    repaired_at = datetime.fromisoformat(found["window_end"]) + timedelta(minutes=1)
+    notes.add_note(backend, "FIC1", "packing renewed", repaired_at=repaired_at)
+    repair, audit = explanations.newest(backend, "FIC1")["since"]
+    assert repair.startswith(f"This is of before the repair of {repaired_at:%Y-%m-%d %H:%M} UTC")
+    assert audit.startswith("It was asked for before the audit of ")
+    explanations.ask(backend, "FIC1")
+    assert len(explanations.newest(backend, "FIC1")["since"]) == 1
 
 
 def test_a_night_may_explain_nothing(backend: Backend, add_loops: Callable[..., dict[str, int]]) -> None:

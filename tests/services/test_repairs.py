@@ -9,8 +9,9 @@ import pytest
 from app.engine.simulate import LinearValve, LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
 from app.services.auditing import audits, chunks
 from app.services.backend import Backend
+from app.services.digests import digest
 from app.services.moments import ns_of
-from app.services.plant import loops, notes
+from app.services.plant import loops, notes, repaired
 from app.storage import loops as stored_loops
 from app.storage import series
 from app.storage.samples import Samples
@@ -131,3 +132,45 @@ def test_a_set_point_stated_before_the_repair_holds_after_it(backend: Backend, a
     notes.add_note(backend, "FIC1", "packing renewed", repaired_at=REPAIRED)
     night()
     assert loops.verdict_detail(backend, "FIC1")["held_since"] == {"sp": "2026-03-01T06:00:00Z"}
+
+
+def fortnight(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> list[tuple]:
+    """What became of the repairs, by the newest verdicts; the record of these tests is older than a fortnight."""
+    monkeypatch.setattr(repaired, "LOOKED_BACK", timedelta(days=4000))
+    return [
+        (row.loop, row.outcome, row.before, row.now, row.reliability is not None) for row in repaired.repairs(backend)
+    ]
+
+
+def test_a_repair_that_helped_is_told_as_such(backend: Backend, arrives, night: Night, monkeypatch) -> None:
+    arrives(1440)
+    night()
+    notes.add_note(backend, "FIC1", "packing renewed", repaired_at=REPAIRED)
+    night()
+    assert fortnight(backend, monkeypatch) == [("FIC1", "waiting", "stiction", None, False)]
+    arrives(2880)
+    run = night()["audit_id"]
+    assert fortnight(backend, monkeypatch) == [("FIC1", "helped", "stiction", "no_stiction", True)]
+    told = digest.digest_of(backend, run)
+    assert "FIC1, repaired 2026-03-01 08:00: helped; before: valve sticks, since: no stiction (" in digest.as_text(told)
+    assert "Repairs of the last fortnight" in digest.as_html(told)
+    assert digest.as_json(told)["repairs"][0]["outcome"] == "helped"
+
+
+def test_a_repair_that_did_not_help_is_told_as_such(backend: Backend, arrives, night: Night, monkeypatch) -> None:
+    arrives(1440)
+    night()
+    notes.add_note(backend, "FIC1", "packing renewed", repaired_at=START + timedelta(minutes=30))
+    night()
+    assert fortnight(backend, monkeypatch) == [("FIC1", "sticks", None, "stiction", True)]
+    note = notes.list_notes(backend, "FIC1")[0]
+    notes.withdraw_repair(backend, "FIC1", note.id, "me")
+    assert fortnight(backend, monkeypatch) == []
+
+
+def test_a_repair_longer_ago_is_no_news(backend: Backend, arrives, night: Night) -> None:
+    arrives(1440)
+    night()
+    notes.add_note(backend, "FIC1", "packing renewed", repaired_at=START)
+    night()
+    assert repaired.repairs(backend) == []

@@ -30,6 +30,8 @@ DONE = ASKED | {
     "verdict_words": "physics is missing from the simulation",
     "window_start": "2026-01-01T00:00:00Z",
     "window_end": "2026-01-01T01:00:00Z",
+    "as_judged": False,
+    "since": [],
     "simulation_words": "a given model",
     "audit_id": "3",
     "told_effects": [
@@ -62,7 +64,9 @@ def part(explanation: dict | None) -> str:
         (ASKED, "Being worked out; asked for at 2026-01-01 00:00 UTC"),
         (ASKED | {"located": {"block": "valve", "condition": "after OP reversals"}}, "differ at the valve, after OP"),
         (ASKED | {"state": "failed", "error_code": "time_limit", "error_text": "too long"}, "too long (time_limit)"),
-        (DONE, "against a given model; asked for by audit 3"),
+        (DONE, "01:00 UTC, against a given model; asked for by audit 3"),
+        (DONE | {"as_judged": True}, "01:00 UTC, of a long record what its audit judges, against a given model"),
+        (DONE | {"since": ["This is of before the repair."]}, "<b>This is of before the repair.</b>"),
     ],
 )
 def test_every_state_is_told(explanation: dict | None, words: str) -> None:

@@ -14,6 +14,7 @@ from app.services.cursors import identifier
 from app.services.moments import short_time
 from app.services.plant.arrivals import of_run
 from app.services.plant.overview import change_of
+from app.services.plant.repaired import RepairView, repairs
 from app.services.rendering import document, figure
 from app.services.results import AuditView, ChangeView
 from app.services.wording import CHANGE_WORDS, RELIABILITY_BRIEF, VERDICT_RANK, VERDICT_WORDS, cause_words
@@ -57,6 +58,7 @@ class Digest:
     areas: list[Area]
     changes: list[ChangeView]
     more_changes: bool
+    repairs: list[RepairView]
     compared: bool
     public_url: str
 
@@ -97,6 +99,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         areas=[Area(unit, [_loop(row, url) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
         changes=[change_of(row) for row in changed[:CHANGES]],
         more_changes=len(changed) > CHANGES,
+        repairs=repairs(backend, number, datetime.fromisoformat(run.created_at)),
         compared=compared,
         public_url=url,
     )
@@ -127,6 +130,9 @@ def as_text(digest: Digest) -> str:
     lines += ["", "WHAT CHANGED SINCE THE RUN BEFORE", ""]
     lines += [_change_line(change) for change in digest.changes] or [_no_change(digest)]
     lines += ["  ... and more"] if digest.more_changes else []
+    if digest.repairs:
+        lines += ["", "REPAIRS OF THE LAST FORTNIGHT", ""]
+        lines += [_repair_line(repair) for repair in digest.repairs]
     for area in digest.areas:
         lines += ["", f"WORST OF {_line(area.unit) if area.unit else 'THE LOOPS WITHOUT A UNIT'}", ""]
         for place, loop in enumerate(area.loops, 1):
@@ -191,6 +197,11 @@ def _change_line(change: ChangeView) -> str:
     return f"  {_line(change.loop)}: {words}{sure}; {change.because}"
 
 
+def _repair_line(repair: RepairView) -> str:
+    told = f"; {repair.verdicts}" if repair.verdicts else ""
+    return f"  {_line(repair.loop)}, repaired {short_time(repair.repaired_at)}: {repair.words}{told}"
+
+
 def _no_change(digest: Digest) -> str:
     if not digest.compared:
         return "This is the first run: there is nothing to compare with."
@@ -198,7 +209,8 @@ def _no_change(digest: Digest) -> str:
 
 
 def _addresses(digest: Digest) -> dict[str, str]:
-    return {change.loop: loop_address(digest.public_url, change.loop) for change in digest.changes}
+    named = [change.loop for change in digest.changes] + [repair.loop for repair in digest.repairs]
+    return {tag: loop_address(digest.public_url, tag) for tag in named}
 
 
 def _line(text: str) -> str:

@@ -11,11 +11,11 @@ from app.services.auditing.recordings import recording_of
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.explaining.simulations import GivenSimulation, comparison_with, kept, kind_of
-from app.services.moments import iso_utc, moment_of
+from app.services.moments import iso_utc, moment_of, ns_of, short_time
 from app.services.plant.loops import find
 from app.services.plant.trend import NS_PER_S, instant_ns
 from app.services.results import Page
-from app.storage import explanations, series
+from app.storage import explanations, notes, series, verdicts
 from app.storage.documents import Document, pack_document, unpack_document
 from app.storage.explanations import ExplanationRow
 from app.storage.loops import LoopRow
@@ -104,11 +104,29 @@ def list_explanations(backend: Backend, tag: str, limit: int = 100, cursor: str 
 
 
 def newest(backend: Backend, tag: str) -> dict[str, Any] | None:
-    """A loop's newest explanation as `get_explanation` tells it; None where there is none."""
+    """A loop's newest explanation as `get_explanation` tells it, and `since`: what came after it, in sentences; None
+    where there is none.
+    """
     loop = find(backend, tag)
     with backend.database.read() as connection:
         rows = explanations.page(connection, loop.id, 1)
-    return get_explanation(backend, tag, str(rows[0].id)) if rows else None
+    if not rows:
+        return None
+    return get_explanation(backend, tag, str(rows[0].id)) | {"since": _since(backend, loop, rows[0])}
+
+
+def _since(backend: Backend, loop: LoopRow, row: ExplanationRow) -> list[str]:
+    """What makes an explanation an old one: a repair, and an audit of what was recorded later."""
+    with backend.database.read() as connection:
+        repaired_at = notes.repairs_stated_last(connection, [loop.id]).get(loop.id)
+        audited_at = verdicts.newest_audited_at(connection, loop.id)
+    told = []
+    if repaired_at is not None and row.window_end_ns is not None and ns_of(repaired_at) > row.window_end_ns:
+        told.append(f"This is of before the repair of {short_time(iso_utc(repaired_at))} UTC.")
+    if audited_at is not None and audited_at > row.asked_at:
+        audit = short_time(iso_utc(audited_at))
+        told.append(f"It was asked for before the audit of {audit} UTC, which may rest on newer samples.")
+    return told
 
 
 def summary(row: ExplanationRow, tag: str) -> dict[str, Any]:

@@ -3,10 +3,14 @@
 As historians hand them over: the load is the strongest movement of the whole, a limit cycle of minutes is within it.
 Prints, night by night of the same loops, how many valves are called sticky and cleared, and how many verdicts of
 consecutive nights contradict each other reliably. The valves of healthy loops have a band of 0.2 % too.
+
+With `--explain`, instead: what is named as missing from a linear loop in the record of the last night, in what its
+audit judges of it or in the newest 20,000 samples of the whole.
 """
 
 import argparse
 import sys
+import time
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -16,12 +20,16 @@ import numpy as np
 
 from app.engine.audit import audit
 from app.engine.judgement import Judgement
+from app.engine.mismatch import explain
 from app.engine.recording import Recording
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
 from app.engine.simulate.plant import Plant
+from app.services.explaining.comparisons import comparison_of
+from app.services.explaining.narrowing import narrowed
 
 INTERVAL_S, DAY_S = 10.0, 86_400.0
 NIGHTS, WINDOW_DAYS = 4, 3.5
+NEWEST_SAMPLES = 20_000
 HEALTHY_S, HEALTHY_J = 0.2, 0.05
 STICKING = ((1.0, 2.0), (2.0, 4.0), (4.0, 10.0))
 SHUT_FOR_S = 10 * 3600.0
@@ -42,12 +50,20 @@ def audited(seed: int, S: tuple[float, float] | None, shut: bool) -> Loop:
     S: bounds of the stiction of its valve, per cent of OP's span; None: healthy. shut: the unit stands still for ten
     hours in the last day.
     """
+    return Loop(_group(S), tuple(audit(night).judgement for night in recorded_nights(seed, S, shut)))
+
+
+def recorded_nights(seed: int, S: tuple[float, float] | None, shut: bool) -> list[Recording]:
+    """What each night has of one loop, the newest last; as `audited` takes it."""
     rng = np.random.default_rng([seed, 0 if S is None else round(10 * S[1])])
     recording = _recorded(rng, seed, S, shut)
     size = round(WINDOW_DAYS * DAY_S / INTERVAL_S)
     ends = recording.samples - np.arange(NIGHTS)[::-1] * round(DAY_S / INTERVAL_S)
-    nights = (audit(_from_its_start(recording.part(slice(int(end) - size, int(end))))).judgement for end in ends)
-    return Loop("healthy" if S is None else f"S {S[0]:g} to {S[1]:g} %", tuple(nights))
+    return [_from_its_start(recording.part(slice(int(end) - size, int(end)))) for end in ends]
+
+
+def _group(S: tuple[float, float] | None) -> str:
+    return "healthy" if S is None else f"S {S[0]:g} to {S[1]:g} %"
 
 
 def _recorded(rng: np.random.Generator, seed: int, S: tuple[float, float] | None, shut: bool) -> Recording:
@@ -110,16 +126,48 @@ def _said(judgement: Judgement) -> str:
     return letter + "!" * (judgement.reliability == "reliable")
 
 
+@dataclass(frozen=True)
+class Explained:
+    """codes: of the effects that were named. elapsed_s: processor time, s."""
+
+    group: str
+    codes: tuple[str, ...]
+    elapsed_s: float
+
+
+def explained(seed: int, S: tuple[float, float] | None, shut: bool, part: str) -> Explained:
+    """The last night's record of a loop, explained beside our own linear loop. part: "judged" or "whole"."""
+    comparison = comparison_of(recorded_nights(seed, S, shut)[-1])
+    start = time.process_time()
+    found = explain(narrowed(comparison) if part == "judged" else comparison.part(slice(-NEWEST_SAMPLES, None)))
+    return Explained(_group(S), tuple(effect.code for effect in found.effects), time.process_time() - start)
+
+
+def report_explained(found: list[Explained]) -> Iterator[str]:
+    yield "| loops | records | the valve named | only something else | nothing | median, s |"
+    yield "|---|---|---|---|---|---|"
+    for group in dict.fromkeys(one.group for one in found):
+        mine = [one for one in found if one.group == group]
+        named = sum("valve.stiction" in one.codes for one in mine)
+        nothing = sum(not one.codes for one in mine)
+        elapsed_s = float(np.median([one.elapsed_s for one in mine]))
+        yield f"| {group} | {len(mine)} | {named} | {len(mine) - named - nothing} | {nothing} | {elapsed_s:.0f} |"
+
+
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m app.services.testbench.days", description=__doc__)
     parser.add_argument("--loops", type=int, default=20, help="of each kind")
     parser.add_argument("--seed", type=int, default=1000)
+    parser.add_argument("--explain", choices=["judged", "whole"])
     options = parser.parse_args(arguments)
-    seeds = range(options.seed, options.seed + options.loops)
+    kinds = [(seed, S) for S in (None, *STICKING) for seed in range(options.seed, options.seed + options.loops)]
     for shut in (False, True):
-        loops = [audited(seed, S, shut) for S in (None, *STICKING) for seed in seeds]
+        if options.explain:
+            lines = report_explained([explained(seed, S, shut, options.explain) for seed, S in kinds])
+        else:
+            lines = report([audited(seed, S, shut) for seed, S in kinds])
         sys.stdout.write("\nwith a shutdown of ten hours in the last day\n" if shut else "")
-        sys.stdout.writelines(f"{line}\n" for line in report(loops))
+        sys.stdout.writelines(f"{line}\n" for line in lines)
     return 0
 
 

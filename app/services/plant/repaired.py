@@ -1,0 +1,79 @@
+"""Whether the repairs of the last fortnight helped: what is asked first on the morning after one."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any, Literal
+
+from app.services.auditing.repairs import BEFORE_REPAIR, SINCE_REPAIR
+from app.services.backend import Backend
+from app.services.moments import iso_utc
+from app.services.wording import RELIABILITY_BRIEF, VERDICT_WORDS
+from app.storage import repaired as stored
+
+LOOKED_BACK = timedelta(days=14)
+LISTED = 30
+
+Outcome = Literal["sticks", "helped", "open", "waiting"]
+OUTCOME_WORDS: dict[Outcome, str] = {
+    "sticks": "did not help",
+    "helped": "helped",
+    "open": "cannot tell yet whether it helped",
+    "waiting": "too little was recorded since",
+}
+_ORDER: tuple[Outcome, ...] = ("sticks", "open", "helped", "waiting")
+
+
+@dataclass(frozen=True)
+class RepairView:
+    """What became of a repair. before: the verdict before it; now: the one that rests on samples since it; None where
+    there is none."""
+
+    loop: str
+    unit: str | None
+    repaired_at: str
+    outcome: Outcome
+    before: str | None
+    now: str | None
+    reliability: str | None
+
+    @property
+    def words(self) -> str:
+        return OUTCOME_WORDS[self.outcome]
+
+    @property
+    def verdicts(self) -> str:
+        """ "before: valve sticks, since: no stiction (rely on it)", as far as they are known."""
+        before = [f"before: {VERDICT_WORDS[self.before]}"] if self.before else []
+        now = [f"since: {VERDICT_WORDS[self.now]} ({RELIABILITY_BRIEF[self.reliability or '']})"] if self.now else []
+        return ", ".join(before + now)
+
+
+def repairs(backend: Backend, audit_id: int | None = None, at: datetime | None = None) -> list[RepairView]:
+    """Of the repairs of the fortnight up to now, by the newest verdicts, or up to a run that began `at`, by its own;
+    those that did not help come first."""
+    at = at or datetime.now(UTC)
+    with backend.database.read() as connection:
+        rows = stored.between(connection, at - LOOKED_BACK, at, audit_id, LISTED)
+    return sorted((_view(row) for row in rows), key=lambda view: _ORDER.index(view.outcome))
+
+
+def _view(row: Any) -> RepairView:
+    told = row.verdict is not None and _rests_on_what_came_after(row)
+    now, reliability = (row.verdict, row.reliability) if told else (None, None)
+    where = (row.tag, row.unit, iso_utc(row.repaired_at) or "")
+    return RepairView(*where, _outcome(now), row.verdict_before, now, reliability)
+
+
+def _rests_on_what_came_after(row: Any) -> bool:
+    codes = row.reasons.split(";")
+    if BEFORE_REPAIR in codes:
+        return False
+    return SINCE_REPAIR in codes or (row.window_start is not None and row.window_start >= row.repaired_at)
+
+
+def _outcome(now: str | None) -> Outcome:
+    if now is None:
+        return "waiting"
+    if now == "stiction":
+        return "sticks"
+    return "helped" if now == "no_stiction" else "open"

@@ -1,0 +1,51 @@
+"""Loops of which a repair was stated, with what was said of them before it and what a run said of them."""
+
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import Connection, and_, func, literal, select
+
+from app.storage.tables import loops, notes, verdicts
+
+
+def between(connection: Connection, since: datetime, until: datetime, audit_id: int | None, limit: int) -> list[Any]:
+    """The loops with a repair in that time: tag, unit, repaired_at, the verdict before, and verdict, reliability,
+    reasons and window_start of the run, or of the loop's newest verdict without one; None where it was not audited. The
+    weightiest first.
+
+    Of each loop the note that was written last counts, as for the audit.
+    """
+    run = loops.c.newest_audit_id if audit_id is None else literal(audit_id)
+    standing = and_(notes.c.repaired_at.is_not(None), notes.c.withdrawn_at.is_(None), notes.c.written_at <= until)
+    last = select(func.max(notes.c.id).label("id")).where(standing).group_by(notes.c.loop_id).subquery()
+    earlier = verdicts.alias("earlier")
+    before = (
+        select(earlier.c.verdict)
+        .where(earlier.c.loop_id == notes.c.loop_id, earlier.c.audit_id <= run)
+        .where(func.coalesce(earlier.c.window_end, earlier.c.audited_at) < notes.c.repaired_at)
+        .order_by(earlier.c.audit_id.desc())
+        .limit(1)
+        .correlate(notes, loops)
+        .scalar_subquery()
+    )
+    said = and_(verdicts.c.loop_id == notes.c.loop_id, verdicts.c.audit_id == run)
+    query = (
+        select(
+            loops.c.tag,
+            loops.c.unit,
+            notes.c.repaired_at,
+            before.label("verdict_before"),
+            verdicts.c.verdict,
+            verdicts.c.reliability,
+            verdicts.c.reasons,
+            verdicts.c.window_start,
+        )
+        .select_from(notes)
+        .join(last, last.c.id == notes.c.id)
+        .join(loops, loops.c.id == notes.c.loop_id)
+        .outerjoin(verdicts, said)
+        .where(notes.c.repaired_at > since, notes.c.repaired_at <= until)
+        .order_by(loops.c.importance.desc(), notes.c.repaired_at.desc(), loops.c.tag)
+        .limit(limit)
+    )
+    return list(connection.execute(query))
