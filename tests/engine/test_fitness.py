@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.engine.fitness import Fitness, FitnessConfig, assess, with_cycles
-from app.engine.fitness.signals import longest_run, on_line_share, quantisation_step, run_lengths
+from app.engine.fitness.signals import newest_long_run, on_line_share, quantisation_step, run_lengths
 from app.engine.oscillation import detect
 from app.engine.recording import Recording
 
@@ -104,11 +104,30 @@ def test_not_in_automatic():
     assert fitness.automatic_share == 0.5
 
 
-def test_longest_stretch_in_automatic_is_audited():
+@pytest.mark.parametrize(
+    ("manual", "judged", "said"),
+    [
+        (slice(120, 130), (130, 400), "270 of them in a row; at least 100 in a row are needed"),
+        (slice(230, 240), (240, 400), "160 of them in a row; at least 100 in a row are needed"),  # as it is now
+        (slice(280, 290), (0, 280), "needed; the 120 samples after them are not looked at"),  # too few since
+        (slice(300, 400), (0, 300), "needed; the 100 samples after them are not looked at"),
+    ],
+)
+def test_the_newest_long_stretch_in_automatic_is_audited(manual: slice, judged: tuple[int, int], said: str):
     automatic = np.ones(N, dtype=bool)
-    automatic[120:130] = False
+    automatic[manual] = False
     fitness = assess(cycling(automatic=automatic))
-    assert (fitness.record.samples, fitness.record.start_s) == (270, 130.0)
+    assert (fitness.record.start_s, fitness.record.start_s + fitness.record.samples) == judged
+    text = next(finding.text for finding in fitness.findings if finding.code == "not_in_automatic")
+    assert said in text
+    assert text.endswith("not looked at") == said.endswith("not looked at")
+
+
+def test_beside_a_dead_op_the_newest_long_stretch_is_audited():
+    op = cycling(1000).op
+    op[250:750] = op[250]
+    fitness = assess(cycling(1000, op=op))
+    assert (fitness.record.start_s, fitness.record.samples) == (750.0, 250)
 
 
 def test_mode_that_was_not_recorded_is_not_evaluated():
@@ -335,10 +354,11 @@ def test_whatever_is_recorded_is_answered(values, repeats):
         assert np.all(np.isfinite(fitness.record.op))
 
 
-def test_longest_run():
-    assert longest_run(np.array([True, False, True, True, False])) == slice(2, 4)
-    assert longest_run(np.zeros(3, dtype=bool)) == slice(0, 0)
-    assert longest_run(np.zeros(0, dtype=bool)) == slice(0, 0)
+def test_newest_long_run():
+    assert newest_long_run(np.array([True, False, True, True, False]), 0.5, 1) == slice(2, 4)
+    assert newest_long_run(np.array([True, True, True, False, True, False]), 0.5, 1) == slice(0, 3)
+    assert newest_long_run(np.zeros(3, dtype=bool), 0.5, 1) == slice(0, 0)
+    assert newest_long_run(np.zeros(0, dtype=bool), 0.5, 1) == slice(0, 0)
 
 
 def test_run_lengths():

@@ -9,7 +9,7 @@ from app.engine.fitness import checks
 from app.engine.fitness.align import Aligned, align
 from app.engine.fitness.config import FitnessConfig
 from app.engine.fitness.resample import is_regular, to_uniform, typical_interval
-from app.engine.fitness.signals import longest_run, newest_long, run_lengths, usable_values
+from app.engine.fitness.signals import newest_long, newest_long_run, run_lengths, usable_values
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, Recording, UniformRecord
 from app.errors import DataError
@@ -112,9 +112,10 @@ class _Samples:
 def assess(recording: Recording, config: FitnessConfig | None = None) -> Fitness:
     """The fitness checks in their order; each narrows the recording to what can be audited, and says so.
 
-    Missing values are taken out, then the longest stretch in automatic is kept, of it the newest long one without a
-    hole, then what is left beside dead PV or OP, and that stretch is put on a uniform time base. A recording is refused
-    where a step leaves fewer than `config.min_samples`, where OP stands at a limit or where too much had to be filled.
+    Missing values are taken out, then the newest long stretch in automatic is kept, of it the newest long one without
+    a hole, then the newest long one beside dead PV or OP, and that stretch is put on a uniform time base. A recording
+    is refused where a step leaves fewer than `config.min_samples`, where OP stands at a limit or where too much had to
+    be filled.
     No answer depends on the unit, scale, offset or sign of PV or OP, nor on where time starts.
     """
     config = config or FitnessConfig()
@@ -158,8 +159,9 @@ def _samples(recording: Recording, aligned: Aligned) -> _Samples:
 
 
 def _assess_stretches(recording: Recording, samples: _Samples, fitness: Fitness, config: FitnessConfig) -> Fitness:
-    in_automatic = _longest_automatic(samples)
-    found = (*fitness.findings, checks.check_automatic(samples.automatic, len(in_automatic), config))
+    acting = _newest_automatic(samples, config)
+    in_automatic, after = samples.part(acting), len(samples) - acting.stop
+    found = (*fitness.findings, checks.check_automatic(samples.automatic, len(in_automatic), after, config))
     if len(in_automatic) < config.min_samples:
         return _stopped(fitness, found, LATER_CHECKS[1:])
     stretch, gaps = _newest_without_gap(in_automatic, config)
@@ -168,7 +170,7 @@ def _assess_stretches(recording: Recording, samples: _Samples, fitness: Fitness,
     fitness = replace(fitness, gaps=gaps)
     if len(whole) < config.min_samples:
         return _stopped(fitness, found, LATER_CHECKS[2:])
-    alive = whole.part(longest_run(_alive(whole, config)))
+    alive = whole.part(newest_long_run(_alive(whole, config), config.newest_share, config.min_samples))
     found += (
         checks.check_flat("op", whole.op, "not controlling, or a frozen signal", len(alive), config),
         checks.check_flat("pv", whole.pv, "a stuck valve or a dead transmitter", len(alive), config),
@@ -194,15 +196,17 @@ def _assess_record(recording: Recording, samples: _Samples, fitness: Fitness, co
     return replace(fitness, findings=found, record=record, filled_share=float(np.mean(record.filled)))
 
 
-def _longest_automatic(samples: _Samples) -> _Samples:
-    return samples if samples.automatic is None else samples.part(longest_run(samples.automatic))
+def _newest_automatic(samples: _Samples, config: FitnessConfig) -> slice:
+    if samples.automatic is None:
+        return slice(0, len(samples))
+    return newest_long_run(samples.automatic, config.newest_share, config.min_samples)
 
 
 def _newest_without_gap(samples: _Samples, config: FitnessConfig) -> tuple[slice, int]:
     intervals = np.diff(samples.time_s)
     holes = np.flatnonzero(intervals > config.max_gap_intervals * typical_interval(samples.time_s))
     edges = np.concatenate(([0], holes + 1, [len(samples)]))
-    return newest_long(edges, config.newest_share, config.min_samples), len(holes)
+    return newest_long(edges[:-1], edges[1:], config.newest_share, config.min_samples), len(holes)
 
 
 def _alive(samples: _Samples, config: FitnessConfig) -> BoolArray:

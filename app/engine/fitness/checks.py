@@ -40,8 +40,8 @@ def check_missing(both: BoolArray, interpolated: str | None, config: FitnessConf
     return _finding("missing_values", usable >= config.min_samples, text, share, None, "share")
 
 
-def check_automatic(automatic: BoolArray | None, kept: int, config: FitnessConfig) -> Finding:
-    """kept: samples in the longest stretch in automatic."""
+def check_automatic(automatic: BoolArray | None, kept: int, later: int, config: FitnessConfig) -> Finding:
+    """kept: samples in the stretch in automatic that is judged; later: those that came after."""
     if automatic is None:
         return not_evaluated("not_in_automatic", "the mode was not recorded")
     share = float(np.mean(automatic)) if len(automatic) else 0.0
@@ -49,6 +49,7 @@ def check_automatic(automatic: BoolArray | None, kept: int, config: FitnessConfi
         f"by its recorded mode in automatic for {100 * share:.1f} % of the samples, {kept} of them in a row; "
         f"at least {config.min_samples} in a row are needed"
     )
+    text += f"; the {later} samples after them are not looked at" if later and kept else ""
     return _finding("not_in_automatic", kept >= config.min_samples, text, share, None, "share")
 
 
@@ -66,7 +67,7 @@ def check_gaps(gaps: int, kept: int, samples: int, later: int, config: FitnessCo
 
 
 def check_flat(name: str, signal: FloatArray, meaning: str, kept: int, config: FitnessConfig) -> Finding:
-    """name: pv or op. kept: samples in the longest stretch where neither signal is dead."""
+    """name: pv or op. kept: samples in the stretch that is judged, where neither signal is dead."""
     share = float(run_lengths(signal).max() / len(signal))
     dead = share >= config.flat_share
     text = f"{name.upper()} holds one value for {100 * share:.1f} % of the stretch"

@@ -41,24 +41,21 @@ def set_point_activity(sp: FloatArray | None, pv: FloatArray) -> float | None:
     return float(np.std(sp)) / spread
 
 
-def longest_run(mask: BoolArray) -> slice:
-    """The longest run of True in `mask` (N,), the first of several; an empty slice where there is none."""
+def newest_long_run(mask: BoolArray, share: float, least: int) -> slice:
+    """The newest run of True in `mask` (N,) that `newest_long` takes; an empty slice where there is none."""
     edges = np.diff(np.concatenate(([0], mask.astype(np.int8), [0])))
     starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    if len(starts) == 0:
-        return slice(0, 0)
-    k = int(np.argmax(ends - starts))
-    return slice(int(starts[k]), int(ends[k]))
+    return newest_long(starts, ends, share, least) if len(starts) else slice(0, 0)
 
 
-def newest_long(edges: IntArray, share: float, least: int) -> slice:
-    """The newest of the stretches between edges (K + 1,) that has at least a share of the longest one's samples, and
-    not fewer than `least` where the longest has as many.
+def newest_long(starts: IntArray, ends: IntArray, share: float, least: int) -> slice:
+    """The newest of some stretches, given by their first samples (K,) and those behind their last (K,), that has at
+    least a share of the longest one's samples, and not fewer than `least` where the longest has as many.
     """
-    lengths = np.diff(edges)
+    lengths = ends - starts
     longest = int(np.max(lengths))
     k = int(np.flatnonzero(lengths >= max(share * longest, min(least, longest)))[-1])
-    return slice(int(edges[k]), int(edges[k + 1]))
+    return slice(int(starts[k]), int(ends[k]))
 
 
 def run_lengths(signal: FloatArray) -> IntArray:
