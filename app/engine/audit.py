@@ -14,7 +14,7 @@ from app.engine.health import health as health_of
 from app.engine.judgement import Judgement
 from app.engine.key_figures import KeyFigures
 from app.engine.key_figures import compute as key_figures_of
-from app.engine.oscillation import Oscillation
+from app.engine.oscillation import Oscillation, detect
 from app.engine.preparation import Preparation, prepare
 from app.engine.quantification import StictionSize, quantify
 from app.engine.recording import Recording, UniformRecord
@@ -37,6 +37,7 @@ SPOILED_BY = {
 # Findings that show a historian's compression: what lies between the stored values is not the loop's.
 _REBUILT = frozenset({"pv_interpolated", "op_interpolated"})
 _OF_STRETCHES = frozenset({"stretches", "stretches_disagree"})
+_SAME_PERIOD = 0.2  # difference of logarithms
 _AS_CONFIGURED = AuditConfig()  # one of it, because its fingerprint costs as much as a stage of the audit
 
 
@@ -252,7 +253,7 @@ def _result(
         episodes=episodes,
         key_figures=figures,
         health=health_of(judgement, figures, oscillation),
-        swing=None if looked_at is None or oscillation is None else _swing(looked_at, oscillation, config),
+        swing=None if looked_at is None or oscillation is None else _swing(fitness, oscillation, config),
         input_fingerprint=recording.fingerprint(),
         config_fingerprint=config.fingerprint(),
         engine_version=ENGINE_VERSION,
@@ -260,8 +261,21 @@ def _result(
     )
 
 
-def _swing(looked_at: UniformRecord, oscillation: Oscillation, config: AuditConfig) -> Swing | None:
-    return swing_of(newest(looked_at, config.max_samples), oscillation)
+def _swing(fitness: Fitness, oscillation: Oscillation, config: AuditConfig) -> Swing | None:
+    """Of the newest samples, by the period that they show themselves where it is that of the stretch that was judged:
+    over more cycles it is known better.
+    """
+    part = newest(fitness.looked_at, config.max_samples)
+    if fitness.speaks_for is not None:
+        own = detect(part)
+        oscillation = own if own.regular and _same_period(own, oscillation) else oscillation
+    return swing_of(part, oscillation)
+
+
+def _same_period(one: Oscillation, other: Oscillation) -> bool:
+    if one.period_s is None or other.period_s is None:
+        return False
+    return abs(np.log(one.period_s / other.period_s)) < _SAME_PERIOD
 
 
 def _window(record: UniformRecord) -> Window:

@@ -11,6 +11,7 @@ from app.engine.fitness import FitnessConfig
 from app.engine.hammerstein import HammersteinConfig
 from app.engine.quantification import QuantificationConfig
 from app.engine.reliability import LadderConfig
+from app.engine.stretches import NEWEST_SAMPLES
 from app.engine.verdict_config import VerdictConfig
 from app.engine.verdict_reference import ReferenceVerdictConfig
 from app.errors import DataError
@@ -62,7 +63,7 @@ class AuditConfig:
     verdict: ReferenceVerdictConfig = field(default_factory=ReferenceVerdictConfig)
     judgement: VerdictConfig = field(default_factory=VerdictConfig)
     quantification: QuantificationConfig = field(default_factory=QuantificationConfig)
-    max_samples: int = 5000
+    max_samples: int = NEWEST_SAMPLES
     episodes: EpisodeConfig = field(default_factory=EpisodeConfig)
     doubt_above: float = 0.25
 

@@ -13,6 +13,7 @@ LAGS = 20
 RIDGE = 1e-9
 SAMPLES_A_LAG = 6
 FEWEST_CYCLES = 8
+FINER = 8
 # A spike in one innovation is one sample, however large.
 _CLIPPED_AT = 4.0
 
@@ -22,11 +23,20 @@ def strangers_chance(record: UniformRecord, oscillation: Oscillation) -> float:
 
     Two signals that swing, or wander, look alike by chance. So each is first foretold from its own past, and only what
     is new in one is compared with what is new in the other, up to LAGS samples before and after, some half a cycle at
-    most. 1 where the record is too short, or one of the two foretells itself altogether. Source: Haugh 1976, Checking
-    the independence of two covariance-stationary time series, doi 10.1080/01621459.1976.10480353.
+    most; and again FINER times as finely, down to the samples, because the slowest swing of a long record is its
+    load's, and between two points of that a quick loop is done. 1 where the record is too short, or one of the two
+    foretells itself altogether. Source: Haugh 1976, Checking the independence of two covariance-stationary time series,
+    doi 10.1080/01621459.1976.10480353.
     """
     per_cycle = min(oscillation.samples_per_cycle or PER_CYCLE, record.samples / FEWEST_CYCLES)
-    stride = max(1, int(per_cycle / PER_CYCLE))
+    strides = [max(1, int(per_cycle / PER_CYCLE))]
+    while strides[-1] > 1:
+        strides.append(max(1, strides[-1] // FINER))
+    return min(1.0, len(strides) * min(_chance(record, each) for each in strides))
+
+
+def _chance(record: UniformRecord, stride: int) -> float:
+    """That of every so many samples."""
     pv, op = (_innovations(thinned(x, stride)) for x in (record.pv, record.op))
     if pv is None or op is None:
         return 1.0

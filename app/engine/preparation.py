@@ -9,7 +9,7 @@ from app.engine.features import at_rest
 from app.engine.fitness import Fitness, FitnessConfig, assess, with_cycles
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import FloatArray, Recording, UniformRecord
-from app.engine.stretches import LONG_SAMPLES, newest_moving, speaking_stretch
+from app.engine.stretches import NEWEST_SAMPLES, newest_moving, speaking_stretch
 
 # A part is judged for the whole only where it swings beyond doubt.
 _STRONG_SWING, _FEWEST_CYCLES = 0.6, 5.0
@@ -49,7 +49,7 @@ def prepare(recording: Recording, config: FitnessConfig | None = None) -> Prepar
     return spoken_for or Preparation(with_cycles(fitness, oscillation, config), oscillation)
 
 
-def identified_part(recording: Recording, max_samples: int = LONG_SAMPLES) -> UniformRecord | None:
+def identified_part(recording: Recording, max_samples: int = NEWEST_SAMPLES) -> UniformRecord | None:
     """The part of a recording on which a model of the loop is identified: of what is judged the newest samples in which
     the loop is at work. None where the recording is not auditable.
     """

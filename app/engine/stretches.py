@@ -15,8 +15,11 @@ from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import UniformRecord
 from app.engine.verdict import weigh
 
-LONG_SAMPLES = 5000
-"""Samples above which a record is judged by stretches; the verdict's shapes were fitted on records below it."""
+LONG_SAMPLES = 2000
+"""Samples above which a record is judged by stretches."""
+
+NEWEST_SAMPLES = 5000
+"""Samples on which a model of the loop is identified, at most."""
 
 # Chosen on simulated loops under loads that wander (`testbench.days`); what swings is as an episode's windows ask.
 _PARTS = (6, 12, 24, 48)  # into which a record is cut, each of at least so many samples, a dozen of them looked at
@@ -27,6 +30,7 @@ _LEAST_PER_CYCLE = 5.0
 # Cycles of a stretch, as a window of the shapes has them, and its samples at least.
 _CYCLES, _LEAST_STRETCH = 15.0, 600
 _FEWEST, _MOST = 3, 7
+_CLOSER = 3  # so many times as many stretches are tried where some stand still
 _DEAD_SHARE = 0.5
 
 
@@ -52,13 +56,17 @@ def speaking_stretch(record: UniformRecord, oscillation: Oscillation) -> Stretch
     per_cycle = cycle_of_parts(record) or (oscillation.samples_per_cycle if oscillation.regular else None)
     if per_cycle is None:
         return None
-    parts = list(_spread(record, per_cycle))
-    weighed = [found for part in parts if (found := _weighed(part)) is not None]
+    parts = _spread(record, per_cycle, _MOST)
+    moving = [part for part in parts if not _stands(part)]
+    if len(moving) < len(parts):
+        more = [part for part in _spread(record, per_cycle, _CLOSER * _MOST) if not _stands(part)]
+        moving = [more[k] for k in _evenly(len(more), _MOST)]
+    weighed = [found for part in moving if (found := _weighed(part)) is not None]
     if len(weighed) < _FEWEST or _dead_at_its_end(record):
         return None
     middle = sorted(weighed, key=lambda one: one.log_odds)[(len(weighed) - 1) // 2]
     sides = [(one.log_odds > 0.0) == (middle.log_odds > 0.0) for one in weighed]
-    whole = Whole(record, oscillation, sum(sides), len(sides), any(sides[-2:]), len(parts) - len(weighed))
+    whole = Whole(record, oscillation, sum(sides), len(sides), any(sides[-2:]), sum(_stands(part) for part in parts))
     return Stretch(middle.record, middle.oscillation, whole)
 
 
@@ -98,14 +106,16 @@ def _dead_at_its_end(record: UniformRecord) -> bool:
 def cycle_of_parts(record: UniformRecord) -> float | None:
     """Samples a cycle on the scale on which the parts of a record swing most clearly; None where most do not swing.
 
-    The record is cut into 6 to 48 parts, of which a dozen are looked at; the number of parts counts whose median
-    oscillation is the strongest and most regular.
+    The record is cut into 6 to 48 parts, of which a dozen are looked at, without those that stand still; the number of
+    parts counts whose median oscillation is the strongest and most regular.
     """
     best, per_cycle = 0.0, None
     for count in _PARTS:
         if record.samples // count < _LEAST_PART:
             break
-        found = [detect(part) for part in _parts(record, count)]
+        found = [detect(part) for part in _parts(record, count) if not _stands(part)]
+        if len(found) < _FEWEST:
+            continue
         swinging = [one for one in found if _swings(one)]
         if len(swinging) < _SWINGING_SHARE * len(found):
             continue
@@ -117,8 +127,13 @@ def cycle_of_parts(record: UniformRecord) -> float | None:
 
 def _parts(record: UniformRecord, count: int) -> Iterator[UniformRecord]:
     length = record.samples // count
-    for k in np.unique(np.linspace(0, count - 1, min(count, _MOST_LOOKED_AT)).round().astype(int)):
-        yield record.part(slice(int(k) * length, (int(k) + 1) * length))
+    for k in _evenly(count, _MOST_LOOKED_AT):
+        yield record.part(slice(k * length, (k + 1) * length))
+
+
+def _stands(part: UniformRecord) -> bool:
+    """Whether PV or OP holds one value for half of the part: a unit that is shut down, a loop in manual."""
+    return any(run_lengths(x).max() >= _DEAD_SHARE * part.samples for x in (part.pv, part.op))
 
 
 def _swings(oscillation: Oscillation) -> bool:
@@ -126,12 +141,19 @@ def _swings(oscillation: Oscillation) -> bool:
     return enough and (oscillation.samples_per_cycle or 0.0) >= _LEAST_PER_CYCLE
 
 
-def _spread(record: UniformRecord, per_cycle: float) -> Iterator[UniformRecord]:
-    """Stretches from the record's start to its end, each overlapping the next by half at most."""
+def _spread(record: UniformRecord, per_cycle: float, most: int) -> list[UniformRecord]:
+    """At most so many stretches from the record's start to its end, each overlapping the next by half, or by all but a
+    sixth where the record is short for more than _MOST.
+    """
     length = int(np.clip(_CYCLES * per_cycle, _LEAST_STRETCH, record.samples))
-    count = min(_MOST, 2 * (record.samples // length) - 1)
-    for start in np.linspace(0, record.samples - length, count).astype(int):
-        yield record.part(slice(int(start), int(start) + length))
+    count = min(most, most // _MOST * (2 * (record.samples // length) - 1))
+    starts = np.linspace(0, record.samples - length, count).astype(int)
+    return [record.part(slice(int(start), int(start) + length)) for start in starts]
+
+
+def _evenly(count: int, most: int) -> list[int]:
+    """At most so many of 0 to count - 1, spread over them."""
+    return sorted({round(k) for k in np.linspace(0, count - 1, min(count, most)).tolist()})
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,8 +164,6 @@ class _Weighed:
 
 
 def _weighed(part: UniformRecord) -> _Weighed | None:
-    if any(run_lengths(x).max() >= _DEAD_SHARE * part.samples for x in (part.pv, part.op)):
-        return None
     oscillation = detect(part)
     weighing = weigh(part, oscillation)
     return None if weighing is None else _Weighed(part, oscillation, weighing.log_odds)

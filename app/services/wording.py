@@ -52,7 +52,7 @@ WHY_WORDS = {
     "method": "the method changed (engine or settings)",
     "repair": "a repair was stated",
     "data": "the record changed (gaps, length or sampling)",
-    "loop": "the loop behaves differently",
+    "loop": "another record of the loop; nothing else changed",
 }
 
 STATE_WORDS = {

@@ -277,9 +277,17 @@ def newest(connection: Connection, tag: str) -> tuple[int, dict[str, Any] | None
     return row["id"], None if row["audit_id"] is None else _dict(row)
 
 
-def newest_audited_at(connection: Connection, loop_id: int) -> datetime | None:
-    query = select(verdicts.c.audited_at).join(loops, _is_newest()).where(loops.c.id == loop_id)
-    return connection.scalar(query)
+def newest_said(connection: Connection, loop_id: int) -> Any:
+    """verdict and audited_at of the loop's newest verdict; None where there is none."""
+    query = select(verdicts.c.verdict, verdicts.c.audited_at).join(loops, _is_newest())
+    return connection.execute(query.where(loops.c.id == loop_id)).one_or_none()
+
+
+def newest_input(connection: Connection, loop_id: int) -> tuple[int, int] | None:
+    """First and last sample (ns since 1970) that the loop's newest verdict was made of; None where there is none."""
+    query = select(verdicts.c.input_start_ns, verdicts.c.input_end_ns).join(loops, _is_newest())
+    row = connection.execute(query.where(loops.c.id == loop_id)).one_or_none()
+    return None if row is None or row.input_start_ns is None else (row.input_start_ns, row.input_end_ns)
 
 
 def history(connection: Connection, loop_id: int, limit: int, before_audit: int | None) -> list[dict[str, Any]]:

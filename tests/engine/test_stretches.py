@@ -51,13 +51,15 @@ def test_all_that_was_looked_at_is_the_window(sticky):
     assert not whole.contested
 
 
-def test_hours_of_a_shutdown_say_nothing(sticky):
-    stands = slice(5000, 8600)
+@pytest.mark.parametrize("stands", [slice(5000, 8600), slice(4000, 9500), slice(0, 5500)])
+def test_hours_of_a_shutdown_say_nothing(sticky, stands):
     op, pv = sticky.op.copy(), sticky.pv.copy()
     op[stands], pv[stands] = 0.0, 0.1
     shut = replace(sticky, op=op, pv=pv)
     assert said(audit(shut)) == ("stiction", "reliable")
-    assert prepare(shut).fitness.speaks_for.judged < 7
+    whole = prepare(shut).fitness.speaks_for
+    assert whole.judged > 4
+    assert whole.standing > 0
 
 
 def test_a_valve_that_sticks_for_a_third_of_the_record_is_neither_cleared_nor_accused_reliably(sticky):

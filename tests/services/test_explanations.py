@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sqlalchemy import update
+from sqlalchemy import select, update
 
 from app.engine.mismatch import Comparison
 from app.engine.mismatch import explain as engine_explain
@@ -29,6 +29,7 @@ from app.storage import loops, series
 from app.storage.samples import Samples
 from app.storage.series import Stretch
 from app.storage.tables import explanations as explanations_table
+from app.storage.tables import verdicts as verdicts_table
 from tests.engine.wandering import STICKY, recorded
 
 N, INTERVAL_S = 400, 10
@@ -408,20 +409,58 @@ def compared_samples(backend: Backend) -> Samples:
         return explaining._load(backend, stored.claim_next(connection, "w", 60.0)).samples
 
 
-def test_an_explanation_says_what_came_after_it(backend: Backend, add_loops: Callable[..., dict[str, int]]) -> None:
+def test_an_explanation_says_what_to_keep_in_mind(backend: Backend, add_loops: Callable[..., dict[str, int]]) -> None:
     add_loops("FIC1")
     explanations.ask(backend, "FIC1")
     found = explanations.newest(backend, "FIC1")
-    assert found["since"] == []
+    assert found["remarks"] == []
     run = audits.start_audit(backend)
     chunks.audit_chunk(backend, int(run.id), "w")
     repaired_at = datetime.fromisoformat(found["window_end"]) + timedelta(minutes=1)
     notes.add_note(backend, "FIC1", "packing renewed", repaired_at=repaired_at)
-    repair, audit = explanations.newest(backend, "FIC1")["since"]
+    repair, audit = explanations.newest(backend, "FIC1")["remarks"]
     assert repair.startswith(f"This is of before the repair of {repaired_at:%Y-%m-%d %H:%M} UTC")
     assert audit.startswith("It was asked for before the audit of ")
     explanations.ask(backend, "FIC1")
-    assert len(explanations.newest(backend, "FIC1")["since"]) == 1
+    assert len(explanations.newest(backend, "FIC1")["remarks"]) == 1
+
+
+@pytest.mark.parametrize(("verdict", "said"), [("stiction", 1), ("no_stiction", 0)])
+def test_nothing_missing_beside_a_valve_that_sticks_is_put_right(
+    backend: Backend, add_loops: Callable[..., dict[str, int]], verdict: str, said: int
+) -> None:
+    loop_id = add_loops("FIC1")["FIC1"]
+    run = audits.start_audit(backend)
+    chunks.audit_chunk(backend, int(run.id), "w")
+    asked = explanations.ask(backend, "FIC1")
+    with backend.database.write() as connection:
+        connection.execute(update(verdicts_table).where(verdicts_table.c.loop_id == loop_id).values(verdict=verdict))
+        mine = explanations_table.c.id == int(asked["id"])
+        connection.execute(update(explanations_table).where(mine).values(state="done", verdict="consistent"))
+    remarks = explanations.newest(backend, "FIC1")["remarks"]
+    assert len([text for text in remarks if "does not clear it" in text]) == said
+
+
+def test_what_the_newest_verdict_rests_on_is_explained(
+    backend: Backend, add_loops: Callable[..., dict[str, int]]
+) -> None:
+    """And not what came since, or before a repair that was stated."""
+    loop_id = add_loops("FIC1")["FIC1"]
+    run = audits.start_audit(backend)
+    chunks.audit_chunk(backend, int(run.id), "w")
+    whole = explanations.ask(backend, "FIC1")
+    with backend.database.write() as connection:
+        mine = verdicts_table.c.loop_id == loop_id
+        start_ns, end_ns = connection.execute(
+            select(verdicts_table.c.input_start_ns, verdicts_table.c.input_end_ns).where(mine)
+        ).one()
+        third = (end_ns - start_ns) // 3
+        judged = {"input_start_ns": start_ns + third, "input_end_ns": end_ns - third}
+        connection.execute(update(verdicts_table).where(mine).values(**judged))
+    part = explanations.ask(backend, "FIC1")
+    assert whole["window_start"] < part["window_start"] < part["window_end"] < whole["window_end"]
+    stated = explanations.ask(backend, "FIC1", Wanted(window_h=1000.0))
+    assert (stated["window_start"], stated["window_end"]) == (whole["window_start"], whole["window_end"])
 
 
 def test_a_night_may_explain_nothing(backend: Backend, add_loops: Callable[..., dict[str, int]]) -> None:

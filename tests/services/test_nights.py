@@ -8,6 +8,7 @@ from sqlalchemy import update
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
+from app.services.moments import ns_of
 from app.services.plant.nights import NIGHTS, Night, nights
 from app.storage.tables import verdicts
 
@@ -15,12 +16,24 @@ AddLoops = Callable[..., dict[str, int]]
 FIRST = datetime(2026, 3, 1, 3, tzinfo=UTC)
 
 
-def audited(backend: Backend, at: datetime, **told: str) -> None:
+def audited(backend: Backend, at: datetime, *, fresh: bool = True, **told: str) -> None:
+    """fresh: whether samples of that moment were recorded before."""
     run = int(start_audit(backend).id)
     audit_chunk(backend, run, "test")
     with backend.database.write() as connection:
         mine = verdicts.c.audit_id == run
         connection.execute(update(verdicts).where(mine).values(audited_at=at, **told))
+        if fresh:
+            connection.execute(update(verdicts).where(mine).values(input_end_ns=ns_of(at)))
+
+
+def test_a_night_without_new_samples_is_marked(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("A")
+    for day in range(4):
+        audited(backend, FIRST + timedelta(days=day), fresh=day in (0, 3), verdict="stiction", reliability="reliable")
+    found = nights(backend, ["A"])["A"]
+    assert [night.mark for night in found] == ["S", "S", "=", "S"]  # the second is of what add_loops stored
+    assert found[2].words == "2026-03-03 valve sticks (rely on it, nothing new was recorded)"
 
 
 def test_a_loop_without_a_verdict_has_no_nights(backend: Backend, add_loops: AddLoops) -> None:

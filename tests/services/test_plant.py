@@ -146,7 +146,7 @@ def test_what_is_started_days_after_the_last_night_takes_its_place(backend: Back
         ({"reasons": "since_repair;shape_x"}, {"verdict": "stiction", "samples": 9000}, "repair",
          "a repair was stated"),
         ({"reasons": "since_repair"}, {"verdict": "stiction", "reasons": "since_repair"}, "loop",
-         "the loop behaves differently"),
+         "another record of the loop; nothing else changed"),
     ],
 )  # fmt: skip
 def test_a_change_of_what_can_be_audited_names_the_cause(

@@ -31,7 +31,7 @@ DONE = ASKED | {
     "window_start": "2026-01-01T00:00:00Z",
     "window_end": "2026-01-01T01:00:00Z",
     "as_judged": False,
-    "since": [],
+    "remarks": [],
     "simulation_words": "a given model",
     "audit_id": "3",
     "told_effects": [
@@ -66,7 +66,7 @@ def part(explanation: dict | None) -> str:
         (ASKED | {"state": "failed", "error_code": "time_limit", "error_text": "too long"}, "too long (time_limit)"),
         (DONE, "01:00 UTC, against a given model; asked for by audit 3"),
         (DONE | {"as_judged": True}, "01:00 UTC, of a long record what its audit judges, against a given model"),
-        (DONE | {"since": ["This is of before the repair."]}, "<b>This is of before the repair.</b>"),
+        (DONE | {"remarks": ["This is of before the repair."]}, "<b>This is of before the repair.</b>"),
     ],
 )
 def test_every_state_is_told(explanation: dict | None, words: str) -> None:

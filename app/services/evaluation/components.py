@@ -7,7 +7,7 @@ from app.engine.corroborate import corroborate
 from app.engine.recording import FloatArray
 from app.engine.reliability import climb
 from app.engine.shape_model import ShapeModel
-from app.engine.stretches import newest
+from app.engine.stretches import NEWEST_SAMPLES, newest
 from app.errors import DataError
 from app.services.evaluation.fitting import SIGNS
 from app.services.evaluation.recordings import Labelled
@@ -15,7 +15,6 @@ from app.services.evaluation.recordings import Labelled
 _SHOWN = ("ccf_odd", "op_dpv", "loop_area", "sticking", "leg_still", "flat_eighth", "gain", "causal_gain", "held_gain",
           "op_kurtosis", "op_fundamental", "op_fast", "op_triangle", "pv_bicoherence", "pv_roughness", "integral_share",
           "oscillation_strength", "oscillation_regularity")  # fmt: skip
-_NEWEST = 5000
 
 
 def component_scores(
@@ -50,7 +49,7 @@ def _published(loops: list[Labelled]) -> list[tuple[str, FloatArray]]:
     yper, rule = [], []
     for loop in loops:
         try:
-            found = None if loop.fitness.record is None else climb(newest(loop.fitness.record, _NEWEST))
+            found = None if loop.fitness.record is None else climb(newest(loop.fitness.record, NEWEST_SAMPLES))
         except DataError:
             found = None
         yper.append(None if found is None else found.yper.yper_pct)

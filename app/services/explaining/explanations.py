@@ -62,7 +62,7 @@ def ask(backend: Backend, tag: str, wanted: Wanted | None = None, asked_by: str 
     """Asks for an explanation and wakes a worker. What can be known to be wrong with the request is told at once."""
     wanted = wanted or Wanted()
     loop = find(backend, tag)
-    window = _window(backend, loop, wanted)
+    window = _audited(backend, loop, wanted) or _window(backend, loop, wanted)
     samples = newest_samples(window, backend.settings.explanation_samples)
     recording = recording_of(loop, samples)
     simulation = kept(wanted.simulation, samples, recording, backend.settings.time_zone)
@@ -104,28 +104,34 @@ def list_explanations(backend: Backend, tag: str, limit: int = 100, cursor: str 
 
 
 def newest(backend: Backend, tag: str) -> dict[str, Any] | None:
-    """A loop's newest explanation as `get_explanation` tells it, and `since`: what came after it, in sentences; None
-    where there is none.
+    """A loop's newest explanation as `get_explanation` tells it, and `remarks`: what to keep in mind beside it, in
+    sentences; None where there is none.
     """
     loop = find(backend, tag)
     with backend.database.read() as connection:
         rows = explanations.page(connection, loop.id, 1)
     if not rows:
         return None
-    return get_explanation(backend, tag, str(rows[0].id)) | {"since": _since(backend, loop, rows[0])}
+    return get_explanation(backend, tag, str(rows[0].id)) | {"remarks": _remarks(backend, loop, rows[0])}
 
 
-def _since(backend: Backend, loop: LoopRow, row: ExplanationRow) -> list[str]:
-    """What makes an explanation an old one: a repair, and an audit of what was recorded later."""
+def _remarks(backend: Backend, loop: LoopRow, row: ExplanationRow) -> list[str]:
+    """What makes an explanation an old one, a repair or an audit of what was recorded later; and that nothing missing
+    from a linear loop clears no valve.
+    """
     with backend.database.read() as connection:
         repaired_at = notes.repairs_stated_last(connection, [loop.id]).get(loop.id)
-        audited_at = verdicts.newest_audited_at(connection, loop.id)
+        newest_verdict = verdicts.newest_said(connection, loop.id)
     told = []
     if repaired_at is not None and row.window_end_ns is not None and ns_of(repaired_at) > row.window_end_ns:
         told.append(f"This is of before the repair of {short_time(iso_utc(repaired_at))} UTC.")
-    if audited_at is not None and audited_at > row.asked_at:
-        audit = short_time(iso_utc(audited_at))
+    if newest_verdict is None:
+        return told
+    if newest_verdict.audited_at > row.asked_at:
+        audit = short_time(iso_utc(newest_verdict.audited_at))
         told.append(f"It was asked for before the audit of {audit} UTC, which may rest on newer samples.")
+    if newest_verdict.verdict == "stiction" and row.verdict in ("consistent", "inconclusive"):
+        told.append("The audit says that the valve sticks: that this comparison names nothing does not clear it.")
     return told
 
 
@@ -168,6 +174,18 @@ def _line(answer: Mapping[str, Any]) -> dict[str, Any]:
     line = answer.get("line", {})
     first = {name: None for name in LINE_FIELDS if name != "verdict"}
     return first | {"effects": [], "evidence": []} | dict(line)
+
+
+def _audited(backend: Backend, loop: LoopRow, wanted: Wanted) -> Samples | None:
+    """What the loop's newest verdict rests on, where neither a window nor a simulation is stated; None without one."""
+    if wanted.states_a_window or wanted.simulation.stated:
+        return None
+    with backend.database.read() as connection:
+        found = verdicts.newest_input(connection, loop.id)
+        if found is None:
+            return None
+        samples = series.between(connection, loop.id, *found, backend.settings.hold_days)
+    return samples if samples is not None and len(samples) else None
 
 
 def _window(backend: Backend, loop: LoopRow, wanted: Wanted) -> Samples:

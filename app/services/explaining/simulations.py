@@ -59,15 +59,21 @@ class GivenSimulation:
     column: str | None = None
     model: Mapping[str, Any] | None = None
 
+    @property
+    def stated(self) -> list[str]:
+        """Which of them are given."""
+        return [name for name, value in vars(self).items() if value is not None]
+
 
 def kept(given: GivenSimulation, samples: Samples, recording: Recording, zone: str) -> Document | None:
     """What is stored with the request; None: our own linear loop. `zone` is that of stamps which name none.
 
     Raises RequestError or DataError where more than one is given, or what is given cannot be used.
     """
-    named = [name for name, value in vars(given).items() if value is not None]
-    if len(named) > 1:
-        raise RequestError("several_simulations", f"{' and '.join(named)} are given; one simulation can be compared")
+    if len(given.stated) > 1:
+        raise RequestError(
+            "several_simulations", f"{' and '.join(given.stated)} are given; one simulation can be compared"
+        )
     if given.model is not None:
         return Document({"kind": "model", "model": checked_model(given.model)})
     options = IngestOptions(time_zone=zone, start_ns=origin_ns(samples))

@@ -1,7 +1,8 @@
 """What the last nights said of a loop: one verdict may be a bad night's, seven that agree are none."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from app.services.backend import Backend
 from app.services.wording import RELIABILITY_BRIEF, VERDICT_WORDS
@@ -12,31 +13,41 @@ AUDITS = 6 * NIGHTS
 """Who audits a loop again by day has some verdicts of one date: the last of them counts."""
 
 MARKS = {"stiction": "S", "inconclusive": "?", "not_auditable": "×", "no_stiction": "–"}
+NOTHING_NEW = "="
 
 
 @dataclass(frozen=True)
 class Night:
-    """The last verdict of one date (UTC)."""
+    """The last verdict of one date (UTC). fresh: whether it rests on newer samples than the one before."""
 
     date: str
     verdict: str
     reliability: str
+    fresh: bool = True
 
     @property
     def mark(self) -> str:
-        return MARKS[self.verdict]
+        return MARKS[self.verdict] if self.fresh else NOTHING_NEW
 
     @property
     def words(self) -> str:
-        return f"{self.date} {VERDICT_WORDS[self.verdict]} ({RELIABILITY_BRIEF[self.reliability]})"
+        again = "" if self.fresh else ", nothing new was recorded"
+        return f"{self.date} {VERDICT_WORDS[self.verdict]} ({RELIABILITY_BRIEF[self.reliability]}{again})"
 
 
 def nights(backend: Backend, tags: Sequence[str]) -> dict[str, tuple[Night, ...]]:
     """Of each loop the last verdict of each of its newest dates, the oldest first; a loop without one is left out."""
     with backend.database.read() as connection:
         rows = stored.recent(connection, tags, AUDITS)
-    found: dict[str, dict[str, Night]] = {}
+    found: dict[str, dict[str, Any]] = {}
     for row in rows:
-        date = row.audited_at.date().isoformat()
-        found.setdefault(row.tag, {})[date] = Night(date, row.verdict, row.reliability)
-    return {tag: tuple(dated.values())[-NIGHTS:] for tag, dated in found.items()}
+        found.setdefault(row.tag, {})[row.audited_at.date().isoformat()] = row
+    return {tag: _nights(dated)[-NIGHTS:] for tag, dated in found.items()}
+
+
+def _nights(dated: Mapping[str, Any]) -> tuple[Night, ...]:
+    ends = [None, *(row.input_end_ns for row in dated.values())]
+    return tuple(
+        Night(date, row.verdict, row.reliability, row.input_end_ns is None or row.input_end_ns != before)
+        for (date, row), before in zip(dated.items(), ends, strict=False)
+    )

@@ -13,14 +13,16 @@ from app.storage import repaired as stored
 LOOKED_BACK = timedelta(days=14)
 LISTED = 30
 
-Outcome = Literal["sticks", "helped", "open", "waiting"]
+Outcome = Literal["sticks", "unsure", "open", "helped", "unmoved", "waiting"]
 OUTCOME_WORDS: dict[Outcome, str] = {
-    "sticks": "did not help",
+    "sticks": "did not help: the valve sticks",
+    "unsure": "seems to have helped",
+    "open": "cannot tell whether it helped",
     "helped": "helped",
-    "open": "cannot tell yet whether it helped",
+    "unmoved": "the valve was not said to stick before it either",
     "waiting": "too little was recorded since",
 }
-_ORDER: tuple[Outcome, ...] = ("sticks", "open", "helped", "waiting")
+"""In the order in which they are listed."""
 
 
 @dataclass(frozen=True)
@@ -54,14 +56,14 @@ def repairs(backend: Backend, audit_id: int | None = None, at: datetime | None =
     at = at or datetime.now(UTC)
     with backend.database.read() as connection:
         rows = stored.between(connection, at - LOOKED_BACK, at, audit_id, LISTED)
-    return sorted((_view(row) for row in rows), key=lambda view: _ORDER.index(view.outcome))
+    return sorted((_view(row) for row in rows), key=lambda view: list(OUTCOME_WORDS).index(view.outcome))
 
 
 def _view(row: Any) -> RepairView:
     told = row.verdict is not None and _rests_on_what_came_after(row)
     now, reliability = (row.verdict, row.reliability) if told else (None, None)
-    where = (row.tag, row.unit, iso_utc(row.repaired_at) or "")
-    return RepairView(*where, _outcome(now), row.verdict_before, now, reliability)
+    outcome = _outcome(row.verdict_before, now, reliability == "reliable")
+    return RepairView(row.tag, row.unit, iso_utc(row.repaired_at) or "", outcome, row.verdict_before, now, reliability)
 
 
 def _rests_on_what_came_after(row: Any) -> bool:
@@ -71,9 +73,13 @@ def _rests_on_what_came_after(row: Any) -> bool:
     return SINCE_REPAIR in codes or (row.window_start is not None and row.window_start >= row.repaired_at)
 
 
-def _outcome(now: str | None) -> Outcome:
+def _outcome(before: str | None, now: str | None, reliable: bool) -> Outcome:
     if now is None:
         return "waiting"
     if now == "stiction":
         return "sticks"
-    return "helped" if now == "no_stiction" else "open"
+    if now != "no_stiction":
+        return "open"
+    if before == "no_stiction":
+        return "unmoved"
+    return "helped" if reliable and before == "stiction" else "unsure"

@@ -27,13 +27,35 @@ from app.engine.simulate.plant import Plant
 from app.services.explaining.comparisons import comparison_of
 from app.services.explaining.narrowing import narrowed
 
-INTERVAL_S, DAY_S = 10.0, 86_400.0
-NIGHTS, WINDOW_DAYS = 4, 3.5
+DAY_S = 86_400.0
+NIGHTS = 4
 NEWEST_SAMPLES = 20_000
 HEALTHY_S, HEALTHY_J = 0.2, 0.05
 STICKING = ((1.0, 2.0), (2.0, 4.0), (4.0, 10.0))
 SHUT_FOR_S = 10 * 3600.0
 _LIMITS = (0.0, 100.0)
+
+
+@dataclass(frozen=True)
+class Pace:
+    """interval_s: at which the historian stores. days: of a night's record.
+    tau_s: time constants of processes; wander_s: bounds of the load's.
+    """
+
+    interval_s: float
+    days: float
+    tau_s: tuple[float, ...]
+    wander_s: tuple[float, float]
+
+    @property
+    def step_s(self) -> float:
+        return self.interval_s / 5.0
+
+
+PACES = {
+    "seconds": Pace(10.0, 3.5, (6.0, 25.0, 150.0), (900.0, 9000.0)),
+    "minutes": Pace(60.0, 3.45, (60.0, 200.0, 600.0), (3600.0, 36_000.0)),
+}
 
 
 @dataclass(frozen=True)
@@ -44,21 +66,21 @@ class Loop:
     nights: tuple[Judgement, ...]
 
 
-def audited(seed: int, S: tuple[float, float] | None, shut: bool) -> Loop:
-    """A loop of NIGHTS nights, each with the record of the WINDOW_DAYS before it.
+def audited(pace: Pace, seed: int, S: tuple[float, float] | None, shut: bool) -> Loop:
+    """A loop of NIGHTS nights, each with the record of the days before it.
 
     S: bounds of the stiction of its valve, per cent of OP's span; None: healthy. shut: the unit stands still for ten
     hours in the last day.
     """
-    return Loop(_group(S), tuple(audit(night).judgement for night in recorded_nights(seed, S, shut)))
+    return Loop(_group(S), tuple(audit(night).judgement for night in recorded_nights(pace, seed, S, shut)))
 
 
-def recorded_nights(seed: int, S: tuple[float, float] | None, shut: bool) -> list[Recording]:
+def recorded_nights(pace: Pace, seed: int, S: tuple[float, float] | None, shut: bool) -> list[Recording]:
     """What each night has of one loop, the newest last; as `audited` takes it."""
     rng = np.random.default_rng([seed, 0 if S is None else round(10 * S[1])])
-    recording = _recorded(rng, seed, S, shut)
-    size = round(WINDOW_DAYS * DAY_S / INTERVAL_S)
-    ends = recording.samples - np.arange(NIGHTS)[::-1] * round(DAY_S / INTERVAL_S)
+    recording = _recorded(pace, rng, seed, S, shut)
+    size = round(pace.days * DAY_S / pace.interval_s)
+    ends = recording.samples - np.arange(NIGHTS)[::-1] * round(DAY_S / pace.interval_s)
     return [_from_its_start(recording.part(slice(int(end) - size, int(end)))) for end in ends]
 
 
@@ -66,32 +88,32 @@ def _group(S: tuple[float, float] | None) -> str:
     return "healthy" if S is None else f"S {S[0]:g} to {S[1]:g} %"
 
 
-def _recorded(rng: np.random.Generator, seed: int, S: tuple[float, float] | None, shut: bool) -> Recording:
-    length_s = (NIGHTS - 1 + WINDOW_DAYS) * DAY_S
+def _recorded(pace: Pace, rng: np.random.Generator, seed: int, S: tuple[float, float] | None, shut: bool) -> Recording:
+    length_s = (NIGHTS - 1 + pace.days) * DAY_S
     size = HEALTHY_S if S is None else float(rng.uniform(*S))
     jump = HEALTHY_J if S is None else size * float(rng.uniform(0.3, 1.0))
-    plant, controller, noise_sd = _process(rng)
+    plant, controller, noise_sd = _process(pace, rng)
     spec = LoopSpec(
         plant=plant,
         controller=controller,
         valve=TwoParameterValve(size, jump),
         load=Signal(value=2.0, steps=tuple(_steps(rng, length_s)), noise_sd=float(rng.uniform(1.0, 3.0)),
-                    noise_tau_s=float(rng.uniform(900.0, 9000.0))),
+                    noise_tau_s=float(rng.uniform(*pace.wander_s))),
         noise=Signal(noise_sd=noise_sd),
-        pv_start=50.0, op_start=50.0, op_limits=_LIMITS, pv_limits=_LIMITS, step_s=2.0, settle_s=3600.0,
+        pv_start=50.0, op_start=50.0, op_limits=_LIMITS, pv_limits=_LIMITS, step_s=pace.step_s, settle_s=3600.0,
     )  # fmt: skip
-    made = simulate_loop(spec, length_s, INTERVAL_S, seed).recording(f"loop {seed}")
+    made = simulate_loop(spec, length_s, pace.interval_s, seed).recording(f"loop {seed}")
     pv, op = np.round(made.pv, 2), np.round(made.op, 2)
     if shut:
-        first = made.samples - round((DAY_S / 2 + SHUT_FOR_S) / INTERVAL_S)
-        stands = slice(first, first + round(SHUT_FOR_S / INTERVAL_S))
+        first = made.samples - round((DAY_S / 2 + SHUT_FOR_S) / pace.interval_s)
+        stands = slice(first, first + round(SHUT_FOR_S / pace.interval_s))
         op[stands], pv[stands] = 0.0, np.round(0.1 * np.abs(rng.standard_normal(stands.stop - stands.start)), 2)
     return replace(made, pv=pv, op=op, op_range=None, pv_range=None)
 
 
-def _process(rng: np.random.Generator) -> tuple[Plant, Pid, float]:
+def _process(pace: Pace, rng: np.random.Generator) -> tuple[Plant, Pid, float]:
     """A flow, a pressure or a temperature, tuned by internal model control, and the noise of its measurement."""
-    tau_s = float(rng.choice([6.0, 25.0, 150.0])) * float(rng.uniform(0.7, 1.4))
+    tau_s = float(rng.choice(pace.tau_s)) * float(rng.uniform(0.7, 1.4))
     theta_s, K = tau_s * float(rng.uniform(0.15, 0.5)), float(rng.uniform(0.7, 1.3))
     closed_s = max(theta_s, 0.5 * tau_s) * float(rng.uniform(1.0, 2.5))
     return first_order(K, tau_s, theta_s), Pid(tau_s / (K * (closed_s + theta_s)), tau_s), float(rng.uniform(0.05, 0.2))
@@ -135,9 +157,9 @@ class Explained:
     elapsed_s: float
 
 
-def explained(seed: int, S: tuple[float, float] | None, shut: bool, part: str) -> Explained:
+def explained(pace: Pace, seed: int, S: tuple[float, float] | None, shut: bool, part: str) -> Explained:
     """The last night's record of a loop, explained beside our own linear loop. part: "judged" or "whole"."""
-    comparison = comparison_of(recorded_nights(seed, S, shut)[-1])
+    comparison = comparison_of(recorded_nights(pace, seed, S, shut)[-1])
     start = time.process_time()
     found = explain(narrowed(comparison) if part == "judged" else comparison.part(slice(-NEWEST_SAMPLES, None)))
     return Explained(_group(S), tuple(effect.code for effect in found.effects), time.process_time() - start)
@@ -158,14 +180,16 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m app.services.testbench.days", description=__doc__)
     parser.add_argument("--loops", type=int, default=20, help="of each kind")
     parser.add_argument("--seed", type=int, default=1000)
+    parser.add_argument("--pace", choices=list(PACES), default="seconds", help="of the historian and the processes")
     parser.add_argument("--explain", choices=["judged", "whole"])
     options = parser.parse_args(arguments)
+    pace = PACES[options.pace]
     kinds = [(seed, S) for S in (None, *STICKING) for seed in range(options.seed, options.seed + options.loops)]
     for shut in (False, True):
         if options.explain:
-            lines = report_explained([explained(seed, S, shut, options.explain) for seed, S in kinds])
+            lines = report_explained([explained(pace, seed, S, shut, options.explain) for seed, S in kinds])
         else:
-            lines = report([audited(seed, S, shut) for seed, S in kinds])
+            lines = report([audited(pace, seed, S, shut) for seed, S in kinds])
         sys.stdout.write("\nwith a shutdown of ten hours in the last day\n" if shut else "")
         sys.stdout.writelines(f"{line}\n" for line in lines)
     return 0
