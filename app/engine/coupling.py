@@ -23,16 +23,27 @@ def strangers_chance(record: UniformRecord, oscillation: Oscillation) -> float:
 
     Two signals that swing, or wander, look alike by chance. So each is first foretold from its own past, and only what
     is new in one is compared with what is new in the other, up to LAGS samples before and after, some half a cycle at
-    most; and again FINER times as finely, down to the samples, because the slowest swing of a long record is its
-    load's, and between two points of that a quick loop is done. 1 where the record is too short, or one of the two
-    foretells itself altogether. Source: Haugh 1976, Checking the independence of two covariance-stationary time series,
-    doi 10.1080/01621459.1976.10480353.
+    most. 1 where the record is too short, or one of the two foretells itself altogether. Source: Haugh 1976, Checking
+    the independence of two covariance-stationary time series, doi 10.1080/01621459.1976.10480353.
     """
-    per_cycle = min(oscillation.samples_per_cycle or PER_CYCLE, record.samples / FEWEST_CYCLES)
-    strides = [max(1, int(per_cycle / PER_CYCLE))]
+    return _chance(record, _stride(record, oscillation))
+
+
+def strangers_chance_finely(record: UniformRecord, oscillation: Oscillation) -> float:
+    """The same FINER times as finely, and so on down to the samples: the least of these chances, times their number.
+
+    The slowest swing of a long record is its load's, and between two points of that a quick loop is done with it.
+    """
+    strides = [_stride(record, oscillation)]
     while strides[-1] > 1:
         strides.append(max(1, strides[-1] // FINER))
-    return min(1.0, len(strides) * min(_chance(record, each) for each in strides))
+    finer = strides[1:]
+    return min(1.0, len(finer) * min((_chance(record, stride) for stride in finer), default=1.0))
+
+
+def _stride(record: UniformRecord, oscillation: Oscillation) -> int:
+    per_cycle = min(oscillation.samples_per_cycle or PER_CYCLE, record.samples / FEWEST_CYCLES)
+    return max(1, int(per_cycle / PER_CYCLE))
 
 
 def _chance(record: UniformRecord, stride: int) -> float:

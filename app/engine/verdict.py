@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from app.engine.corroborate import Corroboration, corroborate
-from app.engine.coupling import strangers_chance
+from app.engine.coupling import strangers_chance, strangers_chance_finely
 from app.engine.evidence import Finding, Reason
 from app.engine.features import NAMES, Features, observe
 from app.engine.fitness import Fitness
@@ -220,13 +220,18 @@ def _limit_cycle(weighing: Weighing, oscillation: Oscillation, config: VerdictCo
 
 
 def _unrelated(fitness: Fitness, oscillation: Oscillation, config: VerdictConfig) -> tuple[Reason, ...]:
-    """Where PV and OP are one signal, or may be strangers (a tag of another loop), nothing is shown of a valve."""
+    """Where PV and OP are one signal, or may be strangers (a tag of another loop), nothing is shown of a valve; little
+    where they go together only in what is quick.
+    """
     record = fitness.audited
     if 1.0 - correlation(record.pv, record.op) ** 2 < config.min_difference:
         text = "PV is OP on another scale: a controller of gain alone, one tag for both, or no process between them"
         return (Reason("same_signal", text),)
     if strangers_chance(fitness.looked_at, oscillation) < config.max_strangers_chance:
         return ()
+    if strangers_chance_finely(fitness.looked_at, oscillation) < config.max_strangers_chance:
+        text = "what is new in PV and what is new in OP go together in what is quick, and not over a part of a swing"
+        return (Reason("uncoupled_slowly", text),)
     text = "what is new in PV and what is new in OP have nothing to do with each other: tags of two loops, or no loop"
     return (Reason("uncoupled", text),)
 

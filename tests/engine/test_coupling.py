@@ -1,10 +1,13 @@
 """Whether PV and OP have to do with each other: strangers pass for strangers, loops for loops, in any unit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from app.engine.coupling import strangers_chance
+from app.engine.coupling import strangers_chance, strangers_chance_finely
+from app.engine.features import PER_CYCLE
 from app.engine.oscillation import detect
 from app.engine.recording import UniformRecord
 
@@ -51,3 +54,29 @@ def test_of_a_short_or_standing_signal_nothing_is_known() -> None:
     op = wandering(rng, 0.9)
     assert chance(op[:80], op[:80]) == 1.0
     assert chance(np.full(N, 5.0), op) == 1.0
+
+
+def test_a_quick_loop_under_a_load_of_days_goes_together_in_what_is_quick() -> None:
+    """What the controller does about the load is done between two points of the load's own scale."""
+    rng = np.random.default_rng(7)
+    n = 20_000
+    load = lfilter([1.0], [1.0, -0.9995], rng.normal(size=n))
+    quick = 0.3 * rng.normal(size=n)
+    op = -load + quick
+    pv = lfilter([0.0, 0.5], [1.0, -0.5], quick) + 0.2 * rng.normal(size=n)
+    slow = np.sin(2 * np.pi * np.arange(n) / 5000.0)
+    loop = UniformRecord(1.0, pv + slow, op, None, np.zeros(n, bool))
+    stranger = UniformRecord(1.0, rng.permutation(pv) + slow, op, None, np.zeros(n, bool))
+    oscillation = detect(loop)
+    assert oscillation.samples_per_cycle > 2000.0
+    assert strangers_chance(loop, oscillation) > 1e-3
+    assert strangers_chance_finely(loop, oscillation) < 1e-6
+    assert strangers_chance_finely(stranger, oscillation) > 1e-2
+
+
+def test_finer_than_the_samples_nothing_is_asked() -> None:
+    rng = np.random.default_rng(8)
+    op = wandering(rng, 0.9)
+    loop = UniformRecord(1.0, lfilter([0.0, 0.5], [1.0, -0.5], op), op, None, np.zeros(N, bool))
+    oscillation = replace(detect(loop), samples_per_cycle=float(PER_CYCLE))
+    assert strangers_chance_finely(loop, oscillation) == 1.0
