@@ -37,8 +37,8 @@ def strangers_chance_finely(record: UniformRecord, oscillation: Oscillation) -> 
     strides = [_stride(record, oscillation)]
     while strides[-1] > 1:
         strides.append(max(1, strides[-1] // FINER))
-    finer = strides[1:]
-    return min(1.0, len(finer) * min((_chance(record, stride) for stride in finer), default=1.0))
+    chances = [_chance(record, stride) for stride in strides[1:]]
+    return min(1.0, len(chances) * min(chances)) if chances else 1.0
 
 
 def _stride(record: UniformRecord, oscillation: Oscillation) -> int:
