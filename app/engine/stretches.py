@@ -12,7 +12,7 @@ import numpy as np
 from app.engine.fitness import Whole
 from app.engine.fitness.signals import run_lengths
 from app.engine.oscillation import Oscillation, detect
-from app.engine.recording import UniformRecord
+from app.engine.recording import IntArray, UniformRecord
 from app.engine.verdict import weigh
 
 LONG_SAMPLES = 2000
@@ -56,17 +56,20 @@ def speaking_stretch(record: UniformRecord, oscillation: Oscillation) -> Stretch
     per_cycle = cycle_of_parts(record) or (oscillation.samples_per_cycle if oscillation.regular else None)
     if per_cycle is None:
         return None
+    stands = _standing(record)
     parts = _spread(record, per_cycle, _MOST)
-    moving = [part for part in parts if not _stands(part)]
+    moving = [part for part in parts if not _touches(stands, part)]
     if len(moving) < len(parts):
-        more = [part for part in _spread(record, per_cycle, _CLOSER * _MOST) if not _stands(part)]
+        more = [part for part in _spread(record, per_cycle, _CLOSER * _MOST) if not _touches(stands, part)]
         moving = [more[k] for k in _evenly(len(more), _MOST)]
-    weighed = [found for part in moving if (found := _weighed(part)) is not None]
+    weighed = [found for part in moving if (found := _weighed(record.part(part))) is not None]
     if len(weighed) < _FEWEST or _dead_at_its_end(record):
         return None
     middle = sorted(weighed, key=lambda one: one.log_odds)[(len(weighed) - 1) // 2]
     sides = [(one.log_odds > 0.0) == (middle.log_odds > 0.0) for one in weighed]
-    whole = Whole(record, oscillation, sum(sides), len(sides), any(sides[-2:]), sum(_stands(part) for part in parts))
+    whole = Whole(
+        record, oscillation, sum(sides), len(sides), any(sides[-2:]), sum(_touches(stands, part) for part in parts)
+    )
     return Stretch(middle.record, middle.oscillation, whole)
 
 
@@ -109,11 +112,11 @@ def cycle_of_parts(record: UniformRecord) -> float | None:
     The record is cut into 6 to 48 parts, of which a dozen are looked at, without those that stand still; the number of
     parts counts whose median oscillation is the strongest and most regular.
     """
-    best, per_cycle = 0.0, None
+    best, per_cycle, stands = 0.0, None, _standing(record)
     for count in _PARTS:
         if record.samples // count < _LEAST_PART:
             break
-        found = [detect(part) for part in _parts(record, count) if not _stands(part)]
+        found = [detect(record.part(part)) for part in _parts(record, count) if not _touches(stands, part)]
         if len(found) < _FEWEST:
             continue
         swinging = [one for one in found if _swings(one)]
@@ -125,15 +128,22 @@ def cycle_of_parts(record: UniformRecord) -> float | None:
     return per_cycle
 
 
-def _parts(record: UniformRecord, count: int) -> Iterator[UniformRecord]:
+def _parts(record: UniformRecord, count: int) -> Iterator[slice]:
     length = record.samples // count
     for k in _evenly(count, _MOST_LOOKED_AT):
-        yield record.part(slice(k * length, (k + 1) * length))
+        yield slice(k * length, (k + 1) * length)
 
 
-def _stands(part: UniformRecord) -> bool:
-    """Whether PV or OP holds one value for half of the part: a unit that is shut down, a loop in manual."""
-    return any(run_lengths(x).max() >= _DEAD_SHARE * part.samples for x in (part.pv, part.op))
+def _standing(record: UniformRecord) -> IntArray:
+    """(N,) for how many samples in a row PV or OP, whichever does longer, holds the value that it has there."""
+    return np.maximum(run_lengths(record.pv), run_lengths(record.op))
+
+
+def _touches(stands: IntArray, part: slice) -> bool:
+    """Whether PV or OP holds one value for half as long as a part is, in it or across its edge: a unit that is shut
+    down, a loop in manual.
+    """
+    return bool(stands[part].max() >= _DEAD_SHARE * (part.stop - part.start))
 
 
 def _swings(oscillation: Oscillation) -> bool:
@@ -141,14 +151,14 @@ def _swings(oscillation: Oscillation) -> bool:
     return enough and (oscillation.samples_per_cycle or 0.0) >= _LEAST_PER_CYCLE
 
 
-def _spread(record: UniformRecord, per_cycle: float, most: int) -> list[UniformRecord]:
+def _spread(record: UniformRecord, per_cycle: float, most: int) -> list[slice]:
     """At most so many stretches from the record's start to its end, each overlapping the next by half, or by all but a
     sixth where the record is short for more than _MOST.
     """
     length = int(np.clip(_CYCLES * per_cycle, _LEAST_STRETCH, record.samples))
     count = min(most, most // _MOST * (2 * (record.samples // length) - 1))
-    starts = np.linspace(0, record.samples - length, count).astype(int)
-    return [record.part(slice(int(start), int(start) + length)) for start in starts]
+    starts = np.linspace(0, record.samples - length, count).astype(int).tolist()
+    return [slice(start, start + length) for start in starts]
 
 
 def _evenly(count: int, most: int) -> list[int]:

@@ -168,6 +168,25 @@ def test_a_repair_that_did_not_help_is_told_as_such(backend: Backend, arrives, n
     assert fortnight(backend, monkeypatch) == []
 
 
+@pytest.mark.parametrize(
+    ("before", "now", "reliable", "outcome"),
+    [
+        ("stiction", "stiction", True, "sticks"),
+        ("no_stiction", "stiction", False, "sticks"),
+        ("stiction", "no_stiction", True, "helped"),
+        ("stiction", "no_stiction", False, "unsure"),
+        ("no_stiction", "no_stiction", True, "unmoved"),
+        ("inconclusive", "no_stiction", True, "clean"),
+        (None, "no_stiction", True, "clean"),
+        ("stiction", "inconclusive", False, "open"),
+        ("stiction", "not_auditable", False, "open"),
+        ("stiction", None, False, "waiting"),
+    ],
+)
+def test_what_a_repair_came_to(before: str | None, now: str | None, reliable: bool, outcome: str) -> None:
+    assert repaired._outcome(before, now, reliable) == outcome
+
+
 def test_a_repair_longer_ago_is_no_news(backend: Backend, arrives, night: Night) -> None:
     arrives(1440)
     night()

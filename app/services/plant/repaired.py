@@ -13,12 +13,13 @@ from app.storage import repaired as stored
 LOOKED_BACK = timedelta(days=14)
 LISTED = 30
 
-Outcome = Literal["sticks", "unsure", "open", "helped", "unmoved", "waiting"]
+Outcome = Literal["sticks", "unsure", "open", "helped", "clean", "unmoved", "waiting"]
 OUTCOME_WORDS: dict[Outcome, str] = {
     "sticks": "did not help: the valve sticks",
     "unsure": "seems to have helped",
     "open": "cannot tell whether it helped",
     "helped": "helped",
+    "clean": "does not stick; what it did before is not known",
     "unmoved": "the valve was not said to stick before it either",
     "waiting": "too little was recorded since",
 }
@@ -80,6 +81,6 @@ def _outcome(before: str | None, now: str | None, reliable: bool) -> Outcome:
         return "sticks"
     if now != "no_stiction":
         return "open"
-    if before == "no_stiction":
-        return "unmoved"
-    return "helped" if reliable and before == "stiction" else "unsure"
+    if before != "stiction":
+        return "unmoved" if before == "no_stiction" else "clean"
+    return "helped" if reliable else "unsure"
