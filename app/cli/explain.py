@@ -75,7 +75,7 @@ def explain(
     from app.engine.mismatch import explain as explain_comparison
     from app.engine.mismatch import locate
     from app.engine.stretches import LONG_SAMPLES
-    from app.services.explaining.comparisons import Columns, read_comparison
+    from app.services.explaining.comparisons import Columns, read_comparison, recording_of_export
     from app.services.explaining.given_model import simulation_from_json
     from app.services.explaining.line import explanation_line, located_line
     from app.services.explaining.narrowing import narrowed
@@ -94,7 +94,7 @@ def explain(
     if judged and simulated:
         raise RequestError("judged_alone", "--judged takes part of the record; a simulation is compared with all of it")
     if judged:
-        comparison = narrowed(comparison)
+        comparison = narrowed(comparison, recording_of_export(file, Columns(op, pv, sp, loop), options))
     elif not simulated and len(comparison.pv) > LONG_SAMPLES:
         say(f"all {len(comparison.pv)} samples are explained by one loop; --judged takes those that an audit judges")
     if quick:

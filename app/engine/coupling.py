@@ -14,6 +14,7 @@ RIDGE = 1e-9
 SAMPLES_A_LAG = 6
 FEWEST_CYCLES = 8
 FINER = 8
+SHIFTS = 12
 # A spike in one innovation is one sample, however large.
 _CLIPPED_AT = 4.0
 
@@ -32,12 +33,14 @@ def strangers_chance(record: UniformRecord, oscillation: Oscillation) -> float:
 def strangers_chance_finely(record: UniformRecord, oscillation: Oscillation) -> float:
     """The same FINER times as finely, and so on down to the samples: the least of these chances, times their number.
 
-    The slowest swing of a long record is its load's, and between two points of that a quick loop is done with it.
+    The slowest swing of a long record is its load's, and between two points of that a quick loop is done with it. Taken
+    so finely a limit cycle is not all foretold: where OP is as like PV at other times, as strangers that swing are, it
+    counts for chance.
     """
     strides = [_stride(record, oscillation)]
     while strides[-1] > 1:
         strides.append(max(1, strides[-1] // FINER))
-    chances = [_chance(record, stride) for stride in strides[1:]]
+    chances = [_chance(record, stride, beside_shifts=True) for stride in strides[1:]]
     return min(1.0, len(chances) * min(chances)) if chances else 1.0
 
 
@@ -46,15 +49,25 @@ def _stride(record: UniformRecord, oscillation: Oscillation) -> int:
     return max(1, int(per_cycle / PER_CYCLE))
 
 
-def _chance(record: UniformRecord, stride: int) -> float:
-    """That of every so many samples."""
+def _chance(record: UniformRecord, stride: int, *, beside_shifts: bool = False) -> float:
+    """That of every so many samples; 1 where OP is half as like PV in one of SHIFTS places elsewhere in the record."""
     pv, op = (_innovations(thinned(x, stride)) for x in (record.pv, record.op))
     if pv is None or op is None:
         return 1.0
+    alike = _alike(pv, op)
+    if beside_shifts:
+        elsewhere = (_alike(pv, np.roll(op, k * len(op) // (SHIFTS + 1))) for k in range(1, SHIFTS + 1))
+        if max(elsewhere) > alike / 2.0:
+            return 1.0
+    return float(chdtrc(2 * LAGS + 1, alike))
+
+
+def _alike(pv: FloatArray, op: FloatArray) -> float:
+    """Haugh's statistic of two innovations (n,)."""
     n = len(pv)
     lags = range(-LAGS, LAGS + 1)
     products = [pv[max(0, lag) : n + min(0, lag)] @ op[max(0, -lag) : n - max(0, lag)] for lag in lags]
-    return float(chdtrc(2 * LAGS + 1, n * np.sum(np.square(products))))
+    return float(n * np.sum(np.square(products)))
 
 
 def _innovations(x: FloatArray) -> FloatArray | None:

@@ -3,20 +3,21 @@
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Connection, and_, func, literal, select
+from sqlalchemy import Connection, and_, func, literal, or_, select
 
 from app.storage.tables import loops, notes, verdicts
 
 
 def between(connection: Connection, since: datetime, until: datetime, audit_id: int | None, limit: int) -> list[Any]:
     """The loops with a repair in that time: tag, unit, repaired_at, the verdict before, and verdict, reliability,
-    reasons and window_start of the run, or of the loop's newest verdict without one; None where it was not audited. The
-    weightiest first.
+    reasons, window_start and input_start_ns of the run, for loops that it audited; without one of the loop's newest
+    verdict, None where it has none. The weightiest first.
 
     Of each loop the note that was written last counts, as for the audit.
     """
     run = loops.c.newest_audit_id if audit_id is None else literal(audit_id)
-    standing = and_(notes.c.repaired_at.is_not(None), notes.c.withdrawn_at.is_(None), notes.c.written_at <= until)
+    stands = or_(notes.c.withdrawn_at.is_(None), notes.c.withdrawn_at > until)
+    standing = and_(notes.c.repaired_at.is_not(None), stands, notes.c.written_at <= until)
     last = select(func.max(notes.c.id).label("id")).where(standing).group_by(notes.c.loop_id).subquery()
     earlier = verdicts.alias("earlier")
     before = (
@@ -39,11 +40,12 @@ def between(connection: Connection, since: datetime, until: datetime, audit_id: 
             verdicts.c.reliability,
             verdicts.c.reasons,
             verdicts.c.window_start,
+            verdicts.c.input_start_ns,
         )
         .select_from(notes)
         .join(last, last.c.id == notes.c.id)
         .join(loops, loops.c.id == notes.c.loop_id)
-        .outerjoin(verdicts, said)
+        .join(verdicts, said, isouter=audit_id is None)
         .where(notes.c.repaired_at > since, notes.c.repaired_at <= until)
         .order_by(loops.c.importance.desc(), notes.c.repaired_at.desc(), loops.c.tag)
         .limit(limit)

@@ -396,6 +396,29 @@ def test_of_a_long_record_what_its_audit_judges_is_explained(backend: Backend) -
     assert float(table[1].split(",")[1]) == pytest.approx(signals["pv"][first], rel=1e-5)
 
 
+def test_a_verdict_of_too_few_samples_leaves_the_newest_window(
+    backend: Backend, add_loops: Callable[..., dict[str, int]]
+) -> None:
+    add_loops("FIC1", n=50)
+    run = audits.start_audit(backend)
+    chunks.audit_chunk(backend, int(run.id), "w")
+    add_loops("FIC1", n=300)
+    asked = explanations.ask(backend, "FIC1")
+    start, end = (datetime.fromisoformat(asked[name]) for name in ("window_start", "window_end"))
+    assert (end - start).total_seconds() == 299 * 60.0
+
+
+def test_a_standstill_at_the_end_of_a_long_record_keeps_nothing_from_being_explained(backend: Backend) -> None:
+    signals = record(n=6000)
+    signals["op"][3000:], signals["pv"][3000:] = 0.0, 0.0
+    small = Backend(backend.settings.model_copy(update={"explanation_samples": 2000}), backend.database, backend.queue)
+    keep(small, "FIC1", signals)
+    assert explanations.ask(small, "FIC1")["as_judged"]
+    assert explaining.explain_next(small, "w")
+    found = explanations.newest(small, "FIC1")
+    assert (found["state"], found["window_end"] < "2026-03-01T08:20:01Z") == ("done", True)
+
+
 def test_a_stated_window_and_a_given_simulation_are_explained_whole(backend: Backend) -> None:
     keep(backend, "FIC1", record(n=5200))
     for wanted in (Wanted(window_h=20.0), Wanted(start=START), model(gain=GAIN, time_constants_s=[TAU_S])):

@@ -172,7 +172,8 @@ def test_a_repair_that_did_not_help_is_told_as_such(backend: Backend, arrives, n
     ("before", "now", "reliable", "outcome"),
     [
         ("stiction", "stiction", True, "sticks"),
-        ("no_stiction", "stiction", False, "sticks"),
+        ("no_stiction", "stiction", False, "new"),
+        ("stiction", "stiction", False, "doubtful"),
         ("stiction", "no_stiction", True, "helped"),
         ("stiction", "no_stiction", False, "unsure"),
         ("no_stiction", "no_stiction", True, "unmoved"),

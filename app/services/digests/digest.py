@@ -14,7 +14,7 @@ from app.services.cursors import identifier
 from app.services.moments import short_time
 from app.services.plant.arrivals import of_run
 from app.services.plant.overview import change_of
-from app.services.plant.repaired import RepairView, repairs
+from app.services.plant.repaired import LISTED, RepairView, repairs
 from app.services.rendering import document, figure
 from app.services.results import AuditView, ChangeView
 from app.services.wording import CHANGE_WORDS, RELIABILITY_BRIEF, VERDICT_RANK, VERDICT_WORDS, cause_words
@@ -132,7 +132,8 @@ def as_text(digest: Digest) -> str:
     lines += ["  ... and more"] if digest.more_changes else []
     if digest.repairs:
         lines += ["", "REPAIRS OF THE LAST FORTNIGHT", ""]
-        lines += [_repair_line(repair) for repair in digest.repairs]
+        lines += [_repair_line(repair) for repair in digest.repairs[:LISTED]]
+        lines += ["  ... and more"] if len(digest.repairs) > LISTED else []
     for area in digest.areas:
         lines += ["", f"WORST OF {_line(area.unit) if area.unit else 'THE LOOPS WITHOUT A UNIT'}", ""]
         for place, loop in enumerate(area.loops, 1):
@@ -149,6 +150,7 @@ def as_html(digest: Digest) -> str:
         digest=digest,
         no_change=_no_change(digest),
         how_to_read=HOW_TO_READ,
+        most_repairs=LISTED,
         addresses=_addresses(digest),
     )
 

@@ -125,6 +125,14 @@ def exported(path: Path, loop: str | None, options: IngestOptions) -> Recordings
     return replace(read, recordings=found) if found else None
 
 
+def recording_of_export(path: Path, columns: Columns, options: IngestOptions = READ_PLAINLY) -> Recording | None:
+    """What `read_comparison` made its comparison of, with the mode; None where it was read as a table."""
+    if columns.op is not None or columns.pv is not None or columns.sp is not None:
+        return None
+    read = exported(path, columns.loop, options)
+    return None if read is None else read.recordings[0]
+
+
 def of_export(recording: Recording, simulated: str | None) -> Comparison:
     """A recording whose simulation, where there is one, is among its further signals."""
     wanted = SIMULATED if simulated is None else (simulated.strip().lower(),)

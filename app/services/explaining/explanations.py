@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
+from app.engine.mismatch.comparison import LEAST_SAMPLES
 from app.engine.stretches import LONG_SAMPLES
 from app.errors import DataError, NotFoundError, RequestError
 from app.services.auditing.recordings import recording_of
@@ -44,8 +45,9 @@ LINE_FIELDS = (
 
 @dataclass(frozen=True)
 class Wanted:
-    """Which stretch of the recording: from `start` to `end`, or `window_h` hours up to `end`; nothing: the newest, and
-    of a long one, where no simulation is given, the part that an audit judges.
+    """Which stretch of the recording: from `start` to `end`, or `window_h` hours up to `end`; nothing: what the
+    newest verdict rests on, or else the newest, and of a long one, where no simulation is given, the part that an audit
+    judges.
     """
 
     start: datetime | None = None
@@ -66,8 +68,8 @@ def ask(backend: Backend, tag: str, wanted: Wanted | None = None, asked_by: str 
     samples = newest_samples(window, backend.settings.explanation_samples)
     recording = recording_of(loop, samples)
     simulation = kept(wanted.simulation, samples, recording, backend.settings.time_zone)
-    comparison_with(loop, samples, simulation)
     as_judged = simulation is None and not wanted.states_a_window and len(window) > LONG_SAMPLES
+    comparison_with(loop, window if as_judged else samples, simulation)
     values = {
         "loop_id": loop.id,
         "asked_by": asked_by,
@@ -177,7 +179,9 @@ def _line(answer: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _audited(backend: Backend, loop: LoopRow, wanted: Wanted) -> Samples | None:
-    """What the loop's newest verdict rests on, where neither a window nor a simulation is stated; None without one."""
+    """What the loop's newest verdict rests on, where neither a window nor a simulation is stated; None without
+    one, or where too few samples of it are left to be explained.
+    """
     if wanted.states_a_window or wanted.simulation.stated:
         return None
     with backend.database.read() as connection:
@@ -185,7 +189,7 @@ def _audited(backend: Backend, loop: LoopRow, wanted: Wanted) -> Samples | None:
         if found is None:
             return None
         samples = series.between(connection, loop.id, *found, backend.settings.hold_days)
-    return samples if samples is not None and len(samples) else None
+    return samples if samples is not None and len(samples) >= LEAST_SAMPLES else None
 
 
 def _window(backend: Backend, loop: LoopRow, wanted: Wanted) -> Samples:

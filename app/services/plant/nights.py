@@ -18,7 +18,9 @@ NOTHING_NEW = "="
 
 @dataclass(frozen=True)
 class Night:
-    """The last verdict of one date (UTC). fresh: whether it rests on newer samples than the one before."""
+    """The last verdict of one date (UTC). fresh: whether it is not the same again, of the same samples as the one
+    before.
+    """
 
     date: str
     verdict: str
@@ -46,8 +48,15 @@ def nights(backend: Backend, tags: Sequence[str]) -> dict[str, tuple[Night, ...]
 
 
 def _nights(dated: Mapping[str, Any]) -> tuple[Night, ...]:
-    ends = [None, *(row.input_end_ns for row in dated.values())]
+    earlier = [None, *dated.values()]
     return tuple(
-        Night(date, row.verdict, row.reliability, row.input_end_ns is None or row.input_end_ns != before)
-        for (date, row), before in zip(dated.items(), ends, strict=False)
+        Night(date, row.verdict, row.reliability, not _again(row, before))
+        for (date, row), before in zip(dated.items(), earlier, strict=False)
     )
+
+
+def _again(row: Any, before: Any) -> bool:
+    """Whether the same is said of the same samples; a repair or the method may have changed it."""
+    if before is None or row.input_end_ns is None:
+        return False
+    return bool(row.input_end_ns == before.input_end_ns and row.verdict == before.verdict)

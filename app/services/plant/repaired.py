@@ -6,22 +6,24 @@ from typing import Any, Literal
 
 from app.services.auditing.repairs import BEFORE_REPAIR, SINCE_REPAIR
 from app.services.backend import Backend
-from app.services.moments import iso_utc
+from app.services.moments import iso_utc, ns_of
 from app.services.wording import RELIABILITY_BRIEF, VERDICT_WORDS
 from app.storage import repaired as stored
 
 LOOKED_BACK = timedelta(days=14)
-LISTED = 30
+LISTED, LOOKED_AT = 30, 1000
 
-Outcome = Literal["sticks", "unsure", "open", "helped", "clean", "unmoved", "waiting"]
+Outcome = Literal["sticks", "doubtful", "new", "unsure", "open", "helped", "clean", "unmoved", "waiting"]
 OUTCOME_WORDS: dict[Outcome, str] = {
     "sticks": "did not help: the valve sticks",
+    "doubtful": "may not have helped: look first",
+    "new": "the valve sticks, and was not said to before",
     "unsure": "seems to have helped",
     "open": "cannot tell whether it helped",
     "helped": "helped",
     "clean": "does not stick; what it did before is not known",
     "unmoved": "the valve was not said to stick before it either",
-    "waiting": "too little was recorded since",
+    "waiting": "not judged since",
 }
 """In the order in which they are listed."""
 
@@ -53,11 +55,12 @@ class RepairView:
 
 def repairs(backend: Backend, audit_id: int | None = None, at: datetime | None = None) -> list[RepairView]:
     """Of the repairs of the fortnight up to now, by the newest verdicts, or up to a run that began `at`, by its own;
-    those that did not help come first."""
+    those that did not help come first, LISTED and one more at most."""
     at = at or datetime.now(UTC)
     with backend.database.read() as connection:
-        rows = stored.between(connection, at - LOOKED_BACK, at, audit_id, LISTED)
-    return sorted((_view(row) for row in rows), key=lambda view: list(OUTCOME_WORDS).index(view.outcome))
+        rows = stored.between(connection, at - LOOKED_BACK, at, audit_id, LOOKED_AT)
+    order = list(OUTCOME_WORDS)
+    return sorted((_view(row) for row in rows), key=lambda view: order.index(view.outcome))[: LISTED + 1]
 
 
 def _view(row: Any) -> RepairView:
@@ -71,14 +74,16 @@ def _rests_on_what_came_after(row: Any) -> bool:
     codes = row.reasons.split(";")
     if BEFORE_REPAIR in codes:
         return False
-    return SINCE_REPAIR in codes or (row.window_start is not None and row.window_start >= row.repaired_at)
+    if SINCE_REPAIR in codes:
+        return True
+    return row.input_start_ns is not None and row.input_start_ns >= ns_of(row.repaired_at)
 
 
 def _outcome(before: str | None, now: str | None, reliable: bool) -> Outcome:
     if now is None:
         return "waiting"
     if now == "stiction":
-        return "sticks"
+        return "new" if before == "no_stiction" else "sticks" if reliable else "doubtful"
     if now != "no_stiction":
         return "open"
     if before != "stiction":
