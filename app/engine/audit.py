@@ -265,9 +265,9 @@ def _swing(fitness: Fitness, oscillation: Oscillation, config: AuditConfig) -> S
     """Of the newest samples, by the period that they show themselves where it is that of the stretch that was judged:
     over more cycles it is known better.
     """
-    part = newest(fitness.looked_at, config.max_samples)
-    if fitness.speaks_for is not None:
-        own = detect(part)
+    part, whole = newest(fitness.looked_at, config.max_samples), fitness.speaks_for
+    if whole is not None:
+        own = whole.oscillation if part is whole.record else detect(part)
         oscillation = own if own.regular and _same_period(own, oscillation) else oscillation
     return swing_of(part, oscillation)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.fitness import Whole
-from app.engine.fitness.signals import run_lengths
+from app.engine.fitness.signals import newest_long_run, run_lengths
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import IntArray, UniformRecord
 from app.engine.verdict import weigh
@@ -59,7 +59,8 @@ def speaking_stretch(record: UniformRecord, oscillation: Oscillation) -> Stretch
     stands = _standing(record)
     parts = _spread(record, per_cycle, _MOST)
     moving = [part for part in parts if not _touches(stands, part)]
-    if len(moving) < len(parts):
+    standing = len(parts) - len(moving)
+    if standing:
         more = [part for part in _spread(record, per_cycle, _CLOSER * _MOST) if not _touches(stands, part)]
         moving = [more[k] for k in _evenly(len(more), _MOST)]
     weighed = [found for part in moving if (found := _weighed(record.part(part))) is not None]
@@ -67,9 +68,7 @@ def speaking_stretch(record: UniformRecord, oscillation: Oscillation) -> Stretch
         return None
     middle = sorted(weighed, key=lambda one: one.log_odds)[(len(weighed) - 1) // 2]
     sides = [(one.log_odds > 0.0) == (middle.log_odds > 0.0) for one in weighed]
-    whole = Whole(
-        record, oscillation, sum(sides), len(sides), any(sides[-2:]), sum(_touches(stands, part) for part in parts)
-    )
+    whole = Whole(record, oscillation, sum(sides), len(sides), any(sides[-2:]), standing)
     return Stretch(middle.record, middle.oscillation, whole)
 
 
@@ -90,12 +89,9 @@ def newest_moving(record: UniformRecord, max_samples: int) -> UniformRecord:
     """
     if record.samples <= max_samples:
         return record
-    moving = np.concatenate(([False], run_lengths(record.op) < _LEAST_STRETCH, [False]))
-    spans = np.flatnonzero(np.diff(moving)).reshape(-1, 2).tolist()
-    long_enough = [span for span in spans if span[1] - span[0] >= max_samples // 2]
-    start, end = (long_enough or sorted(spans, key=lambda span: span[1] - span[0]) or [[0, 0]])[-1]
-    if end - start >= max_samples // 5:
-        return newest(record.part(slice(start, end)), max_samples)
+    moving = newest_long_run(run_lengths(record.op) < _LEAST_STRETCH, 0.0, max_samples // 2)
+    if moving.stop - moving.start >= max_samples // 5:
+        return newest(record.part(moving), max_samples)
     blocks = (newest(record.part(slice(0, last)), max_samples) for last in range(record.samples, 0, -max_samples))
     return next((block for block in blocks if np.ptp(block.op) > 0.0), newest(record, max_samples))
 

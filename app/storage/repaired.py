@@ -10,7 +10,7 @@ from app.storage.tables import loops, notes, verdicts
 
 def between(connection: Connection, since: datetime, until: datetime, audit_id: int | None, limit: int) -> list[Any]:
     """The loops with a repair in that time: tag, unit, repaired_at, the verdict before, and verdict, reliability,
-    reasons, window_start and input_start_ns of the run, for loops that it audited; without one of the loop's newest
+    reasons and input_start_ns of the run, for loops that it audited; without one of the loop's newest
     verdict, None where it has none. The weightiest first.
 
     Of each loop the note that was written last counts, as for the audit.
@@ -39,7 +39,6 @@ def between(connection: Connection, since: datetime, until: datetime, audit_id: 
             verdicts.c.verdict,
             verdicts.c.reliability,
             verdicts.c.reasons,
-            verdicts.c.window_start,
             verdicts.c.input_start_ns,
         )
         .select_from(notes)

@@ -278,16 +278,12 @@ def newest(connection: Connection, tag: str) -> tuple[int, dict[str, Any] | None
 
 
 def newest_said(connection: Connection, loop_id: int) -> Any:
-    """verdict and audited_at of the loop's newest verdict; None where there is none."""
-    query = select(verdicts.c.verdict, verdicts.c.audited_at).join(loops, _is_newest())
+    """Of the loop's newest verdict what was said and when, and the first and last sample (ns since 1970) that it was
+    made of; None where there is none.
+    """
+    told = ("verdict", "audited_at", "input_start_ns", "input_end_ns")
+    query = select(*(verdicts.c[name] for name in told)).join(loops, _is_newest())
     return connection.execute(query.where(loops.c.id == loop_id)).one_or_none()
-
-
-def newest_input(connection: Connection, loop_id: int) -> tuple[int, int] | None:
-    """First and last sample (ns since 1970) that the loop's newest verdict was made of; None where there is none."""
-    query = select(verdicts.c.input_start_ns, verdicts.c.input_end_ns).join(loops, _is_newest())
-    row = connection.execute(query.where(loops.c.id == loop_id)).one_or_none()
-    return None if row is None or row.input_start_ns is None else (row.input_start_ns, row.input_end_ns)
 
 
 def history(connection: Connection, loop_id: int, limit: int, before_audit: int | None) -> list[dict[str, Any]]:

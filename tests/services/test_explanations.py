@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sqlalchemy import select, update
+from sqlalchemy import update
 
 from app.engine.mismatch import Comparison
 from app.engine.mismatch import explain as engine_explain
@@ -21,48 +21,23 @@ from app.services.explaining.explanations import Wanted
 from app.services.explaining.simulations import GivenSimulation, GivenTrace
 from app.services.explaining.trigger import since_reversal
 from app.services.plant import loops as loops_service
-from app.services.plant import notes
 from app.services.upkeep import operations
 from app.settings import Settings
 from app.storage import explanations as stored
-from app.storage import loops, series
+from app.storage import loops
 from app.storage.samples import Samples
-from app.storage.series import Stretch
 from app.storage.tables import explanations as explanations_table
-from app.storage.tables import verdicts as verdicts_table
-from tests.engine.wandering import STICKY, recorded
-
-N, INTERVAL_S = 400, 10
-START = datetime(2026, 3, 1, tzinfo=UTC)
-START_NS = int(START.timestamp()) * 1_000_000_000
-GAIN, TAU_S = 0.8, 60.0
-
-Signals = dict[str, np.ndarray]
-
-
-def linear(op: np.ndarray) -> np.ndarray:
-    """First order by hand: what the loop below would show without its missing physics."""
-    pv = np.empty(len(op))
-    pv[0] = 40.0
-    a = np.exp(-INTERVAL_S / TAU_S)
-    for k in range(1, len(op)):
-        pv[k] = a * pv[k - 1] + (1.0 - a) * (40.0 + GAIN * (op[k - 1] - 50.0))
-    return pv
-
-
-def record(step: float = 0.0, n: int = N) -> Signals:
-    """OP wanders, PV follows it, and from the middle on the sensor shows `step` more."""
-    rng = np.random.default_rng(7)
-    op = 50.0 + np.repeat(rng.normal(0.0, 4.0, -(-n // 25)), 25)[:n] + rng.normal(0.0, 0.3, n)
-    pv = linear(op) + rng.normal(0.0, 0.1, n) + step * (np.arange(n) >= n // 2)
-    return {"pv": pv, "op": op}
-
-
-def keep(backend: Backend, tag: str, signals: Signals, start_ns: int = START_NS) -> None:
-    times = start_ns + np.arange(len(signals["pv"])) * INTERVAL_S * 1_000_000_000
-    with backend.database.write() as connection:
-        ids = loops.ensure(connection, [tag])
-        series.add(connection, [Stretch(ids[tag], Samples(times, signals))], None)
+from tests.services.explained_loops import (
+    GAIN,
+    INTERVAL_S,
+    START,
+    TAU_S,
+    N,
+    keep,
+    linear,
+    model,
+    record,
+)
 
 
 def instants(n: int = N) -> list[datetime]:
@@ -71,10 +46,6 @@ def instants(n: int = N) -> list[datetime]:
 
 def trace(values: np.ndarray, time: list[datetime] | list[float] | None = None) -> Wanted:
     return Wanted(simulation=GivenSimulation(trace=GivenTrace(values.tolist(), time)))
-
-
-def model(**told: Any) -> Wanted:
-    return Wanted(simulation=GivenSimulation(model=told))
 
 
 def code_of(call: Callable[[], Any]) -> str:
@@ -379,111 +350,9 @@ def test_a_night_explains_its_worst_loops_once(backend: Backend, add_loops: Call
     assert len(compared_samples(backend)) == 300
 
 
-def test_of_a_long_record_what_its_audit_judges_is_explained(backend: Backend) -> None:
-    loop = recorded(STICKY, 6500)
-    signals = {"pv": loop.pv, "op": loop.op}
-    keep(backend, "FIC1", signals)
-    asked = explanations.ask(backend, "FIC1")
-    assert (asked["as_judged"], asked["window_start"]) == (True, "2026-03-01T00:00:00Z")
-    assert explaining.explain_next(backend, "w")
-    found = explanations.get_explanation(backend, "FIC1", asked["id"])
-    assert (found["state"], found["effect_codes"], found["as_judged"]) == ("done", ["valve.stiction"], True)
-    start, end = (datetime.fromisoformat(found[name]) for name in ("window_start", "window_end"))
-    first, last = (round((at - START).total_seconds() / INTERVAL_S) for at in (start, end))
-    assert last - first < 2000
-    table = explanation_traces.trace_csv(backend, "FIC1", asked["id"]).splitlines()
-    assert len(table) == 1 + last - first + 1
-    assert float(table[1].split(",")[1]) == pytest.approx(signals["pv"][first], rel=1e-5)
-
-
-def test_a_verdict_of_too_few_samples_leaves_the_newest_window(
-    backend: Backend, add_loops: Callable[..., dict[str, int]]
-) -> None:
-    add_loops("FIC1", n=50)
-    run = audits.start_audit(backend)
-    chunks.audit_chunk(backend, int(run.id), "w")
-    add_loops("FIC1", n=300)
-    asked = explanations.ask(backend, "FIC1")
-    start, end = (datetime.fromisoformat(asked[name]) for name in ("window_start", "window_end"))
-    assert (end - start).total_seconds() == 299 * 60.0
-
-
-def test_a_standstill_at_the_end_of_a_long_record_keeps_nothing_from_being_explained(backend: Backend) -> None:
-    signals = record(n=6000)
-    signals["op"][3000:], signals["pv"][3000:] = 0.0, 0.0
-    small = Backend(backend.settings.model_copy(update={"explanation_samples": 2000}), backend.database, backend.queue)
-    keep(small, "FIC1", signals)
-    assert explanations.ask(small, "FIC1")["as_judged"]
-    assert explaining.explain_next(small, "w")
-    found = explanations.newest(small, "FIC1")
-    assert (found["state"], found["window_end"] < "2026-03-01T08:20:01Z") == ("done", True)
-
-
-def test_a_stated_window_and_a_given_simulation_are_explained_whole(backend: Backend) -> None:
-    keep(backend, "FIC1", record(n=5200))
-    for wanted in (Wanted(window_h=20.0), Wanted(start=START), model(gain=GAIN, time_constants_s=[TAU_S])):
-        asked = explanations.ask(backend, "FIC1", wanted)
-        assert (asked["as_judged"], asked["window_start"]) == (False, "2026-03-01T00:00:00Z")
-    assert explanations.ask(backend, "FIC1")["as_judged"]
-
-
 def compared_samples(backend: Backend) -> Samples:
     with backend.database.write() as connection:
         return explaining._load(backend, stored.claim_next(connection, "w", 60.0)).samples
-
-
-def test_an_explanation_says_what_to_keep_in_mind(backend: Backend, add_loops: Callable[..., dict[str, int]]) -> None:
-    add_loops("FIC1")
-    explanations.ask(backend, "FIC1")
-    found = explanations.newest(backend, "FIC1")
-    assert found["remarks"] == []
-    run = audits.start_audit(backend)
-    chunks.audit_chunk(backend, int(run.id), "w")
-    repaired_at = datetime.fromisoformat(found["window_end"]) + timedelta(minutes=1)
-    notes.add_note(backend, "FIC1", "packing renewed", repaired_at=repaired_at)
-    repair, audit = explanations.newest(backend, "FIC1")["remarks"]
-    assert repair.startswith(f"This is of before the repair of {repaired_at:%Y-%m-%d %H:%M} UTC")
-    assert audit.startswith("It was asked for before the audit of ")
-    explanations.ask(backend, "FIC1")
-    assert len(explanations.newest(backend, "FIC1")["remarks"]) == 1
-
-
-@pytest.mark.parametrize(("verdict", "said"), [("stiction", 1), ("no_stiction", 0)])
-def test_nothing_missing_beside_a_valve_that_sticks_is_put_right(
-    backend: Backend, add_loops: Callable[..., dict[str, int]], verdict: str, said: int
-) -> None:
-    loop_id = add_loops("FIC1")["FIC1"]
-    run = audits.start_audit(backend)
-    chunks.audit_chunk(backend, int(run.id), "w")
-    asked = explanations.ask(backend, "FIC1")
-    with backend.database.write() as connection:
-        connection.execute(update(verdicts_table).where(verdicts_table.c.loop_id == loop_id).values(verdict=verdict))
-        mine = explanations_table.c.id == int(asked["id"])
-        connection.execute(update(explanations_table).where(mine).values(state="done", verdict="consistent"))
-    remarks = explanations.newest(backend, "FIC1")["remarks"]
-    assert len([text for text in remarks if "does not clear it" in text]) == said
-
-
-def test_what_the_newest_verdict_rests_on_is_explained(
-    backend: Backend, add_loops: Callable[..., dict[str, int]]
-) -> None:
-    """And not what came since, or before a repair that was stated."""
-    loop_id = add_loops("FIC1")["FIC1"]
-    run = audits.start_audit(backend)
-    chunks.audit_chunk(backend, int(run.id), "w")
-    whole = explanations.ask(backend, "FIC1")
-    with backend.database.write() as connection:
-        mine = verdicts_table.c.loop_id == loop_id
-        start_ns, end_ns = connection.execute(
-            select(verdicts_table.c.input_start_ns, verdicts_table.c.input_end_ns).where(mine)
-        ).one()
-        third = (end_ns - start_ns) // 3
-        judged = {"input_start_ns": start_ns + third, "input_end_ns": end_ns - third}
-        connection.execute(update(verdicts_table).where(mine).values(**judged))
-    part = explanations.ask(backend, "FIC1")
-    assert whole["window_start"] < part["window_start"] < part["window_end"] < whole["window_end"]
-    stated = explanations.ask(backend, "FIC1", Wanted(window_h=1000.0))
-    assert (stated["window_start"], stated["window_end"]) == (whole["window_start"], whole["window_end"])
 
 
 def test_a_night_may_explain_nothing(backend: Backend, add_loops: Callable[..., dict[str, int]]) -> None:

@@ -40,6 +40,11 @@ class Columns:
     sp: str | None = None
     loop: str | None = None
 
+    @property
+    def named(self) -> bool:
+        """Whether a signal's column is named: then the file is a table with a header."""
+        return self.op is not None or self.pv is not None or self.sp is not None
+
 
 def check_is_file(path: Path) -> None:
     """Raises DataError("no_such_file") where it is none."""
@@ -92,9 +97,8 @@ def read_comparison(
     Any layout that ingest reads, as long as no columns are named; a table with a header otherwise. Without `simulated`
     a column with a usual name (PV_sim) is taken; without that our own identified loop is the simulation.
     """
-    named = columns.op is not None or columns.pv is not None or columns.sp is not None
     from_file = simulated is not None and Path(simulated).is_file()
-    if not named and not from_file:
+    if not columns.named and not from_file:
         read = exported(path, columns.loop, options)
         if read is not None:
             found = of_export(read.recordings[0], simulated)
@@ -127,7 +131,7 @@ def exported(path: Path, loop: str | None, options: IngestOptions) -> Recordings
 
 def recording_of_export(path: Path, columns: Columns, options: IngestOptions = READ_PLAINLY) -> Recording | None:
     """What `read_comparison` made its comparison of, with the mode; None where it was read as a table."""
-    if columns.op is not None or columns.pv is not None or columns.sp is not None:
+    if columns.named:
         return None
     read = exported(path, columns.loop, options)
     return None if read is None else read.recordings[0]

@@ -69,12 +69,13 @@ def ask(backend: Backend, tag: str, wanted: Wanted | None = None, asked_by: str 
     recording = recording_of(loop, samples)
     simulation = kept(wanted.simulation, samples, recording, backend.settings.time_zone)
     as_judged = simulation is None and not wanted.states_a_window and len(window) > LONG_SAMPLES
-    comparison_with(loop, window if as_judged else samples, simulation)
+    explained = window if as_judged else samples
+    comparison_with(loop, explained, simulation)
     values = {
         "loop_id": loop.id,
         "asked_by": asked_by,
-        "window_start_ns": int((window if as_judged else samples).time_ns[0]),
-        "window_end_ns": int(samples.time_ns[-1]),
+        "window_start_ns": int(explained.time_ns[0]),
+        "window_end_ns": int(explained.time_ns[-1]),
         "as_judged": as_judged,
         "simulation_packed": None if simulation is None else pack_document(simulation),
     }
@@ -185,10 +186,11 @@ def _audited(backend: Backend, loop: LoopRow, wanted: Wanted) -> Samples | None:
     if wanted.states_a_window or wanted.simulation.stated:
         return None
     with backend.database.read() as connection:
-        found = verdicts.newest_input(connection, loop.id)
-        if found is None:
+        made = verdicts.newest_said(connection, loop.id)
+        if made is None or made.input_start_ns is None:
             return None
-        samples = series.between(connection, loop.id, *found, backend.settings.hold_days)
+        window_ns = (made.input_start_ns, made.input_end_ns)
+        samples = series.between(connection, loop.id, *window_ns, backend.settings.hold_days)
     return samples if samples is not None and len(samples) >= LEAST_SAMPLES else None
 
 

@@ -29,7 +29,7 @@ from app.services.explaining.narrowing import narrowed
 
 DAY_S = 86_400.0
 NIGHTS = 4
-NEWEST_SAMPLES = 20_000
+WHOLE_SAMPLES = 20_000
 HEALTHY_S, HEALTHY_J = 0.2, 0.05
 STICKING = ((1.0, 2.0), (2.0, 4.0), (4.0, 10.0))
 SHUT_FOR_S = 10 * 3600.0
@@ -161,7 +161,7 @@ def explained(pace: Pace, seed: int, S: tuple[float, float] | None, shut: bool, 
     """The last night's record of a loop, explained beside our own linear loop. part: "judged" or "whole"."""
     comparison = comparison_of(recorded_nights(pace, seed, S, shut)[-1])
     start = time.process_time()
-    found = explain(narrowed(comparison) if part == "judged" else comparison.part(slice(-NEWEST_SAMPLES, None)))
+    found = explain(narrowed(comparison) if part == "judged" else comparison.part(slice(-WHOLE_SAMPLES, None)))
     return Explained(_group(S), tuple(effect.code for effect in found.effects), time.process_time() - start)
 
 
