@@ -247,11 +247,19 @@ def mapping_notes(mapping: TagMapping | None, tags: Collection[str]) -> tuple[st
     """What of a mapping is not in a file of these tags."""
     if mapping is None:
         return ()
-    notes = []
-    if tags and not any(map(mapping.find, tags)):
-        notes.append(f"the mapping names none of the tags of this file; here is {', '.join(list(tags)[:5])}")
     come = {tag.casefold() for tag in tags}
-    absent = [entry.tag for name, entry in mapping.entries.items() if name not in come]
-    if absent:
-        notes.append(f"{len(absent)} tags of the mapping are not in this file: {', '.join(absent[:5])}")
+    loops = {entry.loop for entry in mapping.entries.values()}
+    here = {entry.loop for name, entry in mapping.entries.items() if name in come}
+    if not here:
+        named = [entry.tag for entry in mapping.entries.values()][:5]
+        shown = f"; here is {', '.join(list(tags)[:5])}, there {', '.join(named)}"
+        return (f"the mapping names none of the tags of this file{shown}",) if tags else ()
+    notes = []
+    missing = [entry.tag for name, entry in mapping.entries.items() if entry.loop in here and name not in come]
+    if missing:
+        notes.append(f"of loops of the file {len(missing)} mapped tags are not in it: {', '.join(missing[:5])}")
+    if absent := sorted(loops - here):
+        # A plant's mapping beside a file of one unit is no mistake: names would only be noise.
+        names = f": {', '.join(absent[:5])}" if len(absent) <= len(here) else ""
+        notes.append(f"of the {len(loops)} loops of the mapping {len(absent)} are not in this file{names}")
     return tuple(notes)

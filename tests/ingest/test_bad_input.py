@@ -409,13 +409,26 @@ def test_a_mapping_of_other_tags_is_told(read: Read) -> None:
     assert any("the mapping names none of the tags" in note and "A.PV" in note for note in content.summary.notes)
 
 
-def test_tags_of_the_mapping_that_did_not_come_are_counted(read: Read) -> None:
-    rows = "".join(f"X{i},X,OTHER\n" for i in range(1, 7))
-    content = read(HEADER + GOOD, mapping=TagMapping.from_bytes(f"tag,loop,signal\na.pv,A,PV\n{rows}".encode()))
-    assert "6 tags of the mapping are not in this file: X1, X2, X3, X4, X5" in content.summary.notes
-    assert not any("names none" in note for note in content.summary.notes)
+def test_mapped_tags_of_loops_that_came_are_named_where_they_did_not(read: Read) -> None:
+    others = "".join(f"X{i},A,OTHER\n" for i in range(1, 7))
+    content = read(HEADER + GOOD, mapping=TagMapping.from_bytes(f"tag,loop,signal\na.pv,A,PV\n{others}".encode()))
+    told = [note for note in content.summary.notes if "mapp" in note]
+    assert told == ["of loops of the file 6 mapped tags are not in it: X1, X2, X3, X4, X5"]
     content = read(HEADER + GOOD, mapping=TagMapping.from_bytes(b"tag,loop,signal\nA.PV,A,PV\n"))
-    assert not any("mapping" in note for note in content.summary.notes)
+    assert not any("mapp" in note for note in content.summary.notes)
+
+
+@pytest.mark.parametrize(
+    ("others", "told"),
+    [
+        (("B",), "of the 2 loops of the mapping 1 are not in this file: B"),
+        (("B", "C"), "of the 3 loops of the mapping 2 are not in this file"),  # a mapping of the whole plant
+    ],
+)
+def test_loops_of_the_mapping_that_did_not_come_are_counted(read: Read, others: tuple[str, ...], told: str) -> None:
+    rows = "".join(f"{loop}.x,{loop},PV\n" for loop in others)
+    content = read(HEADER + GOOD, mapping=TagMapping.from_bytes(f"tag,loop,signal\na.pv,A,PV\n{rows}".encode()))
+    assert [note for note in content.summary.notes if "mapp" in note] == [told]
 
 
 def test_a_file_of_modes_is_told(read: Read) -> None:
