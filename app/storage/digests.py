@@ -26,6 +26,14 @@ def worst_of_units(connection: Connection, audit_id: int, each: int) -> list[Any
     return list(connection.execute(select(found).where(found.c.place <= each).order_by(found.c.unit, found.c.place)))
 
 
+def refused_of(connection: Connection, audit_id: int, each: int) -> list[Any]:
+    """Of each likely cause the first loops that were not auditable, the most important first."""
+    place = func.row_number().over(partition_by=now.c.likely_cause, order_by=(loops.c.importance.desc(), loops.c.tag))
+    placed = select(loops.c.tag, now.c.likely_cause, place.label("place")).select_from(_OF_RUN)
+    found = placed.where(now.c.audit_id == audit_id, now.c.verdict == "not_auditable").subquery()
+    return list(connection.execute(select(found).where(found.c.place <= each).order_by(found.c.place)))
+
+
 def changes_of(connection: Connection, audit_id: int, limit: int) -> list[Any]:
     """Loops whose verdict in this run is another one than their verdict before, the worst first; what is told is what
     `plant.changes` tells."""

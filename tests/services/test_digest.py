@@ -161,6 +161,20 @@ def test_it_tells_the_worst_of_each_unit_and_what_changed(backend: Backend, nigh
     assert subject(found).startswith("North: 2 valves stick, ")
 
 
+def test_it_names_the_loops_that_were_not_auditable(backend: Backend, night: str, add_loops: AddLoops) -> None:
+    refused = {"verdict": "not_auditable", "likely_cause": "stuck_valve_or_dead_transmitter"}
+    named = ["A2", "B1"]
+    ids = add_loops(*named)
+    with backend.database.write() as connection:
+        mine = (verdicts.c.audit_id == int(night), verdicts.c.loop_id.in_(ids.values()))
+        connection.execute(update(verdicts).where(*mine).values(**refused))
+    told = "2 not auditable: PV never moves: stuck valve or dead transmitter (A2, B1)"
+    found = digest_of(backend, night)
+    assert found.refused_loops == {"stuck_valve_or_dead_transmitter": named}
+    assert told in as_text(found)
+    assert told in as_html(found)
+
+
 def test_a_later_run_changes_nothing_of_it(backend: Backend, night: str) -> None:
     before = digest_of(backend, night)
     audit_chunk(backend, int(start_audit(backend).id), "test")

@@ -48,12 +48,14 @@ class Area:
 
 @dataclass(frozen=True)
 class Digest:
-    """What one run came to; the same whenever it is asked for."""
+    """What one run came to; the same whenever it is asked for. `refused`: how many loops were not auditable, by likely
+    cause; `refused_loops`: the most important of each."""
 
     plant: str
     run: AuditView
     verdicts: dict[str, int]
     refused: dict[str, int]
+    refused_loops: dict[str, list[str]]
     arrivals: list[str]
     areas: list[Area]
     changes: list[ChangeView]
@@ -81,6 +83,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
     with backend.database.read() as connection:
         counted = digests.counts_of(connection, number)
         worst = digests.worst_of_units(connection, number, TOP)
+        not_auditable = digests.refused_of(connection, number, TOP)
         # In a plant's first run every verdict is new: that is no news.
         compared = plant.any_run_before(connection, number)
         changed = digests.changes_of(connection, number, CHANGES + 1) if compared else []
@@ -89,12 +92,16 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         verdicts[row.verdict] += row.loops
         if row.verdict == "not_auditable":
             refused[row.likely_cause or "data"] += row.loops
+    refused_loops: dict[str, list[str]] = {}
+    for row in not_auditable:
+        refused_loops.setdefault(row.likely_cause or "data", []).append(row.tag)
     url = backend.settings.public_url
     return Digest(
         plant=backend.settings.plant,
         run=run,
         verdicts=dict(verdicts),
         refused=dict(refused.most_common()),
+        refused_loops=refused_loops,
         arrivals=of_run(backend, number, datetime.fromisoformat(run.created_at)),
         areas=[Area(unit, [_loop(row, url) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
         changes=[change_of(row) for row in changed[:CHANGES]],
@@ -124,7 +131,7 @@ def as_text(digest: Digest) -> str:
     for name in VERDICT_RANK:
         lines.append(f"  {digest.verdicts.get(name, 0):6d} {VERDICT_WORDS[name]}")
         if name == "not_auditable":
-            lines += [f"         {count} of these: {cause_words(cause)}" for cause, count in digest.refused.items()]
+            lines += [f"         {told}" for told in _refused(digest)]
     lines += [f"  {run.failed:6d} failed"] if run.failed else []
     lines += digest.arrivals
     lines += ["", "WHAT CHANGED SINCE THE RUN BEFORE", ""]
@@ -148,6 +155,7 @@ def as_html(digest: Digest) -> str:
     return document(
         "digest.html",
         digest=digest,
+        refused=_refused(digest),
         no_change=_no_change(digest),
         how_to_read=HOW_TO_READ,
         most_repairs=LISTED,
@@ -183,6 +191,16 @@ def _loop(row: Any, url: str) -> DigestLoop:
     why = row.reasons_text.split(". ")[0][:LONGEST_WHY]
     shown = (row.verdict, row.reliability, row.stiction_probability, row.likely_cause, row.health, row.importance)
     return DigestLoop(row.tag, *shown, why, loop_address(url, row.tag))
+
+
+def _refused(digest: Digest) -> list[str]:
+    """Why loops were not auditable, and which: whoever mends a transmitter looks for its tag."""
+    told = []
+    for cause, count in digest.refused.items():
+        named = [_line(tag) for tag in digest.refused_loops[cause]]
+        more = ", ..." if count > len(named) else ""
+        told.append(f"{count} not auditable: {cause_words(cause)} ({', '.join(named)}{more})")
+    return told
 
 
 def _loop_lines(place: int, loop: DigestLoop) -> list[str]:
