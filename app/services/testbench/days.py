@@ -12,7 +12,7 @@ import argparse
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -22,7 +22,7 @@ from app.engine.audit import audit
 from app.engine.judgement import Judgement
 from app.engine.mismatch import explain
 from app.engine.recording import Recording
-from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
+from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, integrator, simulate_loop
 from app.engine.simulate.plant import Plant
 from app.services.explaining.comparisons import comparison_of
 from app.services.explaining.narrowing import narrowed
@@ -39,12 +39,14 @@ _LIMITS = (0.0, 100.0)
 @dataclass(frozen=True)
 class Pace:
     """interval_s: at which the historian stores. days: of a night's record.
-    tau_s: time constants of processes; wander_s: bounds of the load's.
+    tau_s: time constants of processes; hold_s: in which a level runs over its span at OP 100 %; wander_s: bounds of the
+    load's time constant.
     """
 
     interval_s: float
     days: float
     tau_s: tuple[float, ...]
+    hold_s: tuple[float, ...]
     wander_s: tuple[float, float]
 
     @property
@@ -53,46 +55,78 @@ class Pace:
 
 
 PACES = {
-    "seconds": Pace(10.0, 3.5, (6.0, 25.0, 150.0), (900.0, 9000.0)),
-    "minutes": Pace(60.0, 3.45, (60.0, 200.0, 600.0), (3600.0, 36_000.0)),
+    "seconds": Pace(10.0, 3.5, (6.0, 25.0, 150.0), (60.0, 200.0, 600.0), (900.0, 9000.0)),
+    "minutes": Pace(60.0, 3.45, (60.0, 200.0, 600.0), (300.0, 900.0, 2400.0), (3600.0, 36_000.0)),
 }
+
+
+Process = Callable[[Pace, np.random.Generator], tuple[Plant, Pid]]
+
+
+def _flow(pace: Pace, rng: np.random.Generator) -> tuple[Plant, Pid]:
+    """A flow, a pressure or a temperature, tuned by internal model control."""
+    tau_s = float(rng.choice(pace.tau_s)) * float(rng.uniform(0.7, 1.4))
+    theta_s, K = tau_s * float(rng.uniform(0.15, 0.5)), float(rng.uniform(0.7, 1.3))
+    closed_s = max(theta_s, 0.5 * tau_s) * float(rng.uniform(1.0, 2.5))
+    return first_order(K, tau_s, theta_s), Pid(tau_s / (K * (closed_s + theta_s)), tau_s)
+
+
+def _level(pace: Pace, rng: np.random.Generator) -> tuple[Plant, Pid]:
+    """A level that holds its set point, tuned by Skogestad's rule for integrating processes."""
+    hold_s = float(rng.choice(pace.hold_s)) * float(rng.uniform(0.7, 1.4))
+    theta_s, closed_s = hold_s * float(rng.uniform(0.02, 0.1)), hold_s * float(rng.uniform(0.15, 0.6))
+    return integrator(1.0 / hold_s, theta_s), Pid(hold_s / (closed_s + theta_s), 4.0 * (closed_s + theta_s))
+
+
+PROCESSES: dict[str, Process] = {"flow": _flow, "level": _level}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A loop to simulate. S: bounds of the stiction of its valve, per cent of OP's span; None: healthy. shut: the unit
+    stands still for ten hours in the last day.
+    """
+
+    pace: Pace
+    process: Process
+    seed: int
+    S: tuple[float, float] | None
+    shut: bool
+
+    @property
+    def group(self) -> str:
+        return "healthy" if self.S is None else f"S {self.S[0]:g} to {self.S[1]:g} %"
 
 
 @dataclass(frozen=True)
 class Loop:
-    """What is known of a loop, and what each night said. group: its S in per cent of OP's span, or "healthy"."""
+    """What is known of a loop, and what each of its NIGHTS nights said of the days before it."""
 
     group: str
     nights: tuple[Judgement, ...]
 
 
-def audited(pace: Pace, seed: int, S: tuple[float, float] | None, shut: bool) -> Loop:
-    """A loop of NIGHTS nights, each with the record of the days before it.
-
-    S: bounds of the stiction of its valve, per cent of OP's span; None: healthy. shut: the unit stands still for ten
-    hours in the last day.
-    """
-    return Loop(_group(S), tuple(audit(night).judgement for night in recorded_nights(pace, seed, S, shut)))
+def audited(case: Case) -> Loop:
+    return Loop(case.group, tuple(audit(night).judgement for night in recorded_nights(case)))
 
 
-def recorded_nights(pace: Pace, seed: int, S: tuple[float, float] | None, shut: bool) -> list[Recording]:
-    """What each night has of one loop, the newest last; as `audited` takes it."""
-    rng = np.random.default_rng([seed, 0 if S is None else round(10 * S[1])])
-    recording = _recorded(pace, rng, seed, S, shut)
+def recorded_nights(case: Case) -> list[Recording]:
+    """What each night has of one loop, the newest last."""
+    pace = case.pace
+    recording = _recorded(case)
     size = round(pace.days * DAY_S / pace.interval_s)
     ends = recording.samples - np.arange(NIGHTS)[::-1] * round(DAY_S / pace.interval_s)
     return [_from_its_start(recording.part(slice(int(end) - size, int(end)))) for end in ends]
 
 
-def _group(S: tuple[float, float] | None) -> str:
-    return "healthy" if S is None else f"S {S[0]:g} to {S[1]:g} %"
-
-
-def _recorded(pace: Pace, rng: np.random.Generator, seed: int, S: tuple[float, float] | None, shut: bool) -> Recording:
+def _recorded(case: Case) -> Recording:
+    pace, S = case.pace, case.S
+    rng = np.random.default_rng([case.seed, 0 if S is None else round(10 * S[1])])
     length_s = (NIGHTS - 1 + pace.days) * DAY_S
     size = HEALTHY_S if S is None else float(rng.uniform(*S))
     jump = HEALTHY_J if S is None else size * float(rng.uniform(0.3, 1.0))
-    plant, controller, noise_sd = _process(pace, rng)
+    plant, controller = case.process(pace, rng)
+    noise_sd = float(rng.uniform(0.05, 0.2))
     spec = LoopSpec(
         plant=plant,
         controller=controller,
@@ -102,21 +136,13 @@ def _recorded(pace: Pace, rng: np.random.Generator, seed: int, S: tuple[float, f
         noise=Signal(noise_sd=noise_sd),
         pv_start=50.0, op_start=50.0, op_limits=_LIMITS, pv_limits=_LIMITS, step_s=pace.step_s, settle_s=3600.0,
     )  # fmt: skip
-    made = simulate_loop(spec, length_s, pace.interval_s, seed).recording(f"loop {seed}")
+    made = simulate_loop(spec, length_s, pace.interval_s, case.seed).recording(f"loop {case.seed}")
     pv, op = np.round(made.pv, 2), np.round(made.op, 2)
-    if shut:
+    if case.shut:
         first = made.samples - round((DAY_S / 2 + SHUT_FOR_S) / pace.interval_s)
         stands = slice(first, first + round(SHUT_FOR_S / pace.interval_s))
         op[stands], pv[stands] = 0.0, np.round(0.1 * np.abs(rng.standard_normal(stands.stop - stands.start)), 2)
     return replace(made, pv=pv, op=op, op_range=None, pv_range=None)
-
-
-def _process(pace: Pace, rng: np.random.Generator) -> tuple[Plant, Pid, float]:
-    """A flow, a pressure or a temperature, tuned by internal model control, and the noise of its measurement."""
-    tau_s = float(rng.choice(pace.tau_s)) * float(rng.uniform(0.7, 1.4))
-    theta_s, K = tau_s * float(rng.uniform(0.15, 0.5)), float(rng.uniform(0.7, 1.3))
-    closed_s = max(theta_s, 0.5 * tau_s) * float(rng.uniform(1.0, 2.5))
-    return first_order(K, tau_s, theta_s), Pid(tau_s / (K * (closed_s + theta_s)), tau_s), float(rng.uniform(0.05, 0.2))
 
 
 def _steps(rng: np.random.Generator, length_s: float) -> Iterator[tuple[float, float]]:
@@ -157,12 +183,12 @@ class Explained:
     elapsed_s: float
 
 
-def explained(pace: Pace, seed: int, S: tuple[float, float] | None, shut: bool, part: str) -> Explained:
+def explained(case: Case, part: str) -> Explained:
     """The last night's record of a loop, explained beside our own linear loop. part: "judged" or "whole"."""
-    comparison = comparison_of(recorded_nights(pace, seed, S, shut)[-1])
+    comparison = comparison_of(recorded_nights(case)[-1])
     start = time.process_time()
     found = explain(narrowed(comparison) if part == "judged" else comparison.part(slice(-WHOLE_SAMPLES, None)))
-    return Explained(_group(S), tuple(effect.code for effect in found.effects), time.process_time() - start)
+    return Explained(case.group, tuple(effect.code for effect in found.effects), time.process_time() - start)
 
 
 def report_explained(found: list[Explained]) -> Iterator[str]:
@@ -181,15 +207,17 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--loops", type=int, default=20, help="of each kind")
     parser.add_argument("--seed", type=int, default=1000)
     parser.add_argument("--pace", choices=list(PACES), default="seconds", help="of the historian and the processes")
+    parser.add_argument("--process", choices=list(PROCESSES), default="flow")
     parser.add_argument("--explain", choices=["judged", "whole"])
     options = parser.parse_args(arguments)
-    pace = PACES[options.pace]
-    kinds = [(seed, S) for S in (None, *STICKING) for seed in range(options.seed, options.seed + options.loops)]
+    seeds = range(options.seed, options.seed + options.loops)
+    process = PROCESSES[options.process]
     for shut in (False, True):
+        kinds = [Case(PACES[options.pace], process, seed, S, shut) for S in (None, *STICKING) for seed in seeds]
         if options.explain:
-            lines = report_explained([explained(pace, seed, S, shut, options.explain) for seed, S in kinds])
+            lines = report_explained([explained(case, options.explain) for case in kinds])
         else:
-            lines = report([audited(pace, seed, S, shut) for seed, S in kinds])
+            lines = report([audited(case) for case in kinds])
         sys.stdout.write("\nwith a shutdown of ten hours in the last day\n" if shut else "")
         sys.stdout.writelines(f"{line}\n" for line in lines)
     return 0
