@@ -30,6 +30,7 @@ SPOILED_BY = {
     "pv_flat": CAUSE,
     "op_flat": "controller_not_acting",
     "not_in_automatic": "not_in_automatic",
+    "op_two_values": "on_off_control",
     "op_at_limits": "op_at_limits",
     "samples_per_cycle": "sampled_too_slowly",
 }

@@ -47,10 +47,12 @@ BY_CAUSE = {
     "no_oscillation": "Nothing: it does not swing.",
     "saturated_op": "Find out why OP stands at its limit: the valve's size, a bypass, a set point out of reach.",
     "op_at_limits": "Find out why OP stands at its limit: the valve's size, a bypass, a set point out of reach.",
+    "on_off_control": "Nothing where it is meant to switch: leave it out of the audits. Else have OP stored finer.",
     "quantised_sensor": "Have the resolution of transmitter and historian looked at.",
     "sensor_spikes": "Have transmitter and wiring looked at: single values jump.",
     "sensor_sticking": "Have the transmitter looked at: it holds one value and jumps to the next.",
-    "controller_not_acting": "Find out whether the controller acts at all, and whether OP is recorded.",
+    "controller_not_acting": "Find out whether the controller acts at all, whether OP stands at a limit, and whether "
+    "it is recorded.",
     "not_in_automatic": "Find out why it is in manual, and whether it may be put in automatic.",
     "sampled_too_slowly": "Have it recorded faster: ten samples a cycle or more.",
     "data": NOT_AUDITABLE,

@@ -36,6 +36,7 @@ CAUSE_WORDS = {
     "no_oscillation": "does not oscillate",
     "saturated_op": "OP at its limit",
     "op_at_limits": "OP at its limit",
+    "on_off_control": "OP on two values: on/off control",
     "quantised_sensor": "coarse sensor",
     "sensor_spikes": "sensor spikes",
     "sensor_sticking": "sticking sensor",

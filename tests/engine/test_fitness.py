@@ -142,6 +142,21 @@ def test_op_at_its_limit(op_range):
     assert refused(assess(cycling(op=op, op_range=op_range))) == ["op_at_limits"]
 
 
+@pytest.mark.parametrize("unit", [1.0, -0.16])
+def test_op_that_is_switched_is_refused_as_on_off_control(unit):
+    op = unit * np.where(np.arange(N) % 40 < 15, 100.0, 0.0)
+    fitness = assess(cycling(op=op))
+    assert refused(fitness) == ["op_two_values"]
+    assert fitness.refusals[0].statistic == 1.0
+    ramps = np.convolve(op, np.ones(2) / 2, "same")  # values between, for one sample of forty
+    assert refused(assess(cycling(op=ramps))) == ["op_two_values"]
+
+
+def test_op_that_is_at_its_limit_but_for_moments_is_not_switched():
+    op = np.where(np.arange(N) % 40 < 1, 100.0, 0.0)
+    assert refused(assess(cycling(op=op))) == ["op_at_limits"]
+
+
 def test_op_that_saturates_now_and_then_is_audited():
     op = np.maximum(cycling().op, 48.0)
     assert assess(cycling(op=op)).auditable

@@ -15,8 +15,8 @@ from app.engine.recording import BoolArray, FloatArray, Recording, UniformRecord
 from app.errors import DataError
 
 LATER_CHECKS = (
-    "not_in_automatic", "gaps", "op_flat", "pv_flat", "op_at_limits", "irregular_sampling", "filled",
-    "pv_quantised", "op_quantised", "pv_interpolated", "op_interpolated",
+    "not_in_automatic", "gaps", "op_flat", "pv_flat", "op_two_values", "op_at_limits", "irregular_sampling",
+    "filled", "pv_quantised", "op_quantised", "pv_interpolated", "op_interpolated",
 )  # fmt: skip
 
 
@@ -114,8 +114,8 @@ def assess(recording: Recording, config: FitnessConfig | None = None) -> Fitness
 
     Missing values are taken out, then the newest long stretch in automatic is kept, of it the newest long one without
     a hole, then the newest long one beside dead PV or OP, and that stretch is put on a uniform time base. A recording
-    is refused where a step leaves fewer than `config.min_samples`, where OP stands at a limit or where too much had to
-    be filled.
+    is refused where a step leaves fewer than `config.min_samples`, where OP is switched between two values or stands
+    at a limit, or where too much had to be filled.
     No answer depends on the unit, scale, offset or sign of PV or OP, nor on where time starts.
     """
     config = config or FitnessConfig()
@@ -183,9 +183,11 @@ def _assess_stretches(recording: Recording, samples: _Samples, fitness: Fitness,
 def _assess_record(recording: Recording, samples: _Samples, fitness: Fitness, config: FitnessConfig) -> Fitness:
     origin_s = float(recording.time_s[0]) if np.isfinite(recording.time_s[0]) else float(samples.time_s[0])
     record = to_uniform(samples.time_s, samples.pv, samples.op, samples.sp, origin_s, config)
+    two_values = checks.check_two_values(samples.op, config)
     found = (
         *fitness.findings,
-        checks.check_op_limits(samples.op, recording.op_range, config),
+        two_values,
+        checks.check_op_limits(samples.op, recording.op_range, two_values, config),
         checks.check_sampling(is_regular(samples.time_s, config), record),
         checks.check_filled(record, config),
         checks.check_levels("pv", samples.pv, config),

@@ -6,14 +6,21 @@ import numpy as np
 
 from app.engine.evidence import Finding, Outcome
 from app.engine.fitness.config import FitnessConfig
-from app.engine.fitness.signals import extreme_share, on_line_share, quantisation_step, run_lengths, stored_points
+from app.engine.fitness.signals import (
+    extreme_share,
+    extreme_shares,
+    on_line_share,
+    quantisation_step,
+    run_lengths,
+    stored_points,
+)
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, UniformRecord
 
 # A recording that fails one of these is not audited; the other findings only say how good it is.
 BLOCKING = frozenset(
-    {"too_short", "missing_values", "not_in_automatic", "gaps", "filled", "op_flat", "pv_flat", "op_at_limits",
-     "samples_per_cycle"}
+    {"too_short", "missing_values", "not_in_automatic", "gaps", "filled", "op_flat", "pv_flat", "op_two_values",
+     "op_at_limits", "samples_per_cycle"}
 )  # fmt: skip
 
 # Of these, the ones that more samples of the same kind mend.
@@ -76,8 +83,21 @@ def check_flat(name: str, signal: FloatArray, meaning: str, kept: int, config: F
     return _finding(f"{name}_flat", not dead or kept >= config.min_samples, text, share, config.flat_share, "share")
 
 
-def check_op_limits(op: FloatArray, op_range: tuple[float, float] | None, config: FitnessConfig) -> Finding:
+def check_two_values(op: FloatArray, config: FitnessConfig) -> Finding:
+    """OP that is switched between two values shows nothing of how a valve follows it."""
+    more, less = extreme_shares(op)
+    switched = more + less >= config.two_values_share and less >= config.least_of_two_values
+    text = f"OP is at its least or greatest value for {100 * (more + less):.1f} % of the stretch"
+    text += ": on/off control, or an OP that is stored more coarsely than it moves" if switched else ""
+    return _finding("op_two_values", not switched, text, more + less, config.two_values_share, "share")
+
+
+def check_op_limits(
+    op: FloatArray, op_range: tuple[float, float] | None, two_values: Finding, config: FitnessConfig
+) -> Finding:
     """OP at one limit of its span, or, where the span is not known, at its own least or greatest value."""
+    if two_values.outcome == "fail":
+        return not_evaluated("op_at_limits", "OP is switched between two values")
     share = limit_share(op, op_range, config)
     where = "the end of its span" if _known(op_range) else "its own extreme value (the span is not known)"
     text = f"OP stands at {where} for {100 * share:.1f} % of the stretch"

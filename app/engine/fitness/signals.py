@@ -27,10 +27,18 @@ def resolution(signal: FloatArray) -> float:
     return max(SAME_SHARE_OF_SPAN * float(np.ptp(signal)), 8.0 * float(np.finfo(np.float64).eps) * largest)
 
 
+def extreme_shares(signal: FloatArray) -> tuple[float, float]:
+    """The shares of `signal` (N,), N at least 1, at the extreme where it stands longer and at the other, 0 to 1; where
+    it stands still, all and nothing.
+    """
+    band = resolution(signal)
+    low, high = float(np.mean(signal <= signal.min() + band)), float(np.mean(signal >= signal.max() - band))
+    return (max(low, high), min(low, high)) if np.ptp(signal) > band else (1.0, 0.0)
+
+
 def extreme_share(signal: FloatArray) -> float:
     """The share of `signal` (N,), N at least 1, at the one of its extremes where it stands longer, 0 to 1."""
-    band = resolution(signal)
-    return max(float(np.mean(signal <= signal.min() + band)), float(np.mean(signal >= signal.max() - band)))
+    return extreme_shares(signal)[0]
 
 
 def set_point_activity(sp: FloatArray | None, pv: FloatArray) -> float | None:

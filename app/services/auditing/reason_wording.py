@@ -14,6 +14,7 @@ _DATA = {
     "filled": "Too many samples had to be interpolated.",
     "op_flat": "OP holds one value: no controller acts, or the signal is frozen.",
     "pv_flat": "PV holds one value: the valve is stuck, or the transmitter is dead.",
+    "op_two_values": "OP is switched between two values: it does not show how a valve follows it.",
     "op_at_limits": "OP stands at an end of its span for most of the time.",
     "samples_per_cycle": "An oscillation has too few samples a cycle to have a shape.",
     "irregular_sampling": "Sampling is irregular: the record was interpolated to even steps.",
