@@ -275,7 +275,7 @@ def schemathesis(url: str, key: str, seconds: int, seed: int) -> int:
     command += ["--header", f"Authorization: Bearer {key}", "--checks", "all", "--max-time", str(seconds)]
     command += ["--continue-on-failure", "--no-shrink", "--seed", str(seed), "--max-examples", "200", "--workers", "2"]
     # A tag may hold slashes: PATCH /v1/loops/A/health changes the loop `A/health`, and is no method that is missing.
-    # tests/api/test_routes.py looks at 405 and Allow instead, and the judge at the Allow of every 405.
+    # tests/api/routes/test_all.py looks at 405 and Allow instead, and the judge at the Allow of every 405.
     command += ["--exclude-checks", "unsupported_method,allow_header_conformance"]
     # How many drafts its generator throws away (an id is digits, a tag no `.`) says nothing of the API.
     command += ["--suppress-health-check", "filter_too_much"]

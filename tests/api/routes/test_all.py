@@ -1,0 +1,125 @@
+"""What holds for every route: heads, refusals, probes, pages, a data base that is away."""
+
+import re
+from urllib.parse import quote
+
+import pytest
+
+from app.main import create_app
+from app.settings import Settings
+from tests.api.routes.exports import HOSTILE
+
+
+@pytest.mark.parametrize(
+    "path", ["/", "/healthz", "/readyz", "/metrics", "/openapi.json", "/v1/loops", "/v1/loops/FIC101/health", "/table"]
+)
+def test_every_route_that_is_got_answers_head_without_a_body(client, plant, path):
+    got, head = client.get(path), client.head(path)
+    assert (head.status_code, head.content) == (got.status_code, b"")
+    assert head.headers["content-type"] == got.headers["content-type"]
+
+
+def test_head_of_a_stream_ends_and_of_what_is_not_there_is_not_found(client, plant):
+    run = client.post("/v1/audits", json={"tags": ["LIC7"]}).json()
+    assert client.head(f"/v1/audits/{run['id']}/events", timeout=5).status_code == 200
+    assert client.head("/v1/loops/NOWHERE").status_code == 404
+    assert client.head("/nowhere").status_code == 404
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["/v1/uploads/7777", "/v1/uploads/x", "/v1/loops/NOWHERE", "/v1/loops/NOWHERE/health", "/v1/loops/NOWHERE/trend",
+     "/v1/loops/NOWHERE/verdicts", "/v1/audits/7777", "/v1/audits/-1", "/v1/audits/7777/events", "/loops/NOWHERE"],
+)  # fmt: skip
+def test_what_is_not_there(client, plant, path):
+    answer = client.get(path)
+    assert answer.status_code == 404
+    assert answer.headers["content-type"] == "application/problem+json"
+
+
+def test_a_body_that_is_too_large_is_a_problem_too(client):
+    answer = client.post("/v1/audits", content=b" " * 5_000_000, headers={"Content-Type": "application/json"})
+    assert answer.status_code == 413
+    assert answer.headers["content-type"] == "application/problem+json"
+
+
+def test_liveness_readiness_and_metrics(client, plant):
+    assert client.get("/healthz").json() == {"state": "alive"}
+    assert client.get("/readyz").json()["checks"]["database"] == "ok"
+    text = client.get("/metrics").text
+    for line in text.splitlines():
+        assert re.fullmatch(r'# (HELP|TYPE) \w+ .+|\w+(\{\w+="[^"]*"(,\w+="[^"]*")*\})? [-+.\deE]+', line), line
+
+
+def test_pages_carry_hostile_names_as_text(client, plant):
+    page = client.get("/")
+    assert page.status_code == 200
+    assert HOSTILE not in page.text
+    assert "&lt;b&gt;" in page.text
+    loop = client.get(f"/loops/{quote(HOSTILE, safe='')}")
+    assert loop.status_code == 200
+    assert HOSTILE not in loop.text
+    assert f"/loops/{quote(HOSTILE, safe='')}/charts" in loop.text
+    assert client.get(f"/loops/{quote(HOSTILE, safe='')}/charts").status_code == 200
+
+
+def test_pages_take_nothing_from_elsewhere(client, plant):
+    for path in ("/", "/loops/FIC101", "/static/plant.js", "/static/loop.js", "/static/loopaudit.css"):
+        answer = client.get(path)
+        assert answer.status_code == 200
+        assert not re.search(r"(src|href|url|import)\s*[=(]\s*[\"']?(https?:)?//", answer.text), path
+    assert len(client.get("/static/plotly.min.js").content) > 1_000_000
+    assert client.get("/static/../main.py").status_code == 404
+
+
+def test_a_refusal_is_no_longer_than_what_was_wrong(client):
+    asked = "&".join(f"{k}{'x' * 1000}" for k in range(50))
+    answer = client.get(f"/v1/reliability?{asked}")
+    assert answer.json()["code"] == "invalid_request"
+    assert len(answer.content) < len(asked)
+
+
+def test_a_parameter_that_a_route_does_not_know_is_refused_by_each_of_the_api(client):
+    taking = {
+        (method, path): operation
+        for path, operations in client.get("/openapi.json").json()["paths"].items()
+        for method, operation in operations.items()
+        if path.startswith("/v1/")
+    }
+    for (method, path), operation in taking.items():
+        assert "422" in operation["responses"], path
+        known = [one["name"] for one in operation.get("parameters", ()) if one["in"] == "query"]
+        answer = client.request(method, re.sub(r"{\w+}", "x", path), params={"limt": 5})
+        assert (answer.status_code, answer.json()["code"]) == (422, "invalid_request"), path
+        (error,) = (one for one in answer.json()["errors"] if one["where"].startswith("query."))
+        told = f"there is {', '.join(known)}" if known else "this takes no parameters"
+        assert (error["where"], error["what"].endswith(told)) == ("query.limt", True), path
+
+
+@pytest.mark.parametrize("path", ["/healthz", "/readyz", "/metrics"])
+def test_probes_may_add_parameters(client, path):
+    assert client.get(path, params={"target": "plant"}).status_code == 200
+
+
+def test_a_data_base_that_is_away_is_503_and_nothing_of_it_is_told(serve, tmp_path):
+    settings = Settings(data_dir=tmp_path, database_url="postgresql+psycopg://who:secret@127.0.0.1:1/none")
+    with serve(create_app(settings)) as client:
+        answer = client.get("/v1/loops")
+        assert (answer.status_code, answer.json()["code"]) == (503, "database_away")
+        assert answer.headers["retry-after"]
+        assert "secret" not in answer.text
+        ready = client.get("/readyz")
+        assert (ready.status_code, ready.json()["state"]) == (503, "not_ready")
+        assert client.get("/healthz").status_code == 200
+
+
+def test_a_wrong_method_is_told_every_method_of_the_path(client):
+    answer = client.delete("/v1/loops/FIC101")
+    assert (answer.status_code, answer.json()["code"]) == (405, "method_not_allowed")
+    assert {"GET", "PATCH"} <= set(answer.headers["allow"].split(", "))
+
+
+def test_a_part_of_a_file_is_not_asked_for_in_bare_text(client):
+    answer = client.get("/static/loopaudit.css", headers={"Range": "bytes=9-1"})
+    assert answer.status_code == 200
+    assert answer.headers["content-type"].startswith("text/css")

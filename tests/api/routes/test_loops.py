@@ -1,0 +1,124 @@
+"""Loops: listed, changed, their health, trend and history."""
+
+from urllib.parse import quote
+
+import pytest
+
+from app.storage import tables
+from tests.api.routes.exports import HOSTILE
+
+
+def test_loops_come_page_by_page_in_the_order_of_their_tags(client, plant):
+    tags, cursor = [], None
+    while True:
+        page = client.get("/v1/loops", params={"limit": 1, **({"cursor": cursor} if cursor else {})}).json()
+        tags += [row["tag"] for row in page["rows"]]
+        cursor = page["next_cursor"]
+        if cursor is None:
+            break
+    assert tags == sorted(tags)
+    assert {"FIC101", "LIC7", HOSTILE} <= set(tags)
+
+
+@pytest.mark.parametrize("tag", ["FIC101", HOSTILE])
+def test_a_loop_is_changed_and_read_back(client, plant, tag):
+    url = f"/v1/loops/{quote(tag, safe='')}"
+    changed = client.patch(
+        url, json={"unit": "CRUDE", "importance": 3, "op_low": 0, "op_high": 100, "integrating": True}
+    )
+    assert changed.status_code == 200, changed.text
+    loop = client.get(url).json()
+    assert (loop["tag"], loop["unit"], loop["importance"], loop["op_high"]) == (tag, "CRUDE", 3, 100)
+    assert client.patch(url, json={"unit": None}).json()["unit"] is None
+    assert client.get(url).json()["importance"] == 3
+
+
+@pytest.mark.parametrize(
+    ("body", "status"),
+    [
+        ({"colour": "red"}, 422),
+        ({"importance": -1}, 422),
+        ({"op_low": 5, "op_high": 5}, 400),
+        ({"unit": "x" * 500}, 422),
+        ({"unit": "a\x00b"}, 422),
+        ({"integrating": 0}, 422),
+        ({"op_high": False}, 422),
+        ([], 422),
+    ],
+)
+def test_changes_that_are_refused(client, plant, body, status):
+    answer = client.patch("/v1/loops/FIC101", json=body)
+    assert answer.status_code == status, answer.text
+    assert answer.json()["code"]
+
+
+def test_a_number_that_is_none_is_refused(client, plant):
+    answer = client.patch("/v1/loops/FIC101", content=b'{"pv_low": NaN}', headers={"Content-Type": "application/json"})
+    assert answer.status_code == 422
+    assert answer.headers["content-type"] == "application/problem+json"
+
+
+@pytest.mark.parametrize("tag", ["FIC101", HOSTILE])
+def test_health_trend_and_history_of_a_loop(client, plant, tag):
+    url = f"/v1/loops/{quote(tag, safe='')}"
+    health = client.get(f"{url}/health").json()
+    assert health["loop"] == tag
+    assert health["audit_id"] == plant["id"]
+    assert not [name for name, value in health.items() if isinstance(value, dict | list)]
+    history = client.get(f"{url}/verdicts").json()
+    assert [row["audit_id"] for row in history["rows"]] == [plant["id"]]
+    assert history["next_cursor"] is None
+    trend = client.get(f"{url}/trend", params={"points": 100}).json()
+    assert trend["samples"] == 400
+    assert len(trend["time"]) == len(trend["pv"]) == len(trend["op"]) == len(trend["sp"]) <= 120
+    part = client.get(f"{url}/trend", params={"start": "2026-01-01T00:10:00Z", "end": "2026-01-01T00:15:00Z"}).json()
+    same = client.get(f"{url}/trend", params={"from": "2026-01-01T00:10:00Z", "to": "2026-01-01T00:15:00Z"}).json()
+    assert same == part
+    assert part["samples"] in (60, 61)
+    assert part["time"][0] == "2026-01-01T00:10:00Z"
+    again = {"start": "2026-01-01T00:10:00Z", "from": "2026-01-01T00:10:00", "end": "2026-01-01T00:15:00Z"}
+    assert client.get(f"{url}/trend", params=again).json() == part
+
+
+@pytest.mark.parametrize(("name", "other"), [("start", "from"), ("end", "to")])
+def test_one_bound_of_a_trend_is_given_once(client, plant, name, other):
+    params = {name: "2026-01-01T00:10:00Z", other: "2026-01-01T00:11:00Z"}
+    answer = client.get("/v1/loops/FIC101/trend", params=params)
+    assert (answer.status_code, answer.json()["code"]) == (422, "invalid_request")
+    assert answer.json()["errors"][0]["where"] == f"query.{name}"
+
+
+def test_a_trend_that_ends_before_it_begins_is_refused(client, plant):
+    backwards = {"from": "2026-01-02T00:00:00Z", "to": "2026-01-01T00:00:00Z"}
+    answer = client.get("/v1/loops/FIC101/trend", params=backwards)
+    assert (answer.status_code, answer.json()["code"]) == (422, "invalid_request")
+    assert "begins before it ends" in answer.text
+    later = client.get("/v1/loops/FIC101/trend", params={"from": "2030-01-01T00:00:00Z"})
+    assert (later.status_code, later.json()["samples"]) == (200, 0)
+
+
+def test_what_is_said_of_a_loop_is_stripped_and_its_type_known(client, plant):
+    def patched(**changes):
+        return client.patch("/v1/loops/LIC7", json=changes)
+
+    assert patched(unit=" CRUDE ", type="level").json()["unit"] == "CRUDE"
+    assert patched(unit="  ").json()["unit"] is None
+    refused = patched(type="rocket")
+    assert (refused.status_code, refused.json()["code"]) == (400, "unknown_type")
+    assert "flow, pressure, level" in refused.json()["detail"]
+    assert patched(type=None).json()["type"] is None
+
+
+def test_a_type_that_the_plants_mapping_gave_is_known(client, plant, backend):
+    with backend.database.write() as connection:
+        loops = tables.loops
+        connection.execute(loops.update().where(loops.c.tag == "FIC101").values(type="Durchfluss"))
+    assert client.patch("/v1/loops/LIC7", json={"type": "Durchfluss"}).json()["type"] == "Durchfluss"
+    client.patch("/v1/loops/LIC7", json={"type": None})
+
+
+@pytest.mark.parametrize("start", ["20240301", "0.5", "nan", "1e3"])
+def test_a_number_is_no_time(client, start):
+    answer = client.get("/v1/loops/FIC101/trend", params={"start": start})
+    assert (answer.status_code, answer.json()["code"]) == (422, "invalid_request")
+    assert client.post("/v1/loops/FIC101/explanations", json={"from": 20240301}).status_code == 422

@@ -1,0 +1,48 @@
+"""Runs: started, counted, followed."""
+
+import json
+
+import pytest
+
+from app.services.auditing.chunks import audit_chunk
+
+
+def test_a_run_counts_its_loops(client, plant):
+    assert (plant["state"], plant["total"], plant["done"], plant["failed"], plant["open"]) == ("done", 3, 3, 0, 0)
+    runs = client.get("/v1/audits").json()
+    assert plant["id"] in [run["id"] for run in runs["rows"]]
+
+
+def test_a_run_over_some_loops(client, plant, backend):
+    answer = client.post("/v1/audits", json={"tags": ["FIC101"]})
+    assert answer.status_code == 202
+    assert answer.json()["total"] == 1
+    audit_chunk(backend, int(answer.json()["id"]), "test")
+    assert client.get(answer.headers["location"]).json()["state"] == "done"
+    assert client.post("/v1/audits", json={"tags": ["NOWHERE"]}).json()["code"] == "unknown_loops"
+
+
+def test_a_run_without_a_body_is_one_over_the_plant(client, plant, backend):
+    answer = client.post("/v1/audits")
+    assert (answer.status_code, answer.json()["total"]) == (202, client.post("/v1/audits", json={}).json()["total"])
+
+
+@pytest.mark.parametrize("wanted", [{"unit": "nosuch"}, {"type": "nosuch"}, {"tags": []}], ids=str)
+def test_a_filter_that_no_loop_fits_starts_no_run(client, plant, wanted):
+    before = client.get("/v1/audits?limit=1").json()["rows"]
+    answer = client.post("/v1/audits", json=wanted)
+    assert (answer.status_code, answer.json()["code"]) == (400, "no_loops")
+    assert client.get("/v1/audits?limit=1").json()["rows"] == before
+
+
+def test_events_tell_the_progress_and_the_end(client, plant, backend):
+    run = client.post("/v1/audits", json={"tags": ["LIC7"]}).json()
+    with client.stream("GET", f"/v1/audits/{run['id']}/events") as stream:
+        assert stream.headers["content-type"].startswith("text/event-stream")
+        lines = stream.iter_lines()
+        assert next(lines) == "event: progress"
+        assert json.loads(next(lines).removeprefix("data: "))["open"] == 1
+        audit_chunk(backend, int(run["id"]), "test")
+        rest = list(lines)
+    assert "event: end" in rest
+    assert json.loads(rest[-2].removeprefix("data: "))["state"] == "done"

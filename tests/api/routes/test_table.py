@@ -1,0 +1,92 @@
+"""The reliability table: pages, filters, CSV."""
+
+import csv
+import io
+import re
+
+import pytest
+
+from tests.api.routes.exports import HOSTILE
+
+
+def test_the_table_has_every_field_of_the_contract(client, plant):
+    row = client.get("/v1/reliability").json()["rows"][0]
+    wanted = (
+        "recording loop samples sampling_interval_s verdict stiction_probability reliability yper_pct yper_raw_pct "
+    )
+    wanted += "table2_reading hammerstein_d hammerstein_S hammerstein_J hammerstein_na hammerstein_nb hammerstein_nc "
+    wanted += "hammerstein_rmse hammerstein_rmse_without_stiction hammerstein_search_space hammerstein_widenings unit "
+    wanted += "stiction_band_pct_of_op_range likely_cause engine_version elapsed_s window_start window_end audited_at "
+    wanted += "audit_id"
+    assert set(wanted.split()) <= set(row)
+    assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?Z", row["audited_at"])
+
+
+@pytest.mark.parametrize("sort", ["loop", "-loop", "-stiction_probability", "yper_pct", "unit"])
+def test_pages_of_the_table_put_together_are_the_table(client, plant, sort):
+    whole = client.get("/v1/reliability", params={"sort": sort}).json()
+    assert whole["next_cursor"] is None
+    rows, cursor = [], None
+    while True:
+        params = {"sort": sort, "limit": 1} | ({"cursor": cursor} if cursor else {})
+        page = client.get("/v1/reliability", params=params).json()
+        rows += page["rows"]
+        cursor = page["next_cursor"]
+        if cursor is None:
+            break
+    assert rows == whole["rows"]
+    assert len(rows) == 3
+
+
+def test_filters(client, plant):
+    rows = client.get("/v1/reliability").json()["rows"]
+    verdicts = {row["verdict"] for row in rows}
+    for verdict in verdicts:
+        found = client.get("/v1/reliability", params={"verdict": verdict}).json()["rows"]
+        assert [row["loop"] for row in found] == [row["loop"] for row in rows if row["verdict"] == verdict]
+    assert client.get("/v1/reliability", params={"search": "lic"}).json()["rows"][0]["loop"] == "LIC7"
+    assert client.get("/v1/reliability", params={"unit": "NOWHERE"}).json() == {"rows": [], "next_cursor": None}
+    assert len(client.get("/v1/reliability", params={"audit_id": plant["id"]}).json()["rows"]) == 3
+    assert client.get("/v1/reliability", params={"audit_id": "none"}).json()["rows"] == []
+
+
+def test_the_table_as_csv_opens_safely(client, plant):
+    answer = client.get("/v1/reliability", params={"format": "csv"})
+    assert answer.headers["content-type"].startswith("text/csv")
+    rows = list(csv.DictReader(io.StringIO(answer.text, newline="")))
+    assert {row["loop"] for row in rows} == {"FIC101", "LIC7", "'" + HOSTILE}
+    numbers = {row["loop"]: row["yper_pct"] for row in client.get("/v1/reliability").json()["rows"]}
+    assert {row["loop"].removeprefix("'"): float(row["yper_pct"]) for row in rows} == pytest.approx(numbers)
+
+
+@pytest.mark.parametrize(
+    ("params", "status", "code"),
+    [
+        ({"limit": 0}, 422, "invalid_request"),
+        ({"limit": 20001}, 422, "invalid_request"),
+        ({"sort": "colour"}, 400, "bad_sort"),
+        ({"sort": "loop; DROP TABLE loops"}, 400, "bad_sort"),
+        ({"cursor": "nonsense"}, 400, "bad_cursor"),
+        ({"cursor": "A" * 4500}, 400, "bad_cursor"),
+        ({"verdict": "perhaps"}, 422, "invalid_request"),
+        ({"format": "xml"}, 422, "invalid_request"),
+        ({"colour": "red"}, 422, "invalid_request"),
+    ],
+)
+def test_questions_to_the_table_that_are_refused(client, plant, params, status, code):
+    answer = client.get("/v1/reliability", params=params)
+    assert (answer.status_code, answer.json()["code"]) == (status, code)
+
+
+def test_the_csv_has_the_columns_that_are_asked_for_in_their_order(client):
+    answer = client.get("/v1/reliability?format=csv&columns=verdict,loop,%20verdict&sort=-loop")
+    lines = list(csv.reader(io.StringIO(answer.text)))
+    assert lines[0] == ["verdict", "loop"]
+    assert {line[1] for line in lines[1:]} >= {"FIC101", "LIC7"}
+    assert all(len(line) == 2 for line in lines)
+
+
+@pytest.mark.parametrize("query", ["format=csv&columns=loop,colour", "format=csv&columns=", "columns=loop"])
+def test_columns_that_there_are_not_or_that_json_has_anyway_are_refused(client, query):
+    answer = client.get(f"/v1/reliability?{query}")
+    assert (answer.status_code, answer.json()["code"]) == (400, "bad_columns")

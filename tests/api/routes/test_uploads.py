@@ -1,0 +1,96 @@
+"""Uploads: stored, told, refused."""
+
+import gzip
+import re
+
+import pytest
+
+from app.services.intake.reading import read_upload
+from tests.api.routes.exports import sent, wide
+
+
+def test_an_upload_is_stored_and_says_where_to_ask(client):
+    answer = client.post(
+        "/v1/uploads?filename=a.csv", content=b"time,PV,OP\n0,1,2\n", headers={"Content-Type": "text/csv"}
+    )
+    assert answer.status_code == 202
+    upload = answer.json()
+    assert answer.headers["location"] == f"/v1/uploads/{upload['id']}"
+    assert (upload["state"], upload["filename"], upload["size_bytes"]) == ("received", "a.csv", 17)
+    assert client.get(answer.headers["location"]).json()["fingerprint"] == upload["fingerprint"]
+
+
+def test_the_same_content_is_the_same_upload_raw_or_as_a_form(client):
+    body = wide("FIC9")
+    raw = sent(client, body, filename="x.csv")
+    form = client.post("/v1/uploads", files={"file": ("x.csv", body, "text/csv")})
+    assert form.status_code == 202
+    assert form.json()["id"] == raw["id"]
+
+
+def test_gzip_is_read(client, backend):
+    upload = sent(client, gzip.compress(wide("FIC_Z")), filename="z.csv.gz")
+    read_upload(backend, int(upload["id"]), owner="test")
+    assert client.get(f"/v1/uploads/{upload['id']}").json()["loops"] == ["FIC_Z"]
+
+
+def test_the_list_of_uploads_counts_the_loops_and_leaves_naming_them_to_each(client, backend):
+    body = re.sub(rb"(00:00:05Z),[^,]+", rb"\1,Bad Input", wide("FIC_L1", "FIC_L2"))
+    upload = sent(client, body, filename="listed.csv")
+    read_upload(backend, int(upload["id"]), owner="test")
+    listed = client.get("/v1/uploads?limit=1").json()["rows"][0]
+    assert (listed["id"], listed["loops_found"], listed["rows_refused"]) == (upload["id"], 2, 1)
+    assert not {"loops", "rejects", "tags"} & set(listed)
+    assert listed["tags_found"] == 6
+    one = client.get(f"/v1/uploads/{upload['id']}").json()
+    assert {name: one[name] for name in listed} == listed
+    assert (one["loops"], len(one["rejects"])) == (["FIC_L1", "FIC_L2"], 1)
+    assert [loop["loop"] for loop in one["tags"]] == ["FIC_L1", "FIC_L2"]
+
+
+@pytest.mark.parametrize("names", [["file", "file"], ["file", "file", "file"], ["file", "mapping", "mapping"]])
+def test_no_part_of_a_form_is_dropped_without_a_word(client, names):
+    before = client.get("/v1/uploads?limit=1").json()["rows"]
+    parts = [(name, (f"{number}.csv", wide(f"FIC_P{number}"), "text/csv")) for number, name in enumerate(names)]
+    answer = client.post("/v1/uploads", files=parts)
+    assert (answer.status_code, answer.json()["code"]) == (400, "several_files")
+    assert f"`{names[-1]}`" in answer.json()["detail"]
+    assert client.get("/v1/uploads?limit=1").json()["rows"] == before
+
+
+def test_rows_that_cannot_be_read_are_told_with_line_and_reason(client, backend):
+    body = re.sub(rb"(00:00:05Z),[^,]+", rb"\1,Bad Input", wide("FIC_R"))
+    upload = sent(client, body, filename="r.csv")
+    read_upload(backend, int(upload["id"]), owner="test")
+    found = client.get(f"/v1/uploads/{upload['id']}").json()
+    assert found["state"] == "done"
+    assert found["rows_refused"] == 1
+    assert found["rejects"][0]["line"] == 3
+    assert "Bad Input" in found["rejects"][0]["text"]
+
+
+@pytest.mark.parametrize(
+    ("request_", "status", "code"),
+    [
+        ({"content": b""}, 400, "empty_upload"),
+        ({"content": b"x" * 1_000_001}, 413, "upload_too_large"),
+        ({"content": b"x" * 4_000_000}, 413, None),
+        ({"content": iter([b"x" * 600_000] * 6)}, 413, None),
+        ({"content": b"x", "headers": {"Content-Encoding": "br"}}, 415, "content_encoding"),
+        ({"files": {"other": ("a.csv", b"x")}}, 400, "no_file"),
+        ({"content": b"x", "headers": {"Content-Type": "multipart/form-data"}}, 400, None),
+        ({"content": b"x", "headers": {"Content-Type": "multipart/form-data; boundary=x"}}, 400, None),
+        ({"content": b"x", "params": {"time_zone": "Mars/Olympus"}}, 400, "unknown_time_zone"),
+        ({"content": b"x", "params": {"filename": "n" * 300}}, 422, "invalid_request"),
+        ({"content": b"x", "params": {"date_order": "year"}}, 422, "invalid_request"),
+    ],
+)
+def test_uploads_that_are_refused(client, request_, status, code):
+    answer = client.post("/v1/uploads", **request_)
+    assert answer.status_code == status, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert answer.json()["code"] == (code or answer.json()["code"])
+
+
+def test_nothing_is_left_of_a_refused_upload(client, backend):
+    assert not list(backend.settings.uploads_dir.glob(".part-*"))
