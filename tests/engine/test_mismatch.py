@@ -3,7 +3,6 @@ where nothing is.
 """
 
 from dataclasses import replace
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -23,7 +22,6 @@ from app.engine.mismatch import pairs as pairs_module
 from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.chain import simulate
 from app.engine.mismatch.closed_loop import close, close_again
-from app.engine.mismatch.comparison import record_of
 from app.engine.mismatch.compete import Rival
 from app.engine.mismatch.conclude import free_run_astray, unseen_data_refuse
 from app.engine.mismatch.experiment import experiment
@@ -31,7 +29,7 @@ from app.engine.mismatch.fitting import fit_linear
 from app.engine.mismatch.holdout import Fitness, Unseen, unseen_gain
 from app.engine.mismatch.law import identify_law
 from app.engine.mismatch.noise import NoiseModel, fit_noise, whiten
-from app.engine.mismatch.patterns import Run, find_patterns, jumps_free
+from app.engine.mismatch.patterns import find_patterns
 from app.engine.mismatch.physics import friction, library, valve_deadband, valve_stiction
 from app.engine.mismatch.plant import Plant, run_process
 from app.engine.mismatch.report import CERTAIN, OWN_CERTAIN, probability_of
@@ -41,16 +39,7 @@ from app.engine.mismatch.validation import simulate_again
 from app.engine.recording import FloatArray
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, integrator, simulate_loop
 from app.engine.simulate.compression import keep, rebuild
-from tests.engine import open_loop
-
-N, TS = 1200, 2.0
-TRUE = Plant(K=1.4, tau=30.0, theta=6.0)
-GIVEN = LinearSimulation(gain=1.45, time_constants_s=(28.5,), dead_time_s=6.0)
-moves, noise = partial(open_loop.moves, N, 60), partial(open_loop.noise, N)
-
-
-def recorded(v: FloatArray, added: FloatArray | float = 0.0) -> FloatArray:
-    return 50.0 + run_process(v, TRUE, TS) + noise() + added
+from tests.engine.plain_loop import GIVEN, TRUE, TS, N, moves, noise, recorded
 
 
 def ask(pv: FloatArray, op: FloatArray | None = None) -> Explanation:
@@ -136,78 +125,6 @@ def test_a_first_location_says_what_was_noted_of_the_files(lacking: float) -> No
     comparison = Comparison("loop", TS, 40.0 + moves(), pv, simulation=GIVEN)
     noted = replace(comparison, notes=(Reason("numbers_in_doubt", "1.125 may be 1125"),))
     assert locate(noted).evidence == (*noted.notes, *locate(comparison).evidence)
-
-
-def pattern_codes(pv: FloatArray) -> set[str]:
-    return {p.part.block.code for p in find_patterns(experiment(TS, moves(), pv))}
-
-
-def test_patterns_of_pv_are_read_off_pv() -> None:
-    pv = recorded(moves())
-    stuck = pv.copy()
-    stuck[500:560] = stuck[499]
-    assert pattern_codes(pv) == set()
-    assert pattern_codes(np.round(pv, 3)) == set()
-    assert pattern_codes(stuck) == {"sensor.stuck"}
-    assert pattern_codes(0.8 * np.round(pv / 0.8)) == {"sensor.quantization"}
-    twice = 0.8 * np.round(pv / 0.8) * np.where(np.arange(N) % 2, 1.0, 1.0 + 4e-16)
-    assert pattern_codes(twice) == {"sensor.quantization"}
-    assert pattern_codes(np.minimum(pv, 53.0)) == {"sensor.saturation"}
-    kept = np.arange(0, N, 9)
-    assert pattern_codes(np.interp(np.arange(N), kept, pv[kept])) == {"sensor.compression"}
-
-
-def test_what_a_gap_was_bridged_with_is_no_pattern() -> None:
-    """A line over a long gap hardly rises from sample to sample: a pause of the historian was called a stuck sensor."""
-    pv, known = recorded(moves()), np.ones(N, dtype=np.bool_)
-    known[500:560] = known[700:] = False
-    pv[500:560], pv[700:] = np.linspace(pv[499], pv[560], 60), np.max(pv)
-    comparison = Comparison("loop", TS, moves(), pv, known=known)
-    assert find_patterns(record_of(comparison)) == ()
-    assert find_patterns(record_of(replace(comparison, known=None))) != ()
-
-
-@pytest.mark.parametrize("worse", ["levels", "held"])
-def test_what_a_gap_was_bridged_with_hides_no_pattern(worse: str) -> None:
-    """Straight lines over gaps take values between the levels, and move where a historian that stores changes holds."""
-    pv, known = recorded(moves()), np.ones(N, dtype=np.bool_)
-    if worse == "levels":
-        seen = 0.8 * np.round(pv / 0.8)
-    else:
-        seen = pv[np.maximum.accumulate(np.where(keep(np.arange(float(N)), pv, 0.3, "exception"), np.arange(N), 0))]
-    bridged = seen.copy()
-    for first in range(60, N - 60, 100):
-        known[first : first + 12] = False
-        bridged[first : first + 12] = np.linspace(seen[first - 1], seen[first + 12], 14)[1:-1]
-    whole, holed = (find_patterns(record_of(Comparison("loop", TS, moves(), x, known=known))) for x in (seen, bridged))
-    assert [p.part.block.code for p in whole] == [p.part.block.code for p in holed] != []
-    assert [p.part.values[0] for p in holed] == pytest.approx([p.part.values[0] for p in whole], rel=0.05)
-
-
-def test_one_stuck_stretch_is_seen_where_hardly_anything_else_repeats() -> None:
-    pv = recorded(moves())
-    stuck = pv.copy()
-    stuck[500:560] = stuck[499]
-    for k in (100, 200, 300, 400):
-        stuck[k] = stuck[k - 1]
-    assert pattern_codes(stuck) == {"sensor.stuck"}
-
-
-def test_near_its_extreme_a_sensor_that_comes_free_jumps_and_a_limit_does_not() -> None:
-    pv = recorded(moves())
-    stuck, at = pv.copy(), int(np.argmax(pv))
-    stuck[at - 80 : at] = np.min(pv) - 0.001
-    stuck[-1] = np.min(pv) - 0.01
-    assert pattern_codes(stuck) == {"sensor.stuck"}
-    stuck[at - 80 : at] = np.min(pv) - 0.02
-    assert pattern_codes(stuck) == {"sensor.stuck"}
-    wave = 50.0 + 5.0 * np.sin(np.arange(N) / 60.0) + 0.02 * np.random.default_rng(1).normal(size=N)
-    pressed = np.maximum(wave, 45.1)
-    first = int(np.argmax(pressed == 45.1))
-    left = first + int(np.argmax(pressed[first + 10 :] > 45.1)) + 9
-    assert not jumps_free(pressed, Run(first, left))
-    assert jumps_free(stuck, Run(at - 80, at - 1))
-    assert not jumps_free(stuck, Run(N - 20, N - 1))
 
 
 @pytest.mark.parametrize("theta", [0.0, 0.4 * TS])
