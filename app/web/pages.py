@@ -15,7 +15,7 @@ from app.services.plant.arrivals import arrivals, nothing_new, sentences
 from app.services.plant.glossary import FIGURES
 from app.services.plant.nights import nights
 from app.services.plant.reliability import RowFilter
-from app.services.plant.repaired import LISTED, repairs
+from app.services.plant.repaired import repairs
 from app.services.wording import VERDICT_RANK
 from app.web import loop, runs, uploads
 from app.web.columns import COLUMNS, USUAL, query_without
@@ -66,8 +66,7 @@ def plant(backend: Services) -> HTMLResponse:
         ranks=VERDICT_RANK,
         changed=changed,
         arrivals=_arrivals(backend, changed) if seen.audited else [],
-        repairs=repairs(backend) if seen.audited else [],
-        most_repairs=LISTED,
+        repairs=repairs(backend) if seen.audited else None,
         worst=worst,
         last_nights=nights(backend, [row["loop"] for row in worst] + [row.loop for row in changed.rows[:CHANGES]]),
         most_changes=CHANGES,

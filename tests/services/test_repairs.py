@@ -138,7 +138,8 @@ def fortnight(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> list[tuple]:
     """What became of the repairs, by the newest verdicts; the record of these tests is older than a fortnight."""
     monkeypatch.setattr(repaired, "LOOKED_BACK", timedelta(days=4000))
     return [
-        (row.loop, row.outcome, row.before, row.now, row.reliability is not None) for row in repaired.repairs(backend)
+        (row.loop, row.outcome, row.before, row.now, row.reliability is not None)
+        for row in repaired.repairs(backend).listed
     ]
 
 
@@ -193,4 +194,4 @@ def test_a_repair_longer_ago_is_no_news(backend: Backend, arrives, night: Night)
     night()
     notes.add_note(backend, "FIC1", "packing renewed", repaired_at=START)
     night()
-    assert repaired.repairs(backend) == []
+    assert repaired.repairs(backend).listed == []

@@ -14,7 +14,7 @@ from app.services.cursors import identifier
 from app.services.moments import short_time
 from app.services.plant.arrivals import of_run
 from app.services.plant.overview import change_of
-from app.services.plant.repaired import LISTED, RepairView, repairs
+from app.services.plant.repaired import RepairView, repairs
 from app.services.rendering import document, figure
 from app.services.results import AuditView, ChangeView
 from app.services.wording import CHANGE_WORDS, RELIABILITY_BRIEF, VERDICT_RANK, VERDICT_WORDS, cause_words
@@ -61,6 +61,7 @@ class Digest:
     changes: list[ChangeView]
     more_changes: bool
     repairs: list[RepairView]
+    more_repairs: bool
     compared: bool
     public_url: str
 
@@ -95,6 +96,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
     refused_loops: dict[str, list[str]] = {}
     for row in not_auditable:
         refused_loops.setdefault(row.likely_cause or "data", []).append(row.tag)
+    repaired = repairs(backend, number, datetime.fromisoformat(run.created_at))
     url = backend.settings.public_url
     return Digest(
         plant=backend.settings.plant,
@@ -106,7 +108,8 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         areas=[Area(unit, [_loop(row, url) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
         changes=[change_of(row) for row in changed[:CHANGES]],
         more_changes=len(changed) > CHANGES,
-        repairs=repairs(backend, number, datetime.fromisoformat(run.created_at)),
+        repairs=repaired.listed,
+        more_repairs=repaired.more,
         compared=compared,
         public_url=url,
     )
@@ -139,8 +142,8 @@ def as_text(digest: Digest) -> str:
     lines += ["  ... and more"] if digest.more_changes else []
     if digest.repairs:
         lines += ["", "REPAIRS OF THE LAST FORTNIGHT", ""]
-        lines += [_repair_line(repair) for repair in digest.repairs[:LISTED]]
-        lines += ["  ... and more"] if len(digest.repairs) > LISTED else []
+        lines += [_repair_line(repair) for repair in digest.repairs]
+        lines += ["  ... and more"] if digest.more_repairs else []
     for area in digest.areas:
         lines += ["", f"WORST OF {_line(area.unit) if area.unit else 'THE LOOPS WITHOUT A UNIT'}", ""]
         for place, loop in enumerate(area.loops, 1):
@@ -158,7 +161,6 @@ def as_html(digest: Digest) -> str:
         refused=_refused(digest),
         no_change=_no_change(digest),
         how_to_read=HOW_TO_READ,
-        most_repairs=LISTED,
         addresses=_addresses(digest),
     )
 

@@ -53,14 +53,23 @@ class RepairView:
         return ", ".join(before + now)
 
 
-def repairs(backend: Backend, audit_id: int | None = None, at: datetime | None = None) -> list[RepairView]:
+@dataclass(frozen=True)
+class Repairs:
+    """The first of the repairs of a fortnight; `more`: whether there were others."""
+
+    listed: list[RepairView]
+    more: bool
+
+
+def repairs(backend: Backend, audit_id: int | None = None, at: datetime | None = None) -> Repairs:
     """Of the repairs of the fortnight up to now, by the newest verdicts, or up to a run that began `at`, by its own;
-    those that did not help come first, LISTED and one more at most."""
+    those that did not help come first."""
     at = at or datetime.now(UTC)
     with backend.database.read() as connection:
         rows = stored.between(connection, at - LOOKED_BACK, at, audit_id, LOOKED_AT)
     order = list(OUTCOME_WORDS)
-    return sorted((_view(row) for row in rows), key=lambda view: order.index(view.outcome))[: LISTED + 1]
+    views = sorted((_view(row) for row in rows), key=lambda view: order.index(view.outcome))
+    return Repairs(views[:LISTED], len(views) > LISTED)
 
 
 def _view(row: Any) -> RepairView:

@@ -1,6 +1,5 @@
 """An embedded backend behind its routes; what a worker would do is done by calling its services."""
 
-
 import pytest
 
 from app.main import create_app
