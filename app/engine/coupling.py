@@ -4,19 +4,16 @@ import numpy as np
 from scipy.special import chdtrc
 
 from app.engine.features import PER_CYCLE
+from app.engine.innovations import innovations
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.sampled import thinned
 
 ORDER = 20
 LAGS = 20
-RIDGE = 1e-9
-SAMPLES_A_LAG = 6
 FEWEST_CYCLES = 8
 FINER = 8
 SHIFTS = 12
-# A spike in one innovation is one sample, however large.
-_CLIPPED_AT = 4.0
 
 
 def strangers_chance(record: UniformRecord, oscillation: Oscillation) -> float:
@@ -51,9 +48,10 @@ def _stride(record: UniformRecord, oscillation: Oscillation) -> int:
 
 def _chance(record: UniformRecord, stride: int, *, beside_shifts: bool = False) -> float:
     """That of every so many samples; 1 where OP is half as like PV in one of SHIFTS places elsewhere in the record."""
-    pv, op = (_innovations(thinned(x, stride)) for x in (record.pv, record.op))
+    pv, op = (innovations(thinned(x, stride)[None], ORDER) for x in (record.pv, record.op))
     if pv is None or op is None:
         return 1.0
+    pv, op = pv[0], op[0]
     alike = _alike(pv, op)
     if beside_shifts:
         elsewhere = (_alike(pv, np.roll(op, k * len(op) // (SHIFTS + 1))) for k in range(1, SHIFTS + 1))
@@ -68,19 +66,3 @@ def _alike(pv: FloatArray, op: FloatArray) -> float:
     lags = range(-LAGS, LAGS + 1)
     products = [pv[max(0, lag) : n + min(0, lag)] @ op[max(0, -lag) : n - max(0, lag)] for lag in lags]
     return float(n * np.sum(np.square(products)))
-
-
-def _innovations(x: FloatArray) -> FloatArray | None:
-    """What the past of x does not foretell, of power 1; None where x is too short or foretells itself."""
-    if len(x) < SAMPLES_A_LAG * ORDER or np.ptp(x) == 0.0:
-        return None
-    x = (x - x.mean()) / x.std()
-    # Least squares, not Yule and Walker: their weights leave a part of what swings in both, which is alike by chance.
-    past = np.column_stack((np.lib.stride_tricks.sliding_window_view(x[:-1], ORDER), np.ones(len(x) - ORDER)))
-    gram = past.T @ past + RIDGE * len(x) * np.eye(ORDER + 1)
-    e = x[ORDER:] - past @ np.linalg.solve(gram, past.T @ x[ORDER:])
-    spread = float(np.std(e))
-    if spread == 0.0:
-        return None
-    e = np.clip(e, -_CLIPPED_AT * spread, _CLIPPED_AT * spread)
-    return np.asarray(e / np.sqrt(e @ e))

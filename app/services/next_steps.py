@@ -5,7 +5,7 @@ from typing import Any
 
 from app.engine.episodes import BEGAN
 from app.engine.judgement import UNCOUPLED
-from app.services.auditing.hearing import SHAKEN_BY_NEIGHBOUR
+from app.services.auditing.hearing import MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR
 from app.services.auditing.repairs import BEFORE_REPAIR
 from app.services.wording import CAUSE_WORDS
 
@@ -20,6 +20,10 @@ MAY_STICK = (
 SHAKEN = (
     "Look at the loop that is named first: once its valve is mended, this one may stop by itself. If it swings on, ask "
     "for a stroke test here."
+)
+OUTER = (
+    "Leave this loop and look at the one that is named first: that one moves the valve. If nothing is wrong there, "
+    "have the tuning of this one looked at."
 )
 BEGAN_TO_STICK = "It sticks since the hour that is named, whatever the rest of the record says: ask for a stroke test."
 CLEARED = "Nothing at the valve."
@@ -66,6 +70,8 @@ def next_step(row: Mapping[str, Any], reasons: tuple[str, ...] = ()) -> str:
     """What to do about a loop whose row of the reliability table this is; `reasons`: codes of its verdict."""
     if BEFORE_REPAIR in reasons:
         return WAIT
+    if MOVES_SET_POINT in reasons:
+        return OUTER
     if SHAKEN_BY_NEIGHBOUR in reasons:
         return SHAKEN
     if row["verdict"] != "stiction" and BEGAN in reasons:
@@ -88,6 +94,7 @@ def as_table() -> str:
         ("no stiction, and no cause is named", CLEARED),
         *((f"else, likely cause: {CAUSE_WORDS[code]}", step) for code, step in BY_CAUSE.items()),
         ("valve sticks, but a neighbour may shake it", SHAKEN),
+        ("anything, but OP is the set point of another loop", OUTER),
         ("repaired, and too little recorded since", WAIT),
         ("anything else, but the valve sticks up to the end of the record", BEGAN_TO_STICK),
     ]

@@ -225,6 +225,7 @@ newest_rows = Table(
     Column("audit_id", Id, ForeignKey("audits.id", ondelete="CASCADE"), nullable=False),
     Column("form", Text, nullable=False),  # which fields the row has, and how they are written
     Column("swing_json", Text),  # what is kept of an oscillation, to compare loops by
+    Column("excerpts_json", Text),  # and of OP and SP
     Column("row_json", Text, nullable=False),  # a row of the reliability table without what its loop says of itself
     Column("figures_json", Text, nullable=False, server_default="{}"),  # the key figures
     Column("verdict", Text),  # of the verdict, what is filtered and sorted by most

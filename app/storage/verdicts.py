@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import zstandard
-from sqlalchemy import ColumnElement, Connection, Select, and_, case, func, or_, select, update
+from sqlalchemy import ColumnElement, Connection, Select, Table, and_, bindparam, case, func, or_, select, update
 
 from app.storage.series import insert_for, insert_new
 from app.storage.tables import audits, loops, newest_rows, verdict_details, verdicts
@@ -75,6 +75,7 @@ class NewVerdict:
     figures_json: str
     form: str
     swing_json: str | None = None
+    excerpts_json: str | None = None
 
 
 class Settled(NamedTuple):
@@ -129,7 +130,8 @@ def _keep_rows(connection: Connection, new: Sequence[NewVerdict]) -> None:
     )
     rows = [
         {"loop_id": v.loop_id, "audit_id": v.audit_id}
-        | {"form": v.form, "row_json": v.row_json, "figures_json": v.figures_json, "swing_json": v.swing_json}
+        | {"form": v.form, "row_json": v.row_json, "figures_json": v.figures_json}
+        | {"swing_json": v.swing_json, "excerpts_json": v.excerpts_json}
         | {name: v.columns[name] for name in KEPT}
         for v in new
     ]
@@ -148,23 +150,37 @@ class Reworded:
 
 
 def reword(connection: Connection, changed: Sequence[Reworded]) -> None:
-    """Rewrites what these verdicts say; to be called in the transaction that ends their run, because what has been read
-    of a row is kept until then."""
-    for one in changed:
-        for table, values in (
-            (verdicts, one.columns),
-            (verdict_details, {"packed": one.detail}),
-            (newest_rows, {"row_json": one.row_json} | {n: v for n, v in one.columns.items() if n in KEPT}),
-        ):
-            mine = (table.c.loop_id == one.loop_id, table.c.audit_id == one.audit_id)
-            connection.execute(update(table).where(*mine).values(**values))
+    """Rewrites what these verdicts say, the same columns of all; to be called in the transaction that ends their run,
+    because what has been read of a row is kept until then."""
+    for table, values in (
+        (verdicts, [one.columns for one in changed]),
+        (verdict_details, [{"packed": one.detail} for one in changed]),
+        (newest_rows, [{"row_json": one.row_json} | _kept(one.columns) for one in changed]),
+    ):
+        _rewrite(connection, table, changed, values)
 
 
-def relied_on(connection: Connection, audit_id: int) -> dict[str, int]:
-    """The loops whose newest verdict is of this run and says reliably that the valve sticks: their keys by tag."""
-    query = select(loops.c.tag, loops.c.id).select_from(_newest_rows()).where(newest_rows.c.audit_id == audit_id)
-    sticks = and_(newest_rows.c.verdict == "stiction", newest_rows.c.reliability == "reliable")
-    return {tag: loop_id for tag, loop_id in connection.execute(query.where(sticks))}
+def _kept(columns: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in columns.items() if name in KEPT}
+
+
+def _rewrite(
+    connection: Connection, table: Table, changed: Sequence[Reworded], values: Sequence[Mapping[str, Any]]
+) -> None:
+    if not changed:
+        return
+    mine = (table.c.loop_id == bindparam("of_loop"), table.c.audit_id == bindparam("of_run"))
+    statement = update(table).where(*mine).values({table.c[name]: bindparam(f"new_{name}") for name in values[0]})
+    keys = [{"of_loop": one.loop_id, "of_run": one.audit_id} for one in changed]
+    new = [{f"new_{name}": value for name, value in row.items()} for row in values]
+    connection.execute(statement, [{**key, **row} for key, row in zip(keys, new, strict=True)])
+
+
+def said(connection: Connection) -> list[Any]:
+    """What the newest verdict of each loop says in short, and of which run it is."""
+    told = ("loop_id", "audit_id", "verdict", "reliability", "stiction_probability")
+    query = select(loops.c.tag, *(newest_rows.c[name] for name in told)).select_from(_newest_rows())
+    return list(connection.execute(query.order_by(loops.c.tag)))
 
 
 def pack_detail(detail: dict[str, Any]) -> bytes:
@@ -309,6 +325,12 @@ def swings(connection: Connection) -> list[Any]:
     query = select(loops.c.tag, loops.c.unit, verdicts.c.stiction_probability, newest_rows.c.swing_json)
     query = query.select_from(loops.join(newest_rows, newest_one).join(verdicts, judged))
     return list(connection.execute(query.where(newest_rows.c.swing_json.is_not(None)).order_by(loops.c.tag)))
+
+
+def excerpts(connection: Connection) -> list[Any]:
+    """What is kept of OP and SP of all loops in which one of them moves."""
+    query = select(loops.c.tag, newest_rows.c.excerpts_json).select_from(_newest_rows())
+    return list(connection.execute(query.where(newest_rows.c.excerpts_json.is_not(None)).order_by(loops.c.tag)))
 
 
 def newest_state(connection: Connection) -> tuple[Any, ...]:

@@ -36,7 +36,7 @@ def said(tag: str, **of_its_own: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """The line of a loop whose own record said so, before and after it was heard with the others."""
     lines, swinging = audited()
     before = [line | of_its_own if line["loop"] == tag else line for line in lines]
-    after = heard_together(before, swinging)
+    after = heard_together(before, swinging, {})
     assert [line["loop"] for line in after] == [SOURCE, *SHAKEN]
     at = [line["loop"] for line in before].index(tag)
     return before[at], after[at]
@@ -70,14 +70,14 @@ def test_a_verdict_that_nobody_would_rely_on_against_the_valve_stays(tag: str, o
 def test_a_loop_that_does_not_swing_is_heard_with_nobody() -> None:
     lines, swinging = audited()
     kept = [candidate for candidate in swinging if candidate.tag != SHAKEN[2]]
-    assert heard_together(lines, kept)[-1] is lines[-1]
-    assert heard_together(lines, []) == list(lines)
+    assert heard_together(lines, kept, {})[-1] is lines[-1]
+    assert heard_together(lines, [], {}) == list(lines)
 
 
 def test_a_source_that_swung_sooner_is_not_called_likelier() -> None:
     shaken = Suspect("TIC201", 0.95, 1.4, 9000.0, 0.91, -3.0)
     source = Suspect("FIC101", 0.85, 1.7, None, 1.0, 0.0)
     assert "is likelier to stick (0.98 against 0.95)" in neighbour_text(
-        shaken, replace(source, stiction_probability=0.98), 0.95
+        shaken, replace(source, stiction_probability=0.98)
     )
-    assert "whose swing began sooner (0.85 against 0.95)" in neighbour_text(shaken, source, 0.95)
+    assert "whose swing began sooner (0.85 against 0.95)" in neighbour_text(shaken, source)

@@ -1,6 +1,6 @@
 """The simulated wirings: each is what its name says, and the table counts what was said."""
 
-from collections import Counter
+from collections import Counter, defaultdict
 
 import numpy as np
 import pytest
@@ -69,11 +69,23 @@ def test_the_controller_that_does_not_move_the_valve_follows_it():
 
 
 def test_the_table_counts_what_was_said(capsys):
-    said = {(structures.plain, False): Counter({"stiction!": 1, "stiction": 2, "no_stiction!": 4, "inconclusive": 3}),
-            (structures.plain, True): Counter({"stiction!": 5, "not_auditable": 1}),
-            (structures.time_proportioned, False): Counter({"stiction": 1})}  # fmt: skip
+    said = defaultdict(Counter, {
+        ("plain", False): Counter({"stiction!": 1, "stiction": 2, "no_stiction!": 4, "inconclusive": 3}),
+        ("plain", True): Counter({"stiction!": 5, "not_auditable": 1}),
+        ("time_proportioned", False): Counter({"stiction": 1}),
+        ("cascade_outer, beside the other", True): Counter({"no_stiction": 2}),
+    })  # fmt: skip
     lines = list(structures.report(said))
     assert "| plain (10, 6) | 3 | 1 | 4 | 5 | 5 | 0 | 1 |" in lines
-    assert lines[-1] == "| all (11, 6) | 4 | 1 | 4 | 5 | 5 | 0 | 1 |"
+    assert "| all (11, 6) | 4 | 1 | 4 | 5 | 5 | 0 | 1 |" in lines
+    assert lines[-1] == "| cascade outer, beside the other (0, 2) | 0 | 0 | 0 | 0 | 0 | 0 | 0 |"
     assert structures.main(["--loops", "1", "--seed", "7"]) == 0
-    assert capsys.readouterr().out.count("\n") == len(KINDS) + 3
+    assert capsys.readouterr().out.count("\n") == len(KINDS) + 5
+
+
+def test_the_outer_loop_is_cleared_by_itself_and_not_beside_its_inner_one():
+    assert structures.said_of(structures.cascade_outer, 1000, sticks=True) == "no_stiction!"
+    assert structures.said_beside(1000, sticks=True) == {
+        "cascade_inner, beside the other": "stiction!",
+        "cascade_outer, beside the other": "no_stiction",
+    }

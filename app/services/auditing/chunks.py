@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from app.engine.audit import audit
 from app.engine.audit_config import AuditConfig
+from app.engine.excerpts import excerpts_of
 from app.errors import LoopauditError
 from app.logs import about
 from app.services.auditing.ending import end_if_complete
@@ -125,17 +126,18 @@ def _audited(work: Work, run: AuditRow, config: AuditConfig) -> NewVerdict:
     if samples is None or not len(samples):
         raise LoopauditError("no_samples", "the loop has no samples in the window")
     started = time.perf_counter()
-    recording = recording_of(work.loop, samples)
+    recording, origin = recording_of(work.loop, samples), moment_of(origin_ns(samples))
     found = work.window.told(audit(recording, config))
     return new_verdict(
         found,
         loop_id=work.loop.id,
         audit_id=run.id,
-        origin=moment_of(origin_ns(samples)),
+        origin=origin,
         audited_at=now(),
         elapsed_s=time.perf_counter() - started,
         input_ns=(int(samples.time_ns[0]), int(samples.time_ns[-1])),
         held_ns=samples.held_ns,
+        kept=excerpts_of(recording, origin.timestamp()),
     )
 
 

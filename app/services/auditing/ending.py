@@ -1,4 +1,4 @@
-"""What ends a run: its verdicts are heard beside their neighbours'."""
+"""What ends a run: its verdicts are heard beside those of other loops."""
 
 import logging
 from collections.abc import Callable, Mapping
@@ -7,10 +7,10 @@ from typing import Any
 from sqlalchemy import Connection
 from sqlalchemy.exc import SQLAlchemyError
 
-from app.engine.plant_wide import groups
 from app.services.auditing import hearing
 from app.services.auditing.audit_line import flat_health, flat_reasons
-from app.services.auditing.hearing import Doubt
+from app.services.auditing.excerpts import by_tag
+from app.services.auditing.hearing import Doubt, Said
 from app.services.auditing.rows import as_row, fixed_part
 from app.services.auditing.swings import candidates
 from app.services.backend import Backend
@@ -50,26 +50,27 @@ def _heard(connection: Connection, audit_id: int) -> list[Reworded]:
     except SQLAlchemyError:
         raise
     except Exception:  # the sweep of all runs comes through here: one that never ends would stop the nights
-        log.exception("neighbours not heard", extra={"run": audit_id})
+        log.exception("other loops not heard", extra={"run": audit_id})
         return []
 
 
 def _doubts(connection: Connection, audit_id: int) -> list[Reworded]:
-    """The verdicts of the run that are relied on, and that a neighbour's sticking valve explains as well."""
-    relied_on = verdicts.relied_on(connection, audit_id)
-    if not relied_on:
-        return []
-    found = hearing.doubts(groups(candidates(verdicts.swings(connection))), relied_on)
-    rows = verdicts.newest_of(connection, [relied_on[tag] for tag in found])
+    """The verdicts of the run that other loops explain as well."""
+    newest = verdicts.said(connection)
+    said = {row.tag: Said(row.verdict, row.reliability, row.stiction_probability) for row in newest}
+    ids = {row.tag: row.loop_id for row in newest if row.audit_id == audit_id}
+    found = hearing.all_doubts(said, candidates(verdicts.swings(connection)), by_tag(verdicts.excerpts(connection)))
+    rows = verdicts.newest_of(connection, [ids[tag] for tag in found if tag in ids])
     return [
-        _reworded(row, verdicts.detail(connection, relied_on[tag], audit_id) or {}, relied_on[tag], found[tag])
-        for tag, row in sorted(rows.items(), key=lambda one: relied_on[one[0]])
+        _reworded(row, verdicts.detail(connection, ids[tag], audit_id) or {}, ids[tag], found[tag])
+        for tag, row in sorted(rows.items(), key=lambda one: ids[one[0]])
         if row["audit_id"] == audit_id
     ]
 
 
 def _reworded(row: Mapping[str, Any], detail: Mapping[str, Any], loop_id: int, doubt: Doubt) -> Reworded:
-    told = hearing.reworded(doubt, row["stiction_probability"], detail.get("reasons", []), detail.get("health", []))
+    said = {"reasons": detail.get("reasons", []), "health_parts": detail.get("health", [])}
+    told = hearing.reworded(doubt, {**row, **said})
     reasons, parts = told["reasons"], told["health_parts"]
     columns = {
         "reliability": told["reliability"],

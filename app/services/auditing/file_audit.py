@@ -5,10 +5,12 @@ from time import perf_counter
 from typing import Any
 
 from app.engine.audit import audit
+from app.engine.excerpts import Excerpts, excerpts_of
 from app.ingest import RecordingsRead
 from app.services.auditing import swings
 from app.services.auditing.audit_line import audit_line
 from app.services.auditing.dating import dated
+from app.services.auditing.excerpts import as_json, from_json
 from app.services.auditing.hearing import heard_together
 from app.services.moments import EPOCH
 
@@ -16,12 +18,17 @@ from app.services.moments import EPOCH
 def audited_lines(content: RecordingsRead) -> list[dict[str, Any]]:
     """A line a recording, heard beside the others where all have one clock."""
     lines, swinging = [], []
+    kept: dict[str, Excerpts] = {}
     for recording in content.recordings:
         started = perf_counter()
         found, loop = audit(recording), content.loops[recording.name]
         line = audit_line(found, perf_counter() - started, loop)
         start_s = content.starts_s.get(recording.name)
         lines.append(dated(line, EPOCH + timedelta(seconds=start_s)) if content.dated and start_s is not None else line)
-        if found.swing is not None and start_s is not None:
+        if start_s is None:
+            continue
+        if found.swing is not None:
             swinging.append(swings.candidate(loop, found.swing, found.judgement.stiction_probability, start_s))
-    return heard_together(lines, swinging)
+        if (excerpts := excerpts_of(recording, start_s)) is not None:
+            kept[loop] = from_json(as_json(excerpts))
+    return heard_together(lines, swinging, kept)

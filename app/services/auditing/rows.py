@@ -8,7 +8,8 @@ from types import MappingProxyType
 from typing import Any
 
 from app.engine.audit import Audit
-from app.services.auditing import swings
+from app.engine.excerpts import Excerpts
+from app.services.auditing import excerpts, swings
 from app.services.auditing.audit_detail import detail
 from app.services.auditing.audit_line import audit_line, reliability_row
 from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow
@@ -41,9 +42,10 @@ def new_verdict(
     elapsed_s: float,
     input_ns: tuple[int, int],
     held_ns: Mapping[str, int] = MappingProxyType({}),
+    kept: Excerpts | None = None,
 ) -> NewVerdict:
     """`origin`: the instant of the recording's second 0; `input_ns`: first and last sample given to the engine;
-    `held_ns`: when signals were stated that held when the record began."""
+    `held_ns`: when signals were stated that held when the record began; `kept`: of OP and SP, to compare loops by."""
     line = dated(audit_line(audit, elapsed_s), origin)
     row = reliability_row(line)
     columns = {name: value for name, value in row.items() if name in COLUMNS and name != "audit_id"}
@@ -62,7 +64,8 @@ def new_verdict(
     swing = None if audit.swing is None else swings.as_json(audit.swing, origin.timestamp())
     figures = compact(told[KEY_FIGURES])
     fixed = fixed_part(as_row(stored))
-    return NewVerdict(loop_id, audit_id, columns, pack_detail(told), fixed, figures, FORM, swing)
+    compared = None if kept is None else excerpts.as_json(kept)
+    return NewVerdict(loop_id, audit_id, columns, pack_detail(told), fixed, figures, FORM, swing, compared)
 
 
 def compact(value: Any) -> str:

@@ -16,7 +16,7 @@ from app.engine.audit import Audit, audit
 from app.engine.plant_wide import Candidate, groups
 from app.engine.recording import FloatArray
 from app.engine.simulate import LoopSpec, Pid, Signal, SimulatedLoop, TwoParameterValve, first_order, simulate_loop
-from app.services.auditing.hearing import doubts
+from app.services.auditing.hearing import neighbours_doubts
 
 SOURCE = "source"
 SHAKEN_LOOPS = 4
@@ -45,7 +45,7 @@ def hear(audits: Mapping[str, Audit]) -> Heard:
     ]
     together = groups(swinging)
     sure = {tag for tag, found in audits.items() if _sure(found)}
-    left = sure - doubts(together, sure).keys()
+    left = sure - neighbours_doubts(together, sure).keys()
     sources = {tag for tag in audits if tag.endswith(SOURCE)}
     return Heard(
         accused=frozenset(sure - sources),

@@ -8,14 +8,18 @@ any fit.
 import argparse
 import math
 import sys
-from collections import Counter
-from collections.abc import Callable, Iterator
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from app.engine.audit import audit
+from app.engine.excerpts import excerpts_of
+from app.engine.plant_wide import Candidate
 from app.engine.recording import FloatArray, Recording
+from app.services.auditing.hearing import Said, all_doubts
 from app.services.testbench.wiring import Lag, Pi, Valve, Wandering
 
 SAMPLES, SETTLING, INTERVAL_S = 1500, 500, 5.0
@@ -214,6 +218,9 @@ def time_proportioned(p: Parts) -> Iterator[Row]:
 
 
 Kind = Callable[[Parts], Iterator[Row]]
+Tally = defaultdict[tuple[str, bool], Counter[str]]
+"""How often what was said, by the name of the kind and whether the valve sticks."""
+
 WITH_A_VALVE: tuple[Kind, ...] = (
     plain, feedforward, ratio, set_points_from_above, batch_profile, cascade_inner, cascade_outer, split_range,
     override, averaging_level, error_squared_level, gap_level, on_off,
@@ -232,21 +239,54 @@ def record(kind: Kind, seed: int, sticks: bool) -> Recording:
 def said_of(kind: Kind, seed: int, sticks: bool) -> str:
     """The verdict, with an exclamation mark where it is reliable."""
     judgement = audit(record(kind, seed, sticks)).judgement
-    return judgement.verdict + "!" * (judgement.reliability == "reliable")
+    return _marked(judgement.verdict, reliable=judgement.reliability == "reliable")
 
 
-def report(said: dict[tuple[Kind, bool], Counter[str]]) -> Iterator[str]:
+def said_beside(seed: int, sticks: bool) -> dict[str, str]:
+    """The same of the two loops of a cascade that are heard beside each other, as those of one plant are."""
+    records = {kind.__name__: record(kind, seed, sticks) for kind in (cascade_inner, cascade_outer)}
+    audits = {tag: audit(one) for tag, one in records.items()}
+    said = {
+        tag: Said(found.judgement.verdict, found.judgement.reliability, found.judgement.stiction_probability)
+        for tag, found in audits.items()
+    }
+    swinging = [Candidate(t, a.swing, said[t].stiction_probability) for t, a in audits.items() if a.swing is not None]
+    kept = {tag: excerpts for tag, one in records.items() if (excerpts := excerpts_of(one, 0.0)) is not None}
+    doubts = all_doubts(said, swinging, kept)
+    return {
+        f"{tag}, beside the other": _marked(one.verdict, reliable=one.relied_on and tag not in doubts)
+        for tag, one in said.items()
+    }
+
+
+def _marked(verdict: str, *, reliable: bool) -> str:
+    return verdict + "!" * reliable
+
+
+def tallied(seeds: Iterable[int]) -> Tally:
+    said: Tally = defaultdict(Counter)
+    for seed, sticks in product(seeds, (False, True)):
+        for kind in WITH_A_VALVE if sticks else KINDS:
+            said[kind.__name__, sticks][said_of(kind, seed, sticks)] += 1
+        for name, verdict in said_beside(seed, sticks).items():
+            said[name, sticks][verdict] += 1
+    return said
+
+
+def report(said: Tally) -> Iterator[str]:
     yield (
         "| wiring | healthy: sticks | reliably | cleared reliably "
         "| sticking: sticks | reliably | cleared reliably | not auditable |"
     )
     yield "|---|---|---|---|---|---|---|---|"
-    none: Counter[str] = Counter()
-    for name, kinds in [*((kind.__name__.replace("_", " "), (kind,)) for kind in KINDS), ("all", KINDS)]:
-        healthy, sticking = (sum((said.get((k, sticks), none) for k in kinds), Counter()) for sticks in (False, True))
+    names = [kind.__name__ for kind in KINDS]
+    beside = [name for name in dict.fromkeys(name for name, _ in said) if name not in names]
+    for title, summed in [*((name, [name]) for name in names), ("all", names), *((name, [name]) for name in beside)]:
+        healthy, sticking = (sum((said[name, sticks] for name in summed), Counter()) for sticks in (False, True))
         cells = [_cells(healthy), _cells(sticking) if sticking else " |  | "]
         refused = healthy["not_auditable"] + sticking["not_auditable"]
-        yield f"| {name} ({healthy.total()}, {sticking.total()}) | {' | '.join(cells)} | {refused} |"
+        counts = f"({healthy.total()}, {sticking.total()})"
+        yield f"| {title.replace('_', ' ')} {counts} | {' | '.join(cells)} | {refused} |"
 
 
 def _cells(said: Counter[str]) -> str:
@@ -259,9 +299,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=1000)
     options = parser.parse_args(arguments)
     seeds = range(options.seed, options.seed + options.loops)
-    asked = [(kind, sticks) for kind in KINDS for sticks in (False, True) if not sticks or kind in WITH_A_VALVE]
-    said = {(kind, sticks): Counter(said_of(kind, seed, sticks) for seed in seeds) for kind, sticks in asked}
-    sys.stdout.writelines(f"{line}\n" for line in report(said))
+    sys.stdout.writelines(f"{line}\n" for line in report(tallied(seeds)))
     return 0
 
 

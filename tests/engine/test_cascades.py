@@ -1,0 +1,114 @@
+"""An OP that is another loop's set point is told from all that two loops have in common besides."""
+
+import numpy as np
+import pytest
+
+from app.engine.cascades import Cascade, cascades
+from app.engine.excerpts import excerpts_of
+from app.engine.recording import Recording
+
+ORIGIN_S = 1_750_000_000.0
+SAMPLES, INTERVAL_S = 3000, 5.0
+TIME_S = INTERVAL_S * np.arange(SAMPLES)
+
+
+def wandering(seed, memory=0.98):
+    rng, x = np.random.default_rng(seed), np.zeros(SAMPLES)
+    for k in range(1, SAMPLES):
+        x[k] = memory * x[k - 1] + rng.standard_normal()
+    return x
+
+
+def measured(seed):
+    return 0.2 * wandering(seed, memory=0.0)
+
+
+def loop(op=None, sp=None, every=1, start_s=0.0):
+    """The excerpts of a loop; a signal that is not given stands."""
+    signals = (np.full(SAMPLES, 50.0) if x is None else x for x in (op, sp))
+    op, sp = (x[::every] for x in signals)
+    return excerpts_of(Recording("", TIME_S[::every], np.zeros(len(op)), op, sp), ORIGIN_S + start_s)
+
+
+def found(**kept):
+    return [(one.outer, one.inner) for one in cascades({tag: one for tag, one in kept.items() if one is not None})]
+
+
+def test_an_op_that_is_a_set_point_makes_a_cascade():
+    moved = wandering(1)
+    plant = {"LIC1": loop(op=moved), "FIC2": loop(op=wandering(2), sp=moved), "PIC3": loop(op=wandering(3))}
+    assert cascades(plant) == (Cascade("LIC1", "FIC2", 1.0),)
+
+
+@pytest.mark.parametrize(
+    "stored",
+    [lambda x: -3.0 * x + 1e6, lambda x: np.round(x, 1), lambda x: np.roll(x, 1), lambda x: x + 1e-3 * TIME_S],
+    ids=["unit and sign", "rounded", "a scan late", "drifting"],
+)
+def test_how_the_set_point_was_stored_makes_no_difference(stored):
+    moved = wandering(1)
+    assert found(LIC1=loop(op=moved), FIC2=loop(sp=stored(moved))) == [("LIC1", "FIC2")]
+
+
+def test_loops_that_were_recorded_for_other_times_are_compared_where_both_were():
+    longer = np.concatenate((wandering(7), wandering(8), wandering(1)))
+    whole = Recording("", INTERVAL_S * np.arange(len(longer)), np.zeros(len(longer)), longer)
+    last = loop(sp=longer[-SAMPLES:], start_s=2 * SAMPLES * INTERVAL_S)
+    assert found(LIC1=excerpts_of(whole, ORIGIN_S), FIC2=last) == [("LIC1", "FIC2")]
+    other_day = loop(sp=longer[-SAMPLES:], start_s=86_400.0)
+    assert found(LIC1=excerpts_of(whole, ORIGIN_S), FIC2=other_day) == []
+
+
+def test_loops_of_other_sampling_are_not_compared():
+    moved = wandering(1)
+    assert found(LIC1=loop(op=moved), FIC2=loop(sp=moved, every=12)) == []
+
+
+def test_one_op_may_move_several_set_points_and_a_cascade_may_have_three_loops():
+    first, second = wandering(1), wandering(2)
+    assert found(
+        AIC1=loop(op=first), TIC2=loop(op=second, sp=first), FIC3=loop(sp=second), FIC4=loop(sp=2.0 * second)
+    ) == [("AIC1", "TIC2"), ("TIC2", "FIC3"), ("TIC2", "FIC4")]
+
+
+def test_of_two_outer_loops_the_nearer_one_moves_the_set_point():
+    moved = wandering(1)
+    near = moved + 0.3 * measured(5)
+    assert found(LIC1=loop(op=near), LIC2=loop(op=moved), FIC3=loop(sp=moved)) == [("LIC2", "FIC3")]
+
+
+def test_a_swing_a_drift_or_a_load_in_common_makes_no_cascade():
+    load = np.convolve(wandering(9, memory=0.999), np.exp(-np.arange(100) / 20.0) / 20.0, mode="same")
+    for shared in (np.sin(TIME_S / 60.0), np.sin(TIME_S / 300.0), 0.001 * TIME_S, load):
+        swinging = {f"L{k}": loop(op=shared + measured(k), sp=shared + measured(50 + k)) for k in range(9)}
+        assert found(**swinging) == []
+
+
+def test_single_steps_at_one_time_make_no_cascade():
+    step = np.where(np.arange(SAMPLES) < 1400, 0.0, 5.0)
+    two = step + np.where(np.arange(SAMPLES) < 2200, 0.0, 3.0)
+    assert found(LIC1=loop(op=step), FIC2=loop(sp=step), LIC3=loop(op=two), FIC4=loop(sp=two)) == []
+
+
+def test_loops_of_one_recipe_make_no_cascade():
+    """Both set points are one profile, and what is new in the OP of either comes with it."""
+    rng = np.random.default_rng(3)
+    profile = np.repeat(rng.standard_normal(SAMPLES // 100), 100)
+    answer = profile + 0.1 * wandering(4, memory=0.5)
+    assert found(TIC1=loop(op=answer, sp=profile), TIC2=loop(op=wandering(5), sp=2.0 * profile)) == []
+
+
+def test_a_loop_does_not_move_its_own_set_point():
+    moved = wandering(1)
+    assert found(LIC1=loop(op=moved, sp=moved)) == []
+
+
+def test_strangers_make_no_cascade():
+    assert found(**{f"L{k}": loop(op=wandering(k), sp=wandering(500 + k)) for k in range(60)}) == []
+    assert cascades({}) == ()
+
+
+def test_the_order_of_the_loops_makes_no_difference():
+    moved = wandering(1)
+    plant = {"LIC2": loop(op=moved), "LIC1": loop(op=moved.copy()), "FIC3": loop(sp=moved)}
+    assert cascades(plant) == cascades(dict(reversed(plant.items()))) == (Cascade("LIC1", "FIC3", 1.0),)

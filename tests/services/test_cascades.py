@@ -1,0 +1,158 @@
+"""An outer loop of a cascade moves no valve: what is said of it rests on the loops whose set points it moves."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.engine.cascades import Cascade
+from app.engine.plant_wide import Candidate
+from app.engine.recording import Recording
+from app.ingest import read_recordings
+from app.services.auditing.audits import start_audit
+from app.services.auditing.chunks import audit_chunk
+from app.services.auditing.file_audit import audited_lines
+from app.services.auditing.hearing import MOVES_SET_POINT, Said, cascades_doubts, reworded, without_outer
+from app.services.backend import Backend
+from app.services.next_steps import OUTER, next_step
+from app.services.plant.groups import plant_groups
+from app.services.plant.loops import loop_health, verdict_detail
+from app.services.plant.reliability import RowFilter, reliability_page
+from app.services.testbench import structures
+from app.storage import loops, series
+from app.storage.audits import LoopFilter
+from app.storage.samples import Samples
+from app.storage.series import Stretch
+
+START_NS = 1_750_000_000_000_000_000
+STICKS, HEALTHY = (1000, True), (1010, False)
+SURE = {verdict: Said(verdict, "reliable", p) for verdict, p in (("stiction", 0.95), ("no_stiction", 0.05))}
+UNSURE = {verdict: Said(verdict, "not_reliable", p) for verdict, p in (("stiction", 0.7), ("no_stiction", 0.3))}
+NOT_AUDITABLE = Said("not_auditable", "not_reliable", None)
+
+
+@cache
+def cascade(seed: int, sticks: bool) -> dict[str, Recording]:
+    kinds = {"TIC1": structures.cascade_outer, "FIC2": structures.cascade_inner}
+    return {tag: structures.record(kind, seed, sticks) for tag, kind in kinds.items()}
+
+
+def stored(backend: Backend, recordings: dict[str, Recording]) -> None:
+    with backend.database.write() as connection:
+        ids = loops.ensure(connection, tuple(recordings))
+        series.add(connection, [Stretch(ids[tag], samples(one)) for tag, one in recordings.items()], None)
+
+
+def samples(one: Recording) -> Samples:
+    signals = {"pv": one.pv, "op": one.op, "sp": one.sp}
+    return Samples(START_NS + (one.time_s * 1e9).astype(np.int64), signals)
+
+
+def audited(backend: Backend, wanted: LoopFilter | None = None) -> dict[str, dict[str, Any]]:
+    run = start_audit(backend, wanted)
+    audit_chunk(backend, int(run.id), "test")
+    return {row["loop"]: row for row in reliability_page(backend, filters=RowFilter()).rows}
+
+
+def test_an_outer_loop_is_not_cleared_beside_an_inner_one_that_sticks(backend: Backend, warm_kernels: None) -> None:
+    stored(backend, {"TIC1": cascade(*STICKS)["TIC1"]})
+    alone = audited(backend)["TIC1"]
+    assert (alone["verdict"], alone["reliability"]) == ("no_stiction", "reliable")
+    stored(backend, {"FIC2": cascade(*STICKS)["FIC2"]})
+    rows = audited(backend)
+    assert (rows["FIC2"]["verdict"], rows["FIC2"]["reliability"]) == ("stiction", "reliable")
+    outer = rows["TIC1"]
+    assert (outer["verdict"], outer["reliability"]) == ("no_stiction", "not_reliable")
+    assert outer["stiction_probability"] == alone["stiction_probability"]
+    assert outer["reasons"].split(";")[0] == MOVES_SET_POINT
+    assert "OP is the set point of FIC2" in outer["reasons_text"]
+    assert "FIC2: valve sticks, rely on it" in outer["reasons_text"]
+    detail = verdict_detail(backend, "TIC1")
+    assert detail["reasons"][0]["code"] == MOVES_SET_POINT
+    assert loop_health(backend, "TIC1")["reliability"] == "not_reliable"
+    assert next_step(outer, tuple(outer["reasons"].split(";"))) == OUTER
+
+
+def test_an_outer_loop_stays_cleared_with_its_inner_one(backend: Backend, warm_kernels: None) -> None:
+    stored(backend, cascade(*HEALTHY))
+    rows = audited(backend)
+    assert [(row["verdict"], row["reliability"]) for row in rows.values()] == [("no_stiction", "reliable")] * 2
+    assert not any(MOVES_SET_POINT in row["reasons"] for row in rows.values())
+
+
+def test_an_outer_loop_audited_alone_is_heard_beside_what_is_known(backend: Backend, warm_kernels: None) -> None:
+    stored(backend, cascade(*STICKS))
+    before = audited(backend)
+    after = audited(backend, LoopFilter(tags=("TIC1",)))
+    assert after["TIC1"]["audit_id"] != before["TIC1"]["audit_id"] == after["FIC2"]["audit_id"]
+    assert after["TIC1"]["reasons"].split(";").count(MOVES_SET_POINT) == 1
+
+
+def test_an_outer_loop_is_no_source_of_a_group(backend: Backend, warm_kernels: None) -> None:
+    stored(backend, cascade(*STICKS))
+    audited(backend)
+    for group in plant_groups(backend):
+        assert group.source != "TIC1"
+        assert all(member.stiction_probability is not None for member in group.members)
+
+
+def test_a_file_says_the_same_as_a_service(tmp_path) -> None:
+    recordings = cascade(*STICKS)
+    columns = {f"{tag}.{name}": x for tag, one in recordings.items() for name, x in signals(one).items()}
+    stamps = np.datetime64("2026-03-01T00:00:00") + (5 * np.arange(structures.SAMPLES)).astype("timedelta64[s]")
+    rows = zip(stamps.astype(str), *(np.round(x, 2).astype(str) for x in columns.values()), strict=True)
+    export = tmp_path / "plant.csv"
+    export.write_text("\n".join(",".join(row) for row in [("time", *columns), *rows]))
+    lines = {line["loop"]: line for line in audited_lines(read_recordings(export))}
+    assert lines["TIC1"]["reasons"][0]["code"] == MOVES_SET_POINT
+    assert lines["TIC1"]["reliability"] == "not_reliable"
+    assert lines["FIC2"]["reliability"] == "reliable"
+
+
+def signals(one: Recording) -> dict[str, np.ndarray]:
+    assert one.sp is not None
+    return {"PV": one.pv, "OP": one.op, "SP": one.sp}
+
+
+@pytest.mark.parametrize(
+    ("outer", "inner", "doubted"),
+    [
+        (SURE["no_stiction"], SURE["no_stiction"], False),
+        (SURE["no_stiction"], SURE["stiction"], True),
+        (SURE["no_stiction"], UNSURE["no_stiction"], True),
+        (SURE["no_stiction"], NOT_AUDITABLE, True),
+        (SURE["no_stiction"], None, True),
+        (SURE["stiction"], SURE["stiction"], True),
+        (UNSURE["stiction"], SURE["no_stiction"], True),
+        (NOT_AUDITABLE, SURE["stiction"], False),
+    ],
+)
+def test_which_outer_loops_are_doubted(outer: Said, inner: Said | None, doubted: bool) -> None:
+    said = {"TIC1": outer} | ({} if inner is None else {"FIC2": inner})
+    found = cascades_doubts([Cascade("TIC1", "FIC2", 1.0)], said)
+    assert list(found) == ["TIC1"] * doubted
+
+
+def test_an_op_that_moves_two_set_points_names_both() -> None:
+    said = {"TIC1": SURE["no_stiction"], "FIC2": SURE["no_stiction"], "FIC3": NOT_AUDITABLE}
+    doubt = cascades_doubts([Cascade("TIC1", "FIC2", 0.99), Cascade("TIC1", "FIC3", 0.95)], said)["TIC1"]
+    assert doubt.text == (
+        "OP is the set points of FIC2 and FIC3 (what is new in both is alike to 0.95), so this loop moves no valve by "
+        "itself: the valve is judged there (FIC2: no stiction, rely on it; FIC3: not auditable)"
+    )
+
+
+def test_of_an_unreliable_verdict_only_the_reasons_change() -> None:
+    doubt = cascades_doubts([Cascade("TIC1", "FIC2", 1.0)], {"TIC1": UNSURE["stiction"]})["TIC1"]
+    line = {"verdict": "stiction", "reliability": "not_reliable", "stiction_probability": 0.7}
+    line |= {"reasons": [{"code": "few_cycles", "text": "few"}], "health": 80.0, "health_parts": [{"code": "x"}]}
+    told = reworded(doubt, line)
+    assert {name for name in told if told[name] != line[name]} == {"reasons"}
+    assert [reason["code"] for reason in told["reasons"]] == [MOVES_SET_POINT, "few_cycles"]
+
+
+def test_candidates_that_move_no_valve_lose_their_probability() -> None:
+    candidates = [Candidate("TIC1", None, 0.9), Candidate("FIC2", None, 0.8)]  # type: ignore[arg-type]
+    kept = without_outer(candidates, [Cascade("TIC1", "FIC2", 1.0)])
+    assert [(one.tag, one.stiction_probability) for one in kept] == [("TIC1", None), ("FIC2", 0.8)]
