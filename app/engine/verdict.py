@@ -10,6 +10,7 @@ from app.engine.coupling import strangers_chance, strangers_chance_finely
 from app.engine.evidence import Finding, Reason
 from app.engine.features import NAMES, Features, observe
 from app.engine.fitness import Fitness
+from app.engine.jitter import period_jitter
 from app.engine.judgement import UNCOUPLED, Judgement, Reliability, Verdict
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
@@ -130,7 +131,7 @@ def conclude(
     probability = weighing.probability
     unrelated = _unrelated(fitness, oscillation, config)
     verdict = _verdict(probability, unrelated, config)
-    doubts = (*_doubts(weighing, verdict, oscillation, config), *_parts_disagree(weighing, fitness, config))
+    doubts = (*_doubts(weighing, verdict, oscillation, fitness, config), *_parts_disagree(weighing, fitness, config))
     doubts += tuple(_data_doubts(weighing, fitness, config))
     reliability: Reliability = "not_reliable" if unrelated or doubts else "reliable"
     reasons = (*unrelated, *_shape_reasons(weighing, verdict), *_rival_reasons(weighing, verdict), *doubts)
@@ -153,9 +154,9 @@ def _verdict(probability: float, unrelated: tuple[Reason, ...], config: VerdictC
 
 
 def _doubts(
-    weighing: Weighing, verdict: Verdict, oscillation: Oscillation, config: VerdictConfig
+    weighing: Weighing, verdict: Verdict, oscillation: Oscillation, fitness: Fitness, config: VerdictConfig
 ) -> tuple[Reason, ...]:
-    """Why the shapes do not make the verdict reliable; empty where they do."""
+    """Why the shapes and their time do not make the verdict reliable; empty where they do."""
     doubts = []
     doubts.extend(_unclear(weighing, oscillation, config))
     if oscillation.cycles < config.min_cycles:
@@ -163,6 +164,7 @@ def _doubts(
         doubts.append(Reason("few_cycles", text))
     if verdict == "stiction":
         doubts.extend(_shaped_outside(weighing, config))
+        doubts.extend(_keeps_time(fitness.audited, oscillation, config))
         doubts.extend(Reason(rival.cause, rival.text) for rival in weighing.rivals if rival.stands_out and rival.counts)
     return tuple(doubts)
 
@@ -250,6 +252,18 @@ def _shaped_outside(weighing: Weighing, config: VerdictConfig) -> list[Reason]:
 def _follows(rival: Rival, config: VerdictConfig) -> bool:
     """PV alone is enough where it is all the set point's: on a level OP is the slope of SP, no response to it."""
     return rival.strength >= config.max_following or (rival.explained or 0.0) >= config.max_followed
+
+
+def _keeps_time(record: UniformRecord, oscillation: Oscillation, config: VerdictConfig) -> list[Reason]:
+    """A swing that comes back to its time is driven from outside, whatever its shape."""
+    jitter = period_jitter(record, oscillation)
+    if jitter is None or jitter >= config.min_jitter:
+        return []
+    text = (
+        f"{oscillation.cycles:.0f} cycles keep time to {100 * jitter:.2g} % of a cycle, as what a timer or a machine "
+        "drives; a valve that sticks lets go sooner or later each time"
+    )
+    return [Reason("keeps_time", text)]
 
 
 def _data_doubts(weighing: Weighing, fitness: Fitness, config: VerdictConfig) -> list[Reason]:

@@ -1,0 +1,101 @@
+"""What a clock drives keeps time; a valve that sticks does not, and the verdict knows the difference."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.engine.audit import audit
+from app.engine.jitter import FEWEST_CYCLES, period_jitter
+from app.engine.oscillation import Oscillation, detect
+from app.engine.recording import UniformRecord
+from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, Wave, first_order, simulate_loop
+
+PER_CYCLE, CYCLES = 40, 50
+
+
+def record(pv, op, interval_s=1.0):
+    return UniformRecord(interval_s, pv, op, None, np.zeros(len(pv), dtype=bool))
+
+
+def swing(per_cycle=float(PER_CYCLE), cycles=float(CYCLES)):
+    return Oscillation(per_cycle, 5.0, 0.9, per_cycle, cycles, "pv", 0.0)
+
+
+def triangle(phase):
+    return 2.0 * np.abs(2.0 * (phase % 1.0) - 1.0) - 1.0
+
+
+def walking(jitter, seed, cycles=CYCLES):
+    """A phase, in cycles, whose cycles differ in length by this share, from one to the next at random."""
+    lengths = 1.0 / (1.0 + jitter * np.random.default_rng(seed).standard_normal(cycles + 10))
+    return np.cumsum(np.repeat(lengths, PER_CYCLE))[: cycles * PER_CYCLE] / PER_CYCLE
+
+
+def jitter_of(phase, noise=0.0, seed=1):
+    rng = np.random.default_rng(seed)
+    pv, op = (triangle(phase + shift) + noise * rng.standard_normal(len(phase)) for shift in (0.0, 0.25))
+    return period_jitter(record(pv, op), swing())
+
+
+def test_a_clock_under_noise_keeps_time():
+    assert jitter_of(np.arange(CYCLES * PER_CYCLE) / PER_CYCLE) < 1e-3
+    assert jitter_of(np.arange(CYCLES * PER_CYCLE) / PER_CYCLE, noise=0.3) < 0.01
+
+
+def test_a_period_that_is_known_by_a_hundredth_only_is_no_jitter():
+    assert jitter_of(1.01 * np.arange(CYCLES * PER_CYCLE) / PER_CYCLE) < 1e-3
+
+
+@pytest.mark.parametrize("jitter", [0.02, 0.05, 0.1])
+def test_cycles_that_differ_are_measured(jitter):
+    found = [jitter_of(walking(jitter, seed)) for seed in range(40)]
+    assert np.median(found) == pytest.approx(jitter, rel=0.3)
+
+
+def test_unit_offset_sign_and_time_unit_make_no_difference():
+    phase = walking(0.05, 3)
+    plain = record(triangle(phase), triangle(phase + 0.25))
+    turned = record(-1e3 * plain.pv + 7.0, 1e-6 * plain.op, interval_s=60.0)
+    assert period_jitter(turned, swing()) == pytest.approx(period_jitter(plain, swing()), rel=1e-9)
+
+
+def test_the_less_even_signal_counts():
+    even, uneven = triangle(np.arange(2000) / PER_CYCLE), triangle(walking(0.1, 5))
+    assert period_jitter(record(even, uneven), swing()) == period_jitter(record(uneven, even), swing()) > 0.03
+
+
+def test_few_cycles_no_period_and_a_signal_that_stands_are_not_evaluated():
+    few = np.arange((FEWEST_CYCLES + 2) * PER_CYCLE - 1) / PER_CYCLE
+    assert period_jitter(record(triangle(few), triangle(few)), swing()) is None
+    whole = np.arange(CYCLES * PER_CYCLE) / PER_CYCLE
+    pair = record(triangle(whole), triangle(whole))
+    assert period_jitter(pair, replace(swing(), samples_per_cycle=None)) is None
+    assert period_jitter(replace(pair, op=np.full(len(whole), 3.0)), swing()) is None
+
+
+def loop(seed, **changes):
+    spec = LoopSpec(
+        plant=first_order(1.0, 30.0, 6.0),
+        controller=Pid(0.6, 30.0),
+        load=Signal(noise_sd=0.3, noise_tau_s=200.0),
+        noise=Signal(noise_sd=0.05),
+        pv_start=50.0,
+        op_start=50.0,
+        pv_limits=(-400.0, 600.0),
+        op_limits=(-400.0, 600.0),
+        settle_s=2000.0,
+    )
+    return simulate_loop(replace(spec, **changes), 9000.0, 3.0, seed)
+
+
+def test_a_triangle_from_a_timer_is_not_relied_on_and_a_valve_that_sticks_is():
+    timer = Signal(waves=(Wave(8.0, 240.0, "triangle"),), noise_sd=0.3, noise_tau_s=200.0)
+    shaken, sticks = loop(1, load=timer), loop(2, valve=TwoParameterValve(6.0, 3.0))
+    for simulated, keeps_time in ((shaken, True), (sticks, False)):
+        judgement = audit(simulated.recording("FIC101")).judgement
+        assert judgement.verdict == "stiction"
+        assert (judgement.reliability == "not_reliable") == keeps_time
+        assert any(reason.code == "keeps_time" for reason in judgement.reasons) == keeps_time
+        even = period_jitter(simulated.uniform(), detect(simulated.uniform()))
+        assert (even < 0.015) == keeps_time
