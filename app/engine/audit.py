@@ -153,7 +153,10 @@ def _with_episodes(judgement: Judgement, episodes: Episodes) -> Judgement:
     """
     reasons = episode_reasons(episodes)
     if judgement.verdict == "stiction" or not reasons:
-        return replace(judgement, reasons=(*judgement.reasons, *reasons))
+        told = (*judgement.reasons, *reasons)
+        # When it began is what nobody should have to look for below why the record of before says otherwise.
+        first = BEGAN if judgement.reliability == "not_reliable" else None
+        return replace(judgement, reasons=tuple(sorted(told, key=lambda reason: reason.code != first)))
     if all(reason.code != BEGAN for reason in reasons):
         return replace(judgement, reliability="not_reliable", reasons=(*judgement.reasons, *reasons))
     # What explains the rest of the record, and which parts of it agree, is not said of the spell.

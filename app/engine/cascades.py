@@ -1,7 +1,7 @@
 """Cascades: which loops move the set point of another loop, and so no valve of their own."""
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +17,23 @@ ALIKE = 0.9
 stored to a tenth of a per cent, or a scan later, mostly has more. Strangers have 0.2; two loops that do nothing but
 follow one load, measured with noise of a thousandth of the span, have 0.1 to 0.9, the more the slower the sampling."""
 
-SCANS_APART = 1
+ON_ONE_LINE = 0.99
+"""Correlation of OP and SP themselves within the excerpts: what a ratio takes from a loop's PV is as new as that loop's
+OP, by its proportional action, and has 0.92 at most beside it."""
+
+ALMOST = 0.8
+"""Likeness from which two signals are looked at closely."""
+
+SCANS_APART = 2
 """By how many samples one may have been stored later than the other."""
 
-FEWEST_MOVEMENTS = 16.0
-"""Over how many samples the movement has to be spread: two signals that each step once are alike by chance."""
+FEWEST_MOVES, LEFT_OUT = 5, 3
+"""What two loops share in a trip is a few moves, or alike in its largest samples alone, and is no cascade."""
 
-_AT_ONCE = 512  # set points that are compared in one product
+AS_NEAR = 1e-3
+"""Likenesses so near to each other are the same: a loop under two tags, a set point that comes from elsewhere."""
+
+AT_ONCE = 128  # set points that are compared in one product
 
 Array32 = NDArray[np.float32]
 
@@ -38,36 +48,33 @@ class Cascade:
 
 
 @dataclass(frozen=True, eq=False)
+class _Signal:
+    """Some excerpts of OP or SP: values (B, LENGTH) of those with these numbers (B,)."""
+
+    numbers: IntArray
+    values: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class _Signals:
-    """What is new in one signal of each of some loops (M), an excerpt a row. tags: (M,). spread: (M,), as `_spread`.
-    owner: (R,) of which loop. numbers: (R,) of the excerpts. new: (R, LENGTH - ORDER), at unit norm a loop.
+    """What is new in one signal of each of some loops (M), an excerpt a row. tags: (M,). owner: (R,) of which loop.
+    numbers: (R,) of the excerpts. new: (R, LENGTH - ORDER), at unit norm a loop.
     """
 
     tags: list[str]
-    spread: FloatArray
     owner: IntArray
     numbers: IntArray
     new: Array32
 
     @classmethod
-    def of(cls, excerpts: Mapping[str, Excerpts], which: Callable[[Excerpts], FloatArray | None]) -> "_Signals":
-        tags, spread, numbers, found = [], [], [], []
-        for tag, one in sorted(excerpts.items()):
-            signal = which(one)
-            new = None if signal is None else innovations(signal, ORDER)
-            if signal is None or new is None:
-                continue
-            tags.append(tag)
-            spread.append(_spread(np.diff(signal, axis=1)))
-            numbers.append(one.numbers)
-            found.append(new)
-        owner = np.repeat(np.arange(len(tags)), [len(x) for x in found])
+    def of(cls, signals: Mapping[str, _Signal]) -> "_Signals":
+        in_order = ((tag, innovations(signals[tag].values, ORDER)) for tag in sorted(signals))
+        new = {tag: found for tag, found in in_order if found is not None}
         return cls(
-            tags,
-            np.array(spread),
-            owner,
-            np.concatenate(numbers, dtype=np.int64) if numbers else np.empty(0, np.int64),
-            np.concatenate(found, dtype=np.float32) if found else np.empty((0, LENGTH - ORDER), np.float32),
+            list(new),
+            np.repeat(np.arange(len(new)), [len(found) for found in new.values()]),
+            np.concatenate([signals[tag].numbers for tag in new] or [np.empty(0, np.int64)]),
+            np.concatenate([*new.values(), np.empty((0, LENGTH - ORDER))], dtype=np.float32),
         )
 
     def begin(self) -> IntArray:
@@ -75,9 +82,6 @@ class _Signals:
         first = np.full(len(self.tags), np.iinfo(np.int64).max)
         np.minimum.at(first, self.owner, self.numbers)
         return np.argsort(first, kind="stable")
-
-    def numbers_of(self, loops: IntArray) -> IntArray:
-        return np.unique(self.numbers[np.isin(self.owner, loops)])
 
     def in_excerpts(self, loops: IntArray, numbers: IntArray) -> Array32:
         """(K, B, LENGTH - ORDER) of these loops (K,) in the excerpts of these numbers (B,), 0 where one is missing."""
@@ -89,51 +93,68 @@ class _Signals:
         return new
 
 
-def cascades(excerpts: Mapping[str, Excerpts]) -> tuple[Cascade, ...]:
+def cascades(excerpts: Mapping[str, Excerpts], asked: Collection[str] | None = None) -> tuple[Cascade, ...]:
     """The cascades among these loops by tag, ordered by outer, then inner loop. An OP may move several set points; of
-    several loops whose OP is alike to one set point the nearest is its outer loop.
+    several loops whose OP is alike to one set point the nearest is its outer loop, or all that are as near.
 
-    Compared is what the past of OP and of SP does not foretell, from sample to sample and with either sign: what two
-    loops have in common besides, a neighbour's swing, a load, a day's drift, does not make two signals one. Cost: for
-    each set point that moves a product with each OP that does. Not found where a selector takes turns between outer
-    loops, where OP and SP were stored at other intervals or compressed otherwise. Misleads where two loops without
-    noise follow one load far faster than it moves, and no OP is nearer to the set point of one.
+    asked: the loops of whose cascades alone is asked; None: of all.
+    OP and SP have to lie on one line, of either slope, and what is new from sample to sample, which their past does not
+    foretell, has to be alike: what two loops have in common besides, a neighbour's swing, a load, a day's drift, a
+    ratio, does not make two signals one. Cost: for each set point that moves a product with each OP that does. Not
+    found where a selector takes turns between outer loops, where the set point is filtered on its way, where OP and SP
+    were stored at other intervals or compressed otherwise. Misleads where a controller is proportional only and another
+    loop's set point is a ratio of its PV, and where two loops follow one load far faster than it moves, hardly measured
+    with noise, and no OP is nearer to the set point of one. That an OP moves a valve besides is not to be seen.
     """
-    nearest: dict[str, Cascade] = {}
+    found: list[Cascade] = []
     for interval_s in sorted({one.interval_s for one in excerpts.values()}):
-        for found in _among({tag: one for tag, one in excerpts.items() if one.interval_s == interval_s}):
-            best = nearest.get(found.inner)
-            if best is None or (-found.alike, found.outer) < (-best.alike, best.outer):
-                nearest[found.inner] = found
-    return tuple(sorted(nearest.values(), key=lambda one: (one.outer, one.inner)))
+        alike = {tag: one for tag, one in excerpts.items() if one.interval_s == interval_s}
+        ops, sps = _signals(alike, lambda one: one.op), _signals(alike, lambda one: one.sp)
+        if asked is not None:
+            moved = {pair.inner for pair in _pairs({tag: ops[tag] for tag in ops if tag in asked}, sps)}
+            sps = {tag: sps[tag] for tag in sps if tag in moved or tag in asked}
+        found += _nearest(list(_pairs(ops, sps)))
+    if asked is not None:
+        found = [one for one in found if one.outer in asked or one.inner in asked]
+    return tuple(sorted(found, key=lambda one: (one.outer, one.inner)))
 
 
-def _among(excerpts: Mapping[str, Excerpts]) -> Iterator[Cascade]:
-    """Each pair of two loops of one sampling whose OP and SP are one signal."""
-    ops, sps = _Signals.of(excerpts, lambda one: one.op), _Signals.of(excerpts, lambda one: one.sp)
-    of_sp = {tag: row for row, tag in enumerate(sps.tags)}
-    in_time = sps.begin()
-    for some in (in_time[at : at + _AT_ONCE] for at in range(0, len(in_time), _AT_ONCE)):
-        numbers = sps.numbers_of(some)
-        near = np.unique(ops.owner[np.isin(ops.numbers, numbers)])
+def _signals(excerpts: Mapping[str, Excerpts], which: Callable[[Excerpts], FloatArray | None]) -> dict[str, _Signal]:
+    return {tag: _Signal(one.numbers, x) for tag, one in excerpts.items() if (x := which(one)) is not None}
+
+
+def _nearest(pairs: list[Cascade]) -> Iterator[Cascade]:
+    best: dict[str, float] = {}
+    for pair in pairs:
+        best[pair.inner] = max(pair.alike, best.get(pair.inner, 0.0))
+    for pair in pairs:
+        if pair.alike >= best[pair.inner] - AS_NEAR:
+            yield replace(pair, alike=round(pair.alike, 4))
+
+
+def _pairs(ops: Mapping[str, _Signal], sps: Mapping[str, _Signal]) -> Iterator[Cascade]:
+    """Each pair of two loops whose OP and SP are one signal, and nearer to each other than the two set points are: one
+    recipe moves these, and what is new in an OP comes with its own."""
+    for outer, inner in _looked_at(ops, sps):
+        alike = _likeness(ops[outer], sps[inner])
+        if alike >= ALIKE and (outer not in sps or _likeness(sps[outer], sps[inner]) < alike - AS_NEAR):
+            yield Cascade(outer, inner, alike)
+
+
+def _looked_at(ops: Mapping[str, _Signal], sps: Mapping[str, _Signal]) -> Iterator[tuple[str, str]]:
+    """The pairs of two loops, outer and inner, that are almost alike."""
+    new_ops, new_sps = _Signals.of(ops), _Signals.of(sps)
+    in_time = new_sps.begin()
+    for some in (in_time[at : at + AT_ONCE] for at in range(0, len(in_time), AT_ONCE)):
+        numbers = np.unique(new_sps.numbers[np.isin(new_sps.owner, some)])
+        near = np.unique(new_ops.owner[np.isin(new_ops.numbers, numbers)])
         if not len(near):
             continue
-        alike = _correlations(sps.in_excerpts(some, numbers), ops.in_excerpts(near, numbers))
-        for row, column in np.argwhere(alike >= ALIKE).tolist():
-            sp, op = int(some[row]), int(near[column])
-            outer, inner = ops.tags[op], sps.tags[sp]
-            if outer == inner or min(ops.spread[op], sps.spread[sp]) < FEWEST_MOVEMENTS:
-                continue
-            # One recipe moves the set points of both, and what is new in an OP is its own set point's.
-            own = of_sp.get(outer)
-            if own is None or _alike(sps, sp, own) < alike[row, column]:
-                yield Cascade(outer, inner, round(float(alike[row, column]), 4))
-
-
-def _alike(signals: _Signals, one: int, other: int) -> float:
-    numbers = signals.numbers_of(np.array([one]))
-    new = signals.in_excerpts(np.array([one, other]), numbers)
-    return float(_correlations(new[:1], new[1:])[0, 0])
+        alike = _correlations(new_sps.in_excerpts(some, numbers), new_ops.in_excerpts(near, numbers))
+        for row, column in np.argwhere(alike >= ALMOST).tolist():
+            outer, inner = new_ops.tags[near[column]], new_sps.tags[some[row]]
+            if outer != inner:
+                yield outer, inner
 
 
 def _correlations(some: Array32, others: Array32) -> Array32:
@@ -144,17 +165,39 @@ def _correlations(some: Array32, others: Array32) -> Array32:
     norm = np.sqrt((power @ (power_too > 0.0).T) * ((power > 0.0) @ power_too.T))
     most, n = np.zeros_like(norm), some.shape[2]
     for later in range(-SCANS_APART, SCANS_APART + 1):
-        one, other = some[:, :, max(0, later) : n + min(0, later)], others[:, :, max(0, -later) : n - max(0, later)]
+        one, other = _apart(some, others, later)
         product = one.reshape(len(some), -1) @ other.reshape(len(others), -1).T
         # The ends that have no counterpart have their share of the power.
         most = np.maximum(most, np.abs(product) * (n / (n - abs(later))))
-    return np.minimum(np.divide(most, norm, out=np.zeros_like(most), where=norm > 0.0), 1.0)
+    return np.divide(most, norm, out=np.zeros_like(most), where=norm > 0.0)
 
 
-def _spread(moves: FloatArray) -> float:
-    """Over how many of the movements (B, n) all of it is spread: 1 for a single step, 0 where nothing moves."""
-    largest = float(np.max(np.abs(moves)))
-    if largest == 0.0:
+def _apart(one: NDArray, other: NDArray, later: int) -> tuple[NDArray, NDArray]:
+    """(.., n - |later|) the samples of `one` (.., n) beside those of `other` so many samples earlier."""
+    n = one.shape[-1]
+    return one[..., max(0, later) : n + min(0, later)], other[..., max(0, -later) : n - max(0, later)]
+
+
+def _likeness(one: _Signal, other: _Signal) -> float:
+    """How alike two signals are in the excerpts that both have, 0..1, without the samples that are most so: 0 where
+    they do not lie on one line, or tell too little."""
+    common, mine, others = np.intersect1d(one.numbers, other.numbers, return_indices=True)
+    x, y = one.values[mine], other.values[others]
+    if not len(common) or min(np.count_nonzero(np.diff(signal)) for signal in (x, y)) < FEWEST_MOVES:
         return 0.0
-    power = (moves / largest) ** 2
-    return float(np.sum(power) ** 2 / np.sum(power**2))
+    new_x, new_y = innovations(x, ORDER), innovations(y, ORDER)
+    if new_x is None or new_y is None:
+        return 0.0
+    x, y = x - x.mean(axis=1, keepdims=True), y - y.mean(axis=1, keepdims=True)
+    lags = range(-SCANS_APART, SCANS_APART + 1)
+    if max(_correlation(*_apart(x, y, later)) for later in lags) < ON_ONE_LINE:
+        return 0.0
+    return max(_correlation(*_apart(new_x, new_y, later), left_out=LEFT_OUT) for later in lags)
+
+
+def _correlation(x: FloatArray, y: FloatArray, left_out: int = 0) -> float:
+    """Size of the correlation of signals of mean 0, without so many samples whose product is greatest."""
+    x, y = x.ravel(), y.ravel()
+    kept = np.argsort(np.abs(x * y), kind="stable")[: len(x) - left_out]
+    norm = float(np.linalg.norm(x[kept]) * np.linalg.norm(y[kept]))
+    return abs(float(x[kept] @ y[kept])) / norm if norm > 0.0 else 0.0

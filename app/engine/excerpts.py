@@ -13,6 +13,9 @@ MOST = 6
 INTERVALS_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0)
 """What excerpts are sampled at: the same instants in all loops of about one sampling."""
 
+ABOUT = 1.1
+"""By how much longer than a usual interval a sampling still counts as that one."""
+
 
 @dataclass(frozen=True, eq=False)
 class Excerpts:
@@ -39,16 +42,16 @@ def excerpts_of(recording: Recording, origin_s: float) -> Excerpts | None:
         return None
     interval_s = _interval_s(recording)
     numbers = _numbers(origin_s + recording.time_s[0], origin_s + recording.time_s[-1], interval_s)
-    # A stamp that is late by a rounding belongs to its instant.
-    at_s = (numbers[:, None] * LENGTH + np.arange(LENGTH, dtype=np.float64) + ROUNDING) * interval_s - origin_s
+    # Half an interval after the instant, so that stamps may be early or late.
+    at_s = (numbers[:, None] * LENGTH + np.arange(LENGTH, dtype=np.float64) + 0.5) * interval_s - origin_s
     op, sp = (None if x is None else _held(recording.time_s, x, at_s) for x in (recording.op, recording.sp))
     return None if op is None and sp is None else Excerpts(interval_s, numbers, op, sp)
 
 
 def _interval_s(recording: Recording) -> float:
-    """The one of INTERVALS_S that is as long as the usual one of the recording, or the next longer one."""
-    usual = float(np.median(np.diff(recording.time_s))) * (1.0 - ROUNDING)
-    return next((interval_s for interval_s in INTERVALS_S if interval_s >= usual), INTERVALS_S[-1])
+    """The one of INTERVALS_S that is about as long as the usual one of the recording, or the next longer one."""
+    usual = float(np.median(np.diff(recording.time_s)))
+    return next((interval_s for interval_s in INTERVALS_S if interval_s >= usual / ABOUT), INTERVALS_S[-1])
 
 
 def _numbers(start_s: float, end_s: float, interval_s: float) -> IntArray:

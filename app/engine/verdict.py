@@ -10,7 +10,6 @@ from app.engine.coupling import strangers_chance, strangers_chance_finely
 from app.engine.evidence import Finding, Reason
 from app.engine.features import NAMES, Features, observe
 from app.engine.fitness import Fitness
-from app.engine.jitter import period_jitter
 from app.engine.judgement import UNCOUPLED, Judgement, Reliability, Verdict
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
@@ -18,6 +17,7 @@ from app.engine.reliability import Reference
 from app.engine.rivals import FOLLOWED, Rival, compete, contest, held_out_fundamental
 from app.engine.sampled import correlation
 from app.engine.shape_model import ShapeModel, fitted_model
+from app.engine.timekeeping import timekeeping
 from app.engine.verdict_config import VerdictConfig
 from app.engine.verdict_wording import spoken
 
@@ -234,7 +234,10 @@ def _unrelated(fitness: Fitness, oscillation: Oscillation, config: VerdictConfig
     if strangers_chance_finely(fitness.looked_at, oscillation) < config.max_strangers_chance:
         text = "what is new in PV and what is new in OP go together in what is quick, and not over a part of a swing"
         return (Reason("uncoupled_slowly", text),)
-    text = "what is new in PV and what is new in OP have nothing to do with each other: tags of two loops, or no loop"
+    text = (
+        "what is new in PV and what is new in OP have nothing to do with each other: tags of two loops, or no loop, or "
+        "a historian that stored each only now and then"
+    )
     return (Reason("uncoupled", text),)
 
 
@@ -256,12 +259,13 @@ def _follows(rival: Rival, config: VerdictConfig) -> bool:
 
 def _keeps_time(record: UniformRecord, oscillation: Oscillation, config: VerdictConfig) -> list[Reason]:
     """A swing that comes back to its time is driven from outside, whatever its shape."""
-    jitter = period_jitter(record, oscillation)
-    if jitter is None or jitter >= config.min_jitter:
+    found = timekeeping(record, oscillation)
+    if found is None or found.jitter >= min(config.min_jitter, config.min_jitter_of_unlike * found.unlike):
         return []
     text = (
-        f"{oscillation.cycles:.0f} cycles keep time to {100 * jitter:.2g} % of a cycle, as what a timer or a machine "
-        "drives; a valve that sticks lets go sooner or later each time"
+        f"{oscillation.cycles:.0f} cycles keep time to {100 * found.jitter:.2g} % of a cycle, though they differ by "
+        f"{100 * found.unlike:.0f} % of the swing, as what a timer or a machine drives; a valve that sticks lets go "
+        "sooner or later each time"
     )
     return [Reason("keeps_time", text)]
 

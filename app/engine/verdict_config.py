@@ -20,8 +20,9 @@ class VerdictConfig:
     min_difference: for a reliable verdict, the least share of the variance of PV that a straight line over OP leaves.
     max_following, max_followed, max_wave: for reliable stiction, PV and OP may follow the set point up to this strength
     of the rival, it may explain up to this share of PV, and one sine that keeps its phase up to this share of both.
-    min_jitter: for reliable stiction, least standard deviation of the length of a cycle, as a share of it: what swings
-    more evenly is driven by a clock. Of the real valves that stick none of the 14 with enough cycles is below 0.049.
+    min_jitter, min_jitter_of_unlike: for reliable stiction, least standard deviation of the length of a cycle, as a
+    share of it and of what differs from cycle to cycle, either: what swings more evenly is driven by a clock. Of the 15
+    real recordings of valves that stick with enough cycles none is below 0.049 and 0.084.
     max_window_spread: largest standard deviation of the log-odds between windows for a reliable verdict, over the
     log-odds of the shapes: from one on, windows reach the other side.
     max_filled_share: largest share of filled samples for a reliable verdict; min_automatic_share: least in automatic.
@@ -44,6 +45,7 @@ class VerdictConfig:
     max_wave: float = 0.955
     max_cycling_wave: float = 0.9
     min_jitter: float = 0.015
+    min_jitter_of_unlike: float = 0.04
     parameters_version: str = VERSION
 
     def __post_init__(self) -> None:

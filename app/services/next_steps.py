@@ -22,8 +22,8 @@ SHAKEN = (
     "for a stroke test here."
 )
 OUTER = (
-    "Leave this loop and look at the one that is named first: that one moves the valve. If nothing is wrong there, "
-    "have the tuning of this one looked at."
+    "Look at the loop whose set point this OP is: that one moves the valve. Ask for a stroke test here only where OP "
+    "moves a valve of its own besides."
 )
 BEGAN_TO_STICK = "It sticks since the hour that is named, whatever the rest of the record says: ask for a stroke test."
 CLEARED = "Nothing at the valve."
@@ -74,10 +74,12 @@ def next_step(row: Mapping[str, Any], reasons: tuple[str, ...] = ()) -> str:
         return OUTER
     if SHAKEN_BY_NEIGHBOUR in reasons:
         return SHAKEN
-    if row["verdict"] != "stiction" and BEGAN in reasons:
+    if row["verdict"] == "stiction" and row["reliability"] == "reliable":
+        return STICKS
+    if BEGAN in reasons:
         return BEGAN_TO_STICK
     if row["verdict"] == "stiction":
-        return STICKS if row["reliability"] == "reliable" else MAY_STICK
+        return MAY_STICK
     if row["verdict"] == "inconclusive" and UNCOUPLED in reasons:
         return UNRELATED
     return BY_CAUSE.get(row["likely_cause"] or "", BY_VERDICT[row["verdict"]])
@@ -96,7 +98,7 @@ def as_table() -> str:
         ("valve sticks, but a neighbour may shake it", SHAKEN),
         ("anything, but OP is the set point of another loop", OUTER),
         ("repaired, and too little recorded since", WAIT),
-        ("anything else, but the valve sticks up to the end of the record", BEGAN_TO_STICK),
+        ("anything that is not to be relied on, but the valve sticks up to the end of the record", BEGAN_TO_STICK),
     ]
     steps: dict[str, dict[str, None]] = {}
     for said, step in rows:

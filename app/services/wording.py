@@ -16,7 +16,7 @@ UNANSWERED = "stuck_valve_or_dead_transmitter"
 
 RELIABILITY_WORDS = {
     "reliable": "the evidence agrees; rely on it",
-    "not_reliable": "the evidence disagrees; look before you act",
+    "not_reliable": "the evidence does not suffice; look before you act",
 }
 
 RELIABILITY_SHORT = {"reliable": "yes", "not_reliable": "look first"}

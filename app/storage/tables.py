@@ -205,6 +205,8 @@ verdicts = Table(
     Column("oscillation_strength", Float),
     Column("health", Float),
     Column("health_parts", Text),
+    Column("moves_set_point_of", Text),
+    Column("set_point_moved_by", Text),
     Column("extra_json", Text, nullable=False, server_default="{}"),  # fields of a row without a column of their own
     Index("ix_verdicts_audit", "audit_id"),
 )

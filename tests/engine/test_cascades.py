@@ -111,4 +111,84 @@ def test_strangers_make_no_cascade():
 def test_the_order_of_the_loops_makes_no_difference():
     moved = wandering(1)
     plant = {"LIC2": loop(op=moved), "LIC1": loop(op=moved.copy()), "FIC3": loop(sp=moved)}
-    assert cascades(plant) == cascades(dict(reversed(plant.items()))) == (Cascade("LIC1", "FIC3", 1.0),)
+    both = (Cascade("LIC1", "FIC3", 1.0), Cascade("LIC2", "FIC3", 1.0))
+    assert cascades(plant) == cascades(dict(reversed(plant.items()))) == both
+
+
+def stepping(seed, every=60, size=1.0):
+    rng = np.random.default_rng(seed)
+    return size * np.cumsum(np.repeat(rng.standard_normal(SAMPLES // every), every))
+
+
+def test_an_outer_loop_that_executes_once_a_minute_is_found():
+    moved = stepping(1, every=12)
+    assert found(AIC1=loop(op=moved), TIC2=loop(op=wandering(2), sp=moved)) == [("AIC1", "TIC2")]
+
+
+def test_one_kick_hides_no_cascade():
+    moved = wandering(1)
+    moved[1500:] += 60.0
+    moved[700] += 300.0
+    assert found(LIC1=loop(op=moved), FIC2=loop(sp=moved)) == [("LIC1", "FIC2")]
+
+
+def test_a_trip_in_the_one_excerpt_that_two_loops_share_makes_no_cascade():
+    for seed in range(10):
+        trip = np.where(np.arange(SAMPLES) < 1480, 0.0, 8.0)
+        op, sp = wandering(seed) + trip, wandering(100 + seed) + trip
+        late = Recording("", TIME_S[1400:], np.zeros(SAMPLES - 1400), op[1400:])
+        assert found(LIC1=excerpts_of(late, ORIGIN_S), FIC2=loop(sp=sp)) == []
+
+
+def test_what_a_ratio_takes_from_a_pv_is_no_cascade():
+    """What is new in PV is new in OP, by its proportional action."""
+    rng, pv = np.random.default_rng(7), wandering(6)
+    pv = pv + 0.3 * rng.standard_normal(SAMPLES)
+    op = -0.8 * pv - 0.02 * np.cumsum(pv)
+    assert found(FIC1=loop(op=op), FFIC2=loop(sp=1.7 * pv)) == []
+
+
+def test_loops_of_one_recipe_of_many_steps_make_no_cascade():
+    profile = stepping(3, every=30)
+    answer = profile + 0.1 * measured(4)
+    assert found(TIC1=loop(op=answer), TIC2=loop(sp=2.0 * profile)) == [("TIC1", "TIC2")]
+    assert found(TIC1=loop(op=answer, sp=profile), TIC2=loop(sp=2.0 * profile)) == []
+
+
+def test_a_set_point_that_both_have_from_elsewhere_makes_no_cascade():
+    moved = wandering(1)
+    assert found(TIC1=loop(op=moved, sp=moved), TIC2=loop(sp=moved)) == []
+
+
+def test_stamps_that_are_early_or_late_and_intervals_that_are_a_little_off_make_no_difference():
+    moved, rng = wandering(1), np.random.default_rng(2)
+    for late in (0.3 * INTERVAL_S * rng.uniform(-1.0, 1.0, SAMPLES), 4e-5 * TIME_S):
+        off = Recording("", TIME_S + late, np.zeros(SAMPLES), np.zeros(SAMPLES), moved)
+        kept = excerpts_of(off, ORIGIN_S)
+        assert kept is not None
+        assert kept.interval_s == INTERVAL_S
+        assert found(LIC1=loop(op=moved), FIC2=kept) == [("LIC1", "FIC2")]
+
+
+def test_only_the_cascades_of_the_loops_that_are_asked_for_are_told():
+    first, second, third = (wandering(seed) for seed in (1, 2, 3))
+    plant = {"A1": loop(op=first), "B2": loop(op=second, sp=first), "C3": loop(sp=second)}
+    plant |= {"D4": loop(op=third), "E5": loop(sp=third), "B9": loop(op=second + measured(8))}
+    pairs = {asked: [(c.outer, c.inner) for c in cascades(plant, {asked})] for asked in plant}
+    assert pairs["A1"] == [("A1", "B2")]
+    assert pairs["B2"] == [("A1", "B2"), ("B2", "C3")]
+    assert pairs["C3"] == [("B2", "C3")]
+    assert pairs["B9"] == []
+    assert pairs["E5"] == [("D4", "E5")]
+    assert set(cascades(plant)) == {c for asked in plant for c in cascades(plant, {asked})}
+
+
+def test_as_many_set_points_as_are_compared_at_once_make_no_difference(monkeypatch):
+    plant = {}
+    for k in range(9):
+        moved = wandering(k)
+        plant |= {f"L{k}": loop(op=moved, start_s=3e4 * (k % 2)), f"F{k}": loop(sp=moved, start_s=3e4 * (k % 2))}
+    whole = cascades(plant)
+    assert [(c.outer, c.inner) for c in whole] == [(f"L{k}", f"F{k}") for k in range(9)]
+    monkeypatch.setattr("app.engine.cascades.AT_ONCE", 2)
+    assert cascades(plant) == whole

@@ -152,6 +152,20 @@ def test_op_that_is_switched_is_refused_as_on_off_control(unit):
     assert refused(assess(cycling(op=ramps))) == ["op_two_values"]
 
 
+def test_op_that_is_switched_is_refused_under_noise_and_beside_single_values():
+    """As a read-back has it, and by hand for a moment."""
+    noise = np.random.default_rng(1).standard_normal(N)
+    switched = np.where(np.arange(N) % 40 < 15, 80.0, 20.0)
+    for op in (switched + 0.1 * noise, np.where(np.arange(N) == 70, 100.0, switched)):
+        assert refused(assess(cycling(op=op))) == ["op_two_values"]
+
+
+def test_op_in_triangles_and_in_steps_of_its_own_is_not_switched():
+    phase = np.arange(N) % 40 / 40.0
+    for op in (np.abs(2.0 * phase - 1.0), np.round(6.0 * np.abs(2.0 * phase - 1.0))):
+        assert "op_two_values" not in refused(assess(cycling(op=10.0 * op)))
+
+
 def test_op_that_is_at_its_limit_but_for_moments_is_not_switched():
     op = np.where(np.arange(N) % 40 < 1, 100.0, 0.0)
     assert refused(assess(cycling(op=op))) == ["op_at_limits"]

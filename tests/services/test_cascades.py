@@ -7,16 +7,25 @@ import numpy as np
 import pytest
 
 from app.engine.cascades import Cascade
-from app.engine.plant_wide import Candidate
+from app.engine.excerpts import excerpts_of
+from app.engine.plant_wide import Group, Suspect
 from app.engine.recording import Recording
 from app.ingest import read_recordings
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.file_audit import audited_lines
-from app.services.auditing.hearing import MOVES_SET_POINT, Said, cascades_doubts, reworded, without_outer
+from app.services.auditing.hearing import (
+    MOVES_SET_POINT,
+    Doubt,
+    Heard,
+    Said,
+    cascades_doubts,
+    hear,
+    neighbours_doubts,
+    reworded,
+)
 from app.services.backend import Backend
 from app.services.next_steps import OUTER, next_step
-from app.services.plant.groups import plant_groups
 from app.services.plant.loops import loop_health, verdict_detail
 from app.services.plant.reliability import RowFilter, reliability_page
 from app.services.testbench import structures
@@ -79,6 +88,10 @@ def test_an_outer_loop_stays_cleared_with_its_inner_one(backend: Backend, warm_k
     rows = audited(backend)
     assert [(row["verdict"], row["reliability"]) for row in rows.values()] == [("no_stiction", "reliable")] * 2
     assert not any(MOVES_SET_POINT in row["reasons"] for row in rows.values())
+    assert [row["moves_set_point_of"] for row in rows.values()] == [None, "FIC2"]
+    assert [row["set_point_moved_by"] for row in rows.values()] == ["TIC1", None]
+    assert verdict_detail(backend, "TIC1")["moves_set_point_of"] == ["FIC2"]
+    assert verdict_detail(backend, "FIC2")["set_point_moved_by"] == ["TIC1"]
 
 
 def test_an_outer_loop_audited_alone_is_heard_beside_what_is_known(backend: Backend, warm_kernels: None) -> None:
@@ -87,14 +100,6 @@ def test_an_outer_loop_audited_alone_is_heard_beside_what_is_known(backend: Back
     after = audited(backend, LoopFilter(tags=("TIC1",)))
     assert after["TIC1"]["audit_id"] != before["TIC1"]["audit_id"] == after["FIC2"]["audit_id"]
     assert after["TIC1"]["reasons"].split(";").count(MOVES_SET_POINT) == 1
-
-
-def test_an_outer_loop_is_no_source_of_a_group(backend: Backend, warm_kernels: None) -> None:
-    stored(backend, cascade(*STICKS))
-    audited(backend)
-    for group in plant_groups(backend):
-        assert group.source != "TIC1"
-        assert all(member.stiction_probability is not None for member in group.members)
 
 
 def test_a_file_says_the_same_as_a_service(tmp_path) -> None:
@@ -108,6 +113,8 @@ def test_a_file_says_the_same_as_a_service(tmp_path) -> None:
     assert lines["TIC1"]["reasons"][0]["code"] == MOVES_SET_POINT
     assert lines["TIC1"]["reliability"] == "not_reliable"
     assert lines["FIC2"]["reliability"] == "reliable"
+    assert (lines["TIC1"]["moves_set_point_of"], lines["TIC1"]["set_point_moved_by"]) == ("FIC2", None)
+    assert (lines["FIC2"]["moves_set_point_of"], lines["FIC2"]["set_point_moved_by"]) == (None, "TIC1")
 
 
 def signals(one: Recording) -> dict[str, np.ndarray]:
@@ -124,7 +131,9 @@ def signals(one: Recording) -> dict[str, np.ndarray]:
         (SURE["no_stiction"], NOT_AUDITABLE, True),
         (SURE["no_stiction"], None, True),
         (SURE["stiction"], SURE["stiction"], True),
-        (UNSURE["stiction"], SURE["no_stiction"], True),
+        (SURE["stiction"], SURE["no_stiction"], False),
+        (UNSURE["stiction"], SURE["no_stiction"], False),
+        (UNSURE["no_stiction"], UNSURE["stiction"], True),
         (NOT_AUDITABLE, SURE["stiction"], False),
     ],
 )
@@ -134,25 +143,61 @@ def test_which_outer_loops_are_doubted(outer: Said, inner: Said | None, doubted:
     assert list(found) == ["TIC1"] * doubted
 
 
+def test_a_doubt_is_passed_up_a_cascade_of_three_loops() -> None:
+    said = {"AIC1": SURE["no_stiction"], "TIC2": SURE["no_stiction"], "FIC3": SURE["stiction"]}
+    found = cascades_doubts([Cascade("AIC1", "TIC2", 1.0), Cascade("TIC2", "FIC3", 1.0)], said)
+    assert set(found) == {"AIC1", "TIC2"}
+    assert "(TIC2: no stiction, look first)" in found["AIC1"].text
+
+
+def test_loops_that_move_each_other_end() -> None:
+    round_about = [Cascade("AIC1", "TIC2", 1.0), Cascade("TIC2", "AIC1", 1.0)]
+    said = {"AIC1": SURE["no_stiction"], "TIC2": SURE["no_stiction"]}
+    assert cascades_doubts(round_about, said) == {}
+    assert set(cascades_doubts(round_about, said | {"TIC2": UNSURE["stiction"]})) == {"AIC1", "TIC2"}
+
+
 def test_an_op_that_moves_two_set_points_names_both() -> None:
     said = {"TIC1": SURE["no_stiction"], "FIC2": SURE["no_stiction"], "FIC3": NOT_AUDITABLE}
     doubt = cascades_doubts([Cascade("TIC1", "FIC2", 0.99), Cascade("TIC1", "FIC3", 0.95)], said)["TIC1"]
     assert doubt.text == (
-        "OP is the set points of FIC2 and FIC3 (what is new in both is alike to 0.95), so this loop moves no valve by "
-        "itself: the valve is judged there (FIC2: no stiction, rely on it; FIC3: not auditable)"
+        "OP is the set point of FIC2 and the set point of FIC3 (from sample to sample they move alike, 0.95 of 1): "
+        "unless OP moves a valve of its own besides, the valve is judged there (FIC2: no stiction, rely on it; FIC3: "
+        "not auditable)"
     )
 
 
-def test_of_an_unreliable_verdict_only_the_reasons_change() -> None:
-    doubt = cascades_doubts([Cascade("TIC1", "FIC2", 1.0)], {"TIC1": UNSURE["stiction"]})["TIC1"]
-    line = {"verdict": "stiction", "reliability": "not_reliable", "stiction_probability": 0.7}
-    line |= {"reasons": [{"code": "few_cycles", "text": "few"}], "health": 80.0, "health_parts": [{"code": "x"}]}
-    told = reworded(doubt, line)
-    assert {name for name in told if told[name] != line[name]} == {"reasons"}
-    assert [reason["code"] for reason in told["reasons"]] == [MOVES_SET_POINT, "few_cycles"]
+LINE = {"verdict": "stiction", "reliability": "not_reliable", "stiction_probability": 0.7, "health": 80.0}
+LINE |= {"reasons": [{"code": "few_cycles", "text": "few"}], "health_parts": [{"code": "x"}]}
+LINE |= {"moves_set_point_of": None, "set_point_moved_by": None}
 
 
-def test_candidates_that_move_no_valve_lose_their_probability() -> None:
-    candidates = [Candidate("TIC1", None, 0.9), Candidate("FIC2", None, 0.8)]  # type: ignore[arg-type]
-    kept = without_outer(candidates, [Cascade("TIC1", "FIC2", 1.0)])
-    assert [(one.tag, one.stiction_probability) for one in kept] == [("TIC1", None), ("FIC2", 0.8)]
+def changed(heard: Heard) -> set[str]:
+    told = reworded(heard, LINE)
+    return {name for name in told if told[name] != LINE[name]}
+
+
+def test_of_an_unreliable_verdict_only_reasons_and_wiring_change() -> None:
+    doubt = Doubt(MOVES_SET_POINT, "its OP is a set point")
+    assert changed(Heard(doubt, ("FIC2",))) == {"reasons", "moves_set_point_of"}
+    assert [r["code"] for r in reworded(Heard(doubt), LINE)["reasons"]] == [MOVES_SET_POINT, "few_cycles"]
+
+
+def test_without_a_doubt_only_the_wiring_is_told() -> None:
+    assert changed(Heard(None, (), ("TIC1",))) == {"set_point_moved_by"}
+    assert reworded(Heard(None, ("FIC2", "FIC3")), LINE)["moves_set_point_of"] == "FIC2;FIC3"
+
+
+def test_an_outer_loop_takes_nothing_from_the_verdict_of_its_inner_one() -> None:
+    """Both swing for one valve, and the outer one may look likelier to stick."""
+    outer, inner = (Suspect(tag, p, p, None, 1.0, 0.0) for tag, p in (("TIC1", 0.99), ("FIC2", 0.9)))
+    together = Group(100.0, True, 0.0, (outer, inner))
+    assert list(neighbours_doubts([together], {"FIC2"})) == ["FIC2"]
+    assert neighbours_doubts([together], {"FIC2"}, [Cascade("TIC1", "FIC2", 1.0)]) == {}
+
+
+def test_loops_without_a_verdict_are_not_told_of() -> None:
+    excerpts = {tag: excerpts_of(one, 0.0) for tag, one in cascade(*STICKS).items()}
+    kept = {tag: one for tag, one in excerpts.items() if one is not None}
+    assert set(hear({"FIC2": SURE["stiction"]}, [], kept)) == {"FIC2"}
+    assert hear({}, [], kept) == {}

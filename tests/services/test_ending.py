@@ -173,13 +173,12 @@ def test_who_comes_after_the_end_rewords_nothing(
     run, lost = held_up(backend)
     with backend.database.write() as connection:
         items.fail(connection, [items.Failure(lost[0], "fault", "it broke")])
-    with backend.database.read() as connection:
-        doubts = ending._doubts(connection, run)
+    doubts = ending._told(backend, run)
     assert [doubt.columns["reliability"] for doubt in doubts] == ["not_reliable"]
     with backend.database.write() as connection:
         audits.cancel(connection, run)
     monkeypatch.setattr(ending.audits, "complete", lambda _: [run])
-    monkeypatch.setattr(ending, "_doubts", lambda *_: doubts)
+    monkeypatch.setattr(ending, "_told", lambda *_: doubts)
     assert not end_if_complete(backend, run)
     assert Plant(backend, str(run)).row(SHAKEN_LOOPS[0])["reliability"] == "reliable"
 

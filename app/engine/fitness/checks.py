@@ -8,11 +8,11 @@ from app.engine.evidence import Finding, Outcome
 from app.engine.fitness.config import FitnessConfig
 from app.engine.fitness.signals import (
     extreme_share,
-    extreme_shares,
     on_line_share,
     quantisation_step,
     run_lengths,
     stored_points,
+    two_level_shares,
 )
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, UniformRecord
@@ -85,9 +85,9 @@ def check_flat(name: str, signal: FloatArray, meaning: str, kept: int, config: F
 
 def check_two_values(op: FloatArray, config: FitnessConfig) -> Finding:
     """OP that is switched between two values shows nothing of how a valve follows it."""
-    more, less = extreme_shares(op)
+    more, less = two_level_shares(op)
     switched = more + less >= config.two_values_share and less >= config.least_of_two_values
-    text = f"OP is at its least or greatest value for {100 * (more + less):.1f} % of the stretch"
+    text = f"OP is at one of two values for {100 * (more + less):.1f} % of the stretch"
     text += ": on/off control, or an OP that is stored more coarsely than it moves" if switched else ""
     return _finding("op_two_values", not switched, text, more + less, config.two_values_share, "share")
 

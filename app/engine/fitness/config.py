@@ -13,8 +13,8 @@ class FitnessConfig:
     jitter_tolerance: a stretch whose intervals all lie within this share of their median is taken as regular.
     max_filled_share: more filled samples than this, and the record says more about the filling than about the valve.
     flat_share: a signal that does not change for this share of the stretch is dead there.
-    two_values_share: OP at either of its extremes for this share of the stretch is switched between two values, where
-    it is at each of them for least_of_two_values.
+    two_values_share: OP near either of two values for this share of the stretch is switched between them, where it is
+    near each of them for least_of_two_values.
     op_limit_share: OP at one limit for this share of the stretch is not controlling.
     op_limit_band: how near to the end of a known span counts as at the limit, as a share of the span.
     min_samples_per_cycle: fewest samples in one period of a regular oscillation.

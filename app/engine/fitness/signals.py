@@ -8,6 +8,7 @@ from app.engine.recording import BoolArray, FloatArray, IntArray
 LARGEST_PLAUSIBLE = 1e100
 # Two values that differ by less than this share of the signal's span are the same value after a change of unit.
 SAME_SHARE_OF_SPAN = 1e-9
+OUTERMOST, LEVEL_BAND = 0.02, 0.02
 
 
 def usable_values(signal: FloatArray) -> BoolArray:
@@ -27,18 +28,26 @@ def resolution(signal: FloatArray) -> float:
     return max(SAME_SHARE_OF_SPAN * float(np.ptp(signal)), 8.0 * float(np.finfo(np.float64).eps) * largest)
 
 
-def extreme_shares(signal: FloatArray) -> tuple[float, float]:
-    """The shares of `signal` (N,), N at least 1, at the extreme where it stands longer and at the other, 0 to 1; where
-    it stands still, all and nothing.
-    """
-    band = resolution(signal)
-    low, high = float(np.mean(signal <= signal.min() + band)), float(np.mean(signal >= signal.max() - band))
-    return (max(low, high), min(low, high)) if np.ptp(signal) > band else (1.0, 0.0)
-
-
 def extreme_share(signal: FloatArray) -> float:
     """The share of `signal` (N,), N at least 1, at the one of its extremes where it stands longer, 0 to 1."""
-    return extreme_shares(signal)[0]
+    band = resolution(signal)
+    low, high = float(np.mean(signal <= signal.min() + band)), float(np.mean(signal >= signal.max() - band))
+    return max(low, high)
+
+
+def two_level_shares(signal: FloatArray) -> tuple[float, float]:
+    """The shares of `signal` (N,), N at least 1, near the level where it is longer and near the other one, 0 to 1; all
+    and nothing where it has one level.
+
+    Its levels are what it is at after OUTERMOST of its samples from either end are left out, as those are that were
+    taken while it switched; near is what lies within LEVEL_BAND of their distance, noise of a read-back among it.
+    """
+    low, high = np.quantile(signal, (OUTERMOST, 1.0 - OUTERMOST))
+    band = LEVEL_BAND * (high - low)
+    if high - low <= resolution(signal):
+        return 1.0, 0.0
+    near = [float(np.mean(np.abs(signal - level) <= band)) for level in (low, high)]
+    return max(near), min(near)
 
 
 def set_point_activity(sp: FloatArray | None, pv: FloatArray) -> float | None:

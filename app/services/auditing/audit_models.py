@@ -117,6 +117,12 @@ class AuditFields(BaseModel):
     set_point_activity: float | None = Field(
         None, description="Standard deviation of SP over that of PV; 0: it stands, null: not recorded."
     )
+    moves_set_point_of: str | None = Field(
+        None, description="Loops whose set point this loop's OP is, parted by ';'; null: none was found."
+    )
+    set_point_moved_by: str | None = Field(
+        None, description="The loop whose OP is this loop's set point, or loops, parted by ';'; null: none was found."
+    )
     input_fingerprint: str = Field(description="SHA-256 of the recording's samples.")
     config_fingerprint: str = Field(description="SHA-256 of the configuration of the audit.")
 

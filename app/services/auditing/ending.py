@@ -10,7 +10,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from app.services.auditing import hearing
 from app.services.auditing.audit_line import flat_health, flat_reasons
 from app.services.auditing.excerpts import by_tag
-from app.services.auditing.hearing import Doubt, Said
+from app.services.auditing.hearing import Heard, Said
 from app.services.auditing.rows import as_row, fixed_part
 from app.services.auditing.swings import candidates
 from app.services.backend import Backend
@@ -34,19 +34,18 @@ def cancel(backend: Backend, audit_id: int) -> bool:
 
 
 def _end(backend: Backend, audit_id: int, by: Callable[[Connection, int], bool]) -> bool:
-    with backend.database.read() as connection:
-        doubts = _heard(connection, audit_id)
+    heard = _heard(backend, audit_id)
     with backend.database.write() as connection:
         ended = by(connection, audit_id)
         if ended:  # who comes second, or after a cancellation, would reword what readers keep as the run's last word
-            verdicts.reword(connection, doubts)
+            verdicts.reword(connection, heard)
     return ended
 
 
-def _heard(connection: Connection, audit_id: int) -> list[Reworded]:
-    """The doubts; none where they cannot be worked out, because a run ends whatever is kept of a loop."""
+def _heard(backend: Backend, audit_id: int) -> list[Reworded]:
+    """What other loops tell; nothing where it cannot be worked out, because a run ends whatever is kept of a loop."""
     try:
-        return _doubts(connection, audit_id)
+        return _told(backend, audit_id)
     except SQLAlchemyError:
         raise
     except Exception:  # the sweep of all runs comes through here: one that never ends would stop the nights
@@ -54,29 +53,30 @@ def _heard(connection: Connection, audit_id: int) -> list[Reworded]:
         return []
 
 
-def _doubts(connection: Connection, audit_id: int) -> list[Reworded]:
-    """The verdicts of the run that other loops explain as well."""
-    newest = verdicts.said(connection)
+def _told(backend: Backend, audit_id: int) -> list[Reworded]:
+    """The verdicts of the run of which other loops tell something."""
+    with backend.database.read() as connection:
+        newest, swinging = verdicts.said(connection), verdicts.swings(connection)
+        moving = verdicts.excerpts(connection)
+    # Worked out between two looks: who reads keeps writers waiting on SQLite.
     said = {row.tag: Said(row.verdict, row.reliability, row.stiction_probability) for row in newest}
     ids = {row.tag: row.loop_id for row in newest if row.audit_id == audit_id}
-    found = hearing.all_doubts(said, candidates(verdicts.swings(connection)), by_tag(verdicts.excerpts(connection)))
-    rows = verdicts.newest_of(connection, [ids[tag] for tag in found if tag in ids])
-    return [
-        _reworded(row, verdicts.detail(connection, ids[tag], audit_id) or {}, ids[tag], found[tag])
-        for tag, row in sorted(rows.items(), key=lambda one: ids[one[0]])
-        if row["audit_id"] == audit_id
-    ]
+    asked = None if len(ids) == len(newest) else ids.keys()
+    found = hearing.hear(said, candidates(swinging), by_tag(moving), asked)
+    with backend.database.read() as connection:
+        rows = verdicts.newest_of(connection, [ids[tag] for tag in found if tag in ids])
+        return [
+            _reworded(row, verdicts.detail(connection, ids[tag], audit_id) or {}, ids[tag], found[tag])
+            for tag, row in sorted(rows.items(), key=lambda one: ids[one[0]])
+            if row["audit_id"] == audit_id
+        ]
 
 
-def _reworded(row: Mapping[str, Any], detail: Mapping[str, Any], loop_id: int, doubt: Doubt) -> Reworded:
+def _reworded(row: Mapping[str, Any], detail: Mapping[str, Any], loop_id: int, heard: Heard) -> Reworded:
     said = {"reasons": detail.get("reasons", []), "health_parts": detail.get("health", [])}
-    told = hearing.reworded(doubt, {**row, **said})
-    reasons, parts = told["reasons"], told["health_parts"]
-    columns = {
-        "reliability": told["reliability"],
-        "health": told["health"],
-        "health_parts": flat_health(parts),
-        **flat_reasons(reasons),
-    }
-    packed = pack_detail({**detail, "reasons": reasons, "health": parts})
+    told = hearing.reworded(heard, {**row, **said})
+    reasons, parts = told.pop("reasons"), told.pop("health_parts")
+    columns = {**told, "health_parts": flat_health(parts), **flat_reasons(reasons)}
+    wiring = {"moves_set_point_of": heard.moves, "set_point_moved_by": heard.moved_by}
+    packed = pack_detail({**detail, "reasons": reasons, "health": parts, **wiring})
     return Reworded(loop_id, row["audit_id"], columns, packed, fixed_part(as_row({**row, **columns})))

@@ -38,7 +38,7 @@ def by_tag(rows: Iterable[Any]) -> dict[str, Excerpts]:
 def _packed(values: FloatArray) -> str:
     """In steps of the range, by halves first: the range of -1e308 to 1e308 is no number."""
     low, high = 0.5 * float(np.min(values)), 0.5 * float(np.max(values))
-    share = (0.5 * values - low) / (high - low)
+    share = (0.5 * values - low) / (high - low) if high > low else np.zeros_like(values)
     return base64.b64encode(np.rint(STEPS * share).astype("<u2").tobytes()).decode()
 
 

@@ -2,7 +2,7 @@
 accused for its neighbour's sake is not relied on; a loop whose OP is the set point of another one moves no valve.
 """
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Collection, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -45,57 +45,100 @@ class Doubt:
     text: str
 
 
-def all_doubts(
-    said: Mapping[str, Said], candidates: Sequence[Candidate], excerpts: Mapping[str, Excerpts]
-) -> dict[str, Doubt]:
-    """The doubts by tag. candidates: the loops that swing. excerpts: those of which OP or SP moves."""
-    found = cascades(excerpts)
+@dataclass(frozen=True)
+class Heard:
+    """What other loops tell of one. doubt: None where its verdict stays as it is. moves: whose set points its OP is.
+    moved_by: whose OP its set point is, one loop but where two have the same OP.
+    """
+
+    doubt: Doubt | None = None
+    moves: tuple[str, ...] = ()
+    moved_by: tuple[str, ...] = ()
+
+
+def hear(
+    said: Mapping[str, Said],
+    candidates: Sequence[Candidate],
+    excerpts: Mapping[str, Excerpts],
+    asked: Collection[str] | None = None,
+) -> dict[str, Heard]:
+    """The loops of which others tell something, by tag. candidates: those that swing. excerpts: those of which OP or SP
+    moves. asked: the loops of whose cascades alone is asked; None: of all.
+    """
+    found = cascades(excerpts, asked)
     accused = {tag for tag, one in said.items() if one.accused}
-    shaken = neighbours_doubts(groups(without_outer(candidates, found)), accused) if accused else {}
+    shaken = neighbours_doubts(groups(candidates), accused, found) if accused else {}
     doubted = {tag: replace(said[tag], reliability="not_reliable") for tag in shaken}
-    return shaken | cascades_doubts(found, {**said, **doubted})
+    doubts = shaken | cascades_doubts(found, {**said, **doubted})
+    wired = {tag for cascade in found for tag in (cascade.outer, cascade.inner)}
+    return {
+        tag: Heard(
+            doubts.get(tag),
+            moves=tuple(cascade.inner for cascade in found if cascade.outer == tag),
+            moved_by=tuple(cascade.outer for cascade in found if cascade.inner == tag),
+        )
+        for tag in sorted({*doubts, *wired} & said.keys())
+    }
 
 
-def without_outer(candidates: Iterable[Candidate], found: Iterable[Cascade]) -> list[Candidate]:
-    """The candidates, of which those that move no valve are no source: their probability is left out."""
-    outer = {cascade.outer for cascade in found}
-    return [replace(one, stiction_probability=None) if one.tag in outer else one for one in candidates]
+def inner_loops(found: Iterable[Cascade]) -> dict[str, list[Cascade]]:
+    """The cascades of each outer loop."""
+    moves: dict[str, list[Cascade]] = {}
+    for cascade in found:
+        moves.setdefault(cascade.outer, []).append(cascade)
+    return moves
 
 
-def neighbours_doubts(together: Iterable[Group], accused: Container[str]) -> dict[str, Doubt]:
-    """accused: tags of the loops whose valves are reliably said to stick."""
+def neighbours_doubts(
+    together: Iterable[Group], accused: Container[str], found: Iterable[Cascade] = ()
+) -> dict[str, Doubt]:
+    """accused: tags of the loops whose valves are reliably said to stick. An outer loop takes
+    nothing from the verdict of its inner one, for whose valve both swing.
+    """
+    one_valve = {(cascade.outer, cascade.inner) for cascade in found}
     return {
         suspect.tag: Doubt(SHAKEN_BY_NEIGHBOUR, neighbour_text(suspect, group.suspects[0]))
         for group in together
         for suspect in group.shaken
-        if suspect.tag in accused
+        if suspect.tag in accused and (group.suspects[0].tag, suspect.tag) not in one_valve
     }
 
 
 def cascades_doubts(found: Iterable[Cascade], said: Mapping[str, Said]) -> dict[str, Doubt]:
-    """An outer loop is cleared only with the valve of each inner one, and never accused instead of it."""
-    moved: dict[str, list[Cascade]] = {}
-    for cascade in found:
-        moved.setdefault(cascade.outer, []).append(cascade)
-    return {
-        outer: Doubt(MOVES_SET_POINT, cascade_text(inner, said))
-        for outer, inner in moved.items()
-        if outer in said and said[outer].stiction_probability is not None
-        if not all(tag in said and said[tag].cleared for tag in (outer, *(one.inner for one in inner)))
-    }
+    """Where an inner loop is not cleared, nobody should rely on what is said of the outer one, from the innermost loop
+    outwards. One that is accused while all its inner loops are cleared may have a valve of its own.
+    """
+    moves, now = inner_loops(found), dict(said)
+    judged = [tag for tag in moves if tag in said and said[tag].stiction_probability is not None]
+    doubted: set[str] = set()
+    # Once for each loop of the longest chain: whose inner loop is doubted is doubted the next time.
+    while further := {
+        tag for tag in judged if tag not in doubted and not all(_cleared(now.get(one.inner)) for one in moves[tag])
+    }:
+        doubted |= further
+        now |= {tag: replace(said[tag], reliability="not_reliable") for tag in further}
+    return {tag: Doubt(MOVES_SET_POINT, cascade_text(moves[tag], now)) for tag in doubted}
 
 
-def reworded(doubt: Doubt, line: Mapping[str, Any]) -> dict[str, Any]:
+def _cleared(said: Said | None) -> bool:
+    return said is not None and said.cleared
+
+
+def reworded(heard: Heard, line: Mapping[str, Any]) -> dict[str, Any]:
     """What changes in an audit line. Verdict and probability stay: they are what the loop's own record says."""
-    health, parts = line["health"], line["health_parts"]
-    if _said(line).relied_on:
-        doubted = doubted_health([HealthPart(**part) for part in parts], line["stiction_probability"])
-        health, parts = doubted.value, [vars(part) for part in doubted.parts]
+    reliability, reasons, health, parts = (line[name] for name in ("reliability", "reasons", "health", "health_parts"))
+    if heard.doubt is not None:
+        if reliability == "reliable":
+            doubted = doubted_health([HealthPart(**part) for part in parts], line["stiction_probability"])
+            health, parts = doubted.value, [vars(part) for part in doubted.parts]
+        reliability, reasons = "not_reliable", [{"code": heard.doubt.code, "text": heard.doubt.text}, *reasons]
     return {
-        "reliability": "not_reliable",
-        "reasons": [{"code": doubt.code, "text": doubt.text}, *line["reasons"]],
+        "reliability": reliability,
+        "reasons": reasons,
         "health": health,
         "health_parts": parts,
+        "moves_set_point_of": ";".join(heard.moves) or None,
+        "set_point_moved_by": ";".join(heard.moved_by) or None,
     }
 
 
@@ -105,19 +148,9 @@ def heard_together(
     """Audit lines of loops that were recorded on one clock, each heard beside the others. candidates: those of them
     that swing, excerpts: those of which OP or SP moves, both under their loop's name.
     """
-    said = {line["loop"]: _said(line) for line in lines}
-    found = all_doubts(said, candidates, excerpts)
-    return [_heard(line, found.get(line["loop"])) for line in lines]
-
-
-def _said(line: Mapping[str, Any]) -> Said:
-    return Said(line["verdict"], line["reliability"], line["stiction_probability"])
-
-
-def _heard(line: dict[str, Any], doubt: Doubt | None) -> dict[str, Any]:
-    if doubt is None:
-        return line
-    return line | reworded(doubt, line)
+    said = {line["loop"]: Said(line["verdict"], line["reliability"], line["stiction_probability"]) for line in lines}
+    found = hear(said, candidates, excerpts)
+    return [line | reworded(found[line["loop"]], line) if line["loop"] in found else line for line in lines]
 
 
 def neighbour_text(shaken: Suspect, source: Suspect) -> str:
@@ -132,11 +165,12 @@ def neighbour_text(shaken: Suspect, source: Suspect) -> str:
 
 def cascade_text(inner: Sequence[Cascade], said: Mapping[str, Said]) -> str:
     """inner: the cascades of one outer loop."""
+    points = " and ".join(f"the set point of {one.inner}" for one in inner)
     told = "; ".join(f"{one.inner}: {_in_words(said.get(one.inner))}" for one in inner)
-    points = f"the set point{'s' if len(inner) > 1 else ''} of {' and '.join(one.inner for one in inner)}"
+    alike = min(one.alike for one in inner)
     return (
-        f"OP is {points} (what is new in both is alike to {min(one.alike for one in inner):.2f}), so this loop moves "
-        f"no valve by itself: the valve is judged there ({told})"
+        f"OP is {points} (from sample to sample they move alike, {alike:.2f} of 1): unless OP moves a valve of its own "
+        f"besides, the valve is judged there ({told})"
     )
 
 

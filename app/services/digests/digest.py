@@ -185,7 +185,7 @@ def as_json(digest: Digest) -> dict[str, Any]:
 
 HOW_TO_READ = (
     "In each unit those come first that lack most to full health, times their importance. "
-    "'Look first' means that the evidence disagrees: look at the loop before a valve is taken out."
+    "'Look first' means that the evidence does not suffice: look at the loop before a valve is taken out."
 )
 
 
@@ -199,7 +199,7 @@ def _refused(digest: Digest) -> list[str]:
     """Why loops were not auditable, and which: whoever mends a transmitter looks for its tag."""
     told = []
     for cause, count in digest.refused.items():
-        named = [_line(tag) for tag in digest.refused_loops[cause]]
+        named = [_line(tag) for tag in digest.refused_loops.get(cause, ())]
         more = ", ..." if count > len(named) else ""
         told.append(f"{count} not auditable: {cause_words(cause)} ({', '.join(named)}{more})")
     return told

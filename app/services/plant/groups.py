@@ -1,13 +1,9 @@
 """Loops that oscillate together: found among what the newest verdicts kept of their oscillations."""
 
 import threading
-from collections.abc import Mapping, Sequence
 from typing import Any
 
-from app.engine.cascades import cascades
 from app.engine.plant_wide import UNNAMED, Group, groups
-from app.services.auditing.excerpts import by_tag
-from app.services.auditing.hearing import without_outer
 from app.services.auditing.swings import candidates
 from app.services.backend import Backend
 from app.services.moments import iso_utc, moment_of
@@ -28,20 +24,16 @@ def plant_groups(backend: Backend) -> tuple[GroupView, ...]:
         known = _found.get(state)
         if known is not None:
             return known
-        swinging, moving = verdicts.swings(connection), verdicts.excerpts(connection)
+        rows = verdicts.swings(connection)
     with _finding:
         if state not in _found:
+            units = {row.tag: row.unit for row in rows}
             while len(_found) >= KEPT:
                 _found.pop(next(iter(_found)))
-            _found[state] = _groups(swinging, moving)
+            _found[state] = tuple(
+                _view(number, found, units) for number, found in enumerate(groups(candidates(rows)), 1)
+            )
         return _found[state]
-
-
-def _groups(swinging: Sequence[Any], moving: Sequence[Any]) -> tuple[GroupView, ...]:
-    """Of rows of `verdicts.swings` and `verdicts.excerpts`: a loop that moves no valve is no source."""
-    rows = {row.tag: row for row in swinging}
-    heard = without_outer(candidates(swinging), cascades(by_tag(moving)))
-    return tuple(_view(number, found, rows) for number, found in enumerate(groups(heard), 1))
 
 
 def soon(backend: Backend, wait_s: float = PATIENCE_S) -> tuple[GroupView, ...] | None:
@@ -62,16 +54,10 @@ def unnamed(group: GroupView) -> bool:
     return group.chance_probability > UNNAMED
 
 
-def _view(number: int, group: Group, rows: Mapping[str, Any]) -> GroupView:
+def _view(number: int, group: Group, units: dict[str, str | None]) -> GroupView:
     members = [
         GroupMember(
-            s.tag,
-            rows[s.tag].unit,
-            rows[s.tag].stiction_probability,
-            round(s.score, 3),
-            s.coherence,
-            s.lag_s,
-            _moment(s.onset_s),
+            s.tag, units[s.tag], s.stiction_probability, round(s.score, 3), s.coherence, s.lag_s, _moment(s.onset_s)
         )
         for s in group.suspects
     ]

@@ -4,6 +4,7 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from app.engine.episodes import BEGAN
 from app.services.auditing.audits import get_audit
 from app.services.auditing.repairs import BEFORE_REPAIR, SINCE_REPAIR
 from app.services.backend import Backend
@@ -21,6 +22,8 @@ MOST_TILES = 400  # what a browser lays out and paints at once
 LEAST_TILES = 3
 FILLED_MORE = 0.05
 FEWER_SAMPLES = 0.8
+BEGAN_WORDS = "the valve began to stick within the record"
+LONGER_WORDS = "more was recorded than before"
 OF_REPAIRS = {SINCE_REPAIR, BEFORE_REPAIR}
 
 
@@ -177,22 +180,33 @@ def _kind(before: str | None, now: str) -> Literal["new", "cured", "flipped"]:
 
 
 def _why(row: Any) -> ChangedBy:
-    """Another engine or configuration is the method; a record that became much poorer or shorter is the data."""
+    """Another engine or configuration is the method; a record much poorer, shorter or longer is the data."""
     if row.verdict_before is None:
         return "first"
     if row.engine_changed or row.config_changed:
         return "method"
-    if OF_REPAIRS & set(row.reasons.split(";")) - set((row.reasons_before or "").split(";")):
+    new = set(row.reasons.split(";")) - set((row.reasons_before or "").split(";"))
+    if OF_REPAIRS & new:
         return "repair"
+    if BEGAN in new:
+        return "loop"
     if "not_auditable" in (row.verdict_before, row.verdict):
         return "auditable"
     poorer = (row.filled_more or 0.0) > FILLED_MORE
-    shorter = row.samples_ratio is not None and not FEWER_SAMPLES <= row.samples_ratio <= 1 / FEWER_SAMPLES
+    shorter = row.samples_ratio is not None and row.samples_ratio < FEWER_SAMPLES
     resampled = row.interval_ratio is not None and not 0.99 <= row.interval_ratio <= 1.01
-    return "data" if poorer or shorter or resampled else "loop"
+    return "data" if poorer or shorter or resampled or _longer(row) else "loop"
+
+
+def _longer(row: Any) -> bool:
+    return row.samples_ratio is not None and row.samples_ratio > 1 / FEWER_SAMPLES
 
 
 def _because(why: ChangedBy, row: Any) -> str:
+    if why == "loop" and BEGAN in row.reasons.split(";"):
+        return BEGAN_WORDS
+    if why == "data" and _longer(row):
+        return LONGER_WORDS
     if why != "auditable":
         return WHY_WORDS[why]
     if row.verdict == "not_auditable":

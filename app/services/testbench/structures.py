@@ -19,7 +19,7 @@ from app.engine.audit import audit
 from app.engine.excerpts import excerpts_of
 from app.engine.plant_wide import Candidate
 from app.engine.recording import FloatArray, Recording
-from app.services.auditing.hearing import Said, all_doubts
+from app.services.auditing.hearing import Said, hear
 from app.services.testbench.wiring import Lag, Pi, Valve, Wandering
 
 SAMPLES, SETTLING, INTERVAL_S = 1500, 500, 5.0
@@ -69,16 +69,33 @@ def parts_of(seed: int, sticks: bool) -> Parts:
                  float(rng.uniform(0.03, 0.2)))  # fmt: skip
 
 
-def _single(p: Parts, sp: Callable[[int], float], ahead: float = 0.0) -> Iterator[Row]:
-    """One PI controller. sp: of the scan. ahead: share of a measured load that feedforward takes away."""
+def _still(_: int) -> float:
+    return 0.0
+
+
+def _single(
+    p: Parts, sp: Callable[[int], float], ahead: float = 0.0, timed: Callable[[int], float] = _still
+) -> Iterator[Row]:
+    """One PI controller. sp: of the scan. ahead: share of a measured load that feedforward takes away. timed: what else
+    comes from outside, of the scan.
+    """
     valve, plant, pi, load, known = p.valve(), p.plant(), p.controller(), p.load(), p.load(3.0 if ahead else 0.0)
     position, disturbed = 0.0, 2.5
     for k in range(SETTLING + SAMPLES):
         felt = known.after(INTERVAL_S)
         pv = p.measured(50.0 + plant.after(position + disturbed + felt, INTERVAL_S))
         op = min(max(pi.output(sp(k) - pv, INTERVAL_S) - ahead * felt, 0.0), 100.0)
-        position, disturbed = valve.to(op) - 50.0, 2.5 + load.after(INTERVAL_S)
+        position, disturbed = valve.to(op) - 50.0, 2.5 + load.after(INTERVAL_S) + timed(k)
         yield sp(k), pv, op
+
+
+def timed_load(p: Parts) -> Iterator[Row]:
+    """A timer opens and closes something upstream: a triangle comes through, one ramp of it longer than the other."""
+    period, rising, size = p.tau_s * p.between(4.0, 15.0), p.between(0.2, 0.8), p.between(2.0, 8.0)
+    corners = [0.0, rising * period, period]
+    return _single(
+        p, lambda _: 50.0, timed=lambda k: float(np.interp(k * INTERVAL_S % period, corners, [-size, size, -size]))
+    )
 
 
 def plain(p: Parts) -> Iterator[Row]:
@@ -222,8 +239,8 @@ Tally = defaultdict[tuple[str, bool], Counter[str]]
 """How often what was said, by the name of the kind and whether the valve sticks."""
 
 WITH_A_VALVE: tuple[Kind, ...] = (
-    plain, feedforward, ratio, set_points_from_above, batch_profile, cascade_inner, cascade_outer, split_range,
-    override, averaging_level, error_squared_level, gap_level, on_off,
+    plain, timed_load, feedforward, ratio, set_points_from_above, batch_profile, cascade_inner, cascade_outer,
+    split_range, override, averaging_level, error_squared_level, gap_level, on_off,
 )  # fmt: skip
 KINDS: tuple[Kind, ...] = (*WITH_A_VALVE, time_proportioned)
 
@@ -252,9 +269,10 @@ def said_beside(seed: int, sticks: bool) -> dict[str, str]:
     }
     swinging = [Candidate(t, a.swing, said[t].stiction_probability) for t, a in audits.items() if a.swing is not None]
     kept = {tag: excerpts for tag, one in records.items() if (excerpts := excerpts_of(one, 0.0)) is not None}
-    doubts = all_doubts(said, swinging, kept)
+    heard = hear(said, swinging, kept)
+    doubted = {tag for tag, one in heard.items() if one.doubt is not None}
     return {
-        f"{tag}, beside the other": _marked(one.verdict, reliable=one.relied_on and tag not in doubts)
+        f"{tag}, beside the other": _marked(one.verdict, reliable=one.relied_on and tag not in doubted)
         for tag, one in said.items()
     }
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from app.engine.audit import audit
-from app.engine.jitter import FEWEST_CYCLES, period_jitter
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import UniformRecord
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, Wave, first_order, simulate_loop
+from app.engine.timekeeping import FEWEST_CYCLES, timekeeping
 
 PER_CYCLE, CYCLES = 40, 50
 
@@ -35,7 +35,7 @@ def walking(jitter, seed, cycles=CYCLES):
 def jitter_of(phase, noise=0.0, seed=1):
     rng = np.random.default_rng(seed)
     pv, op = (triangle(phase + shift) + noise * rng.standard_normal(len(phase)) for shift in (0.0, 0.25))
-    return period_jitter(record(pv, op), swing())
+    return timekeeping(record(pv, op), swing()).jitter
 
 
 def test_a_clock_under_noise_keeps_time():
@@ -57,21 +57,33 @@ def test_unit_offset_sign_and_time_unit_make_no_difference():
     phase = walking(0.05, 3)
     plain = record(triangle(phase), triangle(phase + 0.25))
     turned = record(-1e3 * plain.pv + 7.0, 1e-6 * plain.op, interval_s=60.0)
-    assert period_jitter(turned, swing()) == pytest.approx(period_jitter(plain, swing()), rel=1e-9)
+    one, other = timekeeping(turned, swing()), timekeeping(plain, swing())
+    assert (one.jitter, one.unlike) == pytest.approx((other.jitter, other.unlike), rel=1e-9)
 
 
 def test_the_less_even_signal_counts():
     even, uneven = triangle(np.arange(2000) / PER_CYCLE), triangle(walking(0.1, 5))
-    assert period_jitter(record(even, uneven), swing()) == period_jitter(record(uneven, even), swing()) > 0.03
+    assert timekeeping(record(even, uneven), swing()) == timekeeping(record(uneven, even), swing())
+    assert timekeeping(record(even, uneven), swing()).jitter > 0.03
+
+
+def test_what_differs_from_cycle_to_cycle_is_measured():
+    phase, noise = np.arange(2000) / PER_CYCLE, np.random.default_rng(4).standard_normal((2, 2000))
+    clean = np.stack([triangle(phase), triangle(phase + 0.25)])
+    assert timekeeping(record(*clean), swing()).unlike < 0.03
+    swings = np.std(clean[0])
+    assert timekeeping(record(*(clean + 0.5 * swings * noise)), swing()).unlike == pytest.approx(
+        0.5 / np.hypot(1.0, 0.5), rel=0.05
+    )
 
 
 def test_few_cycles_no_period_and_a_signal_that_stands_are_not_evaluated():
     few = np.arange((FEWEST_CYCLES + 2) * PER_CYCLE - 1) / PER_CYCLE
-    assert period_jitter(record(triangle(few), triangle(few)), swing()) is None
+    assert timekeeping(record(triangle(few), triangle(few)), swing()) is None
     whole = np.arange(CYCLES * PER_CYCLE) / PER_CYCLE
     pair = record(triangle(whole), triangle(whole))
-    assert period_jitter(pair, replace(swing(), samples_per_cycle=None)) is None
-    assert period_jitter(replace(pair, op=np.full(len(whole), 3.0)), swing()) is None
+    assert timekeeping(pair, replace(swing(), samples_per_cycle=None)) is None
+    assert timekeeping(replace(pair, op=np.full(len(whole), 3.0)), swing()) is None
 
 
 def loop(seed, **changes):
@@ -97,5 +109,5 @@ def test_a_triangle_from_a_timer_is_not_relied_on_and_a_valve_that_sticks_is():
         assert judgement.verdict == "stiction"
         assert (judgement.reliability == "not_reliable") == keeps_time
         assert any(reason.code == "keeps_time" for reason in judgement.reasons) == keeps_time
-        even = period_jitter(simulated.uniform(), detect(simulated.uniform()))
-        assert (even < 0.015) == keeps_time
+        found = timekeeping(simulated.uniform(), detect(simulated.uniform()))
+        assert (found.jitter < 0.015) == (found.jitter < 0.04 * found.unlike) == keeps_time
