@@ -317,6 +317,26 @@ def test_a_loop_names_the_source_of_its_group_also_where_that_may_be_chance(
     assert f"the likeliest source is LIC7 : {said}" in told
 
 
+def test_a_loop_is_sent_to_no_source_of_loops_that_are_not_in_step(client, web_backend, monkeypatch):
+    members = plant_groups(web_backend)[0].members
+    alike = GroupView("1", 300.0, False, True, 0.03, "LIC7", members)
+    monkeypatch.setattr(loop_page, "groups_of", lambda backend, tag: [alike])
+    told = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
+    assert "oscillates together with" in told
+    assert "LIC7" not in told
+
+
+def test_the_loops_of_a_cascade_are_linked_both_ways(client, monkeypatch):
+    detail = loops.verdict_detail
+    wired = {"moves_set_point_of": [HOSTILE, "FIC3"], "set_point_moved_by": ["AIC1"]}
+    monkeypatch.setattr(loops, "verdict_detail", lambda b, t: detail(b, t) | wired)
+    page = seen(client, "/loops/FIC101")
+    told = " ".join(" ".join(page.texts).split())
+    assert f"its OP is the set point of {HOSTILE} and of FIC3 ." in told
+    assert "its set point is the OP of AIC1 ." in told
+    assert {HOSTILE_PAGE, "/loops/FIC3", "/loops/AIC1"} <= set(page.links)
+
+
 def test_the_glossary_defines_every_figure_of_a_loop(client):
     texts = seen(client, "/glossary").texts
     for field in ("health", "harris_index", "service_factor_pct", "response_time_s", "yper_pct"):
