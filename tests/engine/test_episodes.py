@@ -5,9 +5,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from app.engine.audit import AuditConfig, audit
-from app.engine.episodes import EpisodeConfig, episode_reasons, find, is_long, window_spans
+from app.engine.audit import AuditConfig, _with_episodes, audit
+from app.engine.episodes import Episode, EpisodeConfig, Episodes, episode_reasons, find, is_long, window_spans
+from app.engine.evidence import Reason
 from app.engine.fitness import assess
+from app.engine.judgement import Judgement
 from app.engine.oscillation import detect
 from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
@@ -130,3 +132,18 @@ def test_long_healthy_recordings_have_no_episode(shared_dir, name):
     recording = type(simulate_loop(FREE, 10.0, 1.0).recording("x"))
     fitness = assess(recording(name, table["time"][good], table["PV"][good], table["OP"][good]))
     assert find(fitness.audited, detect(fitness.audited)).found == ()
+
+
+@pytest.mark.parametrize(
+    ("reliability", "told"),
+    [
+        ("not_reliable", ["stiction_began", "stretches_disagree", "short_lived_stiction"]),
+        ("reliable", ["stretches_disagree", "short_lived_stiction", "stiction_began"]),
+    ],
+)
+def test_when_it_began_comes_first_where_stiction_is_not_relied_on(reliability, told):
+    spell = Episode(7000.0, 9500.0, 0.99, "reliable", 60.0, 5, at_start=False, at_end=True)
+    said = Judgement("stiction", 0.8, reliability, (Reason("stretches_disagree", "only 4 of 7"),), "stiction")
+    found = _with_episodes(said, Episodes((), (spell,)))
+    assert [reason.code for reason in found.reasons] == told
+    assert (found.verdict, found.reliability) == ("stiction", reliability)

@@ -37,6 +37,9 @@ def test_a_verdict_of_before_a_repair_sends_nobody_out():
     assert next_steps.BEFORE_REPAIR in REASON_WORDS
     assert next_step(row, ("before_repair", "shape_sticking")) == next_steps.WAIT
     assert next_step(row | {"verdict": "no_stiction"}, ("stiction_began",)) == next_steps.BEGAN_TO_STICK
+    unsure = row | {"verdict": "stiction", "reliability": "not_reliable"}
+    assert next_step(unsure, ("evidence_not_clear", "stiction_began")) == next_steps.BEGAN_TO_STICK
+    assert next_step(unsure | {"reliability": "reliable"}, ("stiction_began",)) == next_steps.STICKS
 
 
 def test_every_cause_has_a_step():

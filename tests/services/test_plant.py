@@ -80,25 +80,37 @@ def test_nothing_changed(backend: Backend, two_runs: tuple[dict[str, int], int])
 
 
 @pytest.mark.parametrize(
-    ("before", "why"),
+    ("before", "why", "because"),
     [
-        ({}, "loop"),
-        ({"engine_version": "0.0.1"}, "method"),
-        ({"config_fingerprint": "other"}, "method"),
-        ({"samples": 100}, "data"),
-        ({"sampling_interval_s": 1.0}, "data"),
+        ({}, "loop", "another record of the loop; nothing else changed"),
+        ({"engine_version": "0.0.1"}, "method", "the method changed (engine or settings)"),
+        ({"config_fingerprint": "other"}, "method", "the method changed (engine or settings)"),
+        ({"samples": 100}, "data", "more was recorded than before"),
+        ({"samples": 100_000}, "data", "the record changed (gaps, length or sampling)"),
+        ({"sampling_interval_s": 1.0}, "data", "the record changed (gaps, length or sampling)"),
     ],
 )
 def test_a_changed_verdict_says_why(
-    backend: Backend, two_runs: tuple[dict[str, int], int], before: dict[str, object], why: str
+    backend: Backend, two_runs: tuple[dict[str, int], int], before: dict[str, object], why: str, because: str
 ) -> None:
     ids, first = two_runs
     now = loop_health(backend, "B")["verdict"]
     other = "no_stiction" if now == "stiction" else "stiction"
     rewrite(backend, first, ids["B"], verdict=other, **before)
     (change,) = plant.changes(backend).rows
-    assert (change.loop, change.before, change.now, change.why) == ("B", other, now, why)
+    assert (change.loop, change.before, change.now, change.why, change.because) == ("B", other, now, why, because)
     assert change.kind == ("new" if now == "stiction" else "cured" if now == "no_stiction" else "flipped")
+
+
+def test_a_valve_that_began_to_stick_is_why_though_more_was_recorded(
+    backend: Backend, two_runs: tuple[dict[str, int], int]
+) -> None:
+    ids, first = two_runs
+    second = loop_health(backend, "B")["audit_id"]
+    rewrite(backend, first, ids["B"], verdict="not said", samples=100)
+    rewrite(backend, int(second), ids["B"], reasons="stiction_began;stretches")
+    (change,) = plant.changes(backend).rows
+    assert (change.why, change.because) == ("loop", "the valve began to stick within the record")
 
 
 def test_what_a_night_changed_is_news_though_somebody_audits_again(backend: Backend, add_loops: AddLoops) -> None:
