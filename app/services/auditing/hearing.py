@@ -1,8 +1,8 @@
 """Verdicts heard beside those of other loops: of loops that swing in step one shakes the others, and a valve that is
-accused for its neighbour's sake is not relied on; a loop whose OP is the set point of another one moves no valve.
+accused for its neighbour's sake is not relied on; where its OP is the set point of another loop, the valve is there.
 """
 
-from collections.abc import Collection, Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -70,30 +70,29 @@ def hear(
     shaken = neighbours_doubts(groups(candidates), accused, found) if accused else {}
     doubted = {tag: replace(said[tag], reliability="not_reliable") for tag in shaken}
     doubts = shaken | cascades_doubts(found, {**said, **doubted})
-    wired = {tag for cascade in found for tag in (cascade.outer, cascade.inner)}
+    moves, moved_by = _by(found, lambda cascade: cascade.outer), _by(found, lambda cascade: cascade.inner)
     return {
         tag: Heard(
             doubts.get(tag),
-            moves=tuple(cascade.inner for cascade in found if cascade.outer == tag),
-            moved_by=tuple(cascade.outer for cascade in found if cascade.inner == tag),
+            moves=tuple(cascade.inner for cascade in moves.get(tag, ())),
+            moved_by=tuple(cascade.outer for cascade in moved_by.get(tag, ())),
         )
-        for tag in sorted({*doubts, *wired} & said.keys())
+        for tag in sorted({*doubts, *moves, *moved_by} & said.keys())
     }
 
 
-def inner_loops(found: Iterable[Cascade]) -> dict[str, list[Cascade]]:
-    """The cascades of each outer loop."""
-    moves: dict[str, list[Cascade]] = {}
+def _by(found: Iterable[Cascade], loop: Callable[[Cascade], str]) -> dict[str, list[Cascade]]:
+    together: dict[str, list[Cascade]] = {}
     for cascade in found:
-        moves.setdefault(cascade.outer, []).append(cascade)
-    return moves
+        together.setdefault(loop(cascade), []).append(cascade)
+    return together
 
 
 def neighbours_doubts(
     together: Iterable[Group], accused: Container[str], found: Iterable[Cascade] = ()
 ) -> dict[str, Doubt]:
-    """accused: tags of the loops whose valves are reliably said to stick. An outer loop takes
-    nothing from the verdict of its inner one, for whose valve both swing.
+    """accused: tags of the loops whose valves are reliably said to stick. An outer loop takes nothing from the verdict
+    of its inner one, for whose valve both swing.
     """
     one_valve = {(cascade.outer, cascade.inner) for cascade in found}
     return {
@@ -108,7 +107,7 @@ def cascades_doubts(found: Iterable[Cascade], said: Mapping[str, Said]) -> dict[
     """Where an inner loop is not cleared, nobody should rely on what is said of the outer one, from the innermost loop
     outwards. One that is accused while all its inner loops are cleared may have a valve of its own.
     """
-    moves, now = inner_loops(found), dict(said)
+    moves, now = _by(found, lambda cascade: cascade.outer), dict(said)
     judged = [tag for tag in moves if tag in said and said[tag].stiction_probability is not None]
     doubted: set[str] = set()
     # Once for each loop of the longest chain: whose inner loop is doubted is doubted the next time.
