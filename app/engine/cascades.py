@@ -21,8 +21,11 @@ ON_ONE_LINE = 0.99
 """Correlation of OP and SP themselves within the excerpts: what a ratio takes from a loop's PV is as new as that loop's
 OP, by its proportional action, and has 0.92 at most beside it."""
 
-ALMOST = 0.8
+ALMOST = 0.6
 """Likeness from which two signals are looked at closely."""
+
+MOSTLY = 0.75
+"""In how many of the excerpts in which both move: an operator takes an inner loop out of cascade for a while."""
 
 SCANS_APART = 2
 """By how many samples one may have been stored later than the other."""
@@ -101,10 +104,12 @@ def cascades(excerpts: Mapping[str, Excerpts], asked: Collection[str] | None = N
     OP and SP have to lie on one line, of either slope, and what is new from sample to sample, which their past does not
     foretell, has to be alike: what two loops have in common besides, a neighbour's swing, a load, a day's drift, a
     ratio, does not make two signals one. Cost: for each set point that moves a product with each OP that does. Not
-    found where a selector takes turns between outer loops, where the set point is filtered on its way, where OP and SP
-    were stored at other intervals or compressed otherwise. Misleads where a controller is proportional only and another
-    loop's set point is a ratio of its PV, and where two loops follow one load far faster than it moves, hardly measured
-    with noise, and no OP is nearer to the set point of one. That an OP moves a valve besides is not to be seen.
+    found where a selector takes turns between outer loops, where the set point is filtered on its way or at a limit for
+    half of the time, where OP and SP were stored at other intervals or compressed otherwise, and where either was
+    rounded to more than a third of what it moves from sample to sample. Misleads where a controller is proportional or
+    hardly integrates and another loop's set point is a ratio of its PV, where an OP follows a recipe that is another
+    loop's set point and not its own, and where two loops follow one load far faster than it moves, hardly measured with
+    noise, and no OP is nearer to the set point of one. That an OP moves a valve besides is not to be seen.
     """
     found: list[Cascade] = []
     for interval_s in sorted({one.interval_s for one in excerpts.values()}):
@@ -120,7 +125,11 @@ def cascades(excerpts: Mapping[str, Excerpts], asked: Collection[str] | None = N
 
 
 def _signals(excerpts: Mapping[str, Excerpts], which: Callable[[Excerpts], FloatArray | None]) -> dict[str, _Signal]:
-    return {tag: _Signal(one.numbers, x) for tag, one in excerpts.items() if (x := which(one)) is not None}
+    """By a power of two, so exactly, at a size whose square is a number."""
+    moving = {tag: (one.numbers, x) for tag, one in excerpts.items() if (x := which(one)) is not None}
+    return {
+        tag: _Signal(numbers, np.ldexp(x, -int(np.frexp(np.max(np.abs(x)))[1]))) for tag, (numbers, x) in moving.items()
+    }
 
 
 def _nearest(pairs: list[Cascade]) -> Iterator[Cascade]:
@@ -179,20 +188,30 @@ def _apart(one: NDArray, other: NDArray, later: int) -> tuple[NDArray, NDArray]:
 
 
 def _likeness(one: _Signal, other: _Signal) -> float:
-    """How alike two signals are in the excerpts that both have, 0..1, without the samples that are most so: 0 where
-    they do not lie on one line, or tell too little."""
-    common, mine, others = np.intersect1d(one.numbers, other.numbers, return_indices=True)
+    """How alike two signals are, 0..1, in the excerpts that both have and in which they lie on one line, without the
+    samples that are most so; 0 where those are too few of the excerpts in which both move, or tell too little.
+    """
+    _, mine, others = np.intersect1d(one.numbers, other.numbers, return_indices=True)
     x, y = one.values[mine], other.values[others]
-    if not len(common) or min(np.count_nonzero(np.diff(signal)) for signal in (x, y)) < FEWEST_MOVES:
+    moving = [k for k in range(len(x)) if np.ptp(x[k]) > 0.0 and np.ptp(y[k]) > 0.0]
+    on_line = [k for k in moving if _greatest(_centred(x[k]), _centred(y[k])) >= ON_ONE_LINE]
+    if len(on_line) < max(1.0, MOSTLY * len(moving)):
         return 0.0
+    x, y = x[on_line], y[on_line]
     new_x, new_y = innovations(x, ORDER), innovations(y, ORDER)
-    if new_x is None or new_y is None:
+    if new_x is None or new_y is None or min(np.count_nonzero(np.diff(signal)) for signal in (x, y)) < FEWEST_MOVES:
         return 0.0
-    x, y = x - x.mean(axis=1, keepdims=True), y - y.mean(axis=1, keepdims=True)
+    return _greatest(new_x, new_y, left_out=LEFT_OUT)
+
+
+def _centred(x: FloatArray) -> FloatArray:
+    return x - x.mean()
+
+
+def _greatest(x: FloatArray, y: FloatArray, left_out: int = 0) -> float:
+    """The correlation of x and y (.., n), one up to SCANS_APART later or earlier, where it is greatest."""
     lags = range(-SCANS_APART, SCANS_APART + 1)
-    if max(_correlation(*_apart(x, y, later)) for later in lags) < ON_ONE_LINE:
-        return 0.0
-    return max(_correlation(*_apart(new_x, new_y, later), left_out=LEFT_OUT) for later in lags)
+    return max(_correlation(*_apart(x, y, later), left_out=left_out) for later in lags)
 
 
 def _correlation(x: FloatArray, y: FloatArray, left_out: int = 0) -> float:

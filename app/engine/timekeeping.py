@@ -10,7 +10,7 @@ from app.engine.sampled import hann, without_line
 
 FEWEST_CYCLES = 8
 SMOOTHED_CYCLES = 2.0
-HARMONICS = 8
+MOST_KNOTS = 100
 WALK_LEFT_BY_LINE = 15.0
 """Of a walk of N steps a straight line leaves the N-th part of this in variance, in steps."""
 
@@ -30,7 +30,7 @@ def timekeeping(record: UniformRecord, oscillation: Oscillation) -> Timekeeping 
 
     A limit cycle finds its time anew in each cycle, so that its phase walks at random, the farther the more the cycles
     differ; what a timer drives comes back to its time. The phase of the fundamental is taken once a cycle, and what it
-    leaves of a straight line is read as such a walk. What no sum of HARMONICS of the period explains is what differs.
+    leaves of a straight line is read as such a walk. What the mean cycle does not explain is what differs.
     Noise, and a load that moves the mean, add to the jitter: a small one says that something keeps time, a large one
     says nothing. Misleads where a strong sine from outside holds a limit cycle to its own time, and in a loop without
     any noise. Source: Demir, Mehrotra, Roychowdhury 2000, Phase noise in oscillators, doi 10.1109/81.847872 (the phase
@@ -58,12 +58,18 @@ def _of_signal(x: FloatArray, per_cycle: float) -> Timekeeping | None:
     at = np.arange(len(phase), dtype=np.float64)
     slope, start = np.polyfit(at, phase, 1, w=amplitude)
     variance = float(np.average((phase - slope * at - start) ** 2, weights=amplitude**2))
-    unlike = float(np.std(x - _periodic(x, (1.0 + slope) / per_cycle)) / np.std(x))
+    unlike = float(np.std(x - _mean_cycle(x, (1.0 + slope) / per_cycle)) / np.std(x))
     return Timekeeping(float(np.sqrt(WALK_LEFT_BY_LINE * variance / len(phase))), unlike)
 
 
-def _periodic(x: FloatArray, frequency: float) -> FloatArray:
-    """(N,) the sum of HARMONICS of a frequency, in cycles a sample, nearest to x (N,)."""
-    turns = 2.0 * np.pi * frequency * np.outer(np.arange(len(x)), np.arange(1, HARMONICS + 1))
-    basis = np.concatenate((np.cos(turns), np.sin(turns)), axis=1)
-    return np.asarray(basis @ np.linalg.lstsq(basis, x, rcond=None)[0])
+def _mean_cycle(x: FloatArray, frequency: float) -> FloatArray:
+    """(N,) the cycle that is nearest to all cycles of x (N,), of a frequency in cycles a sample: straight lines between
+    as many knots as a cycle has samples.
+    """
+    knots = max(2, min(MOST_KNOTS, round(1.0 / frequency)))
+    place = knots * (frequency * np.arange(len(x)) % 1.0)
+    left = place.astype(np.int64) % knots
+    basis = np.zeros((len(x), knots))
+    basis[np.arange(len(x)), left] = 1.0 - place % 1.0
+    basis[np.arange(len(x)), (left + 1) % knots] = place % 1.0
+    return np.asarray(basis @ np.linalg.lstsq(basis.T @ basis, basis.T @ x, rcond=None)[0])

@@ -45,7 +45,7 @@ class VerdictConfig:
     max_wave: float = 0.955
     max_cycling_wave: float = 0.9
     min_jitter: float = 0.015
-    min_jitter_of_unlike: float = 0.04
+    min_jitter_of_unlike: float = 0.035
     parameters_version: str = VERSION
 
     def __post_init__(self) -> None:

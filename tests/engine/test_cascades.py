@@ -192,3 +192,43 @@ def test_as_many_set_points_as_are_compared_at_once_make_no_difference(monkeypat
     assert [(c.outer, c.inner) for c in whole] == [(f"L{k}", f"F{k}") for k in range(9)]
     monkeypatch.setattr("app.engine.cascades.AT_ONCE", 2)
     assert cascades(plant) == whole
+
+
+def test_an_inner_loop_that_was_out_of_cascade_for_a_while_is_found():
+    moved, k = wandering(1), np.arange(SAMPLES)
+    out = (k >= 1400) & (k < 1700)
+    assert found(LIC1=loop(op=moved), FIC2=loop(sp=np.where(out, moved[1400], moved))) == [("LIC1", "FIC2")]
+    assert found(LIC1=loop(op=moved), FIC2=loop(sp=np.where(k < 1500, 40.0, moved))) == [("LIC1", "FIC2")]
+
+
+def test_two_that_are_one_line_in_few_excerpts_make_no_cascade():
+    moved, k = wandering(1), np.arange(SAMPLES)
+    sp = np.where(k < 1500, wandering(2), moved)
+    assert found(LIC1=loop(op=moved), FIC2=loop(sp=sp)) == []
+
+
+def test_a_set_point_two_scans_late_is_found():
+    moved = wandering(1)
+    assert found(LIC1=loop(op=moved), FIC2=loop(sp=np.roll(moved, 2))) == [("LIC1", "FIC2")]
+
+
+def test_two_ops_that_are_as_near_are_both_outer():
+    moved = wandering(1)
+    almost = moved + 0.02 * wandering(5, memory=0.0)
+    plant = {"LIC1": loop(op=moved), "LIC1B": loop(op=almost), "FIC2": loop(sp=moved)}
+    alike = {one.outer: one.alike for one in cascades(plant)}
+    assert set(alike) == {"LIC1", "LIC1B"}
+    assert 0.999 < alike["LIC1B"] < alike["LIC1"]
+
+
+def test_what_is_alike_in_its_largest_samples_alone_is_no_cascade():
+    kicks = np.zeros(SAMPLES)
+    kicks[[1300, 1310, 1320]] = (150.0, -130.0, 170.0)
+    assert found(LIC1=loop(op=measured(1) + kicks), FIC2=loop(sp=measured(2) + kicks)) == []
+
+
+@pytest.mark.parametrize("scale", [1e-300, 1e-12, 1e90, 1e300])
+def test_the_size_of_the_numbers_makes_no_difference(scale):
+    moved = wandering(1)
+    plant = {"LIC1": loop(op=scale * moved, sp=scale * wandering(3)), "FIC2": loop(sp=scale * moved)}
+    assert [(one.outer, one.inner) for one in cascades(plant)] == [("LIC1", "FIC2")]

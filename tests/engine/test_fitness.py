@@ -160,6 +160,21 @@ def test_op_that_is_switched_is_refused_under_noise_and_beside_single_values():
         assert refused(assess(cycling(op=op))) == ["op_two_values"]
 
 
+@pytest.mark.parametrize("switches", [1, 2, 5])
+def test_op_that_a_load_or_a_set_point_moves_between_two_levels_is_not_switched(switches):
+    noise = np.random.default_rng(1).standard_normal(N)
+    op = np.where(np.arange(N) * (switches + 1) // N % 2 == 1, 60.0, 40.0)
+    assert "op_two_values" not in refused(assess(cycling(op=op + 0.05 * noise)))
+
+
+def test_op_that_runs_up_and_down_within_a_fifth_of_its_extremes_is_not_switched():
+    phase = np.arange(N) % 40 / 40.0
+    op = np.where(phase < 0.5, 100.0, 0.0) + np.where(phase < 0.5, -1.0, 1.0) * 30.0 * np.abs(
+        2.0 * (2.0 * phase % 1.0) - 1.0
+    )
+    assert "op_two_values" not in refused(assess(cycling(op=op)))
+
+
 def test_op_in_triangles_and_in_steps_of_its_own_is_not_switched():
     phase = np.arange(N) % 40 / 40.0
     for op in (np.abs(2.0 * phase - 1.0), np.round(6.0 * np.abs(2.0 * phase - 1.0))):

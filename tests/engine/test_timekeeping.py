@@ -77,6 +77,13 @@ def test_what_differs_from_cycle_to_cycle_is_measured():
     )
 
 
+def test_an_edge_is_no_difference_between_cycles_and_neither_is_a_period_known_by_a_hundredth():
+    square = np.where(np.arange(2000) % PER_CYCLE < PER_CYCLE // 2, 1.0, -1.0)
+    assert timekeeping(record(square, square), swing()).unlike < 0.03
+    slower = triangle(1.01 * np.arange(2000) / PER_CYCLE)
+    assert timekeeping(record(slower, slower), swing()).unlike < 0.05
+
+
 def test_few_cycles_no_period_and_a_signal_that_stands_are_not_evaluated():
     few = np.arange((FEWEST_CYCLES + 2) * PER_CYCLE - 1) / PER_CYCLE
     assert timekeeping(record(triangle(few), triangle(few)), swing()) is None
@@ -111,3 +118,18 @@ def test_a_triangle_from_a_timer_is_not_relied_on_and_a_valve_that_sticks_is():
         assert any(reason.code == "keeps_time" for reason in judgement.reasons) == keeps_time
         found = timekeeping(simulated.uniform(), detect(simulated.uniform()))
         assert (found.jitter < 0.015) == (found.jitter < 0.04 * found.unlike) == keeps_time
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_limit_cycle_in_a_flow_under_nothing_but_noise_of_the_transmitter_is_relied_on(seed):
+    """It is as even as any, and differs from cycle to cycle as little."""
+    flow = loop(
+        seed,
+        plant=first_order(1.0, 5.0, 2.0),
+        controller=Pid(0.4, 7.5),
+        valve=TwoParameterValve(6.0, 5.0),
+        load=Signal(value=3.0),
+        noise=Signal(noise_sd=0.03),
+    )
+    judgement = audit(flow.recording("FIC101")).judgement
+    assert (judgement.verdict, judgement.reliability) == ("stiction", "reliable")

@@ -12,7 +12,7 @@ from app.engine.fitness.signals import (
     quantisation_step,
     run_lengths,
     stored_points,
-    two_level_shares,
+    two_levels,
 )
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, UniformRecord
@@ -85,11 +85,13 @@ def check_flat(name: str, signal: FloatArray, meaning: str, kept: int, config: F
 
 def check_two_values(op: FloatArray, config: FitnessConfig) -> Finding:
     """OP that is switched between two values shows nothing of how a valve follows it."""
-    more, less = two_level_shares(op)
-    switched = more + less >= config.two_values_share and less >= config.least_of_two_values
-    text = f"OP is at one of two values for {100 * (more + less):.1f} % of the stretch"
+    at = two_levels(op)
+    share = at.more + at.less
+    both = at.less >= config.least_of_two_values and at.switches >= config.fewest_switches
+    switched = both and share >= config.two_values_share
+    text = f"OP is at one of two values for {100 * share:.1f} % of the stretch, and switched {at.switches} times"
     text += ": on/off control, or an OP that is stored more coarsely than it moves" if switched else ""
-    return _finding("op_two_values", not switched, text, more + less, config.two_values_share, "share")
+    return _finding("op_two_values", not switched, text, share, config.two_values_share, "share")
 
 
 def check_op_limits(

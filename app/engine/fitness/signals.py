@@ -1,5 +1,7 @@
 """What can be said of one signal without knowing its unit: constant runs, quantisation, straight lines."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from app.engine.recording import BoolArray, FloatArray, IntArray
@@ -35,19 +37,28 @@ def extreme_share(signal: FloatArray) -> float:
     return max(low, high)
 
 
-def two_level_shares(signal: FloatArray) -> tuple[float, float]:
-    """The shares of `signal` (N,), N at least 1, near the level where it is longer and near the other one, 0 to 1; all
-    and nothing where it has one level.
+@dataclass(frozen=True)
+class TwoLevels:
+    """A signal at two levels: the share of its samples near the one where it is longer, and near the other one, 0 to 1;
+    switches: how often it goes from one side to the other.
+    """
+
+    more: float
+    less: float
+    switches: int
+
+
+def two_levels(signal: FloatArray) -> TwoLevels:
+    """How far `signal` (N,), N at least 1, is at two levels.
 
     Its levels are what it is at after OUTERMOST of its samples from either end are left out, as those are that were
     taken while it switched; near is what lies within LEVEL_BAND of their distance, noise of a read-back among it.
     """
     low, high = np.quantile(signal, (OUTERMOST, 1.0 - OUTERMOST))
-    band = LEVEL_BAND * (high - low)
     if high - low <= resolution(signal):
-        return 1.0, 0.0
-    near = [float(np.mean(np.abs(signal - level) <= band)) for level in (low, high)]
-    return max(near), min(near)
+        return TwoLevels(1.0, 0.0, 0)
+    near = [float(np.mean(np.abs(signal - level) <= LEVEL_BAND * (high - low))) for level in (low, high)]
+    return TwoLevels(max(near), min(near), int(np.count_nonzero(np.diff(signal > 0.5 * (low + high)))))
 
 
 def set_point_activity(sp: FloatArray | None, pv: FloatArray) -> float | None:
