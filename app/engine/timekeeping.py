@@ -66,10 +66,15 @@ def _mean_cycle(x: FloatArray, frequency: float) -> FloatArray:
     """(N,) the cycle that is nearest to all cycles of x (N,), of a frequency in cycles a sample: straight lines between
     as many knots as a cycle has samples.
     """
-    knots = max(2, min(MOST_KNOTS, round(1.0 / frequency)))
+    knots = max(3, min(MOST_KNOTS, round(1.0 / frequency)))
     place = knots * (frequency * np.arange(len(x)) % 1.0)
     left = place.astype(np.int64) % knots
-    basis = np.zeros((len(x), knots))
-    basis[np.arange(len(x)), left] = 1.0 - place % 1.0
-    basis[np.arange(len(x)), (left + 1) % knots] = place % 1.0
-    return np.asarray(basis @ np.linalg.lstsq(basis.T @ basis, basis.T @ x, rcond=None)[0])
+    right, far = (left + 1) % knots, place % 1.0
+    near = 1.0 - far
+    normal = np.diag(np.bincount(left, near**2, knots) + np.bincount(right, far**2, knots))
+    beside, at = np.bincount(left, near * far, knots), np.arange(knots)
+    normal[at, (at + 1) % knots] += beside
+    normal[(at + 1) % knots, at] += beside
+    told = np.bincount(left, near * x, knots) + np.bincount(right, far * x, knots)
+    height = np.linalg.lstsq(normal, told, rcond=None)[0]
+    return np.asarray(near * height[left] + far * height[right])

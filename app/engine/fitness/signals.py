@@ -10,7 +10,7 @@ from app.engine.recording import BoolArray, FloatArray, IntArray
 LARGEST_PLAUSIBLE = 1e100
 # Two values that differ by less than this share of the signal's span are the same value after a change of unit.
 SAME_SHARE_OF_SPAN = 1e-9
-OUTERMOST, LEVEL_BAND = 0.02, 0.02
+OUTERMOST, LEVEL_BAND = 0.02, 0.01
 
 
 def usable_values(signal: FloatArray) -> BoolArray:
