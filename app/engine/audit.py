@@ -154,23 +154,25 @@ def _with_episodes(judgement: Judgement, episodes: Episodes) -> Judgement:
     reasons = episode_reasons(episodes)
     if judgement.verdict == "stiction" or not reasons:
         told = (*judgement.reasons, *reasons)
-        # When it began is what nobody should have to look for below why the record of before says otherwise.
-        first = BEGAN if judgement.reliability == "not_reliable" else None
-        return replace(judgement, reasons=tuple(sorted(told, key=lambda reason: reason.code != first)))
+        return replace(judgement, reasons=told if judgement.reliability == "reliable" else _began_first(told))
     if all(reason.code != BEGAN for reason in reasons):
         return replace(judgement, reliability="not_reliable", reasons=(*judgement.reasons, *reasons))
     # What explains the rest of the record, and which parts of it agree, is not said of the spell.
     left = {rival.cause for rival in judgement.rivals} | _OF_STRETCHES
     kept = tuple(reason for reason in judgement.reasons if reason.code not in left)
-    ranked = sorted((*reasons, *kept), key=lambda reason: reason.code != BEGAN)
     return replace(
         judgement,
         verdict="stiction",
         stiction_probability=[episode for episode in episodes.found if episode.at_end][-1].probability,
         reliability="not_reliable",
-        reasons=tuple(ranked),
+        reasons=_began_first((*reasons, *kept)),
         likely_cause="stiction",
     )
+
+
+def _began_first(reasons: tuple[Reason, ...]) -> tuple[Reason, ...]:
+    """When it began is what nobody should have to look for below why the record of before says otherwise."""
+    return tuple(sorted(reasons, key=lambda reason: reason.code != BEGAN))
 
 
 def _rest_reason(fitness: Fitness, rest_of: UniformRecord) -> Reason:

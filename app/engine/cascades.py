@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.engine.excerpts import LENGTH, Excerpts
-from app.engine.innovations import innovations
+from app.engine.innovations import apart, innovations
 from app.engine.recording import FloatArray, IntArray
 
 ORDER = 6
@@ -174,17 +174,11 @@ def _correlations(some: Array32, others: Array32) -> Array32:
     norm = np.sqrt((power @ (power_too > 0.0).T) * ((power > 0.0) @ power_too.T))
     most, n = np.zeros_like(norm), some.shape[2]
     for later in range(-SCANS_APART, SCANS_APART + 1):
-        one, other = _apart(some, others, later)
+        one, other = apart(some, others, later)
         product = one.reshape(len(some), -1) @ other.reshape(len(others), -1).T
         # The ends that have no counterpart have their share of the power.
         most = np.maximum(most, np.abs(product) * (n / (n - abs(later))))
     return np.divide(most, norm, out=np.zeros_like(most), where=norm > 0.0)
-
-
-def _apart(one: NDArray, other: NDArray, later: int) -> tuple[NDArray, NDArray]:
-    """(.., n - |later|) the samples of `one` (.., n) beside those of `other` so many samples earlier."""
-    n = one.shape[-1]
-    return one[..., max(0, later) : n + min(0, later)], other[..., max(0, -later) : n - max(0, later)]
 
 
 def _likeness(one: _Signal, other: _Signal) -> float:
@@ -211,7 +205,7 @@ def _centred(x: FloatArray) -> FloatArray:
 def _greatest(x: FloatArray, y: FloatArray, left_out: int = 0) -> float:
     """The correlation of x and y (.., n), one up to SCANS_APART later or earlier, where it is greatest."""
     lags = range(-SCANS_APART, SCANS_APART + 1)
-    return max(_correlation(*_apart(x, y, later), left_out=left_out) for later in lags)
+    return max(_correlation(*apart(x, y, later), left_out=left_out) for later in lags)
 
 
 def _correlation(x: FloatArray, y: FloatArray, left_out: int = 0) -> float:

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from app.engine.features import PER_CYCLE
-from app.engine.innovations import innovations
+from app.engine.innovations import apart, innovations
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.sampled import thinned
@@ -62,7 +62,5 @@ def _chance(record: UniformRecord, stride: int, *, beside_shifts: bool = False) 
 
 def _alike(pv: FloatArray, op: FloatArray) -> float:
     """Haugh's statistic of two innovations (n,)."""
-    n = len(pv)
-    lags = range(-LAGS, LAGS + 1)
-    products = [pv[max(0, lag) : n + min(0, lag)] @ op[max(0, -lag) : n - max(0, lag)] for lag in lags]
-    return float(n * np.sum(np.square(products)))
+    shifted = (apart(pv, op, lag) for lag in range(-LAGS, LAGS + 1))
+    return float(len(pv) * np.sum(np.square([later @ earlier for later, earlier in shifted])))

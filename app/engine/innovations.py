@@ -1,6 +1,9 @@
 """What is new in a signal: what its own past does not foretell."""
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from app.engine.recording import FloatArray
 
@@ -31,3 +34,9 @@ def innovations(x: FloatArray, order: int) -> FloatArray | None:
         return None
     e = np.clip(e, -_CLIPPED_AT * spread, _CLIPPED_AT * spread)
     return np.asarray(e / np.sqrt(e @ e)).reshape(len(x), -1)
+
+
+def apart(one: NDArray[Any], other: NDArray[Any], later: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """(.., n - |later|) each: the samples of `one` (.., n) beside those of `other` so many samples earlier."""
+    n = one.shape[-1]
+    return one[..., max(0, later) : n + min(0, later)], other[..., max(0, -later) : n - max(0, later)]

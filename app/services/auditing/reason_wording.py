@@ -47,7 +47,7 @@ _DOUBTS = {
     "prior_only": "The probability is a prior between these two causes, not a measurement.",
 }
 _NEIGHBOURS = {
-    "moves_set_point": "OP is the set point of another loop: this one moves no valve; the valve is judged there.",
+    "moves_set_point": "OP is another loop's set point: unless it moves a valve besides, the valve is judged there.",
     "shaken_by_neighbour": "The loop swings in step with one that is likelier to be the source; that one may shake it.",
 }
 _METHODS = {
