@@ -1,10 +1,8 @@
 """`loopaudit audit`: files and folders of recordings, without a service, through the engine that the service uses."""
 
 import os
-import signal
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, wait
-from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from multiprocessing import active_children, get_context
@@ -13,6 +11,7 @@ from typing import IO, TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from app.cli import interrupts
 from app.cli.mapping import MappingOption, mapping_bytes
 from app.cli.messages import ExitCode, progress, say
 from app.cli.outputs import is_stream, part_of, written
@@ -175,13 +174,16 @@ def audit_files(files: list[Path], jobs: int, how: Reading) -> Iterator[AuditedF
     """
     wanted = min(jobs or os.cpu_count() or 1, len(files))
     if wanted <= 1 or (jobs == 0 and len(files) < PROCESSES_PAY_FROM_FILES):
-        yield from (audited_here(file, how) for file in files)
+        for file in files:
+            audited = audited_here(file, how)
+            interrupts.raise_swallowed()
+            yield audited
         return
     for name in THREAD_LIMITS:
         os.environ.setdefault(name, "1")
     pool = ProcessPoolExecutor(wanted, mp_context=get_context("spawn"))
     try:
-        with uninterrupted():
+        with interrupts.held_off():
             futures = [pool.submit(audit_file, file, how) for file in files]
         for file, future in zip(files, futures, strict=True):
             while not future.done():
@@ -192,16 +194,6 @@ def audit_files(files: list[Path], jobs: int, how: Reading) -> Iterator[AuditedF
         end(pool)
         raise
     pool.shutdown()
-
-
-@contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Processes started herein never see Ctrl-C, which goes to the whole terminal: who started them ends them."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def end(pool: ProcessPoolExecutor) -> None:

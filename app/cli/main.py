@@ -2,6 +2,7 @@
 
 import errno
 import os
+import signal
 import sys
 from contextlib import suppress
 from inspect import cleandoc
@@ -15,6 +16,7 @@ from app.cli import (
     digest,
     explain,
     inspect,
+    interrupts,
     keys,
     migrate,
     nightly,
@@ -33,6 +35,7 @@ EPILOG = (
     "Results go to stdout, messages to stderr. "
     "Exit codes: 0 done, 1 some inputs failed, 2 wrong usage, nothing usable or no room for the results."
 )
+INTERRUPTED = 128 + signal.SIGINT
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 cli = typer.Typer(
@@ -99,7 +102,8 @@ def options(
 def flushed() -> None:
     """Runs the command; what it wrote is on its way, or known not to be, before the process ends."""
     try:
-        cli()
+        with interrupts.remembered():
+            cli()
     finally:
         sys.stdout.flush()
 
@@ -132,4 +136,8 @@ def main() -> None:
             raise
         sys.exit(ExitCode.NOTHING_USABLE)
     except KeyboardInterrupt:
-        sys.exit(130)
+        sys.exit(INTERRUPTED)
+    except SystemError:  # how Python words an exception that compiled code left behind
+        if not interrupts.came():
+            raise
+        sys.exit(INTERRUPTED)
