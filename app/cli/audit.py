@@ -117,11 +117,12 @@ def _audit_into(
         with progress("auditing", files) as advance:
             for result in results:
                 advance(label=result.path.name)
-                audited.append(result)
-                for note in result.notes:
-                    say(f"{result.path}: {note}")
-                if format_ is Format.jsonl:
-                    write_jsonl(stream, result.lines)
+                with interrupts.done_whole():  # what counts as audited is written
+                    audited.append(result)
+                    for note in result.notes:
+                        say(f"{result.path}: {note}")
+                    if format_ is Format.jsonl:
+                        write_jsonl(stream, result.lines)
     except KeyboardInterrupt:
         write_rest(stream, format_, audited)
         raise

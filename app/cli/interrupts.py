@@ -14,10 +14,12 @@ if TYPE_CHECKING:
 class _Interrupts:
     def __init__(self) -> None:
         self.came = False
+        self.put_off = False
 
     def note(self, _signal: int, _frame: FrameType | None) -> None:
         self.came = True
-        raise KeyboardInterrupt
+        if not self.put_off:
+            raise KeyboardInterrupt
 
 
 _interrupts = _Interrupts()
@@ -29,6 +31,7 @@ def remembered() -> Iterator[None]:
 
     Where it is ignored, as in the background of a script, it stays so.
     """
+    _interrupts.came = _interrupts.put_off = False
     before, told = signal.getsignal(signal.SIGINT), sys.unraisablehook
     if before is not signal.default_int_handler:
         yield
@@ -38,7 +41,6 @@ def remembered() -> Iterator[None]:
         if not issubclass(what.exc_type, KeyboardInterrupt):
             told(what)
 
-    _interrupts.came = False
     signal.signal(signal.SIGINT, _interrupts.note)
     sys.unraisablehook = told_but_interrupts
     try:
@@ -56,6 +58,17 @@ def raise_swallowed() -> None:
     """Raises KeyboardInterrupt where one came that did not end what was done then."""
     if came():
         raise KeyboardInterrupt
+
+
+@contextmanager
+def done_whole() -> Iterator[None]:
+    """What is done herein is done to its end; an interrupt that comes meanwhile is raised behind it."""
+    _interrupts.put_off = True
+    try:
+        yield
+    finally:
+        _interrupts.put_off = False
+    raise_swallowed()
 
 
 @contextmanager

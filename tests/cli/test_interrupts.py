@@ -1,5 +1,6 @@
 """Ctrl-C ends a command though compiled code, or a generator that is let go of, swallowed it."""
 
+import io
 import signal
 import sys
 from pathlib import Path
@@ -71,6 +72,44 @@ def test_an_earlier_command_s_interrupt_is_forgotten(unraisable):
     with interrupts.remembered():
         interrupts.raise_swallowed()
     assert unraisable == []
+
+
+def test_what_is_to_be_done_whole_is_and_the_interrupt_comes_behind_it():
+    done = []
+
+    def one_after_the_other() -> None:
+        with interrupts.done_whole():
+            signal.raise_signal(signal.SIGINT)
+            done.append("whole")
+        done.append("behind")
+
+    with pytest.raises(KeyboardInterrupt), interrupts.remembered():
+        one_after_the_other()
+    assert done == ["whole"]
+
+
+def test_an_interrupt_behind_it_is_raised_at_once():
+    with interrupts.remembered():
+        with interrupts.done_whole():
+            pass
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+
+
+def test_a_file_that_counts_as_audited_is_written(capsys):
+    results = (audit.AuditedFile(Path(f"{name}.csv"), ({"recording": name},), ("a note",)) for name in "AB")
+
+    class Interrupted(io.StringIO):
+        def write(self, text: str) -> int:
+            if not self.getvalue():
+                signal.raise_signal(signal.SIGINT)
+            return super().write(text)
+
+    audited, stream = [], Interrupted()
+    with pytest.raises(KeyboardInterrupt), interrupts.remembered():
+        audit._audit_into(stream, audited, results, 2, audit.Format.jsonl)
+    assert stream.getvalue().splitlines() == ['{"recording": "A"}']
+    assert (len(audited), capsys.readouterr().err.count("a note")) == (1, 1)
 
 
 def test_where_interrupts_are_ignored_they_stay_so():
