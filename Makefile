@@ -43,9 +43,10 @@ browser:
 demo: install
 	$(BIN)/loopaudit demo
 
+# Three at a time on two cores: while servers start and workers wait for messages, somebody computes.
 test: install browser
 	$(BIN)/ruff check .
-	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder --durations 25
+	$(BIN)/pytest -n 3 --dist loadfile --no-loadscope-reorder --durations 25
 
 lint: install
 	$(BIN)/ruff check .

@@ -35,6 +35,11 @@ UNRELATED = (
 )
 WAIT = "Wait until enough is recorded since the repair: what is said here is of before it."
 
+AT_LIMIT = (
+    "Find out why OP stands at its limit: the valve's size, a bypass, a set point out of reach; too strong tuning "
+    "where it runs from one limit to the other."
+)
+
 BY_CAUSE = {
     "stuck_valve_or_dead_transmitter": "Look today, at both: whether the transmitter reads anything (impulse lines, "
     "wiring, a frozen signal), and in the field whether the stem moves when OP does (air, positioner, packing).",
@@ -49,8 +54,8 @@ BY_CAUSE = {
     "backlash": "Have linkage and positioner looked at: there is play between OP and the stem.",
     "set_point_following": "Look at what moves the set point, such as the outer loop of a cascade.",
     "no_oscillation": "Nothing: it does not swing.",
-    "saturated_op": "Find out why OP stands at its limit: the valve's size, a bypass, a set point out of reach.",
-    "op_at_limits": "Find out why OP stands at its limit: the valve's size, a bypass, a set point out of reach.",
+    "saturated_op": AT_LIMIT,
+    "op_at_limits": AT_LIMIT,
     "on_off_control": "Nothing where it is meant to switch: leave it out of the audits. Else have OP stored finer.",
     "quantised_sensor": "Have the resolution of transmitter and historian looked at.",
     "sensor_spikes": "Have transmitter and wiring looked at: single values jump.",

@@ -175,6 +175,15 @@ def test_op_that_runs_up_and_down_within_a_fifth_of_its_extremes_is_not_switched
     assert "op_two_values" not in refused(assess(cycling(op=op)))
 
 
+def test_op_that_a_controller_runs_from_limit_to_limit_is_not_switched():
+    """A level at its limit of stability: OP is at its limits for nine tenths, and takes its way between them."""
+    swing = np.sin(2.0 * np.pi * np.arange(N) / 80.0)
+    op = 50.0 + np.clip(400.0 * swing, -50.0, 50.0)
+    assert np.mean((op == 0.0) | (op == 100.0)) > 0.9
+    assert "op_two_values" not in refused(assess(cycling(op=op)))
+    assert refused(assess(cycling(op=np.where(swing > 0.0, 100.0, 0.0)))) == ["op_two_values"]
+
+
 def test_op_in_triangles_and_in_steps_of_its_own_is_not_switched():
     phase = np.arange(N) % 40 / 40.0
     for op in (np.abs(2.0 * phase - 1.0), np.round(6.0 * np.abs(2.0 * phase - 1.0))):

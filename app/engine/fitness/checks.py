@@ -88,7 +88,7 @@ def check_two_values(op: FloatArray, config: FitnessConfig) -> Finding:
     at = two_levels(op)
     share = at.more + at.less
     both = at.less >= config.least_of_two_values and at.switches >= config.fewest_switches
-    switched = both and share >= config.two_values_share
+    switched = both and share >= config.two_values_share and at.on_the_way <= config.most_on_the_way
     text = f"OP is at one of two values for {100 * share:.1f} % of the stretch, and switched {at.switches} times"
     text += ": on/off control, or an OP that is stored more coarsely than it moves" if switched else ""
     return _finding("op_two_values", not switched, text, share, config.two_values_share, "share")

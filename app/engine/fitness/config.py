@@ -14,8 +14,8 @@ class FitnessConfig:
     max_filled_share: more filled samples than this, and the record says more about the filling than about the valve.
     flat_share: a signal that does not change for this share of the stretch is dead there.
     two_values_share: OP near either of two values for this share of the stretch is switched between them, where it is
-    near each of them for least_of_two_values and goes from one to the other fewest_switches times: fewer are steps of a
-    load or a set point.
+    near each of them for least_of_two_values and goes from one to the other fewest_switches times (fewer are steps of a
+    load or a set point), mostly with most_on_the_way samples between at most (with more it runs from limit to limit).
     op_limit_share: OP at one limit for this share of the stretch is not controlling.
     op_limit_band: how near to the end of a known span counts as at the limit, as a share of the span.
     min_samples_per_cycle: fewest samples in one period of a regular oscillation.
@@ -32,6 +32,7 @@ class FitnessConfig:
     two_values_share: float = 0.9
     least_of_two_values: float = 0.05
     fewest_switches: int = 6
+    most_on_the_way: float = 1.0
     op_limit_share: float = 0.5
     op_limit_band: float = 0.005
     min_samples_per_cycle: float = 4.0

@@ -40,12 +40,13 @@ def extreme_share(signal: FloatArray) -> float:
 @dataclass(frozen=True)
 class TwoLevels:
     """A signal at two levels: the share of its samples near the one where it is longer, and near the other one, 0 to 1;
-    switches: how often it goes from one side to the other.
+    switches: how often it goes from one side to the other; on_the_way: samples between the two when it does (median).
     """
 
     more: float
     less: float
     switches: int
+    on_the_way: float
 
 
 def two_levels(signal: FloatArray) -> TwoLevels:
@@ -56,9 +57,13 @@ def two_levels(signal: FloatArray) -> TwoLevels:
     """
     low, high = np.quantile(signal, (OUTERMOST, 1.0 - OUTERMOST))
     if high - low <= resolution(signal):
-        return TwoLevels(1.0, 0.0, 0)
-    near = [float(np.mean(np.abs(signal - level) <= LEVEL_BAND * (high - low))) for level in (low, high)]
-    return TwoLevels(max(near), min(near), int(np.count_nonzero(np.diff(signal > 0.5 * (low + high)))))
+        return TwoLevels(1.0, 0.0, 0, 0.0)
+    at_low, at_high = (np.abs(signal - level) <= LEVEL_BAND * (high - low) for level in (low, high))
+    there = np.flatnonzero(at_low | at_high)
+    on_the_way = np.diff(there)[np.diff(at_high[there].astype(np.int8)) != 0] - 1
+    near = float(np.mean(at_low)), float(np.mean(at_high))
+    switches = int(np.count_nonzero(np.diff(signal > 0.5 * (low + high))))
+    return TwoLevels(max(near), min(near), switches, float(np.median(on_the_way)) if len(on_the_way) else 0.0)
 
 
 def set_point_activity(sp: FloatArray | None, pv: FloatArray) -> float | None:
