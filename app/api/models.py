@@ -69,6 +69,10 @@ class LoopOut(Read):
     op_low: float | None = Field(description="Low end of OP's span, in the unit of OP.")
     op_high: float | None = Field(description="High end of OP's span, in the unit of OP.")
     integrating: bool | None = Field(description="Whether the process integrates (a level); null: not known.")
+    moves_valve: bool | None = Field(
+        description="Stated of its OP: true, it moves a valve of its own; false, the set point of another loop, found "
+        "or not; null: cascades are found from the records."
+    )
     samples_to: str | None = Field(description="Time of the newest sample, ISO 8601, UTC; null where there is none.")
 
 
@@ -95,6 +99,11 @@ class LoopPatch(BaseModel):
     op_low: Finite | None = Field(None, description="Low end of OP's span, in the unit of OP.")
     op_high: Finite | None = Field(None, description="High end of OP's span, in the unit of OP.")
     integrating: bool | None = Field(None, description="Whether the process integrates.")
+    moves_valve: bool | None = Field(
+        None,
+        description="Whether OP moves a valve of its own (true) or the set point of another loop (false); null: found "
+        "from the records. It counts from the next audit on.",
+    )
 
 
 class NoteIn(BaseModel):

@@ -23,7 +23,7 @@ SHAKEN = (
 )
 OUTER = (
     "Look at the loop whose set point this OP is: that one moves the valve. Ask for a stroke test here only where OP "
-    "moves a valve of its own besides."
+    "moves a valve of its own besides, and say so in the loop's settings."
 )
 BEGAN_TO_STICK = "It sticks since the hour that is named, whatever the rest of the record says: ask for a stroke test."
 CLEARED = "Nothing at the valve."

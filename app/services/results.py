@@ -61,7 +61,8 @@ class Receipt:
 
 @dataclass(frozen=True)
 class LoopView:
-    """A control loop. Spans are in the unit of their signal; `samples_to` is the newest sample's time."""
+    """A control loop. Spans are in the unit of their signal; `samples_to` is the newest sample's time; `moves_valve`:
+    stated of its OP, None where nobody did."""
 
     tag: str
     unit: str | None
@@ -74,6 +75,7 @@ class LoopView:
     op_low: float | None
     op_high: float | None
     integrating: bool | None
+    moves_valve: bool | None
     samples_to: str | None
 
 

@@ -22,6 +22,7 @@ SETTABLE = (
     "op_low",
     "op_high",
     "integrating",
+    "moves_valve",
 )
 
 
@@ -39,6 +40,7 @@ class LoopRow:
     op_low: float | None
     op_high: float | None
     integrating: bool | None
+    moves_valve: bool | None
     newest_ns: int | None
     newest_audit_id: int | None
 

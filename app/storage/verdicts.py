@@ -177,9 +177,11 @@ def _rewrite(
 
 
 def said(connection: Connection) -> list[Any]:
-    """What the newest verdict of each loop says in short, and of which run it is."""
+    """What the newest verdict of each loop says in short, of which run it is, and what is stated of the loop's OP."""
     told = ("loop_id", "audit_id", "verdict", "reliability", "stiction_probability")
-    query = select(loops.c.tag, *(newest_rows.c[name] for name in told)).select_from(_newest_rows())
+    query = select(loops.c.tag, loops.c.moves_valve, *(newest_rows.c[name] for name in told)).select_from(
+        _newest_rows()
+    )
     return list(connection.execute(query.order_by(loops.c.tag)))
 
 

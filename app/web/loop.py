@@ -1,7 +1,7 @@
 """The page of a loop, and what can be done on it."""
 
 from datetime import datetime
-from typing import Annotated
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Form
 from fastapi.responses import HTMLResponse
@@ -25,6 +25,7 @@ from app.web.rendering import page
 
 HISTORY_NIGHTS = 60
 SEE_OTHER = 303
+ANSWERS = {"": None, "yes": True, "no": False}
 
 router = APIRouter()
 
@@ -102,11 +103,12 @@ def settings(
     pv_high: Annotated[str, Form(max_length=40)] = "",
     op_low: Annotated[str, Form(max_length=40)] = "",
     op_high: Annotated[str, Form(max_length=40)] = "",
+    moves_valve: Annotated[Literal["", "yes", "no"], Form()] = "",
 ) -> RedirectResponse:
     words = {"unit": unit, "type": type, "description": description, "pv_unit": pv_unit}
     spans = {"pv_low": pv_low, "pv_high": pv_high, "op_low": op_low, "op_high": op_high}
     numbers = {name: number(name, value) for name, value in spans.items()}
-    loops.patch_loop(backend, tag, {**words, **numbers, "importance": importance})
+    loops.patch_loop(backend, tag, {**words, **numbers, "importance": importance, "moves_valve": ANSWERS[moves_valve]})
     return back_to(tag, "settings")
 
 

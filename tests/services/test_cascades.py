@@ -26,7 +26,7 @@ from app.services.auditing.hearing import (
 )
 from app.services.backend import Backend
 from app.services.next_steps import OUTER, next_step
-from app.services.plant.loops import loop_health, verdict_detail
+from app.services.plant.loops import loop_health, patch_loop, verdict_detail
 from app.services.plant.reliability import RowFilter, reliability_page
 from app.services.testbench import structures
 from app.storage import loops, series
@@ -102,6 +102,32 @@ def test_an_outer_loop_audited_alone_is_heard_beside_what_is_known(backend: Back
     assert after["TIC1"]["reasons"].split(";").count(MOVES_SET_POINT) == 1
 
 
+def test_what_is_stated_of_an_op_overrules_what_was_found(backend: Backend, warm_kernels: None) -> None:
+    stored(backend, cascade(*STICKS))
+    assert audited(backend)["TIC1"]["moves_set_point_of"] == "FIC2"
+    patch_loop(backend, "TIC1", {"moves_valve": True})
+    rows = audited(backend, LoopFilter(tags=("TIC1",)))
+    assert (rows["TIC1"]["verdict"], rows["TIC1"]["reliability"]) == ("no_stiction", "reliable")
+    assert (rows["TIC1"]["moves_set_point_of"], MOVES_SET_POINT in rows["TIC1"]["reasons"]) == (None, False)
+    patch_loop(backend, "TIC1", {"moves_valve": None})
+    assert audited(backend)["TIC1"]["reliability"] == "not_reliable"
+
+
+def test_an_op_that_is_stated_to_move_no_valve_is_doubted_without_its_inner_loop(
+    backend: Backend, warm_kernels: None
+) -> None:
+    stored(backend, {"TIC1": cascade(*STICKS)["TIC1"]})
+    patch_loop(backend, "TIC1", {"moves_valve": False})
+    outer = audited(backend)["TIC1"]
+    assert (outer["verdict"], outer["reliability"], outer["moves_set_point_of"]) == (
+        "no_stiction",
+        "not_reliable",
+        None,
+    )
+    assert outer["reasons"].split(";")[0] == MOVES_SET_POINT
+    assert "which the records do not show" in outer["reasons_text"]
+
+
 def test_a_file_says_the_same_as_a_service(tmp_path) -> None:
     recordings = cascade(*STICKS)
     columns = {f"{tag}.{name}": x for tag, one in recordings.items() for name, x in signals(one).items()}
@@ -141,6 +167,26 @@ def test_which_outer_loops_are_doubted(outer: Said, inner: Said | None, doubted:
     said = {"TIC1": outer} | ({} if inner is None else {"FIC2": inner})
     found = cascades_doubts([Cascade("TIC1", "FIC2", 1.0)], said)
     assert list(found) == ["TIC1"] * doubted
+
+
+@pytest.mark.parametrize(
+    ("outer", "inner", "doubted"),
+    [
+        (SURE["no_stiction"], SURE["no_stiction"], False),
+        (SURE["no_stiction"], SURE["stiction"], True),
+        (SURE["stiction"], SURE["no_stiction"], True),  # a valve that it does not have
+        (SURE["no_stiction"], None, True),
+        (SURE["stiction"], None, True),
+        (NOT_AUDITABLE, None, False),
+    ],
+)
+def test_an_outer_loop_that_is_stated_to_be_without_a_valve(outer: Said, inner: Said | None, doubted: bool) -> None:
+    said = {"TIC1": outer} | ({} if inner is None else {"FIC2": inner})
+    found = [] if inner is None else [Cascade("TIC1", "FIC2", 1.0)]
+    told = cascades_doubts(found, said, {"TIC1"})
+    assert list(told) == ["TIC1"] * doubted
+    assert all(doubt.text.startswith("OP moves no valve of its own, as is stated") for doubt in told.values())
+    assert all(("FIC2: " in doubt.text) == (inner is not None) for doubt in told.values())
 
 
 def test_a_doubt_is_passed_up_a_cascade_of_three_loops() -> None:

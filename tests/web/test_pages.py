@@ -1,5 +1,6 @@
 """The pages on a real plant: what a plant sends stays text, forms do what they say, nothing runs that is not ours."""
 
+import re
 from html.parser import HTMLParser
 
 import pytest
@@ -262,6 +263,17 @@ def test_what_a_loop_is_can_be_set(client):
     assert (loop["importance"], loop["unit"], loop["op_high"], loop["pv_low"]) == (3.0, "<u>U1</u>", 100.5, None)
     assert "<u>U1</u>" in seen(client, "/").texts
     assert client.post("/loops/FIC101/settings", data=told | {"op_low": "x"}).status_code == 400
+
+
+@pytest.mark.parametrize(("said", "kept"), [("yes", True), ("no", False), ("", None)])
+def test_what_its_op_moves_can_be_stated(client, said, kept):
+    told = {"importance": "3", "moves_valve": said}
+    assert client.post("/loops/FIC101/settings", data=told).status_code == 303
+    assert client.get("/v1/loops/FIC101").json()["moves_valve"] is kept
+    chosen = re.search(r'<option value="(\w*)" selected>', client.get("/loops/FIC101").text)
+    assert chosen is not None
+    assert chosen[1] == said
+    assert client.post("/loops/FIC101/settings", data=told | {"moves_valve": "x"}).status_code == 422
 
 
 def test_an_upload_shows_its_tags_and_what_was_refused(client):

@@ -62,7 +62,8 @@ def _told(backend: Backend, audit_id: int) -> list[Reworded]:
     said = {row.tag: Said(row.verdict, row.reliability, row.stiction_probability) for row in newest}
     ids = {row.tag: row.loop_id for row in newest if row.audit_id == audit_id}
     asked = None if len(ids) == len(newest) else ids.keys()
-    found = hearing.hear(said, candidates(swinging), by_tag(moving), asked)
+    stated = {row.tag: row.moves_valve for row in newest if row.moves_valve is not None}
+    found = hearing.hear(said, candidates(swinging), by_tag(moving), asked, stated)
     with backend.database.read() as connection:
         rows = verdicts.newest_of(connection, [ids[tag] for tag in found if tag in ids])
         return [

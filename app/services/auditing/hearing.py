@@ -61,15 +61,19 @@ def hear(
     candidates: Sequence[Candidate],
     excerpts: Mapping[str, Excerpts],
     asked: Collection[str] | None = None,
+    moves_valve: Mapping[str, bool] | None = None,
 ) -> dict[str, Heard]:
     """The loops of which others tell something, by tag. candidates: those that swing. excerpts: those of which OP or SP
-    moves. asked: the loops of whose cascades alone is asked; None: of all.
+    moves. asked: the loops of whose cascades alone is asked; None: of all. moves_valve: of loops of which somebody
+    states it, whether OP moves a valve and not the set point of another loop: whatever was found.
     """
-    found = cascades(excerpts, asked)
+    stated = moves_valve or {}
+    found = [cascade for cascade in cascades(excerpts, asked) if not stated.get(cascade.outer)]
+    without_valve = {tag for tag, has in stated.items() if not has}
     accused = {tag for tag, one in said.items() if one.accused}
     shaken = neighbours_doubts(groups(candidates), accused, found) if accused else {}
     doubted = {tag: replace(said[tag], reliability="not_reliable") for tag in shaken}
-    doubts = shaken | cascades_doubts(found, {**said, **doubted})
+    doubts = shaken | cascades_doubts(found, {**said, **doubted}, without_valve)
     moves, moved_by = _by(found, lambda cascade: cascade.outer), _by(found, lambda cascade: cascade.inner)
     return {
         tag: Heard(
@@ -103,20 +107,28 @@ def neighbours_doubts(
     }
 
 
-def cascades_doubts(found: Iterable[Cascade], said: Mapping[str, Said]) -> dict[str, Doubt]:
+def cascades_doubts(
+    found: Iterable[Cascade], said: Mapping[str, Said], without_valve: Collection[str] = ()
+) -> dict[str, Doubt]:
     """Where an inner loop is not cleared, nobody should rely on what is said of the outer one, from the innermost loop
-    outwards. One that is accused while all its inner loops are cleared may have a valve of its own.
+    outwards. One that is accused while all its inner loops are cleared may have a valve of its own, unless it is among
+    those without_valve, as is stated of them: one of these is cleared with inner loops that are found, or not at all.
     """
     moves, now = _by(found, lambda cascade: cascade.outer), dict(said)
+    moves |= {tag: [] for tag in without_valve if tag not in moves}
     judged = [tag for tag in moves if tag in said and said[tag].stiction_probability is not None]
+
+    def spoken_for(tag: str) -> bool:
+        by_itself = tag not in without_valve or (moves[tag] and not said[tag].accused)
+        return bool(by_itself) and all(_cleared(now.get(one.inner)) for one in moves[tag])
+
     doubted: set[str] = set()
     # Once for each loop of the longest chain: whose inner loop is doubted is doubted the next time.
-    while further := {
-        tag for tag in judged if tag not in doubted and not all(_cleared(now.get(one.inner)) for one in moves[tag])
-    }:
+    while further := {tag for tag in judged if tag not in doubted and not spoken_for(tag)}:
         doubted |= further
         now |= {tag: replace(said[tag], reliability="not_reliable") for tag in further}
-    return {tag: Doubt(MOVES_SET_POINT, cascade_text(moves[tag], now)) for tag in doubted}
+    text_of = {tag: without_valve_text if tag in without_valve else cascade_text for tag in doubted}
+    return {tag: Doubt(MOVES_SET_POINT, text_of[tag](moves[tag], now)) for tag in doubted}
 
 
 def _cleared(said: Said | None) -> bool:
@@ -164,13 +176,27 @@ def neighbour_text(shaken: Suspect, source: Suspect) -> str:
 
 def cascade_text(inner: Sequence[Cascade], said: Mapping[str, Said]) -> str:
     """inner: the cascades of one outer loop."""
-    points = " and ".join(f"the set point of {one.inner}" for one in inner)
-    told = "; ".join(f"{one.inner}: {_in_words(said.get(one.inner))}" for one in inner)
     alike = min(one.alike for one in inner)
     return (
-        f"OP is {points} (from sample to sample they move alike, {alike:.2f} of 1): unless OP moves a valve of its own "
-        f"besides, the valve is judged there ({told})"
+        f"OP is {_set_points(inner)} (from sample to sample they move alike, {alike:.2f} of 1): unless OP moves a "
+        f"valve of its own besides, the valve is judged there ({_told_there(inner, said)})"
     )
+
+
+def without_valve_text(inner: Sequence[Cascade], said: Mapping[str, Said]) -> str:
+    """inner: the cascades of one outer loop that is stated to move no valve; none where they are not found."""
+    stated = "OP moves no valve of its own, as is stated of this loop"
+    if not inner:
+        return f"{stated}: the valve is judged at the loop whose set point OP is, which the records do not show"
+    return f"{stated}, but {_set_points(inner)}: the valve is judged there ({_told_there(inner, said)})"
+
+
+def _set_points(inner: Sequence[Cascade]) -> str:
+    return " and ".join(f"the set point of {one.inner}" for one in inner)
+
+
+def _told_there(inner: Sequence[Cascade], said: Mapping[str, Said]) -> str:
+    return "; ".join(f"{one.inner}: {_in_words(said.get(one.inner))}" for one in inner)
 
 
 def _in_words(said: Said | None) -> str:

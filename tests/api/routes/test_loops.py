@@ -42,6 +42,7 @@ def test_a_loop_is_changed_and_read_back(client, plant, tag):
         ({"unit": "x" * 500}, 422),
         ({"unit": "a\x00b"}, 422),
         ({"integrating": 0}, 422),
+        ({"moves_valve": "no"}, 422),
         ({"op_high": False}, 422),
         ([], 422),
     ],
