@@ -12,7 +12,7 @@ import numpy as np
 from app.engine.fitness import Whole
 from app.engine.fitness.signals import newest_long_run, run_lengths
 from app.engine.oscillation import Oscillation, detect
-from app.engine.recording import IntArray, UniformRecord
+from app.engine.recording import FloatArray, IntArray, UniformRecord
 from app.engine.verdict import weigh
 
 LONG_SAMPLES = 2000
@@ -30,6 +30,7 @@ _LEAST_PER_CYCLE = 5.0
 # Cycles of a stretch, as a window of the shapes has them, and its samples at least.
 _CYCLES, _LEAST_STRETCH = 15.0, 600
 _FEWEST, _MOST = 3, 7
+_BLOCK_CYCLES, _OP_WORKS, _PV_HELD = 2.0, 0.5, 0.25
 _CLOSER = 3  # so many times as many stretches are tried where some stand still
 _DEAD_SHARE = 0.5
 
@@ -45,17 +46,20 @@ class Stretch:
 
 def speaking_stretch(record: UniformRecord, oscillation: Oscillation) -> Stretch | None:
     """The stretch whose log-odds of stiction are the middle ones of up to seven spread over a long record; None where
-    the record is not long, where no scale is found on which most of it swings, or where fewer than three are left.
+    the record is not long, where no scale is found to judge it on, or where fewer than three are left.
 
     oscillation: of the whole. A stretch has some fifteen cycles of the scale on which the parts of the record swing
-    most clearly; what stands still for half of its time (a unit that is shut down) is not judged. Misleads where a
-    valve sticks for less than half of the time: that is for the episodes to say.
+    most clearly; what stands still for half of its time (a unit that is shut down) is not judged. Where most of it does
+    not swing on any scale, and the whole has the few cycles of its load alone, it is the scale of what swings faintly,
+    where that says no stiction and the valve answers: a limit cycle would swing. Misleads where a valve sticks for less
+    than half of the time: that is for the episodes to say.
     """
     if record.samples <= LONG_SAMPLES:
         return None
-    per_cycle = cycle_of_parts(record) or (oscillation.samples_per_cycle if oscillation.regular else None)
-    if per_cycle is None:
+    scale = _scale(record, oscillation)
+    if scale is None:
         return None
+    per_cycle = scale.per_cycle
     stands = _standing(record)
     parts = _spread(record, per_cycle, _MOST)
     moving = [part for part in parts if not _touches(stands, part)]
@@ -64,9 +68,14 @@ def speaking_stretch(record: UniformRecord, oscillation: Oscillation) -> Stretch
         more = [part for part in _spread(record, per_cycle, _CLOSER * _MOST) if not _touches(stands, part)]
         moving = [more[k] for k in _evenly(len(more), _MOST)]
     weighed = [found for part in moving if (found := _weighed(record.part(part))) is not None]
+    cycling = [one for one in weighed if one.oscillation.cycles >= _FEWEST_CYCLES]
+    if scale.quiet and len(cycling) >= _FEWEST:  # the load's few cycles say as little in a stretch as in the whole
+        weighed = cycling
     if len(weighed) < _FEWEST or _dead_at_its_end(record):
         return None
     middle = sorted(weighed, key=lambda one: one.log_odds)[(len(weighed) - 1) // 2]
+    if scale.quiet and (middle.log_odds > 0.0 or not _answers(record, per_cycle, stands)):
+        return None
     sides = [(one.log_odds > 0.0) == (middle.log_odds > 0.0) for one in weighed]
     whole = Whole(record, oscillation, sum(sides), len(sides), any(sides[-2:]), standing)
     return Stretch(middle.record, middle.oscillation, whole)
@@ -102,26 +111,105 @@ def _dead_at_its_end(record: UniformRecord) -> bool:
     return still >= _LEAST_STRETCH and float(np.ptp(record.op[-still:])) > 0.0
 
 
-def cycle_of_parts(record: UniformRecord) -> float | None:
-    """Samples a cycle on the scale on which the parts of a record swing most clearly; None where most do not swing.
+@dataclass(frozen=True)
+class _Scale:
+    """per_cycle: samples a cycle. quiet: whether most of the record does not swing on it, nor on any other."""
 
-    The record is cut into 6 to 48 parts, of which a dozen are looked at, without those that stand still; the number of
-    parts counts whose median oscillation is the strongest and most regular.
-    """
-    best, per_cycle, stands = 0.0, None, _standing(record)
+    per_cycle: float
+    quiet: bool = False
+
+
+def _scale(record: UniformRecord, oscillation: Oscillation) -> _Scale | None:
+    looked_at = _oscillations(record)
+    if (per_cycle := _cycle_of_most(looked_at)) is not None:
+        return _Scale(per_cycle)
+    if oscillation.cycles < _FEWEST_CYCLES:
+        per_cycle = _cycle_of_all(looked_at)
+        return None if per_cycle is None else _Scale(per_cycle, quiet=True)
+    if oscillation.regular and oscillation.samples_per_cycle is not None:
+        return _Scale(oscillation.samples_per_cycle)
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """What some of the parts of a record do that do not stand still: samples of each part, their oscillations."""
+
+    samples: int
+    oscillations: list[Oscillation]
+
+
+def cycle_of_parts(record: UniformRecord) -> float | None:
+    """Samples a cycle on the scale on which the parts of a record swing most clearly; None where most do not swing."""
+    return _cycle_of_most(_oscillations(record))
+
+
+def _oscillations(record: UniformRecord) -> list[_Parts]:
+    """The record cut into 6 to 48 parts, of which a dozen are looked at, without those that stand still."""
+    stands, looked_at = _standing(record), []
     for count in _PARTS:
         if record.samples // count < _LEAST_PART:
             break
         found = [detect(record.part(part)) for part in _parts(record, count) if not _touches(stands, part)]
-        if len(found) < _FEWEST:
+        if len(found) >= _FEWEST:
+            looked_at.append(_Parts(record.samples // count, found))
+    return looked_at
+
+
+def _cycle_of_most(looked_at: list[_Parts]) -> float | None:
+    """The number of parts counts whose median oscillation is the strongest and most regular, where most swing."""
+    best, per_cycle = 0.0, None
+    for parts in looked_at:
+        swinging = [one for one in parts.oscillations if _swings(one)]
+        if len(swinging) < _SWINGING_SHARE * len(parts.oscillations):
             continue
-        swinging = [one for one in found if _swings(one)]
-        if len(swinging) < _SWINGING_SHARE * len(found):
-            continue
-        clear = float(np.median([one.clarity for one in swinging])) * len(swinging) / len(found)
+        clear = _clarity(swinging) * len(swinging) / len(parts.oscillations)
         if clear > best:
-            best, per_cycle = clear, float(np.median([one.samples_per_cycle for one in swinging]))
+            best, per_cycle = clear, _per_cycle(swinging)
     return per_cycle
+
+
+def _cycle_of_all(looked_at: list[_Parts]) -> float | None:
+    """The same where most do not swing, of what has its cycles in a part, however faint it is."""
+    best, per_cycle = 0.0, None
+    for parts in looked_at:
+        faint = [one for one in parts.oscillations if one.cycles >= _FEWEST_CYCLES and _is_sampled(one)]
+        if len(faint) >= _FEWEST and (clear := _clarity(faint)) > best:
+            best, per_cycle = clear, _per_cycle(faint)
+    return per_cycle
+
+
+def _answers(record: UniformRecord, per_cycle: float, stands: IntArray) -> bool:
+    """Whether OP goes its way against a load while PV is held: a valve that stands fast lets PV go with the load, and
+    where OP has no way to go nothing is known of it.
+    """
+    length = int(_BLOCK_CYCLES * per_cycle)
+    starts = range(0, record.samples - length + 1, length)
+    blocks = [part for start in starts if not _touches(stands, part := slice(start, start + length))]
+    held = record.pv if record.sp is None else record.pv - _along(record.pv, record.sp)
+    return _slow_share(record.op, blocks) >= _OP_WORKS and _slow_share(held, blocks) <= _PV_HELD
+
+
+def _along(pv: FloatArray, sp: FloatArray) -> FloatArray:
+    """What of PV (N,) is a straight line over SP (N,), whatever units they have; zeros where SP stands."""
+    away = sp - np.mean(sp)
+    square = float(away @ away)
+    return away * (float(away @ pv) / square) if square > 0.0 else np.zeros_like(pv)
+
+
+def _slow_share(signal: FloatArray, blocks: list[slice]) -> float:
+    """The share of the variance that is between the blocks, 0 to 1; NaN where nothing moves."""
+    between = float(np.var([np.mean(signal[block]) for block in blocks]))
+    within = float(np.mean([np.var(signal[block]) for block in blocks]))
+    return between / (between + within) if between + within > 0.0 else float("nan")
+
+
+def _clarity(oscillations: list[Oscillation]) -> float:
+    return float(np.median([one.clarity for one in oscillations]))
+
+
+def _per_cycle(oscillations: list[Oscillation]) -> float:
+    return float(np.median([one.samples_per_cycle for one in oscillations]))
 
 
 def _parts(record: UniformRecord, count: int) -> Iterator[slice]:
@@ -143,8 +231,11 @@ def _touches(stands: IntArray, part: slice) -> bool:
 
 
 def _swings(oscillation: Oscillation) -> bool:
-    enough = oscillation.swings(_REGULAR_STRENGTH, _IRREGULAR_STRENGTH, _FEWEST_CYCLES)
-    return enough and (oscillation.samples_per_cycle or 0.0) >= _LEAST_PER_CYCLE
+    return oscillation.swings(_REGULAR_STRENGTH, _IRREGULAR_STRENGTH, _FEWEST_CYCLES) and _is_sampled(oscillation)
+
+
+def _is_sampled(oscillation: Oscillation) -> bool:
+    return (oscillation.samples_per_cycle or 0.0) >= _LEAST_PER_CYCLE
 
 
 def _spread(record: UniformRecord, per_cycle: float, most: int) -> list[slice]:

@@ -9,6 +9,7 @@ from app.engine.audit import Audit, audit
 from app.engine.oscillation import detect
 from app.engine.preparation import identified_part, prepare
 from app.engine.recording import Recording, UniformRecord
+from app.engine.simulate import Pid, Signal, TwoParameterValve
 from app.engine.stretches import LONG_SAMPLES, cycle_of_parts, newest, newest_moving, speaking_stretch
 from tests.engine.wandering import FREE, STICKY, TS, recorded
 
@@ -167,3 +168,41 @@ def test_of_a_long_record_the_stretch_that_speaks_is_identified(sticky):
     assert (part.start_s, part.samples) == (found.identified.start_s, found.identified.samples)
     assert part.samples < LONG_SAMPLES
     assert identified_part(replace(sticky, pv=np.full(sticky.samples, np.nan))) is None
+
+
+@pytest.fixture(scope="module")
+def quiet() -> Recording:
+    """A healthy flow that swings on no scale: what it does in the whole is the few cycles of its load."""
+    return recorded(replace(FREE, controller=Pid(0.3, 60.0)), 9000, seed=10)
+
+
+def test_a_healthy_loop_that_hardly_swings_is_cleared_on_the_scale_of_what_swings_faintly(quiet):
+    whole = detect(uniform(quiet))
+    assert cycle_of_parts(uniform(quiet)) is None
+    assert whole.cycles < 5.0
+    found = audit(quiet)
+    assert said(found) == ("no_stiction", "reliable")
+    assert found.fitness.speaks_for.oscillation == whole
+    assert found.oscillation.cycles >= 5.0
+
+
+def test_units_change_nothing_where_it_hardly_swings(quiet):
+    other = replace(quiet, pv=-1e3 * quiet.pv + 7.0, op=0.01 * quiet.op, sp=5.0 * quiet.sp, time_s=quiet.time_s / 60.0)
+    probabilities = [audit(one).judgement.stiction_probability for one in (quiet, other)]
+    assert probabilities[0] == pytest.approx(probabilities[1], abs=1e-6)
+
+
+@pytest.mark.parametrize("controller", [Pid(0.1, 3000.0), Pid(0.2, 2500.0)])
+@pytest.mark.parametrize("valve", [FREE.valve, TwoParameterValve(30.0, 5.0)], ids=["healthy", "stands fast"])
+def test_where_pv_goes_with_the_load_the_valve_is_not_cleared_on_a_faster_scale(controller, valve):
+    """Under slow control a valve that stands fast and one that is free look alike: OP goes, and PV is not held."""
+    record = recorded(replace(FREE, controller=controller, valve=valve), 9000, seed=10)
+    assert cycle_of_parts(uniform(record)) is None
+    assert prepare(record).fitness.speaks_for is None
+
+
+def test_where_op_goes_nowhere_the_valve_is_not_cleared_on_a_faster_scale():
+    load = Signal(noise_sd=0.02, noise_tau_s=6000.0)
+    record = recorded(replace(FREE, controller=Pid(0.3, 60.0), load=load), 9000, seed=10)
+    assert cycle_of_parts(uniform(record)) is None
+    assert prepare(record).fitness.speaks_for is None

@@ -22,6 +22,6 @@ FREE = LoopSpec(
 STICKY = replace(FREE, valve=TwoParameterValve(8.0, 2.0))
 
 
-def recorded(spec: LoopSpec, samples: int) -> Recording:
-    made = simulate_loop(spec, samples * TS, TS, 7).recording("loop")
+def recorded(spec: LoopSpec, samples: int, seed: int = 7) -> Recording:
+    made = simulate_loop(spec, samples * TS, TS, seed).recording("loop")
     return replace(made, pv=np.round(made.pv, 2), op=np.round(made.op, 2), op_range=None)
