@@ -6,14 +6,18 @@ the whole, and a limit cycle of minutes within it is neither its oscillation nor
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.engine.fitness import Whole
 from app.engine.fitness.signals import newest_long_run, run_lengths
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import FloatArray, IntArray, UniformRecord
 from app.engine.verdict import weigh
+
+Number = TypeVar("Number", np.float64, np.int64)
 
 LONG_SAMPLES = 2000
 """Samples above which a record is judged by stretches."""
@@ -59,8 +63,9 @@ def speaking_stretch(record: UniformRecord, oscillation: Oscillation) -> Stretch
     scale = _scale(record, oscillation)
     if scale is None:
         return None
-    per_cycle = scale.per_cycle
-    stands = _standing(record)
+    per_cycle, stands = scale.per_cycle, _standing(record)
+    if scale.quiet and not _answers(record, per_cycle, stands):
+        return None
     parts = _spread(record, per_cycle, _MOST)
     moving = [part for part in parts if not _touches(stands, part)]
     standing = len(parts) - len(moving)
@@ -74,7 +79,7 @@ def speaking_stretch(record: UniformRecord, oscillation: Oscillation) -> Stretch
     if len(weighed) < _FEWEST or _dead_at_its_end(record):
         return None
     middle = sorted(weighed, key=lambda one: one.log_odds)[(len(weighed) - 1) // 2]
-    if scale.quiet and (middle.log_odds > 0.0 or not _answers(record, per_cycle, stands)):
+    if scale.quiet and middle.log_odds > 0.0:
         return None
     sides = [(one.log_odds > 0.0) == (middle.log_odds > 0.0) for one in weighed]
     whole = Whole(record, oscillation, sum(sides), len(sides), any(sides[-2:]), standing)
@@ -184,10 +189,17 @@ def _answers(record: UniformRecord, per_cycle: float, stands: IntArray) -> bool:
     where OP has no way to go nothing is known of it.
     """
     length = int(_BLOCK_CYCLES * per_cycle)
-    starts = range(0, record.samples - length + 1, length)
-    blocks = [part for start in starts if not _touches(stands, part := slice(start, start + length))]
+    moving = _blocks(stands, length).max(axis=1) < _DEAD_SHARE * length
+    if np.count_nonzero(moving) < _FEWEST:
+        return False
     held = record.pv if record.sp is None else record.pv - _along(record.pv, record.sp)
-    return _slow_share(record.op, blocks) >= _OP_WORKS and _slow_share(held, blocks) <= _PV_HELD
+    op, pv = (_slow_share(_blocks(signal, length)[moving]) for signal in (record.op, held))
+    return op >= _OP_WORKS and pv <= _PV_HELD
+
+
+def _blocks(signal: NDArray[Number], length: int) -> NDArray[Number]:
+    """(N,) as (N // length, length)."""
+    return signal[: len(signal) // length * length].reshape(-1, length)
 
 
 def _along(pv: FloatArray, sp: FloatArray) -> FloatArray:
@@ -197,11 +209,10 @@ def _along(pv: FloatArray, sp: FloatArray) -> FloatArray:
     return away * (float(away @ pv) / square) if square > 0.0 else np.zeros_like(pv)
 
 
-def _slow_share(signal: FloatArray, blocks: list[slice]) -> float:
-    """The share of the variance that is between the blocks, 0 to 1; NaN where nothing moves."""
-    between = float(np.var([np.mean(signal[block]) for block in blocks]))
-    within = float(np.mean([np.var(signal[block]) for block in blocks]))
-    return between / (between + within) if between + within > 0.0 else float("nan")
+def _slow_share(blocks: FloatArray) -> float:
+    """blocks: (B, L). The share of their variance that is between them, 0 to 1; 0 where nothing moves."""
+    between, within = float(np.var(np.mean(blocks, axis=1))), float(np.mean(np.var(blocks, axis=1)))
+    return between / (between + within) if between + within > 0.0 else 0.0
 
 
 def _clarity(oscillations: list[Oscillation]) -> float:
