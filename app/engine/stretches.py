@@ -34,6 +34,7 @@ _LEAST_PER_CYCLE = 5.0
 # Cycles of a stretch, as a window of the shapes has them, and its samples at least.
 _CYCLES, _LEAST_STRETCH = 15.0, 600
 _FEWEST, _MOST = 3, 7
+# Cycles of a block, and the share of the variance that lies between blocks: of OP at least, of PV at most.
 _BLOCK_CYCLES, _OP_WORKS, _PV_HELD = 2.0, 0.5, 0.25
 _CLOSER = 3  # so many times as many stretches are tried where some stand still
 _DEAD_SHARE = 0.5
@@ -60,7 +61,7 @@ def speaking_stretch(record: UniformRecord, oscillation: Oscillation) -> Stretch
     """
     if record.samples <= LONG_SAMPLES:
         return None
-    scale = _scale(record, oscillation)
+    scale = scale_of(record, oscillation)
     if scale is None:
         return None
     per_cycle, stands = scale.per_cycle, _standing(record)
@@ -117,68 +118,60 @@ def _dead_at_its_end(record: UniformRecord) -> bool:
 
 
 @dataclass(frozen=True)
-class _Scale:
-    """per_cycle: samples a cycle. quiet: whether most of the record does not swing on it, nor on any other."""
+class Scale:
+    """On which a long record is judged. per_cycle: samples a cycle. quiet: whether most of the record does not swing on
+    it, nor on any other.
+    """
 
     per_cycle: float
     quiet: bool = False
 
 
-def _scale(record: UniformRecord, oscillation: Oscillation) -> _Scale | None:
+def scale_of(record: UniformRecord, oscillation: Oscillation) -> Scale | None:
+    """The scale on which the parts of a record swing most clearly; where most do not swing, that of the whole (whose
+    oscillation this is) if it is regular, or of what swings faintly if the whole has few cycles.
+    """
     looked_at = _oscillations(record)
     if (per_cycle := _cycle_of_most(looked_at)) is not None:
-        return _Scale(per_cycle)
+        return Scale(per_cycle)
     if oscillation.cycles < _FEWEST_CYCLES:
         per_cycle = _cycle_of_all(looked_at)
-        return None if per_cycle is None else _Scale(per_cycle, quiet=True)
+        return None if per_cycle is None else Scale(per_cycle, quiet=True)
     if oscillation.regular and oscillation.samples_per_cycle is not None:
-        return _Scale(oscillation.samples_per_cycle)
+        return Scale(oscillation.samples_per_cycle)
     return None
 
 
-@dataclass(frozen=True, eq=False)
-class _Parts:
-    """What some of the parts of a record do that do not stand still: samples of each part, their oscillations."""
-
-    samples: int
-    oscillations: list[Oscillation]
-
-
-def cycle_of_parts(record: UniformRecord) -> float | None:
-    """Samples a cycle on the scale on which the parts of a record swing most clearly; None where most do not swing."""
-    return _cycle_of_most(_oscillations(record))
-
-
-def _oscillations(record: UniformRecord) -> list[_Parts]:
-    """The record cut into 6 to 48 parts, of which a dozen are looked at, without those that stand still."""
+def _oscillations(record: UniformRecord) -> list[list[Oscillation]]:
+    """The record cut into 6 to 48 parts, a list for each number of parts: of a dozen, without what stands still."""
     stands, looked_at = _standing(record), []
     for count in _PARTS:
         if record.samples // count < _LEAST_PART:
             break
         found = [detect(record.part(part)) for part in _parts(record, count) if not _touches(stands, part)]
         if len(found) >= _FEWEST:
-            looked_at.append(_Parts(record.samples // count, found))
+            looked_at.append(found)
     return looked_at
 
 
-def _cycle_of_most(looked_at: list[_Parts]) -> float | None:
+def _cycle_of_most(looked_at: list[list[Oscillation]]) -> float | None:
     """The number of parts counts whose median oscillation is the strongest and most regular, where most swing."""
     best, per_cycle = 0.0, None
     for parts in looked_at:
-        swinging = [one for one in parts.oscillations if _swings(one)]
-        if len(swinging) < _SWINGING_SHARE * len(parts.oscillations):
+        swinging = [one for one in parts if _swings(one)]
+        if len(swinging) < _SWINGING_SHARE * len(parts):
             continue
-        clear = _clarity(swinging) * len(swinging) / len(parts.oscillations)
+        clear = _clarity(swinging) * len(swinging) / len(parts)
         if clear > best:
             best, per_cycle = clear, _per_cycle(swinging)
     return per_cycle
 
 
-def _cycle_of_all(looked_at: list[_Parts]) -> float | None:
+def _cycle_of_all(looked_at: list[list[Oscillation]]) -> float | None:
     """The same where most do not swing, of what has its cycles in a part, however faint it is."""
     best, per_cycle = 0.0, None
     for parts in looked_at:
-        faint = [one for one in parts.oscillations if one.cycles >= _FEWEST_CYCLES and _is_sampled(one)]
+        faint = [one for one in parts if one.cycles >= _FEWEST_CYCLES and _is_sampled(one)]
         if len(faint) >= _FEWEST and (clear := _clarity(faint)) > best:
             best, per_cycle = clear, _per_cycle(faint)
     return per_cycle

@@ -10,7 +10,7 @@ from app.engine.oscillation import detect
 from app.engine.preparation import identified_part, prepare
 from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import Pid, Signal, TwoParameterValve
-from app.engine.stretches import LONG_SAMPLES, cycle_of_parts, newest, newest_moving, speaking_stretch
+from app.engine.stretches import LONG_SAMPLES, newest, newest_moving, scale_of, speaking_stretch
 from tests.engine.wandering import FREE, STICKY, TS, recorded
 
 N = 12_000
@@ -30,9 +30,11 @@ def said(found: Audit) -> tuple[str, str]:
 
 
 def test_a_valve_that_sticks_under_a_load_that_wanders_for_a_day_is_found(sticky):
-    whole, per_cycle = detect(uniform(sticky)), cycle_of_parts(uniform(sticky))
-    assert 200.0 < per_cycle * TS < 800.0
-    assert whole.samples_per_cycle > 2.0 * per_cycle  # not the valve's
+    whole = detect(uniform(sticky))
+    scale = scale_of(uniform(sticky), whole)
+    assert not scale.quiet
+    assert 200.0 < scale.per_cycle * TS < 800.0
+    assert whole.samples_per_cycle > 2.0 * scale.per_cycle  # not the valve's
     found = audit(sticky)
     assert said(found) == ("stiction", "reliable")
     assert "stretches" in {reason.code for reason in found.judgement.reasons}
@@ -113,8 +115,9 @@ def test_records_that_are_not_long_are_judged_whole(sticky):
 def test_noise_has_no_scale_and_is_judged_whole():
     rng = np.random.default_rng(3)
     record = UniformRecord(1.0, rng.standard_normal(N), np.cumsum(rng.standard_normal(N)), None, np.zeros(N, bool))
-    assert cycle_of_parts(record) is None
-    assert speaking_stretch(record, replace(detect(record), regularity=0.5)) is None
+    irregular = replace(detect(record), regularity=0.5)
+    assert scale_of(record, irregular) is None
+    assert speaking_stretch(record, irregular) is None
 
 
 @pytest.mark.parametrize("change", ["scale", "sign of PV", "sign of OP", "time"])
@@ -178,7 +181,7 @@ def quiet() -> Recording:
 
 def test_a_healthy_loop_that_hardly_swings_is_cleared_on_the_scale_of_what_swings_faintly(quiet):
     whole = detect(uniform(quiet))
-    assert cycle_of_parts(uniform(quiet)) is None
+    assert scale_of(uniform(quiet), whole).quiet
     assert whole.cycles < 5.0
     found = audit(quiet)
     assert said(found) == ("no_stiction", "reliable")
@@ -197,12 +200,12 @@ def test_units_change_nothing_where_it_hardly_swings(quiet):
 def test_where_pv_goes_with_the_load_the_valve_is_not_cleared_on_a_faster_scale(controller, valve):
     """Under slow control a valve that stands fast and one that is free look alike: OP goes, and PV is not held."""
     record = recorded(replace(FREE, controller=controller, valve=valve), 9000, seed=10)
-    assert cycle_of_parts(uniform(record)) is None
+    assert scale_of(uniform(record), detect(uniform(record))).quiet
     assert prepare(record).fitness.speaks_for is None
 
 
 def test_where_op_goes_nowhere_the_valve_is_not_cleared_on_a_faster_scale():
     load = Signal(noise_sd=0.02, noise_tau_s=6000.0)
     record = recorded(replace(FREE, controller=Pid(0.3, 60.0), load=load), 9000, seed=10)
-    assert cycle_of_parts(uniform(record)) is None
+    assert scale_of(uniform(record), detect(uniform(record))).quiet
     assert prepare(record).fitness.speaks_for is None
