@@ -78,7 +78,15 @@ def _level(pace: Pace, rng: np.random.Generator) -> tuple[Plant, Pid]:
     return integrator(1.0 / hold_s, theta_s), Pid(hold_s / (closed_s + theta_s), 4.0 * (closed_s + theta_s))
 
 
-PROCESSES: dict[str, Process] = {"flow": _flow, "level": _level}
+def _slow(pace: Pace, rng: np.random.Generator) -> tuple[Plant, Pid]:
+    """A flow whose controller takes hours over its load: a valve that sticks mostly stands fast, and hardly cycles."""
+    tau_s, K = float(rng.choice(pace.tau_s)) * float(rng.uniform(0.7, 1.4)), float(rng.uniform(0.7, 1.3))
+    return first_order(K, tau_s, 0.3 * tau_s), Pid(
+        float(rng.uniform(0.05, 0.3)) / K, tau_s * float(rng.uniform(20, 100))
+    )
+
+
+PROCESSES: dict[str, Process] = {"flow": _flow, "level": _level, "slow": _slow}
 
 
 @dataclass(frozen=True)
