@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.engine.fitness import Whole
-from app.engine.fitness.signals import newest_long_run, run_lengths
+from app.engine.fitness.signals import newest_long_run, run_lengths, still_at_its_end
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import FloatArray, IntArray, UniformRecord
 from app.engine.verdict import weigh
@@ -113,8 +113,7 @@ def newest_moving(record: UniformRecord, max_samples: int) -> UniformRecord:
 
 def _dead_at_its_end(record: UniformRecord) -> bool:
     """Whether PV has stood still for a stretch up to the end of the record while OP moved: that comes first."""
-    still = int(run_lengths(record.pv)[-1])
-    return still >= _LEAST_STRETCH and float(np.ptp(record.op[-still:])) > 0.0
+    return still_at_its_end(record.pv, record.op)[0] >= _LEAST_STRETCH
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from app.engine.rivals import FOLLOWED, Rival, compete, contest, held_out_fundam
 from app.engine.sampled import correlation
 from app.engine.shape_model import ShapeModel, fitted_model
 from app.engine.timekeeping import timekeeping
+from app.engine.unanswered import CAUSE as STUCK_OR_DEAD
 from app.engine.verdict_config import VerdictConfig
 from app.engine.verdict_wording import spoken
 
@@ -129,28 +130,32 @@ def conclude(
 ) -> Judgement:
     """The judgement that follows from weighed evidence."""
     probability = weighing.probability
-    unrelated = _unrelated(fitness, oscillation, config)
-    verdict = _verdict(probability, unrelated, config)
+    unrelated, dead = _unrelated(fitness, oscillation, config), _dead(fitness)
+    verdict = _verdict(probability, unrelated, dead, config)
     doubts = (*_doubts(weighing, verdict, oscillation, fitness, config), *_parts_disagree(weighing, fitness, config))
     doubts += tuple(_data_doubts(weighing, fitness, config))
-    reliability: Reliability = "not_reliable" if unrelated or doubts else "reliable"
-    reasons = (*unrelated, *_shape_reasons(weighing, verdict), *_rival_reasons(weighing, verdict), *doubts)
+    reliability: Reliability = "not_reliable" if dead or unrelated or doubts else "reliable"
+    reasons = (*dead, *unrelated, *_shape_reasons(weighing, verdict), *_rival_reasons(weighing, verdict), *doubts)
     reasons += _stretches_reason(fitness)
     if reference is not None:
         reasons += reference_reason(reference, verdict)
     ranked = contest(weighing.rivals, probability, weighing.features)
     found = Judgement(verdict, probability, reliability, reasons, _cause(weighing, verdict), ranked)
+    if dead and verdict == "inconclusive":
+        return replace(found, likely_cause=STUCK_OR_DEAD)
     return replace(found, likely_cause=None) if found.shows_no_valve else found
 
 
-def _verdict(probability: float, unrelated: tuple[Reason, ...], config: VerdictConfig) -> Verdict:
+def _verdict(
+    probability: float, unrelated: tuple[Reason, ...], dead: tuple[Reason, ...], config: VerdictConfig
+) -> Verdict:
     if abs(probability - 0.5) < config.undecided_within:
         return "inconclusive"
     if probability > 0.5:
         return "stiction"
     # Behind a valve that does not move at all PV owes nothing to OP: what accuses nobody clears nobody there.
     strangers = any(reason.code == UNCOUPLED for reason in unrelated)
-    return "inconclusive" if strangers else "no_stiction"
+    return "inconclusive" if strangers or dead else "no_stiction"
 
 
 def _doubts(
@@ -239,6 +244,17 @@ def _unrelated(fitness: Fitness, oscillation: Oscillation, config: VerdictConfig
         "a historian that stored each only now and then"
     )
     return (Reason("uncoupled", text),)
+
+
+def _dead(fitness: Fitness) -> tuple[Reason, ...]:
+    """Where PV has stood still lately as never before, while OP moved: what it did till then clears nobody."""
+    if fitness.pv_dead_s is None:
+        return ()
+    text = (
+        f"PV has held one value for the last {fitness.pv_dead_s / 3600.0:.2g} h while OP moved, and never for so long "
+        "before: unless the unit stands, the transmitter is dead, or the valve is stuck; look at both"
+    )
+    return (Reason("pv_stands", text),)
 
 
 def _shaped_outside(weighing: Weighing, config: VerdictConfig) -> list[Reason]:

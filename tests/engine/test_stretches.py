@@ -97,6 +97,44 @@ def test_a_pv_that_died_lately_comes_before_what_the_valve_did(sticky):
     assert [reason.code for reason in dead.judgement.reasons] == ["pv_flat"]
 
 
+@pytest.mark.parametrize("hours", [0.5, 2.0, 8.0, 25.0])
+def test_a_healthy_loop_whose_pv_died_lately_is_not_cleared(hours):
+    free = recorded(FREE, N)
+    since = N - round(3600.0 * hours / TS)
+    pv = free.pv.copy()
+    pv[since:] = pv[since - 1]
+    found = audit(replace(free, pv=pv))
+    judgement = found.judgement
+    assert (judgement.verdict, judgement.reliability) == ("inconclusive", "not_reliable")
+    assert judgement.likely_cause == "stuck_valve_or_dead_transmitter"
+    assert judgement.reasons[0].code == "pv_stands"
+    assert f"for the last {hours:.2g} h" in judgement.reasons[0].text
+
+
+def test_a_sticking_valve_whose_pv_died_lately_is_not_accused_reliably(sticky):
+    pv = sticky.pv.copy()
+    pv[-1500:] = pv[-1500]
+    judgement = audit(replace(sticky, pv=pv)).judgement
+    assert (judgement.verdict, judgement.reliability) == ("stiction", "not_reliable")
+    assert judgement.reasons[0].code == "pv_stands"
+
+
+@pytest.mark.parametrize("moves", ["OP stands", "a step by hand", "PV stood before", "PV moves again"])
+def test_a_pv_that_stands_at_the_end_may_have_its_reason(moves):
+    free = recorded(FREE, N)
+    pv, op = free.pv.copy(), free.op.copy()
+    pv[-1000:] = pv[-1000]
+    if moves == "OP stands":
+        op[-1000:] = op[-1000]
+    if moves == "a step by hand":
+        op[-1000:], op[-500:] = op[-1000], 0.0
+    if moves == "PV stood before":
+        pv[3000:3400] = pv[3000]
+    if moves == "PV moves again":
+        pv[-1] += 0.5
+    assert prepare(replace(free, pv=pv, op=op)).fitness.pv_dead_s is None
+
+
 def test_a_unit_that_stands_still_at_the_end_is_judged_by_what_was_before(sticky):
     op, pv = sticky.op.copy(), sticky.pv.copy()
     op[-3000:], pv[-3000:] = 0.0, 0.1

@@ -9,7 +9,7 @@ from app.engine.fitness import checks
 from app.engine.fitness.align import Aligned, align
 from app.engine.fitness.config import FitnessConfig
 from app.engine.fitness.resample import is_regular, to_uniform, typical_interval
-from app.engine.fitness.signals import newest_long, newest_long_run, run_lengths, usable_values
+from app.engine.fitness.signals import newest_long, newest_long_run, run_lengths, still_at_its_end, usable_values
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, Recording, UniformRecord
 from app.errors import DataError
@@ -52,6 +52,7 @@ class Fitness:
     automatic_share: samples in automatic, 0 to 1; None where the mode was not recorded.
     filled_share: samples of `record` that were interpolated into holes, 0 to 1; None without a record.
     gaps: holes that split the recording.
+    pv_dead_s: for how long PV has held one value up to the end while OP moved, and never before, in s; else None.
     speaks_for: the long record for which `record` speaks; None where `record` is all that is judged.
     """
 
@@ -61,6 +62,7 @@ class Fitness:
     automatic_share: float | None
     filled_share: float | None
     gaps: int
+    pv_dead_s: float | None = None
     speaks_for: Whole | None = None
 
     @property
@@ -167,7 +169,7 @@ def _assess_stretches(recording: Recording, samples: _Samples, fitness: Fitness,
     stretch, gaps = _newest_without_gap(in_automatic, config)
     whole, later = in_automatic.part(stretch), len(in_automatic) - stretch.stop
     found = (*found, checks.check_gaps(gaps, len(whole), len(in_automatic), later, config))
-    fitness = replace(fitness, gaps=gaps)
+    fitness = replace(fitness, gaps=gaps, pv_dead_s=_dead_s(whole, config) if len(whole) else None)
     if len(whole) < config.min_samples:
         return _stopped(fitness, found, LATER_CHECKS[2:])
     alive = whole.part(newest_long_run(_alive(whole, config), config.newest_share, config.min_samples))
@@ -209,6 +211,15 @@ def _newest_without_gap(samples: _Samples, config: FitnessConfig) -> tuple[slice
     holes = np.flatnonzero(intervals > config.max_gap_intervals * typical_interval(samples.time_s))
     edges = np.concatenate(([0], holes + 1, [len(samples)]))
     return newest_long(edges[:-1], edges[1:], config.newest_share, config.min_samples), len(holes)
+
+
+def _dead_s(samples: _Samples, config: FitnessConfig) -> float | None:
+    still, before = still_at_its_end(samples.pv, samples.op)
+    if still < max(config.least_still, config.longer_still * before):
+        return None
+    if len(np.unique(samples.op[-still:])) < config.fewest_moves:  # a unit that is shut down by hand
+        return None
+    return float(samples.time_s[-1] - samples.time_s[-still])
 
 
 def _alive(samples: _Samples, config: FitnessConfig) -> BoolArray:

@@ -13,6 +13,8 @@ class FitnessConfig:
     jitter_tolerance: a stretch whose intervals all lie within this share of their median is taken as regular.
     max_filled_share: more filled samples than this, and the record says more about the filling than about the valve.
     flat_share: a signal that does not change for this share of the stretch is dead there.
+    least_still, longer_still: PV that holds one value up to the end of the stretch, for so many samples and so many
+    times as long as ever before, while OP takes fewest_moves values, has died: a frozen transmitter, or a stuck valve.
     two_values_share: OP near either of two values for this share of the stretch is switched between them, where it is
     near each of them for least_of_two_values and goes from one to the other fewest_switches times (fewer are steps of a
     load or a set point), mostly with most_on_the_way samples between at most (with more it runs from limit to limit).
@@ -29,6 +31,9 @@ class FitnessConfig:
     jitter_tolerance: float = 0.25
     max_filled_share: float = 0.3
     flat_share: float = 0.5
+    least_still: int = 100
+    longer_still: float = 5.0
+    fewest_moves: int = 10
     two_values_share: float = 0.9
     least_of_two_values: float = 0.05
     fewest_switches: int = 6

@@ -66,6 +66,16 @@ def two_levels(signal: FloatArray) -> TwoLevels:
     return TwoLevels(max(near), min(near), switches, float(np.median(on_the_way)) if len(on_the_way) else 0.0)
 
 
+def still_at_its_end(pv: FloatArray, op: FloatArray) -> tuple[int, int]:
+    """For how many samples PV (N,) holds one value up to its end while OP (N,) moves, 0 where OP does not, and for how
+    many it has ever done so before.
+    """
+    runs = run_lengths(pv)
+    still = int(runs[-1])
+    before = int(np.max(runs[:-still], initial=0))
+    return (still if float(np.ptp(op[-still:])) > resolution(op) else 0), before
+
+
 def set_point_activity(sp: FloatArray | None, pv: FloatArray) -> float | None:
     """Standard deviation of the set point over that of PV, (N,) each; None where either is not known or PV stands."""
     spread = float(np.std(pv)) if len(pv) else 0.0

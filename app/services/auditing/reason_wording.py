@@ -43,6 +43,7 @@ _DOUBTS = {
     "set_point_rests": "The set point hides a limit cycle: judged where it rests and the loop cycles by itself.",
     "nearly_sinusoidal": "PV and OP are nearly one sine, so that their shape need not be the valve's.",
     "keeps_time": "The cycles keep time, as what a timer or a machine drives; a valve that sticks does not.",
+    "pv_stands": "PV has stood still up to the end while OP moved, as never before: dead transmitter, or stuck valve.",
     "pv_does_not_answer": "OP travels and PV does not answer at all: a stuck valve, or a dead transmitter.",
     "prior_only": "The probability is a prior between these two causes, not a measurement.",
 }
