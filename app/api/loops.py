@@ -64,14 +64,14 @@ def trend(
 ) -> Any:
     """The series of a loop, thinned to what a screen shows: of each stretch the least and the greatest value."""
     window = {"start": one_of("start", start, from_), "end": one_of("end", end, to)}
-    refuse_backwards(**window)
+    refuse_backwards(**window, named="start" if from_ is None else "from")
     return thinned(backend, tag, points=points, **window)
 
 
-def refuse_backwards(start: datetime | None, end: datetime | None) -> None:
+def refuse_backwards(start: datetime | None, end: datetime | None, named: str = "start") -> None:
     if start is not None and end is not None and instant_ns(start) > instant_ns(end):
         text = f"a window begins before it ends, got {start.isoformat()} to {end.isoformat()}"
-        raise RequestValidationError([{"type": "value_error", "loc": ("query", "start"), "msg": text}])
+        raise RequestValidationError([{"type": "value_error", "loc": ("query", named), "msg": text}])
 
 
 def one_of(name: str, moment: datetime | None, other: datetime | None) -> datetime | None:

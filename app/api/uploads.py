@@ -19,7 +19,6 @@ from app.services.results import Receipt
 BLOCK_BYTES = 1 << 20
 LARGEST_MAPPING = 16 << 20  # 14,000 loops of four tags each: 5 MiB as CSV with every column, 11 MiB as JSON
 MAPPINGS_AT_ONCE = 2  # taken apart, a mapping has up to twenty times its size
-NAMELESS = "upload.csv"
 MULTIPART = "multipart/form-data"
 PARTS = ("file", "mapping")
 MOST_FILES = 8  # more than are taken, so that the refusal names the part that there is too often
@@ -52,12 +51,15 @@ router = APIRouter(tags=["uploads"])
 class Description:
     """What a client says about an upload."""
 
-    filename: str
+    filename: str | None
     content_type: str | None
     reading: service.ReadingOptions
 
 
-Filename = Annotated[str | None, Query(max_length=255, description="Name of the file, for a raw body.")]
+Filename = Annotated[
+    str | None,
+    Query(max_length=255, description="Name of the file, for a raw body: its loop's name where the content has none."),
+]
 DateOrder = Annotated[
     Literal["day", "month"] | None,
     Query(description="What stands first in dates such as 03/04/2026, where the file does not tell."),
@@ -115,14 +117,14 @@ def refuse_encodings(request: Request) -> None:
 async def store(request: Request, backend: Services, filename: str | None, reading: service.ReadingOptions) -> Receipt:
     content_type = request.headers.get("content-type", "application/octet-stream")
     if not content_type.lower().startswith(MULTIPART):
-        described = Description(filename or NAMELESS, content_type, reading)
+        described = Description(filename, content_type, reading)
         return await received(backend, described, request.stream())
     async with spooled(request, backend.settings.uploads_dir, max_files=MOST_FILES, max_fields=10) as form:
         refuse_several(form)
         part, mapping = form.get("file"), form.get("mapping")
         if not isinstance(part, UploadFile):
             raise RequestError("no_file", "the multipart form has no part `file` with a file in it")
-        name = filename or part.filename or NAMELESS
+        name = filename or part.filename
         if not mapping:
             return await received(backend, Description(name, part.content_type, reading), blocks(part))
         async with request.app.state.mapping_places:

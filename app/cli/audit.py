@@ -1,8 +1,9 @@
 """`loopaudit audit`: files and folders of recordings, without a service, through the engine that the service uses."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from concurrent.futures import ProcessPoolExecutor, wait
+from contextlib import closing
 from dataclasses import dataclass
 from enum import StrEnum
 from multiprocessing import active_children, get_context
@@ -95,8 +96,11 @@ def audit(
     files = recording_files(paths)
     audited: list[AuditedFile] = []
     try:
-        with written(out, read_files(files, paths, mapping, out), part_of(out)) as stream:
-            _audit_into(stream, audited, audit_files(files, jobs, how), len(files), format_)
+        with (
+            written(out, read_files(files, paths, mapping, out), part_of(out)) as stream,
+            closing(audit_files(files, jobs, how)) as results,
+        ):
+            _audit_into(stream, audited, results, len(files), format_)
             if (code := exit_code(audited, paths)) is ExitCode.NOTHING_USABLE:
                 raise typer.Exit(code)  # and what was in the file stays
     except KeyboardInterrupt:
@@ -130,17 +134,17 @@ def _audit_into(
 
 
 def recording_files(paths: list[Path]) -> list[Path]:
-    """The files to read, folders in the order of their names; raises where a path is not there or nothing is left."""
+    """The files to read, folders in the order of their names, and what was named and is not there: that fails by
+    itself. Raises where nothing is left.
+    """
     from app.ingest import is_export_name
 
     files = []
     for path in paths:
         if path.is_dir():
             files += sorted(file for file in path.iterdir() if is_export_name(file.name) and file.is_file())
-        elif path.exists():
-            files.append(path)
         else:
-            raise DataError("no_such_file", f"{path} is not there")
+            files.append(path)
     if not files:
         raise DataError(
             "nothing_to_read", f"no exports (CSV, text, parquet, Excel, MATLAB) in {', '.join(map(str, paths))}"
@@ -168,7 +172,7 @@ def interrupted(audited: list[AuditedFile], files: int, out: Path | None) -> str
     return f"loopaudit: interrupted, {len(audited)} of {files} files audited; {kept}"
 
 
-def audit_files(files: list[Path], jobs: int, how: Reading) -> Iterator[AuditedFile]:
+def audit_files(files: list[Path], jobs: int, how: Reading) -> Generator[AuditedFile]:
     """Results in the order of the files, whichever process is done first.
 
     Processes with one thread each where there is enough to share; otherwise this one, which an interrupt ends at once.
@@ -182,7 +186,11 @@ def audit_files(files: list[Path], jobs: int, how: Reading) -> Iterator[AuditedF
         return
     for name in THREAD_LIMITS:
         os.environ.setdefault(name, "1")
-    pool = ProcessPoolExecutor(wanted, mp_context=get_context("spawn"))
+    with interrupts.ended_in_order():
+        yield from _audited_by(ProcessPoolExecutor(wanted, mp_context=get_context("spawn")), files, how)
+
+
+def _audited_by(pool: ProcessPoolExecutor, files: list[Path], how: Reading) -> Generator[AuditedFile]:
     try:
         with interrupts.held_off():
             futures = [pool.submit(audit_file, file, how) for file in files]
@@ -216,6 +224,8 @@ def failed_file(file: Path, error: BaseException) -> AuditedFile:
         skipped = error.code == NO_SIGNALS
         text = f"{'skipped: ' if skipped else ''}{error.message} [{error.code}]"
         return AuditedFile(file, notes=(text,), skipped=skipped, failed=not skipped)
+    if isinstance(error, FileNotFoundError):
+        return AuditedFile(file, notes=("is not there [no_such_file]",), failed=True)
     if isinstance(error, OSError | UnicodeError):
         return AuditedFile(file, notes=(f"cannot be read: {error}",), failed=True)
     return AuditedFile(file, notes=(f"fault of loopaudit: {type(error).__name__}: {error}",), failed=True)

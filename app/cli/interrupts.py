@@ -2,6 +2,8 @@
 
 import signal
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -11,14 +13,21 @@ if TYPE_CHECKING:
     from sys import UnraisableHookArgs
 
 
+ONE_PRESS_S = 1.0  # a key pressed twice in haste, or a terminal and a parent that both pass it on
+
+
 class _Interrupts:
     def __init__(self) -> None:
-        self.came = False
+        self.forget()
+
+    def forget(self) -> None:
+        self.came_at: float | None = None
         self.put_off = False
 
     def note(self, _signal: int, _frame: FrameType | None) -> None:
-        self.came = True
-        if not self.put_off:
+        before, self.came_at = self.came_at, time.monotonic()
+        again = before is not None and self.came_at - before < ONE_PRESS_S
+        if not self.put_off and not again:
             raise KeyboardInterrupt
 
 
@@ -27,11 +36,12 @@ _interrupts = _Interrupts()
 
 @contextmanager
 def remembered() -> Iterator[None]:
-    """Ctrl-C raises KeyboardInterrupt as ever, is known of afterwards, and is not printed where it was swallowed.
+    """Ctrl-C raises KeyboardInterrupt as ever, is known of afterwards, and is not printed where it was swallowed. Once
+    it came, the program is about to end: one more ends it at once, and in silence.
 
     Where it is ignored, as in the background of a script, it stays so.
     """
-    _interrupts.came = _interrupts.put_off = False
+    _interrupts.forget()
     before, told = signal.getsignal(signal.SIGINT), sys.unraisablehook
     if before is not signal.default_int_handler:
         yield
@@ -47,11 +57,11 @@ def remembered() -> Iterator[None]:
         yield
     finally:
         sys.unraisablehook = told
-        signal.signal(signal.SIGINT, before)
+        signal.signal(signal.SIGINT, signal.SIG_DFL if came() else before)
 
 
 def came() -> bool:
-    return _interrupts.came
+    return _interrupts.came_at is not None
 
 
 def raise_swallowed() -> None:
@@ -79,3 +89,23 @@ def held_off() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def ended_in_order() -> Iterator[None]:
+    """SIGTERM ends what is done herein as an exception, so that who started processes ends them; unless it is handled
+    already, or this is not the thread that is told of signals.
+    """
+    in_main = threading.current_thread() is threading.main_thread()
+    if not in_main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield
+        return
+
+    def end(number: int, _frame: FrameType | None) -> None:
+        raise SystemExit(128 + number)
+
+    signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)

@@ -4,10 +4,13 @@ import errno
 import os
 import signal
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from inspect import cleandoc
+from typing import Any
 
 import typer
+from typer.core import TyperGroup
 
 from app.cli import (
     audit,
@@ -38,7 +41,37 @@ EPILOG = (
 INTERRUPTED = 128 + signal.SIGINT
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
+
+class StdoutClosedError(Exception):
+    """Who reads the results has enough of them, as `head` has."""
+
+
+@contextmanager
+def told_of_closed_stdout() -> Iterator[None]:
+    try:
+        yield
+    except BrokenPipeError as error:
+        raise StdoutClosedError from error
+    except SystemExit as error:  # what rich makes of it
+        if isinstance(error.__context__, BrokenPipeError):
+            raise StdoutClosedError from error
+        raise
+
+
+class Commands(TyperGroup):
+    """Commands of which a closed pipe is no failure: without this it is made exit code 1 before we see it."""
+
+    def make_context(self, *args: Any, **kwargs: Any) -> Any:  # which prints --help
+        with told_of_closed_stdout():
+            return super().make_context(*args, **kwargs)
+
+    def invoke(self, *args: Any, **kwargs: Any) -> Any:
+        with told_of_closed_stdout():
+            return super().invoke(*args, **kwargs)
+
+
 cli = typer.Typer(
+    cls=Commands,
     name="loopaudit",
     help="Audits every control loop of a plant and says which verdicts on valve stiction can be trusted.",
     epilog=EPILOG,
@@ -101,11 +134,11 @@ def options(
 
 def flushed() -> None:
     """Runs the command; what it wrote is on its way, or known not to be, before the process ends."""
-    try:
-        with interrupts.remembered():
+    with interrupts.remembered():
+        try:
             cli()
-    finally:
-        sys.stdout.flush()
+        finally:
+            sys.stdout.flush()
 
 
 def leave_stdout() -> None:
@@ -123,8 +156,8 @@ def main() -> None:
     except LoopauditError as error:
         say(f"loopaudit: {error.message} [{error.code}]")
         sys.exit(ExitCode.NOTHING_USABLE)
-    except BrokenPipeError:
-        sys.stderr.close()
+    except (BrokenPipeError, StdoutClosedError):
+        leave_stdout()
         sys.exit(ExitCode.DONE)
     except OSError as error:
         if error.filename is not None:

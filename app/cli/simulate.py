@@ -31,6 +31,15 @@ class ValveModel(StrEnum):
     stuck = "stuck"
 
 
+TWO = ("-S", "-J")
+TAKEN = {
+    ValveModel.one_parameter: ("-d",),
+    ValveModel.he: TWO,
+    ValveModel.choudhury: TWO,
+    ValveModel.kano: TWO,
+}
+
+
 def simulate(
     out: Annotated[Path | None, typer.Option("--out", help="Write the recording here instead of stdout.")] = None,
     samples: int = typer.Option(1440, "--samples", min=2, help="Samples of the recording."),
@@ -99,6 +108,7 @@ def simulate(
 
       loopaudit explain FIC101.csv --model FIC101.json; loopaudit simulate --model FIC101.json --recording FIC101.csv
     """
+    refuse_without_effect(valve, d, S, J)
     if model is not None or recording is not None:
         _simulate_explained(model, recording, (op, pv), time_zone, out)
         raise typer.Exit(ExitCode.DONE)
@@ -120,6 +130,16 @@ def simulate(
         stream.writelines(_lines(loop, with_valve, start))
     say(f"{samples} samples of a loop with a {valve.value} valve" + (f" in {out}" if out else ""))
     raise typer.Exit(ExitCode.DONE)
+
+
+def refuse_without_effect(valve: ValveModel, d: float, S: float, J: float) -> None:
+    """A recording of a healthy valve that was meant to stick would be believed."""
+    given = {"-d": d, "-S": S, "-J": J}
+    used = TAKEN.get(valve, ())
+    if idle := [name for name, value in given.items() if value and name not in used]:
+        takes = f"takes {' and '.join(used)}" if used else "takes none of -d, -S, -J"
+        text = f"{' and '.join(idle)} would do nothing: a {valve.value} valve {takes}; say --valve he, for example"
+        raise typer.BadParameter(text, param_hint="--valve")
 
 
 def _simulate_explained(

@@ -59,6 +59,9 @@ def upload(
                     raise
                 failures += 1
                 say(f"{file}: {error.message} [{error.code}]")
+            except FileNotFoundError:
+                failures += 1
+                say(f"{file}: is not there [no_such_file]")
     if failures == len(files):
         raise typer.Exit(ExitCode.NOTHING_USABLE)
     raise typer.Exit(ExitCode.SOME_FAILED if failures else ExitCode.DONE)

@@ -6,7 +6,9 @@ import io
 import json
 import subprocess
 import sys
+import time
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner, Result
@@ -70,6 +72,39 @@ def test_the_lines_have_the_fields_of_the_contract(folder):
         assert line["verdict"] in {"stiction", "no_stiction", "inconclusive", "not_auditable"}
         assert line["loop"] == line["recording"]
         assert all(set(reason) == {"code", "text"} for reason in line["reasons"])
+
+
+def test_what_is_named_and_not_there_keeps_nothing_from_the_rest(folder):
+    done = audit(folder / "L0.csv", folder / "none.csv", folder / "L1.csv", "--format", "jsonl")
+    assert done.exit_code == 1
+    assert [line["recording"] for line in lines(done)] == ["L0", "L1"]
+    assert f"{folder / 'none.csv'}: is not there [no_such_file]" in done.stderr
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_sigterm_takes_the_other_processes_along(folder, tmp_path):
+    many = tmp_path / "many"
+    many.mkdir()
+    for number in range(200):
+        (many / f"M{number}.csv").write_bytes((folder / "L1.csv").read_bytes())
+    command = [sys.executable, "-m", "app", "audit", str(many), "--format", "jsonl", "--jobs", "2"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
+        assert program.stdout.readline()
+        others = Path(f"/proc/{program.pid}/task/{program.pid}/children").read_text().split()
+        program.terminate()
+        assert program.wait(timeout=30) == 143
+    deadline = time.monotonic() + 10
+    while any(map(lives, others)) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert len(others) >= 2
+    assert not any(map(lives, others))
+
+
+def lives(pid: str) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except FileNotFoundError:
+        return False
 
 
 def test_a_named_file_that_is_no_recording_makes_it_1_and_alone_2(folder):

@@ -1,5 +1,6 @@
 """The command line as scripts meet it: help, exit codes, what goes to stdout and what to stderr."""
 
+import os
 import resource
 import subprocess
 import sys
@@ -94,8 +95,20 @@ def test_wrong_usage_is_2_and_says_so_on_stderr(arguments):
 def test_a_users_error_is_one_line_with_its_code_and_no_traceback():
     done = run("audit", "/no/such/file.csv")
     assert done.returncode == 2
-    assert done.stderr == "loopaudit: /no/such/file.csv is not there [no_such_file]\n"
+    assert done.stderr == "/no/such/file.csv: is not there [no_such_file]\n"
     assert done.stdout == ""
+
+
+@pytest.mark.parametrize("arguments", [("simulate", "--samples", "20000"), ("audit", "--help"), ("--help",)])
+def test_a_reader_that_has_enough_is_no_failure(arguments):
+    command = [sys.executable, "-m", "app", *arguments]
+    reading, writing = os.pipe()
+    with subprocess.Popen(command, stdout=writing, stderr=subprocess.PIPE) as program:
+        os.close(writing)
+        os.close(reading)
+        _, said = program.communicate(timeout=60)
+    assert program.returncode == 0
+    assert b"Traceback" not in said
 
 
 def test_an_empty_folder_is_nothing_usable(tmp_path):

@@ -43,7 +43,10 @@ def compiled_code(*_) -> audit.AuditedFile:
 def test_an_interrupt_that_nobody_swallows_is_raised_as_ever():
     with pytest.raises(KeyboardInterrupt), interrupts.remembered():
         signal.raise_signal(signal.SIGINT)
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGINT) is signal.SIG_DFL
+    with interrupts.remembered():
+        pass
+    assert not interrupts.came()
 
 
 def test_a_swallowed_one_is_raised_when_asked_for_and_not_printed(unraisable):
@@ -86,6 +89,46 @@ def test_what_is_to_be_done_whole_is_and_the_interrupt_comes_behind_it():
     with pytest.raises(KeyboardInterrupt), interrupts.remembered():
         one_after_the_other()
     assert done == ["whole"]
+
+
+def test_a_key_that_is_pressed_twice_in_haste_is_one_interrupt():
+    def pressed_twice() -> None:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        finally:
+            signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt) as ended, interrupts.remembered():
+        pressed_twice()
+    assert ended.value.__context__ is None
+    assert signal.getsignal(signal.SIGINT) is signal.SIG_DFL
+
+
+def test_one_that_comes_later_ends_what_the_first_did_not(monkeypatch):
+    now = iter((10.0, 10.0 + 2 * interrupts.ONE_PRESS_S))
+    monkeypatch.setattr(interrupts.time, "monotonic", lambda: next(now))
+    with interrupts.remembered():
+        for _ in range(2):
+            with pytest.raises(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
+
+
+def test_sigterm_ends_in_order_what_asks_for_it_and_nothing_else():
+    with pytest.raises(SystemExit) as ended, interrupts.ended_in_order():
+        signal.raise_signal(signal.SIGTERM)
+    assert ended.value.code == 128 + signal.SIGTERM
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_sigterm_that_somebody_handles_is_left_to_them():
+    told = []
+    before = signal.signal(signal.SIGTERM, lambda *_: told.append("theirs"))
+    try:
+        with interrupts.ended_in_order():
+            signal.raise_signal(signal.SIGTERM)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert told == ["theirs"]
 
 
 def test_an_interrupt_behind_it_is_raised_at_once():

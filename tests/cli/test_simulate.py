@@ -3,6 +3,7 @@
 import csv
 import io
 
+import pytest
 from typer.testing import CliRunner
 
 from app.cli.main import cli
@@ -48,3 +49,18 @@ def test_writes_to_a_file(tmp_path):
 def test_an_impossible_loop_is_a_users_error():
     result = CliRunner().invoke(cli, ["simulate", "--ti", "-1"])
     assert result.exit_code != 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("-S", "5", "-J", "2"), "-S and -J would do nothing: a linear valve takes none"),
+        (("--valve", "he", "-d", "1"), "a he valve takes -S and -J"),
+        (("--valve", "one-parameter", "-S", "1"), "a one-parameter valve takes -d"),
+        (("--valve", "stuck", "-J", "1"), "a stuck valve takes none"),
+    ],
+)
+def test_stiction_that_the_valve_would_not_have_is_refused(arguments, said):
+    result = CliRunner().invoke(cli, ["simulate", *arguments], env={"COLUMNS": "300"})
+    assert result.exit_code == 2
+    assert said in " ".join(result.stderr.replace("│", " ").split())

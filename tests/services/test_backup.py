@@ -16,6 +16,8 @@ from app.services.auditing.audits import get_audit, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.upkeep import backup as backups
+from app.services.upkeep import doctor
+from app.services.upkeep.operations import migrate
 from app.services.upkeep.presence import alone, at_work
 from app.settings import Settings
 from app.storage import schema, tables
@@ -137,6 +139,25 @@ def test_a_backup_of_an_older_version_comes_back_after_an_upgrade(plant, tmp_pat
         assert schema.current_revision(again.database) == schema.newest_revision()
     finally:
         again.close()
+
+
+def test_tables_of_a_newer_version_are_refused_and_left_alone(plant):
+    version = schema.newest_revision()
+    given_as(plant, "9999")
+    try:
+        with pytest.raises(RequestError) as refused:
+            migrate(plant.settings)
+        assert refused.value.code == "newer_tables"
+        assert schema.current_revision(plant.database) == "9999"
+        advice = {check.name: check.advice for check in doctor.examine(plant.settings)}
+        assert advice["tables"] == "a newer loopaudit made them: run that one"
+    finally:
+        given_as(plant, version)
+
+
+def given_as(plant: Backend, version: str) -> None:
+    with plant.database.write() as connection:
+        connection.exec_driver_sql(f"UPDATE alembic_version SET version_num = '{version}'")
 
 
 def test_a_backup_of_a_newer_version_is_refused_before_anything_is_touched(plant, tmp_path):

@@ -23,6 +23,7 @@ from app.storage.uploads import UploadRow
 
 COPY_BYTES = 1 << 20
 LONGEST_NAME = 255
+NAMELESS_DIGITS = 12
 
 
 @dataclass(frozen=True)
@@ -72,8 +73,9 @@ class Receiving:
             raise RequestError("empty_upload", "the upload has no bytes")
         fingerprint = self._file.sync()
         self._file.close()
-        key = _content_key(fingerprint, self._values["reading_json"], self._values["filename"])
-        values = {**self._values, "fingerprint": fingerprint, "size_bytes": self._file.size}
+        name = self._values["filename"] or f"upload-{fingerprint[:NAMELESS_DIGITS]}"
+        key = _content_key(fingerprint, self._values["reading_json"], name)
+        values = {**self._values, "filename": name, "fingerprint": fingerprint, "size_bytes": self._file.size}
         named: bool | None = None
         while (registered := self._register(values, key, named)) is None:
             named = self._takes_its_name()
@@ -121,17 +123,18 @@ class Receiving:
 def receive(
     backend: Backend,
     *,
-    filename: str,
+    filename: str | None = None,
     content_type: str | None = None,
     reading: ReadingOptions | None = None,
     received_by: str | None = None,
 ) -> Receiving:
-    """Begins an upload; `filename` names the loop, or the one tag, of a file that names none itself."""
+    """Begins an upload; `filename` names the loop, or the one tag, of a file that names none itself. Without a name it
+    is called by its content, so that two of them are never taken for one loop.
+    """
     reading = reading or ReadingOptions()
     reading.check()
-    name = Path(filename.replace("\\", "/").replace("\x00", "")).name[-LONGEST_NAME:] or "upload.csv"
     values = {
-        "filename": name,
+        "filename": Path((filename or "").replace("\\", "/").replace("\x00", "")).name[-LONGEST_NAME:],
         "content_type": content_type,
         "reading_json": reading.as_json(),
         "received_by": received_by,

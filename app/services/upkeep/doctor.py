@@ -138,7 +138,9 @@ def tables(backend: Backend) -> Check:
     found, newest = schema.current_revision(backend.database), schema.newest_revision()
     if found == newest:
         return Check("tables", "ok", f"version {found}")
-    return Check("tables", "problem", f"version {found}, this program needs {newest}", "run `loopaudit migrate`")
+    newer = found is not None and not schema.is_known(found)
+    advice = "a newer loopaudit made them: run that one" if newer else "run `loopaudit migrate`"
+    return Check("tables", "problem", f"version {found}, this program needs {newest}", advice)
 
 
 def journal(backend: Backend) -> Check:

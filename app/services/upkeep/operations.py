@@ -25,16 +25,27 @@ __all__ = ["Figures", "metrics", "migrate", "readiness", "sweep"]
 
 
 def migrate(settings: Settings) -> str:
-    """Brings the data base to this version's tables; returns which version that is."""
+    """Brings the data base to this version's tables; returns which version that is. Raises
+    RequestError("newer_tables") where a newer loopaudit made them.
+    """
     settings.prepare_folders()
     database = Database(settings.resolved_database_url)
     try:
+        refuse_newer(database)
         schema.migrate(database)
         return schema.current_revision(database) or "none"
     except OperationalError as error:
         raise RequestError("database_away", f"the data base cannot be used: {error.orig}") from error
     finally:
         database.close()
+
+
+def refuse_newer(database: Database) -> None:
+    current = schema.current_revision(database)
+    if current is not None and not schema.is_known(current):
+        text = f"the tables have version {current}, which this program does not know: a newer loopaudit made them. "
+        text += "Run that one, or restore the backup of before it"
+        raise RequestError("newer_tables", text)
 
 
 def refuse_missing(settings: Settings) -> None:

@@ -94,6 +94,7 @@ def test_a_trend_that_ends_before_it_begins_is_refused(client, plant):
     answer = client.get("/v1/loops/FIC101/trend", params=backwards)
     assert (answer.status_code, answer.json()["code"]) == (422, "invalid_request")
     assert "begins before it ends" in answer.text
+    assert answer.json()["errors"][0]["where"] == "query.from"
     later = client.get("/v1/loops/FIC101/trend", params={"from": "2030-01-01T00:00:00Z"})
     assert (later.status_code, later.json()["samples"]) == (200, 0)
 

@@ -28,6 +28,20 @@ def test_the_same_content_is_the_same_upload_raw_or_as_a_form(client):
     assert form.json()["id"] == raw["id"]
 
 
+def test_two_exports_without_any_name_are_two_loops(client, backend):
+    bodies = ["".join(["time,PV,OP\n", *(f"{k},{k % 7},{k % b}\n" for k in range(50))]).encode() for b in (5, 9)]
+    first, second, again = (
+        client.post("/v1/uploads", content=body, headers={"Content-Type": "text/csv"}).json()
+        for body in (*bodies, bodies[0])
+    )
+    assert first["id"] == again["id"] != second["id"]
+    for upload in (first, second):
+        read_upload(backend, int(upload["id"]), owner="test")
+    found = [client.get(f"/v1/uploads/{upload['id']}").json() for upload in (first, second)]
+    assert [one["loops"] for one in found] == [[f"upload-{one['fingerprint'][:12]}"] for one in found]
+    assert found[0]["loops"] != found[1]["loops"]
+
+
 def test_gzip_is_read(client, backend):
     upload = sent(client, gzip.compress(wide("FIC_Z")), filename="z.csv.gz")
     read_upload(backend, int(upload["id"]), owner="test")
