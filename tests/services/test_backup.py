@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 import pytest
-from sqlalchemy import make_url
+from sqlalchemy import column, make_url, table, update
 
 from app.errors import RequestError
 from app.services.access import trail
@@ -157,7 +157,7 @@ def test_tables_of_a_newer_version_are_refused_and_left_alone(plant):
 
 def given_as(plant: Backend, version: str) -> None:
     with plant.database.write() as connection:
-        connection.exec_driver_sql(f"UPDATE alembic_version SET version_num = '{version}'")
+        connection.execute(update(table("alembic_version", column("version_num"))).values(version_num=version))
 
 
 def test_a_backup_of_a_newer_version_is_refused_before_anything_is_touched(plant, tmp_path):
