@@ -12,6 +12,9 @@ Reliability = Literal["reliable", "not_reliable"]
 UNCOUPLED = "uncoupled"
 """The reason that nothing in a record tells of a valve: PV owes nothing to OP."""
 
+NO_ANSWER = "no_answer"
+"""The reason that a valve which is said not to stick may stand fast: PV is not seen to answer OP."""
+
 
 @dataclass(frozen=True)
 class Judgement:

@@ -1,11 +1,15 @@
 """Small compiled operations on sampled signals that the features share."""
 
 from functools import lru_cache
+from typing import TypeVar
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from app.engine.recording import FloatArray
+
+Number = TypeVar("Number", np.float64, np.int64, np.bool_)
 
 # A change of unit moves a signal at unit deviation by less than this; what is smaller is no movement.
 ROUNDING = 1e-6
@@ -79,6 +83,17 @@ def without_line(x: FloatArray) -> FloatArray:
 def thinned(x: FloatArray, stride: int) -> FloatArray:
     """(N // stride,) means of `stride` samples of x (N,) each; what is left over at the end is dropped."""
     return x if stride == 1 else x[: len(x) // stride * stride].reshape(-1, stride).mean(axis=1)
+
+
+def blocks(x: NDArray[Number], length: int) -> NDArray[Number]:
+    """(N,) as (N // length, length)."""
+    return x[: len(x) // length * length].reshape(-1, length)
+
+
+def slow_share(blocks: FloatArray) -> float:
+    """blocks: (B, L). The share of their variance that is between them, 0 to 1; 0 where nothing moves."""
+    between, within = float(np.var(np.mean(blocks, axis=1))), float(np.mean(np.var(blocks, axis=1)))
+    return between / (between + within) if between + within > 0.0 else 0.0
 
 
 def unlike(x: FloatArray, given: FloatArray) -> FloatArray:

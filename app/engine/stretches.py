@@ -6,18 +6,15 @@ the whole, and a limit cycle of minutes within it is neither its oscillation nor
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from app.engine.fitness import Whole
 from app.engine.fitness.signals import newest_long_run, run_lengths, still_at_its_end
 from app.engine.oscillation import Oscillation, detect
-from app.engine.recording import FloatArray, IntArray, UniformRecord
+from app.engine.recording import IntArray, UniformRecord
+from app.engine.sampled import blocks, slow_share, unlike
 from app.engine.verdict import weigh
-
-Number = TypeVar("Number", np.float64, np.int64)
 
 LONG_SAMPLES = 2000
 """Samples above which a record is judged by stretches."""
@@ -65,7 +62,7 @@ def speaking_stretch(record: UniformRecord, oscillation: Oscillation) -> Stretch
     if scale is None:
         return None
     per_cycle, stands = scale.per_cycle, _standing(record)
-    if scale.quiet and not _answers(record, per_cycle, stands):
+    if scale.quiet and not _held_against_load(record, per_cycle, stands):
         return None
     parts = _spread(record, per_cycle, _MOST)
     moving = [part for part in parts if not _touches(stands, part)]
@@ -176,35 +173,17 @@ def _cycle_of_all(looked_at: list[list[Oscillation]]) -> float | None:
     return per_cycle
 
 
-def _answers(record: UniformRecord, per_cycle: float, stands: IntArray) -> bool:
+def _held_against_load(record: UniformRecord, per_cycle: float, stands: IntArray) -> bool:
     """Whether OP goes its way against a load while PV is held: a valve that stands fast lets PV go with the load, and
     where OP has no way to go nothing is known of it.
     """
     length = int(_BLOCK_CYCLES * per_cycle)
-    moving = _blocks(stands, length).max(axis=1) < _DEAD_SHARE * length
+    moving = blocks(stands, length).max(axis=1) < _DEAD_SHARE * length
     if np.count_nonzero(moving) < _FEWEST:
         return False
-    held = record.pv if record.sp is None else record.pv - _along(record.pv, record.sp)
-    op, pv = (_slow_share(_blocks(signal, length)[moving]) for signal in (record.op, held))
+    held = record.pv if record.sp is None else unlike(record.pv, record.sp)
+    op, pv = (slow_share(blocks(signal, length)[moving]) for signal in (record.op, held))
     return op >= _OP_WORKS and pv <= _PV_HELD
-
-
-def _blocks(signal: NDArray[Number], length: int) -> NDArray[Number]:
-    """(N,) as (N // length, length)."""
-    return signal[: len(signal) // length * length].reshape(-1, length)
-
-
-def _along(pv: FloatArray, sp: FloatArray) -> FloatArray:
-    """What of PV (N,) is a straight line over SP (N,), whatever units they have; zeros where SP stands."""
-    away = sp - np.mean(sp)
-    square = float(away @ away)
-    return away * (float(away @ pv) / square) if square > 0.0 else np.zeros_like(pv)
-
-
-def _slow_share(blocks: FloatArray) -> float:
-    """blocks: (B, L). The share of their variance that is between them, 0 to 1; 0 where nothing moves."""
-    between, within = float(np.var(np.mean(blocks, axis=1))), float(np.mean(np.var(blocks, axis=1)))
-    return between / (between + within) if between + within > 0.0 else 0.0
 
 
 def _clarity(oscillations: list[Oscillation]) -> float:

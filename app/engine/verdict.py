@@ -5,12 +5,13 @@ from functools import lru_cache
 
 import numpy as np
 
+from app.engine.answering import answers
 from app.engine.corroborate import Corroboration, corroborate
 from app.engine.coupling import strangers_chance, strangers_chance_finely
 from app.engine.evidence import Finding, Reason
 from app.engine.features import NAMES, Features, observe
 from app.engine.fitness import Fitness
-from app.engine.judgement import UNCOUPLED, Judgement, Reliability, Verdict
+from app.engine.judgement import NO_ANSWER, UNCOUPLED, Judgement, Reliability, Verdict
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.reliability import Reference
@@ -23,6 +24,7 @@ from app.engine.verdict_config import VerdictConfig
 from app.engine.verdict_wording import spoken
 
 _REASONS_GIVEN = 3
+_PHASE_SINE = NAMES.index("phase_sine")
 _SAID = {"stiction": "stiction", "no_stiction": "no stiction", None: "neither"}
 # Findings that leave a verdict possible and take its reliability away. Not op_interpolated: against a standing PV an
 # integrating controller runs on straight lines by itself.
@@ -167,6 +169,8 @@ def _doubts(
     if oscillation.cycles < config.min_cycles:
         text = f"what was judged holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be trusted"
         doubts.append(Reason("few_cycles", text))
+    if verdict == "no_stiction":
+        doubts.extend(_no_answer(fitness))
     if verdict == "stiction":
         doubts.extend(_shaped_outside(weighing, config))
         doubts.extend(_keeps_time(fitness.audited, oscillation, config))
@@ -216,9 +220,12 @@ def _unclear(weighing: Weighing, oscillation: Oscillation, config: VerdictConfig
 
 def _limit_cycle(weighing: Weighing, oscillation: Oscillation, config: VerdictConfig) -> bool:
     """Whether the loop swings regularly and strongly, and not as one sine under noise does: a valve that sticks lets go
-    now and then.
+    now and then. Nor in quadrature, as what comes from outside does behind integral action, and what too much of that
+    makes: where a limit cycle is in quadrature it has corners, and the shapes say so clearly.
     """
     if not oscillation.regular or oscillation.strength < config.strong_swing:
+        return False
+    if weighing.features.values[_PHASE_SINE] > config.max_cycling_phase:
         return False
     if any(rival.cause == "set_point_following" and (rival.explained or 0.0) >= FOLLOWED for rival in weighing.rivals):
         return False
@@ -255,6 +262,18 @@ def _dead(fitness: Fitness) -> tuple[Reason, ...]:
         "before: unless the unit stands, the transmitter is dead, or the valve is stuck; look at both"
     )
     return (Reason("pv_stands", text),)
+
+
+def _no_answer(fitness: Fitness) -> list[Reason]:
+    """Where PV is carried away and is not seen to answer OP, the valve may stand fast, and its loop not cycle."""
+    record = fitness.looked_at
+    if answers(record):
+        return []
+    text = (
+        f"PV goes its way and shows no answer to OP, which went over {np.ptp(record.op):.3g} units: so it does behind "
+        "a valve that stands fast, or moves now and then only"
+    )
+    return [Reason(NO_ANSWER, text)]
 
 
 def _shaped_outside(weighing: Weighing, config: VerdictConfig) -> list[Reason]:

@@ -13,7 +13,8 @@ class VerdictConfig:
     reliable_stiction_from, reliable_no_stiction_to: probabilities that a reliable verdict needs, chosen on
     leave-one-valve-out scores for 97 % right. reliable_cycling_from: enough for stiction where the loop oscillates
     regularly with at least `strong_swing`, as a limit cycle does, and of the swing of PV or of OP one sine that keeps
-    its phase explains less than `max_cycling_wave`.
+    its phase explains less than `max_cycling_wave`; max_cycling_phase: and PV and OP are apart by a phase of which the
+    sine is this at most.
     min_cycles: fewest cycles of the oscillation in the record for a reliable verdict.
     max_strangers_chance: for a reliable verdict, two signals that have nothing to do with each other are as alike as
     PV and OP with less than this probability.
@@ -44,6 +45,7 @@ class VerdictConfig:
     max_followed: float = 0.95
     max_wave: float = 0.955
     max_cycling_wave: float = 0.9
+    max_cycling_phase: float = 0.78
     min_jitter: float = 0.015
     min_jitter_of_unlike: float = 0.035
     parameters_version: str = VERSION

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from app.engine.episodes import BEGAN
-from app.engine.judgement import UNCOUPLED
-from app.services.auditing.hearing import MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR
+from app.engine.judgement import NO_ANSWER, UNCOUPLED
+from app.services.auditing.hearing import MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR
 from app.services.auditing.repairs import BEFORE_REPAIR
 from app.services.wording import CAUSE_WORDS
 
@@ -25,8 +25,17 @@ OUTER = (
     "Look at the loop whose set point this OP is: that one moves the valve. Ask for a stroke test here only where OP "
     "moves a valve of its own besides, and say so in the loop's settings."
 )
+NO_VALVE = "Look at the loop whose set point this OP is: that one moves the valve, this one none, as its settings say."
 BEGAN_TO_STICK = "It sticks since the hour that is named, whatever the rest of the record says: ask for a stroke test."
 CLEARED = "Nothing at the valve."
+NOT_CLEARED = (
+    "Nothing now: nothing accuses the valve, and the reasons say what keeps this from clearing it. If it stays like "
+    "that for weeks, a stroke test tells more than another night."
+)
+STANDS_FAST = (
+    "Find out whether the valve moves at all: where operation allows it, move OP by a few per cent by hand and see "
+    "whether PV goes along."
+)
 CANNOT_TELL = "Nothing, unless it stays like that for weeks; then a stroke test tells more than another night."
 NOT_AUDITABLE = "Tell the control engineer what the checks say: better recording brings a verdict."
 UNRELATED = (
@@ -75,6 +84,8 @@ def next_step(row: Mapping[str, Any], reasons: tuple[str, ...] = ()) -> str:
     """What to do about a loop whose row of the reliability table this is; `reasons`: codes of its verdict."""
     if BEFORE_REPAIR in reasons:
         return WAIT
+    if MOVES_NO_VALVE in reasons:
+        return NO_VALVE
     if MOVES_SET_POINT in reasons:
         return OUTER
     if SHAKEN_BY_NEIGHBOUR in reasons:
@@ -87,7 +98,15 @@ def next_step(row: Mapping[str, Any], reasons: tuple[str, ...] = ()) -> str:
         return MAY_STICK
     if row["verdict"] == "inconclusive" and UNCOUPLED in reasons:
         return UNRELATED
-    return BY_CAUSE.get(row["likely_cause"] or "", BY_VERDICT[row["verdict"]])
+    if NO_ANSWER in reasons:
+        return STANDS_FAST
+    return BY_CAUSE.get(row["likely_cause"] or "", _without_cause(row))
+
+
+def _without_cause(row: Mapping[str, Any]) -> str:
+    if row["verdict"] == "no_stiction" and row["reliability"] != "reliable":
+        return NOT_CLEARED
+    return BY_VERDICT[row["verdict"]]
 
 
 def as_table() -> str:
@@ -98,10 +117,13 @@ def as_table() -> str:
         ("cannot tell, and no cause is named", CANNOT_TELL),
         ("cannot tell, because PV has nothing to do with OP", UNRELATED),
         ("not auditable, and no cause is named", NOT_AUDITABLE),
-        ("no stiction, and no cause is named", CLEARED),
+        ("no stiction, rely on it, and no cause is named", CLEARED),
+        ("no stiction, look before you act, and no cause is named", NOT_CLEARED),
+        ("no stiction, but PV shows no answer to OP", STANDS_FAST),
         *((f"else, likely cause: {CAUSE_WORDS[code]}", step) for code, step in BY_CAUSE.items()),
         ("valve sticks, but a neighbour may shake it", SHAKEN),
         ("anything, but OP is the set point of another loop", OUTER),
+        ("anything, but the loop's settings say that OP moves no valve", NO_VALVE),
         ("repaired, and too little recorded since", WAIT),
         ("anything that is not to be relied on, but the valve sticks up to the end of the record", BEGAN_TO_STICK),
     ]

@@ -15,6 +15,7 @@ from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.file_audit import audited_lines
 from app.services.auditing.hearing import (
+    MOVES_NO_VALVE,
     MOVES_SET_POINT,
     Doubt,
     Heard,
@@ -124,7 +125,7 @@ def test_an_op_that_is_stated_to_move_no_valve_is_doubted_without_its_inner_loop
         "not_reliable",
         None,
     )
-    assert outer["reasons"].split(";")[0] == MOVES_SET_POINT
+    assert outer["reasons"].split(";")[0] == MOVES_NO_VALVE
     assert "which the records do not show" in outer["reasons_text"]
 
 

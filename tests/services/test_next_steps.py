@@ -49,3 +49,16 @@ def test_every_cause_has_a_step():
 
 def test_the_guide_says_the_same():
     assert next_steps.as_table() in GUIDE.read_text(encoding="utf-8")
+
+
+def test_what_does_not_clear_a_valve_does_not_read_as_cleared():
+    unsure = {"verdict": "no_stiction", "reliability": "not_reliable", "likely_cause": None}
+    assert next_step(unsure, ("few_cycles",)) == next_steps.NOT_CLEARED
+    assert next_step(unsure | {"likely_cause": "disturbance"}, ("no_answer",)) == next_steps.STANDS_FAST
+    assert next_step(unsure | {"reliability": "reliable"}) == next_steps.CLEARED
+
+
+def test_a_loop_that_is_stated_to_move_no_valve_is_not_asked_for_one():
+    row = {"verdict": "stiction", "reliability": "not_reliable", "likely_cause": "stiction"}
+    assert next_step(row, ("moves_no_valve",)) == next_steps.NO_VALVE
+    assert "valve of its own" not in next_steps.NO_VALVE

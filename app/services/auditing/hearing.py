@@ -14,6 +14,7 @@ from app.services.wording import RELIABILITY_BRIEF, VERDICT_WORDS
 
 SHAKEN_BY_NEIGHBOUR = "shaken_by_neighbour"
 MOVES_SET_POINT = "moves_set_point"
+MOVES_NO_VALVE = "moves_no_valve"
 
 
 @dataclass(frozen=True)
@@ -127,8 +128,9 @@ def cascades_doubts(
     while further := {tag for tag in judged if tag not in doubted and not spoken_for(tag)}:
         doubted |= further
         now |= {tag: replace(said[tag], reliability="not_reliable") for tag in further}
-    text_of = {tag: without_valve_text if tag in without_valve else cascade_text for tag in doubted}
-    return {tag: Doubt(MOVES_SET_POINT, text_of[tag](moves[tag], now)) for tag in doubted}
+    stated = doubted & set(without_valve)
+    doubts = {tag: Doubt(MOVES_NO_VALVE, without_valve_text(moves[tag], now)) for tag in stated}
+    return doubts | {tag: Doubt(MOVES_SET_POINT, cascade_text(moves[tag], now)) for tag in doubted - stated}
 
 
 def _cleared(said: Said | None) -> bool:

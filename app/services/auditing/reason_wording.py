@@ -44,10 +44,12 @@ _DOUBTS = {
     "nearly_sinusoidal": "PV and OP are nearly one sine, so that their shape need not be the valve's.",
     "keeps_time": "The cycles keep time, as what a timer or a machine drives; a valve that sticks does not.",
     "pv_stands": "PV has stood still up to the end while OP moved, as never before: dead transmitter, or stuck valve.",
+    "no_answer": "PV shows no answer to OP: a valve that stands fast looks the same, whatever the shapes say.",
     "pv_does_not_answer": "OP travels and PV does not answer at all: a stuck valve, or a dead transmitter.",
     "prior_only": "The probability is a prior between these two causes, not a measurement.",
 }
 _NEIGHBOURS = {
+    "moves_no_valve": "OP moves no valve, as is stated of this loop: the valve is judged at the loop it moves.",
     "moves_set_point": "OP is another loop's set point: unless it moves a valve besides, the valve is judged there.",
     "shaken_by_neighbour": "The loop swings in step with one that is likelier to be the source; that one may shake it.",
 }
