@@ -218,6 +218,24 @@ def test_windows_disagree_where_their_spread_reaches_the_other_side_whatever_the
     assert ("windows_disagree" in {reason.code for reason in said.reasons}) is disagree
 
 
+@pytest.mark.parametrize(
+    ("probability", "phase_sine", "reliable"),
+    [(0.8, 0.5, True), (0.8, 0.9, False), (0.88, 0.9, True), (0.65, 0.5, False)],
+)
+def test_a_limit_cycle_that_is_not_clear_by_its_shapes_is_not_in_quadrature(probability, phase_sine, reliable):
+    fitness = assess(sticky())
+    oscillation = detect(fitness.record)
+    weighing = weigh(fitness.record, oscillation)
+    values = weighing.features.values.copy()
+    values[NAMES.index("phase_sine")] = phase_sine
+    log_odds = float(np.log(probability / (1.0 - probability)))
+    weighing = replace(weighing, log_odds=log_odds, features=replace(weighing.features, values=values))
+    config = VerdictConfig(max_cycling_wave=1.0)
+    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), None, config)
+    assert said.verdict == "stiction"
+    assert ("evidence_not_clear" in {reason.code for reason in said.reasons}) is not reliable
+
+
 def one_signal() -> list[Recording]:
     loop = shaken()
     return [
