@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from app.ingest import InspectReport, LoopReport
 
 SHOWN_LOOPS = 200
+MOSTLY = 0.5
 
 
 def inspect(
@@ -104,8 +105,14 @@ def cells(loop: "LoopReport") -> list[str]:
         f"{100 * loop.missing_share:.1f}",
         utc(loop.first_time_ns),
         utc(loop.last_time_ns),
-        "yes" if auditable(loop) else "no: PV and OP are needed",
+        to_audit(loop),
     ]
+
+
+def to_audit(loop: "LoopReport") -> str:
+    if not auditable(loop):
+        return "no: PV and OP are needed"
+    return "yes" if loop.missing_share < MOSTLY else "yes, though mostly missing"
 
 
 def auditable(loop: "LoopReport") -> bool:

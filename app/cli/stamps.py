@@ -17,7 +17,10 @@ class DateOrder(StrEnum):
     month = "month"
 
 
-TimeZoneOption = Annotated[str, typer.Option("--time-zone", help="Zone of time stamps that name none (IANA).")]
+TimeZoneOption = Annotated[
+    str,
+    typer.Option("--time-zone", envvar="LOOPAUDIT_TIME_ZONE", help="Zone of time stamps that name none (IANA)."),
+]
 DateOrderOption = Annotated[
     DateOrder | None,
     typer.Option("--date-order", help="What stands first in dates such as 03/04/2026, where the file does not tell."),

@@ -49,6 +49,16 @@ def test_inspect_says_what_a_file_holds_and_what_would_be_refused(tmp_path):
     assert "Bad Input" in text
 
 
+def test_inspect_says_where_most_is_missing_and_reads_in_the_zone_of_the_settings(tmp_path, monkeypatch):
+    export = tmp_path / "FIC1.csv"
+    lines = (f"2026-01-01 00:{k // 60:02d}:{k % 60:02d},{k % 7},{k % 5 if k % 50 == 0 else ''}" for k in range(900))
+    export.write_text("\n".join(["time,PV,OP", *lines]) + "\n")
+    monkeypatch.setenv("LOOPAUDIT_TIME_ZONE", "Asia/Kolkata")
+    text = " ".join(run("inspect", export).stdout.split())
+    assert "yes, though mostly missing" in text
+    assert "2025-12-31 18:30:00" in text
+
+
 def test_a_matlab_file_is_inspected_and_audited(tmp_path):
     time = np.arange(600.0)
     loop = {"Ts": 2.0, "PV": np.sin(time / 9) ** 2, "OP": 40 + np.cos(time / 9), "SP": 50.0}
