@@ -26,7 +26,9 @@ OUTER = (
     "moves a valve of its own besides, and say so in the loop's settings."
 )
 NO_VALVE = "Look at the loop whose set point this OP is: that one moves the valve, this one none, as its settings say."
-BEGAN_TO_STICK = "It sticks since the hour that is named, whatever the rest of the record says: ask for a stroke test."
+BEGAN_TO_STICK = (
+    "It sticks, at least since the hour that is named, whatever the rest of the record says: ask for a stroke test."
+)
 CLEARED = "Nothing at the valve."
 NOT_CLEARED = (
     "Nothing now: nothing accuses the valve, and the reasons say what keeps this from clearing it. If it stays like "

@@ -71,9 +71,9 @@ _METHODS = {
 _EPISODES = {
     "stretches": "A long record was judged stretch by stretch; the middle one speaks for it.",
     "stretches_disagree": "Of a long record's stretches fewer than two of three, or none of the newest two, agree.",
-    "short_lived_stiction": "The valve sticks in one spell of a long record and not in the rest.",
-    "stiction_ended": "The valve stuck at the beginning of the record and has not since.",
-    "stiction_began": "The valve sticks up to the end of the record and did not at its beginning.",
+    "short_lived_stiction": "The valve sticks in one spell of a long record; the rest shows nothing of it.",
+    "stiction_ended": "The valve stuck at the beginning of the record, and nothing shows it since.",
+    "stiction_began": "The valve sticks up to the end of the record; its beginning shows nothing of it.",
 }
 _REPAIRS = {
     "since_repair": "The loop is judged on what was recorded since its repair.",
