@@ -15,7 +15,7 @@ from app.engine.judgement import NO_ANSWER, UNCOUPLED, Judgement, Reliability, V
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.reliability import Reference
-from app.engine.rivals import FOLLOWED, Rival, compete, contest, held_out_fundamental
+from app.engine.rivals import FOLLOWED, SATURATED, Rival, compete, contest, held_out_fundamental
 from app.engine.sampled import correlation
 from app.engine.shape_model import ShapeModel, fitted_model
 from app.engine.timekeeping import timekeeping
@@ -132,12 +132,20 @@ def conclude(
 ) -> Judgement:
     """The judgement that follows from weighed evidence."""
     probability = weighing.probability
-    unrelated, dead = _unrelated(fitness, oscillation, config), _dead(fitness)
+    unrelated, dead, wound_up = _unrelated(fitness, oscillation, config), _dead(fitness), _wound_up(fitness)
     verdict = _verdict(probability, unrelated, dead, config)
     doubts = (*_doubts(weighing, verdict, oscillation, fitness, config), *_parts_disagree(weighing, fitness, config))
     doubts += tuple(_data_doubts(weighing, fitness, config))
-    reliability: Reliability = "not_reliable" if dead or unrelated or doubts else "reliable"
-    reasons = (*dead, *unrelated, *_shape_reasons(weighing, verdict), *_rival_reasons(weighing, verdict), *doubts)
+    uncontrolled = wound_up and verdict == "no_stiction"
+    reliability: Reliability = "not_reliable" if dead or uncontrolled or unrelated or doubts else "reliable"
+    reasons = (
+        *dead,
+        *wound_up,
+        *unrelated,
+        *_shape_reasons(weighing, verdict),
+        *_rival_reasons(weighing, verdict),
+        *doubts,
+    )
     reasons += _stretches_reason(fitness)
     if reference is not None:
         reasons += reference_reason(reference, verdict)
@@ -145,6 +153,8 @@ def conclude(
     found = Judgement(verdict, probability, reliability, reasons, _cause(weighing, verdict), ranked)
     if dead and verdict == "inconclusive":
         return replace(found, likely_cause=STUCK_OR_DEAD)
+    if uncontrolled:
+        return replace(found, likely_cause=SATURATED)
     return replace(found, likely_cause=None) if found.shows_no_valve else found
 
 
@@ -274,6 +284,17 @@ def _no_answer(fitness: Fitness) -> list[Reason]:
         "a valve that stands fast, or moves now and then only"
     )
     return [Reason(NO_ANSWER, text)]
+
+
+def _wound_up(fitness: Fitness) -> tuple[Reason, ...]:
+    """Where OP stands at its limit by now and PV does not come back: what the valve did till then clears it no more."""
+    if fitness.wound_up_s is None:
+        return ()
+    text = (
+        f"OP has mostly stood at its limit for the last {fitness.wound_up_s / 3600.0:.2g} h, as never before, and PV "
+        "does not come back for it: the valve may stand fast by now, or be too small for the load"
+    )
+    return (Reason("wound_up", text),)
 
 
 def _shaped_outside(weighing: Weighing, config: VerdictConfig) -> list[Reason]:

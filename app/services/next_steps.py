@@ -47,8 +47,8 @@ UNRELATED = (
 WAIT = "Wait until enough is recorded since the repair: what is said here is of before it."
 
 AT_LIMIT = (
-    "Find out why OP stands at its limit: the valve's size, a bypass, a set point out of reach; too strong tuning "
-    "where it runs from one limit to the other."
+    "Find out why OP stands at its limit: a valve that does not move, its size, a bypass, a set point out of reach; "
+    "too strong tuning where it runs from one limit to the other."
 )
 
 BY_CAUSE = {

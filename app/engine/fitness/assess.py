@@ -53,6 +53,7 @@ class Fitness:
     filled_share: samples of `record` that were interpolated into holes, 0 to 1; None without a record.
     gaps: holes that split the recording.
     pv_dead_s: for how long PV has held one value up to the end while OP moved, and never before, in s; else None.
+    wound_up_s: for how long OP has stood at its limit up to the end, as never before, while PV stayed away, in s.
     speaks_for: the long record for which `record` speaks; None where `record` is all that is judged.
     """
 
@@ -63,6 +64,7 @@ class Fitness:
     filled_share: float | None
     gaps: int
     pv_dead_s: float | None = None
+    wound_up_s: float | None = None
     speaks_for: Whole | None = None
 
     @property
@@ -169,7 +171,9 @@ def _assess_stretches(recording: Recording, samples: _Samples, fitness: Fitness,
     stretch, gaps = _newest_without_gap(in_automatic, config)
     whole, later = in_automatic.part(stretch), len(in_automatic) - stretch.stop
     found = (*found, checks.check_gaps(gaps, len(whole), len(in_automatic), later, config))
-    fitness = replace(fitness, gaps=gaps, pv_dead_s=_dead_s(whole, config) if len(whole) else None)
+    fitness = replace(fitness, gaps=gaps)
+    if len(whole):
+        fitness = replace(fitness, pv_dead_s=_dead_s(whole, config), wound_up_s=_wound_up_s(whole, config))
     if len(whole) < config.min_samples:
         return _stopped(fitness, found, LATER_CHECKS[2:])
     alive = whole.part(newest_long_run(_alive(whole, config), config.newest_share, config.min_samples))
@@ -219,7 +223,25 @@ def _dead_s(samples: _Samples, config: FitnessConfig) -> float | None:
         return None
     if len(np.unique(samples.op[-still:])) < config.fewest_moves:  # a unit that is shut down by hand
         return None
-    return float(samples.time_s[-1] - samples.time_s[-still])
+    return _since_s(samples, len(samples) - still)
+
+
+def _wound_up_s(samples: _Samples, config: FitnessConfig) -> float | None:
+    """Since when OP stands mostly at its limits, which it reached by itself, and PV does not come back for it."""
+    pv, op = samples.pv, samples.op
+    side = np.where(run_lengths(op) >= config.least_at_limit, (op == op.max()) * 1.0 - (op == op.min()), 0.0)
+    first = int(np.argmax(side != 0.0))
+    if len(op) - first < config.least_still or first < config.least_still or np.mean(side[first:] != 0.0) < 0.5:
+        return None
+    if abs(op[first] - op[first - 1]) > config.most_jump * float(np.ptp(op)):  # as by hand
+        return None
+    away = np.sign(pv - (np.median(pv[:first]) if samples.sp is None else samples.sp))
+    one_sided = abs(float(np.mean((away * side)[side != 0.0]))) >= config.one_sided
+    return _since_s(samples, first) if one_sided else None
+
+
+def _since_s(samples: _Samples, first: int) -> float:
+    return float(samples.time_s[-1] - samples.time_s[first])
 
 
 def _alive(samples: _Samples, config: FitnessConfig) -> BoolArray:

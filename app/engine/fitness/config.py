@@ -15,6 +15,9 @@ class FitnessConfig:
     flat_share: a signal that does not change for this share of the stretch is dead there.
     least_still, longer_still: PV that holds one value up to the end of the stretch, for so many samples and so many
     times as long as ever before, while OP takes fewest_moves values, has died: a frozen transmitter, or a stuck valve.
+    least_at_limit, most_jump, one_sided: OP that stands at its extremes for half of the time once it stood there for so
+    many samples, and came there by less than this share of its range at once, is wound up, if PV is on the side from
+    which that would bring it back for this share of the time more than on the other.
     two_values_share: OP near either of two values for this share of the stretch is switched between them, where it is
     near each of them for least_of_two_values and goes from one to the other fewest_switches times (fewer are steps of a
     load or a set point), mostly with most_on_the_way samples between at most (with more it runs from limit to limit).
@@ -34,6 +37,9 @@ class FitnessConfig:
     least_still: int = 100
     longer_still: float = 5.0
     fewest_moves: int = 10
+    least_at_limit: int = 20
+    most_jump: float = 0.1
+    one_sided: float = 0.8
     two_values_share: float = 0.9
     least_of_two_values: float = 0.05
     fewest_switches: int = 6

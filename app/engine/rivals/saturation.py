@@ -3,6 +3,8 @@
 from app.engine.rivals.rival import Rival
 from app.engine.rivals.scene import Scene
 
+SATURATED = "saturated_op"
+
 # Fixed beforehand, not fitted: a loop that cycles against a limit needs no sticky valve to do so.
 _AGAINST_STICTION = 2.0
 LIMIT_SHARE = 0.2
@@ -20,4 +22,4 @@ def saturated_op(scene: Scene) -> Rival:
         f"OP stands at one of its extremes for {100 * at_limit:.0f} % of the time, and {100 * moves:.0f} % of the "
         "movement of PV happens meanwhile"
     )
-    return Rival("saturated_op", strength, text, _AGAINST_STICTION, statistic=at_limit, threshold=LIMIT_SHARE)
+    return Rival(SATURATED, strength, text, _AGAINST_STICTION, statistic=at_limit, threshold=LIMIT_SHARE)
