@@ -132,42 +132,31 @@ def conclude(
 ) -> Judgement:
     """The judgement that follows from weighed evidence."""
     probability = weighing.probability
-    unrelated, dead, wound_up = _unrelated(fitness, oscillation, config), _dead(fitness), _wound_up(fitness)
-    verdict = _verdict(probability, unrelated, dead, config)
+    unrelated, lost = _unrelated(fitness, oscillation, config), _lost(fitness)
+    verdict = _verdict(probability, unrelated, lost, config)
     doubts = (*_doubts(weighing, verdict, oscillation, fitness, config), *_parts_disagree(weighing, fitness, config))
     doubts += tuple(_data_doubts(weighing, fitness, config))
-    uncontrolled = wound_up and verdict == "no_stiction"
-    reliability: Reliability = "not_reliable" if dead or uncontrolled or unrelated or doubts else "reliable"
-    reasons = (
-        *dead,
-        *wound_up,
-        *unrelated,
-        *_shape_reasons(weighing, verdict),
-        *_rival_reasons(weighing, verdict),
-        *doubts,
-    )
+    reliability: Reliability = "not_reliable" if lost or unrelated or doubts else "reliable"
+    first = (*([lost.reason] if lost else []), *unrelated)
+    reasons = (*first, *_shape_reasons(weighing, verdict), *_rival_reasons(weighing, verdict), *doubts)
     reasons += _stretches_reason(fitness)
     if reference is not None:
         reasons += reference_reason(reference, verdict)
     ranked = contest(weighing.rivals, probability, weighing.features)
     found = Judgement(verdict, probability, reliability, reasons, _cause(weighing, verdict), ranked)
-    if dead and verdict == "inconclusive":
-        return replace(found, likely_cause=STUCK_OR_DEAD)
-    if uncontrolled:
-        return replace(found, likely_cause=SATURATED)
+    if lost and verdict == "inconclusive":
+        return replace(found, likely_cause=lost.cause)
     return replace(found, likely_cause=None) if found.shows_no_valve else found
 
 
-def _verdict(
-    probability: float, unrelated: tuple[Reason, ...], dead: tuple[Reason, ...], config: VerdictConfig
-) -> Verdict:
+def _verdict(probability: float, unrelated: tuple[Reason, ...], lost: "_Lost | None", config: VerdictConfig) -> Verdict:
     if abs(probability - 0.5) < config.undecided_within:
         return "inconclusive"
     if probability > 0.5:
         return "stiction"
     # Behind a valve that does not move at all PV owes nothing to OP: what accuses nobody clears nobody there.
     strangers = any(reason.code == UNCOUPLED for reason in unrelated)
-    return "inconclusive" if strangers or dead else "no_stiction"
+    return "inconclusive" if strangers or lost else "no_stiction"
 
 
 def _doubts(
@@ -263,15 +252,28 @@ def _unrelated(fitness: Fitness, oscillation: Oscillation, config: VerdictConfig
     return (Reason("uncoupled", text),)
 
 
-def _dead(fitness: Fitness) -> tuple[Reason, ...]:
-    """Where PV has stood still lately as never before, while OP moved: what it did till then clears nobody."""
-    if fitness.pv_dead_s is None:
-        return ()
-    text = (
-        f"PV has held one value for the last {fitness.pv_dead_s / 3600.0:.2g} h while OP moved, and never for so long "
-        "before: unless the unit stands, the transmitter is dead, or the valve is stuck; look at both"
-    )
-    return (Reason("pv_stands", text),)
+@dataclass(frozen=True)
+class _Lost:
+    """That by the end of a record nothing is controlled any more: what the valve did till then clears it no longer."""
+
+    reason: Reason
+    cause: str
+
+
+def _lost(fitness: Fitness) -> _Lost | None:
+    if fitness.pv_dead_s is not None:
+        text = (
+            f"PV has held one value for the last {fitness.pv_dead_s / 3600.0:.2g} h while OP moved, and never for so "
+            "long before: unless the unit stands, the transmitter is dead, or the valve is stuck; look at both"
+        )
+        return _Lost(Reason("pv_stands", text), STUCK_OR_DEAD)
+    if fitness.wound_up_s is not None:
+        text = (
+            f"OP has mostly stood at its limit for the last {fitness.wound_up_s / 3600.0:.2g} h, as never before, and "
+            "PV does not come back for it: the valve may stand fast by now, or be too small for the load"
+        )
+        return _Lost(Reason("wound_up", text), SATURATED)
+    return None
 
 
 def _no_answer(fitness: Fitness) -> list[Reason]:
@@ -284,17 +286,6 @@ def _no_answer(fitness: Fitness) -> list[Reason]:
         "a valve that stands fast, or moves now and then only"
     )
     return [Reason(NO_ANSWER, text)]
-
-
-def _wound_up(fitness: Fitness) -> tuple[Reason, ...]:
-    """Where OP stands at its limit by now and PV does not come back: what the valve did till then clears it no more."""
-    if fitness.wound_up_s is None:
-        return ()
-    text = (
-        f"OP has mostly stood at its limit for the last {fitness.wound_up_s / 3600.0:.2g} h, as never before, and PV "
-        "does not come back for it: the valve may stand fast by now, or be too small for the load"
-    )
-    return (Reason("wound_up", text),)
 
 
 def _shaped_outside(weighing: Weighing, config: VerdictConfig) -> list[Reason]:

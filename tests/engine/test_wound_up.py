@@ -38,7 +38,7 @@ def record(*, limit: float = 100.0, ramp: int = 400, pv_away: float = -4.0, stan
 @pytest.mark.parametrize(("limit", "pv_away"), [(100.0, -4.0), (0.0, 4.0)])
 def test_it_is_said_first_and_clears_no_valve(limit, pv_away):
     judgement = audit(record(limit=limit, pv_away=pv_away)).judgement
-    assert (judgement.verdict, judgement.reliability) == ("no_stiction", "not_reliable")
+    assert (judgement.verdict, judgement.reliability) == ("inconclusive", "not_reliable")
     assert judgement.reasons[0].code == "wound_up"
     assert "for the last 2.2 h" in judgement.reasons[0].text
     assert judgement.likely_cause == "saturated_op"
