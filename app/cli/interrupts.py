@@ -25,9 +25,11 @@ class _Interrupts:
         self.put_off = False
 
     def note(self, _signal: int, _frame: FrameType | None) -> None:
-        before, self.came_at = self.came_at, time.monotonic()
-        again = before is not None and self.came_at - before < ONE_PRESS_S
-        if not self.put_off and not again:
+        now = time.monotonic()
+        if self.came_at is not None and now - self.came_at < ONE_PRESS_S:
+            return
+        self.came_at = now
+        if not self.put_off:
             raise KeyboardInterrupt
 
 

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import select
 import signal
 import sys
 from collections.abc import Iterator
@@ -32,7 +33,7 @@ from app.cli import (
     worker,
 )
 from app.cli.messages import ExitCode, say
-from app.errors import LoopauditError
+from app.errors import LoopauditError, RequestError
 
 EPILOG = (
     "Results go to stdout, messages to stderr. "
@@ -46,13 +47,23 @@ class StdoutClosedError(Exception):
     """Who reads the results has enough of them, as `head` has."""
 
 
+def stdout_is_closed() -> bool:
+    """Whether who read it is gone."""
+    asked = select.poll()
+    asked.register(sys.stdout.fileno(), 0)
+    return bool(asked.poll(0))
+
+
 @contextmanager
 def told_of_closed_stdout() -> Iterator[None]:
+    """Another pipe that is closed, as that of --out, takes results with it."""
     try:
         yield
     except BrokenPipeError as error:
-        raise StdoutClosedError from error
-    except SystemExit as error:  # what rich makes of it
+        if stdout_is_closed():
+            raise StdoutClosedError from error
+        raise RequestError("output", "the results could not be written: who reads them is gone") from error
+    except SystemExit as error:  # what rich makes of it, once it has put another stdout in its place
         if isinstance(error.__context__, BrokenPipeError):
             raise StdoutClosedError from error
         raise

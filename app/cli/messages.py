@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from enum import IntEnum
 from typing import TYPE_CHECKING, Protocol
 
@@ -25,9 +25,12 @@ class Advance(Protocol):
 
 
 def say(text: str) -> None:
-    """One line on stderr, as it is: no mark-up, because file names and tags may hold brackets."""
-    sys.stderr.write(text + "\n")
-    sys.stderr.flush()
+    """One line on stderr, as it is: no mark-up, because file names and tags may hold brackets. Where nobody reads it,
+    the results are made all the same.
+    """
+    with suppress(BrokenPipeError):
+        sys.stderr.write(text + "\n")
+        sys.stderr.flush()
 
 
 def stdout_console() -> "Console":

@@ -62,6 +62,9 @@ def upload(
             except FileNotFoundError:
                 failures += 1
                 say(f"{file}: is not there [no_such_file]")
+            except OSError as error:
+                failures += 1
+                say(f"{file}: cannot be read: {error.strerror} [file]")
     if failures == len(files):
         raise typer.Exit(ExitCode.NOTHING_USABLE)
     raise typer.Exit(ExitCode.SOME_FAILED if failures else ExitCode.DONE)

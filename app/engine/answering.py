@@ -26,20 +26,22 @@ STRIDES = (16, 8, 4, 2, 1)
 """Samples that are averaged into one, the coarsest first: a quick loop answers within some of them, a slow one within
 some of the coarsest."""
 
-RIDGE = 1e-9
+RIDGE = 1e-10
+FORETOLD = 1e-8
+"""Share of the variance of PV below which it foretells itself but for rounding: nothing can add to that."""
 FEWEST = 12 * ORDER
 FAR = 7.5
 """Times the median miss: five standard deviations of a normal one."""
 
 
-def answers(record: UniformRecord) -> bool:
-    """Whether PV is held, or foretold by OP beyond what its own past foretells.
+def goes_its_own_way(record: UniformRecord) -> bool:
+    """Whether PV is neither held, nor foretold by OP beyond what its own past foretells.
 
-    Misleads in both directions, as any look at a closed loop that nobody excites: a load that comes back by itself
-    holds PV too, a short or a quiet record may show no answer that is there.
+    False where too little moves to tell. Misleads in both directions, as any look at a closed loop that nobody excites:
+    a load that comes back by itself holds PV too, a quiet record may show no answer that is there.
     """
     stands = np.maximum(run_lengths(record.pv), run_lengths(record.op)) >= STANDING
-    return _is_held(record, ~stands) or any(_foretells(record, stands, stride) for stride in STRIDES)
+    return not (_is_held(record, ~stands) or any(_foretells(record, stands, stride) for stride in STRIDES))
 
 
 def _is_held(record: UniformRecord, moving: BoolArray) -> bool:
@@ -98,7 +100,9 @@ def _adds(columns: FloatArray) -> bool:
         return False
     gram = columns.T @ columns
     alone, both = _left_over(gram, terms - ORDER - 1), _left_over(gram, terms - 1)
-    return both > 0.0 and n * np.log(alone / both) > ORDER * np.log(n)
+    if alone <= FORETOLD * gram[-1, -1]:
+        return True
+    return bool(n * np.log(alone / max(both, FORETOLD * gram[-1, -1])) > ORDER * np.log(n))
 
 
 def _left_over(gram: FloatArray, terms: int) -> float:

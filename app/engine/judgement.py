@@ -15,6 +15,9 @@ UNCOUPLED = "uncoupled"
 NO_ANSWER = "no_answer"
 """The reason that a valve which is said not to stick may stand fast: PV is not seen to answer OP."""
 
+PV_STANDS, WOUND_UP = "pv_stands", "wound_up"
+"""The reasons that by the end of a record nothing is controlled any more."""
+
 
 @dataclass(frozen=True)
 class Judgement:

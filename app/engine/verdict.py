@@ -5,13 +5,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from app.engine.answering import answers
+from app.engine.answering import goes_its_own_way
 from app.engine.corroborate import Corroboration, corroborate
 from app.engine.coupling import strangers_chance, strangers_chance_finely
 from app.engine.evidence import Finding, Reason
 from app.engine.features import NAMES, Features, observe
 from app.engine.fitness import Fitness
-from app.engine.judgement import NO_ANSWER, UNCOUPLED, Judgement, Reliability, Verdict
+from app.engine.judgement import NO_ANSWER, PV_STANDS, UNCOUPLED, WOUND_UP, Judgement, Reliability, Verdict
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.reliability import Reference
@@ -266,20 +266,20 @@ def _lost(fitness: Fitness) -> _Lost | None:
             f"PV has held one value for the last {fitness.pv_dead_s / 3600.0:.2g} h while OP moved, and never for so "
             "long before: unless the unit stands, the transmitter is dead, or the valve is stuck; look at both"
         )
-        return _Lost(Reason("pv_stands", text), STUCK_OR_DEAD)
+        return _Lost(Reason(PV_STANDS, text), STUCK_OR_DEAD)
     if fitness.wound_up_s is not None:
         text = (
             f"OP has mostly stood at its limit for the last {fitness.wound_up_s / 3600.0:.2g} h, as never before, and "
             "PV does not come back for it: the valve may stand fast by now, or be too small for the load"
         )
-        return _Lost(Reason("wound_up", text), SATURATED)
+        return _Lost(Reason(WOUND_UP, text), SATURATED)
     return None
 
 
 def _no_answer(fitness: Fitness) -> list[Reason]:
     """Where PV is carried away and is not seen to answer OP, the valve may stand fast, and its loop not cycle."""
     record = fitness.looked_at
-    if answers(record):
+    if not goes_its_own_way(record):
         return []
     text = (
         f"PV goes its way and shows no answer to OP, which went over {np.ptp(record.op):.3g} units: so it does behind "

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from app.engine.episodes import BEGAN
-from app.engine.judgement import NO_ANSWER, UNCOUPLED
+from app.engine.judgement import NO_ANSWER, PV_STANDS, UNCOUPLED, WOUND_UP
 from app.services.auditing.hearing import MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR
 from app.services.auditing.repairs import BEFORE_REPAIR
 from app.services.wording import CAUSE_WORDS
@@ -79,19 +79,23 @@ BY_CAUSE = {
 }
 """Where the valve is not said to stick, by likely cause."""
 
+BY_REASON = {
+    BEFORE_REPAIR: WAIT,
+    MOVES_NO_VALVE: NO_VALVE,
+    MOVES_SET_POINT: OUTER,
+    SHAKEN_BY_NEIGHBOUR: SHAKEN,
+    PV_STANDS: BY_CAUSE["stuck_valve_or_dead_transmitter"],
+    WOUND_UP: AT_LIMIT,
+}
+"""Whatever the verdict, the first of these that is among its reasons."""
+
 BY_VERDICT = {"no_stiction": CLEARED, "inconclusive": CANNOT_TELL, "not_auditable": NOT_AUDITABLE}
 
 
 def next_step(row: Mapping[str, Any], reasons: tuple[str, ...] = ()) -> str:
     """What to do about a loop whose row of the reliability table this is; `reasons`: codes of its verdict."""
-    if BEFORE_REPAIR in reasons:
-        return WAIT
-    if MOVES_NO_VALVE in reasons:
-        return NO_VALVE
-    if MOVES_SET_POINT in reasons:
-        return OUTER
-    if SHAKEN_BY_NEIGHBOUR in reasons:
-        return SHAKEN
+    if first := next((step for reason, step in BY_REASON.items() if reason in reasons), None):
+        return first
     if row["verdict"] == "stiction" and row["reliability"] == "reliable":
         return STICKS
     if BEGAN in reasons:

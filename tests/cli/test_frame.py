@@ -111,6 +111,19 @@ def test_a_reader_that_has_enough_is_no_failure(arguments):
     assert b"Traceback" not in said
 
 
+def test_results_are_made_though_nobody_reads_the_messages(tmp_path):
+    made = run("simulate", "--samples", "300", "--out", str(tmp_path / "L.csv"))
+    assert made.returncode == 0
+    command = [sys.executable, "-m", "app", "audit", str(tmp_path / "none.csv"), str(tmp_path / "L.csv")]
+    reading, writing = os.pipe()
+    with subprocess.Popen([*command, "--format", "jsonl"], stdout=subprocess.PIPE, stderr=writing) as program:
+        os.close(writing)
+        os.close(reading)
+        results, _ = program.communicate(timeout=120)
+    assert program.returncode == 1
+    assert results.count(b"\n") == 1
+
+
 def test_an_empty_folder_is_nothing_usable(tmp_path):
     done = run("audit", str(tmp_path))
     assert done.returncode == 2

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from app.engine.answering import ORDER, answers
+from app.engine.answering import ORDER, goes_its_own_way
 from app.engine.audit import audit
 from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import LoopSpec, Pid, Signal, StuckValve, TwoParameterValve, first_order, simulate_loop
@@ -42,38 +42,46 @@ def work(seed: int, ti_s: float = 10.0) -> UniformRecord:
 
 
 def test_behind_a_valve_that_stands_fast_few_seem_to_answer() -> None:
-    assert sum(answers(stood(seed)) for seed in range(20)) <= 1
+    assert sum(goes_its_own_way(stood(seed)) for seed in range(20)) >= 19
 
 
 @pytest.mark.parametrize("ti_s", [10.0, 40.0])
 def test_loops_at_work_answer(ti_s: float) -> None:
-    assert all(answers(work(seed, ti_s)) for seed in range(10))
+    assert not any(goes_its_own_way(work(seed, ti_s)) for seed in range(10))
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_units_and_signs_are_free(seed: int) -> None:
     for record in (stood(seed), work(seed)):
         other = replace(record, pv=-40.0 * record.pv + 1000.0, op=0.01 * record.op - 3.0, sp=None)
-        assert answers(other) == answers(replace(record, sp=None))
+        assert goes_its_own_way(other) == goes_its_own_way(replace(record, sp=None))
 
 
 def test_a_unit_that_is_shut_down_shows_no_answer() -> None:
-    silent = next(record for seed in range(20) if not answers(record := stood(seed)))
+    silent = next(record for seed in range(20) if goes_its_own_way(record := stood(seed)))
     pv, op = silent.pv + 50.0, silent.op + 50.0
     pv[2000:2600], op[2000:2600] = 0.0, 0.0
-    assert not answers(replace(silent, pv=pv, op=op))
+    assert goes_its_own_way(replace(silent, pv=pv, op=op))
 
 
 def test_a_set_point_that_pv_follows_carries_nothing_away() -> None:
     rng = np.random.default_rng(3)
     sp = np.repeat(rng.normal(scale=20.0, size=8), N // 8)
     held = uniform(sp + rng.normal(size=N), rng.normal(size=N), sp)
-    assert answers(held)
-    assert not answers(replace(held, sp=None))
+    assert not goes_its_own_way(held)
+    assert goes_its_own_way(replace(held, sp=None))
 
 
 def test_of_a_few_samples_no_more_is_asked_than_they_have() -> None:
-    assert answers(stood(1, 12 * ORDER))
+    assert not goes_its_own_way(stood(1, 12 * ORDER))
+
+
+@pytest.mark.parametrize("scale", [1.0, -40.0, 1.0 / 3.0, 32.0])
+@pytest.mark.parametrize("n", [300, 1500, 4000])
+def test_what_is_foretold_but_for_rounding_is_left_alone_in_any_unit(n: int, scale: float) -> None:
+    at = 2.0 * np.pi * np.arange(n) / 150.0
+    assert not goes_its_own_way(uniform(scale * np.sin(at) + 7.0, np.cos(at + 0.3)))
+    assert not goes_its_own_way(uniform(scale * at, 50.0 - at**2))
 
 
 def test_a_valve_that_stands_fast_is_not_cleared() -> None:

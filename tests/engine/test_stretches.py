@@ -119,6 +119,21 @@ def test_a_sticking_valve_whose_pv_died_lately_is_not_accused_reliably(sticky):
     assert judgement.reasons[0].code == "pv_stands"
 
 
+def test_a_pv_that_died_in_an_earlier_stretch_is_alive():
+    free = recorded(FREE, N)
+    pv, automatic = free.pv.copy(), np.ones(N, bool)
+    pv[N - 3000 : N - 1000], automatic[N - 1000 : N - 600] = pv[N - 3000], False
+    assert prepare(replace(free, pv=pv, automatic=automatic)).fitness.pv_dead_s is None
+
+
+def test_where_all_is_calm_a_coarse_pv_may_stand():
+    free = recorded(FREE, N)
+    pv, op = free.pv.copy(), free.op.copy()
+    pv[-1000:] = pv[-1000]
+    op[-1000:] = op[-1000] + 0.02 * np.random.default_rng(1).normal(size=1000)
+    assert prepare(replace(free, pv=pv, op=op)).fitness.pv_dead_s is None
+
+
 @pytest.mark.parametrize("moves", ["OP stands", "a step by hand", "PV stood before", "PV moves again"])
 def test_a_pv_that_stands_at_the_end_may_have_its_reason(moves):
     free = recorded(FREE, N)

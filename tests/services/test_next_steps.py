@@ -58,6 +58,14 @@ def test_what_does_not_clear_a_valve_does_not_read_as_cleared():
     assert next_step(unsure | {"reliability": "reliable"}) == next_steps.CLEARED
 
 
+@pytest.mark.parametrize("verdict", ["stiction", "inconclusive"])
+def test_a_loop_that_is_controlled_no_more_comes_first(verdict):
+    row = {"verdict": verdict, "reliability": "not_reliable", "likely_cause": None}
+    assert next_step(row, ("pv_stands", "uncoupled")).startswith("Look today")
+    assert next_step(row, ("wound_up",)) == next_steps.AT_LIMIT
+    assert {"pv_stands", "wound_up"} <= REASON_WORDS.keys()
+
+
 def test_a_loop_that_is_stated_to_move_no_valve_is_not_asked_for_one():
     row = {"verdict": "stiction", "reliability": "not_reliable", "likely_cause": "stiction"}
     assert next_step(row, ("moves_no_valve",)) == next_steps.NO_VALVE

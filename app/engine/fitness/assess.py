@@ -12,6 +12,7 @@ from app.engine.fitness.resample import is_regular, to_uniform, typical_interval
 from app.engine.fitness.signals import newest_long, newest_long_run, run_lengths, still_at_its_end, usable_values
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, Recording, UniformRecord
+from app.engine.sampled import blocks
 from app.errors import DataError
 
 LATER_CHECKS = (
@@ -172,7 +173,7 @@ def _assess_stretches(recording: Recording, samples: _Samples, fitness: Fitness,
     whole, later = in_automatic.part(stretch), len(in_automatic) - stretch.stop
     found = (*found, checks.check_gaps(gaps, len(whole), len(in_automatic), later, config))
     fitness = replace(fitness, gaps=gaps)
-    if len(whole):
+    if len(whole) and whole.time_s[-1] == samples.time_s[-1]:
         fitness = replace(fitness, pv_dead_s=_dead_s(whole, config), wound_up_s=_wound_up_s(whole, config))
     if len(whole) < config.min_samples:
         return _stopped(fitness, found, LATER_CHECKS[2:])
@@ -223,7 +224,16 @@ def _dead_s(samples: _Samples, config: FitnessConfig) -> float | None:
         return None
     if len(np.unique(samples.op[-still:])) < config.fewest_moves:  # a unit that is shut down by hand
         return None
-    return _since_s(samples, len(samples) - still)
+    return _since_s(samples, len(samples) - still) if _moves_as_ever(samples.op, still, config) else None
+
+
+def _moves_as_ever(op: FloatArray, last: int, config: FitnessConfig) -> bool:
+    """Whether OP goes about as far in its `last` samples as else in so many; not where all is calm."""
+    before = op[:-last]
+    if not len(before):
+        return True
+    usual = float(np.median(np.ptp(blocks(before, min(last, len(before))), axis=1)))
+    return float(np.ptp(op[-last:])) >= config.least_move * usual
 
 
 def _wound_up_s(samples: _Samples, config: FitnessConfig) -> float | None:

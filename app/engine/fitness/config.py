@@ -14,7 +14,8 @@ class FitnessConfig:
     max_filled_share: more filled samples than this, and the record says more about the filling than about the valve.
     flat_share: a signal that does not change for this share of the stretch is dead there.
     least_still, longer_still: PV that holds one value up to the end of the stretch, for so many samples and so many
-    times as long as ever before, while OP takes fewest_moves values, has died: a frozen transmitter, or a stuck valve.
+    times as long as ever before, while OP takes fewest_moves values and goes over least_move of what it goes over in
+    such a time else, has died: a frozen transmitter, or a stuck valve.
     least_at_limit, most_jump, one_sided: OP that stands at its extremes for half of the time once it stood there for so
     many samples, and came there by less than this share of its range at once, is wound up, if PV is on the side from
     which that would bring it back for this share of the time more than on the other.
@@ -37,6 +38,7 @@ class FitnessConfig:
     least_still: int = 100
     longer_still: float = 5.0
     fewest_moves: int = 10
+    least_move: float = 0.5
     least_at_limit: int = 20
     most_jump: float = 0.1
     one_sided: float = 0.8

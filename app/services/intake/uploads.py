@@ -134,12 +134,18 @@ def receive(
     reading = reading or ReadingOptions()
     reading.check()
     values = {
-        "filename": Path((filename or "").replace("\\", "/").replace("\x00", "")).name[-LONGEST_NAME:],
+        "filename": _name(filename or ""),
         "content_type": content_type,
         "reading_json": reading.as_json(),
         "received_by": received_by,
     }
     return Receiving(backend, values)
+
+
+def _name(given: str) -> str:
+    """The name without its folder; empty where nothing but dots, blanks and the suffix of an export would be left."""
+    name = Path(given.replace("\\", "/").replace("\x00", "")).name[-LONGEST_NAME:]
+    return name if stem_of(f"x{name}")[1:].strip(". ") else ""
 
 
 def receive_file(backend: Backend, path: Path, reading: ReadingOptions | None = None) -> Receipt:
