@@ -40,14 +40,19 @@ def cpu_time_s() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def test_help_is_there_within_half_a_second():
-    run("--help")  # the first start may still compile byte code
-    durations = []
-    for _ in range(3):
-        before = cpu_time_s()
-        assert run("--help").returncode == 0
-        durations.append(cpu_time_s() - before)
-    assert min(durations) < 0.5
+def test_help_takes_little_longer_than_what_draws_it():
+    """Beside the library that draws it, alone: the engine or the data base would make it several times as long."""
+    drawing = [sys.executable, "-c", "import typer, typer.rich_utils, rich.markdown"]
+    helping = [sys.executable, "-m", "app", "--help"]
+    taken = {command: [cpu_of(command) for _ in range(4)] for command in map(tuple, (drawing, helping))}
+    alone, ours = (min(times[1:]) for times in taken.values())  # the first start may still compile byte code
+    assert ours < 2.5 * alone
+
+
+def cpu_of(command: tuple[str, ...]) -> float:
+    before = cpu_time_s()
+    assert subprocess.run(command, capture_output=True, timeout=120).returncode == 0
+    return cpu_time_s() - before
 
 
 def test_help_lists_every_command_and_the_exit_codes():
