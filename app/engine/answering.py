@@ -6,7 +6,7 @@ much alike as in a loop at work, and such a loop hardly cycles.
 
 import numpy as np
 
-from app.engine.fitness.signals import run_lengths
+from app.engine.fitness.signals import standing
 from app.engine.recording import BoolArray, FloatArray, UniformRecord
 from app.engine.sampled import blocks, slow_share, unlike
 
@@ -40,7 +40,7 @@ def goes_its_own_way(record: UniformRecord) -> bool:
     False where too little moves to tell. Misleads in both directions, as any look at a closed loop that nobody excites:
     a load that comes back by itself holds PV too, a quiet record may show no answer that is there.
     """
-    stands = np.maximum(run_lengths(record.pv), run_lengths(record.op)) >= STANDING
+    stands = standing(record.pv, record.op) >= STANDING
     return not (_is_held(record, ~stands) or any(_foretells(record, stands, stride) for stride in STRIDES))
 
 
@@ -70,8 +70,8 @@ def _foretells(record: UniformRecord, stands: BoolArray, stride: int) -> bool:
     mean = pv.mean(axis=1)
     lately = [_at_unit(pv[:, -k:].mean(axis=1))[ORDER - 1 : -1] for k in _within(stride)]
     own = [np.ones(len(op) - ORDER), _past(mean), *lately]
-    standing = np.lib.stride_tricks.sliding_window_view(blocks(stands, stride).any(axis=1), ORDER + 1).any(axis=1)
-    columns = np.column_stack((*own, _past(op), _at_unit(mean)[ORDER:]))[~standing]
+    touched = np.lib.stride_tricks.sliding_window_view(blocks(stands, stride).any(axis=1), ORDER + 1).any(axis=1)
+    columns = np.column_stack((*own, _past(op), _at_unit(mean)[ORDER:]))[~touched]
     if len(columns) < FEWEST:
         return False
     terms = columns.shape[1] - ORDER - 1

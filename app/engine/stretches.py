@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.fitness import Whole
-from app.engine.fitness.signals import newest_long_run, run_lengths, still_at_its_end
+from app.engine.fitness.signals import newest_long_run, run_lengths, standing, still_at_its_end
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import IntArray, UniformRecord
 from app.engine.sampled import blocks, slow_share, unlike
@@ -61,13 +61,13 @@ def speaking_stretch(record: UniformRecord, oscillation: Oscillation) -> Stretch
     scale = scale_of(record, oscillation)
     if scale is None:
         return None
-    per_cycle, stands = scale.per_cycle, _standing(record)
+    per_cycle, stands = scale.per_cycle, standing(record.pv, record.op)
     if scale.quiet and not _held_against_load(record, per_cycle, stands):
         return None
     parts = _spread(record, per_cycle, _MOST)
     moving = [part for part in parts if not _touches(stands, part)]
-    standing = len(parts) - len(moving)
-    if standing:
+    left_out = len(parts) - len(moving)
+    if left_out:
         more = [part for part in _spread(record, per_cycle, _CLOSER * _MOST) if not _touches(stands, part)]
         moving = [more[k] for k in _evenly(len(more), _MOST)]
     weighed = [found for part in moving if (found := _weighed(record.part(part))) is not None]
@@ -80,7 +80,7 @@ def speaking_stretch(record: UniformRecord, oscillation: Oscillation) -> Stretch
     if scale.quiet and middle.log_odds > 0.0:
         return None
     sides = [(one.log_odds > 0.0) == (middle.log_odds > 0.0) for one in weighed]
-    whole = Whole(record, oscillation, sum(sides), len(sides), any(sides[-2:]), standing)
+    whole = Whole(record, oscillation, sum(sides), len(sides), any(sides[-2:]), left_out)
     return Stretch(middle.record, middle.oscillation, whole)
 
 
@@ -140,7 +140,7 @@ def scale_of(record: UniformRecord, oscillation: Oscillation) -> Scale | None:
 
 def _oscillations(record: UniformRecord) -> list[list[Oscillation]]:
     """The record cut into 6 to 48 parts, a list for each number of parts: of a dozen, without what stands still."""
-    stands, looked_at = _standing(record), []
+    stands, looked_at = standing(record.pv, record.op), []
     for count in _PARTS:
         if record.samples // count < _LEAST_PART:
             break
@@ -198,11 +198,6 @@ def _parts(record: UniformRecord, count: int) -> Iterator[slice]:
     length = record.samples // count
     for k in _evenly(count, _MOST_LOOKED_AT):
         yield slice(k * length, (k + 1) * length)
-
-
-def _standing(record: UniformRecord) -> IntArray:
-    """(N,) for how many samples in a row PV or OP, whichever does longer, holds the value that it has there."""
-    return np.maximum(run_lengths(record.pv), run_lengths(record.op))
 
 
 def _touches(stands: IntArray, part: slice) -> bool:

@@ -66,6 +66,11 @@ def two_levels(signal: FloatArray) -> TwoLevels:
     return TwoLevels(max(near), min(near), switches, float(np.median(on_the_way)) if len(on_the_way) else 0.0)
 
 
+def standing(pv: FloatArray, op: FloatArray) -> IntArray:
+    """(N,) for how many samples in a row PV or OP (N,), whichever does longer, holds the value that it has there."""
+    return np.maximum(run_lengths(pv), run_lengths(op))
+
+
 def still_at_its_end(pv: FloatArray, op: FloatArray) -> tuple[int, int]:
     """For how many samples PV (N,) holds one value up to its end while OP (N,) moves, 0 where OP does not, and for how
     many it has ever done so before.
