@@ -39,7 +39,9 @@ class Settings(BaseSettings):
     )
     nightly_at: time = Field(time(2, 0), description="When the nightly audit starts, HH:MM.")
     time_zone: str = Field(
-        "UTC", description="IANA zone of NIGHTLY_AT, and of time stamps in exports that name no zone."
+        "UTC",
+        description="IANA zone of NIGHTLY_AT, of times on pages, in digests and reports, and of time stamps in exports "
+        "that name no zone.",
     )
     date_order: Literal["auto", "day", "month"] = Field(
         "auto", description="What stands first in dates such as 03/04/2026, where an export does not tell."

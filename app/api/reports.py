@@ -9,6 +9,7 @@ from starlette.responses import HTMLResponse
 from app.api.backend import Services
 from app.api.paths import LoopTag
 from app.api.problems import responses
+from app.services.backend import Backend
 from app.services.reports import documents as reports
 
 router = APIRouter(tags=["reports"])
@@ -20,17 +21,17 @@ UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")
 )
 def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
     """What is known of a loop: verdict, evidence, charts, history, key figures with their sources; one HTML file."""
-    return _file(reports.loop_report(backend, tag), tag)
+    return _file(backend, reports.loop_report(backend, tag), tag)
 
 
 @router.get("/report", response_class=HTMLResponse, responses=responses(404), summary="The plant's report")
 def plant(backend: Services) -> HTMLResponse:
     """The plant: counts, changes, the worst loops of each unit, what could not be audited and why; one HTML file."""
-    return _file(reports.plant_report(backend), backend.settings.plant)
+    return _file(backend, reports.plant_report(backend), backend.settings.plant)
 
 
-def _file(html: str, name: str) -> HTMLResponse:
+def _file(backend: Backend, html: str, name: str) -> HTMLResponse:
     """To be saved, under a name that every file system takes."""
     safe = UNSAFE.sub("-", name).strip("-.")[:80] or "report"
-    filename = f"{safe}-{datetime.now(UTC):%Y-%m-%d}.html"
+    filename = f"{safe}-{backend.clock.date(datetime.now(UTC))}.html"
     return HTMLResponse(html, headers={"Content-Disposition": f'attachment; filename="{filename}"'})

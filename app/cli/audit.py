@@ -235,6 +235,7 @@ def audit_file(path: Path, how: Reading) -> AuditedFile:
     """Reads and audits one file; runs in a worker process."""
     from app.ingest import TagMapping, read_recordings
     from app.services.auditing.file_audit import audited_lines
+    from app.services.moments import PlantClock
 
     mapping = None if how.mapping is None else TagMapping.from_bytes(how.mapping)
     content = read_recordings(path, mapping=mapping, options=how.options)
@@ -242,7 +243,8 @@ def audit_file(path: Path, how: Reading) -> AuditedFile:
     if not content.recordings:
         # What the file holds instead may tell why.
         return AuditedFile(path, notes=(*notes, "skipped: no loop with PV and OP in it", *content.notes), skipped=True)
-    return AuditedFile(path, tuple(audited_lines(content)), (*content.notes, *notes), failed=bool(content.damage))
+    lines = audited_lines(content, PlantClock(how.options.time_zone))
+    return AuditedFile(path, tuple(lines), (*content.notes, *notes), failed=bool(content.damage))
 
 
 def in_words(content: "RecordingsRead") -> Iterator[str]:

@@ -1,11 +1,13 @@
 """What every service works with: the settings, the data base and the queue of one process."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from sqlalchemy.exc import InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as NoFreeConnection
 
 from app.queue import Queue
+from app.services.moments import PlantClock
 from app.settings import Settings
 from app.storage import Database
 from app.storage.row_texts import RowTexts
@@ -30,6 +32,10 @@ class Backend:
         limit_s = settings.worker_statement_timeout_s if worker else settings.statement_timeout_s
         database = Database(settings.resolved_database_url, statement_timeout_s=limit_s, pool_size=settings.pool_size)
         return cls(settings, database, Queue(settings))
+
+    @cached_property
+    def clock(self) -> PlantClock:
+        return PlantClock(self.settings.time_zone)
 
     def close(self) -> None:
         self.database.close()

@@ -1,6 +1,8 @@
-"""Times as people and machines take them."""
+"""Times as people and machines take them: machines in UTC, people as the plant's clocks show them."""
 
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from zoneinfo import ZoneInfo
 
 EPOCH = datetime.fromtimestamp(0, UTC)
 
@@ -20,9 +22,49 @@ def iso_utc(moment: datetime | None) -> str | None:
     return utc.isoformat(timespec="milliseconds" if utc.microsecond else "seconds") + "Z"
 
 
-def short_time(iso: str | None) -> str:
-    """2026-01-31T03:00:00Z as 2026-01-31 03:00."""
-    return (iso or "–")[:16].replace("T", " ")
+@dataclass(frozen=True)
+class PlantClock:
+    """What the clocks of the plant show, in the IANA zone `name`."""
+
+    name: str
+
+    def at(self, moment: datetime) -> datetime:
+        """The same moment in the plant's zone; where the calendar has no day for it there, as it is."""
+        try:
+            return moment.astimezone(ZoneInfo(self.name))
+        except OverflowError:
+            return moment
+
+    def date(self, moment: datetime) -> str:
+        """The day that it is there."""
+        return self.at(moment).date().isoformat()
+
+    def short(self, iso: str | None) -> str:
+        """2026-01-31T03:00:00Z as 2026-01-31 04:00 in Berlin; where no zone is near by that tells which clock it is,
+        `told` is needed. A dash where there is none."""
+        return self.at(datetime.fromisoformat(iso)).isoformat(" ", "minutes")[:16] if iso else "–"
+
+    def told(self, iso: str) -> str:
+        """The same with the zone, for sentences that go elsewhere: 2026-01-31 04:00 CET, 2026-01-31 11:00 UTC+08."""
+        return f"{self.short(iso)} {self.zone_at(datetime.fromisoformat(iso))}"
+
+    @property
+    def in_words(self) -> str:
+        """What follows "Times are"."""
+        return "UTC" if self.name == "UTC" else f"those of {self.name}"
+
+    def zone_at(self, moment: datetime) -> str:
+        """The short name of the zone at that time; where people have given it none, what it is ahead of UTC."""
+        name = self.at(moment).strftime("%Z")
+        return f"UTC{name}" if name.startswith(("+", "-")) else name
+
+    def instant(self, shown: datetime) -> datetime:
+        """What a clock of the plant showed, as an instant; of an hour that came twice it is the first time. What has an
+        offset has its own zone."""
+        return shown if shown.tzinfo else shown.replace(tzinfo=ZoneInfo(self.name)).astimezone(UTC)
+
+
+UTC_CLOCK = PlantClock("UTC")
 
 
 def moment_of(time_ns: int) -> datetime:

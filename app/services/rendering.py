@@ -5,7 +5,6 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from app.services.moments import short_time
 from app.services.wording import (
     CHANGE_WORDS,
     RELIABILITY_BRIEF,
@@ -26,7 +25,7 @@ def _environment() -> Environment:
     folder = Path(__file__).parent / "templates"
     templates = Environment(loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined)
     templates.trim_blocks = templates.lstrip_blocks = True
-    templates.filters |= {"figure": figure, "short_time": short_time, "cause_words": cause_words}
+    templates.filters |= {"figure": figure, "cause_words": cause_words}
     templates.globals |= {
         "verdict_words": VERDICT_WORDS,
         "reliability_words": RELIABILITY_WORDS,

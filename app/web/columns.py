@@ -41,8 +41,8 @@ COLUMNS: Mapping[str, Column] = {
     "filled_share": Column("Filled share", "number", 2, "-filled_share"),
     "samples": Column("Samples", "number", 0),
     "sampling_interval_s": Column("Sampling interval, s", "number", 1),
-    "recorded_to": Column("Recorded until, UTC", "time"),
-    "audited_at": Column("Audited, UTC", "time", 0, "-audited_at"),
+    "recorded_to": Column("Recorded until", "time"),
+    "audited_at": Column("Audited", "time", 0, "-audited_at"),
     "reasons_text": Column("Why", "reasons"),
 }
 USUAL = ("unit", "verdict", "reliability", "health", "stiction_probability", "likely_cause", "reasons_text")

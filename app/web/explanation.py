@@ -35,7 +35,7 @@ def ask(backend: Services, tag: LoopTag, caller: Caller) -> Response:
 @router.get("/loops/{tag:path}/explanation")
 def part(backend: Services, tag: LoopTag) -> HTMLResponse:
     """The part by itself, for a page that waits for an answer."""
-    return page("_explanation.html", tag=tag, explanation=newest_in_words(backend, tag))
+    return page("_explanation.html", backend.clock, tag=tag, explanation=newest_in_words(backend, tag))
 
 
 def newest_in_words(backend: Backend, tag: str) -> dict[str, Any] | None:

@@ -14,6 +14,7 @@ from app.services.addresses import tag_in_url
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.rival_wording import why_first
 from app.services.auditing.size_wording import size_in_words
+from app.services.moments import PlantClock
 from app.services.next_steps import next_step
 from app.services.plant import glossary, loops, notes
 from app.services.plant.arrivals import age_of
@@ -45,10 +46,11 @@ def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
     try:
         row = loops.loop_health(backend, tag)
     except NotFoundError:
-        return page("loop.html", row=None, **told)
+        return page("loop.html", backend.clock, row=None, **told)
     detail = loops.verdict_detail(backend, tag)
     return page(
         "loop.html",
+        backend.clock,
         row=row,
         detail=detail,
         next_step=next_step(row, tuple(reason["code"] for reason in detail["reasons"])),
@@ -80,7 +82,7 @@ def note(
     work_order: Annotated[str, Form(max_length=2 * notes.LONGEST_WORK_ORDER)] = "",
     repaired_at: Annotated[str, Form(max_length=40)] = "",
 ) -> RedirectResponse:
-    notes.add_note(backend, tag, text, work_order, instant(repaired_at), caller.who)
+    notes.add_note(backend, tag, text, work_order, instant(backend.clock, repaired_at), caller.who)
     return back_to(tag, "notes")
 
 
@@ -125,11 +127,11 @@ def number(name: str, text: str) -> float | None:
         raise RequestError("bad_span", f"{name} must be a number, got {text[:40]!r}") from None
 
 
-def instant(text: str) -> datetime | None:
-    """What a date field of a browser sends."""
+def instant(clock: PlantClock, text: str) -> datetime | None:
+    """What a date field of a browser sends, read off a clock of the plant."""
     if not text.strip():
         return None
     try:
-        return datetime.fromisoformat(text.strip())
-    except ValueError:
+        return clock.instant(datetime.fromisoformat(text.strip()))
+    except (ValueError, OverflowError):
         raise RequestError("bad_time", f"the time of the repair must be like 2026-01-31T12:00, got {text!r}") from None

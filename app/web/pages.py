@@ -62,6 +62,7 @@ def plant(backend: Services) -> HTMLResponse:
     worst = plants.worst(backend) if seen.audited else []
     return page(
         "plant.html",
+        backend.clock,
         seen=seen,
         ranks=VERDICT_RANK,
         changed=changed,
@@ -75,7 +76,8 @@ def plant(backend: Services) -> HTMLResponse:
 
 
 def _arrivals(backend: Services, changed: plants.Changes) -> list[str]:
-    return [*sentences(arrivals(backend)), *(nothing_new(backend, int(changed.run_id)) if changed.run_id else [])]
+    news = nothing_new(backend, int(changed.run_id)) if changed.run_id else []
+    return [*sentences(arrivals(backend), backend.clock), *news]
 
 
 @router.get("/plant/tiles")
@@ -91,6 +93,7 @@ def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLRespons
     told: dict[str, Any] = form.model_dump(exclude={"cursor"}) | {"column": names}
     return page(
         "table.html",
+        backend.clock,
         rows=found.rows,
         last_nights=nights(backend, [row["loop"] for row in found.rows]),
         next_cursor=found.next_cursor,
@@ -109,7 +112,7 @@ def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLRespons
 @router.get("/groups")
 def groups(backend: Services) -> HTMLResponse:
     found = grouped.soon(backend)
-    return page("groups.html", unnamed=grouped.unnamed, groups=found or (), known=found is not None)
+    return page("groups.html", backend.clock, unnamed=grouped.unnamed, groups=found or (), known=found is not None)
 
 
 @router.get("/glossary")

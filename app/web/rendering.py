@@ -10,7 +10,7 @@ from starlette.responses import HTMLResponse
 
 from app.services.access.identity import Identity, Role, current
 from app.services.addresses import tag_in_url
-from app.services.moments import short_time
+from app.services.moments import PlantClock
 from app.services.rendering import figure
 from app.services.wording import (
     CHANGE_WORDS,
@@ -64,7 +64,6 @@ def environment() -> Environment:
     templates.filters |= {
         "figure": figure,
         "tag_in_url": tag_in_url,
-        "short_time": short_time,
         "first_reasons": first_reasons,
         "cause_words": cause_words,
         "starter_words": starter_words,
@@ -106,5 +105,6 @@ def logged_in() -> Identity | None:
 TEMPLATES = environment()
 
 
-def page(name: str, **values: Any) -> HTMLResponse:
-    return HTMLResponse(TEMPLATES.get_template(name).render(**values))
+def page(name: str, clock: PlantClock | None = None, **values: Any) -> HTMLResponse:
+    """`clock`: what times are told by; a page without one tells none."""
+    return HTMLResponse(TEMPLATES.get_template(name).render(clock=clock, **values))

@@ -19,7 +19,7 @@ router = APIRouter()
 
 @router.get("/runs")
 def runs(backend: Services, cursor: str = "") -> HTMLResponse:
-    return page("runs.html", found=list_audits(backend, SHOWN, cursor or None))
+    return page("runs.html", backend.clock, found=list_audits(backend, SHOWN, cursor or None))
 
 
 @router.post("/runs")
@@ -33,4 +33,5 @@ def run(backend: Services, audit_id: Identifier) -> HTMLResponse:
     figures = run_figures(backend, audit_id)
     failed = failures(backend, audit_id, SHOWN_FAILURES) if figures.run.failed else []
     sent = deliveries_of(backend, audit_id)
-    return page("run.html", deliveries=sent, run=figures.run, figures=figures, failures=failed, ranks=VERDICT_RANK)
+    told = {"run": figures.run, "figures": figures, "failures": failed, "deliveries": sent}
+    return page("run.html", backend.clock, ranks=VERDICT_RANK, **told)

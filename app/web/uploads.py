@@ -20,7 +20,7 @@ router = APIRouter()
 
 @router.get("/uploads")
 def uploads(backend: Services, cursor: str = "") -> HTMLResponse:
-    return page("uploads.html", found=service.list_uploads(backend, SHOWN, cursor or None))
+    return page("uploads.html", backend.clock, found=service.list_uploads(backend, SHOWN, cursor or None))
 
 
 @router.post("/uploads")
@@ -32,7 +32,7 @@ async def receive(request: Request, backend: Services) -> RedirectResponse:
 
 @router.get("/uploads/{upload_id}")
 def upload(backend: Services, upload_id: Identifier) -> HTMLResponse:
-    return page("upload.html", upload=service.get_upload(backend, upload_id))
+    return page("upload.html", backend.clock, upload=service.get_upload(backend, upload_id))
 
 
 @router.post("/uploads/{upload_id}/mapping")

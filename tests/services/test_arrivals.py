@@ -10,7 +10,7 @@ from sqlalchemy import update
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
-from app.services.moments import iso_utc, moment_of, ns_of
+from app.services.moments import UTC_CLOCK, iso_utc, moment_of, ns_of
 from app.services.plant.arrivals import (
     LATE,
     NAMED,
@@ -20,8 +20,8 @@ from app.services.plant.arrivals import (
     arrivals,
     nothing_new,
     of_run,
-    sentences,
 )
+from app.services.plant.arrivals import sentences as sentences_by
 from app.storage import series
 from app.storage.samples import Samples
 from app.storage.series import Stretch
@@ -30,6 +30,10 @@ from tests.services.conftest import MINUTE, START_NS
 
 AddLoops = Callable[..., dict[str, int]]
 NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
+
+
+def sentences(found: Arrivals) -> list[str]:
+    return sentences_by(found, UTC_CLOCK)
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 
 from app.engine.audit import audit
 from app.services.auditing.rows import FIELDS, new_verdict
-from app.services.moments import short_time
+from app.services.moments import UTC_CLOCK
 from app.services.testbench.spells import spell
 
 ORIGIN = datetime(2026, 1, 1, tzinfo=UTC)
@@ -28,6 +28,7 @@ def row(made):
         audited_at=ORIGIN,
         elapsed_s=0.1,
         input_ns=(0, 1),
+        clock=UTC_CLOCK,
     )
     return json.loads("{" + stored.row_json + "}")
 
@@ -44,8 +45,8 @@ def test_row_tells_the_newest_spell_in_calendar_time(made, row):
 
 def test_reason_carries_the_dates(row):
     assert "short_lived_stiction" in row["reasons"].split(";")
-    start, end = (short_time(row[f"episode_{side}"]) for side in ("start", "end"))
-    assert f"the valve sticks from {start} UTC to {end} UTC (probability " in row["reasons_text"]
+    start, end = (UTC_CLOCK.told(row[f"episode_{side}"]) for side in ("start", "end"))
+    assert f"the valve sticks from {start} to {end} (probability " in row["reasons_text"]
 
 
 def test_row_is_flat_and_names_the_rivals(row):

@@ -4,7 +4,7 @@ from datetime import UTC, datetime, timedelta, timezone
 
 import pytest
 
-from app.services.moments import epoch_ms, iso_utc
+from app.services.moments import PlantClock, epoch_ms, iso_utc
 
 MOMENTS = [
     datetime(2026, 11, 21, 12, 0, 29, 865_700, tzinfo=UTC),
@@ -20,3 +20,43 @@ def test_milliseconds_are_those_of_the_written_time(moment):
     written = datetime.fromisoformat(iso_utc(moment) or "")
     assert epoch_ms(moment) == round(written.timestamp() * 1000)
     assert timedelta(0) <= moment - written < timedelta(milliseconds=1)
+
+
+@pytest.mark.parametrize(
+    ("zone", "told"),
+    [
+        ("UTC", "2026-01-31 23:30 UTC"),
+        ("Europe/Berlin", "2026-02-01 00:30 CET"),
+        ("Asia/Manila", "2026-02-01 07:30 PST"),
+        ("Asia/Dubai", "2026-02-01 03:30 UTC+04"),
+        ("Asia/Kolkata", "2026-02-01 05:00 IST"),
+        ("America/Sao_Paulo", "2026-01-31 20:30 UTC-03"),
+    ],
+)
+def test_people_are_told_what_a_clock_of_the_plant_shows(zone, told):
+    clock = PlantClock(zone)
+    assert clock.told("2026-01-31T23:30:00Z") == told
+    assert clock.short("2026-01-31T23:30:00.865Z") == told[:16]
+    assert clock.date(datetime(2026, 1, 31, 23, 30, tzinfo=UTC)) == told[:10]
+    assert clock.short(None) == "–"
+
+
+def test_an_hour_that_comes_twice_is_told_apart_and_read_as_the_first():
+    clock = PlantClock("Europe/Berlin")
+    assert clock.told("2026-10-25T00:30:00Z") == "2026-10-25 02:30 CEST"
+    assert clock.told("2026-10-25T01:30:00Z") == "2026-10-25 02:30 CET"
+    assert iso_utc(clock.instant(datetime(2026, 10, 25, 2, 30))) == "2026-10-25T00:30:00Z"
+    assert iso_utc(clock.instant(datetime(2026, 7, 1, 12))) == "2026-07-01T10:00:00Z"
+    assert iso_utc(clock.instant(datetime(2026, 7, 1, 12, tzinfo=UTC))) == "2026-07-01T12:00:00Z"
+
+
+@pytest.mark.parametrize("zone", ["Asia/Manila", "America/New_York"])
+def test_the_ends_of_the_calendar_are_told_as_they_are_and_not_read(zone):
+    clock = PlantClock(zone)
+    assert clock.short("0001-01-01T00:00:00Z").startswith("0001-01-01")
+    assert clock.short("9999-12-31T23:59:00Z").startswith("9999-12-31")
+
+
+def test_what_no_calendar_has_is_no_instant():
+    with pytest.raises(OverflowError):
+        PlantClock("America/New_York").instant(datetime(9999, 12, 31, 23, 59))

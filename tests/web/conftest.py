@@ -2,8 +2,12 @@
 
 import csv
 import io
+import os
+import shutil
+from collections.abc import Iterator
 
 import pytest
+from playwright.sync_api import Browser, Error, sync_playwright
 
 from app.main import create_app
 from app.services.auditing.audits import LoopFilter, start_audit
@@ -14,6 +18,7 @@ from app.services.intake.reading import read_upload
 from app.services.intake.uploads import receive
 
 HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
+NAMES = ("chromium", "chromium-browser", "google-chrome")
 TAGS = ("FIC101", "LIC7", HOSTILE)
 
 
@@ -47,3 +52,22 @@ def web_backend(open_plant) -> Backend:
 def client(serve, web_backend):
     with serve(create_app(web_backend.settings)) as found:
         yield found
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Browser]:
+    found = next(filter(None, map(shutil.which, NAMES)), None)
+    required = os.environ.get("LOOPAUDIT_TEST_REQUIRE_BROWSER") == "1"
+    if found is None:
+        text = "no Chromium on this machine"
+        pytest.fail(f"{text}, and LOOPAUDIT_TEST_REQUIRE_BROWSER is set") if required else pytest.skip(text)
+    with sync_playwright() as playwright:
+        try:
+            # In a container there is no sandbox to be had; the pages are our own.
+            browser = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        except Error as error:
+            if required:
+                raise
+            pytest.skip(f"Chromium does not start here: {str(error)[:200]}")
+        yield browser
+        browser.close()

@@ -13,6 +13,7 @@ from app.services.explaining.wording import (
     residuals_in_words,
     windows_in_words,
 )
+from app.services.moments import UTC_CLOCK
 from app.web.rendering import page
 
 HOSTILE = 'A/<script>alert(1)</script>"'
@@ -54,7 +55,7 @@ DONE = ASKED | {
 
 
 def part(explanation: dict | None) -> str:
-    return page("_explanation.html", tag=HOSTILE, explanation=explanation).body.decode()
+    return page("_explanation.html", UTC_CLOCK, tag=HOSTILE, explanation=explanation).body.decode()
 
 
 @pytest.mark.parametrize(

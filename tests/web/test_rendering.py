@@ -3,7 +3,6 @@
 import pytest
 
 from app.services.auditing.audit_models import ReliabilityRow
-from app.services.moments import short_time
 from app.services.rendering import figure
 from app.services.wording import worst_first
 from app.web.columns import query_without
@@ -27,10 +26,6 @@ def row(**changes) -> dict:
 @pytest.mark.parametrize(("value", "digits", "text"), [(None, 2, "–"), (0.126, 2, "0.13"), (3.0, 0, "3")])
 def test_figures(value, digits, text):
     assert figure(value, digits) == text
-
-
-def test_times_are_short():
-    assert short_time("2026-01-31T03:00:00Z") == "2026-01-31 03:00"
 
 
 def test_the_surest_sticky_valve_comes_first_and_what_is_fine_last():

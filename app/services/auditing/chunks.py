@@ -16,7 +16,7 @@ from app.services.auditing.recordings import origin_ns, recording_of
 from app.services.auditing.repairs import Window, windows_since_repair
 from app.services.auditing.rows import new_verdict
 from app.services.backend import Backend
-from app.services.moments import moment_of
+from app.services.moments import PlantClock, moment_of
 from app.services.patience import patiently
 from app.storage import audits, items, loops, series, verdicts
 from app.storage.audits import AuditRow
@@ -86,11 +86,11 @@ def _claim(backend: Backend, audit_id: int, owner: str) -> list[Claim]:
 
 def _work_off(backend: Backend, run: AuditRow, config: AuditConfig, claims: Sequence[Claim], watchdog: bool) -> None:
     """Writes what is done before the lease of the rest grows old, and renews the rest."""
-    limit_s, lease_s = backend.settings.loop_limit_s, backend.settings.lease_s
+    lease_s = backend.settings.lease_s
     started, results = time.monotonic(), []
     waiting = patiently(lambda: _load(backend, run, config, claims), lease_s)
     while waiting:
-        results.append(_isolated(waiting.pop(), run, config, limit_s, watchdog))
+        results.append(_isolated(backend, waiting.pop(), run, config, watchdog))
         if time.monotonic() - started > lease_s / 4:
             _write(backend, results, [work.claim for work in waiting])
             started, results = time.monotonic(), []
@@ -106,11 +106,12 @@ def _load(backend: Backend, run: AuditRow, config: AuditConfig, claims: Sequence
     return [Work(claim, known[claim.loop_id], windows.get(claim.loop_id, Window(None))) for claim in claims]
 
 
-def _isolated(work: Work, run: AuditRow, config: AuditConfig, limit_s: float, watchdog: bool) -> Result:
+def _isolated(backend: Backend, work: Work, run: AuditRow, config: AuditConfig, watchdog: bool) -> Result:
     """Whatever happens in a loop's audit stays with that loop."""
+    limit_s = backend.settings.loop_limit_s
     try:
         with time_limit(limit_s, watchdog=watchdog):
-            return Result(work.claim, verdict=_audited(work, run, config))
+            return Result(work.claim, verdict=_audited(work, run, config, backend.clock))
     except LoopauditError as error:
         return _set_aside(work, error.code, error.message)
     except TimeLimitError:
@@ -121,7 +122,7 @@ def _isolated(work: Work, run: AuditRow, config: AuditConfig, limit_s: float, wa
         return _set_aside(work, "fault", f"{type(error).__name__}: {error}")
 
 
-def _audited(work: Work, run: AuditRow, config: AuditConfig) -> NewVerdict:
+def _audited(work: Work, run: AuditRow, config: AuditConfig, clock: PlantClock) -> NewVerdict:
     samples = work.window.samples
     if samples is None or not len(samples):
         raise LoopauditError("no_samples", "the loop has no samples in the window")
@@ -136,6 +137,7 @@ def _audited(work: Work, run: AuditRow, config: AuditConfig) -> NewVerdict:
         audited_at=now(),
         elapsed_s=time.perf_counter() - started,
         input_ns=(int(samples.time_ns[0]), int(samples.time_ns[-1])),
+        clock=clock,
         held_ns=samples.held_ns,
         kept=excerpts_of(recording, origin.timestamp()),
     )

@@ -4,11 +4,11 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from app.engine.episodes import BEGAN, ENDED, SPELL, episode_text
-from app.services.moments import iso_utc, short_time
+from app.services.moments import PlantClock, iso_utc
 
 
-def dated(line: dict[str, Any], origin: datetime) -> dict[str, Any]:
-    """The line with its episodes in calendar time, in the reasons too."""
+def dated(line: dict[str, Any], origin: datetime, clock: PlantClock) -> dict[str, Any]:
+    """The line with its episodes in calendar time, in the reasons as the plant's clock showed it."""
     episodes = [
         episode | {side: iso_utc(instant(origin, round(episode[f"{side}_s"]))) for side in ("start", "end")}
         for episode in line["episodes"]
@@ -17,7 +17,7 @@ def dated(line: dict[str, Any], origin: datetime) -> dict[str, Any]:
     first, last = reliable[:1], reliable[-1:]
     told = {SPELL: iter(reliable), ENDED: iter(first), BEGAN: iter(last)}
     reasons = [
-        reason | {"text": _episode_text(reason["code"], next(told[reason["code"]]))}
+        reason | {"text": _episode_text(reason["code"], next(told[reason["code"]]), clock)}
         if reason["code"] in told
         else reason
         for reason in line["reasons"]
@@ -25,8 +25,8 @@ def dated(line: dict[str, Any], origin: datetime) -> dict[str, Any]:
     return line | {"episodes": episodes, "reasons": reasons}
 
 
-def _episode_text(code: str, episode: dict[str, Any]) -> str:
-    start, end = (f"{short_time(episode[side])} UTC" for side in ("start", "end"))
+def _episode_text(code: str, episode: dict[str, Any], clock: PlantClock) -> str:
+    start, end = (clock.told(episode[side]) for side in ("start", "end"))
     return episode_text(code, episode["probability"], start, end)
 
 

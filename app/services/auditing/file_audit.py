@@ -12,11 +12,11 @@ from app.services.auditing.audit_line import audit_line
 from app.services.auditing.dating import dated
 from app.services.auditing.excerpts import as_json, from_json
 from app.services.auditing.hearing import heard_together
-from app.services.moments import EPOCH
+from app.services.moments import EPOCH, UTC_CLOCK, PlantClock
 
 
-def audited_lines(content: RecordingsRead) -> list[dict[str, Any]]:
-    """A line a recording, heard beside the others where all have one clock."""
+def audited_lines(content: RecordingsRead, clock: PlantClock = UTC_CLOCK) -> list[dict[str, Any]]:
+    """A line a recording, heard beside the others where all have one clock; sentences tell times by `clock`."""
     lines, swinging = [], []
     kept: dict[str, Excerpts] = {}
     for recording in content.recordings:
@@ -24,7 +24,9 @@ def audited_lines(content: RecordingsRead) -> list[dict[str, Any]]:
         found, loop = audit(recording), content.loops[recording.name]
         line = audit_line(found, perf_counter() - started, loop)
         start_s = content.starts_s.get(recording.name)
-        lines.append(dated(line, EPOCH + timedelta(seconds=start_s)) if content.dated and start_s is not None else line)
+        if content.dated and start_s is not None:
+            line = dated(line, EPOCH + timedelta(seconds=start_s), clock)
+        lines.append(line)
         if start_s is None:
             continue
         if found.swing is not None:

@@ -14,7 +14,7 @@ from app.services.auditing.audit_detail import detail
 from app.services.auditing.audit_line import audit_line, reliability_row
 from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow
 from app.services.auditing.dating import dated, instant
-from app.services.moments import epoch_ms, iso_utc, moment_of
+from app.services.moments import PlantClock, epoch_ms, iso_utc, moment_of
 from app.storage.tables import verdicts
 from app.storage.verdicts import NewVerdict, pack_detail
 
@@ -41,12 +41,14 @@ def new_verdict(
     audited_at: datetime,
     elapsed_s: float,
     input_ns: tuple[int, int],
+    clock: PlantClock,
     held_ns: Mapping[str, int] = MappingProxyType({}),
     kept: Excerpts | None = None,
 ) -> NewVerdict:
-    """`origin`: the instant of the recording's second 0; `input_ns`: first and last sample given to the engine;
-    `held_ns`: when signals were stated that held when the record began; `kept`: of OP and SP, to compare loops by."""
-    line = dated(audit_line(audit, elapsed_s), origin)
+    """`origin`: the instant of the recording's second 0; `input_ns`: first and last sample given to the engine; `clock`:
+    what sentences tell times by; `held_ns`: when signals were stated that held when the record began; `kept`: of OP and
+    SP, to compare loops by."""
+    line = dated(audit_line(audit, elapsed_s), origin, clock)
     row = reliability_row(line)
     columns = {name: value for name, value in row.items() if name in COLUMNS and name != "audit_id"}
     extra = {name: value for name, value in row.items() if name not in COLUMNS and name not in (*OF_LOOP, *TIMES_MS)}

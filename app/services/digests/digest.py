@@ -11,7 +11,7 @@ from app.services.addresses import loop_address
 from app.services.auditing.audits import get_audit
 from app.services.backend import Backend
 from app.services.cursors import identifier
-from app.services.moments import short_time
+from app.services.moments import PlantClock
 from app.services.plant.arrivals import of_run
 from app.services.plant.overview import change_of
 from app.services.plant.repaired import RepairView, repairs
@@ -64,6 +64,7 @@ class Digest:
     more_repairs: bool
     compared: bool
     public_url: str
+    clock: PlantClock
 
 
 def newest_run(backend: Backend) -> str:
@@ -112,6 +113,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         more_repairs=repaired.more,
         compared=compared,
         public_url=url,
+        clock=backend.clock,
     )
 
 
@@ -120,15 +122,14 @@ def subject(digest: Digest) -> str:
     words = _line(digest.plant)
     new = sum(change.kind == "new" for change in digest.changes)
     news = f", {new}{'+' if digest.more_changes else ''} new" if new else ""
-    return (
-        f"{words}: {digest.verdicts.get('stiction', 0)} valves stick{news} ({short_time(digest.run.created_at)[:10]})"
-    )
+    day = digest.clock.date(datetime.fromisoformat(digest.run.created_at))
+    return f"{words}: {digest.verdicts.get('stiction', 0)} valves stick{news} ({day})"
 
 
 def as_text(digest: Digest) -> str:
     run = digest.run
     lines = [
-        f"Audit of {_line(digest.plant)}, {short_time(run.created_at)} UTC:",
+        f"Audit of {_line(digest.plant)}, {digest.clock.told(run.created_at)}:",
         f"{run.done} of {run.total} loops have a verdict.",
     ]
     for name in VERDICT_RANK:
@@ -142,7 +143,7 @@ def as_text(digest: Digest) -> str:
     lines += ["  ... and more"] if digest.more_changes else []
     if digest.repairs:
         lines += ["", "REPAIRS OF THE LAST FORTNIGHT", ""]
-        lines += [_repair_line(repair) for repair in digest.repairs]
+        lines += [_repair_line(repair, digest.clock) for repair in digest.repairs]
         lines += ["  ... and more"] if digest.more_repairs else []
     for area in digest.areas:
         lines += ["", f"WORST OF {_line(area.unit) if area.unit else 'THE LOOPS WITHOUT A UNIT'}", ""]
@@ -169,7 +170,7 @@ def as_json(digest: Digest) -> dict[str, Any]:
     """What a webhook gets, flat where it can be."""
     told = asdict(digest)
     run = told.pop("run")
-    told.pop("public_url")
+    del told["public_url"], told["clock"]
     return (
         {"type": "loopaudit.digest", "subject": subject(digest), "text": as_text(digest)}
         | told
@@ -219,9 +220,9 @@ def _change_line(change: ChangeView) -> str:
     return f"  {_line(change.loop)}: {words}{sure}; {change.because}"
 
 
-def _repair_line(repair: RepairView) -> str:
+def _repair_line(repair: RepairView, clock: PlantClock) -> str:
     told = f"; {repair.verdicts}" if repair.verdicts else ""
-    return f"  {_line(repair.loop)}, repaired {short_time(repair.repaired_at)}: {repair.words}{told}"
+    return f"  {_line(repair.loop)}, repaired {clock.short(repair.repaired_at)}: {repair.words}{told}"
 
 
 def _no_change(digest: Digest) -> str:

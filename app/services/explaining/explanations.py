@@ -12,7 +12,7 @@ from app.services.auditing.recordings import recording_of
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.explaining.simulations import GivenSimulation, comparison_with, kept, kind_of
-from app.services.moments import iso_utc, moment_of, ns_of, short_time
+from app.services.moments import iso_utc, moment_of, ns_of
 from app.services.plant.loops import find
 from app.services.plant.trend import NS_PER_S, instant_ns
 from app.services.results import Page
@@ -127,12 +127,12 @@ def _remarks(backend: Backend, loop: LoopRow, row: ExplanationRow) -> list[str]:
         newest_verdict = verdicts.newest_said(connection, loop.id)
     told = []
     if repaired_at is not None and row.window_end_ns is not None and ns_of(repaired_at) > row.window_end_ns:
-        told.append(f"This is of before the repair of {short_time(iso_utc(repaired_at))} UTC.")
+        told.append(f"This is of before the repair of {backend.clock.told(iso_utc(repaired_at) or '')}.")
     if newest_verdict is None:
         return told
     if newest_verdict.audited_at > row.asked_at:
-        audit = short_time(iso_utc(newest_verdict.audited_at))
-        told.append(f"It was asked for before the audit of {audit} UTC, which may rest on newer samples.")
+        audit = backend.clock.told(iso_utc(newest_verdict.audited_at) or "")
+        told.append(f"It was asked for before the audit of {audit}, which may rest on newer samples.")
     if newest_verdict.verdict == "stiction" and row.verdict in ("consistent", "inconclusive"):
         told.append("The audit says that the valve sticks: that this comparison names nothing does not clear it.")
     return told

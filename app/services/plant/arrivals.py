@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 from app.services.backend import Backend
-from app.services.moments import EPOCH, iso_utc, moment_of, ns_of, short_time
+from app.services.moments import EPOCH, PlantClock, iso_utc, moment_of, ns_of
 from app.storage import arrivals as stored
 
 LATE = timedelta(days=2)
@@ -45,14 +45,14 @@ def arrivals(backend: Backend, audit_id: int | None = None, at: datetime | None 
     return Arrivals(iso_utc(moment_of(newest_ns)), at - moment_of(newest_ns), behind, told)
 
 
-def sentences(found: Arrivals, since: str = "ago") -> list[str]:
+def sentences(found: Arrivals, clock: PlantClock, since: str = "ago") -> list[str]:
     """What an engineer is told of it; the second only where loops are behind the others. since: to what the age is."""
     if found.recorded_to is None:
         return []
-    told = f"Recorded up to {short_time(found.recorded_to)} UTC"
+    told = f"Recorded up to {clock.told(found.recorded_to)}"
     lines = [f"{told}{old(found.age, since)}: no newer export has come." if found.late else f"{told}."]
     if found.behind:
-        named = ", ".join(f"{' '.join(tag.split())} ({short_time(end)})" for tag, end in found.named)
+        named = ", ".join(f"{' '.join(tag.split())} ({clock.short(end)})" for tag, end in found.named)
         more = f" and {found.behind - len(found.named)} more" if found.behind > len(found.named) else ""
         lines.append(f"{_loops(found.behind)} no samples for two days or more before that: {named}{more}.")
     return lines
@@ -61,7 +61,7 @@ def sentences(found: Arrivals, since: str = "ago") -> list[str]:
 def of_run(backend: Backend, audit_id: int, at: datetime) -> list[str]:
     """The same of a run that began `at`, whenever it is asked for."""
     found = arrivals(backend, audit_id, at)
-    return [*sentences(found, "before the run"), *nothing_new(backend, audit_id)]
+    return [*sentences(found, backend.clock, "before the run"), *nothing_new(backend, audit_id)]
 
 
 def nothing_new(backend: Backend, audit_id: int) -> list[str]:

@@ -18,8 +18,8 @@ NOTHING_NEW = "="
 
 @dataclass(frozen=True)
 class Night:
-    """The last verdict of one date (UTC). fresh: whether it is not the same again, of the same samples as the one
-    before.
+    """The last verdict of one date, by the plant's clock. fresh: whether it is not the same again, of the same samples
+    as the one before.
     """
 
     date: str
@@ -43,7 +43,7 @@ def nights(backend: Backend, tags: Sequence[str]) -> dict[str, tuple[Night, ...]
         rows = stored.recent(connection, tags, AUDITS)
     found: dict[str, dict[str, Any]] = {}
     for row in rows:
-        found.setdefault(row.tag, {})[row.audited_at.date().isoformat()] = row
+        found.setdefault(row.tag, {})[backend.clock.date(row.audited_at)] = row
     return {tag: _nights(dated)[-NIGHTS:] for tag, dated in found.items()}
 
 

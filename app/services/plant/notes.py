@@ -56,8 +56,8 @@ def add_note(
         raise RequestError("note_too_long", f"a note may have at most {most}")
     repaired_at = None if repaired_at is None else _in_utc(repaired_at)
     if repaired_at is not None and repaired_at > datetime.now(UTC) + CLOCKS_DIFFER:
-        told = f"{iso_utc(repaired_at)} is still to come; a repair is written down once it is done, in UTC"
-        raise RequestError("bad_repair_time", told)
+        told = backend.clock.told(iso_utc(repaired_at) or "")
+        raise RequestError("bad_repair_time", f"{told} is still to come; a repair is written down once it is done")
     row = find(backend, tag)
     with backend.database.write() as connection:
         note_id = notes.add(connection, row.id, written_by, text, work_order, repaired_at)
@@ -111,7 +111,7 @@ def newest_repair(backend: Backend, tag: str) -> Repair | None:
 
 
 def _in_utc(moment: datetime) -> datetime:
-    """Without an offset it is UTC, as all times of the pages are."""
+    """Without an offset it is UTC, as all times of the API are."""
     try:
         return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
     except OverflowError:

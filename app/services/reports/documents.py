@@ -15,7 +15,7 @@ from app.services.auditing.size_wording import size_in_words
 from app.services.backend import Backend
 from app.services.explaining import explanations
 from app.services.explaining.wording import in_words
-from app.services.moments import iso_utc, short_time
+from app.services.moments import PlantClock, iso_utc
 from app.services.next_steps import next_step
 from app.services.plant import glossary, loops, notes
 from app.services.plant import overview as plant
@@ -62,9 +62,9 @@ def loop_report(backend: Backend, tag: str) -> str:
         repair=notes.newest_repair(backend, tag),
         notes=notes.list_notes(backend, tag)[:NOTES],
         explanation=in_words(explained) if explained and explained["state"] == "done" else None,
-        trend=_trend(drawn),
+        trend=_trend(drawn, backend.clock),
         path=_path(drawn),
-        course=_course(history),
+        course=_course(history, backend.clock),
         address=loop_address(backend.settings.public_url, tag),
         **_made(backend),
     )
@@ -81,7 +81,7 @@ def plant_report(backend: Backend) -> str:
         seen=seen,
         bars={unit.unit: _bar(unit.verdicts) for unit in seen.units},
         changed=plant.changes(backend),
-        arrivals=sentences(arrivals(backend)),
+        arrivals=sentences(arrivals(backend), backend.clock),
         worst=_worst(backend),
         refused=refused.rows,
         groups=[group for group in groups_soon(backend) or () if not group.by_chance],
@@ -92,7 +92,7 @@ def plant_report(backend: Backend) -> str:
 
 
 def _made(backend: Backend) -> dict[str, Any]:
-    return {"plant_name": backend.settings.plant, "made_at": iso_utc(datetime.now(UTC))}
+    return {"plant_name": backend.settings.plant, "made_at": iso_utc(datetime.now(UTC)), "clock": backend.clock}
 
 
 def _worst(backend: Backend) -> list[tuple[str | None, list[dict[str, Any]]]]:
@@ -105,14 +105,13 @@ def _worst(backend: Backend) -> list[tuple[str | None, list[dict[str, Any]]]]:
     return [(unit, [row for _, row in some]) for unit, some in groupby(told, lambda pair: pair[0])]
 
 
-def _trend(drawn: Mapping[str, Any]) -> list[Markup]:
+def _trend(drawn: Mapping[str, Any], clock: PlantClock) -> list[Markup]:
     trend = drawn["trend"]
     if trend is None:
         return []
     x = [datetime.fromisoformat(stamp).timestamp() for stamp in trend["time"]]
-    ends = Ends(
-        x[0], x[-1], short_time(trend["time"][0]), short_time(trend["time"][-1]), "UTC; the audited window is shaded"
-    )
+    first, last = trend["time"][0], trend["time"][-1]
+    ends = Ends(x[0], x[-1], clock.short(first), clock.told(last), "the audited window is shaded")
     window = drawn["window"]
     shaded = [datetime.fromisoformat(stamp).timestamp() for stamp in window] if window else None
     above = [Line("PV", trend["pv"], PV), *([Line("SP", trend["sp"], SP)] if trend.get("sp") else [])]
@@ -135,13 +134,13 @@ def _path(drawn: Mapping[str, Any]) -> Markup | None:
     )
 
 
-def _course(history: Sequence[Mapping[str, Any]]) -> Markup | None:
+def _course(history: Sequence[Mapping[str, Any]], clock: PlantClock) -> Markup | None:
     if len(history) < 2:
         return None
     nights = list(reversed(history))
     x = [datetime.fromisoformat(night["audited_at"]).timestamp() for night in nights]
     probability = [None if n["stiction_probability"] is None else 100.0 * n["stiction_probability"] for n in nights]
-    ends = Ends(x[0], x[-1], short_time(nights[0]["audited_at"]), short_time(nights[-1]["audited_at"]))
+    ends = Ends(x[0], x[-1], clock.short(nights[0]["audited_at"]), clock.short(nights[-1]["audited_at"]))
     lines = [
         Line("probability of stiction, %", probability, OP, dots=True),
         Line("health", [night["health"] for night in nights], GOOD, dots=True),

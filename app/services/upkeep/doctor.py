@@ -193,7 +193,7 @@ def oldest_work(backend: Backend) -> Check:
 def records(backend: Backend) -> Check:
     """A plant whose exports stopped is audited night after night all the same."""
     found = arrivals(backend)
-    told = " ".join(sentences(found)) or "nothing was recorded yet"
+    told = " ".join(sentences(found, backend.clock)) or "nothing was recorded yet"
     if not (found.late or found.behind):
         return Check("records", "ok", told)
     return Check("records", "warning", told, "look whether the historian's export runs, and names all loops")

@@ -7,6 +7,19 @@ const layout = (more) => ({
   font: { family: "system-ui, sans-serif", size: 13, color: paint("--ink") }, legend: { orientation: "h", y: 1.02, yanchor: "bottom" },
   hoverlabel: { namelength: -1 }, ...more,
 });
+// The chart library knows no zones: instants are moved by what the plant's clock is ahead of UTC at `newest`, all by the
+// same, so that no hour is drawn twice where the clock is put back.
+const clockAt = (newest) => {
+  const zone = document.documentElement.dataset.zone || "UTC";
+  const form = new Intl.DateTimeFormat("sv-SE", { timeZone: zone, dateStyle: "short", timeStyle: "medium" });
+  const second = 1000 * Math.floor((typeof newest === "string" ? Date.parse(newest) : newest) / 1000);
+  const ahead = Date.parse(`${form.format(second).replace(" ", "T")}Z`) - second;
+  const minutes = Math.abs(ahead) / 60000, two = (value) => String(value).padStart(2, "0");
+  return {
+    shown: (at) => new Date((typeof at === "string" ? Date.parse(at) : at) + ahead).toISOString().slice(0, -1),
+    title: zone === "UTC" ? "time, UTC" : `time in ${zone}, UTC${ahead < 0 ? "-" : "+"}${two(Math.floor(minutes / 60))}:${two(minutes % 60)}`,
+  };
+};
 const options = { responsive: true, displaylogo: false, displayModeBar: "hover" };
 const tell = (chart, text) => { chart.textContent = text; chart.classList.add("empty"); };
 const draw = (id, traces, more, without) => {

@@ -9,7 +9,8 @@
 
   function drawTraces(chart, told) {
     const start = Date.parse(told.start);
-    const at = (seconds) => new Date(start + 1000 * seconds).toISOString();
+    const clock = clockAt(start + 1000 * told.time_s.at(-1));
+    const at = (seconds) => clock.shown(start + 1000 * seconds);
     const x = told.time_s.map(at);
     const line = (name, y, width) => ({ x, y, name, type: "scatter", mode: "lines", line: { color: COLOURS[name], width } });
     const traces = [line("recording", told.recording, 1.6)];
@@ -18,7 +19,7 @@
     const shapes = told.windows.map(([from, to]) => band(at(from), at(to), { fillcolor: MARK, opacity: 0.14, line: { width: 0 } }));
     for (const [from, to] of told.held_out) shapes.push(band(at(from), at(to), { fillcolor: "rgba(0,0,0,0)", line: { dash: "dot", width: 1, color: COLOURS.given } }));
     Plotly.newPlot(chart, traces, layout({
-      height: 480, hovermode: "x", shapes, xaxis: axis("time, UTC (yellow: where they differ; dotted: seen by no fit)"), yaxis: axis("PV, unit of PV"),
+      height: 480, hovermode: "x", shapes, xaxis: axis(`${clock.title} (yellow: where they differ; dotted: seen by no fit)`), yaxis: axis("PV, unit of PV"),
     }), options);
   }
 

@@ -4,14 +4,15 @@ const line = (x, y, name, colour, more) => ({ x, y, name, type: "scatter", mode:
 
 function drawTrend({ trend, window: shown, valve }) {
   if (!trend) return draw("trend", null, {}, "No samples of the audited stretch are kept.");
-  const x = trend.time;
+  const clock = clockAt(trend.time.at(-1));
+  const x = trend.time.map(clock.shown);
   const traces = [line(x, trend.pv, "PV", "--pv", { yaxis: "y2" }), line(x, trend.op, "OP", "--op")];
   if (trend.sp) traces.splice(1, 0, line(x, trend.sp, "SP", "--sp", { yaxis: "y2" }));
   if (trend.valve) traces.push(line(x, trend.valve, "valve, estimated", "--valve"));
   if (valve) document.getElementById("valve-note").textContent = `The valve's position is estimated with S ${valve.S.toPrecision(3)} and J ${valve.J.toPrecision(3)} (units of OP). J, how far it jumps when it lets go, is only what this picture is drawn with: PV and OP do not tell it.`;
-  const shapes = shown ? [{ type: "rect", xref: "x", yref: "paper", x0: shown[0], x1: shown[1], y0: 0, y1: 1, fillcolor: paint("--link"), opacity: 0.06, line: { width: 0 }, layer: "below" }] : [];
+  const shapes = shown ? [{ type: "rect", xref: "x", yref: "paper", x0: clock.shown(shown[0]), x1: clock.shown(shown[1]), y0: 0, y1: 1, fillcolor: paint("--link"), opacity: 0.06, line: { width: 0 }, layer: "below" }] : [];
   draw("trend", traces, {
-    height: 480, xaxis: axis("time, UTC"), hovermode: "x", shapes,
+    height: 480, xaxis: axis(clock.title), hovermode: "x", shapes,
     yaxis: axis("OP", { domain: [0, 0.46] }), yaxis2: axis("PV and SP", { domain: [0.54, 1] }),
   });
 }
@@ -50,7 +51,7 @@ function drawRest({ pv_op: path, errors }) {
 
 function drawHistory() {
   const rows = [...document.querySelectorAll("#history-rows tr")].reverse();
-  const x = rows.map((row) => row.dataset.at);
+  const x = rows.map((row) => clockAt(row.dataset.at).shown(row.dataset.at));
   const values = (name, factor) => rows.map((row) => (row.dataset[name] ? factor * Number(row.dataset[name]) : null));
   draw("history", rows.length > 1 && [
     line(x, values("probability", 100), "probability of stiction, %", "--op", { mode: "lines+markers" }),
