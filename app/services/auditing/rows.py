@@ -45,9 +45,9 @@ def new_verdict(
     held_ns: Mapping[str, int] = MappingProxyType({}),
     kept: Excerpts | None = None,
 ) -> NewVerdict:
-    """`origin`: the instant of the recording's second 0; `input_ns`: first and last sample given to the engine; `clock`:
-    what sentences tell times by; `held_ns`: when signals were stated that held when the record began; `kept`: of OP and
-    SP, to compare loops by."""
+    """`origin`: the instant of the recording's second 0; `input_ns`: first and last sample given to the engine;
+    `clock`: what sentences tell times by; `held_ns`: when signals were stated that held when the record began; `kept`:
+    of OP and SP, to compare loops by."""
     line = dated(audit_line(audit, elapsed_s), origin, clock)
     row = reliability_row(line)
     columns = {name: value for name, value in row.items() if name in COLUMNS and name != "audit_id"}
