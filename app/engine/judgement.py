@@ -13,6 +13,7 @@ UNCOUPLED = "uncoupled"
 """The reason that nothing in a record tells of a valve: PV owes nothing to OP."""
 
 NO_ANSWER = "no_answer"
+HIDDEN_BAND = "hidden_band"
 """The reason that a valve which is said not to stick may stand fast: PV is not seen to answer OP."""
 
 PV_STANDS, WOUND_UP = "pv_stands", "wound_up"

@@ -54,6 +54,18 @@ def moving_average(x: FloatArray, half: int) -> FloatArray:
     return out
 
 
+@njit(cache=True, nogil=True)
+def forgetting(x: FloatArray, memory: float) -> FloatArray:
+    """(N,) averages of x up to each sample, in which a sample counts 1/e of one that is `memory` samples newer."""
+    kept = np.exp(-1.0 / memory)
+    out = np.empty(len(x))
+    average = x[0]
+    for i in range(len(x)):
+        average = kept * average + (1.0 - kept) * x[i]
+        out[i] = average
+    return out
+
+
 @njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)
 def mean(x: FloatArray) -> float:
     """Mean of x (N,)."""

@@ -11,7 +11,8 @@ from app.engine.coupling import strangers_chance, strangers_chance_finely
 from app.engine.evidence import Finding, Reason
 from app.engine.features import NAMES, Features, observe
 from app.engine.fitness import Fitness
-from app.engine.judgement import NO_ANSWER, PV_STANDS, UNCOUPLED, WOUND_UP, Judgement, Reliability, Verdict
+from app.engine.hidden_band import hidden_band
+from app.engine.judgement import HIDDEN_BAND, NO_ANSWER, PV_STANDS, UNCOUPLED, WOUND_UP, Judgement, Reliability, Verdict
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.reliability import Reference
@@ -169,7 +170,7 @@ def _doubts(
         text = f"what was judged holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be trusted"
         doubts.append(Reason("few_cycles", text))
     if verdict == "no_stiction":
-        doubts.extend(_no_answer(fitness))
+        doubts.extend((*_no_answer(fitness), *_hidden_band(fitness)))
     if verdict == "stiction":
         doubts.extend(_shaped_outside(weighing, config))
         doubts.extend(_keeps_time(fitness.audited, oscillation, config))
@@ -286,6 +287,18 @@ def _no_answer(fitness: Fitness) -> list[Reason]:
         "a valve that stands fast, or moves now and then only"
     )
     return [Reason(NO_ANSWER, text)]
+
+
+def _hidden_band(fitness: Fitness) -> list[Reason]:
+    """What the shapes do not show of a loop that hardly cycles, thousands of samples may."""
+    found = hidden_band(fitness.looked_at)
+    if found is None:
+        return []
+    text = (
+        f"PV goes as behind a valve that moves only after OP has gone some {found.S:.2g} units the other way: it may "
+        "stick by so much without making the loop cycle"
+    )
+    return [Reason(HIDDEN_BAND, text)]
 
 
 def _shaped_outside(weighing: Weighing, config: VerdictConfig) -> list[Reason]:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from app.engine.episodes import BEGAN
-from app.engine.judgement import NO_ANSWER, PV_STANDS, UNCOUPLED, WOUND_UP
+from app.engine.judgement import HIDDEN_BAND, NO_ANSWER, PV_STANDS, UNCOUPLED, WOUND_UP
 from app.services.auditing.hearing import MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR
 from app.services.auditing.repairs import BEFORE_REPAIR
 from app.services.wording import CAUSE_WORDS
@@ -37,6 +37,10 @@ NOT_CLEARED = (
 STANDS_FAST = (
     "Find out whether the valve moves at all: where operation allows it, move OP by a few per cent by hand and see "
     "whether PV goes along."
+)
+HAS_BAND = (
+    "Ask for a stroke test in steps of the size that is named, up and down, when somebody is at the valve anyway: it "
+    "may stick by so much, and the loop does not cycle for it today."
 )
 CANNOT_TELL = "Nothing, unless it stays like that for weeks; then a stroke test tells more than another night."
 NOT_AUDITABLE = "Tell the control engineer what the checks say: better recording brings a verdict."
@@ -106,6 +110,8 @@ def next_step(row: Mapping[str, Any], reasons: tuple[str, ...] = ()) -> str:
         return UNRELATED
     if NO_ANSWER in reasons:
         return STANDS_FAST
+    if HIDDEN_BAND in reasons:
+        return HAS_BAND
     return BY_CAUSE.get(row["likely_cause"] or "", _without_cause(row))
 
 
@@ -126,6 +132,7 @@ def as_table() -> str:
         ("no stiction, rely on it, and no cause is named", CLEARED),
         ("no stiction, look before you act, and no cause is named", NOT_CLEARED),
         ("no stiction, but PV shows no answer to OP", STANDS_FAST),
+        ("no stiction, but PV goes as behind a valve with a band", HAS_BAND),
         *((f"else, likely cause: {CAUSE_WORDS[code]}", step) for code, step in BY_CAUSE.items()),
         ("valve sticks, but a neighbour may shake it", SHAKEN),
         ("anything, but OP is the set point of another loop", OUTER),
