@@ -7,7 +7,7 @@ much alike as in a loop at work, and such a loop hardly cycles.
 import numpy as np
 
 from app.engine.fitness.signals import standing
-from app.engine.foretelling import FEWEST, ORDER, fitted, left_over, long_enough, next_values, not_far, own_past, past
+from app.engine.foretelling import Lags, fitted, left_over, not_far
 from app.engine.recording import BoolArray, FloatArray, UniformRecord
 from app.engine.sampled import blocks, slow_share, unlike
 
@@ -21,6 +21,9 @@ HELD = 0.93
 Chosen on simulated loads that wander (`testbench.days --process slow`), so that loops tuned up to four times as
 sluggishly as usual pass.
 """
+
+ORDER = 8
+"""How many of the last means are looked at."""
 
 STRIDES = (16, 8, 4, 2, 1)
 """Samples that are averaged into one, the coarsest first: a quick loop answers within some of them, a slow one within
@@ -57,19 +60,20 @@ def _foretells(record: UniformRecord, stands: BoolArray, stride: int) -> bool:
     Of all samples, or of all but those that PV's past misses by far: an upset may hide everything else, a step of the
     set point shows it. Source: Schwarz 1978, Estimating the dimension of a model, doi 10.1214/aos/1176344136.
     """
-    if not long_enough(record.pv, stride):
+    lags = Lags(stride, ORDER)
+    if not lags.fit_in(record.samples):
         return False
-    own = own_past(record.pv, stride)
-    touched = np.lib.stride_tricks.sliding_window_view(blocks(stands, stride).any(axis=1), ORDER + 1).any(axis=1)
-    columns = np.column_stack((own, past(record.op, stride), next_values(record.pv, stride)))[~touched]
-    if len(columns) < FEWEST:
+    own = lags.own_past(record.pv)
+    columns = np.column_stack((own, lags.past(record.op, ORDER), lags.value(record.pv)))
+    columns = columns[~lags.touched(stands, ORDER)]
+    if len(columns) < lags.fewest:
         return False
     terms = own.shape[1]
     gram = columns.T @ columns
     if _adds(gram, len(columns), terms):
         return True
     kept = columns[not_far(columns[:, -1] - columns[:, :terms] @ fitted(gram, terms))]
-    return len(kept) >= FEWEST and _adds(kept.T @ kept, len(kept), terms)
+    return len(kept) >= lags.fewest and _adds(kept.T @ kept, len(kept), terms)
 
 
 def _adds(gram: FloatArray, n: int, terms: int) -> bool:

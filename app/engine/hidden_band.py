@@ -5,13 +5,14 @@ stem. Over thousands of samples that can be told from a valve which follows: the
 would have foretells PV beyond what the past of PV and of OP does.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from app.engine.fitness.signals import standing
-from app.engine.foretelling import ORDER, fitted, long_enough, long_past, next_values, not_far, own_past, past
-from app.engine.recording import FloatArray, IntArray, UniformRecord
+from app.engine.foretelling import Lags, fitted, not_far
+from app.engine.recording import BoolArray, FloatArray, UniformRecord
 from app.engine.sampled import quantiles
 from app.engine.valve import kano_stems
 
@@ -23,6 +24,14 @@ STANDING = 300
 """Samples in a row of one value in PV or OP: the unit stands, and the record is looked at before it or after."""
 
 STRIDES = (2, 5, 12)
+ORDER, STEM_ORDER = 24, 4
+"""How many of the last means of PV and OP are looked at, and of a stem: with fewer of PV and OP a line of the load's is
+taken for a band, because the stem tells of an OP further back."""
+
+SETTLING = 5 * ORDER
+"""Means after a move of the set point that are left out, if half of the record is left: PV and OP move far then, and
+show more than all else what a linear model lacks."""
+
 SIZES = np.geomspace(0.03, 0.6, 8)
 """S over the range of OP. A valve that is called healthy has a band too: what is below is none to ask for."""
 
@@ -65,9 +74,11 @@ def hidden_band(record: UniformRecord) -> HiddenBand | None:
     op = (op - op[0]) * (_direction(op) / (high - low))
     stems = np.empty((len(SIZES), len(op)))
     kano_stems(op, SIZES, JUMP * SIZES, stems)
-    found = (_on_stride(pv, op, stems, (high - low) * SIZES, stride) for stride in STRIDES if long_enough(pv, stride))
+    moves = _moves(None if record.sp is None else record.sp[moving], len(pv))
+    found = [_on(Lags(stride, ORDER), pv, op, stems, moves) for stride in STRIDES]
     shown = [band for band in found if band is not None]
-    return max(shown, key=lambda band: band.nats - band.needed, default=None)
+    best = max(shown, key=lambda band: band.nats - band.needed, default=None)
+    return None if best is None else replace(best, S=(high - low) * best.S)
 
 
 def _longest_moving(record: UniformRecord) -> slice:
@@ -80,8 +91,13 @@ def _longest_moving(record: UniformRecord) -> slice:
     if not len(starts):
         return slice(0, 0)
     longest = int(np.argmax(ends - starts))
-    margin = ORDER * STRIDES[-1]
+    margin = SETTLING * STRIDES[0]
     return slice(int(starts[longest]) + margin, max(int(ends[longest]) - margin, int(starts[longest]) + margin))
+
+
+def _moves(sp: FloatArray | None, samples: int) -> BoolArray:
+    """(samples,): where the set point is another one than before."""
+    return np.zeros(samples, bool) if sp is None else np.diff(sp, prepend=sp[0]) != 0.0
 
 
 def _direction(op: FloatArray) -> float:
@@ -89,31 +105,40 @@ def _direction(op: FloatArray) -> float:
     return float(np.sign(op[np.argmax(op != op[0])] - op[0]))
 
 
-def _on_stride(pv: FloatArray, op: FloatArray, stems: FloatArray, S: FloatArray, stride: int) -> HiddenBand | None:
-    slow = (long_past(pv, stride), long_past(op, stride))
-    linear = np.column_stack((own_past(pv, stride), past(op, stride), *slow, next_values(pv, stride)))
+def _on(lags: Lags, pv: FloatArray, op: FloatArray, stems: FloatArray, moves: BoolArray) -> HiddenBand | None:
+    """moves: where the set point does. S of what is found is in the unit of SIZES."""
+    if not lags.fit_in(len(pv)):
+        return None
+    past = (lags.own_past(pv), lags.past(op, ORDER), lags.long_past(pv), lags.long_past(op))
+    linear = np.column_stack((*past, lags.value(pv)))
     terms = linear.shape[1] - 1
-    kept = not_far(linear[:, -1] - linear[:, :-1] @ fitted(linear.T @ linear, terms))
+    kept = ~lags.touched(moves, SETTLING)
+    kept = kept if 2 * np.count_nonzero(kept) >= len(kept) else np.ones(len(kept), bool)
+    left = linear[kept]
+    kept[kept] = not_far(left[:, -1] - left[:, :-1] @ fitted(left.T @ left, terms))
     linear = linear[kept]
-    thirds = np.array_split(np.arange(len(linear)), PARTS)
+    edges = [len(linear) * k // PARTS for k in range(PARTS + 1)]
+    thirds = [slice(start, end) for start, end in pairwise(edges)]
     alone = _grams(linear, linear, thirds)
     missed = _missed(alone, terms)
     nats = np.zeros((len(stems), PARTS))
     for k, stem in enumerate(stems):
         if np.ptp(stem) > 0.0:
-            beside = _beside(alone, linear, past(stem, stride)[kept], thirds)
-            nats[k] = _nats(missed, _missed(beside, terms + ORDER), thirds)
+            beside = _beside(alone, linear, lags.past(stem, STEM_ORDER)[kept], thirds)
+            nats[k] = _nats(missed, _missed(beside, terms + STEM_ORDER), thirds)
     best = int(np.argmax(nats.sum(axis=1)))
-    found = HiddenBand(float(S[best]), float(nats[best].sum()), 0.5 * ORDER * np.log(len(linear)) + np.log(len(stems)))
-    return found if PARTS * nats[best].min() > found.needed else None
+    needed = 0.5 * STEM_ORDER * np.log(len(linear)) + np.log(len(stems))
+    if PARTS * nats[best].min() <= needed:
+        return None
+    return HiddenBand(float(SIZES[best]), float(nats[best].sum()), float(needed))
 
 
-def _grams(a: FloatArray, b: FloatArray, parts: list[IntArray]) -> FloatArray:
+def _grams(a: FloatArray, b: FloatArray, parts: list[slice]) -> FloatArray:
     """(parts, columns of a, columns of b): their products over the rows of each part."""
     return np.array([a[part].T @ b[part] for part in parts])
 
 
-def _beside(alone: FloatArray, linear: FloatArray, stem: FloatArray, parts: list[IntArray]) -> FloatArray:
+def _beside(alone: FloatArray, linear: FloatArray, stem: FloatArray, parts: list[slice]) -> FloatArray:
     """The products of the linear terms, with the stem's past put before what PV is next."""
     size, more = alone.shape[1], stem.shape[1]
     linear_at = [*range(size - 1), size - 1 + more]
@@ -133,8 +158,8 @@ def _missed(grams: FloatArray, terms: int) -> FloatArray:
     return np.asarray(np.maximum(weights @ grams @ weights, 0.0))
 
 
-def _nats(before: FloatArray, after: FloatArray, parts: list[IntArray]) -> FloatArray:
+def _nats(before: FloatArray, after: FloatArray, parts: list[slice]) -> FloatArray:
     """(parts,): by how much the logarithm of the likelihood of each part rises, under normal misses of one variance."""
-    sizes = np.array([len(part) for part in parts])
+    sizes = np.array([part.stop - part.start for part in parts])
     was, now = (max(float(missed.sum()), np.finfo(float).tiny) / sizes.sum() for missed in (before, after))
     return np.asarray(0.5 * (before / was - after / now) + 0.5 * sizes * np.log(was / now))
