@@ -73,7 +73,7 @@ def list_(as_json: Annotated[bool, typer.Option("--json", help="One JSON object 
         for key in found:
             typer.echo(json.dumps(vars(key)))
         raise typer.Exit(ExitCode.DONE)
-    table = Table("Id", "Name", "Role", "State", "Created", "Expires", "Last used", "A minute")
+    table = Table("Id", "Name", "Role", "State", "Created, UTC", "Expires", "Last used", "A minute")
     for key in found:
         times = (key.created_at, key.expires_at or "never", key.last_used_at or "never")
         cells = (key.id, key.name, key.role, key.state, *(time[:16].replace("T", " ") for time in times))

@@ -7,7 +7,7 @@ much alike as in a loop at work, and such a loop hardly cycles.
 import numpy as np
 
 from app.engine.fitness.signals import standing
-from app.engine.foretelling import Lags, fitted, left_over, not_far
+from app.engine.foretelling import FORETOLD, Lags, fitted, left_over, not_far
 from app.engine.recording import BoolArray, FloatArray, UniformRecord
 from app.engine.sampled import blocks, slow_share, unlike
 
@@ -28,9 +28,6 @@ ORDER = 8
 STRIDES = (16, 8, 4, 2, 1)
 """Samples that are averaged into one, the coarsest first: a quick loop answers within some of them, a slow one within
 some of the coarsest."""
-
-FORETOLD = 1e-8
-"""Share of the variance of PV below which it foretells itself but for rounding: nothing can add to that."""
 
 
 def goes_its_own_way(record: UniformRecord) -> bool:
@@ -63,7 +60,7 @@ def _foretells(record: UniformRecord, stands: BoolArray, stride: int) -> bool:
     lags = Lags(stride, ORDER)
     if not lags.fit_in(record.samples):
         return False
-    own = lags.own_past(record.pv)
+    own = np.column_stack((lags.ones(record.pv), lags.whole_past(record.pv)))
     columns = np.column_stack((own, lags.past(record.op, ORDER), lags.value(record.pv)))
     columns = columns[~lags.touched(stands, ORDER)]
     if len(columns) < lags.fewest:

@@ -19,6 +19,8 @@ FAR = 7.5
 """Times the median miss; five standard deviations of a normal one. What is missed by more is an upset."""
 
 RIDGE = 1e-10
+FORETOLD = 1e-8
+"""Share of what is foretold that is missed by rounding alone, at most: nothing can add to that."""
 
 
 @dataclass(frozen=True)
@@ -46,18 +48,22 @@ class Lags:
         """(n,): what is foretold, at unit deviation."""
         return self._means(x)[self.order :]
 
+    def ones(self, x: FloatArray) -> FloatArray:
+        """(n,)"""
+        return np.ones(len(x) // self.stride - self.order)
+
     def past(self, x: FloatArray, terms: int) -> FloatArray:
         """(n, terms): the last means before it, at most `order`."""
         return np.lib.stride_tricks.sliding_window_view(self._means(x)[self.order - terms : -1], terms)
 
-    def own_past(self, pv: FloatArray) -> FloatArray:
-        """(n, terms): ones, the last means of PV, and what it was lately, within the last of them: a controller has
-        seen that, and OP would tell it.
+    def whole_past(self, x: FloatArray) -> FloatArray:
+        """(n, terms): the last means, and what x was lately, within the last of them: what a controller has seen of PV
+        by then, OP would tell, and what OP was by then a stem.
         """
-        within = blocks(pv, self.stride)
+        within = blocks(x, self.stride)
         lengths = [2**k for k in range(self.stride.bit_length()) if 2**k < self.stride]
         lately = [_at_unit(within[:, -length:].mean(axis=1))[self.order - 1 : -1] for length in lengths]
-        return np.column_stack((np.ones(len(within) - self.order), self.past(pv, self.order), *lately))
+        return np.column_stack((self.past(x, self.order), *lately))
 
     def long_past(self, x: FloatArray) -> FloatArray:
         """(n, 3): what x was over longer times than that, as averages that forget exponentially."""

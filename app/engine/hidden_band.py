@@ -2,7 +2,7 @@
 
 What noise and load make of OP moves the stem of such a valve too, a part of each movement less, and PV goes by the
 stem. Over thousands of samples that can be told from a valve which follows: the stem that a valve of the right size
-would have foretells PV beyond what the past of PV and of OP does.
+would have foretells PV beyond what the past of PV, OP and SP does.
 """
 
 from dataclasses import dataclass, replace
@@ -10,15 +10,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from app.engine.fitness.signals import standing
-from app.engine.foretelling import Lags, fitted, not_far
+from app.engine.fitness.signals import standing, stored_points
+from app.engine.foretelling import FORETOLD, Lags, fitted, not_far
 from app.engine.recording import BoolArray, FloatArray, UniformRecord
 from app.engine.sampled import quantiles
 from app.engine.valve import kano_stems
-
-FEWEST_SAMPLES = 2000
-"""In fewer it says too little: of 77 recordings with labels, most of them shorter, it speaks of 12 of 29 sticky ones
-and of 7 of 48 healthy ones."""
 
 STANDING = 300
 """Samples in a row of one value in PV or OP: the unit stands, and the record is looked at before it or after."""
@@ -32,11 +28,22 @@ SETTLING = 5 * ORDER
 """Means after a move of the set point that are left out, if half of the record is left: PV and OP move far then, and
 show more than all else what a linear model lacks."""
 
+AFTER_UPSET = 8
+"""Means after one that is missed by far that are left out too."""
+
 SIZES = np.geomspace(0.03, 0.6, 8)
 """S over the range of OP. A valve that is called healthy has a band too: what is below is none to ask for."""
 
 JUMP = 0.2
 """J over S: what the stem slips little shows of valves that jump as well, and better than a large one of the others."""
+
+NEWS_ORDER, USUAL = 8, 1.5
+"""How many of the last means of the news are looked at, and how many standard deviations of it are usual: under noise
+of heavy tails what is rare is worth less than a linear loop makes of it, and a stem, which passes the great moves of
+OP alone, would tell that."""
+
+NORMAL = 1.4826
+"""Standard deviation of a normal miss over its median."""
 
 PARTS = 3
 _RANGE = (0.01, 0.99)
@@ -44,8 +51,9 @@ _RANGE = (0.01, 0.99)
 
 @dataclass(frozen=True)
 class HiddenBand:
-    """S: of the valve whose stem foretells PV best, unit of OP. nats: what it is worth by likelihood. needed: what as
-    many terms and valves as were tried are worth by chance.
+    """S: of the valve whose stem foretells PV best, unit of OP; one of eight sizes, each half as large again as the one
+    before. nats: what it is worth by likelihood. needed: what as many terms and valves as were tried are worth by
+    chance.
     """
 
     S: float
@@ -56,29 +64,31 @@ class HiddenBand:
 def hidden_band(record: UniformRecord) -> HiddenBand | None:
     """The band that PV shows; None where it shows none, or too little is recorded.
 
-    On each stride the stems of valves of many sizes, moved by OP, are tried beside the past of PV and of OP. The best
+    On each stride the stems of valves of many sizes, moved by OP, are tried beside the past of PV, OP and SP. The best
     one has to be worth more than its terms (Schwarz 1978, doi 10.1214/aos/1176344136) and than the number of those
     tried, and worth its share of that in each third of the record: a band is the valve's and stays, an upset is over.
-    Asked of what upsets do not touch.
+    Asked of what upsets do not touch, and only where PV and OP were stored once a mean or oftener.
 
-    Misleads: what a linear model lacks all the time may show as a band, as some lines of a load that swings do.
+    Misleads: loads that switch to and fro show as a band (a pump, a batch), and so may what else a linear model lacks
+    all the time.
     Source: the valves are Kano's (Kano et al. 2004, Practical model and detection algorithm for valve stiction).
     """
-    moving = _longest_moving(record)
-    pv, op = record.pv[moving], record.op[moving]
-    if len(pv) <= FEWEST_SAMPLES:
+    moving = record.part(_longest_moving(record))
+    if not moving.samples:
         return None
-    low, high = quantiles(op, _RANGE)
+    low, high = quantiles(moving.op, _RANGE)
     if not high > low:
         return None
-    op = (op - op[0]) * (_direction(op) / (high - low))
+    op = (moving.op - moving.op[0]) * (_direction(moving.op) / (high - low))
     stems = np.empty((len(SIZES), len(op)))
     kano_stems(op, SIZES, JUMP * SIZES, stems)
-    moves = _moves(None if record.sp is None else record.sp[moving], len(pv))
-    found = [_on(Lags(stride, ORDER), pv, op, stems, moves) for stride in STRIDES]
+    stored = min(stored_points(moving.pv), stored_points(moving.op))
+    strides = [stride for stride in STRIDES if stride * stored >= moving.samples]
+    news = _usual_news(moving)
+    found = [_on(Lags(stride, ORDER), replace(moving, op=op), stems, news) for stride in strides]
     shown = [band for band in found if band is not None]
     best = max(shown, key=lambda band: band.nats - band.needed, default=None)
-    return None if best is None else replace(best, S=(high - low) * best.S)
+    return None if best is None else replace(best, S=float(high - low) * best.S)
 
 
 def _longest_moving(record: UniformRecord) -> slice:
@@ -95,32 +105,27 @@ def _longest_moving(record: UniformRecord) -> slice:
     return slice(int(starts[longest]) + margin, max(int(ends[longest]) - margin, int(starts[longest]) + margin))
 
 
-def _moves(sp: FloatArray | None, samples: int) -> BoolArray:
-    """(samples,): where the set point is another one than before."""
-    return np.zeros(samples, bool) if sp is None else np.diff(sp, prepend=sp[0]) != 0.0
-
-
 def _direction(op: FloatArray) -> float:
     """1 where OP rises first, -1 where it falls: a valve at rest knows one of them, and the sign of OP is free."""
     return float(np.sign(op[np.argmax(op != op[0])] - op[0]))
 
 
-def _on(lags: Lags, pv: FloatArray, op: FloatArray, stems: FloatArray, moves: BoolArray) -> HiddenBand | None:
-    """moves: where the set point does. S of what is found is in the unit of SIZES."""
-    if not lags.fit_in(len(pv)):
+def _on(lags: Lags, record: UniformRecord, stems: FloatArray, news: FloatArray) -> HiddenBand | None:
+    """news: of PV. S of what is found is in the unit of SIZES."""
+    if not lags.fit_in(record.samples):
         return None
-    past = (lags.own_past(pv), lags.past(op, ORDER), lags.long_past(pv), lags.long_past(op))
-    linear = np.column_stack((*past, lags.value(pv)))
+    linear = _linear(lags, record, news)
     terms = linear.shape[1] - 1
-    kept = ~lags.touched(moves, SETTLING)
-    kept = kept if 2 * np.count_nonzero(kept) >= len(kept) else np.ones(len(kept), bool)
-    left = linear[kept]
-    kept[kept] = not_far(left[:, -1] - left[:, :-1] @ fitted(left.T @ left, terms))
+    kept = _undisturbed(lags, record, linear)
     linear = linear[kept]
+    if len(linear) < lags.fewest:
+        return None
     edges = [len(linear) * k // PARTS for k in range(PARTS + 1)]
     thirds = [slice(start, end) for start, end in pairwise(edges)]
     alone = _grams(linear, linear, thirds)
     missed = _missed(alone, terms)
+    if missed.sum() <= FORETOLD * alone[:, -1, -1].sum():
+        return None
     nats = np.zeros((len(stems), PARTS))
     for k, stem in enumerate(stems):
         if np.ptp(stem) > 0.0:
@@ -131,6 +136,42 @@ def _on(lags: Lags, pv: FloatArray, op: FloatArray, stems: FloatArray, moves: Bo
     if PARTS * nats[best].min() <= needed:
         return None
     return HiddenBand(float(SIZES[best]), float(nats[best].sum()), float(needed))
+
+
+def _linear(lags: Lags, record: UniformRecord, news: FloatArray) -> FloatArray:
+    """What is known of each mean of PV without a valve that sticks, and that mean as the last column."""
+    signals = [record.pv, record.op]
+    if record.sp is not None and np.ptp(record.sp) > 0.0:
+        signals.append(record.sp)
+    past = [part for x in signals for part in (lags.whole_past(x), lags.long_past(x))]
+    return np.column_stack((lags.ones(record.pv), *past, lags.past(news, NEWS_ORDER), lags.value(record.pv)))
+
+
+def _usual_news(record: UniformRecord) -> FloatArray:
+    """(N,): what is new in each sample of PV, cut at what is usual of it; zero where too little is recorded."""
+    lags, news = Lags(1, ORDER), np.zeros(record.samples)
+    if not lags.fit_in(record.samples):
+        return news
+    past = [lags.past(x, ORDER) for x in (record.pv, record.op)]
+    table = np.column_stack((lags.ones(record.pv), *past, lags.value(record.pv)))
+    missed = table[:, -1] - table[:, :-1] @ fitted(table.T @ table, table.shape[1] - 1)
+    usual = USUAL * NORMAL * float(np.median(np.abs(missed)))
+    news[ORDER:] = np.clip(missed, -usual, usual)
+    return news
+
+
+def _undisturbed(lags: Lags, record: UniformRecord, linear: FloatArray) -> BoolArray:
+    """Which rows are neither after a move of the set point nor at or after an upset."""
+    kept = np.ones(len(linear), bool)
+    if record.sp is not None:
+        after = lags.touched(np.diff(record.sp, prepend=record.sp[0]) != 0.0, SETTLING)
+        kept = ~after if 2 * np.count_nonzero(after) <= len(after) else kept
+    rows = linear[kept]
+    upset = np.zeros(len(linear), bool)
+    upset[kept] = ~not_far(rows[:, -1] - rows[:, :-1] @ fitted(rows.T @ rows, rows.shape[1] - 1))
+    for late in range(AFTER_UPSET + 1):
+        kept[late:] &= ~upset[: len(upset) - late]
+    return kept
 
 
 def _grams(a: FloatArray, b: FloatArray, parts: list[slice]) -> FloatArray:

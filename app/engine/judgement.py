@@ -13,8 +13,10 @@ UNCOUPLED = "uncoupled"
 """The reason that nothing in a record tells of a valve: PV owes nothing to OP."""
 
 NO_ANSWER = "no_answer"
-HIDDEN_BAND = "hidden_band"
 """The reason that a valve which is said not to stick may stand fast: PV is not seen to answer OP."""
+
+HIDDEN_BAND = "hidden_band"
+"""The reason that a valve may have a band, whatever the shapes say: the stem of such a valve foretells PV."""
 
 PV_STANDS, WOUND_UP = "pv_stands", "wound_up"
 """The reasons that by the end of a record nothing is controlled any more."""

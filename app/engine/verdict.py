@@ -11,7 +11,7 @@ from app.engine.coupling import strangers_chance, strangers_chance_finely
 from app.engine.evidence import Finding, Reason
 from app.engine.features import NAMES, Features, observe
 from app.engine.fitness import Fitness
-from app.engine.hidden_band import hidden_band
+from app.engine.hidden_band import HiddenBand, hidden_band
 from app.engine.judgement import HIDDEN_BAND, NO_ANSWER, PV_STANDS, UNCOUPLED, WOUND_UP, Judgement, Reliability, Verdict
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
@@ -135,11 +135,14 @@ def conclude(
     probability = weighing.probability
     unrelated, lost = _unrelated(fitness, oscillation, config), _lost(fitness)
     verdict = _verdict(probability, unrelated, lost, config)
-    doubts = (*_doubts(weighing, verdict, oscillation, fitness, config), *_parts_disagree(weighing, fitness, config))
+    band = _band(probability, verdict, fitness, config)
+    doubts = (*_doubts(weighing, verdict, oscillation, fitness, band, config),)
+    doubts += _parts_disagree(weighing, fitness, config)
     doubts += tuple(_data_doubts(weighing, fitness, config))
     reliability: Reliability = "not_reliable" if lost or unrelated or doubts else "reliable"
     first = (*([lost.reason] if lost else []), *unrelated)
-    reasons = (*first, *_shape_reasons(weighing, verdict), *_rival_reasons(weighing, verdict), *doubts)
+    shown = _band_reason(band) if verdict == "stiction" else ()
+    reasons = (*first, *_shape_reasons(weighing, verdict), *shown, *_rival_reasons(weighing, verdict), *doubts)
     reasons += _stretches_reason(fitness)
     if reference is not None:
         reasons += reference_reason(reference, verdict)
@@ -160,17 +163,39 @@ def _verdict(probability: float, unrelated: tuple[Reason, ...], lost: "_Lost | N
     return "inconclusive" if strangers or lost else "no_stiction"
 
 
+def _band(probability: float, verdict: Verdict, fitness: Fitness, config: VerdictConfig) -> HiddenBand | None:
+    """The band that PV shows by itself, looked for only where it matters: it costs half of all else."""
+    clear_enough = config.reliable_band_from <= probability < config.reliable_stiction_from
+    return hidden_band(fitness.looked_at) if verdict == "no_stiction" or clear_enough else None
+
+
+def _band_reason(band: HiddenBand | None) -> tuple[Reason, ...]:
+    if band is None:
+        return ()
+    text = (
+        f"PV goes as behind a valve that moves only after OP has gone some {band.S:.2g} units the other way: it may "
+        "stick, or have play, by so much, whatever the shapes say"
+    )
+    return (Reason(HIDDEN_BAND, text),)
+
+
 def _doubts(
-    weighing: Weighing, verdict: Verdict, oscillation: Oscillation, fitness: Fitness, config: VerdictConfig
+    weighing: Weighing,
+    verdict: Verdict,
+    oscillation: Oscillation,
+    fitness: Fitness,
+    band: HiddenBand | None,
+    config: VerdictConfig,
 ) -> tuple[Reason, ...]:
     """Why the shapes and their time do not make the verdict reliable; empty where they do."""
     doubts = []
-    doubts.extend(_unclear(weighing, oscillation, config))
+    if verdict != "stiction" or band is None:
+        doubts.extend(_unclear(weighing, oscillation, config))
     if oscillation.cycles < config.min_cycles:
         text = f"what was judged holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be trusted"
         doubts.append(Reason("few_cycles", text))
     if verdict == "no_stiction":
-        doubts.extend((*_no_answer(fitness), *_hidden_band(fitness)))
+        doubts.extend((*_no_answer(fitness), *_band_reason(band)))
     if verdict == "stiction":
         doubts.extend(_shaped_outside(weighing, config))
         doubts.extend(_keeps_time(fitness.audited, oscillation, config))
@@ -287,18 +312,6 @@ def _no_answer(fitness: Fitness) -> list[Reason]:
         "a valve that stands fast, or moves now and then only"
     )
     return [Reason(NO_ANSWER, text)]
-
-
-def _hidden_band(fitness: Fitness) -> list[Reason]:
-    """What the shapes do not show of a loop that hardly cycles, thousands of samples may."""
-    found = hidden_band(fitness.looked_at)
-    if found is None:
-        return []
-    text = (
-        f"PV goes as behind a valve that moves only after OP has gone some {found.S:.2g} units the other way: it may "
-        "stick by so much without making the loop cycle"
-    )
-    return [Reason(HIDDEN_BAND, text)]
 
 
 def _shaped_outside(weighing: Weighing, config: VerdictConfig) -> list[Reason]:

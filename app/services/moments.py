@@ -40,23 +40,21 @@ class PlantClock:
         return self.at(moment).date().isoformat()
 
     def short(self, iso: str | None) -> str:
-        """2026-01-31T03:00:00Z as 2026-01-31 04:00 in Berlin; where no zone is near by that tells which clock it is,
-        `told` is needed. A dash where there is none."""
+        """2026-01-31T03:00:00Z as 2026-01-31 04:00 in Berlin, for places that say by which clock; a dash where there is
+        none."""
         return self.at(datetime.fromisoformat(iso)).isoformat(" ", "minutes")[:16] if iso else "–"
 
     def told(self, iso: str) -> str:
-        """The same with the zone, for sentences that go elsewhere: 2026-01-31 04:00 CET, 2026-01-31 11:00 UTC+08."""
-        return f"{self.short(iso)} {self.zone_at(datetime.fromisoformat(iso))}"
+        """The same with what the clock is ahead of UTC, for sentences that go elsewhere: 2026-01-31 04:00 UTC+01:00.
+
+        Short names of zones are of no use there: CST, IST and PST are several zones each."""
+        stamp = self.at(datetime.fromisoformat(iso)).isoformat(" ", "minutes")
+        return f"{stamp[:16]} UTC{stamp[16:].removeprefix('+00:00')}"
 
     @property
     def in_words(self) -> str:
         """What follows "Times are"."""
         return "UTC" if self.name == "UTC" else f"those of {self.name}"
-
-    def zone_at(self, moment: datetime) -> str:
-        """The short name of the zone at that time; where people have given it none, what it is ahead of UTC."""
-        name = self.at(moment).strftime("%Z")
-        return f"UTC{name}" if name.startswith(("+", "-")) else name
 
     def instant(self, shown: datetime) -> datetime:
         """What a clock of the plant showed, as an instant; of an hour that came twice it is the first time. What has an

@@ -39,8 +39,9 @@ STANDS_FAST = (
     "whether PV goes along."
 )
 HAS_BAND = (
-    "Ask for a stroke test in steps of the size that is named, up and down, when somebody is at the valve anyway: it "
-    "may stick by so much, and the loop does not cycle for it today."
+    "When somebody is at the valve anyway, have OP moved in steps of a quarter of the band that is named, some up, "
+    "then some down, and the stem watched: it may stick, or have play, by so much, though the loop does not cycle for "
+    "it. A load that switches to and fro looks the same."
 )
 CANNOT_TELL = "Nothing, unless it stays like that for weeks; then a stroke test tells more than another night."
 NOT_AUDITABLE = "Tell the control engineer what the checks say: better recording brings a verdict."
@@ -83,6 +84,11 @@ BY_CAUSE = {
 }
 """Where the valve is not said to stick, by likely cause."""
 
+BEFORE_A_BAND = frozenset(
+    {"set_point_following", "quantised_sensor", "sensor_spikes", "sensor_sticking", "backlash", "saturated_op"}
+)
+"""Causes whose step comes first where the valve may have a band besides."""
+
 BY_REASON = {
     BEFORE_REPAIR: WAIT,
     MOVES_NO_VALVE: NO_VALVE,
@@ -110,7 +116,7 @@ def next_step(row: Mapping[str, Any], reasons: tuple[str, ...] = ()) -> str:
         return UNRELATED
     if NO_ANSWER in reasons:
         return STANDS_FAST
-    if HIDDEN_BAND in reasons:
+    if HIDDEN_BAND in reasons and row["likely_cause"] not in BEFORE_A_BAND:
         return HAS_BAND
     return BY_CAUSE.get(row["likely_cause"] or "", _without_cause(row))
 

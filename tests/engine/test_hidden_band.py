@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.engine.audit import audit
-from app.engine.hidden_band import FEWEST_SAMPLES, STANDING, HiddenBand, hidden_band
+from app.engine.hidden_band import ORDER, STANDING, HiddenBand, hidden_band
 from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, integrator, simulate_loop
 
@@ -70,7 +70,7 @@ def test_a_standstill_is_passed_over(sticking: list[UniformRecord], free: list[U
     assert not any(hidden_band(shut(record)) for record in free)
 
 
-@pytest.mark.parametrize("samples", [2, 100, FEWEST_SAMPLES])
+@pytest.mark.parametrize("samples", [1, 2, 100, 600])
 def test_of_few_samples_nothing_is_said(sticking: list[UniformRecord], samples: int) -> None:
     assert hidden_band(sticking[0].part(slice(0, samples))) is None
 
@@ -79,8 +79,10 @@ def test_where_nothing_moves_nothing_is_said(sticking: list[UniformRecord]) -> N
     flat = np.full(N, 50.0)
     assert hidden_band(replace(sticking[0], op=flat)) is None
     assert hidden_band(replace(sticking[0], pv=flat)) is None
-    short = sticking[0].part(slice(0, FEWEST_SAMPLES + 1))
+    short = sticking[0].part(slice(0, STANDING + 40 * ORDER))
     assert hidden_band(replace(short, op=np.where(np.arange(short.samples) < STANDING, 50.0, short.op))) is None
+    ramp = np.linspace(0.0, 1.0, N)
+    assert hidden_band(replace(sticking[0], pv=ramp, op=ramp)) is None
 
 
 def test_two_values_of_op_and_a_line_of_pv_do_no_harm(sticking: list[UniformRecord]) -> None:

@@ -26,11 +26,11 @@ def test_milliseconds_are_those_of_the_written_time(moment):
     ("zone", "told"),
     [
         ("UTC", "2026-01-31 23:30 UTC"),
-        ("Europe/Berlin", "2026-02-01 00:30 CET"),
-        ("Asia/Manila", "2026-02-01 07:30 PST"),
-        ("Asia/Dubai", "2026-02-01 03:30 UTC+04"),
-        ("Asia/Kolkata", "2026-02-01 05:00 IST"),
-        ("America/Sao_Paulo", "2026-01-31 20:30 UTC-03"),
+        ("Europe/Berlin", "2026-02-01 00:30 UTC+01:00"),
+        ("Asia/Manila", "2026-02-01 07:30 UTC+08:00"),
+        ("Asia/Dubai", "2026-02-01 03:30 UTC+04:00"),
+        ("Asia/Kolkata", "2026-02-01 05:00 UTC+05:30"),
+        ("America/Sao_Paulo", "2026-01-31 20:30 UTC-03:00"),
     ],
 )
 def test_people_are_told_what_a_clock_of_the_plant_shows(zone, told):
@@ -43,8 +43,8 @@ def test_people_are_told_what_a_clock_of_the_plant_shows(zone, told):
 
 def test_an_hour_that_comes_twice_is_told_apart_and_read_as_the_first():
     clock = PlantClock("Europe/Berlin")
-    assert clock.told("2026-10-25T00:30:00Z") == "2026-10-25 02:30 CEST"
-    assert clock.told("2026-10-25T01:30:00Z") == "2026-10-25 02:30 CET"
+    assert clock.told("2026-10-25T00:30:00Z") == "2026-10-25 02:30 UTC+02:00"
+    assert clock.told("2026-10-25T01:30:00Z") == "2026-10-25 02:30 UTC+01:00"
     assert iso_utc(clock.instant(datetime(2026, 10, 25, 2, 30))) == "2026-10-25T00:30:00Z"
     assert iso_utc(clock.instant(datetime(2026, 7, 1, 12))) == "2026-07-01T10:00:00Z"
     assert iso_utc(clock.instant(datetime(2026, 7, 1, 12, tzinfo=UTC))) == "2026-07-01T12:00:00Z"

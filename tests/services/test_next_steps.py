@@ -70,3 +70,21 @@ def test_a_loop_that_is_stated_to_move_no_valve_is_not_asked_for_one():
     row = {"verdict": "stiction", "reliability": "not_reliable", "likely_cause": "stiction"}
     assert next_step(row, ("moves_no_valve",)) == next_steps.NO_VALVE
     assert "valve of its own" not in next_steps.NO_VALVE
+
+
+@pytest.mark.parametrize(
+    ("cause", "step"),
+    [
+        (None, next_steps.HAS_BAND),
+        ("no_oscillation", next_steps.HAS_BAND),
+        ("disturbance", next_steps.HAS_BAND),
+        ("set_point_following", next_steps.BY_CAUSE["set_point_following"]),
+        ("backlash", next_steps.BY_CAUSE["backlash"]),
+    ],
+)
+def test_a_band_is_looked_for_at_the_valve_unless_a_nearer_cause_is_named(cause, step):
+    row = {"verdict": "no_stiction", "reliability": "not_reliable", "likely_cause": cause}
+    assert next_step(row, ("hidden_band",)) == step
+    assert "hidden_band" in REASON_WORDS
+    sticks = row | {"verdict": "stiction", "reliability": "reliable", "likely_cause": "stiction"}
+    assert next_step(sticks, ("hidden_band",)) == next_steps.STICKS

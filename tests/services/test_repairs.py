@@ -85,7 +85,7 @@ def test_from_a_repair_on_the_samples_after_it_are_judged(backend: Backend, arri
     assert found["window_start"] >= "2026-03-01T08:00:00Z"
     assert "since_repair" in found["reasons"].split(";")
     reasons = {reason["code"]: reason["text"] for reason in loops.verdict_detail(backend, "FIC1")["reasons"]}
-    assert reasons["since_repair"].startswith("judged from the repair of 2026-03-01T08:00:00Z on")
+    assert reasons["since_repair"].startswith("judged from the repair of 2026-03-01 08:00 UTC on")
     repair = notes.newest_repair(backend, "FIC1")
     assert (repair.before["verdict"], repair.after["verdict"]) == ("stiction", "no_stiction")
 
@@ -101,7 +101,7 @@ def test_until_there_are_enough_the_verdict_says_that_it_is_of_before(backend: B
     assert found["health"] > before["health"]
     reasons = loops.verdict_detail(backend, "FIC1")["reasons"]
     assert reasons[0]["text"].startswith(
-        "of before the repair of 2026-03-01T08:00:00Z: 60 samples since then are too few"
+        "of before the repair of 2026-03-01 08:00 UTC: 60 samples since then are too few"
     )
 
 

@@ -23,3 +23,9 @@ def test_a_broker_that_is_refused_is_not_told_with_its_password() -> None:
 @pytest.mark.parametrize("address", ["", "redis://127.0.0.1:6379/3", "rediss://host/0"])
 def test_known_brokers_are_taken(address: str) -> None:
     assert Settings(broker_url=address).broker_url == address
+
+
+@pytest.mark.parametrize("name", ["localtime", "Nowhere/City", "", "UTC+8", "../UTC"])
+def test_a_zone_is_one_that_browsers_know_too(name):
+    with pytest.raises(ValueError, match="is no time zone"):
+        Settings(time_zone=name)

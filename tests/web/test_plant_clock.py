@@ -30,7 +30,7 @@ def client(serve, manila) -> Iterator:
 
 def test_pages_tell_times_by_the_plant_s_clock_and_say_by_which(client):
     plant, loop = client.get("/").text, client.get("/loops/FIC101").text
-    assert f"Recorded up to {LAST} PST" in plant
+    assert f"Recorded up to {LAST} UTC+08:00" in plant
     assert f"newest sample {LAST}" in loop
     assert f"Times are those of {ZONE}." in plant
     assert f'data-zone="{ZONE}"' in loop
@@ -67,20 +67,20 @@ def test_a_repair_that_is_still_to_come_is_refused_by_the_plant_s_clock(client):
     form = {"text": "x", "repaired_at": "2999-12-31T23:59"}
     answer = client.post("/loops/LIC7/notes", data=form, headers={"Origin": str(client.base_url).rstrip("/")})
     assert answer.status_code == 400
-    assert "2999-12-31 23:59 PST is still to come" in answer.text
+    assert "2999-12-31 23:59 UTC+08:00 is still to come" in answer.text
 
 
 def test_digest_and_report_tell_them_too(manila):
     digest = digest_of(manila, newest_run(manila))
     begun = datetime.fromisoformat(digest.run.created_at)
     there = manila.clock.told(digest.run.created_at)
-    assert there.endswith(" PST")
+    assert there.endswith(" UTC+08:00")
     assert f", {there}:" in as_text(digest)
     assert there in as_html(digest)
     assert subject(digest).endswith(f"({manila.clock.date(begun)})")
     report = loop_report(manila, "FIC101")
     assert f"All times are those of {ZONE}." in report
-    assert f"{LAST} PST" in report
+    assert f"{LAST} UTC+08:00" in report
 
 
 def test_charts_are_drawn_by_the_plant_s_clock(chromium: Browser, client):

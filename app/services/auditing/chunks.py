@@ -128,7 +128,7 @@ def _audited(work: Work, run: AuditRow, config: AuditConfig, clock: PlantClock) 
         raise LoopauditError("no_samples", "the loop has no samples in the window")
     started = time.perf_counter()
     recording, origin = recording_of(work.loop, samples), moment_of(origin_ns(samples))
-    found = work.window.told(audit(recording, config))
+    found = work.window.told(audit(recording, config), clock)
     return new_verdict(
         found,
         loop_id=work.loop.id,

@@ -12,7 +12,7 @@ from app.engine.evidence import Reason
 from app.engine.fitness import assess
 from app.engine.health import doubted_health
 from app.services.auditing.recordings import recording_of
-from app.services.moments import iso_utc, ns_of
+from app.services.moments import PlantClock, iso_utc, ns_of
 from app.storage import notes, series
 from app.storage.loops import LoopRow
 from app.storage.samples import Samples
@@ -33,12 +33,12 @@ class Window:
     since_repair: int = 0
     cut: bool = False
 
-    def told(self, audit: Audit) -> Audit:
+    def told(self, audit: Audit, clock: PlantClock) -> Audit:
         """The audit with a reason that says on which side of the repair it stands; what is of before it is not relied
         on."""
         if self.repaired_at is None:
             return audit
-        at = iso_utc(self.repaired_at)
+        at = clock.told(iso_utc(self.repaired_at) or "")
         judged, health = audit.judgement, audit.health
         if self.cut:
             text = f"judged from the repair of {at} on: what came before it is left out"

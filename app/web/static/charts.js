@@ -9,15 +9,22 @@ const layout = (more) => ({
 });
 // The chart library knows no zones: instants are moved by what the plant's clock is ahead of UTC at `newest`, all by the
 // same, so that no hour is drawn twice where the clock is put back.
-const clockAt = (newest) => {
-  const zone = document.documentElement.dataset.zone || "UTC";
-  const form = new Intl.DateTimeFormat("sv-SE", { timeZone: zone, dateStyle: "short", timeStyle: "medium" });
-  const second = 1000 * Math.floor((typeof newest === "string" ? Date.parse(newest) : newest) / 1000);
-  const ahead = Date.parse(`${form.format(second).replace(" ", "T")}Z`) - second;
-  const minutes = Math.abs(ahead) / 60000, two = (value) => String(value).padStart(2, "0");
+const clockAt = (newest, oldest = newest) => {
+  const zone = document.documentElement.dataset.zone || "UTC", two = (value) => String(value).padStart(2, "0");
+  const instant = (at) => (typeof at === "string" ? Date.parse(at) : at);
+  const aheadAt = (at) => {
+    const second = 1000 * Math.floor(instant(at) / 1000);
+    try {
+      const form = new Intl.DateTimeFormat("sv-SE", { timeZone: zone, dateStyle: "short", timeStyle: "medium" });
+      return Date.parse(`${form.format(second).replace(" ", "T")}Z`) - second;
+    } catch { return null; } // a zone that this browser does not know
+  };
+  const told = aheadAt(newest), ahead = told ?? 0, minutes = Math.abs(ahead) / 60000;
+  const offset = `UTC${ahead < 0 ? "-" : "+"}${two(Math.floor(minutes / 60))}:${two(minutes % 60)}`;
+  const changed = aheadAt(oldest) === told ? "" : ", as after the clock was changed";
   return {
-    shown: (at) => new Date((typeof at === "string" ? Date.parse(at) : at) + ahead).toISOString().slice(0, -1),
-    title: zone === "UTC" ? "time, UTC" : `time in ${zone}, UTC${ahead < 0 ? "-" : "+"}${two(Math.floor(minutes / 60))}:${two(minutes % 60)}`,
+    shown: (at) => new Date(instant(at) + ahead).toISOString().slice(0, -1),
+    title: zone === "UTC" || told === null ? "time, UTC" : `time in ${zone}, ${offset}${changed}`,
   };
 };
 const options = { responsive: true, displaylogo: false, displayModeBar: "hover" };

@@ -9,7 +9,7 @@
 
   function drawTraces(chart, told) {
     const start = Date.parse(told.start);
-    const clock = clockAt(start + 1000 * told.time_s.at(-1));
+    const clock = clockAt(start + 1000 * told.time_s.at(-1), start);
     const at = (seconds) => clock.shown(start + 1000 * seconds);
     const x = told.time_s.map(at);
     const line = (name, y, width) => ({ x, y, name, type: "scatter", mode: "lines", line: { color: COLOURS[name], width } });

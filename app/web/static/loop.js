@@ -4,7 +4,7 @@ const line = (x, y, name, colour, more) => ({ x, y, name, type: "scatter", mode:
 
 function drawTrend({ trend, window: shown, valve }) {
   if (!trend) return draw("trend", null, {}, "No samples of the audited stretch are kept.");
-  const clock = clockAt(trend.time.at(-1));
+  const clock = clockAt(trend.time.at(-1), trend.time[0]);
   const x = trend.time.map(clock.shown);
   const traces = [line(x, trend.pv, "PV", "--pv", { yaxis: "y2" }), line(x, trend.op, "OP", "--op")];
   if (trend.sp) traces.splice(1, 0, line(x, trend.sp, "SP", "--sp", { yaxis: "y2" }));
