@@ -19,6 +19,9 @@ from app.engine.valve import kano_stems
 STANDING = 300
 """Samples in a row of one value in PV or OP: the unit stands, and the record is looked at before it or after."""
 
+MOST_SAMPLES = 40_000
+"""The newest of these are enough, and their tables have 20 MB."""
+
 STRIDES = (2, 5, 12)
 ORDER, STEM_ORDER = 24, 4
 """How many of the last means of PV and OP are looked at, and of a stem: with fewer of PV and OP a line of the load's is
@@ -92,17 +95,18 @@ def hidden_band(record: UniformRecord) -> HiddenBand | None:
 
 
 def _longest_moving(record: UniformRecord) -> slice:
-    """The longest stretch in which nothing stands, less what is needed to forget the standstill."""
+    """The longest stretch in which nothing stands, less what is needed to forget the standstill; the newest of it."""
     stands = standing(record.pv, record.op) >= STANDING
     if not stands.any():
-        return slice(0, record.samples)
+        return slice(max(record.samples - MOST_SAMPLES, 0), record.samples)
     edges = np.flatnonzero(np.diff(np.concatenate(([True], stands, [True])).astype(np.int8)))
     starts, ends = edges[::2], edges[1::2]
     if not len(starts):
         return slice(0, 0)
     longest = int(np.argmax(ends - starts))
     margin = SETTLING * STRIDES[0]
-    return slice(int(starts[longest]) + margin, max(int(ends[longest]) - margin, int(starts[longest]) + margin))
+    start, end = int(starts[longest]) + margin, int(ends[longest]) - margin
+    return slice(max(start, end - MOST_SAMPLES), max(start, end))
 
 
 def _direction(op: FloatArray) -> float:

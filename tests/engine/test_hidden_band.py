@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.engine import hidden_band as module
 from app.engine.audit import audit
 from app.engine.hidden_band import ORDER, STANDING, HiddenBand, hidden_band
 from app.engine.recording import Recording, UniformRecord
@@ -68,6 +69,11 @@ def test_a_standstill_is_passed_over(sticking: list[UniformRecord], free: list[U
 
     assert all(isinstance(hidden_band(shut(record)), HiddenBand) for record in sticking)
     assert not any(hidden_band(shut(record)) for record in free)
+
+
+def test_of_a_long_record_the_newest_part_tells(monkeypatch: pytest.MonkeyPatch, sticking: list[UniformRecord]) -> None:
+    monkeypatch.setattr(module, "MOST_SAMPLES", 6000)
+    assert hidden_band(sticking[0]) == hidden_band(sticking[0].part(slice(N - 6000, N)))
 
 
 @pytest.mark.parametrize("samples", [1, 2, 100, 600])
