@@ -49,7 +49,7 @@ class Lags:
         return self._means(x)[self.order :]
 
     def ones(self, x: FloatArray) -> FloatArray:
-        """(n,)"""
+        """(n,): a constant."""
         return np.ones(len(x) // self.stride - self.order)
 
     def past(self, x: FloatArray, terms: int) -> FloatArray:
@@ -57,8 +57,8 @@ class Lags:
         return np.lib.stride_tricks.sliding_window_view(self._means(x)[self.order - terms : -1], terms)
 
     def whole_past(self, x: FloatArray) -> FloatArray:
-        """(n, terms): the last means, and what x was lately, within the last of them: what a controller has seen of PV
-        by then, OP would tell, and what OP was by then a stem.
+        """(n, terms): the last means, and what x was lately, within the last of them. A controller has seen what PV was
+        by then, and OP would tell it; a stem has gone along with what OP was.
         """
         within = blocks(x, self.stride)
         lengths = [2**k for k in range(self.stride.bit_length()) if 2**k < self.stride]

@@ -136,7 +136,7 @@ def conclude(
     unrelated, lost = _unrelated(fitness, oscillation, config), _lost(fitness)
     verdict = _verdict(probability, unrelated, lost, config)
     band = _band(probability, verdict, fitness, config)
-    doubts = (*_doubts(weighing, verdict, oscillation, fitness, band, config),)
+    doubts = _doubts(weighing, verdict, oscillation, fitness, band, config)
     doubts += _parts_disagree(weighing, fitness, config)
     doubts += tuple(_data_doubts(weighing, fitness, config))
     reliability: Reliability = "not_reliable" if lost or unrelated or doubts else "reliable"
@@ -164,7 +164,7 @@ def _verdict(probability: float, unrelated: tuple[Reason, ...], lost: "_Lost | N
 
 
 def _band(probability: float, verdict: Verdict, fitness: Fitness, config: VerdictConfig) -> HiddenBand | None:
-    """The band that PV shows by itself, looked for only where it matters: it costs half of all else."""
+    """The band that PV shows by itself, looked for only where it matters: it costs up to half of all else."""
     clear_enough = config.reliable_band_from <= probability < config.reliable_stiction_from
     return hidden_band(fitness.looked_at) if verdict == "no_stiction" or clear_enough else None
 
