@@ -10,14 +10,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from app.engine.fitness.signals import standing, stored_points
+from app.engine.fitness.signals import STANDING, newest_long_run, standing, stored_points
 from app.engine.foretelling import FORETOLD, Lags, fitted, not_far
 from app.engine.recording import BoolArray, FloatArray, UniformRecord
 from app.engine.sampled import quantiles
 from app.engine.valve import kano_stems
-
-STANDING = 300
-"""Samples in a row of one value in PV or OP: the unit stands, and the record is looked at before it or after."""
 
 MOST_SAMPLES = 40_000
 """The newest of these are enough, and their tables have 20 MB."""
@@ -99,13 +96,8 @@ def _longest_moving(record: UniformRecord) -> slice:
     stands = standing(record.pv, record.op) >= STANDING
     if not stands.any():
         return slice(max(record.samples - MOST_SAMPLES, 0), record.samples)
-    edges = np.flatnonzero(np.diff(np.concatenate(([True], stands, [True])).astype(np.int8)))
-    starts, ends = edges[::2], edges[1::2]
-    if not len(starts):
-        return slice(0, 0)
-    longest = int(np.argmax(ends - starts))
-    margin = SETTLING * STRIDES[0]
-    start, end = int(starts[longest]) + margin, int(ends[longest]) - margin
+    longest, margin = newest_long_run(~stands, 1.0, 0), SETTLING * STRIDES[0]
+    start, end = longest.start + margin, longest.stop - margin
     return slice(max(start, end - MOST_SAMPLES), max(start, end))
 
 

@@ -7,7 +7,8 @@ import pytest
 
 from app.engine import hidden_band as module
 from app.engine.audit import audit
-from app.engine.hidden_band import ORDER, STANDING, HiddenBand, hidden_band
+from app.engine.fitness.signals import STANDING
+from app.engine.hidden_band import ORDER, HiddenBand, hidden_band
 from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, integrator, simulate_loop
 

@@ -66,6 +66,11 @@ def two_levels(signal: FloatArray) -> TwoLevels:
     return TwoLevels(max(near), min(near), switches, float(np.median(on_the_way)) if len(on_the_way) else 0.0)
 
 
+STANDING = 300
+"""Samples in a row of one value that show nothing of a loop at work: where a unit is shut down PV and OP fall together.
+"""
+
+
 def standing(pv: FloatArray, op: FloatArray) -> IntArray:
     """(N,) for how many samples in a row PV or OP (N,), whichever does longer, holds the value that it has there."""
     return np.maximum(run_lengths(pv), run_lengths(op))
