@@ -77,13 +77,13 @@ def hidden_band(record: UniformRecord) -> HiddenBand | None:
     if not moving.samples:
         return None
     low, high = quantiles(moving.op, _RANGE)
-    if not high > low:
+    stored = min(stored_points(moving.pv), stored_points(moving.op))
+    strides = [stride for stride in STRIDES if stride * stored >= moving.samples]
+    if not strides or not high > low:
         return None
     op = (moving.op - moving.op[0]) * (_direction(moving.op) / (high - low))
     stems = np.empty((len(SIZES), len(op)))
     kano_stems(op, SIZES, JUMP * SIZES, stems)
-    stored = min(stored_points(moving.pv), stored_points(moving.op))
-    strides = [stride for stride in STRIDES if stride * stored >= moving.samples]
     news = _usual_news(moving)
     found = [_on(Lags(stride, ORDER), replace(moving, op=op), stems, news) for stride in strides]
     shown = [band for band in found if band is not None]

@@ -48,7 +48,10 @@ class PlantClock:
         """The same with what the clock is ahead of UTC, for sentences that go elsewhere: 2026-01-31 04:00 UTC+01:00.
 
         Short names of zones are of no use there: CST, IST and PST are several zones each."""
-        stamp = self.at(datetime.fromisoformat(iso)).isoformat(" ", "minutes")
+        return self.told_at(datetime.fromisoformat(iso))
+
+    def told_at(self, moment: datetime) -> str:
+        stamp = self.at(moment).isoformat(" ", "minutes")
         return f"{stamp[:16]} UTC{stamp[16:].removeprefix('+00:00')}"
 
     @property

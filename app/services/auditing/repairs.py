@@ -12,7 +12,7 @@ from app.engine.evidence import Reason
 from app.engine.fitness import assess
 from app.engine.health import doubted_health
 from app.services.auditing.recordings import recording_of
-from app.services.moments import PlantClock, iso_utc, ns_of
+from app.services.moments import PlantClock, ns_of
 from app.storage import notes, series
 from app.storage.loops import LoopRow
 from app.storage.samples import Samples
@@ -38,7 +38,7 @@ class Window:
         on."""
         if self.repaired_at is None:
             return audit
-        at = clock.told(iso_utc(self.repaired_at) or "")
+        at = clock.told_at(self.repaired_at)
         judged, health = audit.judgement, audit.health
         if self.cut:
             text = f"judged from the repair of {at} on: what came before it is left out"

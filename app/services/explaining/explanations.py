@@ -127,11 +127,11 @@ def _remarks(backend: Backend, loop: LoopRow, row: ExplanationRow) -> list[str]:
         newest_verdict = verdicts.newest_said(connection, loop.id)
     told = []
     if repaired_at is not None and row.window_end_ns is not None and ns_of(repaired_at) > row.window_end_ns:
-        told.append(f"This is of before the repair of {backend.clock.told(iso_utc(repaired_at) or '')}.")
+        told.append(f"This is of before the repair of {backend.clock.told_at(repaired_at)}.")
     if newest_verdict is None:
         return told
     if newest_verdict.audited_at > row.asked_at:
-        audit = backend.clock.told(iso_utc(newest_verdict.audited_at) or "")
+        audit = backend.clock.told_at(newest_verdict.audited_at)
         told.append(f"It was asked for before the audit of {audit}, which may rest on newer samples.")
     if newest_verdict.verdict == "stiction" and row.verdict in ("consistent", "inconclusive"):
         told.append("The audit says that the valve sticks: that this comparison names nothing does not clear it.")

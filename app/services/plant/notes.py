@@ -56,7 +56,7 @@ def add_note(
         raise RequestError("note_too_long", f"a note may have at most {most}")
     repaired_at = None if repaired_at is None else _in_utc(repaired_at)
     if repaired_at is not None and repaired_at > datetime.now(UTC) + CLOCKS_DIFFER:
-        told = backend.clock.told(iso_utc(repaired_at) or "")
+        told = backend.clock.told_at(repaired_at)
         raise RequestError("bad_repair_time", f"{told} is still to come; a repair is written down once it is done")
     row = find(backend, tag)
     with backend.database.write() as connection:
