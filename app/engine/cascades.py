@@ -4,11 +4,10 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from app.engine.excerpts import LENGTH, Excerpts
 from app.engine.innovations import apart, innovations
-from app.engine.recording import FloatArray, IntArray
+from app.engine.recording import Array32, FloatArray, IntArray
 
 ORDER = 6
 
@@ -37,8 +36,6 @@ AS_NEAR = 1e-3
 """Likenesses so near to each other are the same: a loop under two tags, a set point that comes from elsewhere."""
 
 AT_ONCE = 128  # set points that are compared in one product
-
-Array32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,13 @@
 """Loops that oscillate together, and which of them is likeliest to shake the others."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from scipy.special import pdtrc
 
-from app.engine.recording import BoolArray, FloatArray, IntArray
+from app.engine.recording import Array32, BoolArray, FloatArray, IntArray
 from app.engine.swing import BAND_EDGES_HZ, ComplexArray, Swing
 
 IN_STEP = 0.7
@@ -121,13 +122,24 @@ class _Waves:
     inside: BoolArray
     together: IntArray
 
-    def coherence(self, one: int, others: BoolArray) -> ComplexArray:
-        """Normalised inner product of `one` with `others` over the times that both have; abs: coherence, angle: lag."""
-        rows = self.values[others]
-        both = self.inside[others] & self.inside[one] & (self.together[others] == self.together[one])[:, None]
-        product = rows.conj() @ self.values[one]
-        norm = np.sqrt(_power(rows, both) * _power(self.values[one][None, :], both))
-        return np.divide(product, norm, out=np.zeros_like(product), where=norm > 0.0)
+    @cached_property
+    def power(self) -> Array32:
+        """(M, GRID)"""
+        return np.abs(self.values) ** 2
+
+    @cached_property
+    def known(self) -> Array32:
+        """(M, GRID) 1 inside of its record, 0 outside."""
+        return self.inside.astype(np.float32)
+
+    def coherence(self, one: int, others: IntArray) -> ComplexArray:
+        """(K,) normalised inner product of `one` with `others` (K,) over the times that both have; abs: coherence,
+        angle: lag.
+        """
+        product = np.conj(self.values[others] @ self.values[one].conj()).astype(np.complex128)
+        power = (self.power[others] @ self.known[one]).astype(np.float64) * (self.known[others] @ self.power[one])
+        met = (power > 0.0) & (self.together[others] == self.together[one])
+        return np.divide(product, np.sqrt(power), out=np.zeros_like(product), where=met)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,44 +167,39 @@ class _Company:
         """Poisson probability of so many others of its period or more."""
         return float(pdtrc(count - 1, self.expected[one]))
 
-    def by_chance(self, one: int, links: Mapping[int, complex]) -> float:
+    def by_chance(self, one: int, rows: IntArray, links: ComplexArray) -> float:
         """The least probability that as many others as coherent with it come by chance, of those linked to it."""
-        return min(_ranked(self._expected(one, {row: link for row, link in links.items() if row != one})).values())
+        others = rows != one
+        return float(np.min(_as_many(self._as_coherent(one, rows[others], links[others]))))
 
-    def beyond_chance(self, one: int, links: Mapping[int, complex]) -> list[int]:
+    def beyond_chance(self, one: int, rows: IntArray, links: ComplexArray) -> IntArray:
         """The rows linked to one that hardly come by chance, each for itself or several together."""
-        expected = self._expected(one, links)
-        together = _ranked(expected)
-        return sorted(
-            row
-            for row, loops in expected.items()
-            if loops <= UNNAMED or (loops <= TOGETHER and together[row] <= CHANCE)
-        )
+        loops = self._as_coherent(one, rows, links)
+        return rows[(loops <= UNNAMED) | ((loops <= TOGETHER) & (_as_many(loops) <= CHANCE))]
 
-    def _expected(self, one: int, links: Mapping[int, complex]) -> dict[int, float]:
-        """How many others as coherent with one as each that is linked to it chance brings."""
-        return {row: self._as_coherent(one, row, link) for row, link in links.items()}
-
-    def _as_coherent(self, one: int, other: int, link: complex) -> float:
-        """How many others chance brings to the period of one, as coherent with it as another is.
+    def _as_coherent(self, one: int, others: IntArray, links: ComplexArray) -> FloatArray:
+        """(K,) how many others chance brings to the period of one, as coherent with it as each of `others` (K,) is.
 
         Of swings that wander by themselves over n independent lines a share of (1 - c^2)^(n - 1) is more coherent than
         c; n is less where the two were recorded together for a part of the time only. A limit cycle is hardly more than
         one line: to be coherent with it tells little.
         """
-        pair = [one, other]
-        together = max(0.0, float(np.min(self.end_s[pair]) - np.max(self.start_s[pair])))
-        lines = float(np.min(self.lines[pair] * together / (self.end_s[pair] - self.start_s[pair])))
-        apart = max(1.0 - min(1.0, abs(link)) ** 2, _LEAST_APART)
-        return float(apart ** max(lines - 1.0, 0.0) * self.expected[one])
+        end_s = np.minimum(self.end_s[others], self.end_s[one])
+        together = np.maximum(0.0, end_s - np.maximum(self.start_s[others], self.start_s[one]))
+        a_second = self.lines / (self.end_s - self.start_s)
+        lines = np.minimum(a_second[others], a_second[one]) * together
+        apart = np.maximum(1.0 - np.minimum(1.0, np.abs(links)) ** 2, _LEAST_APART)
+        return np.asarray(apart ** np.maximum(lines - 1.0, 0.0) * self.expected[one])
 
 
-def _ranked(expected: Mapping[int, float]) -> dict[int, float]:
-    """The loops of which chance brings so many, the fewest first, each with the probability that as many come by it as
-    stand up to there.
+def _as_many(expected: FloatArray) -> FloatArray:
+    """(K,) for loops of which chance brings so many each, `expected` (K,): the probability that as many come by it as
+    stand up to there, the fewest first.
     """
-    ranked = sorted(expected, key=lambda row: (expected[row], row))
-    return {row: float(pdtrc(count, expected[row])) for count, row in enumerate(ranked)}
+    ranked = np.argsort(expected, kind="stable")
+    probability = np.empty(len(expected))
+    probability[ranked] = pdtrc(np.arange(len(expected)), expected[ranked])
+    return probability
 
 
 @dataclass(eq=False)
@@ -230,16 +237,19 @@ def groups(candidates: Sequence[Candidate]) -> tuple[Group, ...]:
     company = _Company.of(chosen)
     # In a large plant some are coherent enough by chance to hide which belong together: those that are not come first.
     _gather_in_step(chosen, waves, free, company.beyond_chance)
-    _gather_in_step(chosen, waves, free, lambda seed, links: sorted(links))
+    _gather_in_step(chosen, waves, free, lambda _, rows, __: rows)
     _gather_alike(chosen, free)
     found = [_group(chosen, waves, company, members, in_step) for in_step, members in free.groups]
     return tuple(sorted(found, key=lambda g: (g.by_chance, not g.in_step, -len(g.suspects), g.suspects[0].tag)))
 
 
 def _gather_in_step(
-    chosen: Sequence[Candidate], waves: _Waves, free: _Free, told: Callable[[int, Mapping[int, complex]], list[int]]
+    chosen: Sequence[Candidate],
+    waves: _Waves,
+    free: _Free,
+    told: Callable[[int, IntArray, ComplexArray], IntArray],
 ) -> None:
-    """told: which of the loops that are coherent with a seed, by row, are taken."""
+    """told: which of the loops that are coherent with a seed, by row (K,) and coherence (K,), are taken."""
     period, slack = _periods(chosen, 0.05, 1.5)
     for seed in range(len(chosen)):
         if not free.left[seed]:
@@ -248,9 +258,10 @@ def _gather_in_step(
         near[seed] = False
         if near.any():
             rows = np.flatnonzero(near)
-            links = dict(zip(rows.tolist(), waves.coherence(seed, near).tolist(), strict=True))
-            if together := told(seed, {row: link for row, link in links.items() if abs(link) >= IN_STEP}):
-                free.take([seed, *together], in_step=True)
+            links = waves.coherence(seed, rows)
+            linked = np.abs(links) >= IN_STEP
+            if len(together := told(seed, rows[linked], links[linked])):
+                free.take([seed, *together.tolist()], in_step=True)
 
 
 def _gather_alike(chosen: Sequence[Candidate], free: _Free) -> None:
@@ -318,10 +329,6 @@ def _wave(swing: Swing, time_s: FloatArray) -> ComplexArray:
     return total * turn**swing.first_line
 
 
-def _power(rows: ComplexArray, where: BoolArray) -> FloatArray:
-    return np.sum(np.abs(rows) ** 2 * where, axis=1)
-
-
 def _group(chosen: Sequence[Candidate], waves: _Waves, company: _Company, members: list[int], in_step: bool) -> Group:
     onsets = [_onset_s(waves, row) for row in members]
     first_s = float(waves.time_s[members, 0].min())
@@ -335,28 +342,23 @@ def _group(chosen: Sequence[Candidate], waves: _Waves, company: _Company, member
     place = max(range(len(members)), key=lambda k: (scores[k], chosen[members[k]].stiction_probability or 0.0))
     best = members[place]
     period_s = float(np.median([chosen[row].swing.period_s for row in members]))
-    links = waves.coherence(best, _mask(len(chosen), members))
-    by_row = dict(zip(sorted(members), links, strict=True))
+    rows = np.sort(members)
+    links = waves.coherence(best, rows)
+    by_row = dict(zip(rows.tolist(), links.tolist(), strict=True))
     suspects = [
         Suspect(
             chosen[row].tag,
             chosen[row].stiction_probability,
             score,
             onset,
-            1.0 if row == best else round(min(1.0, abs(complex(by_row[row]))), 3),
-            _lag_s(complex(by_row[row]), period_s) if in_step else None,
+            1.0 if row == best else round(min(1.0, abs(by_row[row])), 3),
+            _lag_s(by_row[row], period_s) if in_step else None,
         )
         for row, score, onset in zip(members, scores, onsets, strict=True)
     ]
-    chance = company.by_chance(best, by_row) if in_step else company.of_one_period(members[0], len(members) - 1)
+    chance = company.by_chance(best, rows, links) if in_step else company.of_one_period(members[0], len(members) - 1)
     others = sorted((s for k, s in enumerate(suspects) if k != place), key=lambda s: (-s.score, s.tag))
     return Group(period_s, in_step, chance, (suspects[place], *others))
-
-
-def _mask(length: int, rows: Sequence[int]) -> BoolArray:
-    mask = np.zeros(length, dtype=np.bool_)
-    mask[list(rows)] = True
-    return mask
 
 
 def _score(candidate: Candidate, late_s: float, resolution_s: float) -> float:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from app.errors import DataError
 
 FloatArray = NDArray[np.float64]
+Array32 = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
