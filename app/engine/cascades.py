@@ -35,7 +35,7 @@ FEWEST_MOVES, LEFT_OUT = 5, 3
 AS_NEAR = 1e-3
 """Likenesses so near to each other are the same: a loop under two tags, a set point that comes from elsewhere."""
 
-AT_ONCE = 128  # set points that are compared in one product
+AT_ONCE, BESIDE = 128, 2048  # set points and OPs that are compared in one product
 
 
 @dataclass(frozen=True)
@@ -49,10 +49,15 @@ class Cascade:
 
 @dataclass(frozen=True, eq=False)
 class _Signal:
-    """Some excerpts of OP or SP: values (B, LENGTH) of those with these numbers (B,)."""
+    """Some excerpts of OP or SP: kept (B, LENGTH) of those with these numbers (B,)."""
 
     numbers: IntArray
-    values: FloatArray
+    kept: Array32 | FloatArray
+
+    @property
+    def values(self) -> FloatArray:
+        """By a power of two, so exactly, at a size whose square is a number."""
+        return np.ldexp(self.kept.astype(np.float64), -int(np.frexp(np.max(np.abs(self.kept)))[1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +74,12 @@ class _Signals:
     @classmethod
     def of(cls, signals: Mapping[str, _Signal]) -> "_Signals":
         in_order = ((tag, innovations(signals[tag].values, ORDER)) for tag in sorted(signals))
-        new = {tag: found for tag, found in in_order if found is not None}
+        new = {tag: found.astype(np.float32) for tag, found in in_order if found is not None}
         return cls(
             list(new),
             np.repeat(np.arange(len(new)), [len(found) for found in new.values()]),
             np.concatenate([signals[tag].numbers for tag in new] or [np.empty(0, np.int64)]),
-            np.concatenate([*new.values(), np.empty((0, LENGTH - ORDER))], dtype=np.float32),
+            np.concatenate([*new.values(), np.empty((0, LENGTH - ORDER), np.float32)]),
         )
 
     def begin(self) -> IntArray:
@@ -121,12 +126,10 @@ def cascades(excerpts: Mapping[str, Excerpts], asked: Collection[str] | None = N
     return tuple(sorted(found, key=lambda one: (one.outer, one.inner)))
 
 
-def _signals(excerpts: Mapping[str, Excerpts], which: Callable[[Excerpts], FloatArray | None]) -> dict[str, _Signal]:
-    """By a power of two, so exactly, at a size whose square is a number."""
-    moving = {tag: (one.numbers, x) for tag, one in excerpts.items() if (x := which(one)) is not None}
-    return {
-        tag: _Signal(numbers, np.ldexp(x, -int(np.frexp(np.max(np.abs(x)))[1]))) for tag, (numbers, x) in moving.items()
-    }
+def _signals(
+    excerpts: Mapping[str, Excerpts], which: Callable[[Excerpts], Array32 | FloatArray | None]
+) -> dict[str, _Signal]:
+    return {tag: _Signal(one.numbers, x) for tag, one in excerpts.items() if (x := which(one)) is not None}
 
 
 def _nearest(pairs: list[Cascade]) -> Iterator[Cascade]:
@@ -154,13 +157,13 @@ def _looked_at(ops: Mapping[str, _Signal], sps: Mapping[str, _Signal]) -> Iterat
     for some in (in_time[at : at + AT_ONCE] for at in range(0, len(in_time), AT_ONCE)):
         numbers = np.unique(new_sps.numbers[np.isin(new_sps.owner, some)])
         near = np.unique(new_ops.owner[np.isin(new_ops.numbers, numbers)])
-        if not len(near):
-            continue
-        alike = _correlations(new_sps.in_excerpts(some, numbers), new_ops.in_excerpts(near, numbers))
-        for row, column in np.argwhere(alike >= ALMOST).tolist():
-            outer, inner = new_ops.tags[near[column]], new_sps.tags[some[row]]
-            if outer != inner:
-                yield outer, inner
+        set_points = new_sps.in_excerpts(some, numbers)
+        for beside in (near[at : at + BESIDE] for at in range(0, len(near), BESIDE)):
+            alike = _correlations(set_points, new_ops.in_excerpts(beside, numbers))
+            for row, column in np.argwhere(alike >= ALMOST).tolist():
+                outer, inner = new_ops.tags[beside[column]], new_sps.tags[some[row]]
+                if outer != inner:
+                    yield outer, inner
 
 
 def _correlations(some: Array32, others: Array32) -> Array32:

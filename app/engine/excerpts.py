@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.engine.recording import FloatArray, IntArray, Recording
+from app.engine.recording import Array32, FloatArray, IntArray, Recording
 from app.engine.sampled import ROUNDING
 
 LENGTH = 64
@@ -28,8 +28,8 @@ class Excerpts:
 
     interval_s: float
     numbers: IntArray
-    op: FloatArray | None
-    sp: FloatArray | None
+    op: FloatArray | Array32 | None
+    sp: FloatArray | Array32 | None
 
 
 def excerpts_of(recording: Recording, origin_s: float) -> Excerpts | None:
