@@ -5,6 +5,8 @@ doi 10.2307/1912791.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -80,6 +82,69 @@ class Lags:
 
     def _means(self, x: FloatArray) -> FloatArray:
         return _at_unit(blocks(x, self.stride).mean(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """What is known of each value of PV, and that value as the last column of the rows (n, terms + 1).
+
+    parts: of the rows, (P,). products: (P, terms + 1, terms + 1) of the columns with each other over each of them.
+    """
+
+    rows: FloatArray
+    parts: tuple[slice, ...]
+    products: FloatArray
+
+    @classmethod
+    def in_parts(cls, rows: FloatArray, parts: int) -> "Table":
+        edges = [len(rows) * k // parts for k in range(parts + 1)]
+        slices = tuple(slice(start, end) for start, end in pairwise(edges))
+        return cls(rows, slices, _products(rows, rows, slices))
+
+    @cached_property
+    def missed(self) -> FloatArray:
+        """(P,): sums of squares that one fit to all parts leaves in each."""
+        return _missed(self.products)
+
+    @property
+    def foretells_all(self) -> bool:
+        """Whether what is missed is rounding alone: nothing can add to that."""
+        return bool(self.missed.sum() <= FORETOLD * self.products[:, -1, -1].sum())
+
+    def beside(self, more: FloatArray) -> "Table":
+        """With further columns (n, k) of what is known."""
+        rows = np.column_stack((self.rows[:, :-1], more, self.rows[:, -1]))
+        return Table(rows, self.parts, self._products_beside(more))
+
+    def worth(self, more: FloatArray) -> FloatArray:
+        """(P,): by how much further columns (n, k) raise the logarithm of the likelihood of each part, under normal
+        misses of one variance.
+        """
+        sizes = np.array([part.stop - part.start for part in self.parts])
+        before, after = self.missed, _missed(self._products_beside(more))
+        was, now = (max(float(missed.sum()), np.finfo(float).tiny) / sizes.sum() for missed in (before, after))
+        return np.asarray(0.5 * (before / was - after / now) + 0.5 * sizes * np.log(was / now))
+
+    def _products_beside(self, more: FloatArray) -> FloatArray:
+        parts, size, k = len(self.parts), self.products.shape[1], more.shape[1]
+        known_at = [*range(size - 1), size - 1 + k]
+        more_at = list(range(size - 1, size - 1 + k))
+        products = np.empty((parts, size + k, size + k))
+        products[np.ix_(range(parts), known_at, known_at)] = self.products
+        products[np.ix_(range(parts), more_at, more_at)] = _products(more, more, self.parts)
+        across = _products(self.rows, more, self.parts)
+        products[np.ix_(range(parts), known_at, more_at)] = across
+        products[np.ix_(range(parts), more_at, known_at)] = across.transpose(0, 2, 1)
+        return products
+
+
+def _products(a: FloatArray, b: FloatArray, parts: tuple[slice, ...]) -> FloatArray:
+    return np.array([a[part].T @ b[part] for part in parts])
+
+
+def _missed(products: FloatArray) -> FloatArray:
+    weights = np.append(-fitted(products.sum(axis=0), products.shape[1] - 1), 1.0)
+    return np.asarray(np.maximum(weights @ products @ weights, 0.0))
 
 
 def not_far(missed: FloatArray) -> BoolArray:

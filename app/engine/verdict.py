@@ -11,8 +11,18 @@ from app.engine.coupling import strangers_chance, strangers_chance_finely
 from app.engine.evidence import Finding, Reason
 from app.engine.features import NAMES, Features, observe
 from app.engine.fitness import Fitness
-from app.engine.hidden_band import HiddenBand, hidden_band
-from app.engine.judgement import HIDDEN_BAND, NO_ANSWER, PV_STANDS, UNCOUPLED, WOUND_UP, Judgement, Reliability, Verdict
+from app.engine.hidden_band import STRIDES, TELLING, Search, look_for_band
+from app.engine.judgement import (
+    HIDDEN_BAND,
+    NO_ANSWER,
+    NO_BAND,
+    PV_STANDS,
+    UNCOUPLED,
+    WOUND_UP,
+    Judgement,
+    Reliability,
+    Verdict,
+)
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.reliability import Reference
@@ -135,13 +145,14 @@ def conclude(
     probability = weighing.probability
     unrelated, lost = _unrelated(fitness, oscillation, config), _lost(fitness)
     verdict = _verdict(probability, unrelated, lost, config)
-    band = _band(probability, verdict, fitness, config)
-    doubts = _doubts(weighing, verdict, oscillation, fitness, band, config)
+    sought = _sought(probability, verdict, fitness, config)
+    doubts = _doubts(weighing, verdict, oscillation, fitness, sought, config)
     doubts += _parts_disagree(weighing, fitness, config)
     doubts += tuple(_data_doubts(weighing, fitness, config))
     reliability: Reliability = "not_reliable" if lost or unrelated or doubts else "reliable"
     first = (*([lost.reason] if lost else []), *unrelated)
-    shown = _band_reason(band) if verdict == "stiction" else ()
+    needed = verdict == "stiction" and probability < config.reliable_stiction_from
+    shown = _band_reason(sought) if needed and sought.by_itself else ()
     reasons = (*first, *_shape_reasons(weighing, verdict), *shown, *_rival_reasons(weighing, verdict), *doubts)
     reasons += _stretches_reason(fitness)
     if reference is not None:
@@ -163,20 +174,32 @@ def _verdict(probability: float, unrelated: tuple[Reason, ...], lost: "_Lost | N
     return "inconclusive" if strangers or lost else "no_stiction"
 
 
-def _band(probability: float, verdict: Verdict, fitness: Fitness, config: VerdictConfig) -> HiddenBand | None:
-    """The band that PV shows by itself, looked for only where it matters: it costs up to half of all else."""
+def _sought(probability: float, verdict: Verdict, fitness: Fitness, config: VerdictConfig) -> Search:
+    """The band of the valve, looked for in PV only where it matters: it costs up to half of all else."""
     clear_enough = config.reliable_band_from <= probability < config.reliable_stiction_from
-    return hidden_band(fitness.looked_at) if verdict == "no_stiction" or clear_enough else None
+    telling = fitness.looked_at.samples >= STRIDES[0] * TELLING and probability >= config.reliable_band_from
+    return look_for_band(fitness.looked_at) if verdict == "no_stiction" or clear_enough or telling else Search()
 
 
-def _band_reason(band: HiddenBand | None) -> tuple[Reason, ...]:
-    if band is None:
+def _band_reason(sought: Search) -> tuple[Reason, ...]:
+    if sought.found is None:
         return ()
     text = (
-        f"PV goes as behind a valve that moves only after OP has gone some {band.S:.2g} units the other way: it may "
-        "stick, or have play, by so much, whatever the shapes say"
+        f"PV goes as behind a valve that moves only after OP has gone some {sought.found.S:.2g} units the other way: "
+        "it may stick, or have play, by so much, whatever the shapes say"
     )
+    text += "" if sought.by_itself else "; a load that goes one way for a while and then the other would look alike"
     return (Reason(HIDDEN_BAND, text),)
+
+
+def _no_band(sought: Search) -> tuple[Reason, ...]:
+    if not sought.in_vain:
+        return ()
+    text = (
+        f"PV goes as behind a valve that follows OP: in {sought.means} means of PV no valve that sticks tells more of "
+        "what it does next, as it would if the swing were its own; what goes to and fro elsewhere may shape it"
+    )
+    return (Reason(NO_BAND, text),)
 
 
 def _doubts(
@@ -184,19 +207,20 @@ def _doubts(
     verdict: Verdict,
     oscillation: Oscillation,
     fitness: Fitness,
-    band: HiddenBand | None,
+    sought: Search,
     config: VerdictConfig,
 ) -> tuple[Reason, ...]:
     """Why the shapes and their time do not make the verdict reliable; empty where they do."""
     doubts = []
-    if verdict != "stiction" or band is None:
+    if verdict != "stiction" or not sought.by_itself:
         doubts.extend(_unclear(weighing, oscillation, config))
     if oscillation.cycles < config.min_cycles:
         text = f"what was judged holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be trusted"
         doubts.append(Reason("few_cycles", text))
     if verdict == "no_stiction":
-        doubts.extend((*_no_answer(fitness), *_band_reason(band)))
+        doubts.extend((*_no_answer(fitness), *_band_reason(sought)))
     if verdict == "stiction":
+        doubts.extend(_no_band(sought))
         doubts.extend(_shaped_outside(weighing, config))
         doubts.extend(_keeps_time(fitness.audited, oscillation, config))
         doubts.extend(Reason(rival.cause, rival.text) for rival in weighing.rivals if rival.stands_out and rival.counts)

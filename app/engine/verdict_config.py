@@ -15,7 +15,8 @@ class VerdictConfig:
     regularly with at least `strong_swing`, as a limit cycle does, and of the swing of PV or of OP one sine that keeps
     its phase explains less than `max_cycling_wave`; max_cycling_phase: and PV and OP are apart by a phase of which the
     sine is this at most.
-    reliable_band_from: enough for stiction where PV shows the band of the valve by itself (`hidden_band`).
+    reliable_band_from: enough for stiction where PV shows the band of the valve by itself (`hidden_band`), and from
+    where on none of a long record is a doubt (`no_band`).
     min_cycles: fewest cycles of the oscillation in the record for a reliable verdict.
     max_strangers_chance: for a reliable verdict, two signals that have nothing to do with each other are as alike as
     PV and OP with less than this probability.

@@ -31,7 +31,7 @@ from app.engine.verdict_reference import READINGS
 from app.engine.verdict_wording import spoken
 
 
-def simulated(seed: int = 1, **changes) -> Recording:
+def simulated(seed: int = 1, length_s: float = 1200.0, **changes) -> Recording:
     spec = LoopSpec(
         plant=first_order(1.0, 3.0, 1.0),
         controller=Pid(Kc=0.3, Ti_s=6.0),
@@ -39,11 +39,11 @@ def simulated(seed: int = 1, **changes) -> Recording:
         settle_s=300.0,
         **changes,
     )
-    return simulate_loop(spec, 1200.0, 1.0, seed=seed).recording("loop")
+    return simulate_loop(spec, length_s, 1.0, seed=seed).recording("loop")
 
 
-def sticky() -> Recording:
-    return simulated(valve=TwoParameterValve(2.0, 2.0), upset=Signal(value=3.0))
+def sticky(length_s: float = 1200.0) -> Recording:
+    return simulated(length_s=length_s, valve=TwoParameterValve(2.0, 2.0), upset=Signal(value=3.0))
 
 
 def shaken() -> Recording:
@@ -238,7 +238,7 @@ def test_a_limit_cycle_that_is_not_clear_by_its_shapes_is_not_in_quadrature(prob
 
 @pytest.mark.parametrize(("probability", "reliable"), [(0.65, True), (0.55, False)])
 def test_a_band_that_pv_shows_by_itself_makes_a_likely_verdict_clear(probability, reliable):
-    fitness = assess(sticky())
+    fitness = assess(sticky(3600.0))
     oscillation = detect(fitness.record)
     weighing = replace(weigh(fitness.record, oscillation), log_odds=float(np.log(probability / (1.0 - probability))))
     said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), None, VerdictConfig())

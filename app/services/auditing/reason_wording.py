@@ -46,6 +46,7 @@ _DOUBTS = {
     "pv_stands": "PV has stood still up to the end while OP moved, as never before: dead transmitter, or stuck valve.",
     "no_answer": "PV shows no answer to OP: a valve that stands fast looks the same, whatever the shapes say.",
     "hidden_band": "PV goes as behind a valve with a band: it may stick, or have play, whatever the shapes say.",
+    "no_band": "PV goes as behind a valve that follows OP: something else may give the swing its shape.",
     "wound_up": "OP has come to stand at its limit, as never before, and PV does not come back: is the valve stuck?",
     "pv_does_not_answer": "OP travels and PV does not answer at all: a stuck valve, or a dead transmitter.",
     "prior_only": "The probability is a prior between these two causes, not a measurement.",

@@ -1,0 +1,38 @@
+"""What tells by how much a signal has turned, and on which side it is: stems and relays of many sizes."""
+
+import numpy as np
+
+from app.engine.recording import FloatArray
+from app.engine.sampled import quantiles
+from app.engine.valve import kano_stems
+
+JUMP = 0.2
+"""J over S: what the stem slips little shows of valves that jump as well, and better than a large one of the others."""
+
+_RANGE = (0.01, 0.99)
+
+
+def usual_range(x: FloatArray) -> float:
+    """Of nearly all samples."""
+    low, high = quantiles(x, _RANGE)
+    return float(high - low)
+
+
+def stems(x: FloatArray, sizes: FloatArray) -> FloatArray:
+    """(M, N): where Kano's valves of these sizes (M,) over the usual range of a signal (N,) have their stems when it
+    moves them, over that range. The sign of the signal is free: a valve at rest knows one direction, and x first moves
+    in it.
+    """
+    first = float(np.sign(x[np.argmax(x != x[0])] - x[0]))
+    out = np.empty((len(sizes), len(x)))
+    kano_stems((x - x[0]) * (first / usual_range(x)), sizes, JUMP * sizes, out)
+    return out
+
+
+def relays(x: FloatArray, sizes: FloatArray) -> FloatArray:
+    """(M, N): 1 since a signal was last above half of each of these sizes (M,) over its usual range, -1 since it was
+    last below minus that, 0 before it was either.
+    """
+    side = np.where(np.abs(x) > 0.5 * usual_range(x) * sizes[:, None], np.sign(x), 0.0)
+    last = np.maximum.accumulate(np.where(side != 0.0, np.arange(len(x)), 0), axis=1)
+    return np.take_along_axis(side, last, axis=1)
