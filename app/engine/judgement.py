@@ -18,8 +18,8 @@ NO_ANSWER = "no_answer"
 HIDDEN_BAND = "hidden_band"
 """The reason that a valve may have a band, whatever the shapes say: the stem of such a valve foretells PV."""
 
-NO_BAND = "no_band"
-"""The reason that a swing may be made elsewhere, whatever its shape: no stem of a valve that sticks foretells PV."""
+OWN_CYCLE, FOREIGN_CYCLE = "own_cycle", "foreign_cycle"
+"""The reasons that a cycle is the valve's, by what its stem tells of PV, and that it may be made elsewhere."""
 
 PV_STANDS, WOUND_UP = "pv_stands", "wound_up"
 """The reasons that by the end of a record nothing is controlled any more."""

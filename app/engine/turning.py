@@ -6,9 +6,6 @@ from app.engine.recording import FloatArray
 from app.engine.sampled import quantiles
 from app.engine.valve import kano_stems
 
-JUMP = 0.2
-"""J over S: what the stem slips little shows of valves that jump as well, and better than a large one of the others."""
-
 _RANGE = (0.01, 0.99)
 
 
@@ -18,14 +15,14 @@ def usual_range(x: FloatArray) -> float:
     return float(high - low)
 
 
-def stems(x: FloatArray, sizes: FloatArray) -> FloatArray:
-    """(M, N): where Kano's valves of these sizes (M,) over the usual range of a signal (N,) have their stems when it
-    moves them, over that range. The sign of the signal is free: a valve at rest knows one direction, and x first moves
-    in it.
+def stems(x: FloatArray, sizes: FloatArray, jump: float) -> FloatArray:
+    """(M, N): where Kano's valves have their stems when a signal (N,) moves them, over its usual range. sizes: S of
+    each, (M,), over that range. jump: J over S. The sign of the signal is free: a valve at rest knows one direction,
+    and x first moves in it.
     """
     first = float(np.sign(x[np.argmax(x != x[0])] - x[0]))
     out = np.empty((len(sizes), len(x)))
-    kano_stems((x - x[0]) * (first / usual_range(x)), sizes, JUMP * sizes, out)
+    kano_stems((x - x[0]) * (first / usual_range(x)), sizes, jump * sizes, out)
     return out
 
 

@@ -11,11 +11,12 @@ from app.engine.coupling import strangers_chance, strangers_chance_finely
 from app.engine.evidence import Finding, Reason
 from app.engine.features import NAMES, Features, observe
 from app.engine.fitness import Fitness
-from app.engine.hidden_band import STRIDES, TELLING, Search, look_for_band
+from app.engine.hidden_band import HiddenBand, hidden_band
 from app.engine.judgement import (
+    FOREIGN_CYCLE,
     HIDDEN_BAND,
     NO_ANSWER,
-    NO_BAND,
+    OWN_CYCLE,
     PV_STANDS,
     UNCOUPLED,
     WOUND_UP,
@@ -24,6 +25,7 @@ from app.engine.judgement import (
     Verdict,
 )
 from app.engine.oscillation import Oscillation
+from app.engine.own_cycle import CLEAR_NATS, OwnCycle, could_be_missed, own_cycle
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.reliability import Reference
 from app.engine.rivals import FOLLOWED, SATURATED, Rival, compete, contest, held_out_fundamental
@@ -145,15 +147,19 @@ def conclude(
     probability = weighing.probability
     unrelated, lost = _unrelated(fitness, oscillation, config), _lost(fitness)
     verdict = _verdict(probability, unrelated, lost, config)
-    sought = _sought(probability, verdict, fitness, config)
-    doubts = _doubts(weighing, verdict, oscillation, fitness, sought, config)
+    own = _own(probability, verdict, oscillation, fitness, config)
+    doubts = _doubts(weighing, verdict, oscillation, fitness, own, config)
     doubts += _parts_disagree(weighing, fitness, config)
     doubts += tuple(_data_doubts(weighing, fitness, config))
     reliability: Reliability = "not_reliable" if lost or unrelated or doubts else "reliable"
     first = (*([lost.reason] if lost else []), *unrelated)
-    needed = verdict == "stiction" and probability < config.reliable_stiction_from
-    shown = _band_reason(sought) if needed and sought.by_itself else ()
-    reasons = (*first, *_shape_reasons(weighing, verdict), *shown, *_rival_reasons(weighing, verdict), *doubts)
+    reasons = (
+        *first,
+        *_shape_reasons(weighing, verdict),
+        *_own_cycle_reason(own),
+        *_rival_reasons(weighing, verdict),
+        *doubts,
+    )
     reasons += _stretches_reason(fitness)
     if reference is not None:
         reasons += reference_reason(reference, verdict)
@@ -174,32 +180,46 @@ def _verdict(probability: float, unrelated: tuple[Reason, ...], lost: "_Lost | N
     return "inconclusive" if strangers or lost else "no_stiction"
 
 
-def _sought(probability: float, verdict: Verdict, fitness: Fitness, config: VerdictConfig) -> Search:
-    """The band of the valve, looked for in PV only where it matters: it costs up to half of all else."""
-    clear_enough = config.reliable_band_from <= probability < config.reliable_stiction_from
-    telling = fitness.looked_at.samples >= STRIDES[0] * TELLING and probability >= config.reliable_band_from
-    return look_for_band(fitness.looked_at) if verdict == "no_stiction" or clear_enough or telling else Search()
+def _own(
+    probability: float, verdict: Verdict, oscillation: Oscillation, fitness: Fitness, config: VerdictConfig
+) -> OwnCycle:
+    """Whether the cycle is the valve's, asked where it is likely, or where it would be missed."""
+    record, period_s = fitness.looked_at, oscillation.period_s
+    if verdict != "stiction" or probability < config.reliable_own_cycle_from or period_s is None:
+        return OwnCycle()
+    if probability >= config.reliable_stiction_from and not could_be_missed(record):
+        return OwnCycle()
+    return own_cycle(record, period_s)
 
 
-def _band_reason(sought: Search) -> tuple[Reason, ...]:
-    if sought.found is None:
+def _band_reason(band: HiddenBand | None) -> tuple[Reason, ...]:
+    if band is None:
         return ()
     text = (
-        f"PV goes as behind a valve that moves only after OP has gone some {sought.found.S:.2g} units the other way: "
-        "it may stick, or have play, by so much, whatever the shapes say"
+        f"PV goes as behind a valve that moves only after OP has gone some {band.S:.2g} units the other way: it may "
+        "stick, or have play, by so much, whatever the shapes say"
     )
-    text += "" if sought.by_itself else "; a load that goes one way for a while and then the other would look alike"
     return (Reason(HIDDEN_BAND, text),)
 
 
-def _no_band(sought: Search) -> tuple[Reason, ...]:
-    if not sought.in_vain:
+def _own_cycle_reason(own: OwnCycle) -> tuple[Reason, ...]:
+    if not own.shown:
         return ()
     text = (
-        f"PV goes as behind a valve that follows OP: in {sought.means} means of PV no valve that sticks tells more of "
-        "what it does next, as it would if the swing were its own; what goes to and fro elsewhere may shape it"
+        "PV goes as behind a valve that sticks for most of what OP moves in a cycle: where its stem is tells what PV "
+        f"does next ({own.nats_a_cycle:.2g} nats a cycle; clear from {CLEAR_NATS:g} on)"
     )
-    return (Reason(NO_BAND, text),)
+    return (Reason(OWN_CYCLE, text),)
+
+
+def _foreign_cycle(own: OwnCycle) -> tuple[Reason, ...]:
+    if not own.missed:
+        return ()
+    text = (
+        f"in {own.cycles:.0f} cycles PV does not go as behind a valve that sticks for most of what OP moves in each, "
+        "as it would if the valve made them: what goes to and fro elsewhere may give them their shape"
+    )
+    return (Reason(FOREIGN_CYCLE, text),)
 
 
 def _doubts(
@@ -207,20 +227,20 @@ def _doubts(
     verdict: Verdict,
     oscillation: Oscillation,
     fitness: Fitness,
-    sought: Search,
+    own: OwnCycle,
     config: VerdictConfig,
 ) -> tuple[Reason, ...]:
     """Why the shapes and their time do not make the verdict reliable; empty where they do."""
     doubts = []
-    if verdict != "stiction" or not sought.by_itself:
+    if not own.shown:
         doubts.extend(_unclear(weighing, oscillation, config))
     if oscillation.cycles < config.min_cycles:
         text = f"what was judged holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be trusted"
         doubts.append(Reason("few_cycles", text))
     if verdict == "no_stiction":
-        doubts.extend((*_no_answer(fitness), *_band_reason(sought)))
+        doubts.extend((*_no_answer(fitness), *_band_reason(hidden_band(fitness.looked_at))))
     if verdict == "stiction":
-        doubts.extend(_no_band(sought))
+        doubts.extend(_foreign_cycle(own))
         doubts.extend(_shaped_outside(weighing, config))
         doubts.extend(_keeps_time(fitness.audited, oscillation, config))
         doubts.extend(Reason(rival.cause, rival.text) for rival in weighing.rivals if rival.stands_out and rival.counts)

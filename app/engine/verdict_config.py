@@ -15,8 +15,8 @@ class VerdictConfig:
     regularly with at least `strong_swing`, as a limit cycle does, and of the swing of PV or of OP one sine that keeps
     its phase explains less than `max_cycling_wave`; max_cycling_phase: and PV and OP are apart by a phase of which the
     sine is this at most.
-    reliable_band_from: enough for stiction where PV shows the band of the valve by itself (`hidden_band`), and from
-    where on none of a long record is a doubt (`no_band`).
+    reliable_own_cycle_from: enough for stiction where PV shows that the cycle is the valve's (`own_cycle`); from there
+    on it is a doubt where a long record does not.
     min_cycles: fewest cycles of the oscillation in the record for a reliable verdict.
     max_strangers_chance: for a reliable verdict, two signals that have nothing to do with each other are as alike as
     PV and OP with less than this probability.
@@ -35,7 +35,7 @@ class VerdictConfig:
     undecided_within: float = 0.02
     reliable_stiction_from: float = 0.85
     reliable_cycling_from: float = 0.7
-    reliable_band_from: float = 0.6
+    reliable_own_cycle_from: float = 0.6
     strong_swing: float = 0.4
     reliable_no_stiction_to: float = 0.25
     min_cycles: float = 5.0
@@ -55,9 +55,9 @@ class VerdictConfig:
 
     def __post_init__(self) -> None:
         clear, cycling, sticks = self.reliable_no_stiction_to, self.reliable_cycling_from, self.reliable_stiction_from
-        if not 0.0 <= clear < cycling <= sticks or not 0.5 < self.reliable_band_from <= sticks:
+        if not 0.0 <= clear < cycling <= sticks or not 0.5 < self.reliable_own_cycle_from <= sticks:
             raise ValueError(
                 "needed is 0 <= reliable_no_stiction_to < reliable_cycling_from <= reliable_stiction_from, and "
-                "reliable_band_from between 0.5 and the last; "
-                f"got {clear:g}, {cycling:g}, {sticks:g} and {self.reliable_band_from:g}"
+                "reliable_own_cycle_from between 0.5 and the last; "
+                f"got {clear:g}, {cycling:g}, {sticks:g} and {self.reliable_own_cycle_from:g}"
             )

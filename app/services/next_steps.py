@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from app.engine.episodes import BEGAN
-from app.engine.judgement import HIDDEN_BAND, NO_ANSWER, NO_BAND, PV_STANDS, UNCOUPLED, WOUND_UP
+from app.engine.judgement import FOREIGN_CYCLE, HIDDEN_BAND, NO_ANSWER, PV_STANDS, UNCOUPLED, WOUND_UP
 from app.services.auditing.hearing import MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR
 from app.services.auditing.repairs import BEFORE_REPAIR
 from app.services.wording import CAUSE_WORDS
@@ -116,7 +116,7 @@ def next_step(row: Mapping[str, Any], reasons: tuple[str, ...] = ()) -> str:
     if BEGAN in reasons:
         return BEGAN_TO_STICK
     if row["verdict"] == "stiction":
-        return MAY_BE_SHAKEN if NO_BAND in reasons else MAY_STICK
+        return MAY_BE_SHAKEN if FOREIGN_CYCLE in reasons else MAY_STICK
     if row["verdict"] == "inconclusive" and UNCOUPLED in reasons:
         return UNRELATED
     if NO_ANSWER in reasons:
@@ -137,7 +137,7 @@ def as_table() -> str:
     rows = [
         ("valve sticks, rely on it", STICKS),
         ("valve sticks, look before you act", MAY_STICK),
-        ("valve sticks, but PV goes as behind a valve that follows OP", MAY_BE_SHAKEN),
+        ("valve sticks, but PV does not go as behind a valve that makes the cycle", MAY_BE_SHAKEN),
         ("cannot tell, and no cause is named", CANNOT_TELL),
         ("cannot tell, because PV has nothing to do with OP", UNRELATED),
         ("not auditable, and no cause is named", NOT_AUDITABLE),

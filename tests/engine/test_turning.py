@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from app.engine.turning import JUMP, relays, stems, usual_range
+from app.engine.turning import relays, stems, usual_range
 
-SIZES = np.array([0.1, 0.4])
+SIZES, JUMP = np.array([0.1, 0.4]), 0.2
 
 
 @pytest.fixture
@@ -14,7 +14,7 @@ def wave() -> np.ndarray:
 
 
 def test_a_stem_is_behind_where_the_signal_turns(wave: np.ndarray) -> None:
-    moved = stems(wave, SIZES)
+    moved = stems(wave, SIZES, JUMP)
     over_range = (wave - wave[0]) / usual_range(wave)
     apart = np.abs(moved - over_range)[:, 200:]
     assert apart.max(axis=1) == pytest.approx(0.5 * (1.0 + JUMP) * SIZES, rel=0.05)
@@ -23,7 +23,7 @@ def test_a_stem_is_behind_where_the_signal_turns(wave: np.ndarray) -> None:
 
 @pytest.mark.parametrize("scale", [-2.0, 1e-6, 1e6])
 def test_stems_have_no_unit_and_no_sign(wave: np.ndarray, scale: float) -> None:
-    assert stems(scale * wave + 7.0, SIZES) == pytest.approx(stems(wave, SIZES), abs=1e-6)
+    assert stems(scale * wave + 7.0, SIZES, JUMP) == pytest.approx(stems(wave, SIZES, JUMP), abs=1e-6)
 
 
 def test_a_relay_holds_its_side_within_its_band(wave: np.ndarray) -> None:

@@ -230,22 +230,22 @@ def test_a_limit_cycle_that_is_not_clear_by_its_shapes_is_not_in_quadrature(prob
     values[NAMES.index("phase_sine")] = phase_sine
     log_odds = float(np.log(probability / (1.0 - probability)))
     weighing = replace(weighing, log_odds=log_odds, features=replace(weighing.features, values=values))
-    config = VerdictConfig(max_cycling_wave=1.0, reliable_band_from=0.85)
+    config = VerdictConfig(max_cycling_wave=1.0, reliable_own_cycle_from=0.85)
     said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), None, config)
     assert said.verdict == "stiction"
     assert ("evidence_not_clear" in {reason.code for reason in said.reasons}) is not reliable
 
 
 @pytest.mark.parametrize(("probability", "reliable"), [(0.65, True), (0.55, False)])
-def test_a_band_that_pv_shows_by_itself_makes_a_likely_verdict_clear(probability, reliable):
-    fitness = assess(sticky(3600.0))
+def test_a_cycle_that_is_shown_to_be_the_valves_makes_a_likely_verdict_clear(probability, reliable):
+    fitness = assess(sticky())
     oscillation = detect(fitness.record)
     weighing = replace(weigh(fitness.record, oscillation), log_odds=float(np.log(probability / (1.0 - probability))))
     said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), None, VerdictConfig())
     codes = {reason.code for reason in said.reasons}
     assert said.verdict == "stiction"
     assert ("evidence_not_clear" in codes) is not reliable
-    assert ("hidden_band" in codes) is reliable
+    assert ("own_cycle" in codes) is reliable
 
 
 def one_signal() -> list[Recording]:

@@ -92,6 +92,6 @@ def test_a_band_is_looked_for_at_the_valve_unless_a_nearer_cause_is_named(cause,
 
 def test_a_swing_that_no_valve_makes_is_looked_for_elsewhere():
     row = {"verdict": "stiction", "reliability": "not_reliable", "likely_cause": "stiction"}
-    assert next_step(row, ("no_band",)) == next_steps.MAY_BE_SHAKEN
-    assert next_step(row, ("no_band", "stiction_began")) == next_steps.BEGAN_TO_STICK
-    assert "no_band" in REASON_WORDS
+    assert next_step(row, ("foreign_cycle",)) == next_steps.MAY_BE_SHAKEN
+    assert next_step(row, ("foreign_cycle", "stiction_began")) == next_steps.BEGAN_TO_STICK
+    assert "foreign_cycle" in REASON_WORDS

@@ -1,0 +1,106 @@
+"""Whether a cycle is the valve's own: what comes from outside in corners and ramps has the shapes, not the stem."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.engine.audit import audit
+from app.engine.own_cycle import TELLING, OwnCycle, own_cycle
+from app.engine.recording import Recording, UniformRecord
+from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
+
+
+def shaken(seed: int) -> Recording:
+    """A healthy flow whose load goes up and down as what a neighbour's valve makes: corners, no two legs as long."""
+    samples, rng = 4000, np.random.default_rng(seed)
+    up = np.repeat(np.arange(200) % 2 == 1, np.round(75.0 * rng.uniform(0.8, 1.2, 200)).astype(int))
+    slope = np.resize(np.where(up, 0.12, -0.12), samples)
+    steps = tuple((10.0 * k, float(change)) for k, change in enumerate(slope - slope.mean()))
+    spec = LoopSpec(
+        plant=first_order(1.0, 30.0, 5.0), controller=Pid(0.6, 40.0), noise=Signal(noise_sd=0.1),
+        load=Signal(steps=steps, noise_sd=0.1, noise_tau_s=300.0), pv_start=50.0, op_start=50.0,
+        op_limits=(-100.0, 200.0), step_s=2.0,
+    )  # fmt: skip
+    return simulate_loop(spec, 10.0 * samples, 10.0, seed).recording("shaken")
+
+
+def cycling(seed: int, S: float = 6.0, J: float = 5.0, samples: int = 4000) -> Recording:
+    """The same flow in the limit cycle of its own valve."""
+    spec = LoopSpec(
+        plant=first_order(1.0, 30.0, 5.0), controller=Pid(0.6, 40.0), noise=Signal(noise_sd=0.1),
+        valve=TwoParameterValve(S, J), load=Signal(value=2.0, noise_sd=0.1, noise_tau_s=300.0),
+        pv_start=50.0, op_start=50.0, op_limits=(-100.0, 200.0), step_s=2.0,
+    )  # fmt: skip
+    return simulate_loop(spec, 10.0 * samples, 10.0, seed).recording("cycling")
+
+
+def uniform(made: Recording) -> UniformRecord:
+    return UniformRecord(10.0, made.pv, made.op, made.sp, np.zeros(made.samples, bool))
+
+
+def asked(made: Recording) -> OwnCycle:
+    found = audit(made)
+    assert found.oscillation is not None
+    return own_cycle(uniform(made), found.oscillation.period_s)
+
+
+def test_what_a_load_shapes_is_told_from_what_the_valve_does() -> None:
+    outside = [asked(shaken(seed)) for seed in range(6)]
+    assert sum(one.missed for one in outside) >= 4
+    assert not any(one.shown for one in outside)
+    own = [asked(cycling(seed)) for seed in range(6)]
+    assert all(one.shown for one in own)
+    assert min(one.nats_a_cycle for one in own) > max(one.nats_a_cycle for one in outside)
+
+
+@pytest.mark.parametrize("J", [0.0, 1.0, 3.0, 6.0])
+def test_valves_that_slip_and_valves_that_jump_are_not_missed(J: float) -> None:
+    assert not any(asked(cycling(seed, J=J, samples=3000)).missed for seed in range(3))
+
+
+def test_units_and_signs_are_free() -> None:
+    for made in (shaken(0), cycling(0)):
+        found = audit(made)
+        assert found.oscillation is not None
+        record, period_s = uniform(made), found.oscillation.period_s
+        other = replace(record, pv=-40.0 * record.pv, sp=-40.0 * made.sp, op=-0.01 * record.op - 3.0)
+        told, again = own_cycle(record, period_s), own_cycle(other, period_s)
+        assert again.nats_a_cycle == pytest.approx(told.nats_a_cycle, rel=1e-3)
+        assert (again.shown, again.missed, again.means) == (told.shown, told.missed, told.means)
+
+
+def test_a_healthy_valve_under_triangles_is_not_accused_reliably() -> None:
+    judged = [audit(shaken(seed)).judgement for seed in range(4)]
+    assert {one.verdict for one in judged} == {"stiction"}
+    assert min(one.stiction_probability or 0.0 for one in judged) > 0.9
+    assert all("foreign_cycle" in [reason.code for reason in one.reasons] for one in judged)
+    assert {one.reliability for one in judged} == {"not_reliable"}
+
+
+def test_a_limit_cycle_is_accused_as_before() -> None:
+    judged = [audit(cycling(seed)).judgement for seed in range(4)]
+    assert {(one.verdict, one.reliability) for one in judged} == {("stiction", "reliable")}
+    assert not any(reason.code == "foreign_cycle" for one in judged for reason in one.reasons)
+
+
+def test_a_short_record_or_few_cycles_are_not_held_against_a_loop() -> None:
+    found = audit(shaken(0))
+    assert found.oscillation is not None
+    record, period_s = uniform(shaken(0)), found.oscillation.period_s
+    short = own_cycle(record.part(slice(0, 1900)), period_s)
+    few = own_cycle(record, 20.0 * period_s)
+    assert not short.shown
+    assert 0 < short.means < TELLING < few.means
+    assert not short.missed
+    assert not few.missed
+
+
+def test_where_nothing_moves_nothing_is_said() -> None:
+    record = uniform(cycling(0))
+    for still in (replace(record, op=np.full(record.samples, 50.0)), replace(record, pv=np.full(record.samples, 1.0))):
+        assert own_cycle(still, 1500.0) == OwnCycle()
+    assert own_cycle(record.part(slice(0, 0)), 1500.0) == OwnCycle()
+    line = np.linspace(0.0, 1.0, record.samples)
+    assert not own_cycle(replace(record, pv=line, op=line), 1500.0).shown
+    assert not own_cycle(record.part(slice(0, 3)), 1500.0).missed
