@@ -1,43 +1,46 @@
-"""Whether the cycle of a loop is its own valve's: a valve that makes a loop cycle sticks for most of what OP moves.
+"""Whether the cycle of a loop is its own valve's: a valve that makes a loop cycle sticks for much of what OP moves.
 
 What comes from elsewhere in corners and ramps, a neighbour's valve, a pump, a batch, makes the shapes of such a cycle
 too. But there a stem that rests for so long tells nothing of what PV does next, because the valve followed OP.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.stem_search import PARTS, STRIDES, asked_of, moving_part
+from app.engine.stem_search import PARTS, STRIDES, Asked, asked_of, moving_part
 from app.engine.turning import relays, stems, usual_range
 
 SHARES, JUMPS = (0.4, 0.55, 0.7, 0.85, 1.0), (0.1, 0.6)
 """S over what OP moves in a cycle, and J over S, of the valves that are tried."""
 
-RIVALS = np.geomspace(0.03, 0.6, 8)
+TURNS = np.geomspace(0.03, 0.6, 8)
 """By how much of its range PV has turned, and how far it is on one side of the set point: what tells which way a load
 goes, as a stem does because it turns where OP does."""
 
 CLEAR_NATS = 0.5
 """Nats a cycle from which a cycle is clearly the valve's. Where it is likely by its shapes (0.6 to 0.85), 33 of 64
-simulated valves that stick have them, and 15 of 143 healthy loops that are shaken in corners and ramps."""
+simulated valves that stick have them, and 16 of 143 healthy loops that are shaken in corners and ramps."""
 
-TELLING, FEWEST_CYCLES = 1000, 15
-"""Means and cycles from which a valve that makes its loop cycle is missed where no stem tells of it: of 374 simulated
-ones that are called sticky reliably by all else 13 are, of 219 healthy loops that are, so shaken, 77."""
+TELLING, FEWEST_CYCLES, FINE = 1000, 15, 60
+"""Means and cycles from which a valve that makes its loop cycle is missed where no stem tells of it, and samples a
+cycle from which it is where one tells less than is clear: in a coarser cycle real valves tell less, and in a long
+record the least of telling pays."""
 
 
 @dataclass(frozen=True)
 class OwnCycle:
     """What the stems of such valves tell of PV. nats_a_cycle: of the best. all_the_time: whether it has its share of
-    what is needed in each third of the record. means, cycles: how much of PV was looked at, at most.
+    what is needed in each third of the record. means, cycles: how much of PV was looked at, at most. fine: whether a
+    cycle has samples enough for what is clear.
     """
 
     nats_a_cycle: float = 0.0
     all_the_time: bool = False
     means: int = 0
     cycles: float = 0.0
+    fine: bool = False
 
     @property
     def shown(self) -> bool:
@@ -46,7 +49,8 @@ class OwnCycle:
     @property
     def missed(self) -> bool:
         """Whether such a valve would have been seen, and was not."""
-        return self.means >= TELLING and self.cycles >= FEWEST_CYCLES and not self.all_the_time
+        told = self.shown if self.fine else self.all_the_time
+        return self.means >= TELLING and self.cycles >= FEWEST_CYCLES and not told
 
 
 def could_be_missed(record: UniformRecord) -> bool:
@@ -55,11 +59,11 @@ def could_be_missed(record: UniformRecord) -> bool:
 
 
 def own_cycle(record: UniformRecord, period_s: float) -> OwnCycle:
-    """Whether a loop that cycles with this period goes as behind a valve that sticks for most of what OP moves in it.
+    """Whether a loop that cycles with this period goes as behind a valve that sticks for much of what OP moves in it.
 
     As `hidden_band` asks it, beside what PV itself tells of a load that goes one way for a while and then the other.
-    Misleads: even, strong triangles under little noise show as an own cycle. A valve that sticks is missed where it
-    lets go softly in a record with few cycles.
+    Misleads: even, strong triangles under little noise show as an own cycle, and many quick ones are not told from it.
+    A valve that sticks is missed where it lets go softly in a record with few cycles, and where noise is as large as S.
     Source: the valves are Kano's (Kano et al. 2004, Practical model and detection algorithm for valve stiction).
     """
     moving = moving_part(record)
@@ -69,17 +73,19 @@ def own_cycle(record: UniformRecord, period_s: float) -> OwnCycle:
     share = _in_a_cycle(moving.op, period) / usual_range(moving.op)
     moved = np.vstack([stems(moving.op, share * np.array(SHARES), jump) for jump in JUMPS])
     error = moving.pv - (np.median(moving.pv) if moving.sp is None else moving.sp)
-    turned, beyond = stems(moving.pv, RIVALS, JUMPS[0]), relays(error, RIVALS)
-    nats, all_the_time, means = 0.0, False, 0
-    for asked in asked_of(moving):
-        told = asked.beside(turned).beside(beyond)
-        if told.known.foretells_all:
-            continue
-        _, worth = told.most_worth(moved)
-        nats, means = max(nats, float(worth.sum())), max(means, told.means)
-        all_the_time |= bool(PARTS * worth.min() > told.needed(len(moved)))
-    cycles = moving.samples / period
-    return OwnCycle(nats / cycles, all_the_time, means, cycles)
+    turned, beyond = stems(moving.pv, TURNS, JUMPS[0]), relays(error, TURNS)
+    told = [asked.beside(turned).beside(beyond) for asked in asked_of(moving)]
+    found = [_on(one, moved, period) for one in told if not one.known.foretells_all]
+    best = max(found, key=lambda one: (one.all_the_time, one.nats_a_cycle), default=OwnCycle())
+    means, cycles = (max((getattr(one, name) for one in found), default=0) for name in ("means", "cycles"))
+    return replace(best, means=means, cycles=cycles, fine=period >= FINE)
+
+
+def _on(asked: Asked, moved: FloatArray, period: float) -> OwnCycle:
+    _, worth = asked.most_worth(moved)
+    cycles = asked.means * asked.lags.stride / period
+    lasting = bool(PARTS * worth.min() > asked.needed(len(moved)))
+    return OwnCycle(float(worth.sum()) / cycles, lasting, asked.means, cycles)
 
 
 def _in_a_cycle(op: FloatArray, period: float) -> float:

@@ -25,7 +25,7 @@ from app.engine.judgement import (
     Verdict,
 )
 from app.engine.oscillation import Oscillation
-from app.engine.own_cycle import CLEAR_NATS, OwnCycle, could_be_missed, own_cycle
+from app.engine.own_cycle import OwnCycle, could_be_missed, own_cycle
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.reliability import Reference
 from app.engine.rivals import FOLLOWED, SATURATED, Rival, compete, contest, held_out_fundamental
@@ -151,8 +151,9 @@ def conclude(
     doubts = _doubts(weighing, verdict, oscillation, fitness, own, config)
     doubts += _parts_disagree(weighing, fitness, config)
     doubts += tuple(_data_doubts(weighing, fitness, config))
-    reliability: Reliability = "not_reliable" if lost or unrelated or doubts else "reliable"
-    first = (*([lost.reason] if lost else []), *unrelated)
+    foreign = _foreign_cycle(own)
+    reliability: Reliability = "not_reliable" if lost or unrelated or foreign or doubts else "reliable"
+    first = (*([lost.reason] if lost else []), *unrelated, *foreign)
     reasons = (
         *first,
         *_shape_reasons(weighing, verdict),
@@ -206,8 +207,8 @@ def _own_cycle_reason(own: OwnCycle) -> tuple[Reason, ...]:
     if not own.shown:
         return ()
     text = (
-        "PV goes as behind a valve that sticks for most of what OP moves in a cycle: where its stem is tells what PV "
-        f"does next ({own.nats_a_cycle:.2g} nats a cycle; clear from {CLEAR_NATS:g} on)"
+        "PV goes as behind a valve that sticks for much of what OP moves in a cycle: where the stem of such a valve is "
+        "tells what PV does next, as nothing in PV and OP themselves does"
     )
     return (Reason(OWN_CYCLE, text),)
 
@@ -216,8 +217,8 @@ def _foreign_cycle(own: OwnCycle) -> tuple[Reason, ...]:
     if not own.missed:
         return ()
     text = (
-        f"in {own.cycles:.0f} cycles PV does not go as behind a valve that sticks for most of what OP moves in each, "
-        "as it would if the valve made them: what goes to and fro elsewhere may give them their shape"
+        f"in {own.cycles:.0f} cycles PV does not go as behind a valve that sticks for much of what OP moves in each, "
+        "as it would if the valve made them: what goes to and fro elsewhere makes such shapes too, and has PV stand"
     )
     return (Reason(FOREIGN_CYCLE, text),)
 
@@ -240,7 +241,6 @@ def _doubts(
     if verdict == "no_stiction":
         doubts.extend((*_no_answer(fitness), *_band_reason(hidden_band(fitness.looked_at))))
     if verdict == "stiction":
-        doubts.extend(_foreign_cycle(own))
         doubts.extend(_shaped_outside(weighing, config))
         doubts.extend(_keeps_time(fitness.audited, oscillation, config))
         doubts.extend(Reason(rival.cause, rival.text) for rival in weighing.rivals if rival.stands_out and rival.counts)

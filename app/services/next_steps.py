@@ -137,7 +137,7 @@ def as_table() -> str:
     rows = [
         ("valve sticks, rely on it", STICKS),
         ("valve sticks, look before you act", MAY_STICK),
-        ("valve sticks, but PV does not go as behind a valve that makes the cycle", MAY_BE_SHAKEN),
+        ("valve sticks, but PV does not move as it would if the valve made the swing", MAY_BE_SHAKEN),
         ("cannot tell, and no cause is named", CANNOT_TELL),
         ("cannot tell, because PV has nothing to do with OP", UNRELATED),
         ("not auditable, and no cause is named", NOT_AUDITABLE),

@@ -11,10 +11,10 @@ from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
 
 
-def shaken(seed: int) -> Recording:
+def shaken(seed: int, samples: int = 4000) -> Recording:
     """A healthy flow whose load goes up and down as what a neighbour's valve makes: corners, no two legs as long."""
-    samples, rng = 4000, np.random.default_rng(seed)
-    up = np.repeat(np.arange(200) % 2 == 1, np.round(75.0 * rng.uniform(0.8, 1.2, 200)).astype(int))
+    rng = np.random.default_rng(seed)
+    up = np.repeat(np.arange(2000) % 2 == 1, np.round(75.0 * rng.uniform(0.8, 1.2, 2000)).astype(int))
     slope = np.resize(np.where(up, 0.12, -0.12), samples)
     steps = tuple((10.0 * k, float(change)) for k, change in enumerate(slope - slope.mean()))
     spec = LoopSpec(
@@ -76,6 +76,12 @@ def test_a_healthy_valve_under_triangles_is_not_accused_reliably() -> None:
     assert min(one.stiction_probability or 0.0 for one in judged) > 0.9
     assert all("foreign_cycle" in [reason.code for reason in one.reasons] for one in judged)
     assert {one.reliability for one in judged} == {"not_reliable"}
+
+
+def test_a_long_record_does_not_make_the_cycle_the_valves() -> None:
+    found = [asked(shaken(seed, samples=24_000)) for seed in range(3)]
+    assert all(one.missed for one in found)
+    assert not any(asked(cycling(seed, samples=24_000)).missed for seed in range(2))
 
 
 def test_a_limit_cycle_is_accused_as_before() -> None:

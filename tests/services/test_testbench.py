@@ -151,7 +151,7 @@ def test_whole_audits_end_in_the_page(tmp_path):
 
 
 def test_a_plant_heard_together_accuses_fewer_healthy_neighbours():
-    heard = [neighbours.hear(neighbours.audited(seed)) for seed in (1000, 1010)]
+    heard = [neighbours.hear(neighbours.audited(seed)) for seed in (1010, 1110)]
     assert all(one.accused and not one.left for one in heard)
     assert all(one.named == one.kept == one.relied_on for one in heard)
     told = neighbours.report(heard, 2)

@@ -71,8 +71,8 @@ def hear(
     stated = moves_valve or {}
     found = [cascade for cascade in cascades(excerpts, asked) if not stated.get(cascade.outer)]
     without_valve = {tag for tag, has in stated.items() if not has}
-    accused = {tag for tag, one in said.items() if one.accused}
-    shaken = neighbours_doubts(groups(candidates), accused, found) if accused else {}
+    called = {tag for tag, one in said.items() if one.verdict == "stiction"}
+    shaken = neighbours_doubts(groups(candidates), called, found) if called else {}
     doubted = {tag: replace(said[tag], reliability="not_reliable") for tag in shaken}
     doubts = shaken | cascades_doubts(found, {**said, **doubted}, without_valve)
     moves, moved_by = _by(found, lambda cascade: cascade.outer), _by(found, lambda cascade: cascade.inner)
@@ -94,17 +94,17 @@ def _by(found: Iterable[Cascade], loop: Callable[[Cascade], str]) -> dict[str, l
 
 
 def neighbours_doubts(
-    together: Iterable[Group], accused: Container[str], found: Iterable[Cascade] = ()
+    together: Iterable[Group], called: Container[str], found: Iterable[Cascade] = ()
 ) -> dict[str, Doubt]:
-    """accused: tags of the loops whose valves are reliably said to stick. An outer loop takes nothing from the verdict
-    of its inner one, for whose valve both swing.
+    """called: tags of the loops whose valves are said to stick, reliably or not: those are told which valve to look at
+    first. An outer loop takes nothing from the verdict of its inner one, for whose valve both swing.
     """
     one_valve = {(cascade.outer, cascade.inner) for cascade in found}
     return {
         suspect.tag: Doubt(SHAKEN_BY_NEIGHBOUR, neighbour_text(suspect, group.suspects[0]))
         for group in together
         for suspect in group.shaken
-        if suspect.tag in accused and (group.suspects[0].tag, suspect.tag) not in one_valve
+        if suspect.tag in called and (group.suspects[0].tag, suspect.tag) not in one_valve
     }
 
 

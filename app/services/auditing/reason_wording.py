@@ -46,12 +46,12 @@ _DOUBTS = {
     "pv_stands": "PV has stood still up to the end while OP moved, as never before: dead transmitter, or stuck valve.",
     "no_answer": "PV shows no answer to OP: a valve that stands fast looks the same, whatever the shapes say.",
     "hidden_band": "PV goes as behind a valve with a band: it may stick, or have play, whatever the shapes say.",
-    "own_cycle": "PV goes as behind a valve that sticks for most of what OP moves in a cycle: the cycle is its own.",
-    "foreign_cycle": "PV does not go as behind a valve that makes the cycle: it may be made elsewhere.",
+    "foreign_cycle": "PV does not move as it would if the valve made the swing: it may be made elsewhere.",
     "wound_up": "OP has come to stand at its limit, as never before, and PV does not come back: is the valve stuck?",
     "pv_does_not_answer": "OP travels and PV does not answer at all: a stuck valve, or a dead transmitter.",
     "prior_only": "The probability is a prior between these two causes, not a measurement.",
 }
+_FOR = {"own_cycle": "PV moves as it does behind a valve that sticks for much of a cycle: the swing is likely its own."}
 _NEIGHBOURS = {
     "moves_no_valve": "OP moves no valve, as is stated of this loop: the valve is judged at the loop it moves.",
     "moves_set_point": "OP is another loop's set point: unless it moves a valve besides, the valve is judged there.",
@@ -107,4 +107,4 @@ def _placeholder(found: re.Match[str]) -> str:
 
 _SHAPES = {f"shape_{name}": _shape(name) for name in NAMES if _shape(name)}
 
-REASON_WORDS = {**_DOUBTS, **_DATA, **_METHODS, **_EPISODES, **_REPAIRS, **_NEIGHBOURS, **_SIZE, **_SHAPES}
+REASON_WORDS = {**_DOUBTS, **_FOR, **_DATA, **_METHODS, **_EPISODES, **_REPAIRS, **_NEIGHBOURS, **_SIZE, **_SHAPES}
