@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from app.engine.simulate import first_order, integrator
+from app.engine.stem_search import Asked
 from app.services.testbench import __main__ as command
 from app.services.testbench import neighbours, plots, tables
 from app.services.testbench.building import build
@@ -148,6 +149,13 @@ def test_whole_audits_end_in_the_page(tmp_path):
     assert text.endswith("after\n")
     assert "old" not in text
     assert "### Valve model" in text
+
+
+def test_what_pv_tells_by_its_turns_is_not_held_for_the_valves(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two healthy loops of this plant are accused reliably by their own records where it is not asked."""
+    assert not neighbours.hear(neighbours.audited(1350)).accused
+    monkeypatch.setattr(Asked, "beside", lambda self, _: self)
+    assert len(neighbours.hear(neighbours.audited(1350)).accused) == 2
 
 
 def test_a_plant_heard_together_accuses_fewer_healthy_neighbours():
