@@ -11,6 +11,7 @@ from app.engine.excerpts import excerpts_of
 from app.engine.plant_wide import Group, Suspect
 from app.engine.recording import Recording
 from app.ingest import read_recordings
+from app.services.auditing import hearing
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.file_audit import audited_lines
@@ -241,6 +242,16 @@ def test_an_outer_loop_takes_nothing_from_the_verdict_of_its_inner_one() -> None
     together = Group(100.0, True, 0.0, (outer, inner))
     assert list(neighbours_doubts([together], {"FIC2"})) == ["FIC2"]
     assert neighbours_doubts([together], {"FIC2"}, [Cascade("TIC1", "FIC2", 1.0)]) == {}
+
+
+def test_the_shaker_is_named_of_every_loop_that_is_called_sticky(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reliably or not: who looks at the loop has to know where to look first."""
+    source, other = (Suspect(tag, p, p, None, 1.0, 0.0) for tag, p in (("FIC1", 0.99), ("FIC2", 0.9)))
+    monkeypatch.setattr(hearing, "groups", lambda _: (Group(100.0, True, 0.0, (source, other)),))
+    for said, told in ((SURE["stiction"], True), (UNSURE["stiction"], True), (UNSURE["no_stiction"], False)):
+        heard = hearing.hear({"FIC1": SURE["stiction"], "FIC2": said}, [], {})
+        assert ("FIC2" in heard) is told
+        assert not told or (heard["FIC2"].doubt or Doubt("", "")).code == hearing.SHAKEN_BY_NEIGHBOUR
 
 
 def test_loops_without_a_verdict_are_not_told_of() -> None:
