@@ -31,13 +31,14 @@ record the least of telling pays."""
 
 @dataclass(frozen=True)
 class OwnCycle:
-    """What the stems of such valves tell of PV. nats_a_cycle: of the best. all_the_time: whether it has its share of
-    what is needed in each third of the record. means, cycles: how much of PV was looked at, at most. fine: whether a
-    cycle has samples enough for what is clear.
+    """What the stems of such valves tell of PV. nats_a_cycle: of the best. all_the_time, lately: whether it has its
+    share of what is needed in each third of the record, and in the newest two. means, cycles: how much of PV was looked
+    at, at most. fine: whether a cycle has samples enough for what is clear.
     """
 
     nats_a_cycle: float = 0.0
     all_the_time: bool = False
+    lately: bool = False
     means: int = 0
     cycles: float = 0.0
     fine: bool = False
@@ -48,8 +49,8 @@ class OwnCycle:
 
     @property
     def missed(self) -> bool:
-        """Whether such a valve would have been seen, and was not."""
-        told = self.shown if self.fine else self.all_the_time
+        """Whether such a valve would have been seen, and was not: one that sticks by now may have begun to."""
+        told = self.lately and (self.nats_a_cycle >= CLEAR_NATS or not self.fine)
         return self.means >= TELLING and self.cycles >= FEWEST_CYCLES and not told
 
 
@@ -76,7 +77,7 @@ def own_cycle(record: UniformRecord, period_s: float) -> OwnCycle:
     turned, beyond = stems(moving.pv, TURNS, JUMPS[0]), relays(error, TURNS)
     told = [asked.beside(turned).beside(beyond) for asked in asked_of(moving)]
     found = [_on(one, moved, period) for one in told if not one.known.foretells_all]
-    best = max(found, key=lambda one: (one.all_the_time, one.nats_a_cycle), default=OwnCycle())
+    best = max(found, key=lambda one: (one.all_the_time, one.lately, one.nats_a_cycle), default=OwnCycle())
     means, cycles = (max((getattr(one, name) for one in found), default=0) for name in ("means", "cycles"))
     return replace(best, means=means, cycles=cycles, fine=period >= FINE)
 
@@ -84,8 +85,8 @@ def own_cycle(record: UniformRecord, period_s: float) -> OwnCycle:
 def _on(asked: Asked, moved: FloatArray, period: float) -> OwnCycle:
     _, worth = asked.most_worth(moved)
     cycles = asked.means * asked.lags.stride / period
-    lasting = bool(PARTS * worth.min() > asked.needed(len(moved)))
-    return OwnCycle(float(worth.sum()) / cycles, lasting, asked.means, cycles)
+    pays = PARTS * worth > asked.needed(len(moved))
+    return OwnCycle(float(worth.sum()) / cycles, bool(pays.all()), bool(pays[1:].all()), asked.means, cycles)
 
 
 def _in_a_cycle(op: FloatArray, period: float) -> float:

@@ -54,14 +54,16 @@ def test_what_a_load_shapes_is_told_from_what_the_valve_does() -> None:
     assert min(one.nats_a_cycle for one in own) > max(one.nats_a_cycle for one in outside)
 
 
-def test_a_part_in_which_the_valve_cycles_is_not_all_the_time() -> None:
-    part = cycling(0, samples=1300)
-    outside = shaken(0, samples=2700)
+def test_a_valve_that_has_begun_to_stick_does_not_all_the_time_but_is_not_missed() -> None:
+    part = cycling(0, samples=2700)
+    outside = shaken(0, samples=1300)
     joined = UniformRecord(
         10.0, np.append(outside.pv, part.pv), np.append(outside.op, part.op), None, np.zeros(4000, bool)
     )
     found = own_cycle(joined, 1500.0)
     assert not found.all_the_time
+    assert found.lately
+    assert not found.missed
     assert own_cycle(uniform(part), 1500.0).all_the_time
 
 

@@ -56,15 +56,21 @@ def test_reliability_reasons_and_health_change_and_nothing_else() -> None:
     ("tag", "of_its_own"),
     [
         (SOURCE, {}),
-        (SHAKEN[1], {"reliability": "not_reliable"}),
         (SHAKEN[1], {"verdict": "no_stiction"}),
         (SHAKEN[1], {"verdict": "inconclusive", "reliability": "not_reliable"}),
         (SHAKEN[1], {"verdict": "not_auditable", "reliability": "not_reliable", "stiction_probability": None}),
     ],
 )
-def test_a_verdict_that_nobody_would_rely_on_against_the_valve_stays(tag: str, of_its_own: dict[str, Any]) -> None:
+def test_a_verdict_that_is_not_against_the_valve_stays(tag: str, of_its_own: dict[str, Any]) -> None:
     before, after = said(tag, **of_its_own)
     assert after is before
+
+
+def test_who_looks_at_a_loop_that_may_stick_is_told_where_to_look_first() -> None:
+    before, after = said(SHAKEN[1], reliability="not_reliable")
+    assert after["reasons"][0]["code"] == SHAKEN_BY_NEIGHBOUR
+    assert after["reasons"][1:] == before["reasons"]
+    assert {name for name in before if before[name] != after[name]} == {"reasons"}
 
 
 def test_a_loop_that_does_not_swing_is_heard_with_nobody() -> None:

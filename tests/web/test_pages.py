@@ -81,7 +81,7 @@ def test_a_loop_says_how_large_its_stiction_is_or_why_not(client):
 def test_a_loop_says_what_to_do_next_and_which_end_of_a_figure_is_good(client):
     row = client.get("/v1/loops/FIC101/health").json()
     text = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
-    assert next_step(row) in text
+    assert next_step(row, tuple(row["reasons"].split(";"))) in text
     assert "(regular above 1; at most 100)" in text
     assert "(1 is best, 0 worst)" in text
 
