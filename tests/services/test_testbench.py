@@ -152,10 +152,10 @@ def test_whole_audits_end_in_the_page(tmp_path):
 
 
 def test_what_pv_tells_by_its_turns_is_not_held_for_the_valves(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two healthy loops of this plant are accused reliably by their own records where it is not asked."""
+    """Three healthy loops of this plant are accused reliably by their own records where it is not asked."""
     assert not neighbours.hear(neighbours.audited(1350)).accused
     monkeypatch.setattr(Asked, "beside", lambda self, _: self)
-    assert len(neighbours.hear(neighbours.audited(1350)).accused) == 2
+    assert len(neighbours.hear(neighbours.audited(1350)).accused) == 3
 
 
 def test_a_plant_heard_together_accuses_fewer_healthy_neighbours():
