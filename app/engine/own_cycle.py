@@ -78,8 +78,12 @@ def own_cycle(record: UniformRecord, period_s: float) -> OwnCycle:
     told = [asked.beside(turned).beside(beyond) for asked in asked_of(moving)]
     found = [_on(one, moved, period) for one in told if not one.known.foretells_all]
     best = max(found, key=lambda one: (one.all_the_time, one.lately, one.nats_a_cycle), default=OwnCycle())
-    means, cycles = (max((getattr(one, name) for one in found), default=0) for name in ("means", "cycles"))
-    return replace(best, means=means, cycles=cycles, fine=period >= FINE)
+    return replace(
+        best,
+        means=max((one.means for one in found), default=0),
+        cycles=max((one.cycles for one in found), default=0.0),
+        fine=period >= FINE,
+    )
 
 
 def _on(asked: Asked, moved: FloatArray, period: float) -> OwnCycle:

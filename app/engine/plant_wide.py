@@ -163,6 +163,11 @@ class _Company:
         end = start + np.array([c.swing.length_s for c in chosen])
         return cls((len(chosen) - 1) * 2.0 * slack / spread, lines, start, end)
 
+    @cached_property
+    def lines_a_second(self) -> FloatArray:
+        """(M,) of its record."""
+        return self.lines / (self.end_s - self.start_s)
+
     def of_one_period(self, one: int, count: int) -> float:
         """Poisson probability of so many others of its period or more."""
         return float(pdtrc(count - 1, self.expected[one]))
@@ -186,8 +191,7 @@ class _Company:
         """
         end_s = np.minimum(self.end_s[others], self.end_s[one])
         together = np.maximum(0.0, end_s - np.maximum(self.start_s[others], self.start_s[one]))
-        a_second = self.lines / (self.end_s - self.start_s)
-        lines = np.minimum(a_second[others], a_second[one]) * together
+        lines = np.minimum(self.lines_a_second[others], self.lines_a_second[one]) * together
         apart = np.maximum(1.0 - np.minimum(1.0, np.abs(links)) ** 2, _LEAST_APART)
         return np.asarray(apart ** np.maximum(lines - 1.0, 0.0) * self.expected[one])
 
