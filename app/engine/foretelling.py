@@ -55,8 +55,9 @@ class Lags:
         return np.ones(len(x) // self.stride - self.order)
 
     def past(self, x: FloatArray, terms: int) -> FloatArray:
-        """(n, terms): the last means before it, at most `order`."""
-        return np.lib.stride_tricks.sliding_window_view(self._means(x)[self.order - terms : -1], terms)
+        """(..., n, terms): the last means before it, at most `order`, of one signal (N,) or of many, (M, N)."""
+        means = self._means(x)[..., self.order - terms : -1]
+        return np.lib.stride_tricks.sliding_window_view(means, terms, axis=-1)
 
     def whole_past(self, x: FloatArray) -> FloatArray:
         """(n, terms): the last means, and what x was lately, within the last of them. A controller has seen what PV was
@@ -81,7 +82,7 @@ class Lags:
         return np.asarray(place - newest <= within)[self.order :]
 
     def _means(self, x: FloatArray) -> FloatArray:
-        return _at_unit(blocks(x, self.stride).mean(axis=1))
+        return _at_unit(blocks(x, self.stride).mean(axis=-1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +105,8 @@ class Table:
     @cached_property
     def missed(self) -> FloatArray:
         """(P,): sums of squares that one fit to all parts leaves in each."""
-        return _missed(self.products)
+        weights = np.append(-self._fit[1], 1.0)
+        return np.asarray(np.maximum(weights @ self.products @ weights, 0.0))
 
     @property
     def foretells_all(self) -> bool:
@@ -113,38 +115,59 @@ class Table:
 
     def beside(self, more: FloatArray) -> "Table":
         """With further columns (n, k) of what is known."""
+        size, k = self.products.shape[1], more.shape[1]
+        across, among = self._products_with(more[None])
+        products = np.block([[self.products, across[0]], [across[0].transpose(0, 2, 1), among[0]]])
+        order = [*range(size - 1), *range(size, size + k), size - 1]
         rows = np.column_stack((self.rows[:, :-1], more, self.rows[:, -1]))
-        return Table(rows, self.parts, self._products_beside(more))
+        return Table(rows, self.parts, products[:, order][:, :, order])
 
-    def worth(self, more: FloatArray) -> FloatArray:
-        """(P,): by how much further columns (n, k) raise the logarithm of the likelihood of each part, under normal
-        misses of one variance.
+    def worths(self, more: FloatArray) -> FloatArray:
+        """(M, P): by how much each of M sets of further columns (M, n, k) raises the logarithm of the likelihood of
+        each part, under normal misses of one variance.
         """
         sizes = np.array([part.stop - part.start for part in self.parts])
-        before, after = self.missed, _missed(self._products_beside(more))
-        was, now = (max(float(missed.sum()), np.finfo(float).tiny) / sizes.sum() for missed in (before, after))
+        before, after = self.missed, self._missed_beside(more)
+        was, now = (
+            np.maximum(missed.sum(axis=-1, keepdims=True), np.finfo(float).tiny) / len(self.rows)
+            for missed in (before, after)
+        )
         return np.asarray(0.5 * (before / was - after / now) + 0.5 * sizes * np.log(was / now))
 
-    def _products_beside(self, more: FloatArray) -> FloatArray:
-        parts, size, k = len(self.parts), self.products.shape[1], more.shape[1]
-        known_at = [*range(size - 1), size - 1 + k]
-        more_at = list(range(size - 1, size - 1 + k))
-        products = np.empty((parts, size + k, size + k))
-        products[np.ix_(range(parts), known_at, known_at)] = self.products
-        products[np.ix_(range(parts), more_at, more_at)] = _products(more, more, self.parts)
-        across = _products(self.rows, more, self.parts)
-        products[np.ix_(range(parts), known_at, more_at)] = across
-        products[np.ix_(range(parts), more_at, known_at)] = across.transpose(0, 2, 1)
-        return products
+    @cached_property
+    def _fit(self) -> tuple[FloatArray, FloatArray]:
+        """Products of what is known over all parts, as they are inverted, and the weights of it."""
+        products = self.products.sum(axis=0)
+        return _firm(products[:-1, :-1], products[0, 0]), fitted(products, len(products) - 1)
+
+    def _missed_beside(self, more: FloatArray) -> FloatArray:
+        """(M, P): what is missed with further columns (M, n, k), by the Schur complement of what is known: each set
+        costs a fit of k terms.
+        """
+        across, among = self._products_with(more)
+        firm, weights = self._fit
+        cross = across.sum(axis=1)
+        known, value = cross[:, :-1], cross[:, -1]
+        along = np.linalg.solve(firm, known)  # of the further columns, in what is known
+        left = _firm(among.sum(axis=1), firm[0, 0]) - known.transpose(0, 2, 1) @ along
+        added = np.linalg.solve(left, (value - weights @ known)[..., None])
+        kept = weights - (along @ added)[..., 0]
+        whole = np.column_stack((-kept, np.ones(len(more))))[:, None, None, :]
+        added = added[:, None]
+        missed = whole @ self.products @ whole.swapaxes(2, 3) - 2.0 * whole @ across @ added
+        return np.asarray(np.maximum(missed + added.swapaxes(2, 3) @ among @ added, 0.0)[..., 0, 0])
+
+    def _products_with(self, more: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(M, P, terms + 1, k) and (M, P, k, k): of further columns (M, n, k) with these and with each other."""
+        columns = np.ascontiguousarray(more.transpose(1, 0, 2)).reshape(len(self.rows), -1)
+        sets, k = more.shape[0], more.shape[2]
+        across = _products(self.rows, columns, self.parts).reshape(len(self.parts), -1, sets, k)
+        among = [more[:, part].swapaxes(1, 2) @ more[:, part] for part in self.parts]
+        return across.transpose(2, 0, 1, 3), np.stack(among, axis=1)
 
 
 def _products(a: FloatArray, b: FloatArray, parts: tuple[slice, ...]) -> FloatArray:
     return np.array([a[part].T @ b[part] for part in parts])
-
-
-def _missed(products: FloatArray) -> FloatArray:
-    weights = np.append(-fitted(products.sum(axis=0), products.shape[1] - 1), 1.0)
-    return np.asarray(np.maximum(weights @ products @ weights, 0.0))
 
 
 def not_far(missed: FloatArray) -> BoolArray:
@@ -162,9 +185,16 @@ def left_over(gram: FloatArray, terms: int) -> float:
 
 def fitted(gram: FloatArray, terms: int) -> FloatArray:
     """(terms,) weights of the first columns that explain the last one best."""
-    among = gram[:terms, :terms] + RIDGE * gram[0, 0] * np.eye(terms)
-    return np.asarray(np.linalg.solve(among, gram[:terms, -1]))
+    return np.asarray(np.linalg.solve(_firm(gram[:terms, :terms], gram[0, 0]), gram[:terms, -1]))
+
+
+def _firm(among: FloatArray, scale: float) -> FloatArray:
+    """Products of columns (..., k, k) that can be inverted, also where some are made of the others."""
+    return among + RIDGE * scale * np.eye(among.shape[-1])
 
 
 def _at_unit(x: FloatArray) -> FloatArray:
-    return (x - x.mean()) / (float(x.std()) or 1.0)
+    """Along the last axis."""
+    about = x - x.mean(axis=-1, keepdims=True)
+    spread = x.std(axis=-1, keepdims=True)
+    return np.asarray(about / np.where(spread > 0.0, spread, 1.0))

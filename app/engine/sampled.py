@@ -98,8 +98,9 @@ def thinned(x: FloatArray, stride: int) -> FloatArray:
 
 
 def blocks(x: NDArray[Number], length: int) -> NDArray[Number]:
-    """(N,) as (N // length, length)."""
-    return x[: len(x) // length * length].reshape(-1, length)
+    """(..., N) as (..., N // length, length)."""
+    whole = x[..., : x.shape[-1] // length * length]
+    return whole.reshape(*x.shape[:-1], -1, length)
 
 
 def slow_share(blocks: FloatArray) -> float:

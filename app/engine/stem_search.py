@@ -54,24 +54,23 @@ class Asked:
         """Nats that the best of so many signals is worth by chance (Schwarz 1978, doi 10.1214/aos/1176344136)."""
         return float(0.5 * STEM_ORDER * np.log(self.means) + np.log(tried))
 
-    def worth(self, signal: FloatArray) -> FloatArray:
-        """(PARTS,) nats of the past of a signal (N,) beside what is known; 0 where it stands."""
-        if np.ptp(signal) == 0.0:
-            return np.zeros(PARTS)
-        return self.known.worth(self.lags.past(signal, STEM_ORDER)[self.kept])
-
     def most_worth(self, signals: FloatArray) -> tuple[int, FloatArray]:
-        """Which of the signals (M, N) foretells PV best, and its nats (PARTS,)."""
-        nats = np.array([self.worth(signal) for signal in signals])
+        """Which of the signals (M, N) foretells PV best beside what is known, by its past, and its nats (PARTS,); those
+        that stand are worth nothing.
+        """
+        nats = np.zeros((len(signals), PARTS))
+        moves = np.ptp(signals, axis=1) > 0.0
+        nats[moves] = self.known.worths(self._past(signals[moves]))
         best = int(np.argmax(nats.sum(axis=1)))
         return best, nats[best]
 
     def beside(self, signals: FloatArray) -> "Asked":
         """With the past of the one of the signals (M, N) that foretells PV best known too, if one does."""
         best, nats = self.most_worth(signals)
-        if nats.sum() <= 0.0:
-            return self
-        return replace(self, known=self.known.beside(self.lags.past(signals[best], STEM_ORDER)[self.kept]))
+        return replace(self, known=self.known.beside(self._past(signals[best]))) if nats.sum() > 0.0 else self
+
+    def _past(self, signals: FloatArray) -> FloatArray:
+        return self.lags.past(signals, STEM_ORDER)[..., self.kept, :]
 
 
 def moving_part(record: UniformRecord) -> UniformRecord | None:

@@ -23,11 +23,12 @@ def test_what_is_missed_and_what_more_is_worth(rows: np.ndarray) -> None:
     table = Table.in_parts(rows, 3)
     before, after = left(rows), left(np.column_stack((rows[:, :-1], more, rows[:, -1])))
     assert table.missed == pytest.approx([np.sum(before[k : k + 300] ** 2) for k in (0, 300, 600)], rel=1e-6)
-    worth = table.worth(more)
+    worth, of_noise = table.worths(np.stack((more, rng.standard_normal((900, 2)))))
     assert worth.sum() == pytest.approx(450.0 * np.log(np.sum(before**2) / np.sum(after**2)), rel=1e-6)
     assert worth.min() > 0.0
+    assert abs(of_noise.sum()) < 10.0
     assert table.beside(more).missed.sum() == pytest.approx(np.sum(after**2), rel=1e-6)
-    assert abs(table.beside(more).worth(more[:, :1]).sum()) < 1e-3
+    assert abs(table.beside(more).worths(more[None, :, :1]).sum()) < 1e-3
 
 
 def test_a_line_foretells_all(rows: np.ndarray) -> None:
