@@ -2,19 +2,24 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
+from operator import attrgetter
 from typing import Any
 
-from sqlalchemy import Connection, Insert, and_, bindparam, func, insert, select, tuple_, update
+import numpy as np
+from sqlalchemy import ColumnElement, Connection, Insert, and_, bindparam, func, insert, select, tuple_, update
 from sqlalchemy.dialects import postgresql, sqlite
 
 from app.storage.bulk import among, columns_of, from_arrays, insert_new_rows
 from app.storage.samples import Samples, merged, news, unpack
-from app.storage.steps import last_known, led_in
+from app.storage.steps import known_before, last_known, led_in
 from app.storage.tables import loops, series
 
 NS_PER_H = 3_600_000_000_000
+LOOPS_AT_ONCE = 8
+"""Loops whose stretches are taken from the data base together: a week at a value a second has some megabytes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,23 +56,14 @@ def windows(
     """The newest samples of each loop, at most `window_h` hours back from its newest one and `most_samples` of them.
 
     A set point and a mode that were stated up to `hold_days` before are given to the first sample. A loop without
-    samples is left out.
+    samples is left out. What is not in a window is let go before the next loop is read.
     """
     since = loops.c.newest_ns - int(window_h * NS_PER_H)
-    query = (
-        select(series.c.loop_id, series.c.packed, since.label("since_ns"))
-        .join(loops, loops.c.id == series.c.loop_id)
-        .where(series.c.loop_id.in_(list(loop_ids)), series.c.end_ns >= since)
-        .order_by(series.c.loop_id, series.c.id)
-    )
-    found: dict[int, list[Samples]] = defaultdict(list)
-    since_ns: dict[int, int] = {}
-    for row in connection.execute(query):
-        found[row.loop_id].append(unpack(row.packed))
-        since_ns[row.loop_id] = row.since_ns
-    whole = {loop_id: merged(parts) for loop_id, parts in found.items()}
-    cut = {loop_id: _cut(samples, since_ns[loop_id], most_samples) for loop_id, samples in whole.items()}
-    return led_in(connection, cut, whole, since, hold_days)
+    cut, known = {}, {}
+    for loop_id, whole, since_ns in _back_to(connection, sorted(set(loop_ids)), since):
+        cut[loop_id] = _newest(whole, since_ns, most_samples)
+        known[loop_id] = known_before(whole, cut[loop_id])
+    return led_in(connection, cut, known, since, hold_days)
 
 
 def between(
@@ -87,7 +83,8 @@ def between(
         return None
     samples = merged(parts)
     inside = samples.part((samples.time_ns >= start_ns) & (samples.time_ns <= end_ns))
-    return led_in(connection, {loop_id: inside}, {loop_id: samples}, start_ns, hold_days)[loop_id]
+    known = known_before(samples, inside)
+    return led_in(connection, {loop_id: inside}, {loop_id: known}, start_ns, hold_days)[loop_id]
 
 
 def count_between(connection: Connection, loop_id: int, start_ns: int, end_ns: int) -> int:
@@ -189,9 +186,27 @@ def _note_newest(connection: Connection, rows: list[dict[str, Any]]) -> None:
     )
 
 
-def _cut(samples: Samples, since_ns: int, most_samples: int) -> Samples:
-    recent = samples.part(samples.time_ns >= since_ns) if samples.time_ns[0] < since_ns else samples
-    return recent.part(slice(-most_samples, None)) if len(recent) > most_samples else recent
+def _back_to(
+    connection: Connection, loop_ids: list[int], since: ColumnElement[int]
+) -> Iterator[tuple[int, Samples, int]]:
+    """Loop by loop, what its stretches hold that reach over that time, and that time."""
+    query = (
+        select(series.c.loop_id, series.c.packed, since.label("since_ns"))
+        .join(loops, loops.c.id == series.c.loop_id)
+        .where(series.c.end_ns >= since)
+        .order_by(series.c.loop_id, series.c.id)
+    )
+    for start in range(0, len(loop_ids), LOOPS_AT_ONCE):
+        rows = connection.execute(query.where(series.c.loop_id.in_(loop_ids[start : start + LOOPS_AT_ONCE])))
+        for loop_id, stretches in groupby(rows, key=attrgetter("loop_id")):
+            parts = [(unpack(row.packed), row.since_ns) for row in stretches]
+            yield loop_id, merged([samples for samples, _ in parts]), parts[0][1]
+
+
+def _newest(samples: Samples, since_ns: int, most_samples: int) -> Samples:
+    """A copy, where it is not all of them: a view would hold on to what it leaves out."""
+    first = max(int(np.searchsorted(samples.time_ns, since_ns)), len(samples) - most_samples)
+    return samples.part(np.arange(len(samples)) >= first) if first > 0 else samples
 
 
 __all__ = [

@@ -34,32 +34,37 @@ def last_known(samples: Samples) -> dict[str, Any]:
     return columns
 
 
+def known_before(read: Samples, window: Samples) -> dict[str, Known]:
+    """The last value of each signal that holds in what was read from before a window, by the signal's name."""
+    before = slice(0, int(np.searchsorted(read.time_ns, window.time_ns[0])) if len(window) else 0)
+    values = {name: _last(read.part(before), name) for name in HOLDING}
+    return {name: value for name, value in values.items() if value is not None}
+
+
 def led_in(
     connection: Connection,
     cut: Mapping[int, Samples],
-    whole: Mapping[int, Samples],
+    known: Mapping[int, Mapping[str, Known]],
     since: ColumnElement[int] | int,
     hold_days: float,
 ) -> dict[int, Samples]:
     """Windows by loop, with what held when they began at their first sample, where that has no value of its own.
 
-    whole: what was read of each loop: everything from `since` on, and maybe more. hold_days: what was stated longer
-    before the first sample is not known any more.
+    known: what was stated from `since` on, before each window. hold_days: what was stated longer before the first
+    sample is not known any more.
     """
     found = dict(cut)
     for name, begin in HOLDING.items():
         unknown = [loop_id for loop_id, samples in found.items() if _begins_unknown(samples, name)]
         older = _older(connection, unknown, begin, since)
         for loop_id in unknown:
-            read = whole[loop_id]
-            inside = _last(read.part(read.time_ns < found[loop_id].time_ns[0]), name)
-            known = {one for one in (older.get(loop_id), inside) if one is not None}
-            if not known:
+            stated = {one for one in (older.get(loop_id), known[loop_id].get(name)) if one is not None}
+            if not stated:
                 continue
-            last = max(known)
+            last = max(stated)
             if found[loop_id].time_ns[0] - last.time_ns > hold_days * NS_PER_DAY:
                 continue
-            torn = min(known).time_ns == last.time_ns and len(known) > 1
+            torn = min(stated).time_ns == last.time_ns and len(stated) > 1
             value = _at(connection, loop_id, name, last.time_ns) if torn else last.value
             found[loop_id] = _beginning(found[loop_id], name, Known(last.time_ns, value))
     return found

@@ -1,5 +1,7 @@
 """Series in the data base: sending again and overlapping windows change nothing; windows are read for many loops."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from psycopg.adapt import PyFormat, Transformer
@@ -70,6 +72,21 @@ def test_a_window_is_bounded_in_time_and_samples(database: Database) -> None:
     assert len(found[ids["FIC2"]]) == 10
     newest = window(database, "FIC1", most=50)
     assert (newest.time_ns[0], newest.time_ns[-1]) == ((START + 7950) * SECOND, (START + 7999) * SECOND)
+
+
+def test_of_a_chunk_of_long_windows_one_is_in_memory_at_a_time(database: Database) -> None:
+    tags, a_loop = [f"FIC{k}" for k in range(12)], 3 * 8 * 100_000
+    for tag in tags:
+        add(database, tag, ramp(0, 100_000))
+    with database.read() as connection:
+        ids = loops.ids_of(connection, tags)
+        tracemalloc.start()
+        found = series.windows(connection, ids.values(), 24.0, 1000)
+        kept, most = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+    assert all(len(samples) == 1000 for samples in found.values())
+    assert kept < 0.3 * a_loop
+    assert most < 5 * a_loop
 
 
 def test_a_loop_knows_its_newest_sample(database: Database) -> None:
