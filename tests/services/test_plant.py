@@ -249,6 +249,21 @@ def test_a_repair_parts_the_verdicts(backend: Backend, two_runs: tuple[dict[str,
     assert len(verdict_history(backend, "A").rows) == 2
 
 
+def test_a_window_that_begins_within_the_second_of_a_repair_is_after_it(
+    backend: Backend, two_runs: tuple[dict[str, int], int]
+) -> None:
+    ids, first = two_runs
+    noon = datetime(2026, 1, 2, 12, tzinfo=UTC)
+    early, late = noon - timedelta(milliseconds=250), noon + timedelta(milliseconds=250)
+    rewrite(backend, first, ids["A"], window_start=early, window_end=early, verdict="stiction")
+    rewrite(backend, first + 1, ids["A"], window_start=late, window_end=late, verdict="no_stiction")
+    notes.add_note(backend, "A", "packing renewed", repaired_at=noon)
+    repair = notes.newest_repair(backend, "A")
+    assert repair is not None
+    assert (repair.before or {}).get("verdict") == "stiction"
+    assert (repair.after or {}).get("verdict") == "no_stiction"
+
+
 def test_a_repair_is_not_still_to_come(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:
     now = datetime.now(UTC)
     with pytest.raises(RequestError) as refused:

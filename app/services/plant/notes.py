@@ -7,7 +7,7 @@ from typing import Any
 from app.errors import NotFoundError, RequestError
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
-from app.services.moments import iso_utc
+from app.services.moments import epoch_ms, iso_utc
 from app.services.plant.loops import find, verdict_history
 from app.services.results import NoteView, Page
 from app.storage import notes
@@ -103,11 +103,11 @@ def newest_repair(backend: Backend, tag: str) -> Repair | None:
         at = notes.repairs_stated_last(connection, [row.id]).get(row.id)
     if at is None:
         return None
-    moment = iso_utc(at) or ""
+    moment = epoch_ms(at) or 0
     judged = [verdict for verdict in verdict_history(backend, tag, limit=1000).rows if _told(verdict)]
-    after = [verdict for verdict in judged if (verdict["window_start"] or verdict["audited_at"]) >= moment]
-    before = [verdict for verdict in judged if (verdict["window_end"] or verdict["audited_at"]) < moment]
-    return Repair(moment, before[0] if before else None, after[0] if after else None)
+    after = [verdict for verdict in judged if _ms(verdict["window_start"] or verdict["audited_at"]) >= moment]
+    before = [verdict for verdict in judged if _ms(verdict["window_end"] or verdict["audited_at"]) < moment]
+    return Repair(iso_utc(at) or "", before[0] if before else None, after[0] if after else None)
 
 
 def _in_utc(moment: datetime) -> datetime:
@@ -120,6 +120,10 @@ def _in_utc(moment: datetime) -> datetime:
 
 def _told(verdict: dict[str, Any]) -> bool:
     return bool(verdict["window_end"] or verdict["audited_at"])
+
+
+def _ms(iso: str) -> int:
+    return epoch_ms(datetime.fromisoformat(iso)) or 0
 
 
 def _view(note: NoteRow | None) -> NoteView:
