@@ -14,6 +14,7 @@ from app.api import (
     audits,
     explanations,
     groups,
+    loop_list,
     loops,
     notes,
     operations,
@@ -93,7 +94,7 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
 
 def api() -> APIRouter:
     router = APIRouter(prefix="/v1", dependencies=[Depends(only_known)], responses=problems.responses(422))
-    for module in (uploads, explanations, reports, notes, loops, reliability, audits, groups, trail):
+    for module in (uploads, explanations, reports, notes, loop_list, loops, reliability, audits, groups, trail):
         router.include_router(module.router)
     return router
 

@@ -1,12 +1,12 @@
 """The plant's loops: what they are, what was last said about each, and their series."""
 
 from datetime import datetime
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Header, Query
 from fastapi.exceptions import RequestValidationError
 from starlette.requests import Request
-from starlette.responses import Response
+from starlette.responses import Response, StreamingResponse
 
 from app.api.backend import Cursor, IsoTime, Limit, Services
 from app.api.etags import NOT_MODIFIED, known, tag_of, tagged
@@ -14,6 +14,7 @@ from app.api.models import HealthOut, LoopOut, LoopPage, LoopPatch, TrendOut, Ve
 from app.api.paths import LoopTag
 from app.api.problems import responses
 from app.services.plant import loops as service
+from app.services.plant.loop_list import written
 from app.services.plant.trend import instant_ns
 from app.services.plant.trend import trend as thinned
 
@@ -21,20 +22,33 @@ router = APIRouter(tags=["loops"])
 
 Search = Annotated[str | None, Query(max_length=200, description="Part of a tag.")]
 Unit = Annotated[str | None, Query(max_length=200, description="Plant unit.")]
+Form = Annotated[Literal["json", "csv"], Query(alias="format", description="json or csv.")]
 Points = Annotated[int, Query(ge=2, le=10000, description="About how many points are wanted.")]
 Instant = Annotated[IsoTime | None, Query(description="ISO 8601; without an offset it is UTC.")]
 From = Annotated[IsoTime | None, Query(alias="from", description="Another name of start, as explanations have it.")]
 IfMatch = Annotated[str | None, Header(max_length=500, description="ETag of the loop as it is to be changed.")]
 To = Annotated[IsoTime | None, Query(alias="to", description="Another name of end, as explanations have it.")]
+CSV: dict[int | str, dict[str, Any]] = {200: {"content": {"text/csv": {"schema": {"type": "string"}}}}}
 
 # The routes with more behind the tag come first: a tag may hold slashes.
 
 
-@router.get("/loops", response_model=LoopPage, responses=responses(400, 422), summary="The plant's loops")
+@router.get("/loops", response_model=LoopPage, responses={**responses(400, 422), **CSV}, summary="The plant's loops")
 def loops(
-    backend: Services, limit: Limit = 100, cursor: Cursor = None, unit: Unit = None, search: Search = None
+    backend: Services,
+    limit: Limit = 100,
+    cursor: Cursor = None,
+    unit: Unit = None,
+    search: Search = None,
+    format_: Form = "json",
 ) -> Any:
-    return service.list_loops(backend, limit, cursor, unit=unit, search=search)
+    """As CSV all of them at once, to be changed in a spreadsheet and sent back (`PATCH /v1/loops`)."""
+    if format_ == "json":
+        return service.list_loops(backend, limit, cursor, unit=unit, search=search)
+    headers = {"Content-Disposition": 'attachment; filename="loops.csv"'}
+    return StreamingResponse(
+        written(backend, unit=unit, search=search), media_type="text/csv; charset=utf-8", headers=headers
+    )
 
 
 @router.get(

@@ -190,6 +190,15 @@ class FailureOut(Read):
     text: str = Field(description="What happened, in words.")
 
 
+class LoopsChangedOut(Read):
+    """What became of a list of loops."""
+
+    changed: int = Field(description="How many loops were set otherwise.")
+    unchanged: int = Field(description="How many were so already.")
+    refused: list[FailureOut] = Field(description="The loops that could not be set, and why.")
+    ignored_columns: list[str] = Field(description="Columns of a CSV that say nothing of a loop here.")
+
+
 class AuditOut(Read):
     """One plant-wide (or filtered) audit run."""
 

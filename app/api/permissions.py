@@ -55,6 +55,7 @@ ROUTES: dict[tuple[str, str], Permission] = {
     ("GET", "/v1/uploads/{upload_id}"): READ,
     # Loops
     ("GET", "/v1/loops"): READ,
+    ("PATCH", "/v1/loops"): audits("loops.change"),
     ("GET", "/v1/loops/{tag:path}/health"): READ,
     ("GET", "/v1/loops/{tag:path}/verdicts"): READ,
     ("GET", "/v1/loops/{tag:path}/trend"): READ,

@@ -26,6 +26,7 @@ TABLES: tuple[tuple[str, str, type[BaseModel]], ...] = (
     ("Rivals", "`rivals` of `--format jsonl`", audit.RivalLine),
     ("Spells", "`episodes` of `--format jsonl`", audit.EpisodeLine),
     ("A loop", "`GET /v1/loops`", models.LoopOut),
+    ("A list of loops taken", "`PATCH /v1/loops`", models.LoopsChangedOut),
     ("A trend", "`GET /v1/loops/{tag}/trend`", models.TrendOut),
     ("A note", "`GET /v1/loops/{tag}/notes`", models.NoteOut),
     ("An upload in the list", "`GET /v1/uploads`", models.UploadListed),

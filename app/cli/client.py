@@ -80,6 +80,15 @@ class ServiceClient:
     def patch(self, path: str, body: dict[str, Any]) -> dict[str, Any]:
         return _checked(self._send("PATCH", path, json=body))
 
+    def loop_list(self) -> str:
+        """All loops of the plant as CSV."""
+        answer = self._send("GET", "/v1/loops", params={"format": "csv"})
+        return answer.text if answer.is_success else str(_checked(answer))
+
+    def change_loops(self, listed: bytes) -> dict[str, Any]:
+        """Sets what a CSV of loops says; the answer says which could not be set."""
+        return _checked(self._send("PATCH", "/v1/loops", content=listed, headers={"Content-Type": "text/csv"}))
+
     def until(
         self,
         path: str,

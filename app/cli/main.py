@@ -22,6 +22,7 @@ from app.cli import (
     inspect,
     interrupts,
     keys,
+    loops,
     migrate,
     nightly,
     report,
@@ -105,6 +106,7 @@ cli.command("bench", rich_help_panel=RUN)(bench.bench)
 cli.command("worker", rich_help_panel=RUN)(worker.worker)
 cli.command("beat", rich_help_panel=RUN)(worker.beat)
 cli.command("upload", rich_help_panel=RUN)(upload.upload)
+cli.command("loops", rich_help_panel=RUN)(loops.loops)
 cli.command("nightly", rich_help_panel=RUN)(nightly.nightly)
 cli.command("digest", rich_help_panel=RUN)(digest.digest)
 cli.command("report", rich_help_panel=RUN)(report.report)

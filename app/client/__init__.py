@@ -8,7 +8,7 @@ Each answer is a frozen dataclass of the fields that are used most; `raw` is all
 newer service adds is there too.
 """
 
-from app.client.answers import Answer, Audit, Loop, Row, Trend, Upload
+from app.client.answers import Answer, Audit, Loop, LoopsChanged, Row, Trend, Upload
 from app.client.connection import Client, ServiceError
 
-__all__ = ["Answer", "Audit", "Client", "Loop", "Row", "ServiceError", "Trend", "Upload"]
+__all__ = ["Answer", "Audit", "Client", "Loop", "LoopsChanged", "Row", "ServiceError", "Trend", "Upload"]

@@ -29,7 +29,17 @@ class Loop(Answer):
     op_low: float | None
     op_high: float | None
     integrating: bool | None
+    moves_valve: bool | None
     samples_to: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoopsChanged(Answer):
+    """`refused`: loop, code and text of each that could not be set."""
+
+    changed: int
+    unchanged: int
+    refused: list[dict[str, str]]
 
 
 @dataclass(frozen=True, kw_only=True)

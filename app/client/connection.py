@@ -9,7 +9,7 @@ from urllib.parse import quote
 
 import httpx
 
-from app.client.answers import Answer, Audit, Loop, Row, Trend, Upload
+from app.client.answers import Answer, Audit, Loop, LoopsChanged, Row, Trend, Upload
 
 BUSY = (429, 503)
 LONGEST_WAIT_S = 60.0
@@ -74,6 +74,10 @@ class Client:
     def change_loop(self, tag: str, **changes: Any) -> Loop:
         """Sets what is named (unit, type, importance, spans, ...); None forgets it."""
         return Loop.of(self._asked("PATCH", _of_loop(tag), json=changes))
+
+    def change_loops(self, loops: Sequence[Mapping[str, Any]]) -> LoopsChanged:
+        """Sets what each names beside its `tag`; those that cannot be set are in `refused`, and the others are."""
+        return LoopsChanged.of(self._asked("PATCH", "/v1/loops", json={"loops": [dict(loop) for loop in loops]}))
 
     def health(self, tag: str) -> Row:
         """The newest verdict; its key figures are in `raw`."""

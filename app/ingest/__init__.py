@@ -40,6 +40,7 @@ from app.ingest.export import is_export_name, read_export, stem_of, takes_its_na
 from app.ingest.exports import Export
 from app.ingest.grouping import MappedTag, TagMapping, group, mapping_text
 from app.ingest.inspection import InspectReport, LoopReport, inspect
+from app.ingest.lists import BEYOND, list_rows, list_text
 from app.ingest.model import (
     FileSummary,
     IngestOptions,
@@ -56,6 +57,7 @@ from app.ingest.scanning import warm_up
 from app.ingest.stamps import NO_TIME, check_time_zone
 
 __all__ = [
+    "BEYOND",
     "NO_TIME",
     "Export",
     "FileSummary",
@@ -78,6 +80,8 @@ __all__ = [
     "group",
     "inspect",
     "is_export_name",
+    "list_rows",
+    "list_text",
     "mapping_text",
     "parse_named",
     "read_export",

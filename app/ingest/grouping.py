@@ -1,18 +1,19 @@
 """Tags into loops: by the ending of their names, by the letters of ISA, or by a mapping that the plant gives."""
 
-import csv
-import io
 import json
 import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from app.errors import DataError
+from app.ingest.lists import list_rows, list_text, named_cells
 from app.ingest.model import SIGNALS, LoopTags, Signal
-from app.ingest.opening import detect_encoding
+
+_MAPPING = ("the mapping", "bad_mapping")
+"""What it is called, and the code of all that is wrong with it."""
 
 _WORDS: Mapping[str, Signal] = MappingProxyType(
     {
@@ -92,7 +93,7 @@ class TagMapping:
         where a tag has two places, where no row is, or where it is no text.
         """
         text = mapping_text(data)
-        rows = _json_rows(text) if text.lstrip()[:1] in ("[", "{") else _csv_rows(text)
+        rows = _json_rows(text) if text.lstrip()[:1] in ("[", "{") else list_rows(text, *_MAPPING)
         mapped = [_mapped(number, row) for number, row in enumerate(rows, start=1)]
         if not mapped:
             raise DataError("bad_mapping", "the mapping names no tag; it needs rows of tag, loop and signal")
@@ -111,23 +112,10 @@ class TagMapping:
 
 def mapping_text(data: bytes) -> str:
     """Decoded as an export is. Raises DataError("bad_mapping") where it is no text."""
-    encoding = detect_encoding(data)
-    try:
-        return data.decode(encoding)
-    except UnicodeDecodeError as error:
-        raise DataError("bad_mapping", f"the mapping is no text in {encoding}: {error.reason}") from error
+    return list_text(data, *_MAPPING)
 
 
-def _csv_rows(text: str) -> list[dict[str, Any]]:
-    first = text.split("\n", 1)[0]
-    delimiter = max(",;\t", key=first.count)
-    try:
-        return list(csv.DictReader(io.StringIO(text), delimiter=delimiter))
-    except csv.Error as error:
-        raise DataError("bad_mapping", f"the mapping is not CSV: {error}") from error
-
-
-def _json_rows(text: str) -> list[dict[str, Any]]:
+def _json_rows(text: str) -> list[dict[str, str]]:
     try:
         rows = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -135,15 +123,11 @@ def _json_rows(text: str) -> list[dict[str, Any]]:
     rows = rows.get("tags", []) if isinstance(rows, dict) else rows
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise DataError("bad_mapping", "the mapping must be a list of objects with tag, loop and signal")
-    return rows
+    return [named_cells(row) for row in rows]
 
 
-def _mapped(number: int, row: Mapping[Any, Any]) -> MappedTag:
-    cells = {
-        str(key).strip().lower(): str(value).strip()
-        for key, value in row.items()
-        if key is not None and value is not None
-    }
+def _mapped(number: int, row: Mapping[str, str]) -> MappedTag:
+    cells = dict(row)
     tag, loop = cells.pop("tag", ""), cells.pop("loop", "")
     word = cells.pop("signal", "")
     signal: Signal | None = "OTHER" if word.upper() == "OTHER" else _WORDS.get(_plain(word))

@@ -87,6 +87,15 @@ class FailureView:
 
 
 @dataclass(frozen=True)
+class LoopsChanged:
+    """How many loops were set otherwise, how many were so already, and which could not be set."""
+
+    changed: int
+    unchanged: int
+    refused: list[FailureView]
+
+
+@dataclass(frozen=True)
 class AuditView:
     """A run and its progress: total = open + done + failed (claimed loops count as open)."""
 

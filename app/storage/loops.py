@@ -1,13 +1,13 @@
 """The plant's loops."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Connection, Select, func, select, update
+from sqlalchemy import Connection, Select, bindparam, func, select, update
 
-from app.storage.bulk import from_arrays, insert_new_rows
+from app.storage.bulk import among, from_arrays, insert_new_rows
 from app.storage.tables import loops
 from app.storage.types import now
 
@@ -87,6 +87,12 @@ def by_ids(connection: Connection, ids: Iterable[int]) -> dict[int, LoopRow]:
     return {row.id: LoopRow(*row) for row in found}
 
 
+def to_change(connection: Connection, ids: Iterable[int]) -> dict[int, LoopRow]:
+    """Loops that nobody else changes until the transaction ends, in one order for all who ask for many."""
+    query = select(*COLUMNS).where(among(connection, loops.c.id, ids)).order_by(loops.c.id)
+    return {row.id: LoopRow(*row) for row in connection.execute(query.with_for_update(key_share=True, of=loops))}
+
+
 def page(
     connection: Connection, limit: int, after_tag: str | None, unit: str | None, search: str | None
 ) -> list[LoopRow]:
@@ -103,6 +109,17 @@ def page(
 
 def change(connection: Connection, loop_id: int, changes: dict[str, Any]) -> None:
     connection.execute(update(loops).where(loops.c.id == loop_id).values(**changes))
+
+
+def change_each(connection: Connection, changed: Mapping[int, Mapping[str, Any]]) -> None:
+    """By loop, the value of each of `SETTABLE`."""
+    if changed:
+        given: dict[str, Any] = {name: bindparam(f"new_{name}") for name in SETTABLE}
+        told = [
+            {"loop": loop_id, **{f"new_{name}": values[name] for name in SETTABLE}}
+            for loop_id, values in changed.items()
+        ]
+        connection.execute(update(loops).where(loops.c.id == bindparam("loop")).values(**given), told)
 
 
 def _one(connection: Connection, query: Select[Any]) -> LoopRow | None:

@@ -83,6 +83,11 @@ def test_a_loop_is_changed(client, upload):
     assert list(client.loops(unit="elsewhere")) == []
 
 
+def test_many_loops_are_changed_at_once(client, upload):
+    done = client.change_loops([{"tag": TAG, "importance": 2}, {"tag": "NOWHERE", "importance": 2}])
+    assert (done.changed, [row["code"] for row in done.refused]) == (1, ["unknown_loop"])
+
+
 def test_the_series_come_with_their_times(client, upload):
     trend = client.trend(TAG, points=50)
     assert trend.samples == 300

@@ -1,17 +1,17 @@
 """The plant's loops, each with its newest verdict and its history."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from sqlalchemy import Connection
 
-from app.errors import NotFoundError, RequestError
+from app.errors import LoopauditError, NotFoundError, RequestError
 from app.services.auditing.rows import FORM, KEY_FIGURES, as_row, compact, sent
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.moments import iso_utc, moment_of
-from app.services.results import LoopView, Page
+from app.services.results import FailureView, LoopsChanged, LoopView, Page
 from app.storage import items, loops, verdicts
 from app.storage.loops import SETTABLE, LoopRow
 
@@ -60,6 +60,38 @@ def patch_loop(
             raise RequestError("changed_meanwhile", text)
         loops.change(connection, row.id, _wanted(connection, row, changes))
         return _view(loops.by_ids(connection, [row.id])[row.id])
+
+
+def change_loops(backend: Backend, wanted: Sequence[tuple[str, Mapping[str, Any]]]) -> LoopsChanged:
+    """Sets of many loops, by tag, what `patch_loop` sets of one. Each loop is for itself: what cannot be set of one is
+    refused with its code, and the others are changed.
+    """
+    refused: list[FailureView] = []
+    with backend.database.write() as connection:
+        ids = loops.ids_of(connection, sorted({tag for tag, _ in wanted}))
+        rows = loops.to_change(connection, ids.values())
+        changed: dict[int, dict[str, Any]] = {}
+        for tag, changes in wanted:
+            try:
+                row = _named_once(tag, ids, rows, changed)
+                changed[row.id] = _wanted(connection, row, changes)
+            except LoopauditError as error:
+                refused.append(FailureView(tag, error.code, error.message))
+        news = {loop_id: values for loop_id, values in changed.items() if _differs(rows[loop_id], values)}
+        loops.change_each(connection, news)
+    return LoopsChanged(len(news), len(changed) - len(news), refused)
+
+
+def _named_once(tag: str, ids: Mapping[str, int], rows: Mapping[int, LoopRow], changed: Mapping[int, Any]) -> LoopRow:
+    if tag not in ids:
+        raise unknown(tag)
+    if ids[tag] in changed:
+        raise RequestError("named_twice", f"loop {tag!r} is named twice; the first time counts")
+    return rows[ids[tag]]
+
+
+def _differs(row: LoopRow, values: Mapping[str, Any]) -> bool:
+    return any(getattr(row, name) != value for name, value in values.items())
 
 
 def _wanted(connection: Connection, row: LoopRow, changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,93 @@
+"""Many loops changed in one request, as JSON or as the list that a spreadsheet has."""
+
+import json
+from typing import Any
+
+from fastapi import APIRouter, Request
+from fastapi.concurrency import run_in_threadpool
+from pydantic import ValidationError
+
+from app.api.backend import Services
+from app.api.models import LoopPatch, LoopsChangedOut
+from app.api.problems import responses
+from app.errors import DataError, RequestError
+from app.services.backend import Backend
+from app.services.plant import loop_list
+from app.services.plant.loop_list import LoopList
+from app.services.plant.loops import change_loops
+from app.services.results import FailureView
+
+router = APIRouter(tags=["loops"])
+
+MOST_LOOPS = 20_000
+CSV, JSON = "text/csv", "application/json"
+LOOP = LoopPatch.model_json_schema()
+LINE = LOOP | {"required": ["tag"], "properties": {"tag": {"type": "string"}, **LOOP["properties"]}}
+LIST = {"type": "object", "required": ["loops"], "properties": {"loops": {"type": "array", "items": LINE}}}
+BODY = {
+    "requestBody": {"required": True, "content": {JSON: {"schema": LIST}, CSV: {"schema": {"type": "string"}}}},
+}
+
+
+@router.patch(
+    "/loops",
+    response_model=LoopsChangedOut,
+    openapi_extra=BODY,
+    responses=responses(413, 415, 422),
+    summary="Say more about many loops",
+)
+async def change_many(request: Request, backend: Services) -> Any:
+    """Each loop is for itself: what cannot be set of one is refused with its code, and the others are changed.
+
+    As JSON `{"loops": [{"tag": ..., ...}]}`, where null forgets; or as CSV with the column `tag` and those to set,
+    where an empty cell leaves things as they are (`GET /v1/loops?format=csv` answers such a list). At most 20,000
+    loops.
+    """
+    kind = request.headers.get("content-type", JSON).split(";")[0].strip().lower()
+    return await run_in_threadpool(_changed, backend, await request.body(), kind)
+
+
+def _changed(backend: Backend, body: bytes, kind: str) -> dict[str, Any]:
+    if kind not in READ:
+        raise RequestError("media_type", f"a list of loops comes as {JSON} or {CSV}, not as {kind[:60]!r}")
+    sent = READ[kind](body)
+    if len(sent.wanted) > MOST_LOOPS:
+        raise DataError("bad_loop_list", f"the list has {len(sent.wanted)} loops; at most {MOST_LOOPS} go at once")
+    refused, wanted = list(sent.refused), []
+    for tag, changes in sent.wanted:
+        try:
+            wanted.append((tag, LoopPatch.model_validate(changes).model_dump(exclude_unset=True)))
+        except ValidationError as error:
+            refused.append(FailureView(tag, "bad_value", _told(error)))
+    done = change_loops(backend, wanted)
+    return {
+        "changed": done.changed,
+        "unchanged": done.unchanged,
+        "refused": [*refused, *done.refused],
+        "ignored_columns": sent.ignored,
+    }
+
+
+def _from_json(body: bytes) -> LoopList:
+    try:
+        sent = json.loads(body)
+    except (ValueError, RecursionError) as error:
+        raise DataError("bad_loop_list", f"the loop list is not JSON: {error}") from error
+    lines = sent.get("loops") if isinstance(sent, dict) else None
+    if not isinstance(lines, list) or not all(isinstance(line, dict) for line in lines):
+        raise DataError("bad_loop_list", "the loop list is an object with `loops`, a list of objects that have a tag")
+    found = LoopList([], [], [])
+    for line in lines:
+        tag = line.pop("tag", None)
+        if isinstance(tag, str):
+            found.wanted.append((tag, line))
+        else:
+            found.refused.append(FailureView(str(tag)[:60], "no_tag", "a loop of the list has no tag that is a text"))
+    return found
+
+
+def _told(error: ValidationError) -> str:
+    return "; ".join(f"{'.'.join(map(str, item['loc']))}: {item['msg']}" for item in error.errors()[:3])
+
+
+READ = {JSON: _from_json, CSV: loop_list.read}

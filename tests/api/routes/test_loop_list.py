@@ -1,0 +1,113 @@
+"""The plant's loops as one list: out as CSV, changed, and back."""
+
+import csv
+import io
+
+import pytest
+
+from tests.api.routes.exports import HOSTILE
+
+CSV = {"Content-Type": "text/csv"}
+
+
+@pytest.fixture(autouse=True)
+def as_it_was(client, plant):
+    yield
+    for row in client.get("/v1/loops").json()["rows"]:
+        told = {name: None for name in row if name not in ("tag", "importance", "samples_to")}
+        client.patch("/v1/loops", json={"loops": [{"tag": row["tag"], "importance": 1, **told}]}).raise_for_status()
+
+
+def listed(client) -> dict[str, dict[str, str]]:
+    answer = client.get("/v1/loops", params={"format": "csv"})
+    assert answer.headers["content-type"].startswith("text/csv")
+    return {row["tag"]: row for row in csv.DictReader(io.StringIO(answer.text, newline=""))}
+
+
+def sent(client, text: str | bytes, **headers):
+    return client.patch("/v1/loops", content=text if isinstance(text, bytes) else text.encode(), headers=CSV | headers)
+
+
+def loop(client, tag: str) -> dict:
+    return next(row for row in client.get("/v1/loops").json()["rows"] if row["tag"] == tag)
+
+
+def test_a_list_as_a_spreadsheet_writes_it_is_set(client):
+    text = "Tag;P&ID;Unit;Importance;PV low;PV high;Moves valve\r\nFIC101;12-3;CRUDE;2,5;0;150;no\r\nLIC7;;;4;;;\r\n"
+    answer = sent(client, text.encode("utf-16"))
+    assert answer.status_code == 200, answer.text
+    assert answer.json() == {"changed": 2, "unchanged": 0, "refused": [], "ignored_columns": ["p&id"]}
+    flow = loop(client, "FIC101")
+    assert (flow["unit"], flow["importance"], flow["pv_high"], flow["moves_valve"]) == ("CRUDE", 2.5, 150.0, False)
+    assert (loop(client, "LIC7")["importance"], loop(client, "LIC7")["unit"]) == (4.0, None)
+    again = sent(client, text.encode("utf-16")).json()
+    assert (again["changed"], again["unchanged"]) == (0, 2)
+    sent(client, "tag,unit,importance\nFIC101,,\n")
+    assert loop(client, "FIC101") == flow
+
+
+def test_what_is_written_can_be_read_again(client):
+    lines = [
+        {"tag": HOSTILE, "unit": "=1+1", "description": 'a "wide", deep\nlevel', "pv_low": -1.5e-7, "pv_high": 1 / 3},
+        {"tag": "LIC7", "integrating": True, "moves_valve": False, "type": "level"},
+    ]
+    assert client.patch("/v1/loops", json={"loops": lines}).json()["changed"] == 2
+    before = client.get("/v1/loops").json()["rows"]
+    assert listed(client)[f"'{HOSTILE}"]["unit"] == "'=1+1"
+    text = client.get("/v1/loops", params={"format": "csv"}).content
+    client.patch("/v1/loops", json={"loops": [{"tag": row["tag"], "unit": None, "pv_high": None} for row in before]})
+    assert sent(client, text).json()["refused"] == []
+    assert client.get("/v1/loops").json()["rows"] == before
+
+
+def test_what_cannot_be_set_is_refused_and_the_rest_is_set(client):
+    rows = {
+        "FIC101,a,1,": None,
+        "FIC101,b,1,": "named_twice",
+        "NOWHERE,a,1,": "unknown_loop",
+        "LIC7,a,much,": "bad_value",
+        "LIC7,a,-3,": "bad_value",
+        "LIC7,a,1,rocket": "unknown_type",
+        "LIC7,a,1,,5": "ragged_row",
+        f"LIC7,{'x' * 500},1,": "bad_value",
+        "LIC7,a\x00b,1,": "bad_value",
+        ",a,1,": "no_tag",
+    }
+    answer = sent(client, "\n".join(["tag,unit,importance,type", *rows]) + "\n")
+    assert answer.status_code == 200, answer.text
+    told = answer.json()
+    assert told["changed"] == 1
+    assert sorted(row["code"] for row in told["refused"]) == sorted(code for code in rows.values() if code)
+    assert (loop(client, "FIC101")["unit"], loop(client, "LIC7")["unit"]) == ("a", None)
+
+
+@pytest.mark.parametrize(
+    ("body", "headers", "status", "code"),
+    [
+        (b"", CSV, 422, "bad_loop_list"),
+        (b"tag,unit\n", CSV, 422, "bad_loop_list"),
+        (b"loop,unit\nFIC101,a\n", CSV, 422, "bad_loop_list"),
+        (b"tag,colour\nFIC101,red\n", CSV, 422, "bad_loop_list"),
+        (b"\x00\x01\x02\xff\xfe" * 9, CSV, 422, "bad_loop_list"),
+        (b"[{", {"Content-Type": "application/json"}, 422, "bad_loop_list"),
+        (b'{"loops": [3]}', {"Content-Type": "application/json"}, 422, "bad_loop_list"),
+        (b"[" * 100_000, {"Content-Type": "application/json"}, 422, "bad_loop_list"),
+        (b'{"loops": []}', {"Content-Type": "application/xml"}, 415, "media_type"),
+        (
+            b'{"loops": [' + b",".join([b'{"tag":"A"}'] * 20_001) + b"]}",
+            {"Content-Type": "application/json"},
+            422,
+            "bad_loop_list",
+        ),
+    ],
+)
+def test_a_list_that_is_none_is_refused(client, body, headers, status, code):
+    answer = client.patch("/v1/loops", content=body, headers=headers)
+    assert (answer.status_code, answer.json()["code"]) == (status, code), answer.text[:300]
+
+
+def test_lines_of_json_are_as_strict_as_one_loop(client):
+    lines = [{"tag": "LIC7", "integrating": 1}, {"tag": "LIC7", "colour": "red"}, {"tag": 7}, {"unit": "a"}]
+    told = client.patch("/v1/loops", json={"loops": lines}).json()
+    assert [row["code"] for row in told["refused"]] == ["no_tag", "no_tag", "bad_value", "bad_value"]
+    assert told["changed"] == 0
