@@ -7,7 +7,7 @@ import numpy as np
 
 from app.engine.excerpts import LENGTH, Excerpts
 from app.engine.innovations import apart, innovations
-from app.engine.recording import Array32, FloatArray, IntArray
+from app.engine.recording import Array32, FloatArray, IntArray, Steps
 
 ORDER = 6
 
@@ -52,7 +52,7 @@ class _Signal:
     """Some excerpts of OP or SP: kept (B, LENGTH) of those with these numbers (B,)."""
 
     numbers: IntArray
-    kept: Array32 | FloatArray
+    kept: Steps | FloatArray
 
     @property
     def values(self) -> FloatArray:
@@ -127,7 +127,7 @@ def cascades(excerpts: Mapping[str, Excerpts], asked: Collection[str] | None = N
 
 
 def _signals(
-    excerpts: Mapping[str, Excerpts], which: Callable[[Excerpts], Array32 | FloatArray | None]
+    excerpts: Mapping[str, Excerpts], which: Callable[[Excerpts], Steps | FloatArray | None]
 ) -> dict[str, _Signal]:
     return {tag: _Signal(one.numbers, x) for tag, one in excerpts.items() if (x := which(one)) is not None}
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.engine.recording import Array32, FloatArray, IntArray, Recording
+from app.engine.recording import FloatArray, IntArray, Recording, Steps
 from app.engine.sampled import ROUNDING
 
 LENGTH = 64
@@ -23,13 +23,14 @@ class Excerpts:
 
     interval_s: between two values, in s. numbers: (B,) increasing; excerpt k begins at k LENGTH interval_s on a clock
     that the compared loops share.
-    op, sp: (B, LENGTH) in the unit of the signal; None where it stands or was not recorded.
+    op, sp: (B, LENGTH) in the unit of the signal, or in steps of its range as they are kept; None where it stands or
+    was not recorded.
     """
 
     interval_s: float
     numbers: IntArray
-    op: FloatArray | Array32 | None
-    sp: FloatArray | Array32 | None
+    op: FloatArray | Steps | None
+    sp: FloatArray | Steps | None
 
 
 def excerpts_of(recording: Recording, origin_s: float) -> Excerpts | None:

@@ -11,6 +11,7 @@ from app.errors import DataError
 
 FloatArray = NDArray[np.float64]
 Array32 = NDArray[np.float32]
+Steps = NDArray[np.uint16]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
