@@ -29,7 +29,7 @@ from app.api.crowding import LimitCrowd
 from app.api.guard import Guard
 from app.api.headers import SecurityHeaders, WholeFiles
 from app.api.heads import AnswerHead
-from app.api.parameters import only_known
+from app.api.parameters import no_zero_bytes, only_known
 from app.api.paths import KeepTagsEncoded
 from app.api.request_ids import RequestIds
 from app.api.schema import described
@@ -68,6 +68,7 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
         redoc_url=None,
         redirect_slashes=False,
         lifespan=lifespan,
+        dependencies=[Depends(no_zero_bytes)],
         generate_unique_id_function=operation_id,
     )
     app.state.rates = Rates(settings)

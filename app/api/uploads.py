@@ -146,7 +146,7 @@ async def mapping_of(part: UploadFile | str) -> bytes:
             text = f"a mapping may have at most {LARGEST_MAPPING} bytes; send the export in parts, each with its own"
             raise RequestError("mapping_too_large", text)
         return mapping
-    return part.encode()
+    return part.encode("utf-8", "replace")  # the form may name a character set that makes halves of letters
 
 
 async def blocks(part: UploadFile) -> AsyncIterator[bytes]:

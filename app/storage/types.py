@@ -1,4 +1,4 @@
-"""What both data bases must mean the same by: instants, and the data base's own clock."""
+"""What both data bases must mean the same by: instants, the data base's own clock, and texts."""
 
 from datetime import UTC, datetime
 from typing import Any
@@ -31,6 +31,11 @@ class UtcDateTime(TypeDecorator[datetime]):
         if value is None:
             return None
         return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
+
+
+def storable(text: str) -> str:
+    """As both data bases keep it: PostgreSQL refuses a zero byte, and neither takes half of a letter."""
+    return text.replace("\0", "\N{REPLACEMENT CHARACTER}").encode("utf-8", "replace").decode("utf-8")
 
 
 class clock_s(FunctionElement[float]):

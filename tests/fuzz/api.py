@@ -1,6 +1,7 @@
 """The running API under hostile requests: schemathesis over HTTP with all its checks, and requests of our own.
 
     python tests/fuzz/api.py --requests 100000 [--seed 1] [--schemathesis-seconds 300] [--found folder]
+                             [--database-url postgresql://...]
 
 Every answer is judged: no 5xx, every 4xx a problem with a code (or a page), the security headers on each, and every
 upload that was taken ends as done or failed with a code. Lines of app/api are measured by coverage.py. The exit code is
@@ -302,18 +303,15 @@ def settle_uploads(plant: Any, judge: Judge) -> None:
 
 
 def measured(arguments: argparse.Namespace, cover: coverage.Coverage) -> int:
-    from app.main import create_app
-    from app.services.access.authentication import Authenticator
     from tests.fuzz import plant as plants
     from tests.fuzz.requests import Requests
 
     folder = Path(tempfile.mkdtemp(prefix="fuzz-", dir=IN_MEMORY if IN_MEMORY.is_dir() else None))
     try:
         cover.stop()
-        plant = plants.build(folder)
+        plant = plants.build(folder, arguments.database_url)
         cover.start()
-        app = create_app(plant.settings)
-        app.state.backend, app.state.access = plant.backend, Authenticator(plant.backend)
+        app = plants.app_of(plant)
         judge = Judge(app, Path(arguments.found))
         with listening(judge) as url:
             code = schemathesis(url, plant.keys["admin"], arguments.schemathesis_seconds, arguments.seed)
@@ -354,6 +352,7 @@ def main() -> None:
     parser.add_argument("--schemathesis-seconds", type=int, default=300)
     parser.add_argument("--minutes", type=float, default=120.0, help="our own requests end after this time")
     parser.add_argument("--found", default=".fuzz/found")
+    parser.add_argument("--database-url", default="", help="of an empty PostgreSQL data base; otherwise SQLite")
     arguments = parser.parse_args()
     os.environ["LOOPAUDIT_LOG_LEVEL"] = "error"
     from app import kernel_cache

@@ -1,12 +1,18 @@
 """A small plant that has something behind every route: loops with hostile names, verdicts, an explanation, keys."""
 
+import asyncio
 import csv
 import io
 from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
 
+from fastapi import FastAPI
+
+from app.api.uploads import MAPPINGS_AT_ONCE
+from app.main import create_app
 from app.services.access import keys
+from app.services.access.authentication import Authenticator
 from app.services.access.identity import Role
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
@@ -47,8 +53,9 @@ def wide(*tags: str, samples: int = 400) -> bytes:
     return text.getvalue().encode()
 
 
-def build(folder: Path) -> Plant:
-    settings = Settings(data_dir=folder, require_keys=True, max_upload_bytes=4_000_000)
+def build(folder: Path, database_url: str = "") -> Plant:
+    """`database_url`: of an empty PostgreSQL data base; otherwise SQLite in the folder."""
+    settings = Settings(data_dir=folder, database_url=database_url, require_keys=True, max_upload_bytes=4_000_000)
     migrate(settings)
     warm_up()
     backend = Backend.open(settings)
@@ -62,6 +69,14 @@ def build(folder: Path) -> Plant:
         pass
     made = {role.value: made_key(backend, role) for role in Role}
     return Plant(settings, backend, made)
+
+
+def app_of(plant: Plant) -> FastAPI:
+    """The app as it is once its server has started."""
+    app = create_app(plant.settings)
+    app.state.backend, app.state.access = plant.backend, Authenticator(plant.backend)
+    app.state.mapping_places = asyncio.Semaphore(MAPPINGS_AT_ONCE)
+    return app
 
 
 def made_key(backend: Backend, role: Role) -> str:

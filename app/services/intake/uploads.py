@@ -19,6 +19,7 @@ from app.services.moments import iso_utc
 from app.services.results import Page, Receipt, RejectView, UploadView
 from app.settings import sync_folder
 from app.storage import uploads
+from app.storage.types import storable
 from app.storage.uploads import UploadRow
 
 COPY_BYTES = 1 << 20
@@ -135,7 +136,7 @@ def receive(
     reading.check()
     values = {
         "filename": _name(filename or ""),
-        "content_type": content_type,
+        "content_type": None if content_type is None else storable(content_type),
         "reading_json": reading.as_json(),
         "received_by": received_by,
     }
@@ -144,7 +145,7 @@ def receive(
 
 def _name(given: str) -> str:
     """The name without its folder; empty where nothing but dots, blanks and the suffix of an export would be left."""
-    name = Path(given.replace("\\", "/").replace("\x00", "")).name[-LONGEST_NAME:]
+    name = Path(storable(given.replace("\\", "/").replace("\x00", ""))).name[-LONGEST_NAME:]
     return name if stem_of(f"x{name}")[1:].strip(". ") else ""
 
 
