@@ -1,5 +1,5 @@
-"""Requests that a fuzzer once found, as `make fuzz` writes them, with the status that they are answered with now; on
-both data bases, because PostgreSQL refuses texts that SQLite takes."""
+"""Requests that a fuzzer once found, as `make fuzz` writes them, with the status that they are answered with now; and
+a few hundred new ones. On both data bases: PostgreSQL refuses texts that SQLite takes."""
 
 import asyncio
 import json
@@ -11,12 +11,14 @@ from typing import Any
 import pytest
 from fastapi import FastAPI
 
+from app.services.access.trail import list_trail
 from tests.conftest import empty_tables
-from tests.fuzz.api import Judge, ask
+from tests.fuzz.api import Judge, ask, settle_uploads
 from tests.fuzz.plant import Plant, app_of, build
-from tests.fuzz.requests import Asked
+from tests.fuzz.requests import Asked, Requests
 
 FOUND = sorted((Path(__file__).parents[1] / "corpus" / "api").iterdir())
+NEW, NEW_SEED = 400, 7
 
 
 @dataclass(frozen=True)
@@ -54,3 +56,27 @@ def test_what_was_once_found_stays_mended(fuzzed: Fuzzed, path: Path) -> None:
     asyncio.run(ask(fuzzed.judge, asked(find, fuzzed.plant.keys["admin"])))
     assert fuzzed.judge.finds == {}
     assert list(fuzzed.judge.statuses) == [find["answered"]]
+
+
+def test_new_requests_find_nothing(fuzzed: Fuzzed) -> None:
+    requests = Requests(fuzzed.app.openapi(), fuzzed.plant.keys, fuzzed.plant.tags, seed=NEW_SEED)
+    session = fuzzed.app.state.access.open_session(fuzzed.plant.keys["admin"])
+    requests.session = session.token, session.identity.form_token
+    fuzzed.judge.finds.clear()
+
+    async def all_of_them() -> None:
+        for _ in range(NEW):
+            await ask(fuzzed.judge, requests.next())
+
+    asyncio.run(all_of_them())
+    settle_uploads(fuzzed.plant, fuzzed.judge)
+    assert fuzzed.judge.finds == {}
+
+
+def test_a_stranger_is_refused_on_any_path_and_that_is_noted(fuzzed: Fuzzed) -> None:
+    wrong = Asked("PATCH", "", b"/v1/loops/a%00b", headers=[(b"host", b"localhost"), (b"x-api-key", b"la_wrong")])
+    fuzzed.judge.statuses.clear()
+    asyncio.run(ask(fuzzed.judge, wrong))
+    assert list(fuzzed.judge.statuses) == [401]
+    noted = list_trail(fuzzed.plant.backend, who="nobody", action="loop.change").rows[0]
+    assert (noted.subject, noted.outcome) == ("/v1/loops/a\N{REPLACEMENT CHARACTER}b", "refused")

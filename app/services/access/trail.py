@@ -9,6 +9,7 @@ from app.services.cursors import decode, encode
 from app.services.moments import iso_utc
 from app.services.results import Page, TrailView
 from app.storage import trail
+from app.storage.types import storable
 
 LONGEST_SUBJECT = 500
 
@@ -19,7 +20,7 @@ def record(backend: Backend, identity: Identity, action: str, subject: str, outc
         "who": identity.who,
         "key_id": identity.key_id,
         "action": action,
-        "subject": subject[:LONGEST_SUBJECT],
+        "subject": storable(subject[:LONGEST_SUBJECT]),  # an address holds whatever somebody typed
         "outcome": outcome,
         "request_id": request_id.get(),
     }
