@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
+from sqlalchemy import Connection
+
 from app.errors import NotFoundError, RequestError
 from app.services.access import key_text, trail
 from app.services.access.identity import COMMAND_LINE, Identity, Role
@@ -36,6 +38,14 @@ def create_key(
     """A key for `name` (a person or a system); `lifetime` None: it ends only when it is revoked."""
     if not name.strip() or len(name) > LONGEST_NAME or not name.isprintable():
         raise RequestError("key_name", f"a key needs a printable name of at most {LONGEST_NAME} characters")
+    with backend.database.write() as connection:
+        return _added(connection, name, role, lifetime, requests_per_minute, by)
+
+
+def _added(
+    connection: Connection, name: str, role: Role, lifetime: timedelta | None, requests_per_minute: int, by: Identity
+) -> NewKey:
+    """With its row in the trail."""
     made = key_text.make(role)
     values = {
         "public_id": made.public_id,
@@ -45,9 +55,8 @@ def create_key(
         "requests_per_minute": requests_per_minute,
         "expires_at": None if lifetime is None else now() + lifetime,
     }
-    with backend.database.write() as connection:
-        row = keys.add(connection, values)
-    trail.record(backend, by, "key.create", row.public_id, "done", name=name, role=role.value)
+    row = keys.add(connection, values)
+    trail.add(connection, by, "key.create", row.public_id, "done", name=name, role=role.value)
     return NewKey(made.text, _view(row, now()))
 
 
@@ -60,30 +69,24 @@ def list_keys(backend: Backend) -> list[KeyView]:
 
 def revoke_key(backend: Backend, public_id: str, *, by: Identity = COMMAND_LINE) -> KeyView:
     """The key and its sessions end now; a running service knows it a few seconds later (its key_recheck_s)."""
-    row = _existing(backend, public_id)
     with backend.database.write() as connection:
+        row = _existing(connection, public_id)
         keys.end(connection, row.id, revoked_at=now())
-    trail.record(backend, by, "key.revoke", public_id, "done", name=row.name)
-    return _view(_existing(backend, public_id), now())
+        trail.add(connection, by, "key.revoke", public_id, "done", name=row.name)
+        return _view(_existing(connection, public_id), now())
 
 
 def rotate_key(backend: Backend, public_id: str, overlap: timedelta, *, by: Identity = COMMAND_LINE) -> NewKey:
-    """A new key like the old one, which goes on working for `overlap`, so that its users can change over."""
-    row = _existing(backend, public_id)
-    if state_of(row, now()) != "active":
-        raise RequestError("wrong_state", f"key {public_id} is {state_of(row, now())}; make a new one instead")
-    lifetime = None if row.expires_at is None else row.expires_at - row.created_at
-    made = create_key(
-        backend,
-        row.name,
-        Role(row.role),
-        lifetime=lifetime,
-        requests_per_minute=row.requests_per_minute,
-        by=by,
-    )
+    """A new key like the old one, which goes on working for `overlap`, so that its users can change over. All or
+    nothing: no key is left active whose text nobody was told."""
     with backend.database.write() as connection:
+        row = _existing(connection, public_id)
+        if state_of(row, now()) != "active":
+            raise RequestError("wrong_state", f"key {public_id} is {state_of(row, now())}; make a new one instead")
+        lifetime = None if row.expires_at is None else row.expires_at - row.created_at
+        made = _added(connection, row.name, Role(row.role), lifetime, row.requests_per_minute, by)
         keys.expire(connection, row.id, now() + overlap)
-    trail.record(backend, by, "key.rotate", public_id, "done", followed_by=made.key.id)
+        trail.add(connection, by, "key.rotate", public_id, "done", followed_by=made.key.id)
     return made
 
 
@@ -97,9 +100,8 @@ def state_of(row: keys.KeyRow, moment: datetime) -> str:
     return "expired" if row.expires_at is not None and row.expires_at <= moment else "active"
 
 
-def _existing(backend: Backend, public_id: str) -> keys.KeyRow:
-    with backend.database.read() as connection:
-        row = keys.by_public_id(connection, public_id)
+def _existing(connection: Connection, public_id: str) -> keys.KeyRow:
+    row = keys.by_public_id(connection, public_id)
     if row is None:
         raise NotFoundError(
             "unknown_key", f"there is no key with the id {public_id[:40]!r}; `loopaudit keys list` has all"

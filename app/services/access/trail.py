@@ -3,6 +3,8 @@
 import json
 from typing import Any
 
+from sqlalchemy import Connection
+
 from app.services.access.identity import Identity, request_id
 from app.services.backend import Backend
 from app.services.cursors import decode, encode
@@ -15,7 +17,14 @@ LONGEST_SUBJECT = 500
 
 
 def record(backend: Backend, identity: Identity, action: str, subject: str, outcome: str, **detail: Any) -> None:
-    """Adds a row. `outcome` is done, refused or failed; `detail` holds nothing secret."""
+    """Adds a row, in a transaction of its own."""
+    with backend.database.write() as connection:
+        add(connection, identity, action, subject, outcome, **detail)
+
+
+def add(connection: Connection, identity: Identity, action: str, subject: str, outcome: str, **detail: Any) -> None:
+    """Adds a row, in the transaction of what it tells. `outcome` is done, refused or failed; `detail` holds nothing
+    secret."""
     values = {
         "who": identity.who,
         "key_id": identity.key_id,
@@ -24,8 +33,7 @@ def record(backend: Backend, identity: Identity, action: str, subject: str, outc
         "outcome": outcome,
         "request_id": request_id.get(),
     }
-    with backend.database.write() as connection:
-        trail.add(connection, values, {"via": identity.via, **detail})
+    trail.add(connection, values, {"via": identity.via, **detail})
 
 
 def list_trail(

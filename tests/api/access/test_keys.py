@@ -7,6 +7,8 @@ import pytest
 
 from app.services.access import key_text, keys
 from app.services.access.identity import Role
+from app.services.access.trail import list_trail
+from app.storage import trail as stored_trail
 from tests.api.access.conftest import bearer
 
 
@@ -102,3 +104,28 @@ def test_too_many_requests_of_a_key_are_429_and_only_its_own(client, backend, te
     assert statuses[-1].json()["code"] == "too_many_requests"
     assert 1 <= int(statuses[-1].headers["retry-after"]) <= 60
     assert client.get("/v1/loops", headers=bearer(texts[Role.read])).status_code == 200
+
+
+CHANGES = {
+    "key.create": lambda backend, old: keys.create_key(backend, "another", Role.read, lifetime=None),
+    "key.rotate": lambda backend, old: keys.rotate_key(backend, old, timedelta(0)),
+    "key.revoke": lambda backend, old: keys.revoke_key(backend, old),
+}
+
+
+@pytest.mark.parametrize("action", CHANGES)
+def test_what_breaks_off_leaves_no_key_and_no_row(backend, monkeypatch, action):
+    """A key that nobody was told would stay active without anybody's knowing."""
+    old = keys.create_key(backend, "historian", Role.upload, lifetime=None).key.id
+    before = keys.list_keys(backend), list_trail(backend, 1000).rows
+    add = stored_trail.add
+
+    def breaks_off(connection, values, detail) -> None:
+        add(connection, values, detail)
+        if values["action"] == action:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(stored_trail, "add", breaks_off)
+    with pytest.raises(KeyboardInterrupt):
+        CHANGES[action](backend, old)
+    assert (keys.list_keys(backend), list_trail(backend, 1000).rows) == before
