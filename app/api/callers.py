@@ -50,7 +50,7 @@ class Callers:
         return None if closed else ANYONE
 
     async def _refuse_key(self, asked: Asked) -> None:
-        wait_s = self._rates.refusal_wait_s(asked.address)
+        wait_s = await run_in_threadpool(self._rates.refusal_wait_s, asked.address)
         if wait_s:
             raise too_many(wait_s, "too many wrong keys came from this address")
         await note(self._of, asked, NOBODY, "refused", 401)

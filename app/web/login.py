@@ -31,7 +31,8 @@ async def open_session(request: Request) -> Response:
     access: Authenticator = request.app.state.access
     session = await run_in_threadpool(access.open_session, text(given, "key").strip()[:LONGEST_KEY])
     if session is None:
-        wait_s = rates.refusal_wait_s(request.client.host if request.client else "unknown")
+        address = request.client.host if request.client else "unknown"
+        wait_s = await run_in_threadpool(rates.refusal_wait_s, address)
         if wait_s:
             return form(wanted, f"Too many wrong keys came from your address. Try again in {wait_s} s.", 429, wait_s)
         return form(wanted, "This key is not known, has expired or was revoked.", 401)

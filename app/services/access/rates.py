@@ -41,7 +41,8 @@ class Rates:
         return self._hit(RateLimitItemPerMinute(identity.requests_per_minute), f"key-{identity.key_id}")
 
     def refusal_wait_s(self, address: str) -> int:
-        """Counts a wrong key from this address; 0, or the seconds for which it should stay away."""
+        """Counts a wrong key from this address; 0, or the seconds for which it should stay away. May wait for Redis: to
+        be called away from the event loop."""
         return self._hit(RateLimitItemPerMinute(REFUSALS_PER_MINUTE), f"refused-{address}")
 
     def _hit(self, item: RateLimitItem, name: str) -> int:

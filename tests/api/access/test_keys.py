@@ -1,12 +1,16 @@
 """Keys: their form, how they are sent, how they end, and how often they may ask."""
 
+import asyncio
 import re
+from contextlib import suppress
 from datetime import timedelta
 
 import pytest
 
+from app.main import create_app
 from app.services.access import key_text, keys
 from app.services.access.identity import Role
+from app.services.access.rates import Rates
 from app.services.access.trail import list_trail
 from app.storage import trail as stored_trail
 from tests.api.access.conftest import bearer
@@ -129,3 +133,22 @@ def test_what_breaks_off_leaves_no_key_and_no_row(backend, monkeypatch, action):
     with pytest.raises(KeyboardInterrupt):
         CHANGES[action](backend, old)
     assert (keys.list_keys(backend), list_trail(backend, 1000).rows) == before
+
+
+@pytest.mark.parametrize(
+    "asked", [("GET", "/v1/loops", {"headers": bearer("wrong")}), ("POST", "/login", {"data": {"key": "wrong"}})]
+)
+def test_wrong_keys_are_counted_away_from_the_event_loop(serve, settings, monkeypatch, asked):
+    """A Redis that counts for several processes may take half a second for each."""
+    looped = []
+
+    def counted(self, address: str) -> int:
+        with suppress(RuntimeError):
+            looped.append(asyncio.get_running_loop())
+        return 7
+
+    monkeypatch.setattr(Rates, "refusal_wait_s", counted)
+    method, path, sent = asked
+    with serve(create_app(settings)) as client:
+        assert client.request(method, path, **sent).status_code == 429
+    assert looped == []
