@@ -1,17 +1,20 @@
 """How large a body may be and how long it may take: little for questions, as the settings say for uploads."""
 
 import asyncio
+import re
 
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.api.problems import respond
+from app.api.spooling import FORM_OVERHEAD_BYTES
+from app.api.uploads import LARGEST_MAPPING
 from app.settings import Settings
 
 UPLOADS = ("/v1/uploads", "/uploads")
+MAPPING = re.compile(r"/uploads/[^/]+/mapping")
 LIMIT_BYTES = 4 << 20
-MULTIPART_OVERHEAD_BYTES = 1 << 20
 DEADLINE_S = 30.0
 
 
@@ -20,7 +23,7 @@ class LimitBodies:
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self.app = app
-        self._max_upload_bytes = settings.max_upload_bytes + MULTIPART_OVERHEAD_BYTES
+        self._max_upload_bytes = settings.max_upload_bytes + FORM_OVERHEAD_BYTES
         self._idle_s = settings.idle_timeout_s
         self._upload_deadline_s = settings.upload_deadline_s
 
@@ -28,8 +31,7 @@ class LimitBodies:
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
-        uploads = scope["path"] in UPLOADS
-        limit = self._max_upload_bytes if uploads else LIMIT_BYTES
+        limit, deadline_s = self._limits(scope["path"])
         told = Request(scope).headers.get("content-length", "")
         if told.isdigit() and int(told) > limit:
             answer = respond(
@@ -37,8 +39,15 @@ class LimitBodies:
             )
             await answer(scope, receive, send)
             return
-        deadline_s = self._upload_deadline_s if uploads else min(DEADLINE_S, self._upload_deadline_s)
         await self.app(scope, timely(counted(receive, limit), min(self._idle_s, deadline_s), deadline_s), send)
+
+    def _limits(self, path: str) -> tuple[int, float]:
+        """Bytes and seconds."""
+        if path in UPLOADS:
+            return self._max_upload_bytes, self._upload_deadline_s
+        if MAPPING.fullmatch(path):
+            return LARGEST_MAPPING + FORM_OVERHEAD_BYTES, self._upload_deadline_s
+        return LIMIT_BYTES, min(DEADLINE_S, self._upload_deadline_s)
 
 
 def counted(receive: Receive, limit: int) -> Receive:

@@ -11,6 +11,7 @@ from app.settings import Settings
 
 ALWAYS = "/healthz"
 OPEN = ("/login", "/static/")  # whoever has no key may send a body or leave an answer unread here, and nowhere else
+SENDING = ("/uploads", "/mapping")
 VISITORS = 50
 RETRY_AFTER_S = 2
 SLOWEST_READER_S = 60.0
@@ -52,7 +53,7 @@ def kind_of(scope: Scope) -> str:
         return "visitors"
     if scope["path"].endswith("/events"):
         return "streams"
-    return "uploads" if scope["method"] == "POST" and scope["path"].endswith("/uploads") else "requests"
+    return "uploads" if scope["method"] == "POST" and scope["path"].endswith(SENDING) else "requests"
 
 
 def read_in_time(send: Send) -> Send:

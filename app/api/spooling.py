@@ -1,6 +1,6 @@
 """Multipart forms whose files are spooled where the disk is watched, not in the system's folder of temporary files."""
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Collection
 from contextlib import asynccontextmanager
 from pathlib import Path
 from tempfile import SpooledTemporaryFile
@@ -10,32 +10,41 @@ from starlette.exceptions import HTTPException
 from starlette.formparsers import MultiPartException, MultiPartParser
 from starlette.requests import Request
 
+FORM_OVERHEAD_BYTES = 1 << 20
+"""What a form may have beside that which it is sent for."""
+
 
 class SpoolingParser(MultiPartParser):
     """Starlette's parser, which leaves no choice of the folder. The files have no name there: nothing is left of them
-    when the process ends."""
+    when the process ends. Fields of `like_files` are spooled too, whether they come as files or as texts: Starlette
+    keeps texts in memory, and refuses the long ones."""
 
     folder: Path
+    like_files: Collection[str] = ()
 
     def on_headers_finished(self) -> None:
         super().on_headers_finished()
         part = self._current_part
-        if part.file is None:
+        told = part.file
+        if told is not None:
+            self._files_to_close_on_error.pop().close()
+        elif part.field_name not in self.like_files:
             return
-        self._files_to_close_on_error.pop().close()
         file = SpooledTemporaryFile(  # noqa: SIM115 - closed with the form, or where the form breaks off
             max_size=self.spool_max_size, dir=str(self.folder)
         )
         self._files_to_close_on_error.append(file)
-        told = part.file
-        part.file = UploadFile(file, size=0, filename=told.filename, headers=told.headers)  # type: ignore[arg-type]  # as Starlette
+        filename, headers = (told.filename, told.headers) if told else (None, None)
+        part.file = UploadFile(file, size=0, filename=filename, headers=headers)  # type: ignore[arg-type]  # as Starlette
 
 
 @asynccontextmanager
-async def spooled(request: Request, folder: Path, *, max_files: int, max_fields: int) -> AsyncIterator[FormData]:
+async def spooled(
+    request: Request, folder: Path, *, max_files: int, max_fields: int, like_files: Collection[str]
+) -> AsyncIterator[FormData]:
     """The request's form; its files are spooled into the folder. Raises HTTPException 400 where it is no form."""
     parser = SpoolingParser(request.headers, request.stream(), max_files=max_files, max_fields=max_fields)
-    parser.folder = folder
+    parser.folder, parser.like_files = folder, like_files
     try:
         form = await parser.parse()
     except MultiPartException as error:

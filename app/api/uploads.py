@@ -119,13 +119,15 @@ async def store(request: Request, backend: Services, filename: str | None, readi
     if not content_type.lower().startswith(MULTIPART):
         described = Description(filename, content_type, reading)
         return await received(backend, described, request.stream())
-    async with spooled(request, backend.settings.uploads_dir, max_files=MOST_FILES, max_fields=10) as form:
+    async with spooled(
+        request, backend.settings.uploads_dir, max_files=MOST_FILES, max_fields=10, like_files=("mapping",)
+    ) as form:
         refuse_several(form)
         part, mapping = form.get("file"), form.get("mapping")
         if not isinstance(part, UploadFile):
             raise RequestError("no_file", "the multipart form has no part `file` with a file in it")
         name = filename or part.filename
-        if not mapping:
+        if mapping is None or is_empty(mapping):
             return await received(backend, Description(name, part.content_type, reading), blocks(part))
         async with request.app.state.mapping_places:
             mapped = replace(reading, mapping=await mapping_of(mapping))
@@ -139,14 +141,18 @@ def refuse_several(form: FormData) -> None:
             raise RequestError("several_files", text)
 
 
+def is_empty(part: UploadFile | str) -> bool:
+    """Of a field that was left blank."""
+    return not part if isinstance(part, str) else not (part.size or part.filename)
+
+
 async def mapping_of(part: UploadFile | str) -> bytes:
-    if isinstance(part, UploadFile):
-        mapping = await part.read(LARGEST_MAPPING + 1)
-        if len(mapping) > LARGEST_MAPPING:
-            text = f"a mapping may have at most {LARGEST_MAPPING} bytes; send the export in parts, each with its own"
-            raise RequestError("mapping_too_large", text)
-        return mapping
-    return part.encode("utf-8", "replace")  # the form may name a character set that makes halves of letters
+    """Raises RequestError where it is larger than any plant's."""
+    mapping = part.encode("utf-8", "replace") if isinstance(part, str) else await part.read(LARGEST_MAPPING + 1)
+    if len(mapping) > LARGEST_MAPPING:
+        text = f"a mapping may have at most {LARGEST_MAPPING} bytes; send the export in parts, each with its own"
+        raise RequestError("mapping_too_large", text)
+    return mapping
 
 
 async def blocks(part: UploadFile) -> AsyncIterator[bytes]:

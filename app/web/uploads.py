@@ -1,19 +1,23 @@
 """Exports of the historian: dropped into the page, what was understood, what was refused, and tags mapped by hand."""
 
-from typing import Annotated
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 
-from fastapi import APIRouter, Form, Request
+from fastapi import APIRouter, Request
 from fastapi.concurrency import run_in_threadpool
+from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse
+from starlette.datastructures import FormData
 from starlette.responses import RedirectResponse
 
 from app.api.backend import Caller, Identifier, Services
-from app.api.uploads import store
+from app.api.spooling import FORM_OVERHEAD_BYTES, spooled
+from app.api.uploads import LARGEST_MAPPING, MULTIPART, is_empty, mapping_of, store
 from app.services.intake import uploads as service
 from app.web.rendering import page
 
 SHOWN = 50
-LONGEST_MAPPING = 8 << 20
+FIELDS = 10
 
 router = APIRouter()
 
@@ -36,13 +40,24 @@ def upload(backend: Services, upload_id: Identifier) -> HTMLResponse:
 
 
 @router.post("/uploads/{upload_id}/mapping")
-async def read_again(
-    request: Request,
-    backend: Services,
-    caller: Caller,
-    upload_id: Identifier,
-    mapping: Annotated[str, Form(max_length=LONGEST_MAPPING)],
-) -> RedirectResponse:
-    async with request.app.state.mapping_places:
-        receipt = await run_in_threadpool(service.read_again, backend, upload_id, mapping.encode(), caller.who)
+async def read_again(request: Request, backend: Services, caller: Caller, upload_id: Identifier) -> RedirectResponse:
+    async with mapping_form(request, backend) as form, request.app.state.mapping_places:
+        given = form.get("mapping")
+        if given is None or is_empty(given):
+            raise RequestValidationError([{"loc": ("body", "mapping"), "msg": "Field required"}])
+        mapping = await mapping_of(given)
+        receipt = await run_in_threadpool(service.read_again, backend, upload_id, mapping, caller.who)
     return RedirectResponse(f"/uploads/{receipt.upload.id}", 303)
+
+
+@asynccontextmanager
+async def mapping_form(request: Request, backend: Services) -> AsyncIterator[FormData]:
+    """As our page sends it, which is multipart because a mapping gets no longer by that, or as any other form."""
+    if request.headers.get("content-type", "").lower().startswith(MULTIPART):
+        folder = backend.settings.uploads_dir
+        async with spooled(request, folder, max_files=1, max_fields=FIELDS, like_files=("mapping",)) as form:
+            yield form
+        return
+    longest = LARGEST_MAPPING + FORM_OVERHEAD_BYTES
+    async with request.form(max_files=0, max_fields=FIELDS, max_part_size=longest) as form:
+        yield form

@@ -166,12 +166,56 @@ def test_few_mappings_are_held_in_memory_at_a_time(serve, tmp_path, monkeypatch)
     assert max(most) == uploads.MAPPINGS_AT_ONCE
 
 
-def test_a_mapping_that_is_too_large_is_refused_and_not_cut(client, settings, monkeypatch):
+EXPORT = ("a.csv", b"time,T1\n0,1\n")
+TOO_LARGE = "tag,loop,signal\nT1,FIC1,PV\n"
+
+
+@pytest.mark.parametrize("part", [("m.csv", TOO_LARGE.encode()), (None, TOO_LARGE.encode())], ids=["file", "text"])
+def test_a_mapping_that_is_too_large_is_refused_and_not_cut(client, settings, monkeypatch, part):
     monkeypatch.setattr(uploads, "LARGEST_MAPPING", 20)
-    files = {"file": ("a.csv", b"time,T1\n0,1\n"), "mapping": ("m.csv", b"tag,loop,signal\nT1,FIC1,PV\n")}
-    answer = client.post("/v1/uploads", files=files)
+    answer = client.post("/v1/uploads", files={"file": EXPORT, "mapping": part})
     assert (answer.status_code, answer.json()["code"]) == (413, "mapping_too_large")
     assert not list(settings.uploads_dir.iterdir())
+
+
+@pytest.mark.parametrize("sent", [{"files": {"mapping": (None, TOO_LARGE)}}, {"data": {"mapping": TOO_LARGE}}])
+def test_a_mapping_of_the_page_is_as_large_as_any_other(client, monkeypatch, sent):
+    number = client.post("/v1/uploads", files={"file": EXPORT}).json()["id"]
+    monkeypatch.setattr(uploads, "LARGEST_MAPPING", 20)
+    answer = client.post(f"/uploads/{number}/mapping", **sent)
+    assert (answer.status_code, answer.json()["code"]) == (413, "mapping_too_large")
+
+
+def plant_mapping() -> str:
+    """14,000 loops of four tags with every column, as a page sends its lines."""
+    signals = ("PV", "OP", "SP", "MODE")
+    loops = ((f"UNIT{n // 500:02d}-FIC{n:05d}", n // 500) for n in range(14_000))
+    rows = (f"{tag}/{one},{tag},{one},UNIT{unit:02d},flow,feed of column {unit:02d},1,t/h,0,100,0,100,false"
+            for tag, unit in loops for one in signals)  # fmt: skip
+    head = "tag,loop,signal,unit,type,description,importance,pv_unit,pv_low,pv_high,op_low,op_high,integrating"
+    return "\r\n".join((head, *rows))
+
+
+def test_the_mapping_of_a_whole_plant_is_taken_as_a_text_too(serve, tmp_path):
+    made, mapping = Settings(data_dir=tmp_path), plant_mapping()
+    assert len(mapping) > 4.8e6
+    migrate(made)
+    with serve(create_app(made)) as client:
+        first = client.post("/v1/uploads", files={"file": EXPORT, "mapping": (None, mapping)})
+        assert first.status_code == 202, first.text
+        again = client.post(f"/uploads/{first.json()['id']}/mapping", files={"mapping": (None, mapping + "\r\n")})
+        assert again.status_code == 303, again.text
+        encoded = client.post(f"/uploads/{first.json()['id']}/mapping", data={"mapping": mapping + "\r\n\r\n"})
+        assert encoded.status_code == 303, encoded.text
+        too_much = client.post(f"/uploads/{first.json()['id']}/mapping", content=b"x" * (18 << 20))
+        assert (too_much.status_code, too_much.json()["code"]) == (413, "body_too_large")
+
+
+def test_a_mapping_that_was_left_blank_is_none(client):
+    sent = client.post("/v1/uploads", files={"file": EXPORT, "mapping": (None, "")})
+    assert sent.status_code == 202
+    blank = client.post(f"/uploads/{sent.json()['id']}/mapping", files={"mapping": (None, "")})
+    assert (blank.status_code, blank.json()["code"]) == (422, "invalid_request")
 
 
 def test_a_full_disk_is_507_and_nothing_is_left(client, settings, monkeypatch):
