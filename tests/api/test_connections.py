@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import re
+import time
 from datetime import datetime
 from pathlib import Path
 from urllib.parse import parse_qsl, quote, urlsplit
@@ -14,6 +15,8 @@ from app.main import create_app
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.warming import warm_up
 from app.services.backend import Backend
+from app.services.digests.sending import Outgoing
+from app.services.digests.webhooks import signature
 from app.services.intake.reading import read_upload
 from app.services.upkeep.metrics import metrics
 
@@ -83,6 +86,19 @@ def test_metrics_of_the_page_are_there(backend):
     named = set(re.findall(r"loopaudit_[a-z_]+", (DOCS / "CONNECTIONS.md").read_text(encoding="utf-8")))
     assert named
     assert named <= {metric.name for metric in metrics(backend)}
+
+
+@pytest.mark.parametrize("secret", ["a plain secret", "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"])
+def test_the_receiver_of_the_page_knows_our_signature(secret):
+    page = (DOCS / "CONNECTIONS.md").read_text(encoding="utf-8")
+    sample: dict = {}
+    exec(re.search(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL)[1], sample)  # noqa: S102 - of our own page
+    sent, moment = Outgoing("msg_1", "", "", "", b'{"loops": 2}'), int(time.time())
+    headers = {"webhook-id": sent.id, "webhook-timestamp": str(moment)}
+    headers["webhook-signature"] = signature(secret, sent, moment)
+    assert sample["verified"](secret, headers, sent.body)
+    assert not sample["verified"](secret, headers, sent.body + b" ")
+    assert not sample["verified"](secret, headers | {"webhook-timestamp": str(moment - 400)}, sent.body)
 
 
 def test_the_dashboard_names_no_server_of_its_own():
