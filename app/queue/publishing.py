@@ -52,10 +52,16 @@ class Queue:
     def _send(self, job: str, *arguments: int) -> bool:
         try:
             self._application.send_task(job, args=arguments)
-        except (OperationalError, OSError) as error:
+        except self._refusals as error:
             log.warning("broker away, %s%r waits for the sweeper: %s", job, arguments, error)
             return False
         return True
+
+    @cached_property
+    def _refusals(self) -> tuple[type[Exception], ...]:
+        """Also those of the broker's own, such as a Redis that has no memory left."""
+        connection = self._application.connection_for_write()
+        return OperationalError, OSError, *connection.connection_errors, *connection.channel_errors
 
     @cached_property
     def _application(self) -> "Celery":

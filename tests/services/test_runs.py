@@ -2,11 +2,13 @@
 
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from datetime import UTC, date, datetime, timedelta
 
 import numpy as np
 import pytest
-from sqlalchemy import func, select, update
+from sqlalchemy import Connection, func, select, update
+from sqlalchemy.exc import OperationalError
 
 from app.engine.audit import Audit, audit
 from app.engine.recording import Recording
@@ -166,6 +168,31 @@ def test_events_tell_the_way_of_a_run(backend: Backend, add_loops: AddLoops) -> 
     assert [view.state for view in told] == ["done"]
 
 
+def test_a_run_is_started_by_one_transaction_after_which_nothing_is_asked(
+    backend: Backend, add_loops: AddLoops, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Otherwise a data base that goes away in between is told as `nothing was changed`, and the run is asked for
+    twice."""
+    add_loops("FIC1", "FIC2")
+    rung, writes, write = [], [], backend.database.write
+
+    def counted() -> AbstractContextManager[Connection]:
+        writes.append(1)
+        if len(writes) > 1:
+            raise OperationalError("BEGIN", {}, Exception("the server is away"))
+        return write()
+
+    def away() -> AbstractContextManager[Connection]:
+        raise OperationalError("SELECT 1", {}, Exception("the server is away"))
+
+    monkeypatch.setattr(backend.database, "write", counted)
+    monkeypatch.setattr(backend.database, "read", away)
+    monkeypatch.setattr(backend.queue, "audit_chunks", lambda *told: rung.append(told))
+    run = audits.start_audit(backend)
+    assert (run.state, run.total, run.open) == ("planned", 2, 2)
+    assert rung == [(int(run.id), 1)]
+
+
 def test_the_broker_may_be_away(backend: Backend, add_loops: AddLoops) -> None:
     add_loops("FIC1")
     from app.queue import Queue
@@ -177,6 +204,24 @@ def test_the_broker_may_be_away(backend: Backend, add_loops: AddLoops) -> None:
     assert (run.state, run.open) == ("planned", 1)
     assert time.monotonic() - started < 5.0
     assert operations.readiness(alone).state == "degraded"
+    alone.queue.close()
+
+
+def test_a_broker_that_refuses_is_a_broker_that_is_away(
+    backend: Backend, add_loops: AddLoops, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add_loops("FIC1")
+    from redis.exceptions import OutOfMemoryError
+
+    from app.queue import Queue
+
+    def full(*_: object, **__: object) -> None:
+        raise OutOfMemoryError("command not allowed when used memory > 'maxmemory'")
+
+    settings = backend.settings.model_copy(update={"broker_url": "redis://127.0.0.1:1/0"})
+    alone = Backend(settings, backend.database, Queue(settings))
+    monkeypatch.setattr(alone.queue._application, "send_task", full)
+    assert audits.start_audit(alone).open == 1
     alone.queue.close()
 
 

@@ -53,32 +53,33 @@ def start_audit(
     with backend.database.write() as connection:
         audit_id = audits.plan(connection, values, wanted)
         _refuse_none(connection, audit_id, wanted)
-        if audit_id is None:
-            known = audits.by_night(connection, settings.plant, nightly_for or "")
-    if audit_id is None:
-        return get_audit(backend, str(known.id if known else 0))
-    announce(backend, audit_id)
-    return get_audit(backend, str(audit_id))
+        night = None if audit_id is not None else audits.by_night(connection, settings.plant, nightly_for or "")
+        if audit_id is not None:
+            audits.note_announced(connection, audit_id)
+        # Read here: nothing may fail once the run stands, or whoever asked for it would ask again and have two.
+        run = _seen(connection, str(audit_id or (night.id if night else 0)))
+    if audit_id is not None:
+        _ring(backend, audit_id, run.open)
+    return run
 
 
 def announce(backend: Backend, audit_id: int) -> None:
-    """As many messages as there are chunks left, up to the fan-out; each goes on while there is something to do."""
+    """Rings again for a run that nobody works on."""
     with backend.database.write() as connection:
         left = audits.progress(connection, [audit_id])[audit_id].open
         audits.note_announced(connection, audit_id)
+    _ring(backend, audit_id, left)
+
+
+def _ring(backend: Backend, audit_id: int, left: int) -> None:
+    """As many messages as there are chunks left, up to the fan-out; each goes on while there is something to do."""
     chunks = math.ceil(left / backend.settings.chunk_loops)
     backend.queue.audit_chunks(audit_id, min(chunks, backend.settings.fan_out))
 
 
 def get_audit(backend: Backend, audit_id: str) -> AuditView:
-    number = identifier(audit_id, "audit")
     with backend.database.read() as connection:
-        row = audits.by_id(connection, number)
-        if row is None:
-            raise NotFoundError("unknown_audit", f"there is no audit {audit_id!r}")
-        progress = audits.progress(connection, [number])[number]
-        failed = items.failures(connection, number, LISTED_FAILURES) if progress.failed else []
-    return _view(row, progress, [FailureView(f.tag, f.code, f.text) for f in failed])
+        return _seen(connection, audit_id)
 
 
 def list_audits(backend: Backend, limit: int = 50, cursor: str | None = None) -> Page[AuditView]:
@@ -136,6 +137,15 @@ def _refuse_none(connection: Connection, audit_id: int | None, wanted: LoopFilte
 
 def _short(value: str | tuple[str, ...]) -> str:
     return repr(value) if isinstance(value, str) else ", ".join(map(repr, value[:5])) or "none"
+
+
+def _seen(connection: Connection, audit_id: str) -> AuditView:
+    row = audits.by_id(connection, identifier(audit_id, "audit"))
+    if row is None:
+        raise NotFoundError("unknown_audit", f"there is no audit {audit_id!r}")
+    progress = audits.progress(connection, [row.id])[row.id]
+    failed = items.failures(connection, row.id, LISTED_FAILURES) if progress.failed else []
+    return _view(row, progress, [FailureView(f.tag, f.code, f.text) for f in failed])
 
 
 def _view(row: AuditRow, progress: Progress, failed: list[FailureView]) -> AuditView:
