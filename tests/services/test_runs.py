@@ -159,15 +159,6 @@ def test_a_run_can_be_cancelled(backend: Backend, add_loops: AddLoops) -> None:
         audits.cancel_audit(backend, "99")
 
 
-def test_events_tell_the_way_of_a_run(backend: Backend, add_loops: AddLoops) -> None:
-    add_loops("FIC1")
-    run = audits.start_audit(backend)
-    told = audits.events(backend, run.id, every_s=0.0)
-    assert next(told).state == "planned"
-    work_off(backend, run.id)
-    assert [view.state for view in told] == ["done"]
-
-
 def test_a_run_is_started_by_one_transaction_after_which_nothing_is_asked(
     backend: Backend, add_loops: AddLoops, monkeypatch: pytest.MonkeyPatch
 ) -> None:

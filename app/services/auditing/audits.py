@@ -2,8 +2,6 @@
 
 import json
 import math
-import time
-from collections.abc import Iterator
 
 from sqlalchemy import Connection
 
@@ -19,7 +17,7 @@ from app.storage.audits import AuditRow, LoopFilter, Progress
 
 LISTED_FAILURES = 100
 
-__all__ = ["LoopFilter", "cancel_audit", "events", "failures", "get_audit", "list_audits", "start_audit"]
+__all__ = ["LoopFilter", "cancel_audit", "failures", "get_audit", "list_audits", "start_audit"]
 
 
 def start_audit(
@@ -102,19 +100,6 @@ def cancel_audit(backend: Backend, audit_id: str) -> AuditView:
     """Stops a run: its open loops become failed(cancelled). A run that has ended stays as it is."""
     ending.cancel(backend, identifier(audit_id, "audit"))
     return get_audit(backend, audit_id)
-
-
-def events(backend: Backend, audit_id: str, every_s: float = 0.5, keep_alive_s: float = 15.0) -> Iterator[AuditView]:
-    """The run as it is, again at each change (and every `keep_alive_s`), until it has ended. Sleeps in between."""
-    told: AuditView | None = None
-    told_at = 0.0
-    while told is None or not told.ended:
-        now = get_audit(backend, audit_id)
-        if now != told or time.monotonic() - told_at > keep_alive_s:
-            yield now
-            told, told_at = now, time.monotonic()
-        if not now.ended:
-            time.sleep(every_s)
 
 
 def _check_tags(backend: Backend, wanted: LoopFilter) -> None:
