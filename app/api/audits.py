@@ -1,4 +1,4 @@
-"""Audit runs: started, watched, looked up."""
+"""Audit runs: started, watched, looked up, stopped."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -51,6 +51,13 @@ async def events(request: Request, backend: Services, audit_id: Identifier) -> S
 @router.get("/audits/{audit_id}", response_model=AuditOut, responses=responses(404), summary="One run and its progress")
 def audit(backend: Services, audit_id: Identifier) -> Any:
     return service.get_audit(backend, audit_id)
+
+
+@router.post("/audits/{audit_id}/cancel", response_model=AuditOut, responses=responses(404, 409), summary="Stop a run")
+def cancel(backend: Services, audit_id: Identifier) -> Any:
+    """Loops that are not done become failed with the code `cancelled`; verdicts that are there stay. A run that was
+    cancelled before is answered as it is, one that has ended otherwise with 409."""
+    return service.cancel_audit(backend, audit_id)
 
 
 def loop_filter(wanted: AuditIn) -> service.LoopFilter:

@@ -203,7 +203,7 @@ class AuditOut(Read):
     """One plant-wide (or filtered) audit run."""
 
     id: str = Field(description="Identifier of the run.")
-    state: AuditState = Field(description="planned -> running -> done, or partial where loops failed, or cancelled.")
+    state: AuditState = Field(description="planned -> running -> done, partial where loops failed, or cancelled.")
     trigger: str = Field(description="What started it: request, nightly, ...")
     started_by: str | None = Field(
         description="Name of the key, `command line`, `schedule`, or `anyone on this machine`; null: not known."
@@ -213,7 +213,7 @@ class AuditOut(Read):
     total: int = Field(description="Loops in the run.")
     open: int = Field(description="Loops still to do.")
     done: int = Field(description="Loops with a verdict.")
-    failed: int = Field(description="Loops that failed.")
+    failed: int = Field(description="Loops that failed; in a cancelled run also those that were called off.")
     failures: list[FailureOut] = Field(description="The first of the failed loops, and why.")
 
 

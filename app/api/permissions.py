@@ -74,6 +74,7 @@ ROUTES: dict[tuple[str, str], Permission] = {
     # The table, and audits
     ("GET", "/v1/reliability"): READ,
     ("POST", "/v1/audits"): audits("audit.start"),
+    ("POST", "/v1/audits/{audit_id}/cancel"): audits("audit.cancel"),
     ("GET", "/v1/audits"): READ,
     ("GET", "/v1/groups"): READ,
     ("GET", "/v1/audits/{audit_id}/events"): READ,
@@ -94,6 +95,7 @@ ROUTES: dict[tuple[str, str], Permission] = {
     ("POST", "/loops/{tag:path}/settings"): audits("loop.change", page=True),
     ("GET", "/runs"): PAGE,
     ("POST", "/runs"): audits("audit.start", page=True),
+    ("POST", "/runs/{audit_id}/cancel"): audits("audit.cancel", page=True),
     ("GET", "/runs/{audit_id}"): PAGE,
     ("GET", "/uploads"): PAGE,
     ("POST", "/uploads"): uploads("upload.receive", page=True),

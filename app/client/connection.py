@@ -124,6 +124,10 @@ class Client:
     def get_audit(self, audit_id: str) -> Audit:
         return Audit.of(self._get(f"/v1/audits/{quote(audit_id, safe='')}"))
 
+    def cancel_audit(self, audit_id: str) -> Audit:
+        """Stops a run; what it has found stays. Raises ServiceError("wrong_state") where it has ended otherwise."""
+        return Audit.of(self._asked("POST", f"/v1/audits/{quote(audit_id, safe='')}/cancel"))
+
     def wait(self, ask: Callable[[], E], timeout_s: float = 3600.0) -> E:
         """Asks until it has ended: `client.wait(lambda: client.get_audit(run.id))`. Raises TimeoutError."""
         deadline = time.monotonic() + timeout_s

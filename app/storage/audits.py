@@ -7,6 +7,7 @@ from typing import Any
 
 from sqlalchemy import Connection, and_, case, exists, func, insert, literal, or_, select, update
 
+from app.storage.items import CANCELLED
 from app.storage.series import insert_new
 from app.storage.tables import audit_items, audits, loops
 from app.storage.types import clock_s, long_ago, now
@@ -112,32 +113,25 @@ def complete(connection: Connection) -> list[int]:
 
 
 def end_if_complete(connection: Connection, audit_id: int) -> bool:
-    """Whether the run has ended by this, which it does with nothing left to do: done, or partial where a loop
-    failed."""
+    """Whether the run has ended by this, which it does with nothing left to do: done, partial where a loop failed, or
+    cancelled where loops were called off."""
     failed = exists().where(_MINE, audit_items.c.state == "failed")
-    ending = (
-        update(audits)
-        .where(audits.c.id == audit_id, *_COMPLETE)
-        .values(state=case((failed, "partial"), else_="done"), ended_at=now())
-    )
+    called_off = exists().where(_MINE, audit_items.c.state == "failed", audit_items.c.code == CANCELLED)
+    state = case((called_off, "cancelled"), (failed, "partial"), else_="done")
+    ending = update(audits).where(audits.c.id == audit_id, *_COMPLETE).values(state=state, ended_at=now())
     return connection.execute(ending).rowcount == 1
 
 
-def cancel(connection: Connection, audit_id: int) -> bool:
-    """Whether the run was still to be cancelled. Its loops that are not done become failed(cancelled)."""
-    stopped = connection.execute(
-        update(audits)
-        .where(audits.c.id == audit_id, audits.c.state.in_(UNFINISHED))
-        .values(state="cancelled", ended_at=now())
-    )
-    if stopped.rowcount == 0:
-        return False
-    connection.execute(
+def cancel(connection: Connection, audit_id: int) -> int:
+    """How many loops of a run that has not ended are called off: they become failed(cancelled), whoever has claimed
+    them, and the run has nothing left to do."""
+    going_on = select(audits.c.id).where(audits.c.id == audit_id, audits.c.state.in_(UNFINISHED))
+    called_off = (
         update(audit_items)
-        .where(audit_items.c.audit_id == audit_id, audit_items.c.state.in_(TO_DO))
-        .values(state="failed", code="cancelled", text="the run was cancelled", owner=None, lease_until_s=None)
+        .where(audit_items.c.audit_id.in_(going_on), audit_items.c.state.in_(TO_DO))
+        .values(state="failed", code=CANCELLED, text="the run was cancelled", owner=None, lease_until_s=None)
     )
-    return True
+    return connection.execute(called_off).rowcount
 
 
 def to_announce(connection: Connection, stalled_s: float) -> list[int]:

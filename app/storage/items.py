@@ -10,6 +10,8 @@ from app.storage.leases import Reopened, take_back
 from app.storage.tables import audit_items, audits, loops
 from app.storage.types import clock_s
 
+CANCELLED = "cancelled"
+"""The code of loops that were called off with their run."""
 ITEM = tuple_(audit_items.c.loop_id, audit_items.c.attempts)
 
 
@@ -100,12 +102,12 @@ def reopen_expired(connection: Connection, max_attempts: int, lease_s: float) ->
 
 
 def failures(connection: Connection, audit_id: int, limit: int) -> list[FailureRow]:
-    """The first of a run's failed loops, in the order in which the loops came in."""
+    """The first of a run's failed loops, in the order in which the loops came in; those that were called off last."""
     query = (
         select(loops.c.tag, audit_items.c.code, audit_items.c.text)
         .join(loops, loops.c.id == audit_items.c.loop_id)
         .where(audit_items.c.audit_id == audit_id, audit_items.c.state == "failed")
-        .order_by(audit_items.c.loop_id)
+        .order_by(audit_items.c.code == CANCELLED, audit_items.c.loop_id)
         .limit(limit)
     )
     return [FailureRow(*row) for row in connection.execute(query)]
@@ -116,7 +118,7 @@ def newest_failure(connection: Connection, loop_id: int, after: int) -> tuple[in
     query = (
         select(audit_items.c.audit_id, audit_items.c.text)
         .where(audit_items.c.loop_id == loop_id, audit_items.c.state == "failed", audit_items.c.audit_id > after)
-        .where(audit_items.c.code != "cancelled")
+        .where(audit_items.c.code != CANCELLED)
         .order_by(audit_items.c.audit_id.desc())
         .limit(1)
     )

@@ -1,11 +1,11 @@
-"""Audit runs: started, watched while they go on, looked up."""
+"""Audit runs: started, watched while they go on, looked up, stopped."""
 
 from fastapi import APIRouter
 from fastapi.responses import HTMLResponse
 from starlette.responses import RedirectResponse
 
 from app.api.backend import Caller, Identifier, Services
-from app.services.auditing.audits import failures, list_audits, start_audit
+from app.services.auditing.audits import cancel_audit, failures, list_audits, start_audit
 from app.services.digests.deliveries import deliveries_of
 from app.services.plant.overview import run_figures
 from app.services.wording import VERDICT_RANK
@@ -35,3 +35,8 @@ def run(backend: Services, audit_id: Identifier) -> HTMLResponse:
     sent = deliveries_of(backend, audit_id)
     told = {"run": figures.run, "figures": figures, "failures": failed, "deliveries": sent}
     return page("run.html", backend.clock, ranks=VERDICT_RANK, **told)
+
+
+@router.post("/runs/{audit_id}/cancel")
+def cancel(backend: Services, audit_id: Identifier) -> RedirectResponse:
+    return RedirectResponse(f"/runs/{cancel_audit(backend, audit_id).id}", 303)

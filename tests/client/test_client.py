@@ -102,6 +102,14 @@ def test_an_audit_is_started_and_waited_for(client, upload, monkeypatch):
         client.wait(lambda: client.get_audit(run.id), timeout_s=0.05)
 
 
+def test_an_audit_is_cancelled(client, upload):
+    run = client.start_audit(tags=[TAG])
+    assert client.cancel_audit(run.id).state == "cancelled"
+    assert client.cancel_audit(run.id).ended
+    with pytest.raises(ServiceError, match="unknown_audit"):
+        client.cancel_audit("77777")
+
+
 def test_a_refusal_has_the_code_of_the_service(client, upload):
     with pytest.raises(ServiceError) as refusal:
         client.health(TAG)

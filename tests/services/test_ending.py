@@ -163,6 +163,15 @@ def test_a_run_that_is_cancelled_hears_what_it_has_found(backend: Backend, warm_
     assert heard.row(SHAKEN_LOOPS[0])["reasons"].split(";").count(SHAKEN_BY_NEIGHBOUR) == 1
 
 
+def test_a_cancellation_that_broke_off_is_ended_by_the_sweep(backend: Backend, warm_kernels: None) -> None:
+    stored(backend, SOURCE, *SHAKEN_LOOPS[:1])
+    run, _ = held_up(backend)
+    with backend.database.write() as connection:
+        assert audits.cancel(connection, run) == 1
+    assert sweep(backend).ended == 1
+    assert get_audit(backend, str(run)).state == "cancelled"
+
+
 def test_who_comes_after_the_end_rewords_nothing(
     backend: Backend, warm_kernels: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -176,7 +185,7 @@ def test_who_comes_after_the_end_rewords_nothing(
     doubts = ending._told(backend, run)
     assert [doubt.columns["reliability"] for doubt in doubts] == ["not_reliable"]
     with backend.database.write() as connection:
-        audits.cancel(connection, run)
+        assert audits.end_if_complete(connection, run)
     monkeypatch.setattr(ending.audits, "complete", lambda _: [run])
     monkeypatch.setattr(ending, "_told", lambda *_: doubts)
     assert not end_if_complete(backend, run)

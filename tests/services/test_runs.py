@@ -155,8 +155,39 @@ def test_a_run_can_be_cancelled(backend: Backend, add_loops: AddLoops) -> None:
     cancelled = audits.cancel_audit(backend, run.id)
     assert (cancelled.state, cancelled.failed) == ("cancelled", 2)
     assert chunks.audit_chunk(backend, int(run.id), "w") == 0
+    assert audits.cancel_audit(backend, run.id) == cancelled
     with pytest.raises(NotFoundError):
         audits.cancel_audit(backend, "99")
+
+
+def test_a_run_that_has_ended_is_not_cancelled(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("FIC1")
+    run = audits.start_audit(backend)
+    work_off(backend, run.id)
+    with pytest.raises(RequestError, match="is done; nothing is left"):
+        audits.cancel_audit(backend, run.id)
+    assert audits.get_audit(backend, run.id).state == "done"
+
+
+def test_a_chunk_under_way_ends_with_its_run_and_what_it_found_stays(
+    backend: Backend, add_loops: AddLoops, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add_loops("FIC1", "FIC2", "FIC3", "FIC4", "FIC5", "FIC6")
+    run, begun = audits.start_audit(backend), []
+
+    def cancelling(recording: Recording, config: object) -> Audit:
+        begun.append(recording.name)
+        if len(begun) == 2:
+            audits.cancel_audit(backend, run.id)
+        return audit(recording)
+
+    monkeypatch.setattr(chunks, "audit", cancelling)
+    writes_each = backend.settings.model_copy(update={"lease_s": 0.004})
+    assert chunks.audit_chunk(Backend(writes_each, backend.database, backend.queue), int(run.id), "w") == 6
+    ended = audits.get_audit(backend, run.id)
+    assert (len(begun), ended.state, ended.done, ended.failed) == (2, "cancelled", 1, 5)
+    assert loops.loop_health(backend, begun[0])["audit_id"] == run.id
+    assert _count(backend, verdicts) == 1
 
 
 def test_a_run_is_started_by_one_transaction_after_which_nothing_is_asked(

@@ -128,9 +128,11 @@ def test_what_was_not_begun_is_given_back_untried(database: Database, run: int) 
 def test_a_cancelled_run_gives_out_nothing(database: Database, run: int) -> None:
     held = claim(database, run, "a", 5)
     with database.write() as connection:
-        assert audits.cancel(connection, run)
-        assert not audits.cancel(connection, run)
+        assert audits.cancel(connection, run) == 20
+        assert audits.cancel(connection, run) == 0
         assert items.finish(connection, held) == set()
+        assert audits.end_if_complete(connection, run)
+        assert audits.by_id(connection, run).state == "cancelled"
     assert claim(database, run, "b", 5) == []
     assert progress(database, run) == Progress(failed=20)
 

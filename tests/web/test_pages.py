@@ -386,6 +386,19 @@ def test_a_set_point_from_before_the_record_is_said_to_be_held(client, monkeypat
     assert "Mode held since 2026-01-26 00:00" in page
 
 
+def test_a_run_is_cancelled_from_its_page_while_it_goes_on(client):
+    address = client.post("/runs").headers["location"]
+    button = f'<form method="post" action="{address}/cancel">'
+    assert button in client.get(address).text
+    assert client.post(f"{address}/cancel").headers["location"] == address
+    ended = client.get(address).text
+    assert '<b id="state">cancelled</b>' in ended
+    assert button not in ended
+    late = client.post("/runs/1/cancel", headers={"Accept": "text/html"})
+    assert late.status_code == 409
+    assert "It is too late for that" in late.text
+
+
 def test_runs_say_who_started_them_in_the_words_of_the_trail(client, web_backend):
     run = client.post("/v1/audits", json={"tags": ["FIC101"]}).json()
     again = client.post("/loops/FIC101/audit").headers["location"]

@@ -97,9 +97,15 @@ def failures(backend: Backend, audit_id: str, limit: int = 20_000) -> list[Failu
 
 
 def cancel_audit(backend: Backend, audit_id: str) -> AuditView:
-    """Stops a run: its open loops become failed(cancelled). A run that has ended stays as it is."""
-    ending.cancel(backend, identifier(audit_id, "audit"))
-    return get_audit(backend, audit_id)
+    """Stops a run: its loops that are not done become failed(cancelled), and what was found stays. Cancelled again, it
+    is that run. Raises RequestError("wrong_state") where it has ended in another way."""
+    run = get_audit(backend, audit_id)
+    if not run.ended:
+        ending.cancel(backend, int(run.id))
+        run = get_audit(backend, audit_id)
+    if run.state != "cancelled":
+        raise RequestError("wrong_state", f"run {run.id} has ended and is {run.state}; nothing is left to be cancelled")
+    return run
 
 
 def _check_tags(backend: Backend, wanted: LoopFilter) -> None:

@@ -85,14 +85,16 @@ def _claim(backend: Backend, audit_id: int, owner: str) -> list[Claim]:
 
 
 def _work_off(backend: Backend, run: AuditRow, config: AuditConfig, claims: Sequence[Claim], watchdog: bool) -> None:
-    """Writes what is done before the lease of the rest grows old, and renews the rest."""
+    """Writes what is done before the lease of the rest grows old, and renews the rest; leaves where none of it holds
+    any more, as in a run that was cancelled."""
     lease_s = backend.settings.lease_s
     started, results = time.monotonic(), []
     waiting = patiently(lambda: _load(backend, run, config, claims), lease_s)
     while waiting:
         results.append(_isolated(backend, waiting.pop(), run, config, watchdog))
         if time.monotonic() - started > lease_s / 4:
-            _write(backend, results, [work.claim for work in waiting])
+            if not _write(backend, results, [work.claim for work in waiting]):
+                return
             started, results = time.monotonic(), []
     _write(backend, results, [])
 
@@ -148,18 +150,19 @@ def _set_aside(work: Work, code: str, text: str) -> Result:
     return Result(work.claim, failure=Failure(work.claim, code, text))
 
 
-def _write(backend: Backend, results: Sequence[Result], waiting: Sequence[Claim]) -> None:
-    """Verdicts of claims that still hold, once; what was lost to another worker is left to it."""
+def _write(backend: Backend, results: Sequence[Result], waiting: Sequence[Claim]) -> int:
+    """Verdicts of claims that still hold, once; what was lost to another worker is left to it. How many of those that
+    wait still hold."""
     new = [result.verdict for result in results if result.verdict is not None]
 
-    def write() -> None:
+    def write() -> int:
         with backend.database.write() as connection:
             held = items.finish(connection, [result.claim for result in results if result.verdict is not None])
             verdicts.add(connection, [verdict for verdict in new if verdict.loop_id in held])
             items.fail(connection, [result.failure for result in results if result.failure is not None])
-            items.renew(connection, waiting, backend.settings.lease_s)
+            return items.renew(connection, waiting, backend.settings.lease_s)
 
-    patiently(write, backend.settings.lease_s)
+    return patiently(write, backend.settings.lease_s)
 
 
 def _settle(backend: Backend, audit_id: int) -> None:

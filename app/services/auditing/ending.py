@@ -1,10 +1,9 @@
 """What ends a run: its verdicts are heard beside those of other loops."""
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-from sqlalchemy import Connection
 from sqlalchemy.exc import SQLAlchemyError
 
 from app.services.auditing import hearing
@@ -25,18 +24,21 @@ def end_if_complete(backend: Backend, audit_id: int) -> bool:
     with backend.database.read() as connection:
         if audit_id not in audits.complete(connection):
             return False
-    return _end(backend, audit_id, audits.end_if_complete)
+    return _end(backend, audit_id)
 
 
-def cancel(backend: Backend, audit_id: int) -> bool:
-    """Whether the run was still to be cancelled: what it has found by then stays, and is heard as at any other end."""
-    return _end(backend, audit_id, audits.cancel)
+def cancel(backend: Backend, audit_id: int) -> None:
+    """Calls off what is left of a run and ends it: what it has found by then stays, and is heard as at any other end.
+    Broken off in between, it is ended by the next sweep."""
+    with backend.database.write() as connection:
+        audits.cancel(connection, audit_id)
+    end_if_complete(backend, audit_id)
 
 
-def _end(backend: Backend, audit_id: int, by: Callable[[Connection, int], bool]) -> bool:
+def _end(backend: Backend, audit_id: int) -> bool:
     heard = _heard(backend, audit_id)
     with backend.database.write() as connection:
-        ended = by(connection, audit_id)
+        ended = audits.end_if_complete(connection, audit_id)
         if ended:  # who comes second, or after a cancellation, would reword what readers keep as the run's last word
             verdicts.reword(connection, heard)
     return ended

@@ -6,12 +6,13 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from urllib.parse import quote
 
 import numpy as np
 from sqlalchemy import select
 
+from app.errors import RequestError
 from app.services.addresses import tag_in_url
 from app.services.auditing import audits
 from app.services.backend import Backend
@@ -111,7 +112,8 @@ def _auditing(backend: Backend, loops: int) -> Iterator[dict[str, int]]:
                 time.sleep(0.5)
             audited["runs"] += 1
             audited["loops"] += seen.done
-        audits.cancel_audit(backend, run.id)
+        with suppress(RequestError):  # it may have ended by itself
+            audits.cancel_audit(backend, run.id)
 
     thread = threading.Thread(target=keep_going, daemon=True)
     thread.start()

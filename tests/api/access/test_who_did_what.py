@@ -21,6 +21,13 @@ def test_the_trail_tells_who_did_what(client, backend, texts):
     assert list_trail(backend, who="the audit", action="audit.start").rows[0].outcome == "refused"
 
 
+def test_who_cancelled_a_run_stands_in_the_trail(client, backend, texts):
+    run = client.post("/v1/audits", json={}, headers=bearer(texts[Role.audit]))
+    client.post(f"{run.headers['location']}/cancel", headers=bearer(texts[Role.audit]))
+    row = list_trail(backend, action="audit.cancel").rows[0]
+    assert (row.who, row.subject) == ("the audit", f"{run.headers['location']}/cancel")
+
+
 def test_the_trail_keeps_logins_and_wrong_keys_without_their_secrets(client, browser, backend, texts):
     logged_in(browser, texts[Role.read])
     wrong = key_text.make(Role.admin).text

@@ -46,3 +46,21 @@ def test_events_tell_the_progress_and_the_end(client, plant, backend):
         rest = list(lines)
     assert "event: end" in rest
     assert json.loads(rest[-2].removeprefix("data: "))["state"] == "done"
+
+
+def test_a_run_is_cancelled_and_what_it_found_stays(client, plant, backend):
+    run = client.post("/v1/audits", json={"tags": ["FIC101", "LIC7"]}).json()
+    cancelled = client.post(f"/v1/audits/{run['id']}/cancel")
+    assert (cancelled.status_code, cancelled.json()["state"], cancelled.json()["open"]) == (200, "cancelled", 0)
+    assert {failure["code"] for failure in cancelled.json()["failures"]} == {"cancelled"}
+    assert client.post(f"/v1/audits/{run['id']}/cancel").json() == cancelled.json()
+    assert audit_chunk(backend, int(run["id"]), "test") == 0
+    assert client.get("/v1/loops/FIC101/health").json()["audit_id"] != run["id"]
+
+
+def test_only_a_run_that_goes_on_is_cancelled(client, plant):
+    ended = client.post(f"/v1/audits/{plant['id']}/cancel")
+    assert (ended.status_code, ended.json()["code"]) == (409, "wrong_state")
+    assert client.get(f"/v1/audits/{plant['id']}").json() == plant
+    missing = client.post("/v1/audits/99999/cancel")
+    assert (missing.status_code, missing.json()["code"]) == (404, "unknown_audit")
