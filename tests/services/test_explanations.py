@@ -1,13 +1,15 @@
 """From a request to its answer: what is told at once, what a worker finds, and what a night asks for."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import pytest
-from sqlalchemy import update
+from sqlalchemy import Connection, update
+from sqlalchemy.exc import OperationalError
 
 from app.engine.mismatch import Comparison
 from app.engine.mismatch import explain as engine_explain
@@ -236,6 +238,30 @@ def test_a_first_answer_comes_before_the_whole(backend: Backend, monkeypatch: py
     assert seen[0]["located"]["windows"]
     assert (seen[0]["fit"], seen[0]["verdict"]) == (None, None)
     assert explanations.get_explanation(backend, "TIC1", asked["id"])["fit"]["rmse_explained"] > 0
+
+
+def test_an_explanation_that_is_asked_for_stands_with_its_answer(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Otherwise a data base that goes away in between is told as `nothing was changed`, and it is asked for twice."""
+    signals, write = record(step=5.0), backend.database.write
+    keep(backend, "TIC1", signals)
+    wanted = trace(linear(signals["op"]), instants())
+
+    def away() -> NoReturn:
+        raise OperationalError("SELECT 1", {}, Exception("the server is away"))
+
+    @contextmanager
+    def last() -> Iterator[Connection]:
+        with write() as connection:
+            yield connection
+        monkeypatch.setattr(backend.database, "read", away)
+        monkeypatch.setattr(backend.database, "write", away)
+
+    monkeypatch.setattr(backend.database, "write", last)
+    asked = explanations.ask(backend, "TIC1", wanted)
+    monkeypatch.undo()
+    assert asked == explanations.get_explanation(backend, "TIC1", asked["id"])
 
 
 def test_who_lost_the_claim_writes_nothing(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
+from sqlalchemy import Connection
+
 from app.engine.mismatch.comparison import LEAST_SAMPLES
 from app.engine.stretches import LONG_SAMPLES
 from app.errors import DataError, NotFoundError, RequestError
@@ -81,8 +83,10 @@ def ask(backend: Backend, tag: str, wanted: Wanted | None = None, asked_by: str 
     }
     with backend.database.write() as connection:
         explanation_id = explanations.ask(connection, values)
+        # Read here: what fails once the question stands would be told as nothing changed, and it would be asked again.
+        row = _existing(connection, loop, str(explanation_id))
     backend.queue.explain(1)
-    return get_explanation(backend, tag, str(explanation_id))
+    return _told(row, tag, simulation, {})
 
 
 def get_explanation(backend: Backend, tag: str, explanation_id: str) -> dict[str, Any]:
@@ -92,8 +96,7 @@ def get_explanation(backend: Backend, tag: str, explanation_id: str) -> dict[str
         packed = explanations.packed_answer(connection, row.id)
         given = explanations.packed_simulation(connection, row.id)
     simulation = None if given is None else unpack_document(given)
-    answer = {} if packed is None else unpack_document(packed).told
-    return summary(row, tag) | {"simulation": kind_of(simulation)} | _line(answer)
+    return _told(row, tag, simulation, {} if packed is None else unpack_document(packed).told)
 
 
 def list_explanations(backend: Backend, tag: str, limit: int = 100, cursor: str | None = None) -> Page[dict[str, Any]]:
@@ -172,6 +175,10 @@ def newest_samples(samples: Samples, most: int) -> Samples:
     return samples.part(slice(-most, None)) if len(samples) > most else samples
 
 
+def _told(row: ExplanationRow, tag: str, simulation: Document | None, answer: Mapping[str, Any]) -> dict[str, Any]:
+    return summary(row, tag) | {"simulation": kind_of(simulation)} | _line(answer)
+
+
 def _line(answer: Mapping[str, Any]) -> dict[str, Any]:
     """Every field of the contract, null while it is not known, and whatever else the answer has."""
     line = answer.get("line", {})
@@ -232,9 +239,13 @@ def _bounds(newest_ns: int, wanted: Wanted, window_h: float) -> tuple[int, int]:
 def _row(backend: Backend, tag: str, explanation_id: str) -> ExplanationRow:
     loop = find(backend, tag)
     with backend.database.read() as connection:
-        row = explanations.by_id(connection, loop.id, identifier(explanation_id, "explanation"))
+        return _existing(connection, loop, explanation_id)
+
+
+def _existing(connection: Connection, loop: LoopRow, explanation_id: str) -> ExplanationRow:
+    row = explanations.by_id(connection, loop.id, identifier(explanation_id, "explanation"))
     if row is None:
-        raise NotFoundError("unknown_explanation", f"loop {tag!r} has no explanation {explanation_id!r}")
+        raise NotFoundError("unknown_explanation", f"loop {loop.tag!r} has no explanation {explanation_id!r}")
     return row
 
 
