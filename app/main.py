@@ -7,32 +7,22 @@ from contextlib import asynccontextmanager
 from importlib.metadata import version
 from typing import Any
 
-from fastapi import APIRouter, Depends, FastAPI
+from fastapi import Depends, FastAPI
 from fastapi.concurrency import run_in_threadpool
 
-from app.api import (
-    audits,
-    explanations,
-    groups,
-    loop_list,
-    loops,
-    notes,
-    operations,
-    problems,
-    reliability,
-    reports,
-    trail,
-    uploads,
-)
-from app.api.bodies import LimitBodies
-from app.api.crowding import LimitCrowd
-from app.api.guard import Guard
-from app.api.headers import SecurityHeaders, WholeFiles
-from app.api.heads import AnswerHead
-from app.api.parameters import no_zero_bytes, only_known
-from app.api.paths import KeepTagsEncoded
-from app.api.request_ids import RequestIds
+from app.api import operations
+from app.api.routes import api
 from app.api.schema import described
+from app.http import problems
+from app.http.bodies import LimitBodies
+from app.http.crowding import LimitCrowd
+from app.http.guard import Guard
+from app.http.headers import SecurityHeaders, WholeFiles
+from app.http.heads import AnswerHead
+from app.http.parameters import no_zero_bytes
+from app.http.paths import KeepTagsEncoded
+from app.http.receiving import MAPPINGS_AT_ONCE
+from app.http.request_ids import RequestIds
 from app.services.access.authentication import Authenticator
 from app.services.access.rates import Rates
 from app.services.backend import Backend
@@ -56,7 +46,7 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.backend = await run_in_threadpool(Backend.open, settings)
         app.state.access = Authenticator(app.state.backend)
-        app.state.mapping_places = asyncio.Semaphore(uploads.MAPPINGS_AT_ONCE)
+        app.state.mapping_places = asyncio.Semaphore(MAPPINGS_AT_ONCE)
         yield
         await run_in_threadpool(app.state.backend.close)
 
@@ -91,13 +81,6 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
     app.mount("/static", pages.static)
     app.openapi = described(app)  # type: ignore[method-assign]  # as FastAPI says to extend it
     return app
-
-
-def api() -> APIRouter:
-    router = APIRouter(prefix="/v1", dependencies=[Depends(only_known)], responses=problems.responses(422))
-    for module in (uploads, explanations, reports, notes, loop_list, loops, reliability, audits, groups, trail):
-        router.include_router(module.router)
-    return router
 
 
 def operation_id(route: Any) -> str:

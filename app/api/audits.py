@@ -8,9 +8,9 @@ from fastapi import APIRouter, Body, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from starlette.responses import StreamingResponse
 
-from app.api.backend import Caller, Cursor, Identifier, Limit, Services
 from app.api.models import AuditIn, AuditOut, AuditPage
-from app.api.problems import responses
+from app.http.backend import Caller, Cursor, Identifier, Limit, Services
+from app.http.problems import responses
 from app.services.auditing import audits as service
 
 LOOK_S = 0.5

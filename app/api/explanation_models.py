@@ -5,8 +5,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, Strict
 
-from app.api.backend import IsoTime
 from app.api.models import Name
+from app.http.backend import IsoTime
 from app.services.explaining.simulations import LARGEST_TRACE
 
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]

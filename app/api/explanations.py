@@ -5,11 +5,11 @@ from typing import Any
 from fastapi import APIRouter, Response
 from starlette.responses import PlainTextResponse
 
-from app.api.backend import Caller, Cursor, Identifier, Limit, Services
 from app.api.explanation_models import ExplanationIn, ExplanationOut, ExplanationPage, PlotOut
 from app.api.loops import Points
-from app.api.paths import LoopTag
-from app.api.problems import responses
+from app.http.backend import Caller, Cursor, Identifier, Limit, Services
+from app.http.paths import LoopTag
+from app.http.problems import responses
 from app.services.addresses import tag_in_url
 from app.services.explaining import explanations as service
 from app.services.explaining import traces as explanation_traces

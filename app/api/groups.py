@@ -4,8 +4,8 @@ from typing import Any
 
 from fastapi import APIRouter
 
-from app.api.backend import Services
 from app.api.models import GroupPage
+from app.http.backend import Services
 from app.services.plant.groups import plant_groups
 
 router = APIRouter(tags=["groups"])

@@ -7,10 +7,10 @@ from fastapi import APIRouter, Request
 from fastapi.concurrency import run_in_threadpool
 from pydantic import ValidationError
 
-from app.api.backend import Services
 from app.api.models import LoopPatch, LoopsChangedOut
-from app.api.problems import responses
 from app.errors import DataError, RequestError
+from app.http.backend import Services
+from app.http.problems import responses
 from app.services.backend import Backend
 from app.services.plant import loop_list
 from app.services.plant.loop_list import LoopList

@@ -8,11 +8,11 @@ from fastapi.exceptions import RequestValidationError
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
-from app.api.backend import Cursor, IsoTime, Limit, Services
 from app.api.etags import NOT_MODIFIED, known, tag_of, tagged
 from app.api.models import HealthOut, LoopOut, LoopPage, LoopPatch, TrendOut, VerdictPage
-from app.api.paths import LoopTag
-from app.api.problems import responses
+from app.http.backend import Cursor, IsoTime, Limit, Services
+from app.http.paths import LoopTag
+from app.http.problems import responses
 from app.services.plant import loops as service
 from app.services.plant.loop_list import written
 from app.services.plant.trend import instant_ns

@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from app.api.backend import IsoTime
+from app.http.backend import IsoTime
 from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow, VerdictName
 
 MAX_NAME = 200

@@ -4,10 +4,10 @@ from typing import Any
 
 from fastapi import APIRouter
 
-from app.api.backend import Caller, Cursor, Identifier, Limit, Services
 from app.api.models import NoteIn, NoteOut, NotePage
-from app.api.paths import LoopTag
-from app.api.problems import responses
+from app.http.backend import Caller, Cursor, Identifier, Limit, Services
+from app.http.paths import LoopTag
+from app.http.problems import responses
 from app.services.plant import notes as service
 
 router = APIRouter(tags=["notes"])

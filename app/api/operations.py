@@ -6,8 +6,8 @@ from typing import Any
 from fastapi import APIRouter
 from starlette.responses import JSONResponse, PlainTextResponse
 
-from app.api.backend import Services
 from app.api.models import ReadyOut
+from app.http.backend import Services
 from app.services.upkeep import operations as service
 from app.services.upkeep.metrics import Metric
 from app.services.upkeep.metrics import metrics as collected

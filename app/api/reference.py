@@ -4,10 +4,13 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from fastapi.openapi.utils import get_openapi
 from pydantic import BaseModel
 
 from app.api import models
-from app.api.permissions import ROUTES
+from app.api.explanation_models import ExplanationIn
+from app.api.routes import api
+from app.http.permissions import ROUTES
 from app.services import wording
 from app.services.auditing import audit_models as audit
 from app.services.auditing.reason_wording import REASON_WORDS
@@ -26,16 +29,20 @@ TABLES: tuple[tuple[str, str, type[BaseModel]], ...] = (
     ("Rivals", "`rivals` of `--format jsonl`", audit.RivalLine),
     ("Spells", "`episodes` of `--format jsonl`", audit.EpisodeLine),
     ("A loop", "`GET /v1/loops`", models.LoopOut),
+    ("A change of a loop", "body of `PATCH /v1/loops/{tag}`", models.LoopPatch),
     ("A list of loops taken", "`PATCH /v1/loops`", models.LoopsChangedOut),
     ("A trend", "`GET /v1/loops/{tag}/trend`", models.TrendOut),
     ("A note", "`GET /v1/loops/{tag}/notes`", models.NoteOut),
+    ("A note to write", "body of `POST /v1/loops/{tag}/notes`", models.NoteIn),
     ("An upload in the list", "`GET /v1/uploads`", models.UploadListed),
     ("An upload", "`GET /v1/uploads/{id}`", models.UploadOut),
     ("A refused row", "`rejects` of an upload", models.RejectOut),
+    ("A run to start", "body of `POST /v1/audits`", models.AuditIn),
     ("A run", "`GET /v1/audits/{id}`", models.AuditOut),
     ("A failed loop", "`failures` of a run", models.FailureOut),
     ("A group", "`GET /v1/groups`", models.GroupOut),
     ("A member of a group", "`members` of a group", models.GroupMemberOut),
+    ("A question for an explanation", "body of `POST /v1/loops/{tag}/explanations`", ExplanationIn),
     ("A row of the trail", "`GET /v1/trail`", models.TrailRowOut),
 )
 SAID = "Stable codes, and what the pages say for them."
@@ -55,6 +62,20 @@ CODES: tuple[tuple[str, str, Mapping[str, str]], ...] = (
 )
 
 
+WORDS = (
+    ("list", "list"),
+    ("tuple", "list"),
+    ("dict", "object"),
+    ("datetime", "time"),
+    ("bool", "true or false"),
+    ("float", "number"),
+    ("int", "whole number"),
+    ("str", "text"),
+    ("Literal", "code"),
+)
+"""What JSON calls a type, by the first of these that its name has in it."""
+
+
 def page() -> Iterator[str]:
     yield "# Fields, codes and routes\n\n"
     yield "Written by `python -m app.api.reference` from the models; `/openapi.json` says the same to machines.\n"
@@ -63,6 +84,8 @@ def page() -> Iterator[str]:
         yield from section(title, where, described(model))
     for title, where, words in CODES:
         yield from section(title, where, words.items())
+    for route, told in asked():
+        yield from section(f"Parameters of `{route}`", "In the query.", told)
     yield from section("Routes", "`open`: without a key. A role may do what `read` may, and what names it.", roles())
 
 
@@ -81,11 +104,26 @@ def described(model: type[BaseModel]) -> Iterator[tuple[str, str]]:
 def shape(annotation: Any) -> str:
     """number, text, ... as JSON calls it, from the type."""
     text = getattr(annotation, "__name__", "") if isinstance(annotation, type) else str(annotation)
-    for part, word in (("list", "list"), ("tuple", "list"), ("dict", "object"), ("bool", "true or false"),
-                       ("float", "number"), ("int", "whole number"), ("str", "text"), ("Literal", "code")):  # fmt: skip
+    for part, word in WORDS:
         if part in text:
             return word
     return "object"
+
+
+def asked() -> Iterator[tuple[str, list[tuple[str, str]]]]:
+    """The routes that take parameters, with their names and meanings."""
+    paths = get_openapi(title="", version="", routes=api().routes)["paths"]
+    for path, operations in sorted(paths.items()):
+        for method, operation in operations.items():
+            told = [(one["name"], limited(one)) for one in operation.get("parameters", ()) if one["in"] == "query"]
+            if told:
+                yield f"{method.upper()} {path}", told
+
+
+def limited(parameter: dict[str, Any]) -> str:
+    """What it means, and what it is where it is left out."""
+    default = parameter["schema"].get("default")
+    return parameter["description"] + ("" if default in (None, "", []) else f" Without it: {default}.")
 
 
 def roles() -> Iterator[tuple[str, str]]:

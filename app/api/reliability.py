@@ -7,11 +7,11 @@ from fastapi import APIRouter, Query
 from pydantic import BaseModel, Field
 from starlette.requests import Request
 
-from app.api.backend import Services
 from app.api.etags import NOT_MODIFIED, tagged, versioned
 from app.api.models import ReliabilityPage
-from app.api.problems import responses
 from app.errors import RequestError
+from app.http.backend import Services
+from app.http.problems import responses
 from app.services.auditing.audit_models import ReadingName, ReliabilityName, ReliabilityRow, VerdictName
 from app.services.cursors import LONGEST as LONGEST_CURSOR
 from app.services.cursors import identifier

@@ -6,9 +6,9 @@ from datetime import UTC, datetime
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse
 
-from app.api.backend import Services
-from app.api.paths import LoopTag
-from app.api.problems import responses
+from app.http.backend import Services
+from app.http.paths import LoopTag
+from app.http.problems import responses
 from app.services.backend import Backend
 from app.services.reports import documents as reports
 

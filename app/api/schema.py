@@ -6,8 +6,8 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
-from app.api.permissions import ROUTES
-from app.api.problems import MEDIA_TYPE, Problem, responses
+from app.http.permissions import ROUTES
+from app.http.problems import MEDIA_TYPE, Problem, responses
 
 PROBLEM = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
 KEYS = {

@@ -4,9 +4,9 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 
-from app.api.backend import Cursor, Limit, Services
 from app.api.models import TrailPage
-from app.api.problems import responses
+from app.http.backend import Cursor, Limit, Services
+from app.http.problems import responses
 from app.services.access import trail as service
 
 router = APIRouter(tags=["trail"])

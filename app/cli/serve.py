@@ -52,7 +52,7 @@ def serve(
 
 def asks_for_keys(host: str, settings: "Settings") -> bool:
     """On loopback only where the settings say so; on any other address unless the settings open it on purpose."""
-    from app.api.origins import is_loopback
+    from app.http.origins import is_loopback
 
     return settings.require_keys or not (is_loopback(host) or settings.allow_open)
 
@@ -82,8 +82,8 @@ def run(settings: "Settings", listening: socket.socket, keys_required: bool) -> 
     import uvicorn
 
     from app import logs
-    from app.api.connections import LARGEST_HEAD_BYTES, HeadDeadline
     from app.cli.supervisor import Child, Supervisor
+    from app.http.connections import LARGEST_HEAD_BYTES, HeadDeadline
     from app.main import create_app
     from app.services.upkeep.operations import migrate
 

@@ -6,9 +6,9 @@ from fastapi import APIRouter
 from fastapi.responses import HTMLResponse
 from starlette.responses import RedirectResponse, Response
 
-from app.api.backend import Caller, Services
-from app.api.paths import LoopTag
 from app.errors import LoopauditError
+from app.http.backend import Caller, Services
+from app.http.paths import LoopTag
 from app.services.addresses import tag_in_url
 from app.services.backend import Backend
 from app.services.explaining import explanations

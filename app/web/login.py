@@ -6,7 +6,7 @@ from fastapi.responses import HTMLResponse
 from starlette.datastructures import FormData
 from starlette.responses import RedirectResponse, Response
 
-from app.api.asked import SECURE_SESSION, SESSION, session_of
+from app.http.asked import SECURE_SESSION, SESSION, session_of
 from app.services.access.authentication import Authenticator, Session
 from app.services.access.identity import current
 from app.services.access.rates import Rates

@@ -7,9 +7,9 @@ from fastapi import APIRouter, Form
 from fastapi.responses import HTMLResponse
 from starlette.responses import JSONResponse, RedirectResponse
 
-from app.api.backend import Caller, Identifier, Services
-from app.api.paths import LoopTag
 from app.errors import NotFoundError, RequestError
+from app.http.backend import Caller, Identifier, Services
+from app.http.paths import LoopTag
 from app.services.addresses import tag_in_url
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.rival_wording import why_first

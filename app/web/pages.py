@@ -8,7 +8,7 @@ from fastapi.staticfiles import StaticFiles
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import FileResponse, JSONResponse
 
-from app.api.backend import Services
+from app.http.backend import Services
 from app.services.plant import groups as grouped
 from app.services.plant import overview as plants
 from app.services.plant.arrivals import arrivals, nothing_new, sentences

@@ -4,7 +4,7 @@ from fastapi import APIRouter
 from fastapi.responses import HTMLResponse
 from starlette.responses import RedirectResponse
 
-from app.api.backend import Caller, Identifier, Services
+from app.http.backend import Caller, Identifier, Services
 from app.services.auditing.audits import cancel_audit, failures, list_audits, start_audit
 from app.services.digests.deliveries import deliveries_of
 from app.services.plant.overview import run_figures

@@ -10,9 +10,9 @@ from fastapi.responses import HTMLResponse
 from starlette.datastructures import FormData
 from starlette.responses import RedirectResponse
 
-from app.api.backend import Caller, Identifier, Services
-from app.api.spooling import FORM_OVERHEAD_BYTES, spooled
-from app.api.uploads import LARGEST_MAPPING, MULTIPART, is_empty, mapping_of, store
+from app.http.backend import Caller, Identifier, Services
+from app.http.receiving import LARGEST_MAPPING, MULTIPART, is_empty, mapping_of, store
+from app.http.spooling import FORM_OVERHEAD_BYTES, spooled
 from app.services.intake import uploads as service
 from app.web.rendering import page
 

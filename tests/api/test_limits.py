@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from app.api import connections, crowding, uploads
+from app.http import connections, crowding, receiving
 from app.main import create_app
 from app.services.plant import reliability
 from app.services.upkeep.operations import migrate
@@ -117,7 +117,7 @@ def held_back(send):
 
 
 def test_a_long_mapping_is_looked_at_away_from_the_event_loop(client, monkeypatch):
-    seen, receive = [], uploads.service.receive
+    seen, receive = [], receiving.service.receive
 
     def received(*arguments, **named):
         try:
@@ -126,7 +126,7 @@ def test_a_long_mapping_is_looked_at_away_from_the_event_loop(client, monkeypatc
             seen.append("in a thread of its own")
         return receive(*arguments, **named)
 
-    monkeypatch.setattr(uploads.service, "receive", received)
+    monkeypatch.setattr(receiving.service, "receive", received)
     files = {"file": ("a.csv", b"time,T1\n0,1\n"), "mapping": ("m.csv", b"tag,loop,signal\nT1,FIC1,PV\n")}
     assert client.post("/v1/uploads", files=files).status_code == 202
     assert seen == ["in a thread of its own"]
@@ -141,7 +141,7 @@ def test_files_of_forms_are_spooled_where_the_disk_is_watched(client, settings, 
 
 
 def test_few_mappings_are_held_in_memory_at_a_time(serve, tmp_path, monkeypatch):
-    inside, most, lock, receive = set(), [], threading.Lock(), uploads.service.receive
+    inside, most, lock, receive = set(), [], threading.Lock(), receiving.service.receive
 
     def counted(*arguments, **named):
         with lock:
@@ -152,7 +152,7 @@ def test_few_mappings_are_held_in_memory_at_a_time(serve, tmp_path, monkeypatch)
             inside.remove(named["filename"])
         return receive(*arguments, **named)
 
-    monkeypatch.setattr(uploads.service, "receive", counted)
+    monkeypatch.setattr(receiving.service, "receive", counted)
     made = Settings(data_dir=tmp_path)
     migrate(made)
 
@@ -163,7 +163,7 @@ def test_few_mappings_are_held_in_memory_at_a_time(serve, tmp_path, monkeypatch)
 
     with serve(create_app(made)) as client, ThreadPoolExecutor(8) as pool:
         assert set(pool.map(send, range(8))) == {202}
-    assert max(most) == uploads.MAPPINGS_AT_ONCE
+    assert max(most) == receiving.MAPPINGS_AT_ONCE
 
 
 EXPORT = ("a.csv", b"time,T1\n0,1\n")
@@ -172,7 +172,7 @@ TOO_LARGE = "tag,loop,signal\nT1,FIC1,PV\n"
 
 @pytest.mark.parametrize("part", [("m.csv", TOO_LARGE.encode()), (None, TOO_LARGE.encode())], ids=["file", "text"])
 def test_a_mapping_that_is_too_large_is_refused_and_not_cut(client, settings, monkeypatch, part):
-    monkeypatch.setattr(uploads, "LARGEST_MAPPING", 20)
+    monkeypatch.setattr(receiving, "LARGEST_MAPPING", 20)
     answer = client.post("/v1/uploads", files={"file": EXPORT, "mapping": part})
     assert (answer.status_code, answer.json()["code"]) == (413, "mapping_too_large")
     assert not list(settings.uploads_dir.iterdir())
@@ -181,7 +181,7 @@ def test_a_mapping_that_is_too_large_is_refused_and_not_cut(client, settings, mo
 @pytest.mark.parametrize("sent", [{"files": {"mapping": (None, TOO_LARGE)}}, {"data": {"mapping": TOO_LARGE}}])
 def test_a_mapping_of_the_page_is_as_large_as_any_other(client, monkeypatch, sent):
     number = client.post("/v1/uploads", files={"file": EXPORT}).json()["id"]
-    monkeypatch.setattr(uploads, "LARGEST_MAPPING", 20)
+    monkeypatch.setattr(receiving, "LARGEST_MAPPING", 20)
     answer = client.post(f"/uploads/{number}/mapping", **sent)
     assert (answer.status_code, answer.json()["code"]) == (413, "mapping_too_large")
 

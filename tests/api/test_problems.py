@@ -8,10 +8,10 @@ import pytest
 from fastapi import FastAPI
 from pydantic import BaseModel
 
-from app.api import problems
-from app.api.headers import SecurityHeaders
-from app.api.paths import KeepTagsEncoded, LoopTag
 from app.errors import DataError, NotFoundError, RequestError
+from app.http import problems
+from app.http.headers import SecurityHeaders
+from app.http.paths import KeepTagsEncoded, LoopTag
 
 
 class Body(BaseModel):

@@ -10,7 +10,6 @@ import pytest
 from pydantic import BaseModel
 
 from app.api import models
-from app.api.permissions import ROUTES
 from app.api.reference import CODES, TABLES, page, shape
 from app.engine.audit import SPOILED_BY, audit
 from app.engine.features import NAMES
@@ -19,6 +18,7 @@ from app.engine.fitness.checks import BLOCKING
 from app.engine.recording import Recording
 from app.engine.verdict_reference import READINGS
 from app.engine.verdict_wording import spoken
+from app.http.permissions import ROUTES
 from app.services.auditing.reason_wording import REASON_WORDS
 from app.services.explaining.wording import EVIDENCE_WORDS
 from app.services.wording import CAUSE_WORDS
@@ -29,7 +29,7 @@ EXPLAINING = (ENGINE / "mismatch", ROOT / "app" / "services" / "explaining")
 IDENTIFICATION = (ENGINE / "armax", ENGINE / "hammerstein.py", ENGINE / "yper.py")
 TEXT = (ROOT / "docs" / "REFERENCE.md").read_text(encoding="utf-8")
 AGAIN = "write it anew: .venv/bin/python -m app.api.reference > docs/REFERENCE.md"
-BODIES = {"HealthOut", "Read", "LoopPatch", "NoteIn", "AuditIn", "ReadyOut"}
+BODIES = {"HealthOut", "Read", "ReadyOut"}
 
 
 def test_the_page_is_what_the_models_say():

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from fastapi import FastAPI
 
-from app.api.uploads import MAPPINGS_AT_ONCE
+from app.http.receiving import MAPPINGS_AT_ONCE
 from app.main import create_app
 from app.services.access import keys
 from app.services.access.authentication import Authenticator

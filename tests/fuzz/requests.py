@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import quote, urlencode
 
-from app.api.permissions import ROUTES
+from app.http.permissions import ROUTES
 from tests.fuzz import hostile
 from tests.fuzz.seeds import seeds
 

@@ -8,7 +8,7 @@ import pytest
 from fastapi import WebSocket
 from fastapi.routing import iter_route_contexts
 
-from app.api.permissions import READING, ROUTES, UNGUARDED, listed
+from app.http.permissions import READING, ROUTES, UNGUARDED, listed
 from app.main import create_app
 from app.services.access.identity import INCLUDES, Role
 from app.settings import Settings

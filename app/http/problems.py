@@ -13,8 +13,8 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 from starlette.responses import JSONResponse, Response
 
-from app.api.headers import HEADERS
 from app.errors import DataError, LoopauditError, NotFoundError
+from app.http.headers import HEADERS
 from app.services.access.identity import request_id
 from app.services.backend import DATABASE_AWAY
 

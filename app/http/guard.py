@@ -8,13 +8,13 @@ from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from app.api.asked import Asked
-from app.api.callers import Callers, unauthorized
-from app.api.forms import carries_token
-from app.api.noting import answer_noted, note
-from app.api.origins import crosses_sites, host_allowed, is_forwarded, is_loopback
-from app.api.permissions import LOGIN, Matched, Routes
-from app.api.problems import AWAY, LONGEST_ECHO, Refusal, answer_to
+from app.http.asked import Asked
+from app.http.callers import Callers, unauthorized
+from app.http.forms import carries_token
+from app.http.noting import answer_noted, note
+from app.http.origins import crosses_sites, host_allowed, is_forwarded, is_loopback
+from app.http.permissions import LOGIN, Matched, Routes
+from app.http.problems import AWAY, LONGEST_ECHO, Refusal, answer_to
 from app.services.access.identity import NOBODY, Identity, current
 from app.settings import Settings
 

@@ -6,9 +6,9 @@ import logging
 from fastapi import FastAPI
 from fastapi.concurrency import run_in_threadpool
 
-from app.api.asked import Asked, key_of, session_of
-from app.api.noting import note
-from app.api.problems import AWAY, Refusal
+from app.http.asked import Asked, key_of, session_of
+from app.http.noting import note
+from app.http.problems import AWAY, Refusal
 from app.services.access.authentication import Authenticator
 from app.services.access.identity import ANYONE, NOBODY, Identity
 from app.services.access.rates import Rates

@@ -8,8 +8,8 @@ from fastapi.concurrency import run_in_threadpool
 from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Send
 
-from app.api.asked import Asked
-from app.api.problems import AWAY
+from app.http.asked import Asked
+from app.http.problems import AWAY
 from app.services.access import trail
 from app.services.access.identity import NOBODY, Identity
 from app.services.backend import Backend

@@ -7,9 +7,9 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.api.problems import respond
-from app.api.spooling import FORM_OVERHEAD_BYTES
-from app.api.uploads import LARGEST_MAPPING
+from app.http.problems import respond
+from app.http.receiving import LARGEST_MAPPING
+from app.http.spooling import FORM_OVERHEAD_BYTES
 from app.settings import Settings
 
 UPLOADS = ("/v1/uploads", "/uploads")

@@ -7,7 +7,7 @@ from starlette.datastructures import Headers
 from starlette.requests import cookie_parser
 from starlette.types import Scope
 
-from app.api.permissions import READING, Matched, Permission
+from app.http.permissions import READING, Matched, Permission
 
 SESSION = "loopaudit_session"
 SECURE_SESSION = f"__Host-{SESSION}"  # browsers take it over https only, and from no other host

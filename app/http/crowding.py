@@ -6,7 +6,7 @@ from collections import Counter
 from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.api.problems import respond
+from app.http.problems import respond
 from app.settings import Settings
 
 ALWAYS = "/healthz"

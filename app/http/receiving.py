@@ -1,0 +1,91 @@
+"""An export on its way in, as a raw body or as a multipart form: written in blocks as it arrives."""
+
+from collections.abc import AsyncIterator
+from dataclasses import dataclass, replace
+
+from fastapi import Request
+from fastapi.concurrency import run_in_threadpool
+from starlette.datastructures import FormData, UploadFile
+
+from app.errors import RequestError
+from app.http.backend import Services, caller
+from app.http.spooling import spooled
+from app.services.intake import uploads as service
+from app.services.results import Receipt
+
+BLOCK_BYTES = 1 << 20
+LARGEST_MAPPING = 16 << 20  # 14,000 loops of four tags each: 5 MiB as CSV with every column, 11 MiB as JSON
+MAPPINGS_AT_ONCE = 2  # taken apart, a mapping has up to twenty times its size
+MULTIPART = "multipart/form-data"
+PARTS = ("file", "mapping")
+MOST_FILES = 8  # more than are taken, so that the refusal names the part that there is too often
+
+
+@dataclass(frozen=True)
+class Description:
+    """What a client says about an upload."""
+
+    filename: str | None
+    content_type: str | None
+    reading: service.ReadingOptions
+
+
+async def store(request: Request, backend: Services, filename: str | None, reading: service.ReadingOptions) -> Receipt:
+    content_type = request.headers.get("content-type", "application/octet-stream")
+    if not content_type.lower().startswith(MULTIPART):
+        described = Description(filename, content_type, reading)
+        return await received(backend, described, request.stream())
+    async with spooled(
+        request, backend.settings.uploads_dir, max_files=MOST_FILES, max_fields=10, like_files=("mapping",)
+    ) as form:
+        refuse_several(form)
+        part, mapping = form.get("file"), form.get("mapping")
+        if not isinstance(part, UploadFile):
+            raise RequestError("no_file", "the multipart form has no part `file` with a file in it")
+        name = filename or part.filename
+        if mapping is None or is_empty(mapping):
+            return await received(backend, Description(name, part.content_type, reading), blocks(part))
+        async with request.app.state.mapping_places:
+            mapped = replace(reading, mapping=await mapping_of(mapping))
+            return await received(backend, Description(name, part.content_type, mapped), blocks(part))
+
+
+def refuse_several(form: FormData) -> None:
+    for name in PARTS:
+        if len(form.getlist(name)) > 1:
+            text = f"the multipart form has several parts `{name}`; an upload takes one: send each file by itself"
+            raise RequestError("several_files", text)
+
+
+def is_empty(part: UploadFile | str) -> bool:
+    """Of a field that was left blank."""
+    return not part if isinstance(part, str) else not (part.size or part.filename)
+
+
+async def mapping_of(part: UploadFile | str) -> bytes:
+    """Raises RequestError where it is larger than any plant's."""
+    mapping = part.encode("utf-8", "replace") if isinstance(part, str) else await part.read(LARGEST_MAPPING + 1)
+    if len(mapping) > LARGEST_MAPPING:
+        text = f"a mapping may have at most {LARGEST_MAPPING} bytes; send the export in parts, each with its own"
+        raise RequestError("mapping_too_large", text)
+    return mapping
+
+
+async def blocks(part: UploadFile) -> AsyncIterator[bytes]:
+    while block := await part.read(BLOCK_BYTES):
+        yield block
+
+
+async def received(backend: Services, described: Description, chunks: AsyncIterator[bytes]) -> Receipt:
+    """Writes what arrives in blocks, away from the event loop: other requests go on while a disk is slow or a
+    mapping long."""
+    who = caller().who
+    with await run_in_threadpool(service.receive, backend, **vars(described), received_by=who) as receiving:
+        buffer = bytearray()
+        async for chunk in chunks:
+            buffer += chunk
+            if len(buffer) >= BLOCK_BYTES:
+                await run_in_threadpool(receiving.write, bytes(buffer))
+                buffer.clear()
+        await run_in_threadpool(receiving.write, bytes(buffer))
+        return await run_in_threadpool(receiving.commit)
