@@ -13,13 +13,11 @@ from app.http.backend import Services
 from app.http.problems import responses
 from app.services.backend import Backend
 from app.services.plant import loop_list
-from app.services.plant.loop_list import LoopList
-from app.services.plant.loops import change_loops
+from app.services.plant.loop_list import ListTaken, LoopList
 from app.services.results import FailureView
 
 router = APIRouter(tags=["loops"])
 
-MOST_LOOPS = 20_000
 CSV, JSON = "text/csv", "application/json"
 LOOP = LoopPatch.model_json_schema()
 LINE = LOOP | {"required": ["tag"], "properties": {"tag": {"type": "string"}, **LOOP["properties"]}}
@@ -44,28 +42,13 @@ async def change_many(request: Request, backend: Services) -> Any:
     loops.
     """
     kind = request.headers.get("content-type", JSON).split(";")[0].strip().lower()
-    return await run_in_threadpool(_changed, backend, await request.body(), kind)
+    return await run_in_threadpool(_taken, backend, await request.body(), kind)
 
 
-def _changed(backend: Backend, body: bytes, kind: str) -> dict[str, Any]:
+def _taken(backend: Backend, body: bytes, kind: str) -> ListTaken:
     if kind not in READ:
         raise RequestError("media_type", f"a list of loops comes as {JSON} or {CSV}, not as {kind[:60]!r}")
-    sent = READ[kind](body)
-    if len(sent.wanted) > MOST_LOOPS:
-        raise DataError("bad_loop_list", f"the list has {len(sent.wanted)} loops; at most {MOST_LOOPS} go at once")
-    refused, wanted = list(sent.refused), []
-    for tag, changes in sent.wanted:
-        try:
-            wanted.append((tag, LoopPatch.model_validate(changes).model_dump(exclude_unset=True)))
-        except ValidationError as error:
-            refused.append(FailureView(tag, "bad_value", _told(error)))
-    done = change_loops(backend, wanted)
-    return {
-        "changed": done.changed,
-        "unchanged": done.unchanged,
-        "refused": [*refused, *done.refused],
-        "ignored_columns": sent.ignored,
-    }
+    return loop_list.take(backend, READ[kind](body))
 
 
 def _from_json(body: bytes) -> LoopList:
@@ -79,10 +62,13 @@ def _from_json(body: bytes) -> LoopList:
     found = LoopList([], [], [])
     for line in lines:
         tag = line.pop("tag", None)
-        if isinstance(tag, str):
-            found.wanted.append((tag, line))
-        else:
+        if not isinstance(tag, str):
             found.refused.append(FailureView(str(tag)[:60], "no_tag", "a loop of the list has no tag that is a text"))
+            continue
+        try:
+            found.wanted.append((tag, LoopPatch.model_validate(line).model_dump(exclude_unset=True)))
+        except ValidationError as error:
+            found.refused.append(FailureView(tag, "bad_value", _told(error)))
     return found
 
 

@@ -44,8 +44,8 @@ def loops(
             raise typer.Exit(ExitCode.DONE)
         done = client.change_loops(_bytes_of(file))
     typer.echo(f"{file}\tchanged {done['changed']}\tunchanged {done['unchanged']}\trefused {len(done['refused'])}")
-    if done["ignored_columns"]:
-        say(f"{file}: not of a loop here, and left out: {', '.join(done['ignored_columns'])}")
+    if done["ignored"]:
+        say(f"{file}: not of a loop here, and left out: {', '.join(done['ignored'])}")
     for refused in done["refused"][:LISTED]:
         say(f"{file}: {refused['loop']}: {refused['text']} [{refused['code']}]")
     if len(done["refused"]) > LISTED:

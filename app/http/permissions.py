@@ -87,6 +87,8 @@ ROUTES: dict[tuple[str, str], Permission] = {
     ("GET", "/table"): PAGE,
     ("GET", "/groups"): PAGE,
     ("GET", "/glossary"): PAGE,
+    ("GET", "/loop-list"): PAGE,
+    ("POST", "/loop-list"): audits("loops.change", page=True),
     ("GET", "/loops/{tag:path}"): PAGE,
     ("GET", "/loops/{tag:path}/charts"): READ,
     ("POST", "/loops/{tag:path}/audit"): audits("audit.start", page=True),

@@ -43,6 +43,8 @@ async def spooled(
     request: Request, folder: Path, *, max_files: int, max_fields: int, like_files: Collection[str]
 ) -> AsyncIterator[FormData]:
     """The request's form; its files are spooled into the folder. Raises HTTPException 400 where it is no form."""
+    if "content-type" not in request.headers:
+        raise HTTPException(400, "the body is no multipart form, and no content type says what it is")
     parser = SpoolingParser(request.headers, request.stream(), max_files=max_files, max_fields=max_fields)
     parser.folder, parser.like_files = folder, like_files
     try:

@@ -17,7 +17,7 @@ from app.services.plant.nights import nights
 from app.services.plant.reliability import RowFilter
 from app.services.plant.repaired import repairs
 from app.services.wording import VERDICT_RANK
-from app.web import loop, runs, uploads
+from app.web import loop, loop_list, runs, uploads
 from app.web.columns import COLUMNS, USUAL, query_without
 from app.web.rendering import CHARTS, STATIC, page
 
@@ -26,7 +26,7 @@ ROWS_A_PAGE = 100
 CHANGES = 10
 
 router = APIRouter(include_in_schema=False)
-for module in (loop, runs, uploads):
+for module in (loop, loop_list, runs, uploads):
     router.include_router(module.router)
 static = StaticFiles(directory=STATIC)
 

@@ -19,7 +19,18 @@ from tests.web.conftest import wide
 pytestmark = pytest.mark.browser
 
 HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
-PAGES = ["/", "/table", "/groups", "/glossary", "/runs", "/runs/1", "/uploads", "/uploads/1", "/loops/FIC101"]
+PAGES = [
+    "/",
+    "/table",
+    "/groups",
+    "/glossary",
+    "/runs",
+    "/runs/1",
+    "/uploads",
+    "/uploads/1",
+    "/loop-list",
+    "/loops/FIC101",
+]
 HOSTILE_PAGE = f"/loops/{tag_in_url(HOSTILE)}"
 NARROW: ViewportSize = {"width": 360, "height": 740}
 SERIOUS = ("serious", "critical")

@@ -30,6 +30,7 @@ PAGES = [
     "/runs/1",
     "/uploads",
     "/uploads/1",
+    "/loop-list",
     "/loops/FIC101",
     HOSTILE_PAGE,
 ]
@@ -415,3 +416,17 @@ def test_runs_say_who_started_them_in_the_words_of_the_trail(client, web_backend
     assert {"anyone on this machine", "the nightly schedule", "not known"} <= set(texts)
     for ended in (run["id"], again.rpartition("/")[2], whole.rpartition("/")[2], night.id):
         audit_chunk(web_backend, int(ended), "test")
+
+
+def test_the_loop_list_is_set_and_says_what_could_not_be(client):
+    listed = b"tag;importance;P&ID\nFIC101;2,5;a<b>\nNO<b>WHERE;1;x\n"
+    answer = client.post("/loop-list", files={"file": ("loops.csv", listed, "text/csv")})
+    assert answer.status_code == 200
+    assert "1 loop changed, 0 as before, 1 refused" in answer.text
+    assert "NO&lt;b&gt;WHERE" in answer.text
+    assert client.get("/v1/loops/FIC101").json()["importance"] == 2.5
+    client.patch("/v1/loops/FIC101", json={"importance": 1})
+    for files in ({"other": ("a.csv", b"", "text/csv")}, {"file": ("a.csv", b"tag\n", "text/csv")}):
+        refused = client.post("/loop-list", files=files, headers={"Accept": "text/html"})
+        assert refused.status_code in (400, 422)
+        assert "<h1>" in refused.text

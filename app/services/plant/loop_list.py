@@ -7,7 +7,7 @@ from typing import Any
 from app.errors import DataError, RequestError
 from app.ingest import BEYOND, list_rows, list_text
 from app.services.backend import Backend
-from app.services.plant.loops import WORDS, list_loops
+from app.services.plant.loops import WORDS, change_loops, list_loops
 from app.services.results import FailureView
 from app.services.spreadsheet import csv_lines, safe_cell
 from app.storage.loops import SETTABLE
@@ -16,8 +16,19 @@ COLUMNS = ("tag", *SETTABLE)
 FLAGS = ("integrating", "moves_valve")
 SAID = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False}
 PAGE = 1000
+MOST_LOOPS = 20_000
 
 _LIST = ("the loop list", "bad_loop_list")
+
+
+@dataclass(frozen=True)
+class ListTaken:
+    """What became of a list: see `LoopsChanged`; ignored: columns that say nothing of a loop here."""
+
+    changed: int
+    unchanged: int
+    refused: list[FailureView]
+    ignored: list[str]
 
 
 @dataclass(frozen=True)
@@ -47,6 +58,14 @@ def _rows(backend: Backend, unit: str | None, search: str | None) -> Iterator[di
 
 def _told(value: Any) -> Any:
     return ("no", "yes")[value] if isinstance(value, bool) else value
+
+
+def take(backend: Backend, sent: LoopList) -> ListTaken:
+    """Sets what a list says. Raises DataError("bad_loop_list") where it has more than `MOST_LOOPS`."""
+    if len(sent.wanted) > MOST_LOOPS:
+        raise DataError("bad_loop_list", f"the list has {len(sent.wanted)} loops; at most {MOST_LOOPS} go at once")
+    done = change_loops(backend, sent.wanted)
+    return ListTaken(done.changed, done.unchanged, [*sent.refused, *done.refused], sent.ignored)
 
 
 def read(data: bytes) -> LoopList:

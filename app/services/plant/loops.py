@@ -17,6 +17,7 @@ from app.storage.loops import SETTABLE, LoopRow
 
 KNOWN_TYPES = ("flow", "pressure", "level", "temperature", "composition", "speed", "position", "other")
 WORDS = ("unit", "type", "description", "pv_unit")
+LONGEST_WORDS, MOST_IMPORTANT = 200, 1000.0
 SPANS = (("pv_low", "pv_high"), ("op_low", "op_high"))
 
 
@@ -99,6 +100,7 @@ def _wanted(connection: Connection, row: LoopRow, changes: Mapping[str, Any]) ->
     wanted |= {name: _stripped(wanted[name]) for name in WORDS if name in changes}
     if wanted["importance"] is None:
         wanted["importance"] = 1.0
+    _check_values(wanted)
     _check_spans(wanted)
     if wanted["type"] != row.type:
         _check_type(connection, wanted["type"])
@@ -181,6 +183,16 @@ def _check_type(connection: Connection, type_: str | None) -> None:
         return
     known = ", ".join(dict.fromkeys((*KNOWN_TYPES, *own)))
     raise RequestError("unknown_type", f"{type_[:40]!r} is no type of loop; there are {known}")
+
+
+def _check_values(wanted: Mapping[str, Any]) -> None:
+    if not 0.0 <= wanted["importance"] <= MOST_IMPORTANT:
+        raise RequestError("bad_value", f"importance is 0 to {MOST_IMPORTANT:g}, got {wanted['importance']:g}")
+    for name in WORDS:
+        if wanted[name] is not None and len(wanted[name]) > LONGEST_WORDS:
+            raise RequestError(
+                "bad_value", f"{name} has {len(wanted[name])} characters; at most {LONGEST_WORDS} are kept"
+            )
 
 
 def _check_spans(wanted: Mapping[str, Any]) -> None:
