@@ -60,6 +60,7 @@ uploads = Table(
     Column("lease_until_s", Float),
     Column("announced_s", Float),
     Column("summary_json", Text),
+    Column("tags_json", Text),  # which tag became what: megabytes of a plant's export, read for one upload alone
     CheckConstraint("state IN ('received', 'reading', 'done', 'failed')", name="state"),
     _partial("ix_uploads_unread", "id", where="state IN ('received', 'reading')"),
 )

@@ -21,7 +21,8 @@ BACK_OFF = range(3, 10)
 
 @dataclass(frozen=True)
 class UploadRow:
-    """An upload without how it is to be read, which holds the whole mapping: see `reading_of`."""
+    """An upload without what may have megabytes: the mapping to read it by (see `reading_of`) and its tags (see
+    `tags_of`)."""
 
     id: int
     fingerprint: str
@@ -84,6 +85,12 @@ def by_id(connection: Connection, upload_id: int) -> UploadRow | None:
 def reading_of(connection: Connection, upload_id: int) -> dict[str, Any]:
     """How the upload is to be read, with its mapping, which may have megabytes."""
     return json.loads(connection.execute(select(uploads.c.reading_json).where(uploads.c.id == upload_id)).scalar_one())
+
+
+def tags_of(connection: Connection, upload_id: int) -> list[dict[str, Any]]:
+    """Which tag of the file became which signal of which loop; a plant has tens of thousands."""
+    told = connection.scalar(select(uploads.c.tags_json).where(uploads.c.id == upload_id))
+    return json.loads(told) if told else []
 
 
 def page(connection: Connection, limit: int, before_id: int | None) -> list[UploadRow]:

@@ -1,7 +1,6 @@
 """Uploads: acknowledged only when stored, the same content once, read with the same effect however often."""
 
 import gzip
-import json
 import threading
 import time
 from collections.abc import Sequence
@@ -276,13 +275,14 @@ def test_options_that_cannot_be_used_are_refused_at_once(backend: Backend) -> No
             uploads.receive(backend, filename="x.csv", reading=options)
 
 
-def test_tags_of_an_upload_that_an_older_version_read_are_counted(backend: Backend) -> None:
+def test_a_list_of_uploads_counts_their_tags_and_does_not_read_them(backend: Backend) -> None:
     done = read(backend, send(backend, export()))
+    assert (done.tags_found, [loop["pv"] for loop in done.tags]) == (5, ["FIC1.PV", "LIC2.PV"])
     with backend.database.write() as connection:
-        told = json.loads(connection.scalar(select(uploads_table.c.summary_json)))
-        assert told.pop("tags_found") == done.tags_found == 5
-        connection.execute(update(uploads_table).values(summary_json=json.dumps(told)))
-    assert [view.tags_found for view in uploads.list_uploads(backend).rows] == [5]
+        assert "FIC1.PV" not in connection.scalar(select(uploads_table.c.summary_json))
+        connection.execute(update(uploads_table).values(tags_json="as long as a plant"))
+    (listed,) = uploads.list_uploads(backend).rows
+    assert (listed.tags_found, listed.loops_found, listed.tags) == (5, 2, [])
 
 
 def test_names_cannot_leave_the_folder(backend: Backend) -> None:

@@ -1,6 +1,7 @@
 """Data bases with rows in every table go up from each released version, down and up again, and lose nothing."""
 
 import datetime
+import json
 from collections.abc import Iterator
 from typing import Any
 
@@ -132,3 +133,38 @@ def test_what_held_is_taken_from_stretches_that_an_older_version_stored(empty: D
     with empty.read() as connection:
         told = connection.execute(text("SELECT sp_ns, sp_last, mode_ns, mode_last FROM series")).one()
     assert tuple(told) == (20, 2.0, None, None)
+
+
+TAGS = [
+    {"loop": "FIC1", "pv": "FIC1.PV", "op": "FIC1.OP", "sp": None, "mode": None, "others": ["FIC1.X", "FIC1.Y"]},
+    {"loop": "LIC2\x00", "pv": "LIC2.PV", "op": None, "sp": None, "mode": None, "others": []},
+]
+RECEIVED = text(
+    "INSERT INTO uploads (id, content_key, fingerprint, filename, size_bytes, received_at, summary_json)"
+    " VALUES (:id, :id, 'f', 'plant.csv', 1, '2026-01-01 00:00:00+00:00', :summary)"
+)
+
+
+def test_tags_that_an_older_version_stored_with_the_summary_move_and_are_counted(empty: Database) -> None:
+    """More uploads than are read at a time, one of them not read yet; back again, everything is in one place."""
+    schema.migrate(empty, "0015")
+    told = [{"rows_kept": number, "tags": TAGS} for number in range(12)]
+    told[3]["tags_found"] = 9
+    summaries = [*map(json.dumps, told), None]
+    with empty.write() as connection:
+        for number, summary in enumerate(summaries, 1):
+            connection.execute(RECEIVED.bindparams(id=number, summary=summary))
+    schema.migrate(empty)
+    with empty.read() as connection:
+        found = connection.execute(text("SELECT summary_json, tags_json FROM uploads ORDER BY id")).all()
+    assert [json.loads(row.tags_json) for row in found[:-1]] == [TAGS] * 12
+    counted = [5, 5, 5, 9, *[5] * 8]
+    assert [json.loads(row.summary_json) for row in found[:-1]] == [
+        {"rows_kept": number, "tags_found": count} for number, count in enumerate(counted)
+    ]
+    assert tuple(found[-1]) == (None, None)
+    schema.downgrade(empty, "0015")
+    with empty.read() as connection:
+        (first, *_, last) = connection.scalars(text("SELECT summary_json FROM uploads ORDER BY id")).all()
+    assert json.loads(first) == {"rows_kept": 0, "tags_found": 5, "tags": TAGS}
+    assert last is None

@@ -46,6 +46,7 @@ class Read:
     """What reading a file came to."""
 
     summary: dict[str, Any]
+    tags: list[dict[str, Any]]
     rejects: Rejects
 
 
@@ -81,7 +82,8 @@ def _read_claimed(backend: Backend, row: UploadRow, claim: ReadingClaim) -> None
         _stumble(backend, claim, error)
         raise
     else:
-        _end(backend, claim, "done", {"summary_json": json.dumps(result.summary)}, result.rejects)
+        told = {"summary_json": json.dumps(result.summary), "tags_json": json.dumps(result.tags)}
+        _end(backend, claim, "done", told, result.rejects)
 
 
 def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
@@ -100,9 +102,8 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
         "reject_counts": dict(refused.counts),
         "notes": list(summary.notes),
         "tags_found": summary.tags,
-        "tags": [_tags(loop) for loop in summary.loops[:LISTED_LOOPS]],
     }
-    return Read(told, refused)
+    return Read(told, [_tags(loop) for loop in summary.loops[:LISTED_LOOPS]], refused)
 
 
 def _tags(loop: LoopTags) -> dict[str, Any]:

@@ -4,7 +4,7 @@ says what the content does not."""
 import hashlib
 import json
 import uuid
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -181,17 +181,18 @@ def get_upload(backend: Backend, upload_id: str) -> UploadView:
             raise NotFoundError("unknown_upload", f"there is no upload {upload_id!r}")
         found = uploads.loops_of(connection, row.id)
         refused = [RejectView(**vars(reject)) for reject in uploads.rejects_of(connection, row.id)]
-    return _view(row, found, refused, len(found))
+        tags = uploads.tags_of(connection, row.id)
+    return replace(_view(row, len(found)), loops=found, rejects=refused, tags=tags)
 
 
 def list_uploads(backend: Backend, limit: int = 100, cursor: str | None = None) -> Page[UploadView]:
-    """Uploads, the newest first, without their loops and refused rows, which are counted."""
+    """Uploads, the newest first, without their loops, refused rows and tags, which are counted."""
     before = decode(cursor, (int,))
     with backend.database.read() as connection:
         rows = uploads.page(connection, limit + 1, before[0] if before else None)
         counted = uploads.count_loops(connection, [row.id for row in rows])
     following = encode(rows[limit - 1].id) if len(rows) > limit else None
-    return Page([_view(row, [], [], counted.get(row.id, 0)) for row in rows[:limit]], following)
+    return Page([_view(row, counted.get(row.id, 0)) for row in rows[:limit]], following)
 
 
 def path_of(backend: Backend, fingerprint: str) -> Path:
@@ -204,13 +205,8 @@ def _content_key(fingerprint: str, reading_json: str, filename: str) -> str:
     return hashlib.sha256(f"{fingerprint} {reading_json} {stem_of(filename)}".encode()).hexdigest()
 
 
-def _tags_of(loop: dict[str, Any]) -> int:
-    return sum(loop[signal] is not None for signal in ("pv", "op", "sp", "mode")) + len(loop["others"])
-
-
-def _view(row: UploadRow, found: list[str], refused: list[RejectView], loops_found: int) -> UploadView:
+def _view(row: UploadRow, loops_found: int) -> UploadView:
     summary = row.summary
-    tags = summary.get("tags", [])
     return UploadView(
         id=str(row.id),
         state=row.state,  # type: ignore[arg-type]  # the table allows no other
@@ -221,14 +217,13 @@ def _view(row: UploadRow, found: list[str], refused: list[RejectView], loops_fou
         ended_at=iso_utc(row.ended_at),
         reason=row.error_text,
         layout=summary.get("layout"),
-        loops=found,
+        loops=[],
         loops_found=loops_found,
         rows_kept=summary.get("rows_kept", 0),
         rows_refused=sum(summary.get("reject_counts", {}).values()),
         samples_added=summary.get("samples_added", 0),
         reject_counts=summary.get("reject_counts", {}),
-        rejects=refused,
+        rejects=[],
         notes=summary.get("notes", []),
-        tags_found=summary.get("tags_found", sum(map(_tags_of, tags))),
-        tags=tags,
+        tags_found=summary.get("tags_found", 0),
     )
