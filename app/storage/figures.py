@@ -6,6 +6,7 @@ from datetime import datetime, timedelta
 from sqlalchemy import ColumnElement, Connection, and_, func, select
 
 from app.storage.tables import audit_items, audits, explanations, keys, loops, uploads, verdicts
+from app.storage.tallies import UPLOAD_BYTES, tallied
 from app.storage.types import now
 
 DAY = timedelta(days=1)
@@ -25,7 +26,8 @@ class Figures:
     """items: loops of unfinished runs by state. verdicts: loops by their newest verdict. failures: failed loops of the
     newest night that ended, by code; failures_day: of all runs that ended within 24 h. oldest_open_s: age of the oldest
     run that is not ended, in seconds (0: none). audit_seconds: mean time of an audit over the newest verdicts.
-    oldest_unread_s: age of the oldest upload that is still to be read. uploads_bytes: of all uploads as they came.
+    oldest_unread_s: age of the oldest upload that is still to be read. uploads_bytes: of all uploads as they
+    came, those too that are not kept any more.
     last_run: the newest that ended, of any kind; last_night: the newest nightly one."""
 
     loops: int
@@ -71,7 +73,8 @@ def collect(connection: Connection) -> Figures:
         failures_day=_failures(connection, today),
         oldest_open_s=_age_s(oldest),
         oldest_unread_s=_age_s(unread),
-        uploads_bytes=int(connection.scalar(select(func.sum(uploads.c.size_bytes))) or 0),
+        uploads_bytes=int(connection.scalar(select(func.sum(uploads.c.size_bytes))) or 0)
+        + tallied(connection, UPLOAD_BYTES),
         explanations=_counts(connection, select(explanations.c.state, func.count()).group_by(explanations.c.state)),
         last_run=_newest_ended(connection),
         last_night=night,

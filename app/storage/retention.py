@@ -1,16 +1,32 @@
 """What is old: dropped in small batches, each its own short statement, so that nobody waits behind them."""
 
+from collections.abc import Iterable, Mapping
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, and_, delete, exists, func, or_, select, true, tuple_
+from sqlalchemy import ColumnElement, Connection, Table, and_, delete, exists, func, or_, select, true, tuple_, update
 
 from app.storage.steps import HOLDING
-from app.storage.tables import audits, explanations, loops, series, sessions, trail, uploads, verdict_details, verdicts
+from app.storage.tables import (
+    audits,
+    explanations,
+    loops,
+    rejects,
+    series,
+    sessions,
+    trail,
+    upload_loops,
+    uploads,
+    verdict_details,
+    verdicts,
+)
+from app.storage.tallies import UPLOAD_BYTES, tally
 from app.storage.types import now
+from app.storage.uploads import lock_bytes
 
 NS_PER_S = 1_000_000_000
 ENDED = ("done", "partial", "cancelled")
+UPLOADS_AT_ONCE = 10  # the row of each may have megabytes of tags and mapping
 
 
 def drop_series(connection: Connection, kept_h: float, batch: int) -> int:
@@ -64,6 +80,48 @@ def drop_explanations(connection: Connection, before: datetime, batch: int) -> i
         .limit(batch)
     )
     return connection.execute(delete(explanations).where(explanations.c.id.in_(old))).rowcount
+
+
+def drop_uploads(connection: Connection, before: datetime, batch: int, *, exports_since: datetime | None) -> int:
+    """Uploads that ended before and whose bytes are not kept: first what hangs on their rows, as many as a plant has
+    loops, then the rows. What was read from them stays."""
+    old = _ended_uploads(before, exports_since)
+    query = select(uploads.c.id, uploads.c.fingerprint).where(old).order_by(uploads.c.id).limit(UPLOADS_AT_ONCE)
+    found = {upload_id: fingerprint for upload_id, fingerprint in connection.execute(query)}
+    if not found:
+        return 0
+    return (
+        _drop_of_uploads(connection, rejects, found, batch)
+        or _drop_of_uploads(connection, upload_loops, found, batch)
+        or _take_out_of_series(connection, found, batch)
+        or _drop_their_rows(connection, found, old)
+    )
+
+
+def _ended_uploads(before: datetime, exports_since: datetime | None) -> ColumnElement[bool]:
+    return uploads.c.state.in_(("done", "failed")) & (uploads.c.ended_at < before) & ~_bytes_needed(exports_since)
+
+
+def _drop_of_uploads(connection: Connection, table: Table, ids: Iterable[int], batch: int) -> int:
+    key = table.primary_key.columns
+    old = select(*key).where(table.c.upload_id.in_(ids)).limit(batch)
+    return connection.execute(delete(table).where(tuple_(*key).in_(old))).rowcount
+
+
+def _take_out_of_series(connection: Connection, ids: Iterable[int], batch: int) -> int:
+    """The data base would do so by itself, with all the stretches of a plant in one statement."""
+    old = select(series.c.id).where(series.c.upload_id.in_(ids)).limit(batch)
+    return connection.execute(update(series).where(series.c.id.in_(old)).values(upload_id=None)).rowcount
+
+
+def _drop_their_rows(connection: Connection, found: Mapping[int, str], old: ColumnElement[bool]) -> int:
+    """Under the lock of who sends the same bytes again, and looked at anew: one that failed may be to be read again."""
+    for fingerprint in sorted(set(found.values())):
+        lock_bytes(connection, fingerprint)
+    gone = delete(uploads).where(uploads.c.id.in_(found), old).returning(uploads.c.size_bytes)
+    sizes = connection.scalars(gone).all()
+    tally(connection, UPLOAD_BYTES, sum(sizes))
+    return len(sizes)
 
 
 def drop_trail(connection: Connection, before: datetime, batch: int) -> int:

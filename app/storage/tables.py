@@ -120,6 +120,7 @@ series = Table(
     Column("mode_ns", BigInteger),
     Column("mode_last", Float),
     UniqueConstraint("loop_id", "fingerprint"),
+    _partial("ix_series_upload", "upload_id", where="upload_id IS NOT NULL"),  # an upload that goes is taken out here
     Index("ix_series_loop_end", "loop_id", "end_ns"),
     _partial("ix_series_sp", "loop_id", "sp_ns", where="sp_ns IS NOT NULL"),
     _partial("ix_series_mode", "loop_id", "mode_ns", where="mode_ns IS NOT NULL"),
@@ -316,6 +317,13 @@ trail = Table(
     Column("request_id", Text),
     Column("detail_json", Text, nullable=False, server_default="{}"),
     Index("ix_trail_at", "at"),
+)
+
+tallies = Table(
+    "tallies",
+    metadata,
+    Column("name", Text, primary_key=True),
+    Column("dropped", BigInteger, nullable=False),  # of rows that are gone: what was counted stays counted
 )
 
 notes = Table(

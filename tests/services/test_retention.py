@@ -5,14 +5,17 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
-from sqlalchemy import insert, select
+from sqlalchemy import insert, select, update
 
 from app.services.access import trail
 from app.services.backend import Backend
 from app.services.intake import uploads
+from app.services.intake.reading import read_upload
 from app.services.plant.loops import loop_health, verdict_history
 from app.services.upkeep import retention
+from app.services.upkeep.metrics import Sample, metrics
 from app.services.upkeep.operations import sweep
+from app.storage import retention as stored_retention
 from app.storage import tables
 from app.storage import uploads as stored_uploads
 from tests.services.upkeep_plant import EXPORT, aged, audited_twice, count, with_settings
@@ -123,11 +126,76 @@ def test_bytes_that_are_being_registered_stay_though_their_file_looks_old(plant,
     assert [file.read_bytes() for file in plant.settings.uploads_dir.iterdir()] == [EXPORT]
 
 
+def test_old_uploads_go_in_pieces_and_what_was_read_from_them_stays(plant):
+    counted = {metric.name: metric.samples for metric in metrics(plant)}
+    refused = [stored_uploads.RejectRow(line, "bad_value", "no number", "") for line in range(5)]
+    with plant.database.write() as connection:
+        stored_uploads.replace_rejects(connection, 1, refused)
+    aged(plant, plant.settings.keep_receipts_days + 1)
+    before = [count(plant, name) for name in ("series", "loops")]
+    pieces = list(iter(lambda: dropped_of_uploads(plant, batch=2), 0))
+    assert pieces == [2, 2, 1, 1, 1, 1]  # of rejects, of loops, of series, the row
+    assert [count(plant, name) for name in ("uploads", "rejects", "upload_loops")] == [0, 0, 0]
+    assert [count(plant, name) for name in ("series", "loops")] == before
+    assert uploads.list_uploads(plant).rows == []
+    told = {metric.name: metric.samples for metric in metrics(plant)}
+    name = "loopaudit_upload_bytes_total"  # a counter
+    assert told[name] == counted[name] == (Sample(len(EXPORT)),)
+
+
+def dropped_of_uploads(backend: Backend, batch: int) -> int:
+    kept = backend.settings
+    before = datetime.now(UTC) - timedelta(days=kept.keep_receipts_days)
+    with backend.database.write() as connection:
+        since = retention.oldest_export(kept)
+        return stored_retention.drop_uploads(connection, before, batch, exports_since=since)
+
+
+def test_what_comes_again_after_its_upload_went_is_a_new_upload_and_changes_nothing(plant):
+    aged(plant, plant.settings.keep_receipts_days + 1)
+    assert retention.retain(plant)["uploads"] == 3
+    with uploads.receive(plant, filename="plant.csv") as receiving:
+        receiving.write(EXPORT)
+        receipt = receiving.commit()
+    assert receipt.created
+    read_upload(plant, int(receipt.upload.id), owner="test")
+    again = uploads.get_upload(plant, receipt.upload.id)
+    assert (again.state, again.loops, again.samples_added) == ("done", ["FIC1"], 0)
+
+
+@pytest.mark.parametrize(
+    ("state", "days_kept", "stays"), [("done", 30, 0), ("failed", 30, 0), ("received", 30, 1), ("done", 0, 1)]
+)
+def test_an_upload_stays_while_it_waits_or_its_export_is_kept(plant, state, days_kept, stays):
+    aged(plant, plant.settings.keep_receipts_days + 1)
+    with plant.database.write() as connection:
+        connection.execute(update(tables.uploads).values(state=state))
+    retention.retain(with_settings(plant, keep_uploads_days=days_kept))
+    assert count(plant, "uploads") == count(plant, "upload_loops") == stays
+
+
+def test_an_upload_that_is_to_be_read_again_stays_though_it_was_found_to_be_old(plant, monkeypatch):
+    if plant.database.is_sqlite:
+        pytest.skip("nobody else writes meanwhile")
+    aged(plant, plant.settings.keep_receipts_days + 1)
+    with plant.database.write() as connection:
+        connection.execute(update(tables.uploads).values(state="failed", error_code="fault"))
+
+    def sent_again_meanwhile(connection, fingerprint):
+        with plant.database.write() as other:
+            stored_uploads.try_again(other, 1)
+
+    monkeypatch.setattr(stored_retention, "lock_bytes", sent_again_meanwhile)
+    retention.retain(plant)
+    assert uploads.get_upload(plant, "1").state == "received"
+
+
 def test_nought_days_keep_for_ever(plant):
-    names = ("series", "details", "verdicts", "explanations", "trail", "uploads")
+    names = ("series", "details", "verdicts", "explanations", "trail", "uploads", "receipts")
     for_ever = with_settings(plant, **{f"keep_{name}_days": 0 for name in names})
     aged(plant, 100_000)
-    before = {name: count(plant, name) for name in ("series", "verdicts", "verdict_details", "audits", "trail")}
+    counted = ("series", "verdicts", "verdict_details", "audits", "uploads", "upload_loops", "trail")
+    before = {name: count(plant, name) for name in counted}
     retention.retain(for_ever)
     assert {name: count(plant, name) for name in before} == before | {"trail": before["trail"] + 1}  # itself
     assert list(plant.settings.uploads_dir.iterdir())

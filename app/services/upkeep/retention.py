@@ -5,6 +5,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
 
 from sqlalchemy import Connection
@@ -71,6 +72,9 @@ def _drops(backend: Backend, batch: int) -> Iterator[tuple[str, Drop]]:
         yield "verdicts", older(kept.keep_verdicts_days, retention.drop_verdicts)
     if kept.keep_explanations_days:
         yield "explanations", older(kept.keep_explanations_days, retention.drop_explanations)
+    if kept.keep_receipts_days:
+        since = oldest_export(kept)
+        yield "uploads", older(kept.keep_receipts_days, partial(retention.drop_uploads, exports_since=since))
     if kept.keep_trail_days:
         yield "trail", older(kept.keep_trail_days, retention.drop_trail)
     yield "sessions", lambda connection: retention.drop_sessions(connection, batch)
