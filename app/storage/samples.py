@@ -54,7 +54,7 @@ class Samples:
     def packed(self) -> bytes:
         return pack(self)
 
-    def part(self, where: slice | NDArray[np.bool_]) -> "Samples":
+    def part(self, where: slice | NDArray[np.bool_] | NDArray[np.int64]) -> "Samples":
         return Samples(self.time_ns[where], {name: values[where] for name, values in self.signals.items()})
 
 

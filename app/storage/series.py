@@ -73,11 +73,7 @@ def between(
 
     A set point and a mode that were stated up to `hold_days` before are given to the first sample.
     """
-    query = (
-        select(series.c.packed)
-        .where(series.c.loop_id == loop_id, series.c.end_ns >= start_ns, series.c.start_ns <= end_ns)
-        .order_by(series.c.id)
-    )
+    query = select(series.c.packed).where(*_touches(loop_id, start_ns, end_ns)).order_by(series.c.id)
     parts = [unpack(row.packed) for row in connection.execute(query)]
     if not parts:
         return None
@@ -89,8 +85,21 @@ def between(
 
 def count_between(connection: Connection, loop_id: int, start_ns: int, end_ns: int) -> int:
     """How many samples the stretches hold that `between` would read; some of them may lie outside."""
-    inside = (series.c.loop_id == loop_id, series.c.end_ns >= start_ns, series.c.start_ns <= end_ns)
-    return int(connection.scalar(select(func.sum(series.c.samples)).where(*inside)) or 0)
+    query = select(func.sum(series.c.samples)).where(*_touches(loop_id, start_ns, end_ns))
+    return int(connection.scalar(query) or 0)
+
+
+def pieces(connection: Connection, loop_id: int, start_ns: int, end_ns: int, most: int) -> list[tuple[int, int]]:
+    """The time from `start_ns` to `end_ns`, cut where stretches begin, so that `between` reads about `most` samples of
+    each piece."""
+    query = select(series.c.start_ns, series.c.samples).where(*_touches(loop_id, start_ns, end_ns))
+    cuts, held = [start_ns], 0
+    for begin_ns, samples in connection.execute(query.order_by(series.c.start_ns)):
+        if held + samples > most and begin_ns > cuts[-1]:
+            cuts.append(begin_ns)
+            held = 0
+        held += samples
+    return list(zip(cuts, [*(cut - 1 for cut in cuts[1:]), end_ns], strict=True))
 
 
 def extent(connection: Connection, loop_id: int) -> tuple[int, int] | None:
@@ -110,6 +119,10 @@ def insert_for(connection: Connection, table: Any) -> Any:
 def insert_new(connection: Connection, table: Any) -> Insert:
     """An insert that leaves rows alone whose key is there already."""
     return insert_for(connection, table).on_conflict_do_nothing()
+
+
+def _touches(loop_id: int, start_ns: int, end_ns: int) -> tuple[ColumnElement[bool], ...]:
+    return series.c.loop_id == loop_id, series.c.end_ns >= start_ns, series.c.start_ns <= end_ns
 
 
 def _known(connection: Connection, keys: list[tuple[int, str]]) -> list[tuple[int, str]]:
@@ -219,5 +232,6 @@ __all__ = [
     "insert",
     "insert_for",
     "insert_new",
+    "pieces",
     "windows",
 ]

@@ -5,6 +5,7 @@ import json
 import threading
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta, timezone
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,12 +19,15 @@ from app.services.auditing.rows import COLUMNS
 from app.services.backend import Backend
 from app.services.cursors import encode
 from app.services.plant import loops, overview, reliability
+from app.services.plant import trend as trends
 from app.services.plant.reliability import RowFilter
 from app.services.plant.trend import trend
 from app.services.upkeep import operations
 from app.storage import loops as stored_loops
-from app.storage import row_texts
+from app.storage import row_texts, series
 from app.storage import verdicts as stored_verdicts
+from app.storage.samples import Samples
+from app.storage.series import Stretch
 from app.storage.tables import audits as stored_audits
 from app.storage.tables import newest_rows, verdicts
 
@@ -353,6 +357,42 @@ def test_a_trend_keeps_the_extremes(backend: Backend, add_loops: AddLoops) -> No
     part = trend(backend, "FIC1", start=start, end=datetime(2025, 6, 15, 15, 20, tzinfo=UTC))
     assert part.samples == 10
     assert np.isfinite(part.pv).all()
+
+
+def long_record(backend: Backend, days: int = 5, lines: int = 200) -> None:
+    """A loop whose stretches overlap, with values that were corrected, and whose SP was stated once."""
+    with backend.database.write() as connection:
+        loop_id = stored_loops.ensure(connection, ["FIC1"])["FIC1"]
+        for day in range(days):
+            seconds = 1_750_000_000 + 150 * day + np.arange(lines)
+            pv = np.sin(seconds / 9) + np.where(np.arange(lines) == 77, 10 + day, 0)
+            sp = np.where(np.arange(lines) == 20, 50.0 + day, np.nan)
+            signals = {"pv": pv, "op": np.cos(seconds / 9)} | ({"sp": sp} if day in (0, 2) else {})
+            series.add(connection, [Stretch(loop_id, Samples(seconds * 10**9, signals))], None)
+
+
+def test_a_long_trend_is_read_piece_by_piece(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+    long_record(backend)
+    whole, thinned = trend(backend, "FIC1", points=2000), trend(backend, "FIC1", points=60)
+    read: list[int] = []
+    between = series.between
+
+    def counted(*arguments: Any) -> Samples | None:
+        samples = between(*arguments)
+        read.append(0 if samples is None else len(samples))
+        return samples
+
+    monkeypatch.setattr(series, "between", counted)
+    monkeypatch.setattr(trends, "PIECE_SAMPLES", 250)
+    assert trend(backend, "FIC1", points=2000) == whole
+    assert (len(read), sum(read), max(read) <= 250) == (5, 800, True)
+    assert whole.samples == 800
+    assert (whole.sp[19], whole.sp[20], whole.sp[319:321], whole.sp[-1]) == (None, 50.0, [50.0, 52.0], 52.0)
+    in_pieces = trend(backend, "FIC1", points=60)
+    assert in_pieces.samples == 800
+    assert 20 < len(in_pieces.time) <= len(thinned.time) + 6
+    assert (in_pieces.time[0], in_pieces.time[-1]) == (whole.time[0], whole.time[-1])
+    assert [(min(s), max(s)) for s in (in_pieces.pv, in_pieces.op)] == [(min(s), max(s)) for s in (whole.pv, whole.op)]
 
 
 def _audit(backend: Backend) -> str:

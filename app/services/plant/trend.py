@@ -1,5 +1,6 @@
 """A loop's series, thinned to what a screen shows."""
 
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -12,9 +13,11 @@ from app.services.moments import iso_utc, moment_of
 from app.services.plant.loops import find
 from app.services.results import TrendView
 from app.storage import series
-from app.storage.samples import FloatArray, Samples
+from app.storage.samples import FloatArray, Samples, merged
 
 MOST_POINTS = 10_000
+PIECE_SAMPLES = 1_000_000  # that are read at once: some 200 MB
+FINER = 4
 NS_PER_S = 1_000_000_000
 DEFAULT_S = 24 * 3600
 FARTHEST_S = 9_000_000_000  # the years 1684 to 2255: nanoseconds of them, and DEFAULT_S before them, fit into 64 bits
@@ -34,20 +37,50 @@ def trend(
         return TrendView(tag, 0, [], [], [], None)
     end_ns = row.newest_ns if end is None else instant_ns(end)
     start_ns = end_ns - DEFAULT_S * NS_PER_S if start is None else instant_ns(start)
+    found = _stretch(backend, row.id, start_ns, end_ns, points)
+    return TrendView(tag, 0, [], [], [], None) if found is None else _view(tag, *found, points)
+
+
+def _stretch(backend: Backend, loop_id: int, start_ns: int, end_ns: int, points: int) -> tuple[Samples, int] | None:
+    """What is shown from `start_ns` to `end_ns`, and how many samples that is of. A long stretch is read piece by
+    piece, and of each more points are kept than are asked for: a year of seconds has a gigabyte."""
+    hold_days = backend.settings.hold_days
     with backend.database.read() as connection:
-        samples = series.between(connection, row.id, start_ns, end_ns, backend.settings.hold_days)
-    return _thinned(tag, samples, points) if samples is not None else TrendView(tag, 0, [], [], [], None)
+        bounds = series.pieces(connection, loop_id, start_ns, end_ns, PIECE_SAMPLES)
+    kept: list[Samples] = []
+    n, set_point = 0, np.nan
+    for first_ns, last_ns in bounds:
+        with backend.database.read() as connection:
+            samples = series.between(connection, loop_id, first_ns, last_ns, hold_days)
+        if samples is None or not len(samples):
+            continue
+        shown = _shown(samples, set_point)
+        n, set_point = n + len(shown), shown.signals["sp"][-1] if "sp" in shown.signals else np.nan
+        finer = max(points, FINER * points * len(shown) // PIECE_SAMPLES)
+        kept.append(shown if len(bounds) == 1 else _thinned(shown, finer))
+    return (replace(merged(kept), held_ns=kept[0].held_ns), n) if kept else None
 
 
-def _thinned(tag: str, samples: Samples, points: int) -> TrendView:
+def _shown(samples: Samples, set_point: float) -> Samples:
+    """PV, OP, and SP as it holds; set_point: the last one before, NaN where none is known."""
+    shown = {name: samples.signals[name] for name in ("pv", "op", "sp") if name in samples.signals}
+    if "sp" in shown or np.isfinite(set_point):
+        stated = shown.get("sp", np.full(len(samples), np.nan))
+        shown["sp"] = carried(np.append(set_point, stated))[1:]
+    return replace(samples, signals=shown)
+
+
+def _thinned(samples: Samples, points: int) -> Samples:
     n = len(samples)
-    sp = samples.signals.get("sp")
-    shown = [samples.signals.get("pv"), samples.signals.get("op"), None if sp is None else carried(sp)]
-    kept = np.arange(n) if n <= points else extremes([s for s in shown if s is not None], n, points)
-    time = [iso_utc(moment_of(int(t))) or "" for t in samples.time_ns[kept]]
-    pv, op, set_point = (None if signal is None else numbers(signal[kept]) for signal in shown)
-    missing: list[float | None] = [None] * len(kept)
-    time_ms: list[int] = (samples.time_ns[kept] // 1_000_000).tolist()
+    return samples if n <= points else samples.part(extremes(list(samples.signals.values()), n, points))
+
+
+def _view(tag: str, samples: Samples, n: int, points: int) -> TrendView:
+    shown = _thinned(samples, points)
+    time = [iso_utc(moment_of(int(t))) or "" for t in shown.time_ns]
+    pv, op, set_point = (numbers(shown.signals[name]) if name in shown.signals else None for name in ("pv", "op", "sp"))
+    missing: list[float | None] = [None] * len(shown)
+    time_ms: list[int] = (shown.time_ns // 1_000_000).tolist()
     held = {name: iso_utc(moment_of(samples.held_ns[name])) for name in samples.held_ns}
     return TrendView(
         tag, n, time, pv or missing, op or missing, set_point, time_ms, held.get("sp"), held.get("automatic")
