@@ -2,16 +2,18 @@
 
 import json
 import shutil
+import sqlite3
 import subprocess
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from sqlalchemy import column, make_url, table, update
 
 from app.errors import RequestError
-from app.services.access import trail
-from app.services.access.identity import COMMAND_LINE
+from app.services.access import keys, trail
+from app.services.access.identity import COMMAND_LINE, Role
 from app.services.auditing.audits import get_audit, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
@@ -20,7 +22,7 @@ from app.services.upkeep import doctor
 from app.services.upkeep.operations import migrate
 from app.services.upkeep.presence import alone, at_work
 from app.settings import Settings
-from app.storage import schema, tables
+from app.storage import loops, schema, tables
 from app.storage.tables import metadata
 from tests.services.upkeep_plant import EXPORT, audited_twice
 
@@ -258,6 +260,100 @@ def test_no_service_starts_while_a_backup_is_brought_back(tmp_path):
     with alone(settings), pytest.raises(RequestError) as refused, at_work(settings):
         pass
     assert refused.value.code == "being_restored"
+
+
+class PowerCut(BaseException):
+    """Nothing of what the program would still do happens."""
+
+
+def broken_off(settings: Settings, way: str) -> None:
+    """The data base as a killed process leaves it: amid a transaction whose pages are in the file already, or with what
+    was committed in the WAL alone."""
+    file = settings.data_dir / "loopaudit.db"
+    connection = sqlite3.connect(file, isolation_level=None)
+    connection.execute(f"PRAGMA journal_mode = {way}")
+    connection.execute("PRAGMA cache_size = 2")
+    connection.execute("PRAGMA wal_autocheckpoint = 0")
+    connection.execute("BEGIN IMMEDIATE")
+    connection.execute("UPDATE keys SET name = 'killed'")
+    connection.executemany("INSERT INTO trail (at, who, action, outcome) VALUES ('', ?, '', '')", [("x" * 999,)] * 500)
+    if way == "WAL":
+        connection.execute("COMMIT")
+    names = [path.name for path in settings.data_dir.glob("loopaudit.db*")]
+    copies = {name: (settings.data_dir / name).read_bytes() for name in names}
+    connection.close()
+    for rest in ("", "-wal", "-shm", "-journal"):
+        Path(f"{file}{rest}").unlink(missing_ok=True)
+    for name, data in copies.items():
+        (settings.data_dir / name).write_bytes(data)
+
+
+def cut_at(monkeypatch: pytest.MonkeyPatch, step: int) -> None:
+    """The power goes before that change to the names of files."""
+    steps = iter(range(10**6))
+
+    def counted(change):
+        def or_cut(*arguments, **options):
+            if next(steps) == step:
+                raise PowerCut
+            return change(*arguments, **options)
+
+        return or_cut
+
+    for name in ("unlink", "replace"):
+        monkeypatch.setattr(Path, name, counted(getattr(Path, name)))
+
+
+@pytest.mark.parametrize("step", range(6))
+@pytest.mark.parametrize(("way", "was"), [("TRUNCATE", "me"), ("WAL", "killed")])
+def test_a_data_base_that_was_broken_off_is_replaced_whole_or_not_at_all(
+    empty_sqlite, tmp_path, monkeypatch, way, was, step
+):
+    settings = Settings(data_dir=tmp_path / "data")
+    settings.prepare_folders()
+    shutil.copy(empty_sqlite, settings.data_dir / "loopaudit.db")
+    backend = Backend.open(settings)
+    keys.create_key(backend, "kept", Role.admin, lifetime=None)
+    with backend.database.write() as connection:
+        loops.ensure(connection, ["KEPT"])
+    backups.backup(settings, tmp_path / "kept")
+    with backend.database.write() as connection:
+        connection.execute(update(tables.keys).values(name="me"))
+        connection.execute(update(tables.loops).values(tag="OLD"))
+    backend.close()
+    broken_off(settings, way)
+    with monkeypatch.context() as patch, suppress(PowerCut):
+        cut_at(patch, step)
+        backups.restore(settings, tmp_path / "kept", force=True)
+    with sqlite3.connect(settings.data_dir / "loopaudit.db") as after:
+        assert after.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+        found = after.execute("SELECT keys.name, loops.tag FROM keys, loops").fetchall()
+    after.close()
+    assert found in ([(was, "OLD")], [("kept", "KEPT")])
+
+
+def test_names_of_what_was_written_are_on_disk_too(plant, tmp_path, monkeypatch):
+    synced: list[Path] = []
+    monkeypatch.setattr(backups, "sync_folder", synced.append)
+    backups.backup(plant.settings, tmp_path / "new" / "kept")
+    draft = tmp_path / "new" / ".kept.part"
+    assert synced == [draft / "uploads", draft, draft.parent, tmp_path]
+    synced.clear()
+    plant.database.close()
+    backups.restore(plant.settings, tmp_path / "new" / "kept", force=True)
+    of_sqlite = [plant.settings.data_dir] * 2  # before the new file takes its place, and after
+    assert synced == [*(of_sqlite if plant.database.is_sqlite else []), plant.settings.uploads_dir]
+
+
+def test_a_data_base_that_is_damaged_is_replaced(empty_sqlite, tmp_path):
+    settings = Settings(data_dir=tmp_path / "data")
+    settings.prepare_folders()
+    file = settings.data_dir / "loopaudit.db"
+    shutil.copy(empty_sqlite, file)
+    backups.backup(settings, tmp_path / "kept")
+    file.write_bytes(b"no data base at all" * 999)
+    Path(f"{file}-journal").write_bytes(b"no journal")
+    assert backups.restore(settings, tmp_path / "kept", force=True).schema == schema.newest_revision()
 
 
 def test_no_password_is_told_where_it_goes_wrong(tmp_path):

@@ -1,5 +1,6 @@
 """Backup and restore: the data base as it is at one instant, and the exports as they came."""
 
+import errno
 import hashlib
 import json
 import os
@@ -7,7 +8,7 @@ import shutil
 import sqlite3
 import subprocess
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -19,7 +20,7 @@ from sqlalchemy.exc import DatabaseError
 from app.errors import RequestError
 from app.services.upkeep.operations import migrate, refuse_missing
 from app.services.upkeep.presence import alone
-from app.settings import Settings
+from app.settings import Settings, sync_folder
 from app.storage import Database, schema
 from app.storage.types import now
 
@@ -27,6 +28,7 @@ SQLITE, POSTGRESQL = "loopaudit.db", "loopaudit.dump"
 MANIFEST, UPLOADS = "manifest.json", "uploads"
 COPIED_PAGES = 2000
 BLOCK_BYTES = 1 << 20
+NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EACCES)
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,7 @@ def backup(settings: Settings, folder: Path) -> BackupReport:
         raise RequestError("backup_there", f"{folder} is there already; a backup is written into a new folder")
     draft = folder.with_name(f".{folder.name}.part")
     shutil.rmtree(draft, ignore_errors=True)
+    made = [parent for parent in draft.parents if not parent.exists()]
     draft.mkdir(mode=0o700, parents=True)
     try:
         with _away_in_words():
@@ -59,7 +62,10 @@ def backup(settings: Settings, folder: Path) -> BackupReport:
         size = sum(path.stat().st_size for path in _files(draft))
         told = {"database": kind, "schema": revision, "made_at": now().isoformat(), "files": files}
         _write(draft / MANIFEST, json.dumps({**told, "loopaudit": version("loopaudit")}, indent=1, sort_keys=True))
+        _sync_names(draft)
         draft.rename(folder)
+        for changed in (folder.parent, *(parent.parent for parent in made)):
+            _sync_names(changed)
     except BaseException:
         shutil.rmtree(draft, ignore_errors=True)
         raise
@@ -105,6 +111,7 @@ def _restored(settings: Settings, folder: Path, told: dict[str, Any], force: boo
         )
     for file in _files(folder / UPLOADS):
         _put(file, settings.uploads_dir / file.name)
+    sync_folder(settings.uploads_dir)
     return BackupReport(
         folder, migrate(settings), len(told["files"]), sum(path.stat().st_size for path in _files(folder))
     )
@@ -148,9 +155,23 @@ def _put_sqlite(source: Path, target: Path) -> None:
     check.close()
     if found != "ok":
         raise RequestError("backup_broken", f"the data base in the backup is damaged: {found}")
-    _put(source, target)
+    draft = _drafted(source, target)
+    _settle(target)
     for rest in ("-wal", "-shm", "-journal"):
         Path(f"{target}{rest}").unlink(missing_ok=True)
+    sync_folder(target.parent)  # a journal that came back with the power would be played into the new file
+    draft.replace(target)
+    sync_folder(target.parent)
+
+
+def _settle(file: Path) -> None:
+    """What a process that was killed left in the journal goes into the old data base, which so stays whole should the
+    restore break off. One that is damaged is replaced as it is."""
+    if not file.is_file():
+        return
+    with suppress(sqlite3.Error), closing(sqlite3.connect(file)) as old:
+        old.execute("SELECT count(*) FROM sqlite_master").fetchone()  # which plays back what was amid a transaction
+        old.execute("PRAGMA wal_checkpoint(TRUNCATE)")
 
 
 def _copy_uploads(settings: Settings, target: Path) -> None:
@@ -160,15 +181,29 @@ def _copy_uploads(settings: Settings, target: Path) -> None:
             _put(file, target / file.name)
         except FileNotFoundError:
             continue  # retention took it away in the meantime
+    _sync_names(target)
 
 
 def _put(source: Path, target: Path) -> None:
-    """A copy that is there whole or not at all."""
+    """A copy that is there whole or not at all; its name is on disk when its folder is synced."""
+    _drafted(source, target).replace(target)
+
+
+def _drafted(source: Path, target: Path) -> Path:
     draft = target.with_name(f".{target.name}.part")
     shutil.copyfile(source, draft)
     with draft.open("rb") as file:
         os.fsync(file.fileno())
-    draft.replace(target)
+    return draft
+
+
+def _sync_names(folder: Path) -> None:
+    """Where a backup lies may be a share that syncs no folders, or a folder that cannot be listed."""
+    try:
+        sync_folder(folder)
+    except OSError as error:
+        if error.errno not in NO_SYNC:
+            raise
 
 
 def _write(path: Path, text: str) -> None:
