@@ -61,7 +61,7 @@ def run_out(until_s: ColumnElement[float], longest_s: float) -> ColumnElement[bo
     return or_(until_s < clock_s(), until_s > clock_s() + longest_s + CLOCK_ROOM_S)
 
 
-def long_ago(at_s: ColumnElement[float], seconds: float) -> ColumnElement[bool]:
+def long_ago(at_s: ColumnElement[float], seconds: ColumnElement[float] | float) -> ColumnElement[bool]:
     """Whether it was never, or more than `seconds` ago, or ahead of the clock, which then was put back."""
     return or_(at_s.is_(None), at_s < clock_s() - seconds, at_s > clock_s() + CLOCK_ROOM_S)
 

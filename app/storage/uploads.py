@@ -17,6 +17,7 @@ UNREAD = ("received", "reading")
 OUR_FAULTS = ("reader_lost", "fault")
 BACK_OFF = range(3, 10)
 """Attempts after which the pause to the next one doubles."""
+LONGEST_PAUSE_S = 300.0
 
 
 @dataclass(frozen=True)
@@ -187,11 +188,12 @@ def give_up(connection: Connection, max_attempts: int, lease_s: float) -> int:
 def to_announce(connection: Connection, stalled_s: float, lease_s: float) -> list[int]:
     """Uploads that nobody reads, and that nobody was told of lately; they count as told from now on.
 
-    One that was tried in vain waits longer from the third time on: a full disk needs an hour, not three tries.
+    One that was tried in vain waits longer from the third time on, one that found no room as long as its pause.
     """
     since = uploads.c.announced_s
+    no_room = (uploads.c.pause_s.is_not(None), long_ago(since, uploads.c.pause_s))
     longer = [(uploads.c.attempts == tries, long_ago(since, stalled_s * 2 ** (tries - 2))) for tries in BACK_OFF]
-    quiet = case(*longer, else_=long_ago(since, stalled_s))
+    quiet = case(no_room, *longer, else_=long_ago(since, stalled_s))
     free = or_(uploads.c.state == "received", run_out(uploads.c.lease_until_s, lease_s))
     found = connection.scalars(
         update(uploads)
@@ -216,7 +218,7 @@ def try_again(connection: Connection, upload_id: int) -> bool:
     result = connection.execute(
         update(uploads)
         .where(uploads.c.id == upload_id, uploads.c.state == "failed", uploads.c.error_code.in_(OUR_FAULTS))
-        .values(state="received", attempts=0, ended_at=None, error_code=None, error_text=None)
+        .values(state="received", attempts=0, pause_s=None, ended_at=None, error_code=None, error_text=None)
     )
     return result.rowcount == 1
 
@@ -224,3 +226,12 @@ def try_again(connection: Connection, upload_id: int) -> bool:
 def hand_back(connection: Connection, claim: ReadingClaim) -> None:
     """The reading went wrong by a fault of ours: the lease ends now, so that the sweeper lets it be tried again."""
     connection.execute(_held(claim).values(lease_until_s=clock_s()))
+
+
+def wait_for_room(connection: Connection, claim: ReadingClaim, first_pause_s: float) -> None:
+    """The disk was full, which is no fault of the file: this attempt does not count, however long that lasts, and the
+    pause to the next one doubles up to some minutes."""
+    before = uploads.c.pause_s
+    pause_s = case((before.is_(None), first_pause_s), (before < LONGEST_PAUSE_S / 2, 2 * before), else_=LONGEST_PAUSE_S)
+    waiting = {"state": "received", "attempts": uploads.c.attempts - 1, "owner": None, "lease_until_s": None}
+    connection.execute(_held(claim).values(**waiting, pause_s=pause_s, announced_s=clock_s()))

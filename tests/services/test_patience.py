@@ -4,6 +4,7 @@ import errno
 from collections.abc import Callable
 
 import pytest
+from sqlalchemy import update
 from sqlalchemy.exc import OperationalError
 
 from app.services import patience
@@ -11,6 +12,10 @@ from app.services.auditing import audits, chunks
 from app.services.backend import Backend
 from app.services.intake import reading, uploads
 from app.services.patience import patiently
+from app.services.upkeep import operations
+from app.storage import uploads as stored
+from app.storage.tables import uploads as uploads_table
+from app.storage.types import clock_s
 
 
 class Away:
@@ -107,17 +112,57 @@ def test_a_data_base_away_for_long_is_no_fault_of_the_file(
     assert uploads.get_upload(backend, upload).state == "reading"
 
 
-def test_a_full_disk_is_no_fault_of_the_file(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+NO_ROOM = [
+    OSError(errno.ENOSPC, "No space left on device"),
+    OperationalError("INSERT", {}, Exception("database or disk is full")),
+    OperationalError("INSERT", {}, Exception("could not extend file: No space left on device")),
+]
+
+
+@pytest.mark.parametrize(
+    ("error", "at"),
+    list(zip(NO_ROOM, ["_read_file", "_store", "_end"], strict=True)),
+    ids=["spilling", "sqlite", "postgresql"],
+)
+def test_a_full_disk_is_no_fault_of_the_file(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch, pauses: list[float], error: Exception, at: str
+) -> None:
     """However often it is tried, the upload is read when there is room again."""
     upload = send(backend)
 
     def full(*_: object) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
+        raise error
 
     with monkeypatch.context() as spoiled:
-        spoiled.setattr(reading, "_read_file", full)
-        for _ in range(backend.settings.max_attempts + 2):
-            with pytest.raises(OSError, match="No space"):
+        spoiled.setattr(reading, at, full)
+        for _ in range(backend.settings.max_reading_attempts + 5):
+            with pytest.raises(type(error), match=r"No space|full"):
                 reading.read_upload(backend, int(upload), "reader")
+            operations.sweep(backend)
+            found = uploads.get_upload(backend, upload)
+            assert (found.state, found.reason) == ("received", None)
     reading.read_upload(backend, int(upload), "reader")
     assert uploads.get_upload(backend, upload).state == "done"
+
+
+def test_what_found_no_room_is_tried_again_with_pauses_that_grow_to_minutes(backend: Backend) -> None:
+    upload = int(send(backend))
+    for number, pause_s in enumerate([20.0, 40.0, 80.0, 160.0, 300.0, 300.0]):
+        with backend.database.write() as connection:
+            claim = stored.claim(connection, upload, f"reader {number}", 40.0, max_attempts=1)
+            assert claim is not None
+            stored.wait_for_room(connection, claim, first_pause_s=20.0)
+        assert not announced_after(backend, pause_s - 10)
+        assert announced_after(backend, pause_s + 10)
+    with backend.database.write() as connection:
+        other = stored.claim(connection, upload, "other", 40.0, max_attempts=1)
+        assert other is not None
+        stored.wait_for_room(connection, claim, first_pause_s=20.0)  # who had it before has nothing to hand back
+        assert stored.renew(connection, other, 40.0)
+
+
+def announced_after(backend: Backend, seconds: float) -> bool:
+    """Whether the upload is announced again so long after it was handed back."""
+    with backend.database.write() as connection:
+        connection.execute(update(uploads_table).values(announced_s=clock_s() - seconds))
+        return bool(stored.to_announce(connection, 20.0, 40.0))

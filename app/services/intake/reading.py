@@ -5,7 +5,7 @@ import json
 from collections import deque
 from collections.abc import Generator, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -27,6 +27,7 @@ BATCHES_AHEAD = 2  # read, but not yet written
 LISTED_LOOPS = 20_000
 BATCH_VALUES = 2_000_000
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
+DATABASE_FULL = ("disk is full", "No space left")
 
 
 @dataclass(frozen=True)
@@ -72,18 +73,15 @@ def _read_claimed(backend: Backend, row: UploadRow, claim: ReadingClaim) -> None
     try:
         with Heartbeat(backend, lambda connection, lease_s: uploads.renew(connection, claim, lease_s)):
             result = _read_file(backend, row, claim)
+        told = {"summary_json": json.dumps(result.summary), "tags_json": json.dumps(result.tags)}
+        _end(backend, claim, "done", told, result.rejects)
     except ClaimLostError:
         return
-    except DATABASE_AWAY:
-        raise  # for too long: no fault of the file, and nothing can be written; it is read again when the lease is over
     except LoopauditError as error:
         _end(backend, claim, "failed", {"error_code": error.code, "error_text": error.message})
     except Exception as error:  # every fault of ours is told to who waits for the upload, and raised again for the log
         _stumble(backend, claim, error)
         raise
-    else:
-        told = {"summary_json": json.dumps(result.summary), "tags_json": json.dumps(result.tags)}
-        _end(backend, claim, "done", told, result.rejects)
 
 
 def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
@@ -229,10 +227,22 @@ def _end(
 
 
 def _stumble(backend: Backend, claim: ReadingClaim, error: Exception) -> None:
-    no_room = isinstance(error, OSError) and error.errno in DISK_FULL  # no fault of the file: it waits for room
-    if claim.attempt >= backend.settings.max_attempts and not no_room:
+    if _no_room(error):
+        with suppress(*DATABASE_AWAY), backend.database.write() as connection:  # whose disk may be the full one
+            uploads.wait_for_room(connection, claim, backend.settings.stalled_s)
+        return
+    if isinstance(error, DATABASE_AWAY):
+        return  # for too long: no fault of the file, and nothing can be written; it is read when the lease is over
+    if claim.attempt >= backend.settings.max_attempts:
         text = f"reading this file failed by a fault of the service ({type(error).__name__}); the log has the details"
         _end(backend, claim, "failed", {"error_code": "fault", "error_text": text})
         return
     with backend.database.write() as connection:
         uploads.hand_back(connection, claim)
+
+
+def _no_room(error: Exception) -> bool:
+    """On the disk of the exports, or on that of the data base, which says so in its own words."""
+    if isinstance(error, OSError):
+        return error.errno in DISK_FULL
+    return isinstance(error, DATABASE_AWAY) and any(words in str(error) for words in DATABASE_FULL)
