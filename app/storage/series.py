@@ -21,6 +21,9 @@ NS_PER_H = 3_600_000_000_000
 LOOPS_AT_ONCE = 8
 """Loops whose stretches are taken from the data base together: a week at a value a second has some megabytes."""
 
+Key = tuple[int, str]
+"""Of a stretch: its loop and its fingerprint."""
+
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
@@ -37,11 +40,9 @@ class Added:
 
 
 def add(connection: Connection, stretches: Sequence[Stretch], upload_id: int | None) -> Added:
-    """Stores what is new in the stretches. An identical stretch, and samples that are there already, change nothing;
-    where a value differs from the stored one at its time, the later one holds."""
-    prints = {(s.loop_id, s.samples.fingerprint): s for s in stretches if len(s.samples)}
-    for known in _known(connection, list(prints)):
-        del prints[known]
+    """Stores what is new in the stretches. What this upload brought before, and samples that are there already, change
+    nothing; where a value differs from the stored one at its time, the later one holds."""
+    prints = _not_stored(connection, stretches, upload_id)
     rows = _rows(prints, _overlapped(connection, list(prints.values())), upload_id)
     rows.sort(key=lambda row: row["loop_id"])  # one order for all writers: none waits for another in a circle
     if rows:
@@ -125,17 +126,35 @@ def _touches(loop_id: int, start_ns: int, end_ns: int) -> tuple[ColumnElement[bo
     return series.c.loop_id == loop_id, series.c.end_ns >= start_ns, series.c.start_ns <= end_ns
 
 
-def _known(connection: Connection, keys: list[tuple[int, str]]) -> list[tuple[int, str]]:
+def _not_stored(connection: Connection, stretches: Sequence[Stretch], upload_id: int | None) -> dict[Key, Stretch]:
+    """Stretches that this upload did not bring before, by the key under which they are stored.
+
+    What another upload brought may have been corrected since, and the correction be taken back now: such a stretch is
+    looked at again, under a key of this upload.
+    """
+    prints = {(s.loop_id, s.samples.fingerprint): s for s in stretches if len(s.samples)}
+    known = _known(connection, list(prints))
+    again = {key: (key[0], f"{key[1]}:{upload_id}") for key, brought_by in known.items() if brought_by != upload_id}
+    taken = _known(connection, list(again.values()))
+    found = {key: stretch for key, stretch in prints.items() if key not in known}
+    return found | {own: prints[key] for key, own in again.items() if own not in taken}
+
+
+def _known(connection: Connection, keys: list[Key]) -> dict[Key, int | None]:
+    """Which upload brought the stretches that are stored under these keys."""
     if not keys:
-        return []
+        return {}
     names = ("loop_id", "fingerprint")
     key = [series.c[name] for name in names]
+    query = select(*key, series.c.upload_id)
     if connection.dialect.name != "postgresql":
-        return [tuple(row) for row in connection.execute(select(*key).where(tuple_(*key).in_(keys)))]
-    sent = from_arrays(series, names).subquery()
-    query = select(*key).join(sent, and_(*(series.c[name] == sent.c[name] for name in names)))
-    asked = columns_of([dict(zip(names, values, strict=True)) for values in keys])
-    return [tuple(row) for row in connection.execute(query, asked)]
+        found = connection.execute(query.where(tuple_(*key).in_(keys)))
+    else:
+        sent = from_arrays(series, names).subquery()
+        asked = columns_of([dict(zip(names, values, strict=True)) for values in keys])
+        same = and_(*(series.c[name] == sent.c[name] for name in names))
+        found = connection.execute(query.join(sent, same), asked)
+    return {(row.loop_id, row.fingerprint): row.upload_id for row in found}
 
 
 def _overlapped(connection: Connection, stretches: list[Stretch]) -> dict[int, Samples]:
@@ -156,9 +175,7 @@ def _overlapped(connection: Connection, stretches: list[Stretch]) -> dict[int, S
     return {loop_id: merged(parts) for loop_id, parts in found.items()}
 
 
-def _rows(
-    prints: dict[tuple[int, str], Stretch], stored: dict[int, Samples], upload_id: int | None
-) -> list[dict[str, Any]]:
+def _rows(prints: dict[Key, Stretch], stored: dict[int, Samples], upload_id: int | None) -> list[dict[str, Any]]:
     rows = []
     for (loop_id, fingerprint), stretch in prints.items():
         before = stored.get(loop_id)

@@ -113,7 +113,7 @@ series = Table(
     Column("start_ns", BigInteger, nullable=False),
     Column("end_ns", BigInteger, nullable=False),
     Column("samples", Integer, nullable=False),
-    Column("fingerprint", Text, nullable=False),  # of the stretch as it was sent
+    Column("fingerprint", Text, nullable=False),  # of the stretch as it was sent, and which upload sent it again
     Column("upload_id", Id, ForeignKey("uploads.id", ondelete="SET NULL")),
     Column("packed", LargeBinary, nullable=False),
     Column("sp_ns", BigInteger),  # the last known set point of the stretch, and its time

@@ -421,3 +421,39 @@ def test_an_upload_read_again_keeps_the_order_of_its_dates(backend: Backend) -> 
     again = uploads.read_again(backend, done.id, b"tag,loop,signal\nFIC1.PV,F,PV\nFIC1.OP,F,OP\n").upload
     with backend.database.read() as connection:
         assert stored.reading_of(connection, int(again.id))["date_order"] == "month"
+
+
+def changed(first: int, last: int, by: float) -> bytes:
+    """The export with other values of FIC1.PV in some rows."""
+    lines = export().decode().splitlines(keepends=True)
+    for row in range(first + 1, last + 1):
+        time_, pv, rest = lines[row].split(",", 2)
+        lines[row] = f"{time_},{float(pv) + by:.3f},{rest}"
+    return "".join(lines).encode()
+
+
+def stored_pv(backend: Backend) -> tuple[list[float | None], int]:
+    """What holds of FIC1.PV, and how many stretches are stored."""
+    with backend.database.read() as connection:
+        rows = connection.scalar(select(func.count()).select_from(series_table))
+    return trend(backend, "FIC1", points=1000).pv, rows
+
+
+def test_a_correction_that_is_taken_back_holds_no_more(backend: Backend) -> None:
+    sent, corrected = export(), changed(20, 30, by=5.0)
+    first = read(backend, send(backend, sent))
+    before = stored_pv(backend)[0]
+    second = read(backend, send(backend, corrected))
+    assert stored_pv(backend)[0] == pytest.approx([*before[:20], *(v + 5.0 for v in before[20:30]), *before[30:]])
+    third = read(backend, send(backend, sent + b"\n"))
+    assert (second.samples_added, third.samples_added) == (10, 10)
+    assert stored_pv(backend) == (before, 4)
+    fourth = read(backend, send(backend, corrected + b"\n"))
+    assert fourth.samples_added == 10
+    held = stored_pv(backend)
+    for upload in (first, second, third, fourth):  # each task may run twice, and late
+        _expire(backend, upload, state="received")
+        assert read(backend, upload).samples_added == 0
+        assert stored_pv(backend) == held
+    repeated = read(backend, send(backend, corrected + b"\n\n"))
+    assert (repeated.samples_added, stored_pv(backend)) == (0, held)
