@@ -99,8 +99,8 @@ def thinned(x: FloatArray, stride: int) -> FloatArray:
 
 def blocks(x: NDArray[Number], length: int) -> NDArray[Number]:
     """(..., N) as (..., N // length, length)."""
-    whole = x[..., : x.shape[-1] // length * length]
-    return whole.reshape(*x.shape[:-1], -1, length)
+    count = x.shape[-1] // length
+    return x[..., : count * length].reshape(*x.shape[:-1], count, length)
 
 
 def slow_share(blocks: FloatArray) -> float:

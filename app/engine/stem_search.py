@@ -60,7 +60,8 @@ class Asked:
         """
         nats = np.zeros((len(signals), PARTS))
         moves = np.ptp(signals, axis=1) > 0.0
-        nats[moves] = self.known.worths(self._past(signals[moves]))
+        if moves.any():
+            nats[moves] = self.known.worths(self._past(signals[moves]))
         best = int(np.argmax(nats.sum(axis=1)))
         return best, nats[best]
 

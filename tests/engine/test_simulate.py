@@ -53,6 +53,13 @@ def test_dead_time_is_exact_between_steps_too(theta: float, step: float) -> None
     assert loop.pv == pytest.approx(2.0 * (1.0 - np.exp(-late / 30.0)), abs=1e-9)
 
 
+def test_a_signal_steps_at_its_times_in_whatever_order_they_are_told() -> None:
+    time_s, rng = np.arange(6) * 0.1, np.random.default_rng(0)
+    steps = ((0.3, 2.0), (0.1, -1.0), (0.3, 0.5))
+    assert Signal(4, steps).sample(time_s, rng).tolist() == [4.0, 3.0, 3.0, 5.5, 5.5, 5.5]
+    assert Signal(4, noise_sd=0.1).sample(time_s, rng).std() > 0.0
+
+
 @pytest.mark.parametrize(("order", "tau_s", "step_s"), [(3, 3600.0, 360.0), (4, 600.0, 60.0)])
 def test_slow_lags_of_high_order_settle_where_they_must(order: int, tau_s: float, step_s: float) -> None:
     """Their discrete form has entries of very different size, and the least of them hold the gain."""

@@ -43,11 +43,7 @@ class Signal:
 
     def sample(self, time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
         """(N,) values at time_s: (N,) in s, uniformly spaced; rng is used for the noise only."""
-        # A step that falls on a sample must be seen by that sample, whatever the rounding of its time.
-        slack = 1e-6 * (time_s[1] - time_s[0]) if len(time_s) > 1 else 0.0
-        out = np.full(len(time_s), self.value)
-        for at_s, change in self.steps:
-            out[time_s >= at_s - slack] += change
+        out = _steps(self, time_s)
         for wave in self.waves:
             out += wave.amplitude * _form(wave, time_s)
         if self.drift_per_s:
@@ -55,6 +51,15 @@ class Signal:
         if self.noise_sd:
             out += _coloured(self, time_s, rng)
         return out
+
+
+def _steps(spec: Signal, time_s: FloatArray) -> FloatArray:
+    """A step that falls on a sample is seen by that sample, whatever the rounding of its time."""
+    slack = 1e-6 * (time_s[1] - time_s[0]) if len(time_s) > 1 else 0.0
+    in_time = sorted(spec.steps, key=lambda step: step[0])
+    levels = np.cumsum([float(spec.value), *(change for _, change in in_time)])
+    begin = np.array([at_s - slack for at_s, _ in in_time])
+    return levels[np.searchsorted(begin, time_s, side="right")]
 
 
 def _form(wave: Wave, time_s: FloatArray) -> FloatArray:
