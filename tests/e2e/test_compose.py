@@ -154,11 +154,11 @@ def verdicts(lines: list[dict]) -> dict[str, tuple]:
 
 @pytest.mark.shared
 def test_real_recordings_get_the_verdicts_of_the_command_line(service, audited, shared_dir):
-    """The 78 recordings as files over HTTP, two workers: the same verdicts as `loopaudit audit` on the folder, but for
-    what the service hears beside each other: recordings without a date seem to be of one plant and one hour.
+    """Every other recording as a file over HTTP, two workers: the same verdicts as `loopaudit audit` on the files, but
+    for what the service hears beside each other: recordings without a date seem to be of one plant and one hour.
     """
     folder = shared_dir / "recordings"
-    files = sorted(path for path in folder.glob("*.csv") if path.name != "labels.csv")
+    files = sorted(path for path in folder.glob("*.csv") if path.name != "labels.csv")[::2]
     states = Counter(upload["state"] for upload in service.upload(*files, seconds=300))
     assert states == {"done": len(files)}
     run = service.audit(seconds=600)
@@ -168,10 +168,10 @@ def test_real_recordings_get_the_verdicts_of_the_command_line(service, audited, 
     doubted = {row["loop"] for row in rows if "shaken_by_neighbour" in row["reasons"].split(";")}
     assert len(doubted) <= 1  # of some 500 pairs of one period, at a chance of 0.01
     served = verdicts([row | {"reliability": "reliable"} if row["loop"] in doubted else row for row in rows])
-    audit = service.processes.run("audit", str(folder), "--format", "jsonl", timeout=600)
+    audit = service.processes.run("audit", *map(str, files), "--format", "jsonl", timeout=600)
     assert audit.returncode == 0, audit.stderr
     alone = verdicts([json.loads(line) for line in audit.stdout.splitlines()])
-    assert len(alone) == 78
+    assert len(alone) == len(files) == 39
     assert served == alone
 
 
