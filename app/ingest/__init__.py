@@ -40,7 +40,7 @@ from app.ingest.export import is_export_name, read_export, stem_of, takes_its_na
 from app.ingest.exports import Export
 from app.ingest.grouping import MappedTag, TagMapping, group, mapping_text
 from app.ingest.inspection import InspectReport, LoopReport, inspect
-from app.ingest.lists import BEYOND, list_rows, list_text
+from app.ingest.lists import BEYOND, Listed, list_rows, list_text
 from app.ingest.model import (
     FileSummary,
     IngestOptions,
@@ -63,6 +63,7 @@ __all__ = [
     "FileSummary",
     "IngestOptions",
     "InspectReport",
+    "Listed",
     "LoopReport",
     "LoopSamples",
     "LoopTags",

@@ -93,7 +93,7 @@ class TagMapping:
         where a tag has two places, where no row is, or where it is no text.
         """
         text = mapping_text(data)
-        rows = _json_rows(text) if text.lstrip()[:1] in ("[", "{") else list_rows(text, *_MAPPING)
+        rows = _json_rows(text) if text.lstrip()[:1] in ("[", "{") else _csv_rows(text)
         mapped = [_mapped(number, row) for number, row in enumerate(rows, start=1)]
         if not mapped:
             raise DataError("bad_mapping", "the mapping names no tag; it needs rows of tag, loop and signal")
@@ -113,6 +113,10 @@ class TagMapping:
 def mapping_text(data: bytes) -> str:
     """Decoded as an export is. Raises DataError("bad_mapping") where it is no text."""
     return list_text(data, *_MAPPING)
+
+
+def _csv_rows(text: str) -> list[dict[str, str]]:
+    return [row for _, row in list_rows(text, *_MAPPING).rows]
 
 
 def _json_rows(text: str) -> list[dict[str, str]]:

@@ -7,8 +7,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")  # also in full width
-# Where a semicolon parts cells (Excel in many languages), quotes around a cell of ours protect nothing in it.
-AFTER_SEPARATOR = re.compile(r"([;\t\r\n]\s*)(?=[=+\-@\uff1d\uff0b\uff0d\uff20])")
+# Where a semicolon parts cells (Excel in many languages), quotes around a cell of ours protect nothing in it. An
+# apostrophe that stands there by itself gets another one, so that `plain_cell` knows which was ours.
+AFTER_SEPARATOR = re.compile(r"([;\t\r\n]\s*)('*)(?=[=+\-@\uff1d\uff0b\uff0d\uff20])")
+OURS_AFTER_SEPARATOR = re.compile(r"([;\t\r\n]\s*)'('*)(?=[=+\-@\uff1d\uff0b\uff0d\uff20])")
 
 
 def safe_cell(value: Any) -> Any:
@@ -18,8 +20,14 @@ def safe_cell(value: Any) -> Any:
         return ""
     if not isinstance(value, str):
         return value
-    parted = AFTER_SEPARATOR.sub(r"\1'", value)
-    return "'" + parted if value.startswith(FORMULA_STARTS) else parted
+    parted = AFTER_SEPARATOR.sub(r"\1'\2", value)
+    return "'" + parted if value.lstrip("'").startswith(FORMULA_STARTS) else parted
+
+
+def plain_cell(cell: str) -> str:
+    """The text of which `safe_cell` made this one."""
+    parted = OURS_AFTER_SEPARATOR.sub(r"\1\2", cell)
+    return parted[1:] if parted.startswith("'") and parted.lstrip("'").startswith(FORMULA_STARTS) else parted
 
 
 def csv_lines(rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> Iterator[str]:

@@ -151,7 +151,7 @@ def renew(connection: Connection, claim: ReadingClaim, lease_s: float) -> bool:
 
 def end(connection: Connection, claim: ReadingClaim, state: str, values: dict[str, Any]) -> bool:
     result = connection.execute(
-        _held(claim).values(state=state, ended_at=now(), owner=None, lease_until_s=None, **values)
+        _held(claim).values(state=state, ended_at=now(), owner=None, lease_until_s=None, pause_s=None, **values)
     )
     return result.rowcount == 1
 
@@ -191,7 +191,8 @@ def to_announce(connection: Connection, stalled_s: float, lease_s: float) -> lis
     One that was tried in vain waits longer from the third time on, one that found no room as long as its pause.
     """
     since = uploads.c.announced_s
-    no_room = (uploads.c.pause_s.is_not(None), long_ago(since, uploads.c.pause_s))
+    waits = (uploads.c.state == "received") & uploads.c.pause_s.is_not(None)
+    no_room = (waits, long_ago(since, uploads.c.pause_s))
     longer = [(uploads.c.attempts == tries, long_ago(since, stalled_s * 2 ** (tries - 2))) for tries in BACK_OFF]
     quiet = case(no_room, *longer, else_=long_ago(since, stalled_s))
     free = or_(uploads.c.state == "received", run_out(uploads.c.lease_until_s, lease_s))

@@ -13,6 +13,7 @@ from app.services.auditing.hearing import Heard, Said
 from app.services.auditing.rows import as_row, fixed_part
 from app.services.auditing.swings import candidates
 from app.services.backend import Backend
+from app.services.patience import patiently
 from app.storage import audits, verdicts
 from app.storage.verdicts import Reworded, pack_detail
 
@@ -30,8 +31,12 @@ def end_if_complete(backend: Backend, audit_id: int) -> bool:
 def cancel(backend: Backend, audit_id: int) -> None:
     """Calls off what is left of a run and ends it: what it has found by then stays, and is heard as at any other end.
     Broken off in between, it is ended by the next sweep."""
-    with backend.database.write() as connection:
-        audits.cancel(connection, audit_id)
+
+    def call_off() -> None:
+        with backend.database.write() as connection:
+            audits.cancel(connection, audit_id)
+
+    patiently(call_off, backend.settings.lease_s)  # workers hold claims of it, and write them in another order
     end_if_complete(backend, audit_id)
 
 

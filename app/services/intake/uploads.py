@@ -10,6 +10,8 @@ from types import TracebackType
 from typing import Any, Self
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
+from sqlalchemy import Connection
+
 from app.errors import NotFoundError, RequestError
 from app.ingest import TagMapping, mapping_text, stem_of, takes_its_name
 from app.services.backend import Backend
@@ -80,14 +82,14 @@ class Receiving:
         named: bool | None = None
         while (registered := self._register(values, key, named)) is None:
             named = self._takes_its_name()
-        row, created, again = registered
-        if created or again:
-            self._backend.queue.read_upload(row.id)
-        return Receipt(get_upload(self._backend, str(row.id)), created)
+        receipt, unread = registered
+        if unread:
+            self._backend.queue.read_upload(int(receipt.upload.id))
+        return receipt
 
-    def _register(self, values: dict[str, Any], key: str, named: bool | None) -> tuple[UploadRow, bool, bool] | None:
-        """The upload, whether it is new and whether it is read again. named: whether the name belongs to the content;
-        where that has to be known and is not (None), nothing is done."""
+    def _register(self, values: dict[str, Any], key: str, named: bool | None) -> tuple[Receipt, bool] | None:
+        """What is answered, and whether it is to be read. named: whether the name belongs to the content; where that
+        has to be known and is not (None), nothing is done."""
         fingerprint = values["fingerprint"]
         with self._backend.database.write() as connection:
             uploads.lock_bytes(connection, fingerprint)  # retention may be about to drop old bytes of that name
@@ -98,7 +100,8 @@ class Receiving:
                 key = key if named else keys[0]
             self._keep(fingerprint)
             row, created = uploads.receive(connection, {**values, "content_key": key})
-            return row, created, uploads.try_again(connection, row.id)
+            again = uploads.try_again(connection, row.id)
+            return Receipt(_whole(connection, str(row.id)), created), created or again
 
     def _takes_its_name(self) -> bool:
         mapping = json.loads(self._values["reading_json"]).get("mapping")
@@ -176,13 +179,7 @@ def read_again(backend: Backend, upload_id: str, mapping: bytes, received_by: st
 
 def get_upload(backend: Backend, upload_id: str) -> UploadView:
     with backend.database.read() as connection:
-        row = uploads.by_id(connection, identifier(upload_id, "upload"))
-        if row is None:
-            raise NotFoundError("unknown_upload", f"there is no upload {upload_id!r}")
-        found = uploads.loops_of(connection, row.id)
-        refused = [RejectView(**vars(reject)) for reject in uploads.rejects_of(connection, row.id)]
-        tags = uploads.tags_of(connection, row.id)
-    return replace(_view(row, len(found)), loops=found, rejects=refused, tags=tags)
+        return _whole(connection, upload_id)
 
 
 def list_uploads(backend: Backend, limit: int = 100, cursor: str | None = None) -> Page[UploadView]:
@@ -193,6 +190,15 @@ def list_uploads(backend: Backend, limit: int = 100, cursor: str | None = None) 
         counted = uploads.count_loops(connection, [row.id for row in rows])
     following = encode(rows[limit - 1].id) if len(rows) > limit else None
     return Page([_view(row, counted.get(row.id, 0)) for row in rows[:limit]], following)
+
+
+def _whole(connection: Connection, upload_id: str) -> UploadView:
+    row = uploads.by_id(connection, identifier(upload_id, "upload"))
+    if row is None:
+        raise NotFoundError("unknown_upload", f"there is no upload {upload_id!r}")
+    found = uploads.loops_of(connection, row.id)
+    refused = [RejectView(**vars(reject)) for reject in uploads.rejects_of(connection, row.id)]
+    return replace(_view(row, len(found)), loops=found, rejects=refused, tags=uploads.tags_of(connection, row.id))
 
 
 def path_of(backend: Backend, fingerprint: str) -> Path:

@@ -1,5 +1,6 @@
 """The plant's loops as a list that a spreadsheet can change: out as CSV, and read again."""
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -9,13 +10,21 @@ from app.ingest import BEYOND, list_rows, list_text
 from app.services.backend import Backend
 from app.services.plant.loops import WORDS, change_loops, list_loops
 from app.services.results import FailureView
-from app.services.spreadsheet import csv_lines, safe_cell
+from app.services.spreadsheet import csv_lines, plain_cell
 from app.storage.loops import SETTABLE
+from app.storage.types import storable
 
 COLUMNS = ("tag", *SETTABLE)
 FLAGS = ("integrating", "moves_valve")
-SAID = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False}
+SAID = {
+    **dict.fromkeys(("yes", "true", "1", "ja", "wahr", "oui", "vrai", "si", "sí", "verdadero"), True),
+    **dict.fromkeys(("no", "false", "0", "nein", "falsch", "non", "faux", "falso"), False),
+}
+"""As people write it, and as spreadsheets do in some languages."""
+
+NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
 PAGE = 1000
+BYTE_ORDER_MARK = "\ufeff"
 MOST_LOOPS = 20_000
 
 _LIST = ("the loop list", "bad_loop_list")
@@ -41,8 +50,9 @@ class LoopList:
 
 
 def written(backend: Backend, unit: str | None = None, search: str | None = None) -> Iterator[str]:
-    """The list of these loops, line by line."""
-    return csv_lines(_rows(backend, unit, search), COLUMNS)
+    """The list of these loops, line by line, from the mark on by which spreadsheets know UTF-8."""
+    yield BYTE_ORDER_MARK
+    yield from csv_lines(_rows(backend, unit, search), COLUMNS)
 
 
 def _rows(backend: Backend, unit: str | None, search: str | None) -> Iterator[dict[str, Any]]:
@@ -73,52 +83,47 @@ def read(data: bytes) -> LoopList:
 
     Raises DataError("bad_loop_list") where it is no CSV, has no column tag or no row, or sets nothing.
     """
-    rows = list_rows(list_text(data, *_LIST), *_LIST)
-    if not rows:
+    listed = list_rows(list_text(data, *_LIST), *_LIST)
+    if not listed.rows:
         raise DataError("bad_loop_list", "the loop list has no row; it needs a row of names and then one a loop")
-    names = [name for name in dict.fromkeys(name for row in rows for name in row) if name != BEYOND]
+    names = [name for name in dict.fromkeys(name for _, row in listed.rows for name in row) if name != BEYOND]
     known = {name: plain for name in names if (plain := name.replace(" ", "_")) in COLUMNS}
-    if "tag" not in known.values() or len(known) < 2:
+    if "tag" not in known.values() or len(known) < 2 or len(set(known.values())) < len(known):
         text = f"the loop list has the columns {', '.join(names)[:200]}; it needs tag, and one of {', '.join(SETTABLE)}"
-        raise DataError("bad_loop_list", text)
-    found = LoopList([], [], [name for name in names if name not in known])
-    for row in rows:
+        raise DataError("bad_loop_list", text + ", each once")
+    found = LoopList([], [], [name for name in names if name and name not in known])
+    for number, row in listed.rows:
         told = {plain: row.get(name, "") for name, plain in known.items()}
-        tag = unsafe(told.pop("tag"))
+        tag = plain_cell(told.pop("tag"))
         try:
-            found.wanted.append((_named(tag), _values(told, row.get(BEYOND))))
+            found.wanted.append((_named(tag), _values(told, row.get(BEYOND), listed.delimiter)))
         except RequestError as error:
-            found.refused.append(FailureView(tag, error.code, error.message))
+            found.refused.append(FailureView(storable(tag), error.code, f"row {number}: {error.message}"))
     return found
 
 
 def _named(tag: str) -> str:
     if not tag:
-        raise RequestError("no_tag", "a row of the loop list names no loop")
+        raise RequestError("no_tag", "it names no loop")
     return tag
 
 
-def _values(told: Mapping[str, str], beyond: str | None) -> dict[str, Any]:
+def _values(told: Mapping[str, str], beyond: str | None, delimiter: str) -> dict[str, Any]:
     if beyond is not None:
-        text = f"the row has {beyond[:60]!r} beyond the columns that have names: a cell may hold what parts cells"
+        text = f"it has {beyond[:60]!r} beyond the columns that have names: a cell may hold what parts cells"
         raise RequestError("ragged_row", text)
-    return {name: _value(name, text) for name, text in told.items() if text}
+    return {name: _value(name, text, delimiter) for name, text in told.items() if text}
 
 
-def _value(name: str, text: str) -> Any:
-    """A word, a yes or no, or a number, with a point or a comma."""
+def _value(name: str, text: str, delimiter: str) -> Any:
+    """A word, a yes or no, or a number."""
     if name in WORDS:
-        return unsafe(text)
+        return plain_cell(text)
     if name in FLAGS:
-        if text.lower() not in SAID:
+        if text.casefold() not in SAID:
             raise RequestError("bad_value", f"{name} is yes or no, got {text[:60]!r}")
-        return SAID[text.lower()]
-    try:
-        return float(text.replace(",", "."))
-    except ValueError:
-        raise RequestError("bad_value", f"{name} is a number, got {text[:60]!r}") from None
-
-
-def unsafe(cell: str) -> str:
-    """A text as it was before `safe_cell` put an apostrophe before it."""
-    return cell[1:] if cell.startswith("'") and safe_cell(cell[1:]) == cell else cell
+        return SAID[text.casefold()]
+    if not NUMBER.fullmatch(text) or ("," in text and delimiter == ","):
+        why = "; with commas between cells a comma in it may part thousands" if "," in text else ""
+        raise RequestError("bad_value", f"{name} is a number, got {text[:60]!r}{why}")
+    return float(text.replace(",", "."))

@@ -1,10 +1,9 @@
 """The plant's loops, each with its newest verdict and its history."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import cache
 from typing import Any
-
-from sqlalchemy import Connection
 
 from app.errors import LoopauditError, NotFoundError, RequestError
 from app.services.auditing.rows import FORM, KEY_FIGURES, as_row, compact, sent
@@ -14,6 +13,7 @@ from app.services.moments import iso_utc, moment_of
 from app.services.results import FailureView, LoopsChanged, LoopView, Page
 from app.storage import items, loops, verdicts
 from app.storage.loops import SETTABLE, LoopRow
+from app.storage.types import storable
 
 KNOWN_TYPES = ("flow", "pressure", "level", "temperature", "composition", "speed", "position", "other")
 WORDS = ("unit", "type", "description", "pv_unit")
@@ -59,7 +59,7 @@ def patch_loop(
         if only_if is not None and not only_if(_view(row)):
             text = f"loop {tag!r} is not as the request takes it to be: get it again and look at what has changed"
             raise RequestError("changed_meanwhile", text)
-        loops.change(connection, row.id, _wanted(connection, row, changes))
+        loops.change(connection, row.id, _wanted(row, changes, lambda: loops.types(connection)))
         return _view(loops.by_ids(connection, [row.id])[row.id])
 
 
@@ -69,15 +69,16 @@ def change_loops(backend: Backend, wanted: Sequence[tuple[str, Mapping[str, Any]
     """
     refused: list[FailureView] = []
     with backend.database.write() as connection:
-        ids = loops.ids_of(connection, sorted({tag for tag, _ in wanted}))
+        ids = loops.ids_of(connection, sorted({tag for tag, _ in wanted if storable(tag) == tag}))
         rows = loops.to_change(connection, ids.values())
+        own_types = cache(lambda: frozenset(loops.types(connection)))
         changed: dict[int, dict[str, Any]] = {}
         for tag, changes in wanted:
             try:
                 row = _named_once(tag, ids, rows, changed)
-                changed[row.id] = _wanted(connection, row, changes)
+                changed[row.id] = _wanted(row, changes, own_types)
             except LoopauditError as error:
-                refused.append(FailureView(tag, error.code, error.message))
+                refused.append(FailureView(storable(tag), error.code, error.message))
         news = {loop_id: values for loop_id, values in changed.items() if _differs(rows[loop_id], values)}
         loops.change_each(connection, news)
     return LoopsChanged(len(news), len(changed) - len(news), refused)
@@ -95,7 +96,8 @@ def _differs(row: LoopRow, values: Mapping[str, Any]) -> bool:
     return any(getattr(row, name) != value for name, value in values.items())
 
 
-def _wanted(connection: Connection, row: LoopRow, changes: Mapping[str, Any]) -> dict[str, Any]:
+def _wanted(row: LoopRow, changes: Mapping[str, Any], own_types: Callable[[], Collection[str]]) -> dict[str, Any]:
+    """own_types: those that loops of this plant have."""
     wanted = {name: changes.get(name, getattr(row, name)) for name in SETTABLE}
     wanted |= {name: _stripped(wanted[name]) for name in WORDS if name in changes}
     if wanted["importance"] is None:
@@ -103,7 +105,7 @@ def _wanted(connection: Connection, row: LoopRow, changes: Mapping[str, Any]) ->
     _check_values(wanted)
     _check_spans(wanted)
     if wanted["type"] != row.type:
-        _check_type(connection, wanted["type"])
+        _check_type(wanted["type"], own_types)
     return wanted
 
 
@@ -177,11 +179,11 @@ def _stripped(words: str | None) -> str | None:
     return (words or "").replace("\x00", "").strip() or None
 
 
-def _check_type(connection: Connection, type_: str | None) -> None:
+def _check_type(type_: str | None, own_types: Callable[[], Collection[str]]) -> None:
     """What a plant's mapping calls its loops is known as well."""
-    if type_ is None or type_ in KNOWN_TYPES or type_ in (own := loops.types(connection)):
+    if type_ is None or type_ in KNOWN_TYPES or type_ in own_types():
         return
-    known = ", ".join(dict.fromkeys((*KNOWN_TYPES, *own)))
+    known = ", ".join(dict.fromkeys((*KNOWN_TYPES, *sorted(own_types()))))
     raise RequestError("unknown_type", f"{type_[:40]!r} is no type of loop; there are {known}")
 
 

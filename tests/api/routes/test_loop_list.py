@@ -2,12 +2,16 @@
 
 import csv
 import io
+import json
 
 import pytest
 
+from app.services.spreadsheet import plain_cell, safe_cell
+from app.storage import loops
 from tests.api.routes.exports import HOSTILE
 
 CSV = {"Content-Type": "text/csv"}
+JSON = {"Content-Type": "application/json"}
 
 
 @pytest.fixture(autouse=True)
@@ -21,7 +25,7 @@ def as_it_was(client, plant):
 def listed(client) -> dict[str, dict[str, str]]:
     answer = client.get("/v1/loops", params={"format": "csv"})
     assert answer.headers["content-type"].startswith("text/csv")
-    return {row["tag"]: row for row in csv.DictReader(io.StringIO(answer.text, newline=""))}
+    return {row["tag"]: row for row in csv.DictReader(io.StringIO(answer.text.removeprefix("\ufeff"), newline=""))}
 
 
 def sent(client, text: str | bytes, **headers):
@@ -81,11 +85,67 @@ def test_what_cannot_be_set_is_refused_and_the_rest_is_set(client):
 
 
 @pytest.mark.parametrize(
+    "text",
+    [
+        "sep=;\nTag;Importance\nFIC101;2,5\n",
+        "\ufeff\n\nTag;note (a, b, c);Importance;\nFIC101;x;2,5;\n;;;\n",
+        'tag,"importance","area; line; unit"\r\nFIC101,"2.5",a\r\n , ,\r\n',
+        "tag\timportance\rFIC101\t2,5\r\x1a",
+    ],
+)
+def test_lists_as_other_spreadsheets_write_them(client, text):
+    answer = sent(client, text)
+    assert answer.status_code == 200, answer.text
+    assert (answer.json()["changed"], answer.json()["refused"]) == (1, [])
+    assert loop(client, "FIC101")["importance"] == 2.5
+
+
+@pytest.mark.parametrize("number", ['"1,500"', '"1,5"', "1_000", "١٢", "1 000", "0x10", "nan", "1.234.567"])
+def test_a_number_that_may_be_another_one_is_refused(client, number):
+    told = sent(client, f"tag,pv_low,pv_high\nFIC101,0,{number}\n").json()
+    assert [row["code"] for row in told["refused"]] == ["bad_value"]
+    assert told["refused"][0]["text"].startswith("row 2: ")
+
+
+def test_yes_and_no_are_known_in_other_languages(client):
+    assert sent(client, "tag;moves_valve\nFIC101;FALSCH\nLIC7;ja\n").json()["changed"] == 2
+    assert (loop(client, "FIC101")["moves_valve"], loop(client, "LIC7")["moves_valve"]) == (False, True)
+
+
+@pytest.mark.parametrize("tag", ["F\x00", "F\ud800"])
+def test_a_tag_that_no_data_base_keeps_is_no_loop(client, tag):
+    lines = [{"tag": tag, "unit": "a"}, {"tag": "LIC7", "unit": "b"}]
+    told = client.patch("/v1/loops", content=json.dumps({"loops": lines}), headers=JSON).json()
+    assert ([row["code"] for row in told["refused"]], told["changed"]) == (["unknown_loop"], 1)
+
+
+def test_types_of_the_plant_are_looked_up_once(client, backend, monkeypatch):
+    asked = []
+    monkeypatch.setattr(loops, "types", lambda connection: asked.append(1) or ["own"])
+    told = sent(client, "tag,type\nFIC101,Flow\nLIC7,own\n").json()
+    assert ([row["code"] for row in told["refused"]], told["changed"], len(asked)) == (["unknown_type"], 1, 1)
+    monkeypatch.undo()
+
+
+@pytest.mark.parametrize("text", ["Feed flow; +/- 5 %", "'=x", "''=x", "a;'=b", "'quoted'", "\t=1", "-3", "a\n@b"])
+def test_words_come_back_as_they_were(client, text):
+    assert plain_cell(safe_cell(text)) == text
+    client.patch("/v1/loops", json={"loops": [{"tag": "LIC7", "description": text}]})
+    kept = loop(client, "LIC7")["description"]
+    told = sent(client, client.get("/v1/loops", params={"format": "csv"}).content).json()
+    assert (told["changed"], told["refused"]) == (0, [])
+    assert loop(client, "LIC7")["description"] == kept
+
+
+@pytest.mark.parametrize(
     ("body", "headers", "status", "code"),
     [
         (b"", CSV, 422, "bad_loop_list"),
         (b"tag,unit\n", CSV, 422, "bad_loop_list"),
         (b"loop,unit\nFIC101,a\n", CSV, 422, "bad_loop_list"),
+        (b"tag,unit,UNIT\nFIC101,a,\n", CSV, 422, "bad_loop_list"),
+        (b"tag,pv low,pv_low\nFIC101,1,2\n", CSV, 422, "bad_loop_list"),
+        (b'tag,unit\nFIC101,"a\nLIC7,b\n', CSV, 422, "bad_loop_list"),
         (b"tag,colour\nFIC101,red\n", CSV, 422, "bad_loop_list"),
         (b"\x00\x01\x02\xff\xfe" * 9, CSV, 422, "bad_loop_list"),
         (b"[{", {"Content-Type": "application/json"}, 422, "bad_loop_list"),
