@@ -214,6 +214,7 @@ class AuditOut(Read):
     open: int = Field(description="Loops still to do.")
     done: int = Field(description="Loops with a verdict.")
     failed: int = Field(description="Loops that failed; in a cancelled run also those that were called off.")
+    cancelled: int = Field(0, description="How many of the failed ones were called off with the run.")
     failures: list[FailureOut] = Field(description="The first of the failed loops, and why.")
 
 

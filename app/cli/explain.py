@@ -199,7 +199,8 @@ def located_in_words(line: dict[str, Any]) -> str:
     where = line["located"]
     shown = ", ".join(f"{a}-{b} s" for a, b in where["windows"][:6])
     found = f"first look: {where['block']}, {where['condition']}; windows {shown}"
-    said = [f"{line['recording']}: {found if where['block'] else 'no difference that stands out at a first look'}"]
+    nothing = "nothing stands out at a first look, which says little: run without --quick"
+    said = [f"{line['recording']}: {found if where['block'] else nothing}"]
     return "\n".join([*said, *(f"  {reason['text']}" for reason in line["evidence"])]) + "\n"
 
 

@@ -30,7 +30,7 @@ def print_verdicts(lines: Iterable[Mapping[str, Any]], stream: IO[str]) -> None:
     table.add_column("verdict", no_wrap=True)
     table.add_column("P(stiction)", justify="right", no_wrap=True)
     table.add_column("verdict is", no_wrap=True)
-    table.add_column("band %", justify="right", no_wrap=True)
+    table.add_column("S", justify="right", no_wrap=True)
     table.add_column("Yper %", justify="right", no_wrap=True)
     if with_reasons:
         table.add_column("why", overflow="fold", ratio=1)
@@ -38,9 +38,7 @@ def print_verdicts(lines: Iterable[Mapping[str, Any]], stream: IO[str]) -> None:
         table.add_row(*verdict_cells(line)[: len(table.columns)])
     console.print(table)
     console.print(totals(ordered))
-    console.print(
-        Text("band: stiction band in per cent of the range that OP covers; Yper: unexplained harmonics of PV")
-    )
+    console.print(Text("S: size of the stiction, in the unit of OP; Yper: harmonics of PV that OP does not explain"))
 
 
 def verdict_cells(line: Mapping[str, Any]) -> list[Text]:
@@ -50,10 +48,14 @@ def verdict_cells(line: Mapping[str, Any]) -> list[Text]:
         Text(VERDICT_WORDS[verdict], style=VERDICT_STYLE[verdict]),
         Text(number(line["stiction_probability"], 2)),
         Text(line["reliability"].replace("_", " ")),
-        Text(number(line["stiction_band_pct_of_op_range"], 1)),
+        Text(size(line["stiction_size"])),
         Text(number(line["yper_pct"], 1)),
         Text(line["reasons"][0]["text"] if line["reasons"] else ""),
     ]
+
+
+def size(told: Mapping[str, Any]) -> str:
+    return "-" if told["S"] is None else f"{told['S']:.3g}"
 
 
 def number(value: float | None, digits: int) -> str:

@@ -61,7 +61,7 @@ def health(judgement: Judgement, figures: KeyFigures, oscillation: Oscillation |
         _oscillation(oscillation),
         _service(judgement, figures.service_factor_pct),
         _saturation(figures),
-        _tracking(figures.error_abs_mean_pct_of_span),
+        _tracking(figures),
         _data(figures.good_share_pct),
     )
     return _made_of(parts)
@@ -124,15 +124,21 @@ def _saturation(figures: KeyFigures) -> HealthPart:
     if at_limit is not None:
         return _part("saturation", at_limit / FULL_SATURATION_PCT, f"OP at a limit for {at_limit:.0f} %")
     if at_extreme is None or at_extreme < LONG_AT_EXTREME_PCT:
-        return _part("saturation", 0.0, "the span of OP is not known")
+        return _part("saturation", 0.0, _unknown("the span of OP is not known", figures))
     text = f"OP at its own least or greatest value for {at_extreme:.0f} % (its span is not known)"
     return _part("saturation", at_extreme / FULL_SATURATION_PCT, text)
 
 
-def _tracking(error_pct: float | None) -> HealthPart:
+def _tracking(figures: KeyFigures) -> HealthPart:
+    error_pct = figures.error_abs_mean_pct_of_span
     if error_pct is None:
-        return _part("tracking", 0.0, "set point or span of PV not known")
+        return _part("tracking", 0.0, _unknown("set point or span of PV not known", figures))
     return _part("tracking", error_pct / FULL_ERROR_PCT, f"mean control error {error_pct:.2g} % of the span of PV")
+
+
+def _unknown(because: str, figures: KeyFigures) -> str:
+    """Both are of the time in automatic."""
+    return "not evaluated: never in automatic" if figures.service_factor_pct == 0.0 else because
 
 
 def _data(good_pct: float) -> HealthPart:

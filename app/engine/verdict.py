@@ -236,7 +236,7 @@ def _doubts(
     if not own.shown:
         doubts.extend(_unclear(weighing, oscillation, config))
     if oscillation.cycles < config.min_cycles:
-        text = f"what was judged holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be trusted"
+        text = f"what was judged holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be relied on"
         doubts.append(Reason("few_cycles", text))
     if verdict == "no_stiction":
         doubts.extend((*_no_answer(fitness), *_band_reason(hidden_band(fitness.looked_at))))

@@ -1,10 +1,13 @@
 """What to do next about a loop, by its verdict: the same on its page, in reports and in the guide for operators."""
 
+import math
 from collections.abc import Mapping
+from datetime import datetime
 from typing import Any
 
 from app.engine.episodes import BEGAN
 from app.engine.judgement import FOREIGN_CYCLE, HIDDEN_BAND, NO_ANSWER, PV_STANDS, UNCOUPLED, WOUND_UP
+from app.engine.verdict_config import VerdictConfig
 from app.services.auditing.hearing import MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR
 from app.services.auditing.repairs import BEFORE_REPAIR
 from app.services.wording import CAUSE_WORDS
@@ -26,6 +29,12 @@ SHAKEN = (
     "Look at the loop that is named first: once its valve is mended, this one may stop by itself. If it swings on, ask "
     "for a stroke test here."
 )
+TUNING_UNSURE = (
+    "Before anybody touches the tuning, put the loop in manual for some periods, where operation allows it: a swing "
+    "that goes on comes from outside, one that stops asks for a stroke test, and for weaker tuning where the valve is "
+    "free."
+)
+WEAK_UNSURE = "See how it answers a small step of the set point before its tuning is made stronger."
 OUTER = (
     "Look at the loop whose set point this OP is: that one moves the valve. Ask for a stroke test here only where OP "
     "moves a valve of its own besides, and say so in the loop's settings."
@@ -64,8 +73,8 @@ AT_LIMIT = (
 BY_CAUSE = {
     "stuck_valve_or_dead_transmitter": "Look today, at both: whether the transmitter reads anything (impulse lines, "
     "wiring, a frozen signal), and in the field whether the stem moves when OP does (air, positioner, packing).",
-    "external_oscillation": "Leave the valve alone and look for the loop that shakes this one; the page of groups "
-    "names the likeliest.",
+    "external_oscillation": "Leave the valve alone and look for what shakes this loop: the page of groups shows the "
+    "loops that swing with it.",
     "disturbance": "Leave the valve alone and look for what upsets the process.",
     "tuning_or_sinusoidal_disturbance": "Put the loop in manual for some periods, where operation allows it: a swing "
     "that stops asks for weaker tuning, one that goes on comes from outside.",
@@ -73,7 +82,8 @@ BY_CAUSE = {
     "aggressive_controller": "Ask for weaker tuning: less gain, or a longer integral time.",
     "sluggish_controller": "Ask for stronger tuning.",
     "backlash": "Have linkage and positioner looked at: there is play between OP and the stem.",
-    "set_point_following": "Look at what moves the set point, such as the outer loop of a cascade.",
+    "set_point_following": "Nothing at the valve: PV goes with its set point. Where that should not move so much, "
+    "look at what moves it.",
     "no_oscillation": "Nothing: it does not swing.",
     "saturated_op": AT_LIMIT,
     "op_at_limits": AT_LIMIT,
@@ -88,6 +98,16 @@ BY_CAUSE = {
     "data": NOT_AUDITABLE,
 }
 """Where the valve is not said to stick, by likely cause."""
+
+BY_CAUSE_UNSURE = {
+    "tight_tuning": TUNING_UNSURE,
+    "aggressive_controller": TUNING_UNSURE,
+    "sluggish_controller": WEAK_UNSURE,
+}
+"""Causes that are acted on only where the verdict is relied on, and what to do before."""
+
+FEW_CYCLES, ENOUGH_CYCLES = "few_cycles", VerdictConfig().min_cycles
+LONGER = "A longer record tells more"
 
 BEFORE_A_BAND = frozenset(
     {"set_point_following", "quantised_sensor", "sensor_spikes", "sensor_sticking", "backlash", "saturated_op"}
@@ -107,8 +127,30 @@ BY_REASON = {
 BY_VERDICT = {"no_stiction": CLEARED, "inconclusive": CANNOT_TELL, "not_auditable": NOT_AUDITABLE}
 
 
-def next_step(row: Mapping[str, Any], reasons: tuple[str, ...] = ()) -> str:
-    """What to do about a loop whose row of the reliability table this is; `reasons`: codes of its verdict."""
+def next_step(row: Mapping[str, Any], reasons: tuple[str, ...] = (), repaired_at: str | None = None) -> str:
+    """What to do about a loop whose row of the reliability table this is; `reasons`: codes of its verdict,
+    `repaired_at`: when it was repaired last (ISO 8601)."""
+    if repaired_at is not None and _ends_before(row, repaired_at):
+        return WAIT
+    step, period_s = _by_verdict(row, reasons), row.get("oscillation_period_s")
+    if FEW_CYCLES not in reasons or row["reliability"] == "reliable" or period_s is None or step == WAIT:
+        return step
+    return f"{step} {LONGER}: {ENOUGH_CYCLES:g} swings of this one take {in_hours(ENOUGH_CYCLES * period_s)}."
+
+
+def _ends_before(row: Mapping[str, Any], repaired_at: str) -> bool:
+    end = row.get("window_end")
+    return end is not None and datetime.fromisoformat(end) < datetime.fromisoformat(repaired_at)
+
+
+def in_hours(seconds: float) -> str:
+    """So that a record as long is long enough."""
+    if seconds < 5400.0:
+        return f"{math.ceil(seconds / 60.0)} min"
+    return f"{math.ceil(seconds / 360.0) / 10.0:g} h"
+
+
+def _by_verdict(row: Mapping[str, Any], reasons: tuple[str, ...]) -> str:
     if first := next((step for reason, step in BY_REASON.items() if reason in reasons), None):
         return first
     if row["verdict"] == "stiction" and row["reliability"] == "reliable":
@@ -123,7 +165,10 @@ def next_step(row: Mapping[str, Any], reasons: tuple[str, ...] = ()) -> str:
         return STANDS_FAST
     if HIDDEN_BAND in reasons and row["likely_cause"] not in BEFORE_A_BAND:
         return HAS_BAND
-    return BY_CAUSE.get(row["likely_cause"] or "", _without_cause(row))
+    cause = row["likely_cause"] or ""
+    if row["reliability"] != "reliable" and cause in BY_CAUSE_UNSURE:
+        return BY_CAUSE_UNSURE[cause]
+    return BY_CAUSE.get(cause, _without_cause(row))
 
 
 def _without_cause(row: Mapping[str, Any]) -> str:
@@ -145,11 +190,13 @@ def as_table() -> str:
         ("no stiction, look before you act, and no cause is named", NOT_CLEARED),
         ("no stiction, but PV shows no answer to OP", STANDS_FAST),
         ("no stiction, but PV goes as behind a valve with a band", HAS_BAND),
+        *((f"not to be relied on, likely cause: {CAUSE_WORDS[code]}", step) for code, step in BY_CAUSE_UNSURE.items()),
         *((f"else, likely cause: {CAUSE_WORDS[code]}", step) for code, step in BY_CAUSE.items()),
         ("valve sticks, but a neighbour may shake it", SHAKEN),
         ("anything, but OP is the set point of another loop", OUTER),
         ("anything, but the loop's settings say that OP moves no valve", NO_VALVE),
         ("repaired, and too little recorded since", WAIT),
+        ("anything that is not to be relied on, for too few swings", f"the step for it. {LONGER}: so many hours."),
         ("anything that is not to be relied on, but the valve sticks up to the end of the record", BEGAN_TO_STICK),
     ]
     steps: dict[str, dict[str, None]] = {}

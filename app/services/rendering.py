@@ -18,7 +18,7 @@ from app.services.wording import (
 
 def figure(value: float | None, digits: int) -> str:
     """A number for people; a dash where there is none."""
-    return "–" if value is None else f"{value:.{digits}f}"
+    return "–" if value is None else f"{value:z.{digits}f}"
 
 
 def _environment() -> Environment:

@@ -97,7 +97,8 @@ class LoopsChanged:
 
 @dataclass(frozen=True)
 class AuditView:
-    """A run and its progress: total = open + done + failed (claimed loops count as open)."""
+    """A run and its progress: total = open + done + failed (claimed loops count as open); cancelled: of the failed
+    ones those that were called off with the run."""
 
     id: str
     state: AuditState
@@ -110,6 +111,7 @@ class AuditView:
     failed: int
     failures: list[FailureView]
     started_by: str | None = None
+    cancelled: int = 0
 
     @property
     def ended(self) -> bool:

@@ -38,12 +38,14 @@ class AuditRow:
 
 @dataclass(frozen=True)
 class Progress:
-    """How many loops of a run are in which state; `claimed` ones are being worked on."""
+    """How many loops of a run are in which state; `claimed` ones are being worked on, `cancelled` ones failed by being
+    called off."""
 
     open: int = 0
     claimed: int = 0
     done: int = 0
     failed: int = 0
+    cancelled: int = 0
 
 
 @dataclass(frozen=True)
@@ -92,11 +94,11 @@ def page(connection: Connection, limit: int, before_id: int | None) -> list[Audi
 
 
 def progress(connection: Connection, audit_ids: Sequence[int]) -> dict[int, Progress]:
-    query = select(audit_items.c.audit_id, audit_items.c.state, func.count()).where(
-        audit_items.c.audit_id.in_(audit_ids)
-    )
+    called_off = (audit_items.c.state == "failed") & (audit_items.c.code == CANCELLED)
+    state = case((called_off, "cancelled"), else_=audit_items.c.state).label("told")
+    query = select(audit_items.c.audit_id, state, func.count()).where(audit_items.c.audit_id.in_(audit_ids))
     counts: dict[int, dict[str, int]] = {audit_id: {} for audit_id in audit_ids}
-    for audit_id, state, count in connection.execute(query.group_by(audit_items.c.audit_id, audit_items.c.state)):
+    for audit_id, state, count in connection.execute(query.group_by(audit_items.c.audit_id, "told")):
         counts[audit_id][state] = count
     return {audit_id: Progress(**found) for audit_id, found in counts.items()}
 

@@ -6,7 +6,7 @@ from datetime import datetime
 
 from sqlalchemy import Connection, insert, select, update
 
-from app.storage.tables import notes
+from app.storage.tables import loops, notes
 from app.storage.types import now
 
 
@@ -52,6 +52,26 @@ def withdraw(connection: Connection, note_id: int, withdrawn_by: str) -> None:
     """The note's repair counts no longer; who withdrew it first stays."""
     standing = (notes.c.id == note_id, notes.c.withdrawn_at.is_(None))
     connection.execute(update(notes).where(*standing).values(withdrawn_at=now(), withdrawn_by=withdrawn_by))
+
+
+@dataclass(frozen=True)
+class Standing:
+    """What is written of a loop and stands: the newest work order, and the repair that was stated last."""
+
+    work_order: str | None = None
+    repaired_at: datetime | None = None
+
+
+def standing(connection: Connection, tags: Iterable[str]) -> dict[str, Standing]:
+    """By tag, of the loops of which there is something."""
+    query = select(loops.c.tag, notes.c.work_order, notes.c.repaired_at, notes.c.withdrawn_at)
+    query = query.join(loops, loops.c.id == notes.c.loop_id).where(loops.c.tag.in_(list(tags))).order_by(notes.c.id)
+    found: dict[str, Standing] = {}
+    for tag, work_order, repaired_at, withdrawn_at in connection.execute(query):
+        before = found.get(tag, Standing())
+        repair = repaired_at if repaired_at is not None and withdrawn_at is None else before.repaired_at
+        found[tag] = Standing(work_order or before.work_order, repair)
+    return found
 
 
 def repairs_stated_last(connection: Connection, loop_ids: Iterable[int]) -> dict[int, datetime]:

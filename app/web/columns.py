@@ -44,7 +44,13 @@ COLUMNS: Mapping[str, Column] = {
     "recorded_to": Column("Recorded until", "time"),
     "audited_at": Column("Audited", "time", 0, "-audited_at"),
     "reasons_text": Column("Why", "reasons"),
+    "next_step": Column("What to do", "text", 1, None),
+    "work_order": Column("Work order", "text", 1, None),
+    "repaired_at": Column("Repaired", "time", 1, None),
 }
+OF_PAGES = frozenset({"next_step", "work_order", "repaired_at"})
+"""Columns that the table has on its page alone."""
+
 USUAL = ("unit", "verdict", "reliability", "health", "stiction_probability", "likely_cause", "reasons_text")
 
 

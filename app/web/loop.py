@@ -48,19 +48,21 @@ def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
     except NotFoundError:
         return page("loop.html", backend.clock, row=None, **told)
     detail = loops.verdict_detail(backend, tag)
+    repair = notes.newest_repair(backend, tag)
+    codes = tuple(reason["code"] for reason in detail["reasons"])
     return page(
         "loop.html",
         backend.clock,
         row=row,
         detail=detail,
-        next_step=next_step(row, tuple(reason["code"] for reason in detail["reasons"])),
+        next_step=next_step(row, codes, None if repair is None else repair.repaired_at),
         size=size_in_words(row, detail),
         why_first=why_first(detail.get("rivals", ()), row["rival_winner"]),
         figures=[told for told in glossary.figures(row, found.pv_unit) if told[1] is not None],
         last_nights=nights_of(backend, [tag]).get(tag, ()),
         history=loops.verdict_history(backend, tag, limit=HISTORY_NIGHTS).rows,
         groups=groups_of(backend, tag),
-        repair=notes.newest_repair(backend, tag),
+        repair=repair,
         compared=notes.COMPARED,
         **told,
     )

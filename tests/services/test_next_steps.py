@@ -21,7 +21,7 @@ GUIDE = Path(__file__).parents[2] / "docs" / "guides" / "OPERATOR.md"
         (("stiction", "not_reliable", "stiction"), "in manual"),
         (("inconclusive", "not_reliable", "stuck_valve_or_dead_transmitter"), "Look today"),
         (("inconclusive", "not_reliable", None), "unless it stays like that for weeks"),
-        (("no_stiction", "reliable", "external_oscillation"), "shakes this one"),
+        (("no_stiction", "reliable", "external_oscillation"), "shakes this loop"),
         (("no_stiction", "reliable", "tight_tuning"), "weaker tuning"),
         (("no_stiction", "reliable", None), "Nothing at the valve"),
         (("not_auditable", "not_reliable", "not_in_automatic"), "in manual"),
@@ -95,3 +95,27 @@ def test_a_swing_that_no_valve_makes_is_looked_for_elsewhere():
     assert next_step(row, ("foreign_cycle",)) == next_steps.MAY_BE_SHAKEN
     assert next_step(row, ("foreign_cycle", "stiction_began")) == next_steps.BEGAN_TO_STICK
     assert "foreign_cycle" in REASON_WORDS
+
+
+def test_nobody_is_sent_to_the_tuning_for_a_verdict_that_is_not_relied_on():
+    for cause in ("tight_tuning", "aggressive_controller", "sluggish_controller"):
+        sure = {"verdict": "no_stiction", "reliability": "reliable", "likely_cause": cause}
+        assert next_step(sure) == BY_CAUSE[cause]
+        assert next_step(sure | {"reliability": "not_reliable"}) == next_steps.BY_CAUSE_UNSURE[cause]
+
+
+def test_too_few_swings_ask_for_a_longer_record_and_say_how_long():
+    row = {"verdict": "stiction", "reliability": "not_reliable", "likely_cause": "stiction"}
+    row["oscillation_period_s"] = 2067.0
+    assert next_step(row, ("few_cycles",)).endswith("A longer record tells more: 5 swings of this one take 2.9 h.")
+    assert next_step(row | {"oscillation_period_s": 130.0}, ("few_cycles",)).endswith("take 11 min.")
+    assert "longer record" not in next_step(row)
+    assert "longer record" not in next_step(row | {"reliability": "reliable"}, ("few_cycles",))
+    assert next_step(row, ("before_repair", "few_cycles")) == next_steps.WAIT
+
+
+def test_a_repair_counts_from_when_it_is_written_down():
+    row = {"verdict": "stiction", "reliability": "reliable", "likely_cause": "stiction"}
+    row["window_end"] = "2026-01-02T00:00:00.500Z"
+    assert next_step(row, (), "2026-01-02T00:00:01Z") == next_steps.WAIT
+    assert next_step(row, (), "2026-01-02T00:00:00Z") == next_steps.STICKS

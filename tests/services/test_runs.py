@@ -153,7 +153,8 @@ def test_a_run_can_be_cancelled(backend: Backend, add_loops: AddLoops) -> None:
     add_loops("FIC1", "FIC2")
     run = audits.start_audit(backend)
     cancelled = audits.cancel_audit(backend, run.id)
-    assert (cancelled.state, cancelled.failed) == ("cancelled", 2)
+    assert (cancelled.state, cancelled.failed, cancelled.cancelled) == ("cancelled", 2, 2)
+    assert audits.failures(backend, run.id) == []
     assert chunks.audit_chunk(backend, int(run.id), "w") == 0
     assert audits.cancel_audit(backend, run.id) == cancelled
     with pytest.raises(NotFoundError):

@@ -134,7 +134,7 @@ def test_a_cancelled_run_gives_out_nothing(database: Database, run: int) -> None
         assert audits.end_if_complete(connection, run)
         assert audits.by_id(connection, run).state == "cancelled"
     assert claim(database, run, "b", 5) == []
-    assert progress(database, run) == Progress(failed=20)
+    assert progress(database, run) == Progress(cancelled=20)
 
 
 def test_a_stalled_run_is_announced_once_in_a_while(database: Database, run: int) -> None:

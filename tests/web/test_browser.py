@@ -39,7 +39,7 @@ expect.set_options(timeout=20_000)  # a busy machine takes its time to parse the
 
 @pytest.fixture(scope="module")
 def refused_page(web_backend) -> str:
-    """The page of a loop that was in manual and cannot be judged; 'not_in_automatic' is a word that does not break."""
+    """The page of a loop that was in manual and cannot be judged."""
     head, *rows = wide("HAND9").decode().splitlines()
     with receive(web_backend, filename="hand.csv") as receiving:
         receiving.write("\n".join([f"{head},HAND9.MODE", *(f"{row},MAN" for row in rows)]).encode())
@@ -177,7 +177,7 @@ def test_the_page_of_a_loop_that_cannot_be_judged_fits_a_narrow_screen(narrow: P
     settled(narrow, refused_page)
     expect(narrow.locator(".badge").first).to_have_text("not auditable")
     narrow.evaluate("document.querySelectorAll('details').forEach((part) => { part.open = true; })")
-    expect(narrow.locator("main")).to_contain_text("not_in_automatic")
+    expect(narrow.locator("main")).to_contain_text("not in automatic")
     assert serious(narrow) == []
     assert width(narrow) <= NARROW["width"]
 

@@ -261,6 +261,6 @@ def _alive(samples: _Samples, config: FitnessConfig) -> BoolArray:
 
 def _stopped(fitness: Fitness, found: tuple[Finding, ...], left: tuple[str, ...]) -> Fitness:
     failed = ", ".join(finding.code for finding in checks.refusals(found))
-    because = f"the recording had already failed: {failed}"
+    because = f"the recording had already failed: {failed.replace('_', ' ')}"
     skipped = tuple(checks.not_evaluated(code, because) for code in left)
     return replace(fitness, findings=found + skipped)

@@ -163,7 +163,7 @@ def check_cycles(oscillation: Oscillation, record: UniformRecord, config: Fitnes
     if per_cycle is None:
         return not_evaluated("few_cycles", "no oscillation was found")
     cycles = record.samples / per_cycle
-    text = f"the stretch holds {cycles:.3g} cycles, {config.min_cycles:g} or more can be trusted"
+    text = f"the stretch holds {cycles:.3g} cycles, {config.min_cycles:g} or more can be judged"
     return _finding("few_cycles", cycles >= config.min_cycles, text, cycles, config.min_cycles, "cycles")
 
 

@@ -91,9 +91,10 @@ def list_audits(backend: Backend, limit: int = 50, cursor: str | None = None) ->
 
 
 def failures(backend: Backend, audit_id: str, limit: int = 20_000) -> list[FailureView]:
+    """Without loops that were called off with their run."""
     with backend.database.read() as connection:
         found = items.failures(connection, identifier(audit_id, "audit"), limit)
-    return [FailureView(f.tag, f.code, f.text) for f in found]
+    return [FailureView(f.tag, f.code, f.text) for f in found if f.code != items.CANCELLED]
 
 
 def cancel_audit(backend: Backend, audit_id: str) -> AuditView:
@@ -135,7 +136,7 @@ def _seen(connection: Connection, audit_id: str) -> AuditView:
     if row is None:
         raise NotFoundError("unknown_audit", f"there is no audit {audit_id!r}")
     progress = audits.progress(connection, [row.id])[row.id]
-    failed = items.failures(connection, row.id, LISTED_FAILURES) if progress.failed else []
+    failed = items.failures(connection, row.id, LISTED_FAILURES) if progress.failed + progress.cancelled else []
     return _view(row, progress, [FailureView(f.tag, f.code, f.text) for f in failed])
 
 
@@ -149,7 +150,8 @@ def _view(row: AuditRow, progress: Progress, failed: list[FailureView]) -> Audit
         total=row.total,
         open=progress.open + progress.claimed,
         done=progress.done,
-        failed=progress.failed,
+        failed=progress.failed + progress.cancelled,
+        cancelled=progress.cancelled,
         failures=failed,
         started_by=row.started_by or None,
     )

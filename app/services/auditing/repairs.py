@@ -10,7 +10,6 @@ from app.engine.audit import Audit
 from app.engine.audit_config import AuditConfig
 from app.engine.evidence import Reason
 from app.engine.fitness import assess
-from app.engine.health import doubted_health
 from app.services.auditing.recordings import recording_of
 from app.services.moments import PlantClock, ns_of
 from app.storage import notes, series
@@ -35,19 +34,17 @@ class Window:
 
     def told(self, audit: Audit, clock: PlantClock) -> Audit:
         """The audit with a reason that says on which side of the repair it stands; what is of before it is not relied
-        on."""
+        on. Its health stays: nothing has been recorded that would be better."""
         if self.repaired_at is None:
             return audit
         at = clock.told_at(self.repaired_at)
-        judged, health = audit.judgement, audit.health
+        judged = audit.judgement
         if self.cut:
             text = f"judged from the repair of {at} on: what came before it is left out"
             return replace(audit, judgement=replace(judged, reasons=(*judged.reasons, Reason(SINCE_REPAIR, text))))
         text = f"of before the repair of {at}: {self.since_repair} samples since then are too few to judge by"
-        if judged.stiction_probability is not None:
-            health = doubted_health(health.parts, judged.stiction_probability)
         reasons = (Reason(BEFORE_REPAIR, text), *judged.reasons)
-        return replace(audit, judgement=replace(judged, reliability="not_reliable", reasons=reasons), health=health)
+        return replace(audit, judgement=replace(judged, reliability="not_reliable", reasons=reasons))
 
 
 def windows_since_repair(

@@ -9,11 +9,13 @@ from app.services.auditing.audits import get_audit
 from app.services.auditing.repairs import BEFORE_REPAIR, SINCE_REPAIR
 from app.services.backend import Backend
 from app.services.moments import iso_utc
+from app.services.next_steps import next_step
 from app.services.plant.reliability import checked, following, place_of, with_loop
 from app.services.results import AuditView, ChangedBy, ChangeView, Page, UnitView
 from app.services.wording import WHY_WORDS, cause_words
-from app.storage import plant, verdicts
+from app.storage import notes, plant, verdicts
 from app.storage.loops import count as count_loops
+from app.storage.notes import Standing
 from app.storage.verdicts import RowFilter
 
 LISTED_CHANGES = 200
@@ -48,6 +50,7 @@ class Changes:
     run_at: str | None
     rows: list[ChangeView]
     more: bool
+    compared: bool = True
 
 
 def overview(backend: Backend) -> Overview:
@@ -78,7 +81,8 @@ def changes(backend: Backend, limit: int = LISTED_CHANGES) -> Changes:
         found = plant.changes(connection, run.id, limit + 1) if compared else []
     if run is None:
         return Changes(None, None, [], False)
-    return Changes(str(run.id), iso_utc(run.created_at), [change_of(row) for row in found[:limit]], len(found) > limit)
+    rows = [change_of(row) for row in found[:limit]]
+    return Changes(str(run.id), iso_utc(run.created_at), rows, len(found) > limit, compared)
 
 
 def worst(backend: Backend, limit: int = WORST) -> list[dict[str, Any]]:
@@ -89,14 +93,22 @@ def worst(backend: Backend, limit: int = WORST) -> list[dict[str, Any]]:
 def table(
     backend: Backend, limit: int, cursor: str | None = None, sort: str = "-priority", filters: RowFilter | None = None
 ) -> Page[dict[str, Any]]:
-    """Rows of the reliability table with what a page shows besides: importance and priority."""
+    """Rows of the reliability table with what a page shows besides: importance and priority, what to do, and what is
+    written of an order or a repair."""
     name = checked(limit, sort)
     asked = place_of(cursor)
     with backend.database.read() as connection:
         place = asked[1] if asked is not None and asked[0] == sort else None
         found = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), place)
-    shown = [with_loop(row) for row in found[:limit]]
-    return Page(shown, following(found, limit, sort))
+        shown = [with_loop(row) for row in found[:limit]]
+        written = notes.standing(connection, [row["loop"] for row in shown])
+    return Page([_with_work(row, written.get(row["loop"], Standing())) for row in shown], following(found, limit, sort))
+
+
+def _with_work(row: dict[str, Any], written: Standing) -> dict[str, Any]:
+    repaired_at = iso_utc(written.repaired_at)
+    step = next_step(row, tuple(row["reasons"].split(";")), repaired_at)
+    return row | {"next_step": step, "work_order": written.work_order, "repaired_at": repaired_at}
 
 
 def tiles(backend: Backend) -> dict[str, list[Any]]:

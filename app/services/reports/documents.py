@@ -45,6 +45,8 @@ def loop_report(backend: Backend, tag: str) -> str:
     found = loops.get_loop(backend, tag)
     row = loops.loop_health(backend, tag)
     detail = loops.verdict_detail(backend, tag)
+    repair = notes.newest_repair(backend, tag)
+    codes = tuple(reason["code"] for reason in detail["reasons"])
     history = loops.verdict_history(backend, tag, limit=NIGHTS).rows
     drawn = charts(backend, tag)
     explained = explanations.newest(backend, tag)
@@ -53,13 +55,13 @@ def loop_report(backend: Backend, tag: str) -> str:
         it=found,
         row=row,
         detail=detail,
-        next_step=next_step(row, tuple(reason["code"] for reason in detail["reasons"])),
+        next_step=next_step(row, codes, None if repair is None else repair.repaired_at),
         size=size_in_words(row, detail),
         why_first=why_first(detail.get("rivals", ()), row["rival_winner"]),
         figures=[told for told in glossary.figures(row, found.pv_unit) if told[1] is not None],
         history=history,
         groups=groups_of(backend, tag),
-        repair=notes.newest_repair(backend, tag),
+        repair=repair,
         notes=notes.list_notes(backend, tag)[:NOTES],
         explanation=in_words(explained) if explained and explained["state"] == "done" else None,
         trend=_trend(drawn, backend.clock),

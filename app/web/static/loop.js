@@ -46,7 +46,7 @@ function drawRest({ pv_op: path, errors }) {
   draw("pv-op", path && [line(path.op, path.pv, "PV over OP", "--pv", { line: { color: paint("--pv"), width: 0.8 } })],
     { height: 320, showlegend: false, xaxis: axis("OP"), yaxis: axis("PV") }, "No samples of the audited stretch are kept.");
   draw("errors", errors && [{ x: errors.middle, y: errors.share_pct, type: "bar", name: "share", marker: { color: paint("--pv") } }],
-    { height: 320, showlegend: false, bargap: 0.05, xaxis: axis("SP - PV, units of PV"), yaxis: axis("% of the samples") }, "No set point was recorded.");
+    { height: 320, showlegend: false, bargap: 0.05, xaxis: axis("SP - PV, units of PV"), yaxis: axis("% of the samples") }, "No spread to show: no set point was recorded, or the control error is one value.");
 }
 
 function drawHistory() {

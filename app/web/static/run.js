@@ -10,7 +10,7 @@ if (run && run.dataset.ended === "no") {
     const told = JSON.parse(event.data);
     progress.max = told.total || 1;
     progress.value = told.done + told.failed;
-    count.textContent = `${told.done} of ${told.total} done` + (told.failed ? `, ${told.failed} failed` : "");
+    count.textContent = `${told.done} of ${told.total} done` + (told.failed - told.cancelled ? `, ${told.failed - told.cancelled} failed` : "");
     state.textContent = told.state;
   };
   events.addEventListener("progress", show);

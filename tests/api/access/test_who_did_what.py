@@ -48,7 +48,7 @@ def test_nobody_fills_the_trail_without_a_key(serve, settings, backend):
             assert odd.status_code < 500
     rows = list_trail(backend, 1000).rows
     assert {row.action for row in rows[: len(rows) - before]} == {"session.open"}
-    assert len(rows) - before <= 20
+    assert len(rows) - before <= 25  # of 60: some of the 20 a minute come back while a slow machine is at it
 
 
 def test_the_trail_is_for_administrators_page_by_page(client, texts):
