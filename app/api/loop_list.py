@@ -14,7 +14,7 @@ from app.http.problems import responses
 from app.services.backend import Backend
 from app.services.plant import loop_list
 from app.services.plant.loop_list import ListTaken, LoopList
-from app.services.results import FailureView
+from app.services.plant.loops import refusal
 
 router = APIRouter(tags=["loops"])
 
@@ -63,12 +63,12 @@ def _from_json(body: bytes) -> LoopList:
     for line in lines:
         tag = line.pop("tag", None)
         if not isinstance(tag, str):
-            found.refused.append(FailureView(str(tag)[:60], "no_tag", "a loop of the list has no tag that is a text"))
+            found.refused.append(refusal(str(tag)[:60], "no_tag", "a loop of the list has no tag that is a text"))
             continue
         try:
             found.wanted.append((tag, LoopPatch.model_validate(line).model_dump(exclude_unset=True)))
         except ValidationError as error:
-            found.refused.append(FailureView(tag, "bad_value", _told(error)))
+            found.refused.append(refusal(tag, "bad_value", _told(error)))
     return found
 
 

@@ -16,7 +16,7 @@ KEY = "tag"
 """The column that every list has: what parts its name from others parts the cells."""
 
 _END_OF_FILE = "\x1a"
-_SAID_DELIMITER = re.compile(r"(?i)\Asep=(.)\s*\n")
+_SAID_DELIMITER = re.compile(r"(?i)\Asep=([,;|\t])[ \t\r]*\n")
 
 
 @dataclass(frozen=True)

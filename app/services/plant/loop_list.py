@@ -8,11 +8,10 @@ from typing import Any
 from app.errors import DataError, RequestError
 from app.ingest import BEYOND, list_rows, list_text
 from app.services.backend import Backend
-from app.services.plant.loops import WORDS, change_loops, list_loops
+from app.services.plant.loops import WORDS, change_loops, list_loops, refusal
 from app.services.results import FailureView
 from app.services.spreadsheet import csv_lines, plain_cell
 from app.storage.loops import SETTABLE
-from app.storage.types import storable
 
 COLUMNS = ("tag", *SETTABLE)
 FLAGS = ("integrating", "moves_valve")
@@ -98,7 +97,7 @@ def read(data: bytes) -> LoopList:
         try:
             found.wanted.append((_named(tag), _values(told, row.get(BEYOND), listed.delimiter)))
         except RequestError as error:
-            found.refused.append(FailureView(storable(tag), error.code, f"row {number}: {error.message}"))
+            found.refused.append(refusal(tag, error.code, f"row {number}: {error.message}"))
     return found
 
 

@@ -78,10 +78,15 @@ def change_loops(backend: Backend, wanted: Sequence[tuple[str, Mapping[str, Any]
                 row = _named_once(tag, ids, rows, changed)
                 changed[row.id] = _wanted(row, changes, own_types)
             except LoopauditError as error:
-                refused.append(FailureView(storable(tag), error.code, error.message))
+                refused.append(refusal(tag, error.code, error.message))
         news = {loop_id: values for loop_id, values in changed.items() if _differs(rows[loop_id], values)}
         loops.change_each(connection, news)
     return LoopsChanged(len(news), len(changed) - len(news), refused)
+
+
+def refusal(tag: str, code: str, text: str) -> FailureView:
+    """Whatever a list calls a loop: half of a letter could not be answered."""
+    return FailureView(storable(tag), code, storable(text))
 
 
 def _named_once(tag: str, ids: Mapping[str, int], rows: Mapping[int, LoopRow], changed: Mapping[int, Any]) -> LoopRow:

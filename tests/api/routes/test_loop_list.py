@@ -114,9 +114,9 @@ def test_yes_and_no_are_known_in_other_languages(client):
 
 @pytest.mark.parametrize("tag", ["F\x00", "F\ud800"])
 def test_a_tag_that_no_data_base_keeps_is_no_loop(client, tag):
-    lines = [{"tag": tag, "unit": "a"}, {"tag": "LIC7", "unit": "b"}]
+    lines = [{"tag": tag, "unit": "a"}, {"tag": "LIC7", "unit": "b"}, {"tag": tag, tag: 1}]
     told = client.patch("/v1/loops", content=json.dumps({"loops": lines}), headers=JSON).json()
-    assert ([row["code"] for row in told["refused"]], told["changed"]) == (["unknown_loop"], 1)
+    assert ([row["code"] for row in told["refused"]], told["changed"]) == (["bad_value", "unknown_loop"], 1)
 
 
 def test_types_of_the_plant_are_looked_up_once(client, backend, monkeypatch):
@@ -142,6 +142,7 @@ def test_words_come_back_as_they_were(client, text):
     [
         (b"", CSV, 422, "bad_loop_list"),
         (b"tag,unit\n", CSV, 422, "bad_loop_list"),
+        (b'sep="\ntag"unit\nFIC101"a\n', CSV, 422, "bad_loop_list"),
         (b"loop,unit\nFIC101,a\n", CSV, 422, "bad_loop_list"),
         (b"tag,unit,UNIT\nFIC101,a,\n", CSV, 422, "bad_loop_list"),
         (b"tag,pv low,pv_low\nFIC101,1,2\n", CSV, 422, "bad_loop_list"),
