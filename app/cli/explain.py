@@ -160,9 +160,9 @@ def files_to_write(
 
 
 def as_text(line: dict[str, Any]) -> str:
-    from app.services.explaining.wording import VERDICT_WORDS, residuals_in_words
+    from app.services.explaining.wording import residuals_in_words, verdict_in_words
 
-    said = [f"{line['recording']}: {VERDICT_WORDS[line['verdict']]}"]
+    said = [f"{line['recording']}: {verdict_in_words(line['verdict'], line['effects'])}"]
     for effect in line["effects"]:
         said += effect_in_words(effect)
     fit = line["fit"]

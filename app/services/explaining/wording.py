@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-LEAST_P = 0.001
+LEAST_P, LIKELY = 0.001, 0.5
 VERDICT_WORDS = {
     "missing_physics": "physics is missing from the simulation",
     "consistent": "nothing is missing",
@@ -122,13 +122,20 @@ def windows_in_words(windows: Sequence[Sequence[float]]) -> str:
 def in_words(found: dict[str, Any]) -> dict[str, Any]:
     """An explanation with what pages and reports say of it."""
     return found | {
-        "verdict_words": VERDICT_WORDS.get(found["verdict"] or "", ""),
+        "verdict_words": verdict_in_words(found["verdict"], found["effects"]),
         "simulation_words": SIMULATION_WORDS[found["simulation"]],
         "told_effects": [effect_in_words(effect) for effect in found["effects"]],
         "errors": errors(found["fit"]),
         "loops": loops(found["closed_loop"]),
         "reasons": [reason["text"] for reason in found["evidence"]],
     }
+
+
+def verdict_in_words(verdict: str | None, effects: Sequence[Mapping[str, Any]]) -> str:
+    """Where no name is likelier than all others together, that one is named for lack of a better one is said too."""
+    words = VERDICT_WORDS.get(verdict or "", "")
+    likeliest = max((effect["probability"] for effect in effects), default=1.0)
+    return words if verdict != "missing_physics" or likeliest >= LIKELY else f"{words}; which, the record hardly tells"
 
 
 def effect_in_words(effect: dict[str, Any]) -> dict[str, Any]:
