@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help install browser demo test chaos lint audit-deps bench evaluate testbench prove fuzz coverage load pictures lock clean
+.PHONY: help install browser kernels demo test chaos lint audit-deps bench evaluate testbench prove fuzz coverage load pictures lock clean
 
 help:
 	@echo "make demo     set up, start the service on the embedded default, audit a demo plant, show the table"
@@ -43,8 +43,12 @@ browser:
 demo: install
 	$(BIN)/loopaudit demo
 
+# Once and by both cores, before several test processes would wait for the one of them that compiles.
+kernels: install
+	$(BIN)/python -c "from workers.process import load_or_compile; load_or_compile()"
+
 # Three at a time on two cores: while servers start and workers wait for messages, somebody computes.
-test: install browser
+test: install browser kernels
 	$(BIN)/ruff check .
 	$(BIN)/pytest -n 3 --dist loadfile --no-loadscope-reorder --durations 25
 

@@ -41,11 +41,11 @@ def log_structured(**_: object) -> None:
 def warm_up(sender: Any, **_: object) -> None:
     """In the parent, once: its children inherit what is compiled and loaded."""
     try:
-        _load_or_compile()
+        load_or_compile()
     except Exception:  # after a power cut a file may be there and empty: numba would fail on it each time
         log.exception("the kernels cannot be loaded: they are compiled anew")
         kernel_cache.empty()
-        _load_or_compile()
+        load_or_compile()
     gc.collect()
     gc.freeze()  # what is loaded stays: looking through it for garbage took a twentieth of reading a file
     log.warning("ready")
@@ -54,7 +54,8 @@ def warm_up(sender: Any, **_: object) -> None:
     sender.max_memory_per_child = 1024 * max(current_app.settings.worker_memory_mb, own_mb + ROOM_TO_WORK_MB)
 
 
-def _load_or_compile() -> None:
+def load_or_compile() -> None:
+    """The kernels from the cache of this source; first, where they are not there, into it, by two processes."""
     if _all_were_compiled():
         return
     log.warning("compiling the kernels; at the first start of a version this takes a minute or two")
