@@ -1,5 +1,7 @@
 """The trail: who did what, without secrets, for administrators."""
 
+import time
+
 from app.main import create_app
 from app.services.access import key_text
 from app.services.access.identity import Role
@@ -39,7 +41,7 @@ def test_the_trail_keeps_logins_and_wrong_keys_without_their_secrets(client, bro
 
 
 def test_nobody_fills_the_trail_without_a_key(serve, settings, backend):
-    before = len(list_trail(backend, 1000).rows)
+    before, started_s = len(list_trail(backend, 1000).rows), time.monotonic()
     with serve(create_app(settings)) as client:
         for _ in range(30):
             assert client.post("/login", data={"key": "wrong"}).status_code in (401, 429)
@@ -48,7 +50,8 @@ def test_nobody_fills_the_trail_without_a_key(serve, settings, backend):
             assert odd.status_code < 500
     rows = list_trail(backend, 1000).rows
     assert {row.action for row in rows[: len(rows) - before]} == {"session.open"}
-    assert len(rows) - before <= 25  # of 60: some of the 20 a minute come back while a slow machine is at it
+    minutes = (time.monotonic() - started_s) / 60.0  # what is allowed comes back while a slow machine is at it
+    assert len(rows) - before <= 20 * (1.0 + minutes)
 
 
 def test_the_trail_is_for_administrators_page_by_page(client, texts):
