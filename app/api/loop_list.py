@@ -13,8 +13,9 @@ from app.http.backend import Services
 from app.http.problems import responses
 from app.services.backend import Backend
 from app.services.plant import loop_list
-from app.services.plant.loop_list import ListTaken, LoopList
+from app.services.plant.loop_list import LoopList
 from app.services.plant.loops import refusal
+from app.services.results import LoopsChanged
 
 router = APIRouter(tags=["loops"])
 
@@ -45,7 +46,7 @@ async def change_many(request: Request, backend: Services) -> Any:
     return await run_in_threadpool(_taken, backend, await request.body(), kind)
 
 
-def _taken(backend: Backend, body: bytes, kind: str) -> ListTaken:
+def _taken(backend: Backend, body: bytes, kind: str) -> LoopsChanged:
     if kind not in READ:
         raise RequestError("media_type", f"a list of loops comes as {JSON} or {CSV}, not as {kind[:60]!r}")
     return loop_list.take(backend, READ[kind](body))

@@ -6,6 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from app.http.backend import IsoTime
 from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow, VerdictName
+from app.services.plant.loops import MOST_IMPORTANT
 
 MAX_NAME = 200
 
@@ -92,7 +93,9 @@ class LoopPatch(BaseModel):
         "mapping gave to a loop.",
     )
     description: Name | None = Field(None, description="What it controls, in words.")
-    importance: Annotated[float, Field(ge=0, le=1000)] = Field(1.0, description="Weight in rankings; 1 is usual.")
+    importance: Annotated[float, Field(ge=0, le=MOST_IMPORTANT)] = Field(
+        1.0, description="Weight in rankings; 1 is usual."
+    )
     pv_unit: Name | None = Field(None, description="Engineering unit of PV and SP.")
     pv_low: Finite | None = Field(None, description="Low end of PV's span, in the unit of PV.")
     pv_high: Finite | None = Field(None, description="High end of PV's span, in the unit of PV.")

@@ -8,6 +8,7 @@ from pydantic import BaseModel, Field
 from starlette.requests import Request
 
 from app.api.etags import NOT_MODIFIED, tagged, versioned
+from app.api.loops import CSV
 from app.api.models import ReliabilityPage
 from app.errors import RequestError
 from app.http.backend import Services
@@ -21,10 +22,6 @@ from app.services.spreadsheet import csv_lines
 LARGEST_PAGE = 20_000
 COLUMNS = tuple(ReliabilityRow.model_fields)
 CHOOSABLE = (*COLUMNS, *service.OF_LOOP)
-CSV: dict[int | str, dict[str, Any]] = {
-    200: {"content": {"text/csv": {"schema": {"type": "string"}}}},
-    **NOT_MODIFIED,
-}
 
 router = APIRouter(tags=["reliability"])
 
@@ -81,7 +78,7 @@ Filters = Annotated[TableQuery, Query()]
 @router.get(
     "/reliability",
     response_model=ReliabilityPage,
-    responses={**responses(400, 422), **CSV},
+    responses={**responses(400, 422), **CSV, **NOT_MODIFIED},
     summary="The reliability table of the plant",
 )
 def reliability(

@@ -82,8 +82,7 @@ class ServiceClient:
 
     def loop_list(self) -> str:
         """All loops of the plant as CSV."""
-        answer = self._send("GET", "/v1/loops", params={"format": "csv"})
-        return answer.text if answer.is_success else str(_checked(answer))
+        return _let_through(self._send("GET", "/v1/loops", params={"format": "csv"})).text
 
     def change_loops(self, listed: bytes) -> dict[str, Any]:
         """Sets what a CSV of loops says; the answer says which could not be set."""
@@ -136,8 +135,13 @@ def _body(file: FileIO, path: Path, mapping: bytes | None) -> dict[str, Any]:
 
 
 def _checked(answer: httpx.Response) -> dict[str, Any]:
+    return _let_through(answer).json()
+
+
+def _let_through(answer: httpx.Response) -> httpx.Response:
+    """The answer, where it is no refusal."""
     if answer.is_success:
-        return answer.json()
+        return answer
     is_problem = "json" in answer.headers.get("content-type", "")
     problem = answer.json() if is_problem else {}
     raise RequestError(problem.get("code", f"http_{answer.status_code}"), problem.get("detail", answer.reason_phrase))

@@ -1,6 +1,5 @@
 """Every error as problem details (RFC 9457) with a stable `code`, whether a service or the framework raised it."""
 
-import errno
 import logging
 from collections.abc import Callable
 from http import HTTPStatus
@@ -16,12 +15,11 @@ from starlette.responses import JSONResponse, Response
 from app.errors import DataError, LoopauditError, NotFoundError
 from app.http.headers import HEADERS
 from app.services.access.identity import request_id
-from app.services.backend import DATABASE_AWAY
+from app.services.backend import DATABASE_AWAY, no_room
 
 MEDIA_TYPE = "application/problem+json"
 LONGEST_ECHO = 200
 MOST_ERRORS = 20
-DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 # Codes of services whose status differs from the one of their class.
 STATUS_BY_CODE = {
@@ -194,7 +192,7 @@ async def _invalid_request(request: Request, error: Exception) -> Response:
 
 
 async def _database_away(request: Request, error: Exception) -> Response:
-    if "disk is full" in str(error) or "No space left" in str(error):
+    if no_room(error):
         return _disk_full(request)
     log.error("data base away while answering %s %s: %s", request.method, request.scope["path"][:LONGEST_ECHO], error)
     text = "the data base does not answer; nothing was changed, try again"
@@ -202,8 +200,7 @@ async def _database_away(request: Request, error: Exception) -> Response:
 
 
 async def _os_error(request: Request, error: Exception) -> Response:
-    assert isinstance(error, OSError)  # noqa: S101 - as above
-    if error.errno in DISK_FULL:
+    if no_room(error):
         return _disk_full(request)
     return await _fault(request, error)
 

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from app.errors import DataError
-from app.ingest.lists import list_rows, list_text, named_cells
+from app.ingest.lists import list_rows, list_text
 from app.ingest.model import SIGNALS, LoopTags, Signal
 
 _MAPPING = ("the mapping", "bad_mapping")
@@ -127,7 +127,7 @@ def _json_rows(text: str) -> list[dict[str, str]]:
     rows = rows.get("tags", []) if isinstance(rows, dict) else rows
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise DataError("bad_mapping", "the mapping must be a list of objects with tag, loop and signal")
-    return [named_cells(row) for row in rows]
+    return [{name.strip().lower(): str(cell).strip() for name, cell in row.items() if cell is not None} for row in rows]
 
 
 def _mapped(number: int, row: Mapping[str, str]) -> MappedTag:

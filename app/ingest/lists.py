@@ -5,7 +5,6 @@ import io
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 from app.errors import DataError
 from app.ingest.opening import detect_encoding
@@ -53,12 +52,6 @@ def list_rows(text: str, what: str, code: str) -> Listed:
         return Listed([(number, row) for number, row in enumerate(_named(reader, names), 2) if row], delimiter)
     except csv.Error as error:
         raise DataError(code, f"{what} is not CSV: {error}") from error
-
-
-def named_cells(row: dict[Any, Any]) -> dict[str, str]:
-    """What has a name and is there, as text."""
-    told = {name: cell for name, cell in row.items() if name is not None and cell is not None}
-    return {str(name).strip().lower(): str(cell).strip() for name, cell in told.items()}
 
 
 def _in_lines(text: str) -> str:

@@ -1,5 +1,6 @@
 """What every service works with: the settings, the data base and the queue of one process."""
 
+import errno
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -14,6 +15,16 @@ from app.storage.row_texts import RowTexts
 
 DATABASE_AWAY = (OperationalError, InterfaceError, NoFreeConnection)
 """What every service raises where the data base does not answer or ends the statement."""
+
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
+DATABASE_FULL = ("disk is full", "No space left")
+
+
+def no_room(error: Exception) -> bool:
+    """Whether a disk is full: that of the exports, or that of the data base, which says so in its own words."""
+    if isinstance(error, OSError):
+        return error.errno in DISK_FULL
+    return isinstance(error, DATABASE_AWAY) and any(words in str(error) for words in DATABASE_FULL)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from app.services.wording import (
     VERDICT_RANK,
     VERDICT_WORDS,
     cause_words,
+    measured_probability,
 )
 
 
@@ -25,7 +26,7 @@ def _environment() -> Environment:
     folder = Path(__file__).parent / "templates"
     templates = Environment(loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined)
     templates.trim_blocks = templates.lstrip_blocks = True
-    templates.filters |= {"figure": figure, "cause_words": cause_words}
+    templates.filters |= {"figure": figure, "cause_words": cause_words, "measured_probability": measured_probability}
     templates.globals |= {
         "verdict_words": VERDICT_WORDS,
         "reliability_words": RELIABILITY_WORDS,

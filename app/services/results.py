@@ -88,11 +88,13 @@ class FailureView:
 
 @dataclass(frozen=True)
 class LoopsChanged:
-    """How many loops were set otherwise, how many were so already, and which could not be set."""
+    """How many loops were set otherwise, how many were so already, and which could not be set; ignored: columns of a
+    list that say nothing of a loop here."""
 
     changed: int
     unchanged: int
     refused: list[FailureView]
+    ignored: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,9 @@ VERDICT_RANK = ("stiction", "inconclusive", "not_auditable", "no_stiction")
 UNANSWERED = "stuck_valve_or_dead_transmitter"
 """The likely cause where PV never answers OP, as the engine calls it."""
 
+PRIOR_ONLY = "prior_only"
+"""The reason that the record tells no probability, as the engine calls it."""
+
 RELIABILITY_WORDS = {
     "reliable": "the evidence agrees; rely on it",
     "not_reliable": "the evidence does not suffice; look before you act",
@@ -78,6 +81,11 @@ def starter_words(started_by: str | None) -> str:
 
 def cause_words(code: str | None) -> str:
     return "not known" if code is None else CAUSE_WORDS.get(code, code.replace("_", " "))
+
+
+def measured_probability(row: Mapping[str, Any]) -> float | None:
+    """None where a row's probability is a prior, not a measurement."""
+    return None if PRIOR_ONLY in (row["reasons"] or "").split(";") else row["stiction_probability"]
 
 
 def worst_first(lines: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:

@@ -98,7 +98,7 @@ def withdraw(backend: Services, caller: Caller, tag: LoopTag, note_id: Identifie
 def settings(
     backend: Services,
     tag: LoopTag,
-    importance: Annotated[float, Form(ge=0, le=1000)],
+    importance: Annotated[float, Form(ge=0, le=loops.MOST_IMPORTANT)],
     unit: Annotated[str, Form(max_length=200)] = "",
     type: Annotated[str, Form(max_length=200)] = "",
     description: Annotated[str, Form(max_length=200)] = "",

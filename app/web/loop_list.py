@@ -9,7 +9,8 @@ from app.errors import RequestError
 from app.http.backend import Services
 from app.http.spooling import spooled
 from app.services.backend import Backend
-from app.services.plant.loop_list import COLUMNS, MOST_LOOPS, ListTaken, read, take
+from app.services.plant.loop_list import COLUMNS, MOST_LOOPS, read, take
+from app.services.results import LoopsChanged
 from app.web.rendering import page
 
 SHOWN = 200
@@ -35,6 +36,6 @@ async def taken(request: Request, backend: Services) -> HTMLResponse:
     return shown(backend, done, file.filename)
 
 
-def shown(backend: Backend, done: ListTaken | None = None, filename: str | None = None) -> HTMLResponse:
+def shown(backend: Backend, done: LoopsChanged | None = None, filename: str | None = None) -> HTMLResponse:
     told = {"done": done, "filename": filename, "shown": SHOWN}
     return page("loop_list.html", backend.clock, columns=COLUMNS, most=MOST_LOOPS, **told)

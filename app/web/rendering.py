@@ -19,6 +19,7 @@ from app.services.wording import (
     STATE_WORDS,
     VERDICT_WORDS,
     cause_words,
+    measured_probability,
     starter_words,
 )
 
@@ -66,6 +67,7 @@ def environment() -> Environment:
         "tag_in_url": tag_in_url,
         "first_reasons": first_reasons,
         "cause_words": cause_words,
+        "measured_probability": measured_probability,
         "starter_words": starter_words,
         "words": words,
         "shown": shown,

@@ -1,6 +1,5 @@
 """Reading an upload: from its bytes to loops and series, in bounded memory; done twice, it has the same effect."""
 
-import errno
 import json
 from collections import deque
 from collections.abc import Generator, Iterator
@@ -13,7 +12,7 @@ from typing import Any
 from app.errors import LoopauditError
 from app.ingest import Export, IngestOptions, LoopSamples, LoopTags, Rejects, TagMapping, read_export
 from app.ingest import warm_up as warm_up_ingest
-from app.services.backend import DATABASE_AWAY, Backend
+from app.services.backend import DATABASE_AWAY, Backend, no_room
 from app.services.heartbeat import Heartbeat
 from app.services.intake.uploads import path_of
 from app.services.patience import patiently
@@ -26,8 +25,6 @@ BATCH_LOOPS = 200
 BATCHES_AHEAD = 2  # read, but not yet written
 LISTED_LOOPS = 20_000
 BATCH_VALUES = 2_000_000
-DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
-DATABASE_FULL = ("disk is full", "No space left")
 
 
 @dataclass(frozen=True)
@@ -227,7 +224,7 @@ def _end(
 
 
 def _stumble(backend: Backend, claim: ReadingClaim, error: Exception) -> None:
-    if _no_room(error):
+    if no_room(error):
         with suppress(*DATABASE_AWAY), backend.database.write() as connection:  # whose disk may be the full one
             uploads.wait_for_room(connection, claim, backend.settings.stalled_s)
         return
@@ -239,10 +236,3 @@ def _stumble(backend: Backend, claim: ReadingClaim, error: Exception) -> None:
         return
     with backend.database.write() as connection:
         uploads.hand_back(connection, claim)
-
-
-def _no_room(error: Exception) -> bool:
-    """On the disk of the exports, or on that of the data base, which says so in its own words."""
-    if isinstance(error, OSError):
-        return error.errno in DISK_FULL
-    return isinstance(error, DATABASE_AWAY) and any(words in str(error) for words in DATABASE_FULL)

@@ -2,14 +2,14 @@
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from app.errors import DataError, RequestError
 from app.ingest import BEYOND, list_rows, list_text
 from app.services.backend import Backend
 from app.services.plant.loops import WORDS, change_loops, list_loops, refusal
-from app.services.results import FailureView
+from app.services.results import FailureView, LoopsChanged
 from app.services.spreadsheet import csv_lines, plain_cell
 from app.storage.loops import SETTABLE
 
@@ -27,16 +27,6 @@ BYTE_ORDER_MARK = "\ufeff"
 MOST_LOOPS = 20_000
 
 _LIST = ("the loop list", "bad_loop_list")
-
-
-@dataclass(frozen=True)
-class ListTaken:
-    """What became of a list: see `LoopsChanged`; ignored: columns that say nothing of a loop here."""
-
-    changed: int
-    unchanged: int
-    refused: list[FailureView]
-    ignored: list[str]
 
 
 @dataclass(frozen=True)
@@ -69,12 +59,12 @@ def _told(value: Any) -> Any:
     return ("no", "yes")[value] if isinstance(value, bool) else value
 
 
-def take(backend: Backend, sent: LoopList) -> ListTaken:
+def take(backend: Backend, sent: LoopList) -> LoopsChanged:
     """Sets what a list says. Raises DataError("bad_loop_list") where it has more than `MOST_LOOPS`."""
     if len(sent.wanted) > MOST_LOOPS:
         raise DataError("bad_loop_list", f"the list has {len(sent.wanted)} loops; at most {MOST_LOOPS} go at once")
     done = change_loops(backend, sent.wanted)
-    return ListTaken(done.changed, done.unchanged, [*sent.refused, *done.refused], sent.ignored)
+    return replace(done, refused=[*sent.refused, *done.refused], ignored=sent.ignored)
 
 
 def read(data: bytes) -> LoopList:

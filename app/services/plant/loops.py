@@ -17,7 +17,7 @@ from app.storage.types import storable
 
 KNOWN_TYPES = ("flow", "pressure", "level", "temperature", "composition", "speed", "position", "other")
 WORDS = ("unit", "type", "description", "pv_unit")
-LONGEST_WORDS, MOST_IMPORTANT = 200, 1000.0
+LONGEST_WORDS, MOST_IMPORTANT = 200, 1000
 SPANS = (("pv_low", "pv_high"), ("op_low", "op_high"))
 
 
