@@ -34,7 +34,7 @@ from app.engine.shape_model import ShapeModel, fitted_model
 from app.engine.timekeeping import timekeeping
 from app.engine.unanswered import CAUSE as STUCK_OR_DEAD
 from app.engine.verdict_config import VerdictConfig
-from app.engine.verdict_wording import spoken
+from app.engine.verdict_wording import is_spoken, sentence
 
 _REASONS_GIVEN = 3
 _PHASE_SINE = NAMES.index("phase_sine")
@@ -412,10 +412,9 @@ def _shape_reasons(weighing: Weighing, verdict: Verdict) -> tuple[Reason, ...]:
     """The features that speak loudest for the verdict."""
     side = -1.0 if verdict == "no_stiction" else 1.0
     order = np.argsort(-side * weighing.contributions)
-    loudest = [k for k in order if side * weighing.contributions[k] > 0.0 and NAMES[k] in spoken(side > 0)]
-    words = spoken(side > 0)
+    loudest = [k for k in order if side * weighing.contributions[k] > 0.0 and is_spoken(NAMES[k], side > 0)]
     return tuple(
-        Reason(f"shape_{NAMES[k]}", words[NAMES[k]].format(value=weighing.features.values[k]))
+        Reason(f"shape_{NAMES[k]}", sentence(NAMES[k], side > 0, weighing.features.values[k]))
         for k in loudest[:_REASONS_GIVEN]
     )
 

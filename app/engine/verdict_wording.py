@@ -1,52 +1,55 @@
 """What a feature says for or against stiction, in an engineer's words."""
 
+import re
+
+_FIGURE = re.compile(r"\{[^}]*\}")
 _FOR = {
-    "sticking": "PV stands while OP moves, and then follows it, for {value:.0%} of the time",
+    "sticking": "PV stands while OP moves, and then follows it, for {percent:.0f} % of the time",
     "ccf_odd": "OP and PV run in quadrature (odd part of their cross-correlation {value:.2f})",
     "op_dpv": "OP goes with the slope of PV, not with PV (correlation {value:.2f})",
     "loop_area": "PV over OP encloses a wide loop ({value:.2f} of a full ellipse)",
     "op_pv_direction": "PV turns where OP crosses its middle ({value:.2f})",
     "pv_direction": "PV is high on one leg of OP and low on the other ({value:.2f})",
     "coherence_odd": "at the period of the oscillation PV lags OP by about a quarter ({value:.2f})",
-    "leg_still": "PV stands still over {value:.0%} of a typical leg of OP",
+    "leg_still": "PV stands still over {percent:.0f} % of a typical leg of OP",
     "leg_contrast": "PV differs between rising and falling legs of OP by {value:.1f} standard deviations",
-    "flat_eighth": "{value:.0%} of the travel of OP finds PV standing still",
-    "flat_quarter": "{value:.0%} of the travel of OP finds PV standing still for a quarter of a swing",
+    "flat_eighth": "{percent:.0f} % of the travel of OP finds PV standing still",
+    "flat_quarter": "{percent:.0f} % of the travel of OP finds PV standing still for a quarter of a swing",
     "gain": "a sticky valve explains PV better than a linear one in free run (log misfit ratio {value:.2f})",
     "causal_gain": "a sticky valve closes the loop better than a linear one in free run ({value:.2f})",
-    "causal_sticky": "a sticky valve explains {value:.0%} of PV in free run",
-    "held_sticky": "a sticky valve explains {value:.0%} of PV on halves that were not fitted",
+    "causal_sticky": "a sticky valve explains {percent:.0f} % of PV in free run",
+    "held_sticky": "a sticky valve explains {percent:.0f} % of PV on halves that were not fitted",
     "op_kurtosis": "OP has the spread of a triangle or sine, not of noise",
-    "op_fundamental": "{value:.0%} of the power of OP is in one oscillation",
+    "op_fundamental": "{percent:.0f} % of the power of OP is in one oscillation",
     "op_fast": "OP is smooth",
     "op_roughness": "OP is smooth",
     "op_triangle": "OP runs in triangles",
     "pv_bicoherence": "PV has phase-coupled harmonics, as a nonlinear element makes them ({value:.2f})",
     "oscillation_strength": "the oscillation is strong ({value:.2f})",
     "oscillation_regularity": "the oscillation is regular",
-    "S_share": "the best stiction band is {value:.0%} of the travel of OP in a cycle",
+    "S_share": "of the few bands tried {percent:.0f} % of OP's swing explains PV best, which is not the size",
     "integral_share": "the controller mostly integrates, as it does against a stuck valve",
     "together_quarter": "PV moves where OP does not, and stands where OP travels",
     "together_eighth": "PV moves where OP does not, and stands where OP travels",
 }
 _AGAINST = {
-    "sticking": "PV hardly ever stands while OP moves and then follows it ({value:.0%} of the time)",
+    "sticking": "PV hardly ever stands while OP moves and then follows it ({percent:.0f} % of the time)",
     "ccf_odd": "OP and PV run in line, not in quadrature (odd part of their cross-correlation {value:.2f})",
     "op_dpv": "OP does not go with the slope of PV (correlation {value:.2f})",
     "loop_area": "PV over OP encloses hardly a loop ({value:.2f} of a full ellipse)",
     "op_pv_direction": "the direction of PV does not depend on where OP is ({value:.2f})",
     "pv_direction": "PV does not depend on the direction of OP ({value:.2f})",
     "coherence_odd": "at the period of the oscillation OP and PV are in line ({value:.2f})",
-    "leg_still": "PV moves along a typical leg of OP (still over {value:.0%})",
+    "leg_still": "PV moves along a typical leg of OP (still over {percent:.0f} %)",
     "leg_contrast": "PV is the same on rising and falling legs of OP",
-    "flat_eighth": "PV hardly ever stands still while OP travels ({value:.0%})",
-    "flat_quarter": "PV hardly ever stands still for a quarter of a swing while OP travels ({value:.0%})",
+    "flat_eighth": "PV hardly ever stands still while OP travels ({percent:.0f} %)",
+    "flat_quarter": "PV hardly ever stands still for a quarter of a swing while OP travels ({percent:.0f} %)",
     "gain": "a sticky valve explains PV no better than a linear one in free run (log misfit ratio {value:.2f})",
     "causal_gain": "a sticky valve closes the loop no better than a linear one in free run ({value:.2f})",
-    "causal_sticky": "even with a sticky valve only {value:.0%} of PV follows from OP",
+    "causal_sticky": "even with a sticky valve only {percent:.0f} % of PV follows from OP",
     "held_sticky": "the sticky valve does not hold on halves that were not fitted",
     "op_kurtosis": "OP is spread like noise",
-    "op_fundamental": "only {value:.0%} of the power of OP is in one oscillation",
+    "op_fundamental": "only {percent:.0f} % of the power of OP is in one oscillation",
     "op_fast": "OP is full of fast movement",
     "op_slow": "OP mostly wanders slowly",
     "op_roughness": "OP is rough",
@@ -57,14 +60,24 @@ _AGAINST = {
     "oscillation_strength": "there is hardly an oscillation ({value:.2f})",
     "oscillation_regularity": "the oscillation is irregular",
     "pv_quantum": "PV steps by its resolution, {value:.2g} of its standard deviation",
-    "op_at_limit": "OP stands at an extreme for {value:.0%} of the time",
-    "pv_moves_at_limit": "PV moves while OP stands at an extreme ({value:.0%} of its movement)",
+    "op_at_limit": "OP stands at an extreme for {percent:.0f} % of the time",
+    "pv_moves_at_limit": "PV moves while OP stands at an extreme ({percent:.0f} % of its movement)",
     "integral_share": "the controller mostly follows PV in proportion",
     "together_quarter": "PV moves when OP moves",
     "together_eighth": "PV moves when OP moves",
 }
 
 
-def spoken(speaks_for: bool) -> dict[str, str]:
-    """Feature name to sentence, for the features that have one on that side."""
-    return _FOR if speaks_for else _AGAINST
+def is_spoken(name: str, speaks_for: bool) -> bool:
+    """Whether a feature has a sentence on that side."""
+    return name in (_FOR if speaks_for else _AGAINST)
+
+
+def sentence(name: str, speaks_for: bool, value: float) -> str:
+    """What a feature of this value says; KeyError where it has no sentence on that side."""
+    return (_FOR if speaks_for else _AGAINST)[name].format(value=value, percent=100.0 * value)
+
+
+def sentence_without_value(name: str, speaks_for: bool) -> str:
+    """The same for any value: x stands in its place."""
+    return _FIGURE.sub("x", (_FOR if speaks_for else _AGAINST)[name])

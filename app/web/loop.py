@@ -12,14 +12,14 @@ from app.http.backend import Caller, Identifier, Services
 from app.http.paths import LoopTag
 from app.services.addresses import tag_in_url
 from app.services.auditing.audits import LoopFilter, start_audit
-from app.services.auditing.rival_wording import why_first
+from app.services.auditing.rival_wording import why_first, worth_a_look
 from app.services.auditing.size_wording import size_in_words
 from app.services.moments import PlantClock
 from app.services.next_steps import next_step
 from app.services.plant import glossary, loops, notes
 from app.services.plant.arrivals import age_of
 from app.services.plant.charts import charts as charts_of
-from app.services.plant.groups import groups_of
+from app.services.plant.groups import groups_of, unnamed
 from app.services.plant.nights import nights as nights_of
 from app.web.explanation import newest_in_words
 from app.web.rendering import page
@@ -57,11 +57,13 @@ def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
         detail=detail,
         next_step=next_step(row, codes, None if repair is None else repair.repaired_at),
         size=size_in_words(row, detail),
+        rivals=worth_a_look(detail.get("rivals", ())),
         why_first=why_first(detail.get("rivals", ()), row["rival_winner"]),
         figures=[told for told in glossary.figures(row, found.pv_unit) if told[1] is not None],
         last_nights=nights_of(backend, [tag]).get(tag, ()),
         history=loops.verdict_history(backend, tag, limit=HISTORY_NIGHTS).rows,
         groups=groups_of(backend, tag),
+        unnamed=unnamed,
         repair=repair,
         compared=notes.COMPARED,
         **told,

@@ -113,7 +113,9 @@ def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLRespons
 @router.get("/groups")
 def groups(backend: Services) -> HTMLResponse:
     found = grouped.soon(backend)
-    return page("groups.html", backend.clock, unnamed=grouped.unnamed, groups=found or (), known=found is not None)
+    shaken, by_chance = grouped.told_apart(found or ())
+    told = {"groups": shaken, "by_chance": by_chance, "known": found is not None}
+    return page("groups.html", backend.clock, in_step_from=grouped.IN_STEP_FROM, **told)
 
 
 @router.get("/glossary")

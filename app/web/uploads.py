@@ -1,4 +1,5 @@
-"""Exports of the historian: dropped into the page, what was understood, what was refused, and tags mapped by hand."""
+"""Exports of the historian: dropped into the page, what was understood, what was refused, tags mapped by hand,
+and the audit of what came."""
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -13,6 +14,7 @@ from starlette.responses import RedirectResponse
 from app.http.backend import Caller, Identifier, Services
 from app.http.receiving import LARGEST_MAPPING, MULTIPART, is_empty, mapping_of, store
 from app.http.spooling import FORM_OVERHEAD_BYTES, spooled
+from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.intake import uploads as service
 from app.web.rendering import page
 
@@ -48,6 +50,13 @@ async def read_again(request: Request, backend: Services, caller: Caller, upload
         mapping = await mapping_of(given)
         receipt = await run_in_threadpool(service.read_again, backend, upload_id, mapping, caller.who)
     return RedirectResponse(f"/uploads/{receipt.upload.id}", 303)
+
+
+@router.post("/uploads/{upload_id}/audit")
+def audit_its_loops(backend: Services, caller: Caller, upload_id: Identifier) -> RedirectResponse:
+    wanted = LoopFilter(tags=tuple(service.get_upload(backend, upload_id).loops))
+    run = start_audit(backend, wanted, trigger="request", started_by=caller.who)
+    return RedirectResponse(f"/runs/{run.id}", 303)
 
 
 @asynccontextmanager

@@ -163,11 +163,23 @@ def test_a_page_that_is_opened_on_a_narrow_screen_fits_it(narrow: Page, path: st
     assert width(narrow) <= NARROW["width"]
 
 
+@pytest.mark.parametrize("path", ["/table", "/"])
+def test_a_loop_and_why_it_is_accused_stand_on_a_narrow_screen_whole(narrow: Page, path: str):
+    settled(narrow, path)
+    row = narrow.locator(".narrowing tbody tr").first
+    for part in ("td.tag", "td.why", ".badge"):
+        place = row.locator(part).first.bounding_box()
+        assert place["x"] >= 0
+        assert place["x"] + place["width"] <= NARROW["width"]
+    label = row.locator("[data-label='Health']").evaluate("cell => getComputedStyle(cell, '::before').content")
+    assert label.strip('" ') == "Health"
+
+
 def test_a_table_scrolls_within_itself_beside_its_tags(narrow: Page):
-    settled(narrow, "/table")
-    narrow.locator(".wide:has(#loops)").evaluate("part => part.scrollTo(400, 0)")
-    assert narrow.locator(".wide:has(#loops)").evaluate("part => part.scrollLeft") > 0
-    tag = narrow.locator("#loops td.tag").first.bounding_box()
+    settled(narrow, "/uploads/1")
+    narrow.locator("#mapping .wide").evaluate("part => part.scrollTo(400, 0)")
+    assert narrow.locator("#mapping .wide").evaluate("part => part.scrollLeft") > 0
+    tag = narrow.locator("#mapping td.tag").first.bounding_box()
     assert tag["x"] >= 0
     assert tag["x"] + tag["width"] <= NARROW["width"]
     assert width(narrow) <= NARROW["width"]

@@ -6,10 +6,11 @@ from html.parser import HTMLParser
 import pytest
 
 from app.services.addresses import tag_in_url
+from app.services.auditing.audits import cancel_audit, list_audits
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.nightly import nightly
 from app.services.intake.reading import read_upload
-from app.services.intake.uploads import list_uploads
+from app.services.intake.uploads import list_uploads, receive
 from app.services.next_steps import next_step
 from app.services.plant import groups, loops
 from app.services.plant.groups import plant_groups
@@ -18,6 +19,7 @@ from app.services.results import GroupView
 from app.web import loop as loop_page
 from app.web import pages
 from app.web.columns import COLUMNS, OF_PAGES
+from tests.web.conftest import wide
 
 HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
 HOSTILE_PAGE = f"/loops/{tag_in_url(HOSTILE)}"
@@ -258,6 +260,29 @@ def test_audit_again_starts_a_run_of_this_loop(client, web_backend):
     assert HOSTILE in found.texts  # among the slowest loops
 
 
+def test_the_loops_of_an_upload_are_audited_from_its_page(client, web_backend):
+    found = seen(client, "/uploads/1")
+    assert "Audit these 3 loops now" in found.texts
+    answer = client.post("/uploads/1/audit")
+    assert answer.status_code == 303
+    run = list_audits(web_backend).rows[0]
+    assert answer.headers["location"] == f"/runs/{run.id}"
+    assert run.total == 3
+    cancel_audit(web_backend, run.id)
+
+
+def test_a_loop_that_was_never_audited_says_what_brings_its_verdict(client, web_backend):
+    head, *rows = wide("NEW1").decode().splitlines()
+    with receive(web_backend, filename="new.csv") as receiving:
+        receiving.write("\n".join([head, *rows]).encode())
+        receipt = receiving.commit()
+    read_upload(web_backend, int(receipt.upload.id), "test")
+    found = seen(client, "/loops/NEW1")
+    assert "This loop has not been audited yet: the next audit of the plant brings its verdict." in found.texts
+    assert "Audit now" in found.texts
+    assert "Audit this loop now" in seen(client, f"/uploads/{receipt.upload.id}").texts
+
+
 def test_what_a_loop_is_can_be_set(client):
     told = {"importance": "3", "unit": "<u>U1</u>", "op_low": "0", "op_high": "100,5", "type": "flow"}
     assert client.post("/loops/FIC101/settings", data=told).status_code == 303
@@ -313,9 +338,32 @@ def test_no_source_is_named_of_loops_that_may_share_a_period_by_chance(client, w
     crowded = GroupView("1", 300.0, True, True, 0.84, None, plant_groups(web_backend)[0].members)
     monkeypatch.setattr(groups, "plant_groups", lambda backend: (crowded,))
     told = " ".join(seen(client, "/groups").texts)
-    assert "by chance (probability 0.84): no source is named" in told
+    assert "No loops were found of which one is likely to shake the others." in told
+    assert "1 group that shares its period likely by chance" in told
+    assert "Probability of chance 0.84." in told
     assert "Likeliest source:" not in told
     assert "No member probably sticks" not in told
+
+
+def test_a_group_that_something_shakes_stands_before_those_of_chance(client, web_backend, monkeypatch):
+    members = plant_groups(web_backend)[0].members
+    shaken = GroupView("1", 300.0, True, False, 0.001, "LIC7", members)
+    crowded = GroupView("2", 500.0, False, True, 0.9, None, members)
+    monkeypatch.setattr(groups, "plant_groups", lambda backend: (shaken, crowded))
+    html = client.get("/groups").text
+    before, by_chance = html.split('<details id="by-chance">')
+    assert 'id="group-1"' in before
+    assert 'id="group-2"' in by_chance
+    assert "they do not move in step: that would take 0.70" in by_chance
+    assert "they do not move in step" not in before
+
+
+def test_a_loop_that_shares_its_period_by_chance_is_not_said_to_swing_with_others(client, web_backend, monkeypatch):
+    crowded = GroupView("1", 300.0, True, True, 0.84, None, plant_groups(web_backend)[0].members)
+    monkeypatch.setattr(loop_page, "groups_of", lambda backend, tag: [crowded])
+    told = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
+    assert "Its period is shared by 2 other loops , likely by chance." in told
+    assert "oscillates together" not in told
 
 
 @pytest.mark.parametrize(
@@ -376,6 +424,23 @@ def test_a_winner_with_the_lower_score_is_explained(client, monkeypatch):
     monkeypatch.setattr(loops, "loop_health", lambda b, t: health(b, t) | {"rival_winner": "saturated_op"})
     assert "wins although “shaken from outside” scored higher" in client.get("/loops/FIC101").text
     assert "wins although" in client.get("/v1/loops/FIC101/report").text
+
+
+def test_explanations_that_nothing_speaks_for_are_folded_away(client, monkeypatch):
+    detail = loops.verdict_detail
+    rivals = [
+        {"code": "stiction", "score": 0.05, "applies": True, "text": "first in any case"},
+        {"code": "saturated_op", "score": 0.1, "applies": True, "text": "seen a little"},
+        {"code": "backlash", "score": 0.09, "applies": True, "text": "hardly seen"},
+        {"code": "disturbance", "score": 0.9, "applies": False, "text": "not looked at"},
+    ]
+    monkeypatch.setattr(loops, "verdict_detail", lambda backend, tag: detail(backend, tag) | {"rivals": rivals})
+    html = client.get("/loops/FIC101").text
+    table, folded = html[html.index('id="rivals-head"') :].split("<summary>2 more that nothing speaks for", 1)
+    assert "first in any case" in table
+    assert "seen a little" in table
+    assert "hardly seen" in folded
+    assert "not looked at" in folded
 
 
 def test_a_set_point_from_before_the_record_is_said_to_be_held(client, monkeypatch):

@@ -54,7 +54,7 @@ class Case:
         if o.cycles < FEWEST_CYCLES:
             return f"{o.cycles:.2g} cycles in the record, needed {FEWEST_CYCLES:g}"
         if self.sp_share > _SP_SHARE:
-            return f"the set point moves with the oscillation, {self.sp_share:.0%} as much as PV"
+            return f"the set point moves with the oscillation, {100 * self.sp_share:.0f} % as much as PV"
         return "" if self.windows else "PV or OP does not vary"
 
     @cached_property

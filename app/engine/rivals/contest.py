@@ -38,8 +38,8 @@ def _stiction(probability: float, features: Features) -> Rival:
     held, linear = features.named("held_sticky"), features.named("held_linear")
     sticky_pct, linear_pct = 100 * max(held, 0.0), 100 * max(linear, 0.0)
     text = (
-        f"probability {probability:.2f}; in free run a sticky valve explains {sticky_pct:.0f} % of PV on unseen "
-        f"cycles, a linear one {linear_pct:.0f} %"
+        f"probability {probability:.2f}; fitted on one half of each window and run freely on the other a sticky valve "
+        f"explains {sticky_pct:.0f} % of PV, a linear one {linear_pct:.0f} %"
     )
     if probability > _STANDS and sticky_pct <= linear_pct:
         text += ": it is the shapes of PV and OP that speak for it, not this fit"

@@ -50,8 +50,8 @@ def load_disturbance(scene: Scene) -> Rival:
     follows = scene.features.named("causal_sticky")
     unexplained = rising(follows, 2 * UNEXPLAINED - 0.1, 0.1)
     text = (
-        f"OP is in line with PV by {_in_line(scene):.2f}, as a controller passes a disturbance on, and even a sticky "
-        f"valve explains {100 * follows:.0f} % of PV from OP"
+        f"OP is in line with PV by {_in_line(scene):.2f}, as a controller passes a disturbance on, and even where it "
+        f"was fitted a sticky valve explains {100 * follows:.0f} % of PV from OP"
     )
     return Rival("disturbance", max(_in_line(scene), unexplained), text, statistic=follows, threshold=UNEXPLAINED)
 

@@ -1,9 +1,7 @@
 """What the codes of a verdict's reasons mean: the reason itself says what was measured."""
 
-import re
-
 from app.engine.features import NAMES
-from app.engine.verdict_wording import spoken
+from app.engine.verdict_wording import is_spoken, sentence_without_value
 
 # Codes of the checks before an audit. The first part refuses a recording; the others only make it doubtful.
 _DATA = {
@@ -91,18 +89,14 @@ _SIZE = {
     "size_as_sampled": "A historian rebuilt PV or OP, so that the size cannot be told.",
     "size_width": "The interval of the size is too wide for it to be told.",
 }
-_VALUE = re.compile(r"\{value[^}%]*(%?)\}")
 
 
 def _shape(name: str) -> str:
     """What a shape says for and against stiction, without the value that it had."""
-    sides = (("for", spoken(True).get(name)), ("against", spoken(False).get(name)))
-    told = [f"{side} stiction: {_VALUE.sub(_placeholder, text)}" for side, text in sides if text]
-    return "; ".join(told)
-
-
-def _placeholder(found: re.Match[str]) -> str:
-    return "x %" if found[1] else "x"
+    sides = (("for", True), ("against", False))
+    return "; ".join(
+        f"{side} stiction: {sentence_without_value(name, on)}" for side, on in sides if is_spoken(name, on)
+    )
 
 
 _SHAPES = {f"shape_{name}": _shape(name) for name in NAMES if _shape(name)}

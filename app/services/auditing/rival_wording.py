@@ -1,4 +1,4 @@
-"""Why an explanation comes first although another one has the higher score, in words."""
+"""Explanations for people: which of them are worth a look, and why one comes first although another scored higher."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -15,8 +15,20 @@ NEAREST = (
     "because it can bring about what the farther ones show and not the other way round."
 )
 
+LEAST_SCORE = 0.1
+"""Below it nothing was seen that an engineer would weigh."""
 
-def why_first(rivals: Sequence[Mapping[str, Any]], winner: str | None) -> str | None:
+Told = Mapping[str, Any]
+
+
+def worth_a_look(rivals: Sequence[Told]) -> tuple[list[Told], list[Told]]:
+    """The explanations that anything speaks for, the first one in any case, and the others."""
+    seen = [k == 0 or (rival["applies"] and rival["score"] >= LEAST_SCORE) for k, rival in enumerate(rivals)]
+    apart = list(zip(rivals, seen, strict=True))
+    return [rival for rival, kept in apart if kept], [rival for rival, kept in apart if not kept]
+
+
+def why_first(rivals: Sequence[Told], winner: str | None) -> str | None:
     """None where nothing needs to be said. `rivals`: the explanations as a verdict's detail has them, ranked."""
     first = next((rival for rival in rivals if rival["code"] == winner), None)
     if first is None:

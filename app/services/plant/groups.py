@@ -1,9 +1,10 @@
 """Loops that oscillate together: found among what the newest verdicts kept of their oscillations."""
 
 import threading
+from collections.abc import Sequence
 from typing import Any
 
-from app.engine.plant_wide import UNNAMED, Group, groups
+from app.engine.plant_wide import IN_STEP, UNNAMED, Group, groups
 from app.services.auditing.swings import candidates
 from app.services.backend import Backend
 from app.services.moments import iso_utc, moment_of
@@ -13,6 +14,7 @@ from app.storage import verdicts
 # Found once for a state of the verdicts: who asks again, for a page or a dashboard, gets the same answer at once.
 _found: dict[tuple[Any, ...], tuple[GroupView, ...]] = {}
 _finding = threading.Lock()
+IN_STEP_FROM = IN_STEP
 KEPT = 8
 PATIENCE_S = 0.1
 
@@ -47,6 +49,11 @@ def soon(backend: Backend, wait_s: float = PATIENCE_S) -> tuple[GroupView, ...] 
 def groups_of(backend: Backend, tag: str) -> list[GroupView]:
     """Those that the loop belongs to, as far as they are known by now."""
     return [group for group in soon(backend) or () if any(member.loop == tag for member in group.members)]
+
+
+def told_apart(groups: Sequence[GroupView]) -> tuple[list[GroupView], list[GroupView]]:
+    """Groups that something may shake together, and those that may well share their period by chance."""
+    return [group for group in groups if not unnamed(group)], [group for group in groups if unnamed(group)]
 
 
 def unnamed(group: GroupView) -> bool:

@@ -26,7 +26,7 @@ function drawRmse({ rmse_d: curve, rmse_sj: surface }) {
   // One hopeless pair of S and J would make all others one colour: the worst tenth has the colour of its best.
   const ranked = surface ? surface.rmse.filter(Number.isFinite).sort((one, other) => one - other) : [];
   draw("rmse-sj", surface && [
-    { x: surface.S, y: surface.J, mode: "markers", name: "RMSE", text: surface.rmse.map((v) => `RMSE ${v}`), marker: { size: 12, symbol: "square", color: surface.rmse, cmin: ranked[0], cmax: ranked[Math.floor(0.9 * (ranked.length - 1))], colorscale: "Viridis", showscale: true, colorbar: { title: { text: "RMSE" } } } },
+    { x: surface.S, y: surface.J, mode: "markers", name: "RMSE", text: surface.rmse.map((v) => `RMSE ${v}`), marker: { size: 12, symbol: "square", color: surface.rmse, cmin: ranked[0], cmax: ranked[Math.floor(0.9 * (ranked.length - 1))], colorscale: "Viridis", showscale: true, colorbar: { title: { text: "RMSE", side: "right" } } } },
     { x: [surface.S[surface.best]], y: [surface.J[surface.best]], name: "chosen", mode: "markers", marker: { size: 16, symbol: "circle-open", color: paint("--op"), line: { width: 3 } } },
   ], { height: 320, showlegend: false, xaxis: axis("S, units of OP"), yaxis: axis("J, units of OP") }, notIdentified);
 }
