@@ -169,7 +169,7 @@ def as_text(line: dict[str, Any]) -> str:
     known = [(k, fit["rmse_" + k]) for k in ("given", "refitted", "explained")]
     said.append("held-out RMSE  " + ", ".join(f"{k} {rmse}" for k, rmse in known if rmse is not None))
     tests = [(k, residuals_in_words(fit, k)) for k, _ in known if (fit["residuals"] or {}).get(k)]
-    said += [f"  {k} leaves: white {white}; owes nothing to OP {free}" for k, (white, free) in tests]
+    said += [f"  {k} leaves: noise alone {white}; unrelated to OP {free}" for k, (white, free) in tests]
     if line["validation"] is not None:
         said.append("validation     " + ", ".join(f"{k[5:]} {v}" for k, v in line["validation"].items()))
     if line["closed_loop"] is not None:
@@ -205,10 +205,11 @@ def located_in_words(line: dict[str, Any]) -> str:
 
 
 def effect_in_words(effect: dict[str, Any]) -> list[str]:
+    from app.services.explaining.wording import parameters_in_words
+
     other = f" (or {', '.join(effect['alternatives'])})" if effect["alternatives"] else ""
     said = [f"  {effect['effect']}{other}, probability {effect['probability']}, {effect['condition']}"]
-    for name, p in effect["parameters"].items():
-        said.append(f"    {name} = {p['value']} {p['unit']}  [{p['low']}, {p['high']}]")
+    said += [f"    {words}" for words in parameters_in_words(effect["parameters"])]
     shown = ", ".join(f"{a}-{b} s" for a, b in effect["windows"][:6])
     said.append(f"    windows: {shown}{' ...' if len(effect['windows']) > 6 else ''}")
     return said + [f"    {reason['text']}" for reason in effect["evidence"]]

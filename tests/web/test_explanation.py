@@ -84,7 +84,7 @@ def test_what_comes_from_the_plant_is_escaped() -> None:
 
 def test_tests_of_the_residuals_and_the_loop_closed_again_are_shown() -> None:
     html = re.sub(r"\s+", " ", part(DONE))
-    assert "What is left is white" in html
+    assert "What is left is noise alone" in html
     assert "no (p &lt; 0.001)" in html
     assert 'simulation as given</td><td class="number">none</td>' in html
     assert "Loop closed again" not in part(DONE | {"loops": []})
@@ -109,6 +109,13 @@ def test_words_for_effects_parameters_and_windows() -> None:
         "start": {"value": 20, "low": 20, "high": 20, "unit": "s"},
     }
     assert parameters_in_words(told) == ["S = 4.1 OP (3.9 to 4.3)", "start = 20 s (no interval)"]
+
+
+def test_a_size_whose_interval_holds_zero_says_so_but_not_a_part_of_a_wave() -> None:
+    change = {"value": 0.5, "unit": "share of gain", "low": -0.4, "high": 1.4}
+    cosine = {"value": -0.1, "unit": "PV", "low": -0.2, "high": 0.03}
+    said = parameters_in_words({"change": change, "cosine": cosine})
+    assert said == ["change = 0.5 share of gain (-0.4 to 1.4; it may be zero)", "cosine = -0.1 PV (-0.2 to 0.03)"]
     assert windows_in_words([[0, 10], [20, 30]]) == "0–10 s, 20–30 s"
     assert windows_in_words([[k, k + 1] for k in range(6)]).endswith("3–4 s and 2 more")
 

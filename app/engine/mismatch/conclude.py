@@ -62,8 +62,8 @@ def op_moves_nothing(final: Fit) -> tuple[Reason, ...]:
         return ()
     names = ", ".join(part.block.code for part in final.parts)
     text = (
-        f"{names} would explain PV, but OP then explains {told:.1f} nat of it, at least {LEAST_ANSWER:.0f} are needed, "
-        "and no controller's law explains OP: are they of one loop?"
+        f"{names} would explain PV, but OP then adds {told:.1f} points of log-likelihood, at least {LEAST_ANSWER:.0f} "
+        "are needed, and no controller's law explains OP: are they of one loop?"
     )
     return (Reason("op_moves_nothing", text),)
 
@@ -75,8 +75,9 @@ def stands_still(final: Fit) -> tuple[Reason, ...]:
         return ()
     names = ", ".join(part.block.code for part in final.parts)
     text = (
-        f"PV does not answer OP: with {names} OP explains {told:.1f} nat of it more than noise alone does, at least "
-        f"{LEAST_ANSWER:.0f} are needed; a valve that does not move, one that is shut off, or a PV of another loop?"
+        f"PV does not answer OP: with {names} OP adds {told:.1f} points of log-likelihood to what noise alone tells, "
+        f"at least {LEAST_ANSWER:.0f} are needed; a valve that does not move, one that is shut off, or a PV of another "
+        "loop?"
     )
     return (Reason("op_moves_nothing", text),)
 
@@ -115,7 +116,7 @@ def held_out_worse(
             f"there, and {errors.refitted:.4g} without"
         )
     elif gain > 0.0:
-        why = f"beside its noise the model predicts that stretch better, by {gain:.1f} nat"
+        why = f"beside its noise the model predicts that stretch better, by {gain:.1f} points of log-likelihood"
     else:
         why = "that is no more than noise makes of it"
     text = (
@@ -140,7 +141,10 @@ def too_little_told(base: Fit) -> tuple[Reason, ...]:
         return (Reason("too_few_data", text),)
     told = answer_to_op(base)
     if told < LEAST_ANSWER:
-        text = f"OP explains {told:.1f} nat of PV, at least {LEAST_ANSWER:.0f} are needed to judge a simulation by"
+        text = (
+            f"OP adds {told:.1f} points of log-likelihood to PV's own noise, at least {LEAST_ANSWER:.0f} are needed to "
+            "judge a simulation by"
+        )
         return (Reason("too_little_excitation", text),)
     return ()
 

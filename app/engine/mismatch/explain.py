@@ -248,7 +248,8 @@ def evidence_of(prepared: Prepared, selection: Selection) -> tuple[Reason, ...]:
         said.append(
             Reason(
                 "no_effect_pays",
-                f"the best effect, {best.block.code}, gains {best.gain:.1f} nat, {best.block.penalty:.1f} are asked",
+                f"the best effect, {best.block.code}, adds {best.gain:.1f} points of log-likelihood, where "
+                f"{best.block.penalty:.1f} are asked",
             )
         )
     return tuple(said)

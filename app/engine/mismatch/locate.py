@@ -20,12 +20,15 @@ def quick_location(base: Fit, blocks: tuple[Block, ...]) -> Location:
     told = [scanned for scanned in paying if scanned.block.code != UNNAMED] or paying
     best = max(told, key=lambda scanned: scanned.gain - scanned.block.penalty)
     if best.block.code == CODE:
-        text = f"other parameters of the simulation gain {best.gain:.1f} nat in a scan, more than any effect"
+        text = (
+            f"other parameters of the simulation gain {best.gain:.1f} points of log-likelihood in a scan, more than "
+            "any effect"
+        )
         return Location(None, (), "nowhere", None, (Reason("parameters_off", text),))
     part = Part(best.block, best.starts[0].values)
     windows = whole(base.record)
     if best.block.active is not None and best.block.stage != "process":
         mask = best.block.active(base.record.op_deviation, part.values, Context(base.record, base.plant))
         windows = windows_of(mask, base.record.sampling_interval_s)
-    reason = Reason("scan", f"a scan gains {best.gain:.1f} nat with {best.block.code}")
+    reason = Reason("scan", f"a scan gains {best.gain:.1f} points of log-likelihood with {best.block.code}")
     return Location(best.block.place, windows, best.block.condition, None, (reason,))

@@ -69,11 +69,11 @@ def evidence_of(effect: Believed, final: Fit) -> tuple[Reason, ...]:
     said = [
         Reason(
             "likelihood",
-            f"explains {effect.gain:.1f} nat more than without it, {effect.rival.block.penalty:.1f} are asked",
+            f"adds {effect.gain:.1f} points of log-likelihood, where {effect.rival.block.penalty:.1f} are asked",
         )
     ]
     if np.isfinite(effect.margin):
-        said.append(Reason("margin", f"the next name is {effect.margin:.1f} nat behind"))
+        said.append(Reason("margin", f"the next name is {effect.margin:.1f} points behind"))
     rmse = float(np.sqrt(np.mean(final.residual[final.record.usable] ** 2)))
     said.append(
         Reason("residual", f"the free run leaves {rmse:.4g} (root mean square, unit of PV) over the whole record")

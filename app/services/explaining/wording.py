@@ -91,6 +91,8 @@ EVIDENCE_WORDS = {
     "times_repeated": "samples whose time was there before are left out",
 }
 SHOWN_WINDOWS = 4
+WAVE_PARTS = ("sine", "cosine")
+"""How the numbers of a wave begin, of which any may be zero."""
 SIZED_ELSEWHERE = ("valve.stiction", "valve.deadband")
 NO_SIZE = "of the model that reproduces PV; how large stiction is of a whole limit cycle, the audit states"
 
@@ -106,10 +108,16 @@ def number(value: float | None) -> str:
 def parameters_in_words(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """ "S = 4.1 OP (3.9 to 4.3)": value, unit and 95 % interval, where the fit has one."""
     return [
-        f"{name} = {number(p['value'])} {p['unit']}"
-        + (" (no interval)" if p["low"] == p["high"] else f" ({number(p['low'])} to {number(p['high'])})")
-        for name, p in parameters.items()
+        f"{name} = {number(p['value'])} {p['unit']} ({interval_in_words(name, p)})" for name, p in parameters.items()
     ]
+
+
+def interval_in_words(name: str, parameter: Mapping[str, Any]) -> str:
+    low, high = parameter["low"], parameter["high"]
+    if low == high:
+        return "no interval"
+    about_zero = not name.startswith(WAVE_PARTS) and (low or 0.0) < 0.0 < (high or 0.0)
+    return f"{number(low)} to {number(high)}" + ("; it may be zero" if about_zero else "")
 
 
 def windows_in_words(windows: Sequence[Sequence[float]]) -> str:
@@ -154,8 +162,8 @@ def effect_in_words(effect: dict[str, Any]) -> dict[str, Any]:
 
 
 def errors(fit: dict[str, Any] | None) -> list[tuple[str, ...]]:
-    """Free-run error and fit on the stretch that no fit has seen, and whether what is left there is white and owes
-    nothing to OP: as given, refitted, explained.
+    """Free-run error and fit on the stretch that no fit has seen, and whether what is left there is noise alone and
+    unrelated to OP: as given, refitted, explained.
     """
     if fit is None:
         return []
@@ -168,7 +176,7 @@ def errors(fit: dict[str, Any] | None) -> list[tuple[str, ...]]:
 
 
 def residuals_in_words(fit: dict[str, Any], name: str) -> tuple[str, str]:
-    """Whether what a simulation leaves is white, and whether it owes nothing to OP; a dash where it was not asked."""
+    """Whether what a simulation leaves is white, and whether it is unrelated to OP; a dash where it was not asked."""
     tests = (fit.get("residuals") or {}).get(name) or {}
     return outcome(tests.get("whiteness")), outcome(tests.get("independence"))
 
