@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import zstandard
 from sqlalchemy import ColumnElement, Connection, Select, Table, and_, bindparam, case, func, or_, select, update
 
+from app.storage.json_texts import short_json
 from app.storage.series import insert_for, insert_new
 from app.storage.tables import audits, loops, newest_rows, verdict_details, verdicts
 
@@ -186,7 +187,7 @@ def said(connection: Connection) -> list[Any]:
 
 
 def pack_detail(detail: dict[str, Any]) -> bytes:
-    return zstandard.ZstdCompressor(3).compress(json.dumps(detail, separators=(",", ":")).encode())
+    return zstandard.ZstdCompressor(3).compress(short_json(detail))
 
 
 def table(

@@ -8,6 +8,7 @@ import numpy as np
 
 from app.engine.excerpts import LENGTH, Excerpts
 from app.engine.recording import FloatArray, Steps
+from app.storage.json_texts import short_json
 
 STEPS = 60_000
 
@@ -19,7 +20,7 @@ def as_json(kept: Excerpts) -> str:
         "op": None if kept.op is None else _packed(kept.op),
         "sp": None if kept.sp is None else _packed(kept.sp),
     }
-    return json.dumps(told, separators=(",", ":"))
+    return short_json(told).decode()
 
 
 def from_json(text: str) -> Excerpts:

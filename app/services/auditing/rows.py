@@ -15,6 +15,7 @@ from app.services.auditing.audit_line import audit_line, reliability_row
 from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow
 from app.services.auditing.dating import dated, instant
 from app.services.moments import PlantClock, epoch_ms, iso_utc, moment_of
+from app.storage.json_texts import short_json
 from app.storage.tables import verdicts
 from app.storage.verdicts import NewVerdict, pack_detail
 
@@ -71,7 +72,7 @@ def new_verdict(
 
 
 def compact(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return short_json(value).decode()
 
 
 def fixed_part(row: dict[str, Any]) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from app.engine.plant_wide import Candidate
 from app.engine.swing import Swing
+from app.storage.json_texts import short_json
 
 STEPS = 999
 
@@ -26,7 +27,7 @@ def as_json(swing: Swing, origin_s: float) -> str:
         "im": _steps(lines.imag),
         "bands": _steps(swing.bands),
     }
-    return json.dumps(told, separators=(",", ":"))
+    return short_json(told).decode()
 
 
 def from_json(text: str) -> Swing:
