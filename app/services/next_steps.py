@@ -1,7 +1,7 @@
 """What to do next about a loop, by its verdict: the same on its page, in reports and in the guide for operators."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
@@ -10,7 +10,7 @@ from app.engine.judgement import FOREIGN_CYCLE, HIDDEN_BAND, NO_ANSWER, PV_STAND
 from app.engine.verdict_config import VerdictConfig
 from app.services.auditing.hearing import MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR
 from app.services.auditing.repairs import BEFORE_REPAIR
-from app.services.wording import CAUSE_WORDS
+from app.services.wording import CAUSE_WORDS, codes_of
 
 STICKS = (
     "Ask for a stroke test in small steps, up and down, then for a look at packing, positioner and air supply. Tuning "
@@ -127,11 +127,12 @@ BY_REASON = {
 BY_VERDICT = {"no_stiction": CLEARED, "inconclusive": CANNOT_TELL, "not_auditable": NOT_AUDITABLE}
 
 
-def next_step(row: Mapping[str, Any], reasons: tuple[str, ...] = (), repaired_at: str | None = None) -> str:
-    """What to do about a loop whose row of the reliability table this is; `reasons`: codes of its verdict,
-    `repaired_at`: when it was repaired last (ISO 8601)."""
+def next_step(row: Mapping[str, Any], repaired_at: str | None = None) -> str:
+    """What to do about a loop whose row of the reliability table this is; `repaired_at`: when it was repaired last
+    (ISO 8601)."""
     if repaired_at is not None and _ends_before(row, repaired_at):
         return WAIT
+    reasons = codes_of(row)
     step, period_s = _by_verdict(row, reasons), row.get("oscillation_period_s")
     if FEW_CYCLES not in reasons or row["reliability"] == "reliable" or period_s is None or step == WAIT:
         return step
@@ -150,7 +151,7 @@ def in_hours(seconds: float) -> str:
     return f"{math.ceil(seconds / 360.0) / 10.0:g} h"
 
 
-def _by_verdict(row: Mapping[str, Any], reasons: tuple[str, ...]) -> str:
+def _by_verdict(row: Mapping[str, Any], reasons: Sequence[str]) -> str:
     if first := next((step for reason, step in BY_REASON.items() if reason in reasons), None):
         return first
     if row["verdict"] == "stiction" and row["reliability"] == "reliable":

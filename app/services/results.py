@@ -119,6 +119,11 @@ class AuditView:
     def ended(self) -> bool:
         return self.state in ("done", "partial", "cancelled")
 
+    @property
+    def broken(self) -> int:
+        """Loops that failed, without those that were called off."""
+        return self.failed - self.cancelled
+
 
 @dataclass(frozen=True)
 class TrendView:

@@ -83,9 +83,14 @@ def cause_words(code: str | None) -> str:
     return "not known" if code is None else CAUSE_WORDS.get(code, code.replace("_", " "))
 
 
+def codes_of(row: Mapping[str, Any]) -> list[str]:
+    """The codes of a row's reasons, the weightiest first."""
+    return (row["reasons"] or "").split(";")
+
+
 def measured_probability(row: Mapping[str, Any]) -> float | None:
     """None where a row's probability is a prior, not a measurement."""
-    return None if PRIOR_ONLY in (row["reasons"] or "").split(";") else row["stiction_probability"]
+    return None if PRIOR_ONLY in codes_of(row) else row["stiction_probability"]
 
 
 def worst_first(lines: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:

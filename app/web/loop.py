@@ -20,6 +20,7 @@ from app.services.plant import glossary, loops, notes
 from app.services.plant.arrivals import age_of
 from app.services.plant.charts import charts as charts_of
 from app.services.plant.groups import groups_of, unnamed
+from app.services.plant.loop_list import number
 from app.services.plant.nights import nights as nights_of
 from app.web.explanation import newest_in_words
 from app.web.rendering import page
@@ -49,13 +50,12 @@ def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
         return page("loop.html", backend.clock, row=None, **told)
     detail = loops.verdict_detail(backend, tag)
     repair = notes.newest_repair(backend, tag)
-    codes = tuple(reason["code"] for reason in detail["reasons"])
     return page(
         "loop.html",
         backend.clock,
         row=row,
         detail=detail,
-        next_step=next_step(row, codes, None if repair is None else repair.repaired_at),
+        next_step=next_step(row, None if repair is None else repair.repaired_at),
         size=size_in_words(row, detail),
         rivals=worth_a_look(detail.get("rivals", ())),
         why_first=why_first(detail.get("rivals", ()), row["rival_winner"]),
@@ -113,22 +113,13 @@ def settings(
 ) -> RedirectResponse:
     words = {"unit": unit, "type": type, "description": description, "pv_unit": pv_unit}
     spans = {"pv_low": pv_low, "pv_high": pv_high, "op_low": op_low, "op_high": op_high}
-    numbers = {name: number(name, value) for name, value in spans.items()}
+    numbers = {name: number(name, told) if (told := value.strip()) else None for name, value in spans.items()}
     loops.patch_loop(backend, tag, {**words, **numbers, "importance": importance, "moves_valve": ANSWERS[moves_valve]})
     return back_to(tag, "settings")
 
 
 def back_to(tag: str, place: str) -> RedirectResponse:
     return RedirectResponse(f"/loops/{tag_in_url(tag)}#{place}", SEE_OTHER)
-
-
-def number(name: str, text: str) -> float | None:
-    if not text.strip():
-        return None
-    try:
-        return float(text.strip().replace(",", "."))
-    except ValueError:
-        raise RequestError("bad_span", f"{name} must be a number, got {text[:40]!r}") from None
 
 
 def instant(clock: PlantClock, text: str) -> datetime | None:

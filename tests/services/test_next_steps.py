@@ -13,6 +13,12 @@ from app.services.wording import CAUSE_WORDS, UNANSWERED
 GUIDE = Path(__file__).parents[2] / "docs" / "guides" / "OPERATOR.md"
 
 
+def row_of(verdict: str, reliability: str, likely_cause: str | None) -> dict[str, object]:
+    """Of the reliability table, as far as a step asks for it."""
+    told = {"verdict": verdict, "reliability": reliability, "likely_cause": likely_cause}
+    return {**told, "reasons": ""}
+
+
 @pytest.mark.parametrize(
     ("row", "told"),
     [
@@ -29,17 +35,17 @@ GUIDE = Path(__file__).parents[2] / "docs" / "guides" / "OPERATOR.md"
     ],
 )
 def test_a_step_for_each(row, told):
-    assert told in next_step(dict(zip(("verdict", "reliability", "likely_cause"), row, strict=True)))
+    assert told in next_step(row_of(*row))
 
 
 def test_a_verdict_of_before_a_repair_sends_nobody_out():
-    row = {"verdict": "stiction", "reliability": "reliable", "likely_cause": "stiction"}
+    row = row_of("stiction", "reliable", "stiction")
     assert next_steps.BEFORE_REPAIR in REASON_WORDS
-    assert next_step(row, ("before_repair", "shape_sticking")) == next_steps.WAIT
-    assert next_step(row | {"verdict": "no_stiction"}, ("stiction_began",)) == next_steps.BEGAN_TO_STICK
+    assert next_step(row | {"reasons": "before_repair;shape_sticking"}) == next_steps.WAIT
+    assert next_step(row | {"verdict": "no_stiction", "reasons": "stiction_began"}) == next_steps.BEGAN_TO_STICK
     unsure = row | {"verdict": "stiction", "reliability": "not_reliable"}
-    assert next_step(unsure, ("evidence_not_clear", "stiction_began")) == next_steps.BEGAN_TO_STICK
-    assert next_step(unsure | {"reliability": "reliable"}, ("stiction_began",)) == next_steps.STICKS
+    assert next_step(unsure | {"reasons": "evidence_not_clear;stiction_began"}) == next_steps.BEGAN_TO_STICK
+    assert next_step(unsure | {"reliability": "reliable", "reasons": "stiction_began"}) == next_steps.STICKS
 
 
 def test_every_cause_has_a_step():
@@ -52,23 +58,23 @@ def test_the_guide_says_the_same():
 
 
 def test_what_does_not_clear_a_valve_does_not_read_as_cleared():
-    unsure = {"verdict": "no_stiction", "reliability": "not_reliable", "likely_cause": None}
-    assert next_step(unsure, ("few_cycles",)) == next_steps.NOT_CLEARED
-    assert next_step(unsure | {"likely_cause": "disturbance"}, ("no_answer",)) == next_steps.STANDS_FAST
+    unsure = row_of("no_stiction", "not_reliable", None)
+    assert next_step(unsure | {"reasons": "few_cycles"}) == next_steps.NOT_CLEARED
+    assert next_step(unsure | {"likely_cause": "disturbance", "reasons": "no_answer"}) == next_steps.STANDS_FAST
     assert next_step(unsure | {"reliability": "reliable"}) == next_steps.CLEARED
 
 
 @pytest.mark.parametrize("verdict", ["stiction", "inconclusive"])
 def test_a_loop_that_is_controlled_no_more_comes_first(verdict):
-    row = {"verdict": verdict, "reliability": "not_reliable", "likely_cause": None}
-    assert next_step(row, ("pv_stands", "uncoupled")).startswith("Look today")
-    assert next_step(row, ("wound_up",)) == next_steps.AT_LIMIT
+    row = row_of(verdict, "not_reliable", None)
+    assert next_step(row | {"reasons": "pv_stands;uncoupled"}).startswith("Look today")
+    assert next_step(row | {"reasons": "wound_up"}) == next_steps.AT_LIMIT
     assert {"pv_stands", "wound_up"} <= REASON_WORDS.keys()
 
 
 def test_a_loop_that_is_stated_to_move_no_valve_is_not_asked_for_one():
-    row = {"verdict": "stiction", "reliability": "not_reliable", "likely_cause": "stiction"}
-    assert next_step(row, ("moves_no_valve",)) == next_steps.NO_VALVE
+    row = row_of("stiction", "not_reliable", "stiction")
+    assert next_step(row | {"reasons": "moves_no_valve"}) == next_steps.NO_VALVE
     assert "valve of its own" not in next_steps.NO_VALVE
 
 
@@ -83,39 +89,41 @@ def test_a_loop_that_is_stated_to_move_no_valve_is_not_asked_for_one():
     ],
 )
 def test_a_band_is_looked_for_at_the_valve_unless_a_nearer_cause_is_named(cause, step):
-    row = {"verdict": "no_stiction", "reliability": "not_reliable", "likely_cause": cause}
-    assert next_step(row, ("hidden_band",)) == step
+    row = row_of("no_stiction", "not_reliable", cause)
+    assert next_step(row | {"reasons": "hidden_band"}) == step
     assert "hidden_band" in REASON_WORDS
-    sticks = row | {"verdict": "stiction", "reliability": "reliable", "likely_cause": "stiction"}
-    assert next_step(sticks, ("hidden_band",)) == next_steps.STICKS
+    sticks = row_of("stiction", "reliable", "stiction")
+    assert next_step(sticks | {"reasons": "hidden_band"}) == next_steps.STICKS
 
 
 def test_a_swing_that_no_valve_makes_is_looked_for_elsewhere():
-    row = {"verdict": "stiction", "reliability": "not_reliable", "likely_cause": "stiction"}
-    assert next_step(row, ("foreign_cycle",)) == next_steps.MAY_BE_SHAKEN
-    assert next_step(row, ("foreign_cycle", "stiction_began")) == next_steps.BEGAN_TO_STICK
+    row = row_of("stiction", "not_reliable", "stiction")
+    assert next_step(row | {"reasons": "foreign_cycle"}) == next_steps.MAY_BE_SHAKEN
+    assert next_step(row | {"reasons": "foreign_cycle;stiction_began"}) == next_steps.BEGAN_TO_STICK
     assert "foreign_cycle" in REASON_WORDS
 
 
 def test_nobody_is_sent_to_the_tuning_for_a_verdict_that_is_not_relied_on():
     for cause in ("tight_tuning", "aggressive_controller", "sluggish_controller"):
-        sure = {"verdict": "no_stiction", "reliability": "reliable", "likely_cause": cause}
+        sure = row_of("no_stiction", "reliable", cause)
         assert next_step(sure) == BY_CAUSE[cause]
         assert next_step(sure | {"reliability": "not_reliable"}) == next_steps.BY_CAUSE_UNSURE[cause]
 
 
 def test_too_few_swings_ask_for_a_longer_record_and_say_how_long():
-    row = {"verdict": "stiction", "reliability": "not_reliable", "likely_cause": "stiction"}
+    row = row_of("stiction", "not_reliable", "stiction")
     row["oscillation_period_s"] = 2067.0
-    assert next_step(row, ("few_cycles",)).endswith("A longer record tells more: 5 swings of this one take 2.9 h.")
-    assert next_step(row | {"oscillation_period_s": 130.0}, ("few_cycles",)).endswith("take 11 min.")
+    assert next_step(row | {"reasons": "few_cycles"}).endswith(
+        "A longer record tells more: 5 swings of this one take 2.9 h."
+    )
+    assert next_step(row | {"oscillation_period_s": 130.0, "reasons": "few_cycles"}).endswith("take 11 min.")
     assert "longer record" not in next_step(row)
-    assert "longer record" not in next_step(row | {"reliability": "reliable"}, ("few_cycles",))
-    assert next_step(row, ("before_repair", "few_cycles")) == next_steps.WAIT
+    assert "longer record" not in next_step(row | {"reliability": "reliable", "reasons": "few_cycles"})
+    assert next_step(row | {"reasons": "before_repair;few_cycles"}) == next_steps.WAIT
 
 
 def test_a_repair_counts_from_when_it_is_written_down():
-    row = {"verdict": "stiction", "reliability": "reliable", "likely_cause": "stiction"}
+    row = row_of("stiction", "reliable", "stiction")
     row["window_end"] = "2026-01-02T00:00:00.500Z"
-    assert next_step(row, (), "2026-01-02T00:00:01Z") == next_steps.WAIT
-    assert next_step(row, (), "2026-01-02T00:00:00Z") == next_steps.STICKS
+    assert next_step(row, "2026-01-02T00:00:01Z") == next_steps.WAIT
+    assert next_step(row, "2026-01-02T00:00:00Z") == next_steps.STICKS

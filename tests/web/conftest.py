@@ -10,6 +10,7 @@ import pytest
 from playwright.sync_api import Browser, Error, sync_playwright
 
 from app.main import create_app
+from app.services.addresses import tag_in_url
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.warming import warm_up
@@ -20,6 +21,20 @@ from app.services.intake.uploads import receive
 HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 TAGS = ("FIC101", "LIC7", HOSTILE)
+HOSTILE_PAGE = f"/loops/{tag_in_url(HOSTILE)}"
+PAGES = [
+    "/",
+    "/table",
+    "/groups",
+    "/glossary",
+    "/runs",
+    "/runs/1",
+    "/uploads",
+    "/uploads/1",
+    "/loop-list",
+    "/loops/FIC101",
+    HOSTILE_PAGE,
+]
 
 
 def wide(*tags: str, samples: int = 600) -> bytes:

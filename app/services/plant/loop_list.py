@@ -112,7 +112,14 @@ def _value(name: str, text: str, delimiter: str) -> Any:
         if text.casefold() not in SAID:
             raise RequestError("bad_value", f"{name} is yes or no, got {text[:60]!r}")
         return SAID[text.casefold()]
-    if not NUMBER.fullmatch(text) or ("," in text and delimiter == ","):
-        why = "; with commas between cells a comma in it may part thousands" if "," in text else ""
+    if "," in text and delimiter == ",":
+        why = "; with commas between cells a comma in it may part thousands"
         raise RequestError("bad_value", f"{name} is a number, got {text[:60]!r}{why}")
+    return number(name, text)
+
+
+def number(name: str, text: str) -> float:
+    """As people write it, with a point or a comma before its decimals. Raises RequestError("bad_value")."""
+    if not NUMBER.fullmatch(text):
+        raise RequestError("bad_value", f"{name} is a number, got {text[:60]!r}")
     return float(text.replace(",", "."))

@@ -107,7 +107,7 @@ def table(
 
 def _with_work(row: dict[str, Any], written: Standing) -> dict[str, Any]:
     repaired_at = iso_utc(written.repaired_at)
-    step = next_step(row, tuple(row["reasons"].split(";")), repaired_at)
+    step = next_step(row, repaired_at)
     return row | {"next_step": step, "work_order": written.work_order, "repaired_at": repaired_at}
 
 

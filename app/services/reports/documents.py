@@ -46,7 +46,6 @@ def loop_report(backend: Backend, tag: str) -> str:
     row = loops.loop_health(backend, tag)
     detail = loops.verdict_detail(backend, tag)
     repair = notes.newest_repair(backend, tag)
-    codes = tuple(reason["code"] for reason in detail["reasons"])
     history = loops.verdict_history(backend, tag, limit=NIGHTS).rows
     drawn = charts(backend, tag)
     explained = explanations.newest(backend, tag)
@@ -55,7 +54,7 @@ def loop_report(backend: Backend, tag: str) -> str:
         it=found,
         row=row,
         detail=detail,
-        next_step=next_step(row, codes, None if repair is None else repair.repaired_at),
+        next_step=next_step(row, None if repair is None else repair.repaired_at),
         size=size_in_words(row, detail),
         why_first=why_first(detail.get("rivals", ()), row["rival_winner"]),
         figures=[told for told in glossary.figures(row, found.pv_unit) if told[1] is not None],
