@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from app.ingest.kinds import COMMA, DOUBTFUL_COMMA, DOUBTFUL_POINT, OTHER, POINT, WHOLE, WORD
+from app.ingest.kind_codes import COMMA, DOUBTFUL_COMMA, DOUBTFUL_POINT, OTHER, POINT, WHOLE, WORD
 
 Bytes = NDArray[np.uint8]
 

@@ -3,13 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from app.ingest.kind_codes import COMMA, DOUBTFUL_COMMA, DOUBTFUL_POINT, OTHER, POINT, WHOLE, WORD
 from app.ingest.opening import Lines
 
-WHOLE = 1
-POINT, COMMA = 2, 4  # this one stands before decimals for sure
-DOUBTFUL_POINT, DOUBTFUL_COMMA = 8, 16  # it may as well part thousands
-WORD = 32  # neither digits nor marks
-OTHER = 64
 DOUBTFUL = DOUBTFUL_POINT | DOUBTFUL_COMMA
 SURE = {".": POINT, ",": COMMA}
 WITH = {".": POINT | DOUBTFUL_POINT, ",": COMMA | DOUBTFUL_COMMA}

@@ -9,7 +9,8 @@ import polars as pl
 from numpy.typing import NDArray
 
 from app.ingest.frames import Numbers, RowReader, Rows, name_of
-from app.ingest.kinds import IN_DOUBT, WITH, WORD, tells_nothing
+from app.ingest.kind_codes import WORD
+from app.ingest.kinds import IN_DOUBT, WITH, tells_nothing
 from app.ingest.marks import all_doubtful, marked
 from app.ingest.plans import ValueColumn
 from app.ingest.rejecting import RejectLog

@@ -2,14 +2,11 @@
 inside it."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from app.ingest.model import TimeArray
-
-if TYPE_CHECKING:
-    from app.ingest.wide_table import Chunk
+from app.ingest.wide_chunk import Chunk, joined, part
 
 NANOSECOND = 1
 
@@ -34,17 +31,17 @@ class Spreader:
         self._spacing: float | None = None
         self._started = False
 
-    def take(self, chunk: "Chunk") -> "Chunk | None":
+    def take(self, chunk: Chunk) -> Chunk | None:
         whole = chunk if self._held is None else joined(self._held, chunk)
         keep = int(np.searchsorted(whole.time_ns, whole.time_ns[-1])) if _rising(whole.time_ns) else len(whole.time_ns)
         self._held = part(whole, slice(keep, None)) if keep < len(whole.time_ns) else None
         return self._spread(part(whole, slice(0, keep))) if keep else None
 
-    def rest(self) -> "Chunk | None":
+    def rest(self) -> Chunk | None:
         """What is held at the file's end."""
         return self._spread(self._held, ending=True) if self._held is not None else None
 
-    def _spread(self, chunk: "Chunk", ending: bool = False) -> "Chunk":
+    def _spread(self, chunk: Chunk, ending: bool = False) -> Chunk:
         starts = np.flatnonzero(np.concatenate(([True], np.diff(chunk.time_ns) != 0)))
         counts = np.diff(np.append(starts, len(chunk.time_ns)))
         if len(counts) > 2 or self._spacing is None:
@@ -59,25 +56,8 @@ class Spreader:
         if ending and counts[-1] * self._spacing < self._resolution:
             offset[starts[-1] :] = place[starts[-1] :] * self._spacing
         self._started = True
-        return replace_times(chunk, chunk.time_ns + np.floor(offset).astype(np.int64))
+        return replace(chunk, time_ns=chunk.time_ns + np.floor(offset).astype(np.int64))
 
 
 def _rising(time_ns: TimeArray) -> bool:
     return bool(np.all(time_ns[1:] >= time_ns[:-1]))
-
-
-def part(chunk: "Chunk", rows: slice) -> "Chunk":
-    return replace(chunk, time_ns=chunk.time_ns[rows], lines=chunk.lines[rows], matrix=chunk.matrix[rows])
-
-
-def joined(earlier: "Chunk", later: "Chunk") -> "Chunk":
-    return replace(
-        later,
-        time_ns=np.concatenate((earlier.time_ns, later.time_ns)),
-        lines=np.concatenate((earlier.lines, later.lines)),
-        matrix=np.concatenate((earlier.matrix, later.matrix)),
-    )
-
-
-def replace_times(chunk: "Chunk", time_ns: TimeArray) -> "Chunk":
-    return replace(chunk, time_ns=time_ns)

@@ -1,7 +1,7 @@
 """Reads a wide table: a row an instant, a column a tag. Columns of a chunk share one array of times."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import chain
 
 import numpy as np
@@ -12,7 +12,7 @@ from app.ingest.clocks import joined_times
 from app.ingest.doubled_hour import hours_apart
 from app.ingest.frames import Numbers, RowReader, Rows, name_of
 from app.ingest.grouping import Grouping
-from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
+from app.ingest.model import FloatArray, IngestOptions, SignalBlock
 from app.ingest.modes import UNKNOWN_MODE
 from app.ingest.no_data import Span, ends_are_codes
 from app.ingest.odd_fields import ChunkColumns, OddFields
@@ -25,17 +25,7 @@ from app.ingest.spilling import PartOfLoop, Spill
 from app.ingest.spreading import Spreader
 from app.ingest.stamps import NO_TIME, TimeReader, to_numbers
 from app.ingest.tally import Tally
-
-
-@dataclass(eq=False)
-class Chunk:
-    """One group's samples of a chunk of rows: `matrix` (n, columns), the lines they stand in and what each row's time
-    is."""
-
-    time_ns: TimeArray
-    lines: NDArray[np.int64]
-    matrix: FloatArray
-    columns: tuple[ValueColumn, ...] = field(default=())
+from app.ingest.wide_chunk import Chunk
 
 
 class WideTable:

@@ -8,7 +8,8 @@ import pytest
 
 from app.ingest import IngestOptions, frames
 from app.ingest.frames import FrameReader
-from app.ingest.kinds import COMMA, DOUBTFUL_COMMA, DOUBTFUL_POINT, OTHER, POINT, WHOLE, WORD, kinds_of
+from app.ingest.kind_codes import COMMA, DOUBTFUL_COMMA, DOUBTFUL_POINT, OTHER, POINT, WHOLE, WORD
+from app.ingest.kinds import kinds_of
 from app.ingest.marks import DOUBTFUL, before_decimals
 from app.ingest.marks import WHOLE as WHOLE_NUMBER
 from app.ingest.opening import Lines

@@ -13,8 +13,8 @@ from app.services.evaluation import fitting, parameters, recordings, report, sco
 from app.services.evaluation.fitting import FitConfig, Samples, class_weights, fit, platt, valve_weights
 from app.services.evaluation.leave_one_out import by_valve
 from app.services.evaluation.leave_pair_out import area_by_pairs
-from app.services.evaluation.plants import known_loops
 from app.services.evaluation.strangers import judged, strangers
+from app.services.testbench.known_loops import known_loops
 
 
 def samples(n: int, seed: int) -> Samples:

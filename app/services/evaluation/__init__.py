@@ -1,1 +1,1 @@
-"""Training and measuring the verdict: simulated loops, leave-one-valve-out, the report."""
+"""Training and measuring the verdict: leave-one-valve-out, its figures, the report."""

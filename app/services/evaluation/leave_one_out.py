@@ -14,7 +14,7 @@ from app.services.evaluation.fitting import (
     resembling_weights,
     valve_weights,
 )
-from app.services.evaluation.plants import known_loops
+from app.services.testbench.known_loops import known_loops
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,1 +1,1 @@
-"""The simulated test bench: whole audits of loops whose truth is known, along one factor at a time."""
+"""Simulated loops whose truth is known: those the verdict learns from, and the bench that audits others one factor at a time."""

@@ -15,9 +15,9 @@ from app.engine.oscillation import detect
 from app.engine.quantification import StictionSize, quantify
 from app.engine.recording import UniformRecord
 from app.errors import DataError
-from app.services.evaluation.plants import known_loops
 from app.services.testbench.building import build
 from app.services.testbench.case import PLANTS, Case, log_uniform, ordinary
+from app.services.testbench.known_loops import known_loops
 
 _VERIFY_VALVES = ("he", "choudhury", "kano", "one_parameter", "physical")
 

@@ -24,7 +24,7 @@ from app.engine.simulate import (
     simulate_loop,
 )
 from app.errors import DataError
-from app.services.evaluation import wide_plants
+from app.services.testbench import wide_plants
 
 CAUSES = ("stiction", "tuning", "oscillation", "load", "saturation", "quantisation", "set_point", "quiet")
 _CHANCES = (0.43, 0.07, 0.16, 0.13, 0.03, 0.03, 0.12, 0.03)
