@@ -1,1 +1,1 @@
-"""Simulated loops whose truth is known: those the verdict learns from, and the bench that audits others one factor at a time."""
+"""Simulated loops whose truth is known: what the verdict learns from, and a bench that varies one factor at a time."""
