@@ -44,10 +44,11 @@ def claim(connection: Connection, audit_id: int, owner: str, count: int, lease_s
 
     A loop that was tried before is claimed alone: if it takes its worker down, it takes no other loop with it.
     """
+    going_on = select(audits.c.id).where(audits.c.id == audit_id, audits.c.state.in_(("planned", "running")))
     open_items = (
         select(audit_items.c.loop_id)
-        .where(audit_items.c.audit_id == audit_id, audit_items.c.state == "open")
-        .with_for_update(skip_locked=True)
+        .where(audit_items.c.audit_id == going_on.scalar_subquery(), audit_items.c.state == "open")
+        .with_for_update(of=audit_items, skip_locked=True)
     )
     fresh = open_items.where(audit_items.c.attempts == 0).order_by(audit_items.c.loop_id).limit(count)
     tried = open_items.where(audit_items.c.attempts > 0).order_by(audit_items.c.attempts).limit(1)
@@ -127,13 +128,13 @@ def newest_failure(connection: Connection, loop_id: int, after: int) -> tuple[in
 
 
 def _take(connection: Connection, audit_id: int, owner: str, chosen: Select[Any], lease_s: float) -> list[Claim]:
-    running = select(audits.c.id).where(audits.c.id == audit_id, audits.c.state.in_(("planned", "running")))
-    # A common table expression runs once; PostgreSQL may run a plain subquery for each row, past its limit.
-    picked = chosen.cte("picked")
+    # Two statements: in one, PostgreSQL compared each open loop of the run with those picked, at every claim anew.
+    picked = connection.scalars(chosen).all()
+    if not picked:
+        return []
     taken = connection.execute(
         update(audit_items)
-        .where(audit_items.c.audit_id.in_(running), audit_items.c.loop_id.in_(select(picked.c.loop_id)))
-        .where(audit_items.c.state == "open")
+        .where(audit_items.c.audit_id == audit_id, audit_items.c.loop_id.in_(picked))
         .values(state="claimed", owner=owner, lease_until_s=clock_s() + lease_s, attempts=audit_items.c.attempts + 1)
         .returning(audit_items.c.loop_id, audit_items.c.attempts)
     )

@@ -10,10 +10,19 @@ from sqlalchemy import Connection, event
 from zstandard import ZstdError
 
 from app.storage import Database, audits, items, loops, series, verdicts
+from app.storage.audits import LoopFilter
 from app.storage.samples import Samples, pack
 from app.storage.verdicts import RowFilter
 
 NIGHTS = 20
+RUN = {
+    "trigger": "request",
+    "plant": "p",
+    "config_json": "{}",
+    "config_fingerprint": "",
+    "window_h": 24.0,
+    "window_samples": 1000,
+}
 PACKED = pack(Samples(np.array([150]), {"pv": np.array([1.0])})).hex()
 
 FILL = (
@@ -78,6 +87,19 @@ def test_large_tables_are_read_by_index(plant: Database) -> None:
     assert not any(read_whole.values()), read_whole
 
 
+def test_a_claim_touches_what_it_takes_however_many_loops_wait(plant: Database) -> None:
+    """Of a run that was planned a moment ago, of which the planner knows nothing yet."""
+    with plant.write() as connection:
+        run = audits.plan(connection, RUN, LoopFilter()) or 0
+        touched = [
+            (node["Actual Rows"] + node.get("Rows Removed by Filter", 0)) * node["Actual Loops"]
+            for plan in _plans(connection, lambda c: items.claim(c, run, "w", 32, 45.0), "ANALYZE, ")
+            for node in _nodes(plan)
+        ]
+        assert audits.progress(connection, [run])[run].claimed >= 32
+    assert max(touched) <= 3 * 32  # of 1500
+
+
 def test_the_whole_table_reads_no_verdict(plant: Database) -> None:
     """Rows come as they were written; in the usual orders no other table than the two small ones is touched."""
     with plant.write() as connection:
@@ -96,8 +118,8 @@ def test_tags_are_found_without_comparing_each_with_each(plant: Database) -> Non
     assert not any("ANY" in node.get("Filter", "") for plan in plans for node in _nodes(plan))
 
 
-def _plans(connection: Connection, ask: Any) -> Iterator[dict[str, Any]]:
-    """The plans of the statements that `ask` sends."""
+def _plans(connection: Connection, ask: Any, how: str = "") -> Iterator[dict[str, Any]]:
+    """The plans of the statements that `ask` sends; with `how` "ANALYZE, " they are sent again."""
     sent: list[tuple[str, Any]] = []
 
     def note(_: Any, __: Any, statement: str, parameters: Any, *___: Any) -> None:
@@ -107,7 +129,7 @@ def _plans(connection: Connection, ask: Any) -> Iterator[dict[str, Any]]:
     ask(connection)
     event.remove(connection, "before_cursor_execute", note)
     for statement, parameters in sent:
-        found = connection.exec_driver_sql(f"EXPLAIN (FORMAT JSON) {statement}", parameters).scalar()
+        found = connection.exec_driver_sql(f"EXPLAIN ({how}FORMAT JSON) {statement}", parameters).scalar()
         plan = json.loads(found) if isinstance(found, str) else found
         yield plan[0]["Plan"]
 
