@@ -67,6 +67,9 @@ _AGAINST = {
     "together_eighth": "PV moves when OP moves",
 }
 
+WORDED = frozenset(_FOR) | frozenset(_AGAINST)
+"""Features that have a sentence for or against."""
+
 
 def is_spoken(name: str, speaks_for: bool) -> bool:
     """Whether a feature has a sentence on that side."""

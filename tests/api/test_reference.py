@@ -12,12 +12,11 @@ from pydantic import BaseModel
 from app.api import models
 from app.api.reference import CODES, TABLES, page, shape
 from app.engine.audit import SPOILED_BY, audit
-from app.engine.features import NAMES
 from app.engine.fitness.assess import LATER_CHECKS
 from app.engine.fitness.checks import BLOCKING
 from app.engine.recording import Recording
 from app.engine.verdict_reference import READINGS
-from app.engine.verdict_wording import spoken
+from app.engine.verdict_wording import WORDED
 from app.http.permissions import ROUTES
 from app.services.auditing.reason_wording import REASON_WORDS
 from app.services.explaining.wording import EVIDENCE_WORDS
@@ -98,7 +97,7 @@ def test_every_reason_that_the_engine_makes_has_a_meaning():
 
 
 def test_every_code_that_is_put_together_has_a_meaning():
-    shapes = {f"shape_{name}" for name in NAMES if name in spoken(True) or name in spoken(False)}
+    shapes = {f"shape_{name}" for name in WORDED}
     assert shapes | {f"yper_{reading}" for reading in READINGS} | BLOCKING | {*LATER_CHECKS} <= set(REASON_WORDS)
     assert not any("{" in meaning for meaning in REASON_WORDS.values())
 

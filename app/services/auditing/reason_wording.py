@@ -1,7 +1,7 @@
 """What the codes of a verdict's reasons mean: the reason itself says what was measured."""
 
 from app.engine.features import NAMES
-from app.engine.verdict_wording import is_spoken, sentence_without_value
+from app.engine.verdict_wording import WORDED, is_spoken, sentence_without_value
 
 # Codes of the checks before an audit. The first part refuses a recording; the others only make it doubtful.
 _DATA = {
@@ -99,6 +99,6 @@ def _shape(name: str) -> str:
     )
 
 
-_SHAPES = {f"shape_{name}": _shape(name) for name in NAMES if _shape(name)}
+_SHAPES = {f"shape_{name}": _shape(name) for name in NAMES if name in WORDED}
 
 REASON_WORDS = {**_DOUBTS, **_FOR, **_DATA, **_METHODS, **_EPISODES, **_REPAIRS, **_NEIGHBOURS, **_SIZE, **_SHAPES}
