@@ -111,13 +111,13 @@ class Settings(BaseSettings):
     )
     keep_explanations_days: int = Field(365, ge=0, description="Explanations are kept for this many days; 0: for ever.")
     keep_uploads_days: int = Field(
-        30, ge=0, description="Exports as they came are kept for this many days; 0: for ever."
+        30, ge=0, description="Exports as they came are kept for this many days after they were last sent; 0: for ever."
     )
     keep_receipts_days: int = Field(
         730,
         ge=0,
         description="What is told of an upload that was read (its loops, tags and refused rows) is kept for this many "
-        "days, and as long as its export; 0: for ever.",
+        "days after it was read or last sent, and as long as its export; 0: for ever.",
     )
     keep_trail_days: int = Field(730, ge=0, description="Who did what is kept for this many days; 0: for ever.")
 

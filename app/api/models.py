@@ -36,6 +36,9 @@ class UploadListed(Read):
     size_bytes: int = Field(description="Size as it came, in bytes.")
     fingerprint: str = Field(description="SHA-256 of the bytes as they came.")
     received_at: str = Field(description="When it was received, ISO 8601, UTC.")
+    sent_again_at: str | None = Field(
+        None, description="When the same content came last, from which on it is kept, ISO 8601, UTC; null: once only."
+    )
     ended_at: str | None = Field(description="When reading ended, ISO 8601, UTC; null before.")
     reason: str | None = Field(description="Why it failed; null otherwise.")
     layout: str | None = Field(description="How the file was found to be laid out; null before it is read.")

@@ -36,6 +36,7 @@ class UploadView:
     size_bytes: int
     fingerprint: str
     received_at: str
+    sent_again_at: str | None
     ended_at: str | None
     reason: str | None
     layout: str | None

@@ -1,6 +1,6 @@
 """What is old: dropped in small batches, each its own short statement, so that nobody waits behind them."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from datetime import datetime
 from typing import Any
 
@@ -22,7 +22,7 @@ from app.storage.tables import (
 )
 from app.storage.tallies import UPLOAD_BYTES, tally
 from app.storage.types import now
-from app.storage.uploads import lock_bytes
+from app.storage.uploads import going, let_go, lock_bytes
 
 NS_PER_S = 1_000_000_000
 ENDED = ("done", "partial", "cancelled")
@@ -85,21 +85,35 @@ def drop_explanations(connection: Connection, before: datetime, batch: int) -> i
 def drop_uploads(connection: Connection, before: datetime, batch: int, *, exports_since: datetime | None) -> int:
     """Uploads that ended before and whose bytes are not kept: first what hangs on their rows, as many as a plant has
     loops, then the rows. What was read from them stays."""
-    old = _ended_uploads(before, exports_since)
-    query = select(uploads.c.id, uploads.c.fingerprint).where(old).order_by(uploads.c.id).limit(UPLOADS_AT_ONCE)
-    found = {upload_id: fingerprint for upload_id, fingerprint in connection.execute(query)}
+    found = _no_longer_sent_to(connection, _ended_uploads(before, exports_since))
     if not found:
         return 0
     return (
         _drop_of_uploads(connection, rejects, found, batch)
         or _drop_of_uploads(connection, upload_loops, found, batch)
         or _take_out_of_series(connection, found, batch)
-        or _drop_their_rows(connection, found, old)
+        or _drop_their_rows(connection, found)
     )
 
 
 def _ended_uploads(before: datetime, exports_since: datetime | None) -> ColumnElement[bool]:
-    return uploads.c.state.in_(("done", "failed")) & (uploads.c.ended_at < before) & ~_bytes_needed(exports_since)
+    """Neither ended nor sent again since."""
+    ended = uploads.c.state.in_(("done", "failed")) & (uploads.c.ended_at < before)
+    return ended & (func.coalesce(uploads.c.sent_again_at, uploads.c.ended_at) < before) & ~_bytes_needed(exports_since)
+
+
+def _no_longer_sent_to(connection: Connection, old: ColumnElement[bool]) -> list[int]:
+    """Some uploads that are old, which whoever sends the same bytes again is not sent to any more.
+
+    Under the lock of who does so now, and looked at anew: one that came again since is not old, and one that failed may
+    be to be read again.
+    """
+    query = select(uploads.c.id, uploads.c.fingerprint, going()).where(old).order_by(uploads.c.id)
+    found = connection.execute(query.limit(UPLOADS_AT_ONCE)).all()
+    for fingerprint in sorted({row.fingerprint for row in found if not row[2]}):
+        lock_bytes(connection, fingerprint)
+    asked = [row.id for row in found if not row[2]]
+    return [row.id for row in found if row[2]] + let_go(connection, asked, old)
 
 
 def _drop_of_uploads(connection: Connection, table: Table, ids: Iterable[int], batch: int) -> int:
@@ -114,11 +128,8 @@ def _take_out_of_series(connection: Connection, ids: Iterable[int], batch: int) 
     return connection.execute(update(series).where(series.c.id.in_(old)).values(upload_id=None)).rowcount
 
 
-def _drop_their_rows(connection: Connection, found: Mapping[int, str], old: ColumnElement[bool]) -> int:
-    """Under the lock of who sends the same bytes again, and looked at anew: one that failed may be to be read again."""
-    for fingerprint in sorted(set(found.values())):
-        lock_bytes(connection, fingerprint)
-    gone = delete(uploads).where(uploads.c.id.in_(found), old).returning(uploads.c.size_bytes)
+def _drop_their_rows(connection: Connection, found: Iterable[int]) -> int:
+    gone = delete(uploads).where(uploads.c.id.in_(found)).returning(uploads.c.size_bytes)
     sizes = connection.scalars(gone).all()
     tally(connection, UPLOAD_BYTES, sum(sizes))
     return len(sizes)
@@ -135,7 +146,7 @@ def drop_sessions(connection: Connection, batch: int) -> int:
 
 
 def fingerprints_to_keep(connection: Connection, before: datetime | None) -> set[str]:
-    """Of uploads whose bytes are still needed: not read yet, or received since; None: of all."""
+    """Of uploads whose bytes are still needed: not read yet, or last sent since; None: of all."""
     return set(connection.scalars(select(uploads.c.fingerprint).where(_bytes_needed(before))))
 
 
@@ -169,4 +180,5 @@ def _ended_before(before: datetime) -> ColumnElement[bool]:
 def _bytes_needed(before: datetime | None) -> ColumnElement[bool]:
     if before is None:
         return true()
-    return uploads.c.state.in_(("received", "reading")) | (uploads.c.received_at >= before)
+    last_sent = func.coalesce(uploads.c.sent_again_at, uploads.c.received_at)
+    return uploads.c.state.in_(("received", "reading")) | (last_sent >= before)

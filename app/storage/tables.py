@@ -51,6 +51,7 @@ uploads = Table(
     Column("reading_json", Text, nullable=False, server_default="{}"),
     Column("received_at", UtcDateTime, nullable=False),
     Column("received_by", Text),
+    Column("sent_again_at", UtcDateTime),  # when this content came last, where it came more than once
     Column("state", Text, nullable=False, server_default="received"),
     Column("ended_at", UtcDateTime),
     Column("error_code", Text),

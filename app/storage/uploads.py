@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Connection, case, delete, func, insert, or_, select, update
+from sqlalchemy import ColumnElement, Connection, Text, case, cast, delete, func, insert, literal, or_, select, update
 
 from app.storage.bulk import insert_new_rows
 from app.storage.series import insert_new
@@ -18,6 +18,8 @@ OUR_FAULTS = ("reader_lost", "fault")
 BACK_OFF = range(3, 10)
 """Attempts after which the pause to the next one doubles."""
 LONGEST_PAUSE_S = 300.0
+GOING = "going:"
+"""How the content key of an upload begins that is being dropped; that of any other is hexadecimal."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,7 @@ class UploadRow:
     size_bytes: int
     received_at: datetime
     received_by: str | None
+    sent_again_at: datetime | None
     state: str
     ended_at: datetime | None
     error_code: str | None
@@ -65,17 +68,32 @@ COLUMNS = [uploads.c[name] for name in UploadRow.__dataclass_fields__]
 
 
 def receive(connection: Connection, values: dict[str, Any]) -> tuple[UploadRow, bool]:
-    """The upload of this content, and whether it is a new one."""
+    """The upload of this content, and whether it is a new one; one that is not is noted to have come again."""
     inserting = insert_new(connection, uploads).values({**values, "received_at": now()}).returning(uploads.c.id)
     created = connection.scalar(inserting) is not None  # PostgreSQL does not count the rows of such an insert
-    query = select(*COLUMNS).where(uploads.c.content_key == values["content_key"])
-    return UploadRow(*connection.execute(query).one()), created
+    this = uploads.c.content_key == values["content_key"]
+    if not created:
+        connection.execute(update(uploads).where(this).values(sent_again_at=now()))
+    return UploadRow(*connection.execute(select(*COLUMNS).where(this)).one()), created
 
 
 def keys_of(connection: Connection, fingerprint: str, reading_json: str) -> list[str]:
-    """The content keys of uploads of these bytes that are read so, the oldest first."""
-    same = (uploads.c.fingerprint == fingerprint, uploads.c.reading_json == reading_json)
+    """The content keys of uploads of these bytes that are read so, the oldest first; of none that is being dropped."""
+    same = (uploads.c.fingerprint == fingerprint, uploads.c.reading_json == reading_json, ~going())
     return list(connection.scalars(select(uploads.c.content_key).where(*same).order_by(uploads.c.id)))
+
+
+def going() -> ColumnElement[bool]:
+    """Whether an upload is being dropped: piece by piece, so that its receipt is no longer whole."""
+    return uploads.c.content_key.startswith(GOING)
+
+
+def let_go(connection: Connection, upload_ids: Iterable[int], such: ColumnElement[bool]) -> list[int]:
+    """Those of the uploads of which `such` holds lose their content key: what is sent again is a new upload from now
+    on, with an address that stays."""
+    key = literal(GOING) + cast(uploads.c.id, Text)
+    losing = update(uploads).where(uploads.c.id.in_(list(upload_ids)), such).values(content_key=key)
+    return list(connection.scalars(losing.returning(uploads.c.id)))
 
 
 def by_id(connection: Connection, upload_id: int) -> UploadRow | None:

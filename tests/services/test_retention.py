@@ -1,5 +1,6 @@
 """Retention on both data bases: what is old goes, what is young or still needed stays."""
 
+import os
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -12,6 +13,7 @@ from app.services.backend import Backend
 from app.services.intake import uploads
 from app.services.intake.reading import read_upload
 from app.services.plant.loops import loop_health, verdict_history
+from app.services.results import Receipt
 from app.services.upkeep import retention
 from app.services.upkeep.metrics import Sample, metrics
 from app.services.upkeep.operations import sweep
@@ -161,6 +163,43 @@ def test_what_comes_again_after_its_upload_went_is_a_new_upload_and_changes_noth
     read_upload(plant, int(receipt.upload.id), owner="test")
     again = uploads.get_upload(plant, receipt.upload.id)
     assert (again.state, again.loops, again.samples_added) == ("done", ["FIC1"], 0)
+
+
+def sent_once_more(backend: Backend) -> Receipt:
+    with uploads.receive(backend, filename="plant.csv") as receiving:
+        receiving.write(EXPORT)
+        return receiving.commit()
+
+
+def test_what_comes_again_before_its_upload_went_has_an_address_that_lives_as_long_as_a_new_one(plant):
+    """The row as long as a receipt, the bytes as long as an export; from then on, and not from the first time."""
+    aged(plant, plant.settings.keep_receipts_days + 1)
+    receipt = sent_once_more(plant)
+    assert (receipt.upload.id, receipt.created) == ("1", False)
+    for file in plant.settings.uploads_dir.iterdir():
+        os.utime(file, (0, 0))
+    dropped = retention.retain(plant)
+    assert (dropped.get("uploads", 0), dropped["files"]) == (0, 0)
+    kept = uploads.get_upload(plant, receipt.upload.id)
+    assert (kept.loops, kept.sent_again_at) == (["FIC1"], receipt.upload.sent_again_at)
+    with plant.database.write() as connection:
+        ago = datetime.now(UTC) - timedelta(days=plant.settings.keep_receipts_days + 1)
+        connection.execute(update(tables.uploads).values(sent_again_at=ago))
+    retention.retain(plant)
+    assert (count(plant, "uploads"), list(plant.settings.uploads_dir.iterdir())) == (0, [])
+
+
+def test_what_comes_again_while_its_upload_goes_is_a_new_upload(plant):
+    """Part of what is told of the old one is gone already, and the rest goes."""
+    aged(plant, plant.settings.keep_receipts_days + 1)
+    assert dropped_of_uploads(plant, batch=1) == 1
+    receipt = sent_once_more(plant)
+    assert (receipt.created, receipt.upload.state) == (True, "received")
+    read_upload(plant, int(receipt.upload.id), owner="test")
+    assert list(iter(lambda: dropped_of_uploads(plant, batch=1), 0)) == [1, 1]
+    assert [upload.id for upload in uploads.list_uploads(plant).rows] == [receipt.upload.id]
+    assert uploads.get_upload(plant, receipt.upload.id).loops == ["FIC1"]
+    assert sent_once_more(plant).upload.id == receipt.upload.id
 
 
 @pytest.mark.parametrize(

@@ -220,6 +220,7 @@ def _view(row: UploadRow, loops_found: int) -> UploadView:
         size_bytes=row.size_bytes,
         fingerprint=row.fingerprint,
         received_at=iso_utc(row.received_at) or "",
+        sent_again_at=iso_utc(row.sent_again_at),
         ended_at=iso_utc(row.ended_at),
         reason=row.error_text,
         layout=summary.get("layout"),

@@ -81,7 +81,8 @@ def _drops(backend: Backend, batch: int) -> Iterator[tuple[str, Drop]]:
 
 
 def _drop_files(backend: Backend) -> int:
-    """Bytes of uploads that were read long ago, and bytes that no upload knows; what was found in them stays."""
+    """Bytes of uploads that were read and last sent long ago, and bytes that no upload knows; what was found in them
+    stays."""
     oldest = oldest_export(backend.settings)
     with backend.database.read() as connection:
         kept = retention.fingerprints_to_keep(connection, oldest)
@@ -90,7 +91,7 @@ def _drop_files(backend: Backend) -> int:
 
 
 def oldest_export(settings: Settings) -> datetime | None:
-    """Exports that were received since are kept, whatever their state; None: all are."""
+    """Exports that were last sent since are kept, whatever their state; None: all are."""
     days = settings.keep_uploads_days
     return now() - timedelta(days=days) if days else None
 
