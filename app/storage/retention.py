@@ -8,6 +8,7 @@ from sqlalchemy import ColumnElement, Connection, Table, and_, delete, exists, f
 
 from app.storage.steps import HOLDING
 from app.storage.tables import (
+    AS_RECEIVED,
     audits,
     explanations,
     loops,
@@ -47,7 +48,8 @@ def drop_series(connection: Connection, kept_h: float, batch: int) -> int:
 def _held_no_more(name: str, since: ColumnElement[int]) -> ColumnElement[bool]:
     """Whether what a stretch last knew of a signal was replaced before `since`, or it knew nothing of it."""
     later, at = series.alias(), series.c[name]
-    replaced = or_(later.c[name] > at, and_(later.c[name] == at, later.c.id > series.c.id))
+    over = tuple_(*(later.c[column.name] for column in AS_RECEIVED)) > tuple_(*AS_RECEIVED)
+    replaced = or_(later.c[name] > at, and_(later.c[name] == at, over))
     mine = exists().where(later.c.loop_id == series.c.loop_id, later.c[name] < since, later.c[name] >= at, replaced)
     return or_(at.is_(None), mine.correlate(series, loops))
 

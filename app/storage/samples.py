@@ -143,14 +143,14 @@ def merged(stretches: Sequence[Samples]) -> Samples:
     return Samples(times, signals)
 
 
-def news(sent: Samples, stored: Samples) -> Samples:
-    """What of `sent` is not in `stored` yet: new times, new signals, other values."""
+def news(sent: Samples, stored: Samples) -> NDArray[np.bool_]:
+    """Which samples of `sent` are not in `stored` yet: new times, new signals, other values."""
     if not len(stored):
-        return sent
+        return np.ones(len(sent), dtype=bool)
     places = np.minimum(np.searchsorted(stored.time_ns, sent.time_ns), len(stored) - 1)
     fresh = stored.time_ns[places] != sent.time_ns
     for name, values in sent.signals.items():
         before = stored.signals.get(name)
         same = np.isnan(values) if before is None else np.isnan(values) | (values == before[places])
         fresh |= ~same
-    return sent.part(fresh)
+    return fresh

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from operator import attrgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from sqlalchemy import ColumnElement, Connection, Insert, and_, bindparam, func, insert, select, tuple_, update
@@ -15,7 +15,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 from app.storage.bulk import among, columns_of, from_arrays, insert_new_rows
 from app.storage.samples import Samples, merged, news, unpack
 from app.storage.steps import known_before, last_known, led_in
-from app.storage.tables import loops, series
+from app.storage.tables import AS_RECEIVED, loops, series
 
 NS_PER_H = 3_600_000_000_000
 LOOPS_AT_ONCE = 8
@@ -32,6 +32,25 @@ class Stretch:
 
 
 @dataclass(frozen=True)
+class Place:
+    """Where an upload stands among all others.
+
+    receipt_number: the later one was received later; 0: before they were numbered. unread_before: the greatest number
+    below it of those that are still to be read; 0: none is.
+    """
+
+    receipt_number: int = 0
+    unread_before: int = 0
+
+
+class Stored(NamedTuple):
+    """A stretch that is stored, and the number of the upload that brought it."""
+
+    receipt_number: int
+    samples: Samples
+
+
+@dataclass(frozen=True)
 class Added:
     """What a write changed: stretches and samples that were new, and samples that replace other values."""
 
@@ -39,16 +58,26 @@ class Added:
     samples: int
 
 
-def add(connection: Connection, stretches: Sequence[Stretch], upload_id: int | None) -> Added:
+def add(
+    connection: Connection, stretches: Sequence[Stretch], upload_id: int | None, place: Place | None = None
+) -> Added:
     """Stores what is new in the stretches. What this upload brought before, and samples that are there already, change
-    nothing; where a value differs from the stored one at its time, the later one holds."""
-    prints = _not_stored(connection, stretches, upload_id)
-    rows = _rows(prints, _overlapped(connection, list(prints.values())), upload_id)
+    nothing; where a value differs from the stored one at its time, the one that was received later holds."""
+    place = place or Place()
+    prints = _not_stored(connection, stretches, upload_id, place)
+    stored = _overlapped(connection, list(prints.values()))
+    rows, new = [], 0
+    for (loop_id, fingerprint), stretch in prints.items():
+        fresh = _fresh(stretch.samples, stored.get(loop_id, []), place)
+        new += fresh.new
+        if len(fresh.samples):
+            named = {"loop_id": loop_id, "fingerprint": fingerprint, "upload_id": upload_id}
+            rows.append({**named, "receipt_number": place.receipt_number, **_columns(fresh.samples)})
     rows.sort(key=lambda row: row["loop_id"])  # one order for all writers: none waits for another in a circle
     if rows:
         insert_new_rows(connection, series, rows)
         _note_newest(connection, rows)
-    return Added(len(rows), sum(row["samples"] for row in rows))
+    return Added(len(rows), new)
 
 
 def windows(
@@ -74,7 +103,7 @@ def between(
 
     A set point and a mode that were stated up to `hold_days` before are given to the first sample.
     """
-    query = select(series.c.packed).where(*_touches(loop_id, start_ns, end_ns)).order_by(series.c.id)
+    query = select(series.c.packed).where(*_touches(loop_id, start_ns, end_ns)).order_by(*AS_RECEIVED)
     parts = [unpack(row.packed) for row in connection.execute(query)]
     if not parts:
         return None
@@ -126,27 +155,32 @@ def _touches(loop_id: int, start_ns: int, end_ns: int) -> tuple[ColumnElement[bo
     return series.c.loop_id == loop_id, series.c.end_ns >= start_ns, series.c.start_ns <= end_ns
 
 
-def _not_stored(connection: Connection, stretches: Sequence[Stretch], upload_id: int | None) -> dict[Key, Stretch]:
+def _not_stored(
+    connection: Connection, stretches: Sequence[Stretch], upload_id: int | None, place: Place
+) -> dict[Key, Stretch]:
     """Stretches that this upload did not bring before, by the key under which they are stored.
 
     What another upload brought may have been corrected since, and the correction be taken back now: such a stretch is
-    looked at again, under a key of this upload.
+    looked at again, under a key of this receipt. So is one while an upload is unread that came before: it may be about
+    to bring the same, and the key would be taken by the older of the two.
     """
     prints = {(s.loop_id, s.samples.fingerprint): s for s in stretches if len(s.samples)}
-    known = _known(connection, list(prints))
-    again = {key: (key[0], f"{key[1]}:{upload_id}") for key, brought_by in known.items() if brought_by != upload_id}
-    taken = _known(connection, list(again.values()))
-    found = {key: stretch for key, stretch in prints.items() if key not in known}
-    return found | {own: prints[key] for key, own in again.items() if own not in taken}
+    own = {key: (key[0], f"{key[1]}:{upload_id}.{place.receipt_number}") for key in prints}
+    known = _known(connection, [*prints, *own.values()])
+    found = {}
+    for key, stretch in prints.items():
+        if own[key] not in known and known.get(key) != (upload_id, place.receipt_number):
+            found[own[key] if key in known or place.unread_before else key] = stretch
+    return found
 
 
-def _known(connection: Connection, keys: list[Key]) -> dict[Key, int | None]:
-    """Which upload brought the stretches that are stored under these keys."""
+def _known(connection: Connection, keys: list[Key]) -> dict[Key, tuple[int | None, int]]:
+    """Which upload brought the stretches that are stored under these keys, and its number then."""
     if not keys:
         return {}
     names = ("loop_id", "fingerprint")
     key = [series.c[name] for name in names]
-    query = select(*key, series.c.upload_id)
+    query = select(*key, series.c.upload_id, series.c.receipt_number)
     if connection.dialect.name != "postgresql":
         found = connection.execute(query.where(tuple_(*key).in_(keys)))
     else:
@@ -154,46 +188,64 @@ def _known(connection: Connection, keys: list[Key]) -> dict[Key, int | None]:
         asked = columns_of([dict(zip(names, values, strict=True)) for values in keys])
         same = and_(*(series.c[name] == sent.c[name] for name in names))
         found = connection.execute(query.join(sent, same), asked)
-    return {(row.loop_id, row.fingerprint): row.upload_id for row in found}
+    return {(row.loop_id, row.fingerprint): (row.upload_id, row.receipt_number) for row in found}
 
 
-def _overlapped(connection: Connection, stretches: list[Stretch]) -> dict[int, Samples]:
-    """What is stored of the loops in the time that the stretches cover."""
+def _overlapped(connection: Connection, stretches: list[Stretch]) -> dict[int, list[Stored]]:
+    """What is stored of the loops in the time that the stretches cover, in the order in which it was received."""
     if not stretches:
         return {}
     first = min(int(s.samples.time_ns[0]) for s in stretches)
     last = max(int(s.samples.time_ns[-1]) for s in stretches)
     query = (
-        select(series.c.loop_id, series.c.packed)
+        select(series.c.loop_id, series.c.receipt_number, series.c.packed)
         .where(among(connection, series.c.loop_id, {s.loop_id for s in stretches}))
         .where(series.c.end_ns >= first, series.c.start_ns <= last)
-        .order_by(series.c.id)
+        .order_by(*AS_RECEIVED)
     )
-    found: dict[int, list[Samples]] = defaultdict(list)
+    found: dict[int, list[Stored]] = defaultdict(list)
     for row in connection.execute(query):
-        found[row.loop_id].append(unpack(row.packed))
-    return {loop_id: merged(parts) for loop_id, parts in found.items()}
+        found[row.loop_id].append(Stored(row.receipt_number, unpack(row.packed)))
+    return found
 
 
-def _rows(prints: dict[Key, Stretch], stored: dict[int, Samples], upload_id: int | None) -> list[dict[str, Any]]:
-    rows = []
-    for (loop_id, fingerprint), stretch in prints.items():
-        before = stored.get(loop_id)
-        fresh = stretch.samples if before is None else news(stretch.samples, before)
-        if len(fresh):
-            rows.append(
-                {
-                    "loop_id": loop_id,
-                    "start_ns": int(fresh.time_ns[0]),
-                    "end_ns": int(fresh.time_ns[-1]),
-                    "samples": len(fresh),
-                    "fingerprint": fingerprint,
-                    "upload_id": upload_id,
-                    "packed": fresh.packed,
-                    **last_known(fresh),
-                }
-            )
-    return rows
+class _Fresh(NamedTuple):
+    """What is to be stored of a stretch, and how many of its samples change what holds."""
+
+    samples: Samples
+    new: int
+
+
+def _fresh(sent: Samples, stored: list[Stored], place: Place) -> _Fresh:
+    """What was received later hides what is sent. What holds already is stored once more where an upload is unread that
+    came in between: it may bring another value, which then must not hold."""
+    if not stored:
+        return _Fresh(sent, len(sent))
+    later = [one.samples for one in stored if one.receipt_number > place.receipt_number]
+    shown = sent if not later else _over(sent, later)
+    changes = news(shown, merged([one.samples for one in stored]))
+    sure = [one.samples for one in stored if one.receipt_number >= place.unread_before]
+    if len(sure) == len(stored):
+        kept = changes
+    else:
+        kept = news(shown, merged(sure)) if sure else np.ones(len(sent), dtype=bool)
+    return _Fresh(sent if kept.all() else sent.part(kept), int(np.count_nonzero(changes)))
+
+
+def _over(sent: Samples, later: list[Samples]) -> Samples:
+    """What holds at the times of `sent` with all that came later laid over it."""
+    whole = merged([sent, *later])
+    return whole.part(np.searchsorted(whole.time_ns, sent.time_ns))
+
+
+def _columns(samples: Samples) -> dict[str, Any]:
+    return {
+        "start_ns": int(samples.time_ns[0]),
+        "end_ns": int(samples.time_ns[-1]),
+        "samples": len(samples),
+        "packed": samples.packed,
+        **last_known(samples),
+    }
 
 
 def _note_newest(connection: Connection, rows: list[dict[str, Any]]) -> None:
@@ -224,7 +276,7 @@ def _back_to(
         select(series.c.loop_id, series.c.packed, since.label("since_ns"))
         .join(loops, loops.c.id == series.c.loop_id)
         .where(series.c.end_ns >= since)
-        .order_by(series.c.loop_id, series.c.id)
+        .order_by(series.c.loop_id, *AS_RECEIVED)
     )
     for start in range(0, len(loop_ids), LOOPS_AT_ONCE):
         rows = connection.execute(query.where(series.c.loop_id.in_(loop_ids[start : start + LOOPS_AT_ONCE])))
@@ -241,6 +293,7 @@ def _newest(samples: Samples, since_ns: int, most_samples: int) -> Samples:
 
 __all__ = [
     "Added",
+    "Place",
     "Stretch",
     "add",
     "between",

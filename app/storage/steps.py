@@ -11,7 +11,7 @@ import numpy as np
 from sqlalchemy import ColumnElement, Connection, select
 
 from app.storage.samples import Samples, merged, unpack
-from app.storage.tables import loops, series
+from app.storage.tables import AS_RECEIVED, loops, series
 
 NS_PER_DAY = 86_400_000_000_000
 HOLDING = {"sp": "sp", "automatic": "mode"}
@@ -94,7 +94,8 @@ def _older(
     other = series.alias()
     at = other.c[f"{begin}_ns"]
     newest = select(other.c.id).where(other.c.loop_id == loops.c.id, at < since)
-    newest = newest.order_by(at.desc(), other.c.id.desc()).limit(1).correlate(loops)
+    last = (at.desc(), other.c.receipt_number.desc(), other.c.id.desc())
+    newest = newest.order_by(*last).limit(1).correlate(loops)
     query = (
         select(loops.c.id, series.c[f"{begin}_ns"], series.c[f"{begin}_last"])
         .select_from(loops.join(series, series.c.id == newest.scalar_subquery()))
@@ -106,7 +107,7 @@ def _older(
 def _at(connection: Connection, loop_id: int, name: str, time_ns: int) -> float:
     """The value at a time for which stretches have different ones: the later stretch holds."""
     query = select(series.c.packed).where(series.c.loop_id == loop_id)
-    query = query.where(series.c.end_ns >= time_ns, series.c.start_ns <= time_ns).order_by(series.c.id)
+    query = query.where(series.c.end_ns >= time_ns, series.c.start_ns <= time_ns).order_by(*AS_RECEIVED)
     samples = merged([unpack(row.packed) for row in connection.execute(query)])
     return float(samples.signals[name][np.searchsorted(samples.time_ns, time_ns)])
 

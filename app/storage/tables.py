@@ -51,6 +51,7 @@ uploads = Table(
     Column("reading_json", Text, nullable=False, server_default="{}"),
     Column("received_at", UtcDateTime, nullable=False),
     Column("received_by", Text),
+    Column("receipt_number", BigInteger, nullable=False, server_default="0"),  # in the order in which all came
     Column("sent_again_at", UtcDateTime),  # when this content came last, where it came more than once
     Column("state", Text, nullable=False, server_default="received"),
     Column("ended_at", UtcDateTime),
@@ -64,7 +65,7 @@ uploads = Table(
     Column("summary_json", Text),
     Column("tags_json", Text),  # which tag became what: megabytes of a plant's export, read for one upload alone
     CheckConstraint("state IN ('received', 'reading', 'done', 'failed')", name="state"),
-    _partial("ix_uploads_unread", "id", where="state IN ('received', 'reading')"),
+    _partial("ix_uploads_unread", "receipt_number", where="state IN ('received', 'reading')"),
 )
 
 rejects = Table(
@@ -116,6 +117,7 @@ series = Table(
     Column("samples", Integer, nullable=False),
     Column("fingerprint", Text, nullable=False),  # of the stretch as it was sent, and which upload sent it again
     Column("upload_id", Id, ForeignKey("uploads.id", ondelete="SET NULL")),
+    Column("receipt_number", BigInteger, nullable=False, server_default="0"),  # of that upload, which may be gone
     Column("packed", LargeBinary, nullable=False),
     Column("sp_ns", BigInteger),  # the last known set point of the stretch, and its time
     Column("sp_last", Float),
@@ -127,6 +129,9 @@ series = Table(
     _partial("ix_series_sp", "loop_id", "sp_ns", where="sp_ns IS NOT NULL"),
     _partial("ix_series_mode", "loop_id", "mode_ns", where="mode_ns IS NOT NULL"),
 )
+
+AS_RECEIVED = (series.c.receipt_number, series.c.id)
+"""The order of stretches: of two values at one time the last one holds."""
 
 audits = Table(
     "audits",
@@ -326,6 +331,13 @@ tallies = Table(
     metadata,
     Column("name", Text, primary_key=True),
     Column("dropped", BigInteger, nullable=False),  # of rows that are gone: what was counted stays counted
+)
+
+numbers = Table(
+    "numbers",
+    metadata,
+    Column("name", Text, primary_key=True),
+    Column("last", BigInteger, nullable=False),  # the last one that was given: what had it may be gone
 )
 
 notes = Table(

@@ -9,6 +9,7 @@ from typing import Any
 from sqlalchemy import ColumnElement, Connection, Text, case, cast, delete, func, insert, literal, or_, select, update
 
 from app.storage.bulk import insert_new_rows
+from app.storage.receipts import next_number
 from app.storage.series import insert_new
 from app.storage.tables import loops, rejects, upload_loops, uploads
 from app.storage.types import clock_s, long_ago, now, run_out
@@ -62,6 +63,7 @@ class ReadingClaim:
     upload_id: int
     attempt: int
     owner: str
+    receipt_number: int
 
 
 COLUMNS = [uploads.c[name] for name in UploadRow.__dataclass_fields__]
@@ -72,8 +74,8 @@ def receive(connection: Connection, values: dict[str, Any]) -> tuple[UploadRow, 
     inserting = insert_new(connection, uploads).values({**values, "received_at": now()}).returning(uploads.c.id)
     created = connection.scalar(inserting) is not None  # PostgreSQL does not count the rows of such an insert
     this = uploads.c.content_key == values["content_key"]
-    if not created:
-        connection.execute(update(uploads).where(this).values(sent_again_at=now()))
+    noted = {"receipt_number": next_number(connection)} if created else {"sent_again_at": now()}
+    connection.execute(update(uploads).where(this).values(noted))
     return UploadRow(*connection.execute(select(*COLUMNS).where(this)).one()), created
 
 
@@ -152,13 +154,13 @@ def lock_bytes(connection: Connection, fingerprint: str) -> None:
 def claim(connection: Connection, upload_id: int, owner: str, lease_s: float, max_attempts: int) -> ReadingClaim | None:
     """The right to read, or None where somebody else has it or the upload has ended."""
     free = or_(uploads.c.state == "received", run_out(uploads.c.lease_until_s, lease_s))
-    attempt = connection.scalar(
+    claimed = connection.execute(
         update(uploads)
         .where(uploads.c.id == upload_id, uploads.c.state.in_(UNREAD), free, uploads.c.attempts < max_attempts)
         .values(state="reading", owner=owner, lease_until_s=clock_s() + lease_s, attempts=uploads.c.attempts + 1)
-        .returning(uploads.c.attempts)
-    )
-    return None if attempt is None else ReadingClaim(upload_id, attempt, owner)
+        .returning(uploads.c.attempts, uploads.c.receipt_number)
+    ).one_or_none()
+    return None if claimed is None else ReadingClaim(upload_id, claimed.attempts, owner, claimed.receipt_number)
 
 
 def renew(connection: Connection, claim: ReadingClaim, lease_s: float) -> bool:
@@ -233,13 +235,15 @@ def _held(claim: ReadingClaim) -> Any:
 
 
 def try_again(connection: Connection, upload_id: int) -> bool:
-    """Whether an upload that failed by a fault of ours was sent again, and is to be read again."""
-    result = connection.execute(
-        update(uploads)
-        .where(uploads.c.id == upload_id, uploads.c.state == "failed", uploads.c.error_code.in_(OUR_FAULTS))
-        .values(state="received", attempts=0, pause_s=None, ended_at=None, error_code=None, error_text=None)
-    )
-    return result.rowcount == 1
+    """Whether an upload that failed by a fault of ours was sent again, and is to be read again. It counts as received
+    now: others were read meanwhile, and took no heed of it."""
+    this = update(uploads).where(uploads.c.id == upload_id)
+    failed = this.where(uploads.c.state == "failed", uploads.c.error_code.in_(OUR_FAULTS))
+    anew = {"attempts": 0, "pause_s": None, "ended_at": None, "error_code": None, "error_text": None}
+    again = connection.execute(failed.values(state="received", **anew)).rowcount == 1
+    if again:
+        connection.execute(this.values(receipt_number=next_number(connection)))
+    return again
 
 
 def hand_back(connection: Connection, claim: ReadingClaim) -> None:

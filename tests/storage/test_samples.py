@@ -68,9 +68,9 @@ def test_the_later_value_holds_and_a_missing_one_hides_nothing() -> None:
 def test_news_are_new_times_new_signals_and_other_values() -> None:
     stored = samples([1, 2, 3], pv=[1, 2, 3], op=[1, np.nan, 3])
     sent = samples([1, 2, 3, 4], pv=[1, 2, 3.5, 4], op=[np.nan, 7, 3, 4])
-    assert list(news(sent, stored).time_ns // SECOND) == [2, 3, 4]
-    assert len(news(stored, stored)) == 0
-    assert len(news(samples([1], sp=[9]), stored)) == 1
+    assert list(news(sent, stored)) == [False, True, True, True]
+    assert not news(stored, stored).any()
+    assert list(news(samples([1], sp=[9]), stored)) == [True]
 
 
 @given(st.lists(st.lists(st.integers(0, 20), min_size=1, max_size=8, unique=True), min_size=1, max_size=5))
@@ -80,7 +80,7 @@ def test_laying_news_over_the_stored_is_laying_all_of_it(drawn: list[list[int]])
     for number, seconds in enumerate(drawn):
         stretch = samples(sorted(seconds), pv=[number % 3] * len(seconds))
         sent.append(stretch)
-        fresh = stretch if not stored else news(stretch, merged(stored))
+        fresh = stretch if not stored else stretch.part(news(stretch, merged(stored)))
         if len(fresh):
             stored.append(fresh)
     assert same(merged(stored), merged(sent))

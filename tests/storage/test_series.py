@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from psycopg.adapt import PyFormat, Transformer
 from psycopg.pq import Format
-from sqlalchemy import func, select, text
+from sqlalchemy import func, insert, select, text
 
 from app.settings import Settings
 from app.storage import Database, loops, retention, series
-from app.storage.samples import Samples
-from app.storage.series import Stretch
+from app.storage.samples import Samples, merged, news
+from app.storage.series import Place, Stretch
+from app.storage.steps import last_known
 from app.storage.tables import series as series_table
 
 SECOND = 1_000_000_000
@@ -27,6 +28,13 @@ def add(database: Database, tag: str, *stretches: Samples) -> series.Added:
     with database.write() as connection:
         loop_id = loops.ensure(connection, [tag])[tag]
         return series.add(connection, [Stretch(loop_id, stretch) for stretch in stretches], None)
+
+
+def add_as(database: Database, tag: str, stretch: Samples, place: Place) -> int:
+    """How many samples were new."""
+    with database.write() as connection:
+        loop_id = loops.ensure(connection, [tag])[tag]
+        return series.add(connection, [Stretch(loop_id, stretch)], None, place).samples
 
 
 def window(database: Database, tag: str, hours: float = 24.0, most: int = 10**6) -> Samples:
@@ -60,6 +68,48 @@ def test_the_later_upload_holds_where_values_differ(database: Database) -> None:
     assert add(database, "FIC1", ramp(90, 110, offset=0.5)).samples == 20
     found = window(database, "FIC1")
     assert list(found.signals["pv"][88:92]) == [88, 89, 90.5, 91.5]
+
+
+def drawn(random: np.random.Generator) -> Samples:
+    """A few samples with a few values, of which some are missing: much of it is said twice."""
+    seconds = np.sort(random.choice(6, size=random.integers(1, 7), replace=False))
+    values = random.choice([1.0, 2.0, np.nan], size=(2, len(seconds)))
+    return Samples((START + seconds) * SECOND, {"pv": values[0], "sp": values[1]})
+
+
+def test_whatever_is_read_first_the_one_that_was_received_later_holds(database: Database) -> None:
+    """And nothing is stored that does not have to be: read again, nothing is new."""
+    random = np.random.default_rng(2026)
+    for trial in range(60):
+        sent = {number: drawn(random) for number in range(1, 6)}
+        unread, read = set(sent), []
+        for number in (int(one) for one in random.permutation(list(sent))):
+            place = Place(number, max((other for other in unread if other < number), default=0))
+            before = window(database, f"L{trial}") if read else None
+            new = add_as(database, f"L{trial}", sent[number], place)
+            unread.remove(number)
+            read = sorted([*read, number])
+            held, expected = window(database, f"L{trial}"), merged([sent[one] for one in read])
+            for name in ("pv", "sp"):
+                got = held.signals[name][np.searchsorted(held.time_ns, expected.time_ns)]
+                assert np.array_equal(got, expected.signals[name], equal_nan=True), (trial, read, name)
+            assert new == (len(sent[number]) if before is None else np.count_nonzero(news(held, before)))
+            assert add_as(database, f"L{trial}", sent[number], place) == 0
+
+
+def test_the_set_point_that_was_received_later_held_before_the_window(database: Database) -> None:
+    """Though its stretch was stored first. Of the other one a sample is stored that it does not have."""
+    add_as(database, "FIC1", steps("sp", (-9000, 2.0)), Place(2, 1))
+    late = steps("sp", (-9500, 3.0), (-9000, 1.0))
+    with database.write() as connection:
+        values = {"loop_id": 1, "receipt_number": 1, "fingerprint": "late", "packed": late.packed, "samples": 2}
+        span = {"start_ns": int(late.time_ns[0]), "end_ns": int(late.time_ns[-1]), **last_known(late)}
+        connection.execute(insert(series_table).values(**values, **span))
+    add_as(database, "FIC1", ramp(0, 4000), Place(3))
+    assert first(window(database, "FIC1", hours=0.5), "sp") == 2.0
+    with database.write() as connection:
+        retention.drop_series(connection, 1.0, 500)
+    assert first(window(database, "FIC1", hours=0.5), "sp") == 2.0
 
 
 def test_a_window_is_bounded_in_time_and_samples(database: Database) -> None:

@@ -11,7 +11,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import Boolean, DateTime, Float, Integer, LargeBinary, MetaData, Table, insert, inspect, select, text
 from sqlalchemy.schema import Column
 
-from app.storage import Database, schema
+from app.storage import Database, receipts, schema
 from app.storage.samples import Samples, pack
 
 RELEASED = ["0001"]
@@ -168,3 +168,16 @@ def test_tags_that_an_older_version_stored_with_the_summary_move_and_are_counted
         (first, *_, last) = connection.scalars(text("SELECT summary_json FROM uploads ORDER BY id")).all()
     assert json.loads(first) == {"rows_kept": 0, "tags_found": 5, "tags": TAGS}
     assert last is None
+
+
+def test_uploads_that_wait_are_numbered_before_all_that_come(empty: Database) -> None:
+    schema.migrate(empty, "0019")
+    with empty.write() as connection:
+        for number in (1, 3, 7, 9):
+            connection.execute(RECEIVED.bindparams(id=number, summary=None))
+        connection.execute(text("UPDATE uploads SET state = 'done' WHERE id IN (1, 9)"))
+    schema.migrate(empty)
+    with empty.write() as connection:
+        numbers = connection.scalars(text("SELECT receipt_number FROM uploads ORDER BY id")).all()
+        assert (numbers, receipts.next_number(connection)) == ([0, 3, 7, 0], 10)
+        assert [receipts.unread_before(connection, number) for number in (10, 7, 3)] == [7, 3, 0]

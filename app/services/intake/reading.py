@@ -16,9 +16,9 @@ from app.services.backend import DATABASE_AWAY, Backend, no_room
 from app.services.heartbeat import Heartbeat
 from app.services.intake.uploads import path_of
 from app.services.patience import patiently
-from app.storage import loops, series, uploads
+from app.storage import loops, receipts, series, uploads
 from app.storage.samples import Samples, prepare
-from app.storage.series import Stretch
+from app.storage.series import Place, Stretch
 from app.storage.uploads import ReadingClaim, RejectRow, UploadRow
 
 BATCH_LOOPS = 200
@@ -176,7 +176,8 @@ def _store(backend: Backend, claim: ReadingClaim, batch: list[Prepared], mapping
             raise ClaimLostError
         ids = loops.ensure(connection, (stretch.loop for stretch in batch))
         stretches = [Stretch(ids[stretch.loop], stretch.samples) for stretch in batch]
-        added = series.add(connection, stretches, claim.upload_id)
+        place = Place(claim.receipt_number, receipts.unread_before(connection, claim.receipt_number))
+        added = series.add(connection, stretches, claim.upload_id, place)
         uploads.note_loops(connection, claim.upload_id, ids.values())
         if mapping is not None:
             loops.fill_in(connection, {ids[tag]: found for tag, found in _attributes(mapping).items() if tag in ids})
