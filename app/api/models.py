@@ -41,6 +41,11 @@ class UploadListed(Read):
     )
     ended_at: str | None = Field(description="When reading ended, ISO 8601, UTC; null before.")
     reason: str | None = Field(description="Why it failed; null otherwise.")
+    waits_for_room_since: str | None = Field(
+        None,
+        description="Since when there is no room on the disk to read it, ISO 8601, UTC; it is tried again every five "
+        "minutes at the latest. Null: it does not wait for that.",
+    )
     layout: str | None = Field(description="How the file was found to be laid out; null before it is read.")
     loops_found: int = Field(description="How many loops were found.")
     rows_kept: int = Field(description="Rows of the file that gave samples.")

@@ -1,5 +1,6 @@
 """`loopaudit upload`: sends export files to a running service."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -75,10 +76,24 @@ def send(client: "ServiceClient", file: Path, wait_s: float | None, how: "Readin
     with progress(file.name, file.stat().st_size, bytes_=True) as advance:
         state = client.upload(file, advance, how)
     if wait_s is not None:
-        state = client.until(f"/v1/uploads/{state['id']}", lambda s: s["state"] in ENDED, lambda s: None, wait_s)
+        seen = once_without_room(file)
+        state = client.until(f"/v1/uploads/{state['id']}", lambda s: s["state"] in ENDED, seen, wait_s)
     if state["state"] == "failed":
         raise RequestError("upload_failed", state.get("reason") or "the file could not be used")
     return state
+
+
+def once_without_room(file: Path) -> Callable[[dict[str, Any]], None]:
+    """Says, the first time that it is so, that an upload waits for room: this is no worker that is missing."""
+    said = False
+
+    def seen(state: dict[str, Any]) -> None:
+        nonlocal said
+        if state.get("waits_for_room_since") and not said:
+            said = True
+            say(f"{file}: waits for room on the disk of the service, which keeps it and tries again")
+
+    return seen
 
 
 def report(file: Path, state: dict[str, Any]) -> None:

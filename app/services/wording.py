@@ -71,6 +71,9 @@ STATE_WORDS = {
 }
 
 
+NO_ROOM_YET = "waits for room on the disk"
+"""Of an upload that is received and cannot be read for that."""
+
 STARTERS = {"schedule": "the nightly schedule", "command line": "the command line"}
 
 

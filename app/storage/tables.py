@@ -62,6 +62,7 @@ uploads = Table(
     Column("lease_until_s", Float),
     Column("announced_s", Float),
     Column("pause_s", Float),  # until it is announced again, where it found no room on the disk
+    Column("waits_since", UtcDateTime),  # when it first found none; the tries since then did not either
     Column("summary_json", Text),
     Column("tags_json", Text),  # which tag became what: megabytes of a plant's export, read for one upload alone
     CheckConstraint("state IN ('received', 'reading', 'done', 'failed')", name="state"),

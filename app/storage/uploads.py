@@ -19,6 +19,7 @@ OUR_FAULTS = ("reader_lost", "fault")
 BACK_OFF = range(3, 10)
 """Attempts after which the pause to the next one doubles."""
 LONGEST_PAUSE_S = 300.0
+NO_PAUSE: dict[str, None] = {"pause_s": None, "waits_since": None}
 GOING = "going:"
 """How the content key of an upload begins that is being dropped; that of any other is hexadecimal."""
 
@@ -41,6 +42,7 @@ class UploadRow:
     error_code: str | None
     error_text: str | None
     attempts: int
+    waits_since: datetime | None
     summary_json: str | None
 
     @property
@@ -144,6 +146,15 @@ def unread_fingerprints(connection: Connection) -> set[str]:
     return set(connection.scalars(select(uploads.c.fingerprint).where(uploads.c.state.in_(UNREAD))))
 
 
+def waiting_for_room(connection: Connection) -> tuple[int, UploadRow | None]:
+    """How many uploads wait for room on the disk, and the one that has waited longest."""
+    waits = (uploads.c.state.in_(UNREAD), uploads.c.waits_since.is_not(None))
+    count = connection.scalar(select(func.count()).select_from(uploads).where(*waits)) or 0
+    longest = select(*COLUMNS).where(*waits).order_by(uploads.c.waits_since, uploads.c.id).limit(1)
+    row = connection.execute(longest).one_or_none() if count else None
+    return count, None if row is None else UploadRow(*row)
+
+
 def lock_bytes(connection: Connection, fingerprint: str) -> None:
     """Whoever registers or drops these bytes waits for whoever does so now, until the transaction ends. On SQLite every
     transaction that writes waits already."""
@@ -171,7 +182,7 @@ def renew(connection: Connection, claim: ReadingClaim, lease_s: float) -> bool:
 
 def end(connection: Connection, claim: ReadingClaim, state: str, values: dict[str, Any]) -> bool:
     result = connection.execute(
-        _held(claim).values(state=state, ended_at=now(), owner=None, lease_until_s=None, pause_s=None, **values)
+        _held(claim).values(state=state, ended_at=now(), owner=None, lease_until_s=None, **NO_PAUSE, **values)
     )
     return result.rowcount == 1
 
@@ -239,7 +250,7 @@ def try_again(connection: Connection, upload_id: int) -> bool:
     now: others were read meanwhile, and took no heed of it."""
     this = update(uploads).where(uploads.c.id == upload_id)
     failed = this.where(uploads.c.state == "failed", uploads.c.error_code.in_(OUR_FAULTS))
-    anew = {"attempts": 0, "pause_s": None, "ended_at": None, "error_code": None, "error_text": None}
+    anew = {"attempts": 0, "ended_at": None, "error_code": None, "error_text": None, **NO_PAUSE}
     again = connection.execute(failed.values(state="received", **anew)).rowcount == 1
     if again:
         connection.execute(this.values(receipt_number=next_number(connection)))
@@ -248,7 +259,7 @@ def try_again(connection: Connection, upload_id: int) -> bool:
 
 def hand_back(connection: Connection, claim: ReadingClaim) -> None:
     """The reading went wrong by a fault of ours: the lease ends now, so that the sweeper lets it be tried again."""
-    connection.execute(_held(claim).values(lease_until_s=clock_s()))
+    connection.execute(_held(claim).values(lease_until_s=clock_s(), **NO_PAUSE))
 
 
 def wait_for_room(connection: Connection, claim: ReadingClaim, first_pause_s: float) -> None:
@@ -257,4 +268,5 @@ def wait_for_room(connection: Connection, claim: ReadingClaim, first_pause_s: fl
     before = uploads.c.pause_s
     pause_s = case((before.is_(None), first_pause_s), (before < LONGEST_PAUSE_S / 2, 2 * before), else_=LONGEST_PAUSE_S)
     waiting = {"state": "received", "attempts": uploads.c.attempts - 1, "owner": None, "lease_until_s": None}
-    connection.execute(_held(claim).values(**waiting, pause_s=pause_s, announced_s=clock_s()))
+    since = func.coalesce(uploads.c.waits_since, literal(now(), uploads.c.waits_since.type))
+    connection.execute(_held(claim).values(**waiting, pause_s=pause_s, waits_since=since, announced_s=clock_s()))

@@ -12,8 +12,10 @@ from app.services.access.identity import Identity, Role, current
 from app.services.addresses import tag_in_url
 from app.services.moments import PlantClock
 from app.services.rendering import figure
+from app.services.results import UploadView
 from app.services.wording import (
     CHANGE_WORDS,
+    NO_ROOM_YET,
     RELIABILITY_SHORT,
     RELIABILITY_WORDS,
     STATE_WORDS,
@@ -60,6 +62,10 @@ def as_tags(loops: list[dict[str, Any]]) -> list[tuple[str, str, str]]:
     ]
 
 
+def upload_words(upload: UploadView) -> str:
+    return NO_ROOM_YET if upload.waits_for_room_since else STATE_WORDS[upload.state]
+
+
 def environment() -> Environment:
     templates = Environment(loader=FileSystemLoader(HERE / "templates"), autoescape=True, undefined=StrictUndefined)
     templates.filters |= {
@@ -69,6 +75,7 @@ def environment() -> Environment:
         "cause_words": cause_words,
         "measured_probability": measured_probability,
         "starter_words": starter_words,
+        "upload_words": upload_words,
         "words": words,
         "shown": shown,
         "other_way": other_way,

@@ -10,7 +10,7 @@ from typer.testing import CliRunner, Result
 
 from app.cli.main import main
 from app.cli.serve import asks_for_keys
-from app.cli.upload import report
+from app.cli.upload import once_without_room, report
 from app.main import create_app
 from app.services.backend import Backend
 from app.services.intake.reading import read_upload
@@ -287,6 +287,16 @@ def test_a_check_without_tables_is_one_line(tmp_path, monkeypatch, capsys):
     assert code == 2
     assert "[database_away]" in said
     assert len(said.splitlines()) == 1
+
+
+def test_an_upload_that_waits_for_room_is_told_once(tmp_path, capsys):
+    seen = once_without_room(tmp_path / "night.csv")
+    for since in (None, "2026-01-31T03:00:00Z", "2026-01-31T03:00:00Z"):
+        seen({"id": "7", "state": "received", "waits_for_room_since": since})
+    seen({"id": "7", "state": "done"})
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) == 1
+    assert "night.csv: waits for room on the disk" in told[0]
 
 
 def test_what_is_odd_about_an_upload_is_said(tmp_path, capsys):

@@ -30,7 +30,7 @@ def test_a_sound_installation_has_no_problem(plant):
     found = states(doctor.examine(plant.settings))
     assert found.keys() >= {
         "data folder", "disk", "kernel cache", "settings", "SQLite", "data base", "tables", "integrity", "clock",
-        "workers", "open work", "keys", "broker",
+        "workers", "open work", "room", "keys", "broker",
     }  # fmt: skip
     assert "problem" not in found.values()
     assert found["data folder"] == "ok"
@@ -77,6 +77,30 @@ def test_exports_that_are_gone_are_found(plant):
     check = of("exports", plant.settings)
     assert check.state == "problem"
     assert fingerprint[:12] in check.found
+
+
+def test_an_upload_that_waits_for_room_is_named(tmp_path):
+    settings = Settings(data_dir=tmp_path)
+    migrate(settings)
+    assert of("room", settings).state == "ok"
+    backend = Backend.open(settings)
+    for name in ("large.csv", "other.csv"):
+        with uploads.receive(backend, filename=name) as receiving:
+            receiving.write(EXPORT + name.encode())
+            receiving.commit()
+    for hours, state in ((1, "warning"), (7, "problem")):
+        since = datetime(2026, 1, 31, 3, tzinfo=UTC) if hours == 7 else datetime.now(UTC) - timedelta(hours=hours)
+        with backend.database.write() as connection:
+            connection.execute(update(tables.uploads).where(tables.uploads.c.id == 1).values(waits_since=since))
+        check = of("room", settings)
+        assert check.state == state
+        assert "parts" in check.advice
+    size = len(EXPORT) + len("large.csv")
+    assert check.found == f"1 upload waits for room on the disk, 1 (large.csv, {size} bytes) since 2026-01-31 03:00 UTC"
+    with backend.database.write() as connection:
+        connection.execute(update(tables.uploads).where(tables.uploads.c.id == 2).values(waits_since=datetime.now(UTC)))
+    assert of("room", settings).found.startswith("2 uploads wait for room on the disk, 1 (large.csv")
+    backend.close()
 
 
 @pytest.mark.parametrize(

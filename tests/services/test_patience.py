@@ -2,6 +2,7 @@
 
 import errno
 from collections.abc import Callable
+from datetime import datetime
 
 import pytest
 from sqlalchemy import update
@@ -70,8 +71,8 @@ def breaking(action: Callable[..., object], times: int) -> Callable[..., object]
     return broken
 
 
-def send(backend: Backend) -> str:
-    lines = ["time,FIC1.PV,FIC1.OP", *(f"{1_750_000_000 + 60 * i},{20 + i % 7},{50 + i % 5}" for i in range(200))]
+def send(backend: Backend, loop: str = "FIC1") -> str:
+    lines = [f"time,{loop}.PV,{loop}.OP", *(f"{1_750_000_000 + 60 * i},{20 + i % 7},{50 + i % 5}" for i in range(200))]
     with uploads.receive(backend, filename="plant.csv") as receiving:
         receiving.write("\n".join(lines).encode())
         return receiving.commit().upload.id
@@ -143,6 +144,39 @@ def test_a_full_disk_is_no_fault_of_the_file(
             assert (found.state, found.reason) == ("received", None)
     reading.read_upload(backend, int(upload), "reader")
     assert uploads.get_upload(backend, upload).state == "done"
+
+
+def full(*_: object) -> None:
+    raise NO_ROOM[0]
+
+
+def test_an_upload_that_waits_for_room_says_so_and_since_when(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def waiting() -> tuple[object, object]:
+        checks = operations.readiness(backend).checks
+        return checks["uploads_waiting_for_room"], checks["waiting_for_room_since"]
+
+    upload, other = send(backend), send(backend, "FIC2")
+    assert (uploads.get_upload(backend, upload).waits_for_room_since, waiting()) == (None, (0, None))
+    with monkeypatch.context() as spoiled:
+        spoiled.setattr(reading, "_read_file", full)
+        for number in (upload, other, upload):
+            with pytest.raises(OSError, match="No space"):
+                reading.read_upload(backend, int(number), "reader")
+    since = uploads.get_upload(backend, upload).waits_for_room_since
+    later = uploads.get_upload(backend, other).waits_for_room_since
+    assert since is not None
+    assert later is not None
+    assert datetime.fromisoformat(since) < datetime.fromisoformat(later)
+    assert {row.id: row.waits_for_room_since for row in uploads.list_uploads(backend).rows}[upload] == since
+    assert waiting() == (2, since)
+    reading.read_upload(backend, int(upload), "reader")
+    assert (uploads.get_upload(backend, upload).waits_for_room_since, waiting()[0]) == (None, 1)
+    monkeypatch.setattr(reading, "_read_file", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        reading.read_upload(backend, int(other), "reader")
+    assert waiting() == (0, None)  # what is wrong with it now is something else
 
 
 def test_what_found_no_room_is_tried_again_with_pauses_that_grow_to_minutes(backend: Backend) -> None:

@@ -15,6 +15,7 @@ from app.services.plant import groups, loops
 from app.services.plant.groups import plant_groups
 from app.services.plant.nights import Night
 from app.services.results import GroupView
+from app.storage import uploads as stored_uploads
 from app.web import loop as loop_page
 from app.web import pages
 from app.web.columns import COLUMNS, OF_PAGES
@@ -292,6 +293,22 @@ def test_an_upload_shows_its_tags_and_what_was_refused(client):
     assert "<i>plant.csv" in found.texts
     assert "FIC101.PV" in found.texts
     assert any("Bad <b>Input</b>" in text for text in found.texts)
+
+
+def test_an_upload_that_waits_for_room_says_so_on_its_page_and_in_the_list(client, web_backend):
+    answer = client.post("/v1/uploads", content=b"time,FIC9.PV,FIC9.OP\n0,1,2\n1,2,3\n").json()
+    assert (answer["state"], answer["waits_for_room_since"]) == ("received", None)
+    assert "no room" not in client.get(f"/uploads/{answer['id']}").text
+    with web_backend.database.write() as connection:
+        claim = stored_uploads.claim(connection, int(answer["id"]), "test", 40.0, 1)
+        stored_uploads.wait_for_room(connection, claim, 20.0)
+    since = client.get(f"/v1/uploads/{answer['id']}").json()["waits_for_room_since"]
+    page = seen(client, f"/uploads/{answer['id']}").texts
+    assert "waits for room on the disk" in page
+    assert any(text.startswith(f"Since {since[:10]} {since[11:16]} there is no room to read it.") for text in page)
+    assert "waits for room on the disk" in seen(client, "/uploads").texts
+    read_upload(web_backend, int(answer["id"]), "test")
+    assert "no room" not in client.get(f"/uploads/{answer['id']}").text
 
 
 def test_a_file_is_read_again_with_another_mapping(client, web_backend):

@@ -190,6 +190,20 @@ def oldest_work(backend: Backend) -> Check:
     return Check("open work", "ok", text)
 
 
+def room(backend: Backend) -> Check:
+    with backend.database.read() as connection:
+        count, longest = uploads.waiting_for_room(connection)
+    if longest is None or longest.waits_since is None:
+        return Check("room", "ok", "no upload waits for room on the disk")
+    name = " ".join(longest.filename.split())
+    since = backend.clock.told_at(longest.waits_since)
+    found = f"{count} uploads wait" if count > 1 else "1 upload waits"
+    found += f" for room on the disk, {longest.id} ({name}, {longest.size_bytes} bytes) since {since}"
+    advice = "make room; one that waits on although there is room needs more than the disk can give: send it in parts"
+    long_ago = datetime.now(UTC) - longest.waits_since > timedelta(seconds=OLD_WORK_S)
+    return Check("room", "problem" if long_ago else "warning", found, advice)
+
+
 def records(backend: Backend) -> Check:
     """A plant whose exports stopped is audited night after night all the same."""
     found = arrivals(backend)
@@ -274,6 +288,7 @@ OF_THE_DATABASE: tuple[tuple[str, Callable[[Backend], Check]], ...] = (
     ("clock", clock),
     ("workers", workers),
     ("open work", oldest_work),
+    ("room", room),
     ("records", records),
     ("exports", exports),
     ("keys", keys_of_the_plant),

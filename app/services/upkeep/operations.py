@@ -12,6 +12,7 @@ from app.services.auditing.ending import end_if_complete
 from app.services.auditing.nightly import announce_explanations, nightly_if_due
 from app.services.backend import Backend
 from app.services.digests.deliveries import announce_digests
+from app.services.moments import iso_utc
 from app.services.results import Readiness, SweepReport
 from app.services.upkeep.retention import older_than, retain_if_due
 from app.settings import Settings
@@ -112,6 +113,8 @@ def readiness(backend: Backend) -> Readiness:
     checks["schema"] = "current" if checks["database"] == "ok" and _schema_is_current(backend) else "not current"
     checks["broker"] = "ok" if backend.queue.reachable() else "away"
     well = checks["database"] == "ok" and checks["schema"] == "current"
+    if well:
+        checks |= _waiting_for_room(backend)
     if not well or _free(backend.settings) < LEAST_FREE_BYTES:
         return Readiness("not_ready", checks)
     return Readiness("ready" if checks["broker"] == "ok" else "degraded", checks)
@@ -124,6 +127,16 @@ def _database(backend: Backend) -> str:
     except SQLAlchemyError as error:
         return f"away: {type(error).__name__}"
     return "ok"
+
+
+def _waiting_for_room(backend: Backend) -> dict[str, object]:
+    """Uploads that there is no room to read, and since when the first of them waits."""
+    with backend.database.read() as connection:
+        count, longest = uploads.waiting_for_room(connection)
+    return {
+        "uploads_waiting_for_room": count,
+        "waiting_for_room_since": iso_utc(longest.waits_since if longest else None),
+    }
 
 
 def _schema_is_current(backend: Backend) -> bool:

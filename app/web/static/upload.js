@@ -32,7 +32,9 @@ const upload = document.getElementById("upload");
 if (upload && ["received", "reading"].includes(upload.dataset.state)) {
   const look = async () => {
     const answer = await fetch(upload.dataset.url, { headers: { Accept: "application/json" } });
-    if (answer.ok && !["received", "reading"].includes((await answer.json()).state)) location.reload();
+    const found = answer.ok ? await answer.json() : null;
+    const waits = found?.waits_for_room_since ?? "";
+    if (found && (!["received", "reading"].includes(found.state) || waits !== upload.dataset.waits)) location.reload();
     else setTimeout(look, 1000);
   };
   setTimeout(look, 500);
