@@ -44,6 +44,7 @@ class Guard:
             response = await answer_to(Request(scope), error)
             await response(scope, receive, send)
             return
+        scope.setdefault("state", {})["action"] = asked.permission.action
         known = current.set(identity)
         try:
             await answer_noted(self._app, self._of, asked, identity, receive, send)

@@ -17,6 +17,13 @@ READING = ("GET", "HEAD")
 UNGUARDED = frozenset({"websocket or the like"})
 
 
+SECOND_ONE = frozenset({"audit.start", "explanation.ask", "note.write"})
+"""Actions that are done a second time when they are asked for once more; of any other that changes nothing."""
+
+IN_STEPS = frozenset({"audit.cancel"})
+"""Actions of which a part stays where what comes after it fails."""
+
+
 @dataclass(frozen=True)
 class Permission:
     """`page`: for people, who are led to the login instead of being told 401."""

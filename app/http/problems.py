@@ -14,8 +14,9 @@ from starlette.responses import JSONResponse, Response
 
 from app.errors import DataError, LoopauditError, NotFoundError
 from app.http.headers import HEADERS
+from app.http.permissions import IN_STEPS, SECOND_ONE
 from app.services.access.identity import request_id
-from app.services.backend import DATABASE_AWAY, no_room
+from app.services.backend import DATABASE_AWAY, commit_lost, no_room
 
 MEDIA_TYPE = "application/problem+json"
 LONGEST_ECHO = 200
@@ -192,10 +193,26 @@ async def _invalid_request(request: Request, error: Exception) -> Response:
 
 
 async def _database_away(request: Request, error: Exception) -> Response:
+    action = request.scope.get("state", {}).get("action")  # none before the guard let it in: nothing was begun
+    if action and commit_lost(error):
+        return _in_doubt(request, error, action)
     if no_room(error):
         return _disk_full(request)
+    if action in IN_STEPS:
+        return _in_doubt(request, error, action)
     log.error("data base away while answering %s %s: %s", request.method, request.scope["path"][:LONGEST_ECHO], error)
     text = "the data base does not answer; nothing was changed, try again"
+    return respond(request, 503, "database_away", text, headers={"Retry-After": "5"})
+
+
+def _in_doubt(request: Request, error: Exception, action: str) -> Response:
+    """Where a second request would be a second one, clients must not repeat it by themselves, as they do after 503."""
+    log.error("data base away in the midst of %s %s: %s", request.method, request.scope["path"][:LONGEST_ECHO], error)
+    text = "the data base went away while this was written: it is not known whether it was done"
+    if action in SECOND_ONE:
+        text += "; look whether it is there before you send it again, or there may be two"
+        return respond(request, 504, "outcome_unknown", text)
+    text += "; send it again: done twice, it changes nothing more"
     return respond(request, 503, "database_away", text, headers={"Retry-After": "5"})
 
 

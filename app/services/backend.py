@@ -11,10 +11,17 @@ from app.queue import Queue
 from app.services.moments import PlantClock
 from app.settings import Settings
 from app.storage import Database
+from app.storage.database import CommitLostError
 from app.storage.row_texts import RowTexts
 
 DATABASE_AWAY = (OperationalError, InterfaceError, NoFreeConnection)
 """What every service raises where the data base does not answer or ends the statement."""
+
+
+def commit_lost(error: Exception) -> bool:
+    """Whether it is not known if what was written stands."""
+    return isinstance(error, CommitLostError)
+
 
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 DATABASE_FULL = ("disk is full", "No space left")

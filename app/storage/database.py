@@ -7,12 +7,16 @@ from typing import Any
 
 from sqlalchemy import Connection, Engine, create_engine, event, make_url
 from sqlalchemy.engine import URL
-from sqlalchemy.exc import ArgumentError
+from sqlalchemy.exc import ArgumentError, DBAPIError, OperationalError
 
 from app.errors import RequestError
 
 BUSY_TIMEOUT_MS = 30_000
 WAL_SAFE_FROM = (3, 51, 3)
+
+
+class CommitLostError(OperationalError):
+    """The answer to COMMIT was lost: what was written may stand, or not."""
 
 
 class Database:
@@ -32,9 +36,13 @@ class Database:
 
     @contextmanager
     def write(self) -> Iterator[Connection]:
-        """One transaction, committed at the end, rolled back by an exception. On SQLite it holds the write lock."""
+        """One transaction, committed at the end, rolled back by an exception. On SQLite it holds the write lock.
+
+        Raises CommitLostError where it is not known whether it was committed.
+        """
         with self._writer.begin() as connection:
             yield connection
+            _commit(connection)
 
     @contextmanager
     def read(self) -> Iterator[Connection]:
@@ -50,6 +58,27 @@ class Database:
     def close(self) -> None:
         self._writer.dispose()
         self._reader.dispose()
+
+
+def _commit(connection: Connection) -> None:
+    transaction = connection.get_transaction()
+    if transaction is None:
+        return
+    try:
+        transaction.commit()
+    except DBAPIError as error:
+        if error.orig is None or not _may_be_done(error):
+            raise
+        raise CommitLostError("COMMIT", None, error.orig) from error
+
+
+def _may_be_done(error: DBAPIError) -> bool:
+    """Of a COMMIT that failed: a refusal is an answer, and nothing was changed; a server that is gone gave none, and
+    SQLite may fail to write when the rest is written."""
+    told = getattr(error.orig, "sqlite_errorname", None)
+    if told is not None:
+        return bool(told.startswith("SQLITE_IOERR"))
+    return error.connection_invalidated or getattr(error.orig, "sqlstate", None) is None
 
 
 def parsed(url: str) -> URL:

@@ -22,6 +22,7 @@ HEADINGS = {
     429: "Too many requests",
     500: "Something broke in the service",
     503: "The service is busy or waits for its data base",
+    504: "It is not known whether this was done",
     507: "The disk of the service is full",
 }
 NEXT = {
@@ -30,7 +31,8 @@ NEXT = {
     404: "The tag may be spelled in another way: look it up in the table.",
     405: "Come from the page that has the button for it.",
     500: "It is not your fault. Whoever runs the service finds this request in its log, by the name below.",
-    503: "Nothing was changed. Try again in a few seconds.",
+    503: "Try again in a few seconds.",
+    504: "Look whether it is there before you ask for it again.",
 }
 TRY_AGAIN = "Go back in the browser: what you typed is still there. Change it and send it again."
 

@@ -1,0 +1,80 @@
+"""A transaction whose COMMIT fails: refused, or with an answer that was lost."""
+
+import sqlite3
+from collections.abc import Iterator
+
+import pytest
+from sqlalchemy import Connection, create_engine, text
+from sqlalchemy.exc import IntegrityError, OperationalError
+
+from app.storage import Database
+from app.storage.database import CommitLostError
+
+HUNG_UP = text("SELECT pg_terminate_backend(:of, 5000)")  # and waits until it is gone
+NO_LOOP = text("INSERT INTO notes (id, loop_id, written_at) VALUES (1, 77, '2026-01-01 00:00:00+00:00')")
+
+
+@pytest.fixture
+def other(database: Database) -> Iterator[Connection]:
+    """Another connection to the server."""
+    if database.is_sqlite:
+        pytest.skip("there is no server")
+    engine = create_engine(database.url)
+    with engine.connect() as connection:
+        yield connection
+    engine.dispose()
+
+
+def hang_up(connection: Connection, other: Connection) -> None:
+    other.execute(HUNG_UP, {"of": connection.scalar(text("SELECT pg_backend_pid()"))})
+
+
+def hang_up_and_ask(connection: Connection, other: Connection) -> None:
+    hang_up(connection, other)
+    connection.execute(text("SELECT 1"))
+
+
+def break_a_rule(connection: Connection) -> None:
+    """One that is looked at when all is written."""
+    if connection.dialect.name == "sqlite":
+        connection.exec_driver_sql("PRAGMA defer_foreign_keys = ON")
+        connection.execute(NO_LOOP)
+    else:
+        connection.exec_driver_sql("CREATE TEMPORARY TABLE once (a int UNIQUE DEFERRABLE INITIALLY DEFERRED)")
+        connection.exec_driver_sql("INSERT INTO once VALUES (1), (1)")
+
+
+def test_where_the_server_is_gone_at_the_end_nobody_knows(database: Database, other: Connection) -> None:
+    with pytest.raises(CommitLostError), database.write() as connection:
+        hang_up(connection, other)
+    with database.write() as connection:  # the next one is well
+        assert connection.scalar(text("SELECT 1")) == 1
+
+
+def test_where_the_server_is_gone_before_the_end_nothing_was_changed(database: Database, other: Connection) -> None:
+    with pytest.raises(OperationalError) as raised, database.write() as connection:
+        hang_up_and_ask(connection, other)
+    assert not isinstance(raised.value, CommitLostError)
+
+
+def test_a_refusal_is_an_answer(database: Database) -> None:
+    with pytest.raises(IntegrityError), database.write() as connection:
+        break_a_rule(connection)
+
+
+@pytest.mark.parametrize(
+    ("name", "unknown"), [("SQLITE_BUSY", False), ("SQLITE_FULL", False), ("SQLITE_IOERR_FSYNC", True)]
+)
+def test_sqlite_says_what_it_did(database: Database, monkeypatch: pytest.MonkeyPatch, name: str, unknown: bool) -> None:
+    if not database.is_sqlite:
+        pytest.skip("words of SQLite")
+    error = sqlite3.OperationalError(name)
+    error.sqlite_errorname = name
+
+    def fails(_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(database.writer.dialect, "do_commit", fails)
+    with pytest.raises(OperationalError) as raised, database.write():
+        pass
+    assert isinstance(raised.value, CommitLostError) == unknown
