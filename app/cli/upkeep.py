@@ -76,9 +76,13 @@ def restore(
 
     Keys come back as they were: revoke again what was revoked since.
 
+    A backup of the embedded default (SQLite) goes into PostgreSQL too, which is how an installation moves there.
+
     [bold]Examples[/bold]
 
       loopaudit restore /srv/backup/loopaudit-2026-11-21
+
+      LOOPAUDIT_DATABASE_URL=postgresql://loopaudit@db/loopaudit loopaudit restore /srv/backup/loopaudit-sqlite
     """
     from app.services.upkeep.backup import restore as bring_back
 

@@ -6,6 +6,7 @@ import sqlite3
 import subprocess
 import time
 from contextlib import suppress
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -67,6 +68,44 @@ def test_a_backup_comes_back_whole(plant, tmp_path):
         assert get_audit(again, run.id).state == "done"
     finally:
         again.close()
+
+
+def test_an_installation_moves_from_sqlite_to_postgresql(open_plant, warm_kernels, emptied_postgres, tmp_path):
+    plant = audited_twice(open_plant())
+    with plant.database.write() as connection:
+        noted = {"loop_id": 1, "written_at": datetime(2026, 1, 2, tzinfo=UTC), "text": "a\0b"}
+        connection.execute(tables.notes.insert().values(noted))
+    before = contents(plant)
+    backups.backup(plant.settings, tmp_path / "kept")
+    there = Settings(data_dir=tmp_path / "there", database_url=emptied_postgres)
+    backups.restore(there, tmp_path / "kept")
+    moved = Backend.open(there)
+    try:
+        (note,) = before["notes"]
+        assert contents(moved) == before | {"notes": [(*note[:4], "a\ufffdb", *note[5:])]}
+        assert (there.uploads_dir / before["uploads"][0][2]).read_bytes() == EXPORT
+        run = start_audit(moved)
+        assert int(run.id) == before["audits"][-1][0] + 1
+        audit_chunk(moved, int(run.id), "test")
+        assert get_audit(moved, run.id).state == "done"
+    finally:
+        moved.close()
+    with pytest.raises(RequestError) as refused:
+        backups.restore(there, tmp_path / "kept")
+    assert refused.value.code == "not_empty"
+    backups.restore(there, tmp_path / "kept", force=True)
+    again = Backend.open(there)
+    assert len(contents(again)["audits"]) == len(before["audits"])
+    again.close()
+
+
+def test_a_backup_of_postgresql_is_not_for_sqlite(plant, tmp_path):
+    if plant.database.is_sqlite:
+        pytest.skip("a backup of PostgreSQL")
+    backups.backup(plant.settings, tmp_path / "kept")
+    with pytest.raises(RequestError, match="which SQLite cannot take") as refused:
+        backups.restore(Settings(data_dir=tmp_path / "there"), tmp_path / "kept")
+    assert refused.value.code == "backup_kind"
 
 
 def test_a_backup_is_made_while_others_write(plant, tmp_path):

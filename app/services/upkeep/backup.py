@@ -12,6 +12,7 @@ from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from sqlalchemy import URL
@@ -21,7 +22,7 @@ from app.errors import RequestError
 from app.services.upkeep.operations import migrate, refuse_missing
 from app.services.upkeep.presence import alone
 from app.settings import Settings, sync_folder
-from app.storage import Database, schema
+from app.storage import Database, copying, schema
 from app.storage.types import now
 
 SQLITE, POSTGRESQL = "loopaudit.db", "loopaudit.dump"
@@ -75,9 +76,9 @@ def backup(settings: Settings, folder: Path) -> BackupReport:
 def restore(settings: Settings, folder: Path, *, force: bool = False) -> BackupReport:
     """Brings a backup back, then to this version's tables.
 
-    Raises RequestError where the service is running, where a file is missing, changed or not of the backup, where it is
-    of the other kind of data base or of a newer version, or, unless `force`, where there are loops, uploads or keys
-    already.
+    One of SQLite goes into PostgreSQL too. Raises RequestError where the service is running, where a file is missing,
+    changed or not of the backup, where it is of PostgreSQL and goes into SQLite, where it is of a newer version, or,
+    unless `force`, where there are loops, uploads or keys already.
     """
     told = _checked_manifest(folder)
     with _away_in_words(), alone(settings):
@@ -88,21 +89,24 @@ def _restored(settings: Settings, folder: Path, told: dict[str, Any], force: boo
     database = Database(settings.resolved_database_url)
     try:
         url, is_sqlite = database.url, database.is_sqlite
-        if told["database"] != (SQLITE if is_sqlite else POSTGRESQL):
-            raise RequestError("backup_kind", f"the backup holds {told['database']}, which this data base cannot take")
+        if is_sqlite and told["database"] != SQLITE:
+            text = f"the backup holds {told['database']}, which SQLite cannot take: set LOOPAUDIT_DATABASE_URL"
+            raise RequestError("backup_kind", text)
         if not schema.is_known(told["schema"]):
             text = f"the backup has tables of version {told['schema']}, which is newer than {schema.newest_revision()}"
             raise RequestError("backup_newer", f"{text}; restore it with the version of loopaudit that made it")
         settings.prepare_folders()
         if not force and _in_use(database):
             raise RequestError("not_empty", "the data base is not empty; --force replaces what is in it")
-        if not is_sqlite:
+        if not is_sqlite and told["database"] == POSTGRESQL:
             # What is restored replaces tables of its own version only: newer ones would stay, and hold on to it.
             schema.bring_to(database, told["schema"])
     finally:
         database.close()
     if is_sqlite:
         _put_sqlite(folder / SQLITE, Path(url.database or ""))
+    elif told["database"] == SQLITE:
+        _move_in(settings, folder / SQLITE)
     else:
         _run(
             ["pg_restore", "--clean", "--if-exists", "--no-owner", "--single-transaction", "--exit-on-error"],
@@ -115,6 +119,23 @@ def _restored(settings: Settings, folder: Path, told: dict[str, Any], force: boo
     return BackupReport(
         folder, migrate(settings), len(told["files"]), sum(path.stat().st_size for path in _files(folder))
     )
+
+
+def _move_in(settings: Settings, file: Path) -> None:
+    """What the embedded default kept, into PostgreSQL: in one transaction, from a copy with this version's tables."""
+    migrate(settings)
+    with TemporaryDirectory(dir=settings.data_dir) as place:
+        draft = Path(place) / SQLITE
+        _put_sqlite(file, draft)
+        source, target = Database(f"sqlite:///{draft}"), Database(settings.resolved_database_url)
+        try:
+            schema.migrate(source)
+            with source.read() as there, target.write() as here:
+                copying.empty(here)
+                copying.copy_rows(there, here)
+        finally:
+            source.close()
+            target.close()
 
 
 @contextmanager
