@@ -23,6 +23,9 @@ router = APIRouter(tags=["loops"])
 Search = Annotated[str | None, Query(max_length=200, description="Part of a tag.")]
 Unit = Annotated[str | None, Query(max_length=200, description="Plant unit.")]
 Form = Annotated[Literal["json", "csv"], Query(alias="format", description="json or csv.")]
+WhichRetired = Literal["true", "false", "any"]
+RETIRED: dict[WhichRetired, bool | None] = {"true": True, "false": False, "any": None}
+Retired = Annotated[WhichRetired, Query(description="true: retired loops; false: those that are not; any: both.")]
 Points = Annotated[int, Query(ge=2, le=10000, description="About how many points are wanted.")]
 Instant = Annotated[IsoTime | None, Query(description="ISO 8601; without an offset it is UTC.")]
 From = Annotated[IsoTime | None, Query(alias="from", description="Another name of start, as explanations have it.")]
@@ -40,15 +43,15 @@ def loops(
     cursor: Cursor = None,
     unit: Unit = None,
     search: Search = None,
+    retired: Retired = "any",
     format_: Form = "json",
 ) -> Any:
     """As CSV all of them at once, to be changed in a spreadsheet and sent back (`PATCH /v1/loops`)."""
+    wanted = service.ListFilter(unit, search, RETIRED[retired])
     if format_ == "json":
-        return service.list_loops(backend, limit, cursor, unit=unit, search=search)
+        return service.list_loops(backend, limit, cursor, wanted)
     headers = {"Content-Disposition": 'attachment; filename="loops.csv"'}
-    return StreamingResponse(
-        written(backend, unit=unit, search=search), media_type="text/csv; charset=utf-8", headers=headers
-    )
+    return StreamingResponse(written(backend, wanted), media_type="text/csv; charset=utf-8", headers=headers)
 
 
 @router.get(

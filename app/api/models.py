@@ -82,6 +82,7 @@ class LoopOut(Read):
         description="Stated of its OP: true, it moves a valve of its own; false, the set point of another loop, found "
         "or not; null: cascades are found from the records."
     )
+    retired: bool = Field(description="Gone, or never a loop: kept, but neither audited with the plant nor counted.")
     samples_to: str | None = Field(description="Time of the newest sample, ISO 8601, UTC; null where there is none.")
 
 
@@ -114,6 +115,11 @@ class LoopPatch(BaseModel):
         None,
         description="Whether OP moves a valve of its own (true) or the set point of another loop (false); null: found "
         "from the records. It counts from the next audit on.",
+    )
+    retired: bool | None = Field(
+        None,
+        description="Whether it is gone, or never was a loop: what is stored of it stays, but it is neither audited "
+        "with the plant nor counted; null: it is not.",
     )
 
 

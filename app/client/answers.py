@@ -30,6 +30,7 @@ class Loop(Answer):
     op_high: float | None
     integrating: bool | None
     moves_valve: bool | None
+    retired: bool
     samples_to: str | None
 
 

@@ -65,14 +65,17 @@ class Client:
     def close(self) -> None:
         self._http.close()
 
-    def loops(self, *, unit: str | None = None, search: str | None = None) -> Iterator[Loop]:
-        return self._pages(Loop, "/v1/loops", {"unit": unit, "search": search})
+    def loops(
+        self, *, unit: str | None = None, search: str | None = None, retired: bool | None = None
+    ) -> Iterator[Loop]:
+        """retired: only those that are, or only those that are not; None: all."""
+        return self._pages(Loop, "/v1/loops", {"unit": unit, "search": search, "retired": retired})
 
     def loop(self, tag: str) -> Loop:
         return Loop.of(self._get(_of_loop(tag)))
 
     def change_loop(self, tag: str, **changes: Any) -> Loop:
-        """Sets what is named (unit, type, importance, spans, ...); None forgets it."""
+        """Sets what is named (unit, type, importance, spans, retired, ...); None forgets it."""
         return Loop.of(self._asked("PATCH", _of_loop(tag), json=changes))
 
     def change_loops(self, loops: Sequence[Mapping[str, Any]]) -> LoopsChanged:

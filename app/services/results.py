@@ -64,7 +64,7 @@ class Receipt:
 @dataclass(frozen=True)
 class LoopView:
     """A control loop. Spans are in the unit of their signal; `samples_to` is the newest sample's time; `moves_valve`:
-    stated of its OP, None where nobody did."""
+    stated of its OP, None where nobody did; `retired`: not audited, not counted."""
 
     tag: str
     unit: str | None
@@ -78,6 +78,7 @@ class LoopView:
     op_high: float | None
     integrating: bool | None
     moves_valve: bool | None
+    retired: bool
     samples_to: str | None
 
 

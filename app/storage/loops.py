@@ -23,7 +23,10 @@ SETTABLE = (
     "op_high",
     "integrating",
     "moves_valve",
+    "retired",
 )
+IN_SERVICE = ~loops.c.retired
+"""Of loops that count: those that are retired keep what is stored of them, and are left out of what is said of all."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,7 @@ class LoopRow:
     op_high: float | None
     integrating: bool | None
     moves_valve: bool | None
+    retired: bool
     newest_ns: int | None
     newest_audit_id: int | None
 
@@ -93,17 +97,29 @@ def to_change(connection: Connection, ids: Iterable[int]) -> dict[int, LoopRow]:
     return {row.id: LoopRow(*row) for row in connection.execute(query.with_for_update(key_share=True, of=loops))}
 
 
+@dataclass(frozen=True)
+class ListFilter:
+    """Which loops to list: all that are given must hold. retired: None, whether they are retired or not."""
+
+    unit: str | None = None
+    search: str | None = None
+    retired: bool | None = None
+
+
 def page(
-    connection: Connection, limit: int, after_tag: str | None, unit: str | None, search: str | None
+    connection: Connection, limit: int, after_tag: str | None = None, wanted: ListFilter | None = None
 ) -> list[LoopRow]:
     """Loops in the order of their tags, after `after_tag`."""
+    wanted = wanted or ListFilter()
     query = select(*COLUMNS).order_by(loops.c.tag).limit(limit)
     if after_tag is not None:
         query = query.where(loops.c.tag > after_tag)
-    if unit is not None:
-        query = query.where(loops.c.unit == unit)
-    if search:
-        query = query.where(loops.c.tag.icontains(search, autoescape=True))
+    if wanted.unit is not None:
+        query = query.where(loops.c.unit == wanted.unit)
+    if wanted.search:
+        query = query.where(loops.c.tag.icontains(wanted.search, autoescape=True))
+    if wanted.retired is not None:
+        query = query.where(loops.c.retired if wanted.retired else IN_SERVICE)
     return [LoopRow(*row) for row in connection.execute(query)]
 
 
@@ -141,7 +157,12 @@ def fill_in(connection: Connection, told: dict[int, dict[str, Any]]) -> None:
 
 
 def count(connection: Connection) -> int:
-    return connection.scalar(select(func.count()).select_from(loops)) or 0
+    """Without those that are retired."""
+    return connection.scalar(select(func.count()).select_from(loops).where(IN_SERVICE)) or 0
+
+
+def retired(connection: Connection) -> tuple[int, ...]:
+    return tuple(connection.scalars(select(loops.c.id).where(loops.c.retired).order_by(loops.c.id)))
 
 
 def types(connection: Connection) -> list[str]:

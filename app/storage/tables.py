@@ -96,6 +96,7 @@ loops = Table(
     Column("op_high", Float),
     Column("integrating", Boolean),
     Column("moves_valve", Boolean),  # and not the set point of another loop; None: found from the records
+    Column("retired", Boolean, nullable=False, server_default=false()),  # gone, or never one: kept, and counted nowhere
     Column("created_at", UtcDateTime, nullable=False),
     Column("newest_ns", BigInteger),  # time of the newest sample
     Column("newest_audit_id", Id),  # the run of the newest verdict

@@ -110,11 +110,13 @@ def settings(
     op_low: Annotated[str, Form(max_length=40)] = "",
     op_high: Annotated[str, Form(max_length=40)] = "",
     moves_valve: Annotated[Literal["", "yes", "no"], Form()] = "",
+    retired: Annotated[Literal["", "yes"], Form()] = "",
 ) -> RedirectResponse:
     words = {"unit": unit, "type": type, "description": description, "pv_unit": pv_unit}
     spans = {"pv_low": pv_low, "pv_high": pv_high, "op_low": op_low, "op_high": op_high}
     numbers = {name: number(name, told) if (told := value.strip()) else None for name, value in spans.items()}
-    loops.patch_loop(backend, tag, {**words, **numbers, "importance": importance, "moves_valve": ANSWERS[moves_valve]})
+    stated = {"importance": importance, "moves_valve": ANSWERS[moves_valve], "retired": retired == "yes"}
+    loops.patch_loop(backend, tag, {**words, **numbers, **stated})
     return back_to(tag, "settings")
 
 

@@ -26,6 +26,7 @@ from app.services.upkeep import operations
 from app.storage import loops as stored_loops
 from app.storage import row_texts, series
 from app.storage import verdicts as stored_verdicts
+from app.storage.loops import ListFilter
 from app.storage.samples import Samples
 from app.storage.series import Stretch
 from app.storage.tables import audits as stored_audits
@@ -308,7 +309,7 @@ def test_loops_are_listed_found_and_changed(plant: Backend) -> None:
     first = loops.list_loops(plant, limit=4)
     rest = loops.list_loops(plant, limit=4, cursor=first.next_cursor)
     assert [loop.tag for loop in first.rows + rest.rows] == TAGS
-    assert [loop.tag for loop in loops.list_loops(plant, search="6").rows] == ["FIC6"]
+    assert [loop.tag for loop in loops.list_loops(plant, wanted=ListFilter(search="6")).rows] == ["FIC6"]
     changed = loops.patch_loop(plant, "FIC1", {"unit": "U1", "pv_low": 0.0, "pv_high": 10.0, "importance": None})
     assert (changed.unit, changed.pv_high, changed.importance) == ("U1", 10.0, 1.0)
     assert loops.patch_loop(plant, "FIC1", {"pv_low": None}).pv_high == 10.0

@@ -67,7 +67,7 @@ ASKED = {
     "a loop's history": lambda c: verdicts.history(c, 77, 30, None),
     "the detail of a verdict": _one_detail,
     "a loop by its tag": lambda c: loops.by_tag(c, "L77"),
-    "a page of loops": lambda c: loops.page(c, 100, "L5", None, None),
+    "a page of loops": lambda c: loops.page(c, 100, "L5"),
     "samples of a chunk of loops": lambda c: series.windows(c, range(1, 33), 1e-9, 10),
     "samples between two times": lambda c: series.between(c, 77, 150, 400),
     "a claim": lambda c: items.claim(c, NIGHTS, "w", 32, 45.0),

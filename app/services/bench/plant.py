@@ -87,7 +87,7 @@ def _batches(plant: Iterable[SimulatedRecord]) -> Iterator[list[SimulatedRecord]
 
 def _first_tags(backend: Backend, count: int) -> tuple[str, ...]:
     with backend.database.read() as connection:
-        return tuple(row.tag for row in loops.page(connection, count, None, None, None))
+        return tuple(row.tag for row in loops.page(connection, count))
 
 
 def _audit(backend: Backend, count: int, wanted: LoopFilter) -> Figures:

@@ -11,10 +11,10 @@ from app.services.backend import Backend
 from app.services.plant.loops import WORDS, change_loops, list_loops, refusal
 from app.services.results import FailureView, LoopsChanged
 from app.services.spreadsheet import csv_lines, plain_cell
-from app.storage.loops import SETTABLE
+from app.storage.loops import SETTABLE, ListFilter
 
 COLUMNS = ("tag", *SETTABLE)
-FLAGS = ("integrating", "moves_valve")
+FLAGS = ("integrating", "moves_valve", "retired")
 SAID = {
     **dict.fromkeys(("yes", "true", "1", "ja", "wahr", "oui", "vrai", "si", "sí", "verdadero"), True),
     **dict.fromkeys(("no", "false", "0", "nein", "falsch", "non", "faux", "falso"), False),
@@ -38,16 +38,16 @@ class LoopList:
     ignored: list[str]
 
 
-def written(backend: Backend, unit: str | None = None, search: str | None = None) -> Iterator[str]:
+def written(backend: Backend, wanted: ListFilter | None = None) -> Iterator[str]:
     """The list of these loops, line by line, from the mark on by which spreadsheets know UTF-8."""
     yield BYTE_ORDER_MARK
-    yield from csv_lines(_rows(backend, unit, search), COLUMNS)
+    yield from csv_lines(_rows(backend, wanted), COLUMNS)
 
 
-def _rows(backend: Backend, unit: str | None, search: str | None) -> Iterator[dict[str, Any]]:
+def _rows(backend: Backend, wanted: ListFilter | None) -> Iterator[dict[str, Any]]:
     cursor = None
     while True:
-        page = list_loops(backend, PAGE, cursor, unit=unit, search=search)
+        page = list_loops(backend, PAGE, cursor, wanted)
         for view in page.rows:
             yield {name: _told(value) for name, value in vars(view).items()}
         cursor = page.next_cursor

@@ -12,12 +12,30 @@ from app.services.cursors import decode, encode, identifier
 from app.services.moments import iso_utc, moment_of
 from app.services.results import FailureView, LoopsChanged, LoopView, Page
 from app.storage import items, loops, verdicts
-from app.storage.loops import SETTABLE, LoopRow
+from app.storage.loops import SETTABLE, ListFilter, LoopRow
 from app.storage.types import storable
+
+__all__ = [
+    "ListFilter",
+    "change_loops",
+    "find",
+    "get_loop",
+    "list_loops",
+    "loop_health",
+    "loop_health_json",
+    "newest_failure",
+    "patch_loop",
+    "refusal",
+    "unknown",
+    "verdict_detail",
+    "verdict_history",
+]
 
 KNOWN_TYPES = ("flow", "pressure", "level", "temperature", "composition", "speed", "position", "other")
 WORDS = ("unit", "type", "description", "pv_unit")
 LONGEST_WORDS, MOST_IMPORTANT = 200, 1000
+USUAL = {"importance": 1.0, "retired": False}
+"""What a loop is where nobody says otherwise, of what it cannot be without."""
 SPANS = (("pv_low", "pv_high"), ("op_low", "op_high"))
 
 
@@ -25,14 +43,12 @@ def list_loops(
     backend: Backend,
     limit: int = 100,
     cursor: str | None = None,
-    *,
-    unit: str | None = None,
-    search: str | None = None,
+    wanted: ListFilter | None = None,
 ) -> Page[LoopView]:
-    """Loops in the order of their tags; `search` is a part of the tag."""
+    """Loops in the order of their tags; `search` of the filter is a part of the tag."""
     after = decode(cursor, (str,))
     with backend.database.read() as connection:
-        rows = loops.page(connection, limit + 1, after[0] if after else None, unit, search)
+        rows = loops.page(connection, limit + 1, after[0] if after else None, wanted)
     following = encode(rows[limit - 1].tag) if len(rows) > limit else None
     return Page([_view(row) for row in rows[:limit]], following)
 
@@ -105,8 +121,7 @@ def _wanted(row: LoopRow, changes: Mapping[str, Any], own_types: Callable[[], Co
     """own_types: those that loops of this plant have."""
     wanted = {name: changes.get(name, getattr(row, name)) for name in SETTABLE}
     wanted |= {name: _stripped(wanted[name]) for name in WORDS if name in changes}
-    if wanted["importance"] is None:
-        wanted["importance"] = 1.0
+    wanted |= {name: usual for name, usual in USUAL.items() if wanted[name] is None}
     _check_values(wanted)
     _check_spans(wanted)
     if wanted["type"] != row.type:
