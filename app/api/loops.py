@@ -24,7 +24,6 @@ Search = Annotated[str | None, Query(max_length=200, description="Part of a tag.
 Unit = Annotated[str | None, Query(max_length=200, description="Plant unit.")]
 Form = Annotated[Literal["json", "csv"], Query(alias="format", description="json or csv.")]
 WhichRetired = Literal["true", "false", "any"]
-RETIRED: dict[WhichRetired, bool | None] = {"true": True, "false": False, "any": None}
 Retired = Annotated[WhichRetired, Query(description="true: retired loops; false: those that are not; any: both.")]
 Points = Annotated[int, Query(ge=2, le=10000, description="About how many points are wanted.")]
 Instant = Annotated[IsoTime | None, Query(description="ISO 8601; without an offset it is UTC.")]
@@ -47,7 +46,7 @@ def loops(
     format_: Form = "json",
 ) -> Any:
     """As CSV all of them at once, to be changed in a spreadsheet and sent back (`PATCH /v1/loops`)."""
-    wanted = service.ListFilter(unit, search, RETIRED[retired])
+    wanted = service.ListFilter(unit, search, service.RETIRED[retired])
     if format_ == "json":
         return service.list_loops(backend, limit, cursor, wanted)
     headers = {"Content-Disposition": 'attachment; filename="loops.csv"'}

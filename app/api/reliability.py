@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field
 from starlette.requests import Request
 
 from app.api.etags import NOT_MODIFIED, tagged, versioned
-from app.api.loops import CSV
+from app.api.loops import CSV, WhichRetired
 from app.api.models import ReliabilityPage
 from app.errors import RequestError
 from app.http.backend import Services
@@ -17,6 +17,7 @@ from app.services.auditing.audit_models import ReadingName, ReliabilityName, Rel
 from app.services.cursors import LONGEST as LONGEST_CURSOR
 from app.services.cursors import identifier
 from app.services.plant import reliability as service
+from app.services.plant.loops import RETIRED
 from app.services.spreadsheet import csv_lines
 
 LARGEST_PAGE = 20_000
@@ -50,12 +51,18 @@ class TableQuery(BaseModel):
     min_probability: float | None = Field(None, ge=0, le=1, description="Least probability of stiction.")
     audit_id: str | None = Field(None, max_length=40, description="The verdicts of this run instead of the newest.")
     search: str | None = Field(None, max_length=200, description="Part of a tag.")
+    retired: WhichRetired | None = Field(
+        None,
+        description="true: loops that are retired; false: those that are not; any: both. None: false, or with "
+        "audit_id any: what a run found stays.",
+    )
 
     def filters(self) -> service.RowFilter:
         names = ("reliability", "unit", "type", "likely_cause", "table2_reading", "min_probability", "search")
         given = {name: getattr(self, name) for name in names}
         run = None if self.audit_id is None else identifier(self.audit_id, "audit")
-        return service.RowFilter(verdict=tuple(self.verdict) or None, audit_id=run, **given)
+        retired = RETIRED[self.retired or ("false" if run is None else "any")]
+        return service.RowFilter(verdict=tuple(self.verdict) or None, audit_id=run, retired=retired, **given)
 
     def wanted_columns(self) -> tuple[str, ...]:
         """Raises RequestError where a column is not there, or where the answer is not CSV."""
@@ -86,7 +93,8 @@ def reliability(
     backend: Services,
     query: Filters,
 ) -> Any:
-    """One row a loop, its newest verdict. `next_cursor` is always there and null on the last page.
+    """One row a loop, its newest verdict; without `retired` or `audit_id` not of loops that are retired. `next_cursor`
+    is always there and null on the last page.
 
     As CSV, texts that a spreadsheet would calculate begin with an apostrophe; the cursor is in X-Next-Cursor.
     Both have an ETag, which stays the same until a verdict or a loop changes.

@@ -4,6 +4,7 @@ from typing import Any
 
 from sqlalchemy import Connection, Subquery, func, or_, select
 
+from app.storage.loops import IN_SERVICE
 from app.storage.tables import loops, verdicts
 
 
@@ -42,9 +43,11 @@ def anything_new(connection: Connection, audit_id: int) -> bool:
 
 
 def _ends(audit_id: int | None) -> Subquery:
-    """Tag, importance and newest sample of each loop."""
+    """Tag, importance and newest sample of each loop that is in service: nothing more is to come of the others."""
     shown: tuple[Any, ...] = (loops.c.tag, loops.c.importance)
     if audit_id is None:
-        return select(*shown, loops.c.newest_ns.label("end_ns")).where(loops.c.newest_ns.is_not(None)).subquery()
+        query = select(*shown, loops.c.newest_ns.label("end_ns"))
+        return query.where(loops.c.newest_ns.is_not(None), IN_SERVICE).subquery()
     query = select(*shown, verdicts.c.input_end_ns.label("end_ns")).join(verdicts, verdicts.c.loop_id == loops.c.id)
-    return query.where(verdicts.c.audit_id == audit_id, verdicts.c.input_end_ns.is_not(None)).subquery()
+    given = (verdicts.c.audit_id == audit_id, verdicts.c.input_end_ns.is_not(None))
+    return query.where(*given, IN_SERVICE).subquery()

@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy import Connection, and_, case, exists, func, insert, literal, or_, select, update
 
 from app.storage.items import CANCELLED
+from app.storage.loops import IN_SERVICE
 from app.storage.series import insert_new
 from app.storage.tables import audit_items, audits, loops
 from app.storage.types import clock_s, long_ago, now
@@ -52,7 +53,8 @@ class Progress:
 
 @dataclass(frozen=True)
 class LoopFilter:
-    """Which loops to audit: all that are given must hold; nothing given is the whole plant."""
+    """Which loops to audit: all that are given must hold; nothing given is the whole plant. A loop that is retired is
+    audited only where its tag is given."""
 
     tags: tuple[str, ...] | None = None
     unit: str | None = None
@@ -165,8 +167,7 @@ def note_announced(connection: Connection, audit_id: int) -> None:
 
 def _conditions(wanted: LoopFilter) -> list[Any]:
     conditions: list[Any] = [loops.c.newest_ns.is_not(None)]
-    if wanted.tags is not None:
-        conditions.append(loops.c.tag.in_(wanted.tags))
+    conditions.append(IN_SERVICE if wanted.tags is None else loops.c.tag.in_(wanted.tags))
     if wanted.unit is not None:
         conditions.append(loops.c.unit == wanted.unit)
     if wanted.type is not None:

@@ -1,9 +1,11 @@
-"""What a digest tells of one run, whenever it is asked: later runs change nothing of it."""
+"""What a digest tells of one run, whenever it is asked: later runs change nothing of it. Loops that have been retired
+since are not told of."""
 
 from typing import Any
 
 from sqlalchemy import Connection, and_, func, or_, select
 
+from app.storage.loops import IN_SERVICE
 from app.storage.plant import told_of_both
 from app.storage.tables import loops, verdicts
 
@@ -11,7 +13,7 @@ COMPLAINTS = ("stiction", "inconclusive")
 now = verdicts.alias("of_the_run")
 before = verdicts.alias("earlier")
 _PRIORITY = loops.c.importance * (100.0 - now.c.health)
-_OF_RUN = loops.join(now, now.c.loop_id == loops.c.id)
+_OF_RUN = loops.join(now, and_(now.c.loop_id == loops.c.id, IN_SERVICE))
 
 
 def worst_of_units(connection: Connection, audit_id: int, each: int) -> list[Any]:
@@ -56,6 +58,5 @@ def changes_of(connection: Connection, audit_id: int, limit: int) -> list[Any]:
 def counts_of(connection: Connection, audit_id: int) -> list[Any]:
     """Loops of the run by verdict, reliability and likely cause."""
     by = (now.c.verdict, now.c.reliability, now.c.likely_cause)
-    return list(
-        connection.execute(select(*by, func.count().label("loops")).where(now.c.audit_id == audit_id).group_by(*by))
-    )
+    query = select(*by, func.count().label("loops")).select_from(_OF_RUN).where(now.c.audit_id == audit_id)
+    return list(connection.execute(query.group_by(*by)))

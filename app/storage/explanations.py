@@ -21,6 +21,7 @@ from sqlalchemy import (
 )
 
 from app.storage.leases import Reopened, take_back
+from app.storage.loops import IN_SERVICE
 from app.storage.series import insert_new
 from app.storage.tables import audit_items, audits, explanations, loops, verdicts
 from app.storage.types import clock_s, long_ago, now
@@ -89,7 +90,7 @@ def plan_for_run(connection: Connection, audit_id: int, count: int) -> int:
         )
         .join(loops, loops.c.id == verdicts.c.loop_id)
         .where(verdicts.c.audit_id == audit_id, verdicts.c.verdict.in_(WITH_A_VERDICT), suspicious)
-        .where(verdicts.c.stiction_probability.is_not(None))
+        .where(verdicts.c.stiction_probability.is_not(None), IN_SERVICE)
         .order_by((verdicts.c.stiction_probability * loops.c.importance).desc(), verdicts.c.loop_id)
         .limit(count)
     )

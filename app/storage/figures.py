@@ -5,6 +5,7 @@ from datetime import datetime, timedelta
 
 from sqlalchemy import ColumnElement, Connection, and_, func, select
 
+from app.storage.loops import IN_SERVICE, count, retired
 from app.storage.tables import audit_items, audits, explanations, keys, loops, uploads, verdicts
 from app.storage.tallies import UPLOAD_BYTES, tallied
 from app.storage.types import now
@@ -23,14 +24,15 @@ class EndedRun:
 
 @dataclass(frozen=True)
 class Figures:
-    """items: loops of unfinished runs by state. verdicts: loops by their newest verdict. failures: failed loops of the
-    newest night that ended, by code; failures_day: of all runs that ended within 24 h. oldest_open_s: age of the oldest
-    run that is not ended, in seconds (0: none). audit_seconds: mean time of an audit over the newest verdicts.
-    oldest_unread_s: age of the oldest upload that is still to be read. uploads_bytes: of all uploads as they
-    came, those too that are not kept any more.
+    """loops: those in service; retired: the others. items: loops of unfinished runs by state. verdicts: loops by their
+    newest verdict. failures: failed loops of the newest night that ended, by code; failures_day: of all runs that ended
+    within 24 h. oldest_open_s: age of the oldest run that is not ended, in seconds (0: none). audit_seconds: mean time
+    of an audit over the newest verdicts. oldest_unread_s: age of the oldest upload that is still to be read.
+    uploads_bytes: of all uploads as they came, those too that are not kept any more.
     last_run: the newest that ended, of any kind; last_night: the newest nightly one."""
 
     loops: int
+    retired: int
     uploads: dict[str, int]
     items: dict[str, int]
     verdicts: dict[str, int]
@@ -48,9 +50,8 @@ class Figures:
 
 def collect(connection: Connection) -> Figures:
     unfinished = select(audits.c.id).where(audits.c.state.in_(("planned", "running")))
-    newest = loops.join(
-        verdicts, and_(verdicts.c.loop_id == loops.c.id, verdicts.c.audit_id == loops.c.newest_audit_id)
-    )
+    is_newest = and_(verdicts.c.loop_id == loops.c.id, verdicts.c.audit_id == loops.c.newest_audit_id)
+    newest = loops.join(verdicts, and_(is_newest, IN_SERVICE))
     night = _newest_ended(connection, audits.c.nightly_for.is_not(None))
     today = audits.c.ended_at >= now() - DAY
     unread = connection.scalar(
@@ -58,7 +59,8 @@ def collect(connection: Connection) -> Figures:
     )
     oldest = connection.scalar(select(func.min(audits.c.created_at)).where(audits.c.id.in_(unfinished)))
     return Figures(
-        loops=connection.scalar(select(func.count()).select_from(loops)) or 0,
+        loops=count(connection),
+        retired=len(retired(connection)),
         uploads=_counts(connection, select(uploads.c.state, func.count()).group_by(uploads.c.state)),
         items=_counts(
             connection,

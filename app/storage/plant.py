@@ -18,6 +18,7 @@ from sqlalchemy import (
     select,
 )
 
+from app.storage.loops import IN_SERVICE
 from app.storage.tables import audits, loops, newest_rows, verdicts
 
 A_DAY = timedelta(days=1)
@@ -25,7 +26,8 @@ A_DAY = timedelta(days=1)
 rows = newest_rows
 newest = verdicts.alias("newest")
 before = verdicts.alias("earlier")
-_NEWEST = loops.join(rows, and_(rows.c.loop_id == loops.c.id, rows.c.audit_id == loops.c.newest_audit_id))
+_IS_NEWEST = and_(rows.c.loop_id == loops.c.id, rows.c.audit_id == loops.c.newest_audit_id)
+_NEWEST = loops.join(rows, and_(_IS_NEWEST, IN_SERVICE))
 _PRIORITY = loops.c.importance * (100.0 - rows.c.health)
 
 
@@ -159,5 +161,5 @@ def verdict_counts(connection: Connection, audit_id: int) -> dict[str, int]:
 
 
 def units(connection: Connection) -> list[str]:
-    query = select(loops.c.unit).where(loops.c.unit.is_not(None)).distinct().order_by(loops.c.unit)
+    query = select(loops.c.unit).where(loops.c.unit.is_not(None), IN_SERVICE).distinct().order_by(loops.c.unit)
     return list(connection.scalars(query))

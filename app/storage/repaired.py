@@ -5,6 +5,7 @@ from typing import Any
 
 from sqlalchemy import Connection, and_, func, literal, or_, select
 
+from app.storage.loops import IN_SERVICE
 from app.storage.tables import loops, notes, verdicts
 
 
@@ -45,7 +46,7 @@ def between(connection: Connection, since: datetime, until: datetime, audit_id: 
         .join(last, last.c.id == notes.c.id)
         .join(loops, loops.c.id == notes.c.loop_id)
         .join(verdicts, said, isouter=audit_id is None)
-        .where(notes.c.repaired_at > since, notes.c.repaired_at <= until)
+        .where(notes.c.repaired_at > since, notes.c.repaired_at <= until, IN_SERVICE)
         .order_by(loops.c.importance.desc(), notes.c.repaired_at.desc(), loops.c.tag)
         .limit(limit)
     )

@@ -135,6 +135,13 @@ def loops_of(connection: Connection, upload_id: int) -> list[str]:
     return list(connection.scalars(query.where(upload_loops.c.upload_id == upload_id).order_by(loops.c.tag)))
 
 
+def retired_of(connection: Connection, upload_id: int) -> list[str]:
+    """Those of the upload's loops that are retired."""
+    query = select(loops.c.tag).join(upload_loops, upload_loops.c.loop_id == loops.c.id)
+    mine = (upload_loops.c.upload_id == upload_id, loops.c.retired)
+    return list(connection.scalars(query.where(*mine).order_by(loops.c.tag)))
+
+
 def count_loops(connection: Connection, upload_ids: Sequence[int]) -> dict[int, int]:
     """How many loops were found in each of the uploads; those without any are left out."""
     found = upload_loops.c.upload_id

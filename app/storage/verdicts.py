@@ -11,6 +11,7 @@ import zstandard
 from sqlalchemy import ColumnElement, Connection, Select, Table, and_, bindparam, case, func, or_, select, update
 
 from app.storage.json_texts import short_json
+from app.storage.loops import IN_SERVICE, retired
 from app.storage.series import insert_for, insert_new
 from app.storage.tables import audits, loops, newest_rows, verdict_details, verdicts
 
@@ -39,7 +40,8 @@ LONGEST_DETAIL = 64 << 20
 
 @dataclass(frozen=True)
 class RowFilter:
-    """Which rows of the table: all that are given must hold."""
+    """Which rows of the table: all that are given must hold. retired: of loops that are retired, by default not; None:
+    of both."""
 
     verdict: tuple[str, ...] | None = None
     reliability: str | None = None
@@ -50,6 +52,7 @@ class RowFilter:
     min_probability: float | None = None
     audit_id: int | None = None
     search: str | None = None
+    retired: bool | None = False
 
 
 @dataclass(frozen=True)
@@ -178,12 +181,13 @@ def _rewrite(
 
 
 def said(connection: Connection) -> list[Any]:
-    """What the newest verdict of each loop says in short, of which run it is, and what is stated of the loop's OP."""
+    """What the newest verdict of each loop in service says in short, of which run it is, and what is stated of the
+    loop's OP."""
     told = ("loop_id", "audit_id", "verdict", "reliability", "stiction_probability")
     query = select(loops.c.tag, loops.c.moves_valve, *(newest_rows.c[name] for name in told)).select_from(
         _newest_rows()
     )
-    return list(connection.execute(query.order_by(loops.c.tag)))
+    return list(connection.execute(query.where(IN_SERVICE).order_by(loops.c.tag)))
 
 
 def pack_detail(detail: dict[str, Any]) -> bytes:
@@ -322,24 +326,26 @@ def input_of(connection: Connection, loop_id: int, audit_id: int) -> Any:
 
 
 def swings(connection: Connection) -> list[Any]:
-    """What is kept of the oscillations of all loops whose newest verdict saw one."""
+    """What is kept of the oscillations of all loops in service whose newest verdict saw one."""
     newest_one = and_(newest_rows.c.loop_id == loops.c.id, newest_rows.c.audit_id == loops.c.newest_audit_id)
     judged = and_(verdicts.c.loop_id == loops.c.id, verdicts.c.audit_id == loops.c.newest_audit_id)
     query = select(loops.c.tag, loops.c.unit, verdicts.c.stiction_probability, newest_rows.c.swing_json)
     query = query.select_from(loops.join(newest_rows, newest_one).join(verdicts, judged))
-    return list(connection.execute(query.where(newest_rows.c.swing_json.is_not(None)).order_by(loops.c.tag)))
+    seen = newest_rows.c.swing_json.is_not(None)
+    return list(connection.execute(query.where(seen, IN_SERVICE).order_by(loops.c.tag)))
 
 
 def excerpts(connection: Connection) -> list[Any]:
-    """What is kept of OP and SP of all loops in which one of them moves."""
+    """What is kept of OP and SP of all loops in service in which one of them moves."""
     query = select(loops.c.tag, newest_rows.c.excerpts_json).select_from(_newest_rows())
-    return list(connection.execute(query.where(newest_rows.c.excerpts_json.is_not(None)).order_by(loops.c.tag)))
+    kept = newest_rows.c.excerpts_json.is_not(None)
+    return list(connection.execute(query.where(kept, IN_SERVICE).order_by(loops.c.tag)))
 
 
 def newest_state(connection: Connection) -> tuple[Any, ...]:
-    """Changes whenever a loop gets a newer verdict."""
+    """Changes whenever a loop gets a newer verdict, or is retired."""
     query = select(func.max(loops.c.newest_audit_id), func.sum(loops.c.newest_audit_id), func.count())
-    return tuple(connection.execute(query).one())
+    return (*connection.execute(query).one(), retired(connection))
 
 
 def detail(connection: Connection, loop_id: int, audit_id: int) -> dict[str, Any] | None:
@@ -353,11 +359,11 @@ def detail(connection: Connection, loop_id: int, audit_id: int) -> dict[str, Any
 
 
 def counts(connection: Connection, by: Sequence[str]) -> list[tuple[Any, ...]]:
-    """How many loops share each set of newest values of the columns `by`: the values, then the count."""
+    """How many loops in service share each set of newest values of the columns `by`: the values, then the count."""
     quick = set(by) <= set(QUICK)
     columns = [QUICK[name] if quick else SORTABLE[name] for name in by]
     source = _newest_rows() if quick else _newest_of_loops()
-    query = select(*columns, func.count()).select_from(source).group_by(*columns)
+    query = select(*columns, func.count()).select_from(source).where(IN_SERVICE).group_by(*columns)
     return [tuple(row) for row in connection.execute(query)]
 
 
@@ -389,6 +395,8 @@ def _is_newest() -> ColumnElement[bool]:
 
 def _conditions(wanted: RowFilter, columns: Mapping[str, Any] = SORTABLE) -> list[ColumnElement[bool]]:
     conditions: list[ColumnElement[bool]] = []
+    if wanted.retired is not None:
+        conditions.append(loops.c.retired if wanted.retired else IN_SERVICE)
     if wanted.verdict is not None:
         conditions.append(columns["verdict"].in_(wanted.verdict))
     for name in ("reliability", "unit", "type", "likely_cause", "table2_reading"):

@@ -1,6 +1,6 @@
 """The plant, its table, its groups, and what each figure means."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query
 from fastapi.responses import HTMLResponse
@@ -13,6 +13,7 @@ from app.services.plant import groups as grouped
 from app.services.plant import overview as plants
 from app.services.plant.arrivals import arrivals, nothing_new, sentences
 from app.services.plant.glossary import FIGURES
+from app.services.plant.loops import RETIRED
 from app.services.plant.nights import nights
 from app.services.plant.reliability import RowFilter
 from app.services.plant.repaired import repairs
@@ -41,6 +42,7 @@ class TableForm(BaseModel):
     verdict: str = Field("", max_length=40)
     reliability: str = Field("", max_length=40)
     likely_cause: str = Field("", max_length=100)
+    retired: Literal["", "false", "true", "any"] = ""
     sort: str = Field("-priority", max_length=60)
     cursor: str = Field("", max_length=2000)
     column: list[str] = Field([], max_length=len(COLUMNS))
@@ -52,6 +54,7 @@ class TableForm(BaseModel):
             unit=self.unit or None,
             likely_cause=self.likely_cause or None,
             search=self.search or None,
+            retired=RETIRED[self.retired or "false"],
         )
 
 

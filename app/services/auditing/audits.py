@@ -124,7 +124,8 @@ def _refuse_none(connection: Connection, audit_id: int | None, wanted: LoopFilte
     planned = None if audit_id is None else audits.by_id(connection, audit_id)
     if planned is not None and planned.total == 0 and wanted != LoopFilter():
         named = ", ".join(f"{name} {_short(value)}" for name, value in vars(wanted).items() if value is not None)
-        raise RequestError("no_loops", f"no loop with samples has {named}")
+        in_service = " and in service" if wanted.tags is None else ""
+        raise RequestError("no_loops", f"no loop with samples{in_service} has {named}")
 
 
 def _short(value: str | tuple[str, ...]) -> str:

@@ -48,8 +48,8 @@ class Area:
 
 @dataclass(frozen=True)
 class Digest:
-    """What one run came to; the same whenever it is asked for. `refused`: how many loops were not auditable, by likely
-    cause; `refused_loops`: the most important of each."""
+    """What one run came to; the same whenever it is asked for, but for loops that were retired since. `refused`: how
+    many loops were not auditable, by likely cause; `refused_loops`: the most important of each."""
 
     plant: str
     run: AuditView

@@ -24,6 +24,7 @@ from app.storage.uploads import ReadingClaim, RejectRow, UploadRow
 BATCH_LOOPS = 200
 BATCHES_AHEAD = 2  # read, but not yet written
 LISTED_LOOPS = 20_000
+NAMED = 5
 BATCH_VALUES = 2_000_000
 
 
@@ -89,16 +90,26 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
     export = read_export(path_of(backend, row.fingerprint), filename=row.filename, mapping=mapping, options=options)
     with closing(_batches(export)) as batches:
         added = _stored(backend, claim, batches, mapping)
+    with backend.database.read() as connection:
+        retired = uploads.retired_of(connection, row.id)
     summary, refused = export.summary(), export.rejects()
     told = {
         "layout": summary.layout,
         "rows_kept": summary.rows_kept,
         "samples_added": added,
         "reject_counts": dict(refused.counts),
-        "notes": list(summary.notes),
+        "notes": [*summary.notes, *_of_retired(retired)],
         "tags_found": summary.tags,
     }
     return Read(told, [_tags(loop) for loop in summary.loops[:LISTED_LOOPS]], refused)
+
+
+def _of_retired(tags: list[str]) -> Iterator[str]:
+    if tags:
+        more = f" and {len(tags) - NAMED} more" if len(tags) > NAMED else ""
+        named = ", ".join(" ".join(tag.split()) for tag in tags[:NAMED])
+        which = f"{len(tags)} of its loops are" if len(tags) > 1 else "One of its loops is"
+        yield f"{which} retired: what came of them is stored, and not audited with the plant ({named}{more})."
 
 
 def _tags(loop: LoopTags) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from app.storage.loops import SETTABLE, ListFilter, LoopRow
 from app.storage.types import storable
 
 __all__ = [
+    "RETIRED",
     "ListFilter",
     "change_loops",
     "find",
@@ -34,6 +35,8 @@ __all__ = [
 KNOWN_TYPES = ("flow", "pressure", "level", "temperature", "composition", "speed", "position", "other")
 WORDS = ("unit", "type", "description", "pv_unit")
 LONGEST_WORDS, MOST_IMPORTANT = 200, 1000
+RETIRED: dict[str, bool | None] = {"true": True, "false": False, "any": None}
+"""Which loops are asked for: those that are retired, those that are not, or both."""
 USUAL = {"importance": 1.0, "retired": False}
 """What a loop is where nobody says otherwise, of what it cannot be without."""
 SPANS = (("pv_low", "pv_high"), ("op_low", "op_high"))

@@ -15,6 +15,7 @@ from app.services.results import AuditView, ChangedBy, ChangeView, Page, UnitVie
 from app.services.wording import WHY_WORDS, cause_words
 from app.storage import notes, plant, verdicts
 from app.storage.loops import count as count_loops
+from app.storage.loops import retired as retired_loops
 from app.storage.notes import Standing
 from app.storage.verdicts import RowFilter
 
@@ -31,7 +32,8 @@ OF_REPAIRS = {SINCE_REPAIR, BEFORE_REPAIR}
 
 @dataclass(frozen=True)
 class Overview:
-    """Counts over the newest verdict of each loop; `refused` is why loops are not auditable, by likely cause."""
+    """Counts over the newest verdict of each loop in service; `refused` is why loops are not auditable, by likely cause;
+    `retired`: how many loops are left out."""
 
     loops: int
     audited: int
@@ -40,6 +42,7 @@ class Overview:
     refused: dict[str, int]
     units: list[UnitView]
     health: float | None
+    retired: int = 0
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,7 @@ class Changes:
 def overview(backend: Backend) -> Overview:
     with backend.database.read() as connection:
         known, counted = count_loops(connection), plant.counts(connection)
+        retired = len(retired_loops(connection))
     verdict_count, reliable, refused = Counter[str](), Counter[str](), Counter[str]()
     for row in counted:
         verdict_count[row.verdict] += row.loops
@@ -70,6 +74,7 @@ def overview(backend: Backend) -> Overview:
         refused=dict(refused.most_common()),
         units=_units(counted),
         health=_mean_health(counted),
+        retired=retired,
     )
 
 

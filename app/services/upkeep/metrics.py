@@ -32,7 +32,10 @@ def metrics(backend: Backend) -> tuple[Metric, ...]:
     reach = arrivals(backend)
     newest_s = None if reach.recorded_to is None else datetime.fromisoformat(reach.recorded_to).timestamp()
     return (
-        _gauge("loopaudit_loops", "Loops of the plant.", (Sample(found.loops),)),
+        _gauge("loopaudit_loops", "Loops of the plant, without those that are retired.", (Sample(found.loops),)),
+        _gauge(
+            "loopaudit_loops_retired", "Loops that are retired: not audited, not counted.", (Sample(found.retired),)
+        ),
         _gauge("loopaudit_uploads", "Uploads by state.", _by("state", found.uploads)),
         _gauge("loopaudit_open_run_items", "Loops in runs that have not ended, by state.", _by("state", found.items)),
         _gauge(
