@@ -94,6 +94,13 @@ def test_the_series_come_with_their_times(client, upload):
     assert len(trend.time) == len(trend.time_ms) == len(trend.pv) == len(trend.op)
 
 
+def test_a_loop_is_retired_and_found_again(client, upload):
+    assert client.change_loop(TAG, retired=True).retired
+    assert [loop.tag for loop in client.loops(retired=True)] == [TAG]
+    assert client.change_loop(TAG, retired=False).retired is False
+    assert list(client.loops(retired=True)) == []
+
+
 def test_an_audit_is_started_and_waited_for(client, upload, monkeypatch):
     run = client.start_audit(tags=[TAG])
     assert (run.total, run.ended) == (1, False)

@@ -66,6 +66,15 @@ def audited(backend: Backend, wanted: LoopFilter | None = None) -> dict[str, dic
     return {row["loop"]: row for row in reliability_page(backend, filters=RowFilter()).rows}
 
 
+def test_a_retired_loop_is_not_heard(backend: Backend, warm_kernels: None) -> None:
+    stored(backend, cascade(*STICKS))
+    audited(backend)
+    patch_loop(backend, "FIC2", {"retired": True})
+    assert audited(backend)["TIC1"]["reliability"] == "reliable"
+    patch_loop(backend, "FIC2", {"retired": False})
+    assert audited(backend)["TIC1"]["reliability"] == "not_reliable"
+
+
 def test_an_outer_loop_is_not_cleared_beside_an_inner_one_that_sticks(backend: Backend, warm_kernels: None) -> None:
     stored(backend, {"TIC1": cascade(*STICKS)["TIC1"]})
     alone = audited(backend)["TIC1"]

@@ -363,6 +363,16 @@ def _expire(backend: Backend, upload: UploadView, **values: object) -> None:
         connection.execute(update(uploads_table).where(uploads_table.c.id == int(upload.id)).values(**values))
 
 
+def test_an_upload_tells_which_of_its_loops_are_retired(backend: Backend) -> None:
+    first = read(backend, send(backend, export()))
+    tag = first.loops[0]
+    assert not any("retired" in note for note in first.notes)
+    loops.patch_loop(backend, tag, {"retired": True})
+    later = read(backend, send(backend, export(start=1_750_100_000)))
+    assert later.samples_added == first.samples_added
+    assert f"not audited with the plant ({tag})." in later.notes[-1]
+
+
 def test_an_upload_without_loops_notes_none(backend: Backend) -> None:
     with backend.database.write() as connection:
         stored.note_loops(connection, 1, [])

@@ -288,6 +288,28 @@ def test_what_its_op_moves_can_be_stated(client, said, kept):
     assert client.post("/loops/FIC101/settings", data=told | {"moves_valve": "x"}).status_code == 422
 
 
+def test_a_loop_is_retired_on_its_page_and_says_so(client):
+    said, box = 'id="retired"', r'name="retired" value="yes" checked'
+    told = {"importance": "1"}
+    assert said not in client.get("/loops/LIC7").text
+    try:
+        assert client.post("/loops/LIC7/settings", data=told | {"retired": "yes"}).status_code == 303
+        page = client.get("/loops/LIC7").text
+        assert said in page
+        assert box in page
+        assert "LIC7" not in seen(client, "/").texts
+        assert "/table?retired=true" in seen(client, "/").links
+        assert "LIC7" not in seen(client, "/table").texts
+        for shown in ("true", "any"):
+            found = seen(client, f"/table?retired={shown}")
+            assert "LIC7" in found.texts
+            assert any(f"retired={shown}" in link for link in found.links if link.startswith("/v1/reliability"))
+        assert ("FIC101" in seen(client, "/table?retired=true").texts) is False
+    finally:
+        assert client.post("/loops/LIC7/settings", data=told).status_code == 303
+    assert said not in client.get("/loops/LIC7").text
+
+
 def test_an_upload_shows_its_tags_and_what_was_refused(client):
     found = seen(client, "/uploads/1")
     assert "<i>plant.csv" in found.texts

@@ -32,8 +32,8 @@ OF_REPAIRS = {SINCE_REPAIR, BEFORE_REPAIR}
 
 @dataclass(frozen=True)
 class Overview:
-    """Counts over the newest verdict of each loop in service; `refused` is why loops are not auditable, by likely cause;
-    `retired`: how many loops are left out."""
+    """Counts over the newest verdict of each loop in service; `refused` is why loops are not auditable, by likely
+    cause; `retired`: how many loops are left out."""
 
     loops: int
     audited: int

@@ -112,6 +112,15 @@ def test_yes_and_no_are_known_in_other_languages(client):
     assert (loop(client, "FIC101")["moves_valve"], loop(client, "LIC7")["moves_valve"]) == (False, True)
 
 
+def test_loops_are_retired_by_the_list(client):
+    assert sent(client, "tag,retired\nFIC101,yes\nLIC7,no\n").json()["changed"] == 1
+    assert [listed(client)[tag]["retired"] for tag in ("FIC101", "LIC7")] == ["yes", "no"]
+    retired = client.get("/v1/loops", params={"format": "csv", "retired": "true"}).text
+    assert ("FIC101" in retired, "LIC7" in retired) == (True, False)
+    told = client.patch("/v1/loops", json={"loops": [{"tag": "FIC101", "retired": False}]}).json()
+    assert (told["changed"], loop(client, "FIC101")["retired"]) == (1, False)
+
+
 @pytest.mark.parametrize("tag", ["F\x00", "F\ud800"])
 def test_a_tag_that_no_data_base_keeps_is_no_loop(client, tag):
     lines = [{"tag": tag, "unit": "a"}, {"tag": "LIC7", "unit": "b"}, {"tag": tag, tag: 1}]

@@ -43,6 +43,7 @@ def test_a_loop_is_changed_and_read_back(client, plant, tag):
         ({"unit": "a\x00b"}, 422),
         ({"integrating": 0}, 422),
         ({"moves_valve": "no"}, 422),
+        ({"retired": 1}, 422),
         ({"op_high": False}, 422),
         ([], 422),
     ],
@@ -109,6 +110,31 @@ def test_what_is_said_of_a_loop_is_stripped_and_its_type_known(client, plant):
     assert (refused.status_code, refused.json()["code"]) == (400, "unknown_type")
     assert "flow, pressure, level" in refused.json()["detail"]
     assert patched(type=None).json()["type"] is None
+
+
+def test_a_retired_loop_is_listed_and_stands_in_no_table(client, plant):
+    def told(path, **params):
+        rows = client.get(f"/v1/{path}", params=params).json()["rows"]
+        return {row.get("loop") or row["tag"] for row in rows}
+
+    url = "/v1/loops/LIC7"
+    all_loops, all_rows = told("loops"), told("reliability")
+    before = client.get(url).headers["ETag"]
+    assert client.patch(url, json={"retired": True}).json()["retired"] is True
+    try:
+        assert client.get(url).json()["retired"] is True
+        assert client.get(url).headers["ETag"] != before
+        assert told("loops") == told("loops", retired="any") == all_loops
+        assert told("loops", retired="true") == told("reliability", retired="true") == {"LIC7"}
+        assert told("loops", retired="false") == all_loops - {"LIC7"}
+        assert told("reliability") == told("reliability", retired="false") == all_rows - {"LIC7"}
+        assert told("reliability", retired="any") == told("reliability", audit_id=plant["id"]) == all_rows
+        assert "LIC7" not in client.get("/v1/reliability", params={"format": "csv"}).text
+        assert client.get("/v1/loops", params={"retired": "perhaps"}).status_code == 422
+    finally:
+        assert client.patch(url, json={"retired": None}).json()["retired"] is False
+    trailed = client.get("/v1/trail", params={"limit": 10}).json()["rows"]
+    assert {"action": "loop.change", "subject": url, "outcome": "done"}.items() <= trailed[0].items()
 
 
 def test_a_type_that_the_plants_mapping_gave_is_known(client, plant, backend):
