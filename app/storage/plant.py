@@ -101,8 +101,10 @@ def changes(connection: Connection, since_audit: int, limit: int) -> list[Any]:
         *(loops.c.tag, loops.c.unit, _PRIORITY.label("priority"), rows.c.loop_id, rows.c.audit_id),
         *(audit_before.label("before_audit_id"), verdict_before.label("verdict_before")),
         *(rows.c.verdict, rows.c.health),
-    ).select_from(_NEWEST)
-    listed = listed.where(rows.c.audit_id >= since_audit, news)
+    ).select_from(loops.join(rows, _IS_NEWEST))
+    # Asked of the loop itself, SQLite would begin with the loops and look up the wide row of each.
+    in_service = rows.c.loop_id.not_in(select(loops.c.id).where(loops.c.retired))
+    listed = listed.where(rows.c.audit_id >= since_audit, news, in_service)
     # Verdicts are looked up for those that are listed: in a night of a new method every loop may be news.
     found = listed.order_by(_PRIORITY.desc().nulls_last(), loops.c.tag).limit(limit).subquery()
     joined = found.join(newest, and_(newest.c.loop_id == found.c.loop_id, newest.c.audit_id == found.c.audit_id))

@@ -10,6 +10,7 @@ from sqlalchemy import Connection, event
 from zstandard import ZstdError
 
 from app.storage import Database, audits, items, loops, series, verdicts
+from app.storage import plant as plants
 from app.storage.audits import LoopFilter
 from app.storage.samples import Samples, pack
 from app.storage.verdicts import RowFilter
@@ -106,6 +107,21 @@ def test_the_whole_table_reads_no_verdict(plant: Database) -> None:
         ask = lambda c: verdicts.sent_rows(c, 20_000, "stiction_probability", True, RowFilter(), None)  # noqa: E731
         nodes = [node for plan in _plans(connection, ask) for node in _nodes(plan)]
     assert {node["Relation Name"] for node in nodes if "Relation Name" in node} == {"loops", "newest_rows"}
+
+
+def test_what_changed_is_found_without_the_wide_rows(database: Database) -> None:
+    """SQLite begins where a condition tempts it to: of the loops, it would read the text of each one's row."""
+    if not database.is_sqlite:
+        pytest.skip("plans of SQLite")
+    told: list[str] = []
+
+    def note(_: Any, __: Any, statement: str, parameters: Any, *___: Any) -> None:
+        told.extend(row[3] for row in connection.connection.execute(f"EXPLAIN QUERY PLAN {statement}", parameters))
+
+    with database.write() as connection:
+        event.listen(connection, "before_cursor_execute", note)
+        plants.changes(connection, 1, 10)
+    assert "SCAN newest_rows USING COVERING INDEX ix_newest_rows_board" in told
 
 
 def test_tags_are_found_without_comparing_each_with_each(plant: Database) -> None:
