@@ -130,11 +130,12 @@ def show(made: "NewKey") -> None:
 @contextmanager
 def opened(*, new: bool = False) -> "Iterator[Backend]":
     """The data base of the settings, brought to this version's tables where it is the embedded one; it is made where it
-    may be `new`.
+    may be `new`. Elsewhere RequestError("no_tables") or ("older_tables") asks for `loopaudit migrate`.
     """
     from app.errors import RequestError
     from app.services.backend import DATABASE_AWAY, Backend
-    from app.services.upkeep.operations import migrate, refuse_missing
+    from app.services.upkeep.operations import migrate
+    from app.services.upkeep.tables import refuse_missing, refuse_other_tables
 
     settings = load_settings()
     if not new:
@@ -143,9 +144,10 @@ def opened(*, new: bool = False) -> "Iterator[Backend]":
         migrate(settings)
     backend = Backend.open(settings)
     try:
+        refuse_other_tables(backend.database)
         yield backend
     except DATABASE_AWAY as error:
-        text = "the data base cannot be used, or `loopaudit migrate` has not been run"
-        raise RequestError("database_away", f"{text}: {getattr(error, 'orig', error)}") from error
+        text = f"the data base cannot be used: {getattr(error, 'orig', error)}"
+        raise RequestError("database_away", text) from error
     finally:
         backend.close()

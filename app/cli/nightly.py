@@ -5,6 +5,7 @@ import os
 import socket
 import sys
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -42,8 +43,9 @@ def nightly(
     from app.services.auditing.audits import start_audit
     from app.services.auditing.nightly import nightly as start
     from app.services.backend import Backend
-    from app.services.upkeep.operations import migrate, refuse_empty, refuse_missing
+    from app.services.upkeep.operations import migrate, refuse_empty
     from app.services.upkeep.presence import at_work
+    from app.services.upkeep.tables import refuse_missing
 
     settings = load_settings()
     refuse_missing(settings)
@@ -67,12 +69,16 @@ def nightly(
 
 
 def refuse_unready(backend: "Backend") -> None:
+    from app.services.backend import DATABASE_AWAY
     from app.services.upkeep.operations import readiness
+    from app.services.upkeep.tables import refuse_other_tables
 
+    with suppress(*DATABASE_AWAY):  # which the readiness tells
+        refuse_other_tables(backend.database)
     found = readiness(backend)
     if found.state == "not_ready":
         checks = ", ".join(f"{name} {value}" for name, value in found.checks.items())
-        raise RequestError("not_ready", f"{checks}; `loopaudit migrate` makes the schema current")
+        raise RequestError("not_ready", checks)
 
 
 def watched(backend: "Backend", run: "AuditView", timeout_s: float) -> "AuditView":

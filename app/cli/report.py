@@ -26,7 +26,7 @@ def report(
       loopaudit report --plant --out plant.html
     """
     from app.services.reports.documents import loop_report, plant_report
-    from app.services.upkeep.operations import database_files
+    from app.services.upkeep.tables import database_files
 
     if (loop is None) == (not plant):
         raise RequestError("which_report", "say either --loop TAG or --plant")

@@ -86,10 +86,13 @@ def run(settings: "Settings", listening: socket.socket, keys_required: bool) -> 
     from app.http.connections import LARGEST_HEAD_BYTES, HeadDeadline
     from app.main import create_app
     from app.services.upkeep.operations import migrate
+    from app.services.upkeep.tables import refuse_unmigrated
 
     logs.configure(settings)
     if settings.embedded:
         migrate(settings)
+    else:
+        refuse_unmigrated(settings)
     app = create_app(settings, keys_required=keys_required)
     if keys_required:
         tell_of_keys(settings)

@@ -1,5 +1,7 @@
 """`loopaudit worker` and `loopaudit beat`: the processes behind the service."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -30,14 +32,12 @@ def worker(
       LOOPAUDIT_DATABASE_URL=postgresql+psycopg://... LOOPAUDIT_BROKER_URL=redis://... loopaudit worker --concurrency 2
     """
     from app.queue.running import run_worker
-    from app.services.upkeep.presence import at_work
 
     settings = load_settings()
     if check:
         refuse_standstill(settings)
     else:
-        follow_parent(until_parent_ends)
-        with at_work(settings):
+        with at_work(settings, until_parent_ends):
             run_worker(settings, concurrency)
     raise typer.Exit(ExitCode.DONE)
 
@@ -52,32 +52,42 @@ def beat(until_parent_ends: UntilParentEnds = False) -> None:
       LOOPAUDIT_NIGHTLY_AT=03:30 LOOPAUDIT_TIME_ZONE=Europe/Berlin loopaudit beat
     """
     from app.queue.running import run_beat
-    from app.services.upkeep.presence import at_work
 
     settings = load_settings()
-    follow_parent(until_parent_ends)
-    with at_work(settings):
+    with at_work(settings, until_parent_ends):
         run_beat(settings)
     raise typer.Exit(ExitCode.DONE)
 
 
-def follow_parent(wanted: bool) -> None:
-    if wanted:
+@contextmanager
+def at_work(settings: "Settings", until_parent_ends: bool) -> Iterator[None]:
+    """Known to who would restore a backup, on tables of this version."""
+    from app import logs
+    from app.services.upkeep import presence
+    from app.services.upkeep.tables import refuse_unmigrated
+
+    logs.configure(settings)
+    if until_parent_ends:
         from app.cli.supervisor import stop_with_parent
 
         stop_with_parent()
+    with presence.at_work(settings):
+        refuse_unmigrated(settings)
+        yield
 
 
 def refuse_standstill(settings: "Settings") -> None:
     """A worker that hears nothing looks alive to everyone but the data base: work waits and nobody has taken any."""
     from app.services.backend import DATABASE_AWAY, Backend
     from app.services.upkeep.metrics import standstill_s
+    from app.services.upkeep.tables import refuse_other_tables
 
     backend = Backend.open(settings)
     try:
+        refuse_other_tables(backend.database)
         waited_s = standstill_s(backend)
     except DATABASE_AWAY as error:
-        text = f"the data base cannot be used, or `loopaudit migrate` has not been run: {getattr(error, 'orig', error)}"
+        text = f"the data base cannot be used: {getattr(error, 'orig', error)}"
         raise RequestError("database_away", text) from error
     finally:
         backend.close()

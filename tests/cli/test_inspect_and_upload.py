@@ -285,7 +285,7 @@ def test_a_check_without_tables_is_one_line(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("LOOPAUDIT_DATABASE_URL", f"sqlite:///{tmp_path / 'empty.db'}")
     code, _, said = as_program(monkeypatch, capsys, "worker", "--check")
     assert code == 2
-    assert "[database_away]" in said
+    assert "[no_tables]" in said
     assert len(said.splitlines()) == 1
 
 

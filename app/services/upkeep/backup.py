@@ -19,8 +19,9 @@ from sqlalchemy import URL
 from sqlalchemy.exc import DatabaseError
 
 from app.errors import RequestError
-from app.services.upkeep.operations import migrate, refuse_missing
+from app.services.upkeep.operations import migrate
 from app.services.upkeep.presence import alone
+from app.services.upkeep.tables import refuse_missing
 from app.settings import Settings, sync_folder
 from app.storage import Database, copying, schema
 from app.storage.types import now

@@ -140,7 +140,8 @@ def tables(backend: Backend) -> Check:
         return Check("tables", "ok", f"version {found}")
     newer = found is not None and not schema.is_known(found)
     advice = "a newer loopaudit made them: run that one" if newer else "run `loopaudit migrate`"
-    return Check("tables", "problem", f"version {found}, this program needs {newest}", advice)
+    there = "there are none" if found is None else f"version {found}"
+    return Check("tables", "problem", f"{there}, this program needs version {newest}", advice)
 
 
 def journal(backend: Backend) -> Check:

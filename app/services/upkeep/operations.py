@@ -2,7 +2,6 @@
 
 import shutil
 from datetime import UTC, datetime
-from pathlib import Path
 
 from sqlalchemy.exc import OperationalError, SQLAlchemyError
 
@@ -15,6 +14,7 @@ from app.services.digests.deliveries import announce_digests
 from app.services.moments import iso_utc
 from app.services.results import Readiness, SweepReport
 from app.services.upkeep.retention import older_than, retain_if_due
+from app.services.upkeep.tables import refuse_newer
 from app.settings import Settings
 from app.storage import Database, audits, explanations, figures, items, loops, schema, uploads
 from app.storage.figures import Figures
@@ -32,37 +32,13 @@ def migrate(settings: Settings) -> str:
     settings.prepare_folders()
     database = Database(settings.resolved_database_url)
     try:
-        refuse_newer(database)
+        refuse_newer(schema.current_revision(database))
         schema.migrate(database)
         return schema.current_revision(database) or "none"
     except OperationalError as error:
         raise RequestError("database_away", f"the data base cannot be used: {error.orig}") from error
     finally:
         database.close()
-
-
-def refuse_newer(database: Database) -> None:
-    current = schema.current_revision(database)
-    if current is not None and not schema.is_known(current):
-        text = f"the tables have version {current}, which this program does not know: a newer loopaudit made them. "
-        text += "Run that one, or restore the backup of before it"
-        raise RequestError("newer_tables", text)
-
-
-def refuse_missing(settings: Settings) -> None:
-    """Raises RequestError("no_database") where the file of an SQLite data base is not there: reading makes none."""
-    for file in database_files(settings):
-        if not file.is_file():
-            where = f"{file.parent} ({file.name})"
-            text = f"there is no data base in {where}; is LOOPAUDIT_DATA_DIR the folder of the service?"
-            raise RequestError("no_database", f"{text} `loopaudit serve` makes one")
-
-
-def database_files(settings: Settings) -> tuple[Path, ...]:
-    """The file of an SQLite data base; none of a server's."""
-    database = Database(settings.resolved_database_url)
-    database.close()
-    return (Path(database.url.database or ""),) if database.is_sqlite else ()
 
 
 def refuse_empty(backend: Backend) -> None:

@@ -1,0 +1,57 @@
+"""Whether the data base is there and has this version's tables. Imports no engine: `worker` and `beat` ask it first."""
+
+import logging
+from pathlib import Path
+
+from app.errors import RequestError
+from app.services.backend import DATABASE_AWAY
+from app.settings import Settings
+from app.storage import Database, schema
+
+log = logging.getLogger("loopaudit.upkeep")
+
+
+def refuse_unmigrated(settings: Settings) -> None:
+    """`refuse_other_tables` at the start of a process that stays. A data base that is away is waited for."""
+    refuse_missing(settings)
+    database = Database(settings.resolved_database_url)
+    try:
+        refuse_other_tables(database)
+    except DATABASE_AWAY as error:
+        log.warning("the data base cannot be used yet, it is waited for: %s", getattr(error, "orig", None) or error)
+    finally:
+        database.close()
+
+
+def refuse_other_tables(database: Database) -> None:
+    """Raises RequestError("no_tables"), ("older_tables") or ("newer_tables") where these are not this version's."""
+    current, newest = schema.current_revision(database), schema.newest_revision()
+    refuse_newer(current)
+    if current is None:
+        raise RequestError("no_tables", "the data base has no tables; run `loopaudit migrate`")
+    if current != newest:
+        text = f"the tables have version {current}, and this program needs {newest}; run `loopaudit migrate`"
+        raise RequestError("older_tables", text)
+
+
+def refuse_newer(current: str | None) -> None:
+    if current is not None and not schema.is_known(current):
+        text = f"the tables have version {current}, which this program does not know: a newer loopaudit made them. "
+        text += "Run that one, or restore the backup of before it"
+        raise RequestError("newer_tables", text)
+
+
+def refuse_missing(settings: Settings) -> None:
+    """Raises RequestError("no_database") where the file of an SQLite data base is not there: reading makes none."""
+    for file in database_files(settings):
+        if not file.is_file():
+            where = f"{file.parent} ({file.name})"
+            text = f"there is no data base in {where}; is LOOPAUDIT_DATA_DIR the folder of the service?"
+            raise RequestError("no_database", f"{text} `loopaudit serve` makes one")
+
+
+def database_files(settings: Settings) -> tuple[Path, ...]:
+    """The file of an SQLite data base; none of a server's."""
+    database = Database(settings.resolved_database_url)
+    database.close()
+    return (Path(database.url.database or ""),) if database.is_sqlite else ()

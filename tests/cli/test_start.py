@@ -1,0 +1,91 @@
+"""What a command says at its start of a data base and of settings with which it cannot work as it is meant to."""
+
+import os
+import subprocess
+import sys
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from sqlalchemy import create_engine, make_url
+
+from app.services.upkeep.operations import migrate
+from app.settings import Settings
+from app.storage import Database, schema
+
+NOT_MIGRATED = "loopaudit: the data base has no tables; run `loopaudit migrate` [no_tables]\n"
+AT_THE_BASE = (
+    ("serve", "--port", "0"), ("worker",), ("worker", "--check"), ("beat",), ("nightly",),
+    ("keys", "list"), ("keys", "create", "me"), ("trail",), ("digest",), ("report", "--plant"),
+)  # fmt: skip
+
+
+def run(*command: str, seconds: float = 60, **settings: object) -> subprocess.CompletedProcess[str]:
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("LOOPAUDIT_")}
+    environment |= {f"LOOPAUDIT_{name.upper()}": str(value) for name, value in settings.items()}
+    return subprocess.run(
+        [sys.executable, "-m", "app", *command], capture_output=True, text=True, env=environment, timeout=seconds
+    )
+
+
+@pytest.fixture(scope="module")
+def bare_postgres(postgres_url: str) -> Iterator[str]:
+    """A data base of its own beside that of the session, without tables."""
+    name = f"loopaudit_test_{os.getpid()}_{uuid.uuid4().hex[:8]}"
+    server = create_engine(postgres_url, isolation_level="AUTOCOMMIT")
+    with server.connect() as connection:
+        connection.exec_driver_sql(f'CREATE DATABASE "{name}"')
+    yield make_url(postgres_url).set(database=name).render_as_string(hide_password=False)
+    with server.connect() as connection:
+        connection.exec_driver_sql(f'DROP DATABASE "{name}" WITH (FORCE)')
+    server.dispose()
+
+
+@pytest.mark.postgres
+@pytest.mark.parametrize("command", AT_THE_BASE, ids=" ".join)
+def test_a_data_base_without_tables_is_told_in_a_line(
+    tmp_path: Path, bare_postgres: str, command: tuple[str, ...]
+) -> None:
+    servers = {"database_url": bare_postgres, "broker_url": "redis://127.0.0.1:1/0"}
+    done = run(*command, data_dir=tmp_path, **servers)
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", NOT_MIGRATED)
+
+
+@pytest.mark.postgres
+@pytest.mark.parametrize("command", [*AT_THE_BASE[:4], ("keys", "list")], ids=" ".join)
+def test_tables_of_an_older_version_are_refused(
+    tmp_path: Path, emptied_postgres: str, command: tuple[str, ...]
+) -> None:
+    servers = {"database_url": emptied_postgres, "broker_url": "redis://127.0.0.1:1/0"}
+    database = Database(emptied_postgres)
+    schema.downgrade(database, "0014")
+    try:
+        done = run(*command, data_dir=tmp_path, **servers)
+    finally:
+        schema.migrate(database)
+        database.close()
+    assert done.returncode == 2
+    told = f"the tables have version 0014, and this program needs {schema.newest_revision()}; run `loopaudit migrate`"
+    assert f"loopaudit: {told} [older_tables]" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert "serving" not in done.stderr
+
+
+def test_the_embedded_default_brings_its_tables_up_itself(tmp_path: Path) -> None:
+    migrate(Settings(data_dir=tmp_path))
+    database = Database(f"sqlite:///{tmp_path / 'loopaudit.db'}")
+    schema.downgrade(database, "0014")
+    done = run("keys", "list", data_dir=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert schema.current_revision(database) == schema.newest_revision()
+    database.close()
+
+
+@pytest.mark.parametrize("command", [("worker",), ("beat",)], ids=" ".join)
+def test_a_data_base_that_is_away_is_waited_for(tmp_path: Path, command: tuple[str, ...]) -> None:
+    """As after a power cut, when all start at once."""
+    servers = {"database_url": "postgresql://127.0.0.1:1/plant", "broker_url": "redis://127.0.0.1:1/0"}
+    with pytest.raises(subprocess.TimeoutExpired) as waits:
+        run(*command, data_dir=tmp_path, seconds=8, **servers)
+    assert b"it is waited for" in (waits.value.stderr or b"")
