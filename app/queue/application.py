@@ -6,7 +6,7 @@ from celery import Celery
 from kombu import Queue as KombuQueue
 from kombu.transport import TRANSPORT_ALIASES
 
-from app.queue.jobs import AUDIT_CHUNK, DELIVER, EXPLAIN, QUEUE_OF, QUEUES, READ_UPLOAD, SWEEP
+from app.queue.jobs import AUDIT_CHUNK, DELIVER, EXPLAIN, READ_UPLOAD, SWEEP, queue_names
 from app.queue.steady import Every
 from app.settings import Settings
 
@@ -25,6 +25,7 @@ def celery_application(settings: Settings, *, works: bool = False) -> Celery:
     """An application for the broker of the settings. `works`: with its tasks, from the package `workers`."""
     application = Celery("loopaudit", set_as_current=False, include=["workers.tasks"] if works else [])
     application.settings = settings
+    queues = queue_names(settings)
     application.conf.update(
         broker_url=f"{FOLDER}localhost" if _in_folder(settings) else settings.resolved_broker_url,
         broker_transport_options=_transport_options(settings),
@@ -34,9 +35,9 @@ def celery_application(settings: Settings, *, works: bool = False) -> Celery:
         accept_content=["json"],
         task_serializer="json",
         task_ignore_result=True,
-        task_queues=[KombuQueue(name, routing_key=name) for name in QUEUES],
-        task_default_queue=QUEUE_OF[SWEEP],
-        task_routes={job: {"queue": queue} for job, queue in QUEUE_OF.items()},
+        task_queues=[KombuQueue(name, routing_key=name) for name in queues.values()],
+        task_default_queue=queues[SWEEP],
+        task_routes={job: {"queue": queue} for job, queue in queues.items()},
         task_annotations={
             AUDIT_CHUNK: {"time_limit": CHUNK_HARD_LIMIT_S},
             EXPLAIN: {"time_limit": CHUNK_HARD_LIMIT_S},

@@ -1,10 +1,32 @@
 """What can be asked of a worker. Reading and sweeping have queues of their own, so that no long run holds them up."""
 
+import hashlib
+from pathlib import Path
+
+from sqlalchemy import make_url
+
+from app.settings import Settings
+
 READ_UPLOAD = "loopaudit.read_upload"
 AUDIT_CHUNK = "loopaudit.audit_chunk"
 EXPLAIN = "loopaudit.explain"
 DELIVER = "loopaudit.deliver"
 SWEEP = "loopaudit.sweep"
 
-QUEUE_OF = {SWEEP: "control", READ_UPLOAD: "reading", AUDIT_CHUNK: "audit", EXPLAIN: "explain", DELIVER: "deliver"}
-QUEUES = tuple(QUEUE_OF.values())
+KIND_OF = {SWEEP: "control", READ_UPLOAD: "reading", AUDIT_CHUNK: "audit", EXPLAIN: "explain", DELIVER: "deliver"}
+
+
+def queue_names(settings: Settings) -> dict[str, str]:
+    """The queue of each job, which no other plant or data base on the same broker has."""
+    told = f"{_database(settings)}\n{settings.plant}"
+    own = hashlib.sha256(told.encode()).hexdigest()[:10]
+    return {job: f"loopaudit-{own}-{kind}" for job, kind in KIND_OF.items()}
+
+
+def _database(settings: Settings) -> str:
+    """The name of the data base on its server, or its file. Host, port and user are left out: processes on several
+    machines may write them differently, and must meet all the same."""
+    url = make_url(settings.resolved_database_url)
+    if url.get_backend_name() == "sqlite":
+        return str(Path(url.database or "").resolve())
+    return url.database or url.username or ""

@@ -4,7 +4,7 @@ import os
 import uuid
 
 from app import logs
-from app.queue.jobs import QUEUES
+from app.queue.jobs import queue_names
 from app.settings import Settings, use_one_thread
 
 # Not used, and each would talk to all other workers over the broker.
@@ -20,7 +20,7 @@ def run_worker(settings: Settings, concurrency: int = 1, log_level: str = "WARNI
     logs.configure(settings)
     name = f"loopaudit-{os.getpid()}-{uuid.uuid4().hex[:6]}@%h"
     pool = ("--pool", "prefork", "--concurrency", str(concurrency))
-    queues = ("--queues", ",".join(QUEUES))
+    queues = ("--queues", ",".join(queue_names(settings).values()))
     application = celery_application(settings, works=True)
     application.set_current()
     application.start(["--quiet", "worker", "--hostname", name, *pool, *queues, *QUIET, "--loglevel", log_level])

@@ -14,6 +14,7 @@ import psycopg
 import redis
 
 from app.queue import Queue
+from app.queue.jobs import queue_names
 from app.settings import Settings
 from tests.chaos import spoiled_worker
 from tests.chaos.client import Client, Export
@@ -217,12 +218,18 @@ def kill_postgres_backend(scene: Scene) -> None:
 
 def double_tasks(scene: Scene) -> None:
     """Every message that waits is there twice, and every open run and every upload is asked for once more."""
+    told = scene.installation.environment
+    settings = Settings(
+        broker_url=told["LOOPAUDIT_BROKER_URL"],
+        database_url=told["LOOPAUDIT_DATABASE_URL"],
+        plant=told.get("LOOPAUDIT_PLANT", "plant"),
+    )
     with contextlib.suppress(redis.RedisError):
         server = scene.installation.redis()
-        for name in ("audit", "reading", "control", "explain"):
+        for name in queue_names(settings).values():
             for message in server.lrange(name, 0, 200):
                 server.rpush(name, message)
-    queue = Queue(Settings(broker_url=scene.installation.environment["LOOPAUDIT_BROKER_URL"]))
+    queue = Queue(settings)
     try:
         for run in list(scene.client.runs)[-3:]:
             queue.audit_chunks(run, 5)

@@ -85,7 +85,7 @@ def test_only_the_owner_sees_messages(tmp_path: Path) -> None:
     queue.close()
     parts = [settings.data_dir, *(settings.data_dir / "broker").iterdir()]
     assert {part.stat().st_mode & 0o077 for part in parts} == {0}
-    assert len(list((settings.data_dir / "broker" / "waiting").glob("*.audit.msg"))) == 2
+    assert len(list((settings.data_dir / "broker" / "waiting").glob("*-audit.msg"))) == 2
 
 
 def test_a_broken_table_of_queues_is_written_anew(channel: folder.Channel) -> None:

@@ -81,6 +81,7 @@ def process(backend: Backend, name: str, *arguments: str) -> Iterator["subproces
         "LOOPAUDIT_DATABASE_URL": settings.resolved_database_url,
         "LOOPAUDIT_BROKER_URL": settings.resolved_broker_url,
         "LOOPAUDIT_DATA_DIR": str(settings.data_dir),
+        "LOOPAUDIT_PLANT": settings.plant,  # by which the queues are named
         **dict.fromkeys(ONE_THREAD, "1"),
         **READING_THREADS,
     }
