@@ -1,7 +1,9 @@
 """Every setting of the service: an environment variable LOOPAUDIT_<NAME> each, with what it means."""
 
+import difflib
 import os
 import re
+from collections.abc import Mapping
 from datetime import time
 from functools import lru_cache
 from pathlib import Path
@@ -15,6 +17,13 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUM
 READING_THREADS = {"POLARS_MAX_THREADS": "2"}  # a plant's file comes alone, while no audit runs
 
 
+PREFIX = "LOOPAUDIT_"
+READ_ELSEWHERE = re.compile(r"LOOPAUDIT_(URL|KEY|RECORDINGS|TEST_\w+)")
+"""By commands that are clients of a service, by the evaluation and by the tests."""
+OF_KUBERNETES = re.compile(r"\w+_(SERVICE_HOST|SERVICE_PORT(_\w+)?|PORT_\d+_(TCP|UDP)(_\w+)?)")
+"""What it tells each container of a service whose name begins with loopaudit."""
+CLOSE = 0.75
+
 BROKERS = ("redis://", "rediss://", "folder://", "amqp://", "amqps://")
 
 
@@ -25,7 +34,7 @@ def _listed(text: str) -> list[str]:
 class Settings(BaseSettings):
     """Read once at start; `Settings()` takes the environment, arguments override it."""
 
-    model_config = SettingsConfigDict(env_prefix="LOOPAUDIT_", frozen=True, extra="ignore")
+    model_config = SettingsConfigDict(env_prefix=PREFIX, frozen=True, extra="ignore")
 
     data_dir: Path = Field(
         Path(".loopaudit"), description="Folder of uploads, of the default data base and of the default broker."
@@ -167,6 +176,24 @@ class Settings(BaseSettings):
     )
     worker_tasks: int = Field(500, ge=1, description="A worker process is replaced after this many tasks.")
 
+    @field_validator("nightly_at", mode="before")
+    @classmethod
+    def _hour_and_minute(cls, told: object) -> object:
+        """2:00 too, which people write."""
+        if not isinstance(told, str):
+            return told
+        found = re.fullmatch(r"([01]?\d|2[0-3]):([0-5]\d)(:00)?", told.strip(), re.ASCII)
+        if found is None:
+            raise ValueError(f"HH:MM is needed, such as 02:00; got {told[:20]!r}")
+        return time(int(found[1]), int(found[2]))
+
+    @field_validator("plant")
+    @classmethod
+    def _named(cls, name: str) -> str:
+        if not name.strip():
+            raise ValueError("a name is needed; without the variable it is 'plant'")
+        return name
+
     @field_validator("time_zone")
     @classmethod
     def _known_zone(cls, name: str) -> str:
@@ -215,7 +242,8 @@ class Settings(BaseSettings):
     @model_validator(mode="after")
     def _lease_outlasts_a_loop(self) -> "Settings":
         if self.lease_s < 2 * self.loop_limit_s:
-            raise ValueError(f"LEASE_S must be at least twice LOOP_LIMIT_S, got {self.lease_s} and {self.loop_limit_s}")
+            needed = "LOOPAUDIT_LEASE_S must be at least twice LOOPAUDIT_LOOP_LIMIT_S"
+            raise ValueError(f"{needed}, got {self.lease_s} and {self.loop_limit_s}")
         return self
 
     @property
@@ -251,6 +279,25 @@ class Settings(BaseSettings):
             if not folder.is_dir():
                 folder.mkdir(mode=0o700, parents=True, exist_ok=True)
                 sync_folder(folder.parent)
+
+
+def misspelt(environment: Mapping[str, str]) -> list[str]:
+    """A sentence for each variable that looks like a setting and is none: it has no effect, and nobody may notice."""
+    known = [name.upper() for name in Settings.model_fields]
+    told = []
+    for variable, value in sorted(environment.items()):
+        name = variable.upper().removeprefix(PREFIX)
+        if not variable.upper().startswith(PREFIX) or name in known or _read_elsewhere(variable, value):
+            continue
+        meant = difflib.get_close_matches(name, known, n=1, cutoff=CLOSE)
+        instead = f"did you mean {PREFIX}{meant[0]}?" if meant else "README.md lists them, under Settings"
+        told.append(f"{variable} is no setting; {instead}")
+    return told
+
+
+def _read_elsewhere(variable: str, value: str) -> bool:
+    linked = OF_KUBERNETES.fullmatch(variable) or (variable.endswith("_PORT") and value.startswith(("tcp:", "udp:")))
+    return bool(linked or READ_ELSEWHERE.fullmatch(variable))
 
 
 def sync_folder(folder: Path) -> None:

@@ -33,7 +33,7 @@ def worker(
     """
     from app.queue.running import run_worker
 
-    settings = load_settings()
+    settings = load_settings(warns=not until_parent_ends)
     if check:
         refuse_standstill(settings)
     else:
@@ -53,7 +53,7 @@ def beat(until_parent_ends: UntilParentEnds = False) -> None:
     """
     from app.queue.running import run_beat
 
-    settings = load_settings()
+    settings = load_settings(warns=not until_parent_ends)
     with at_work(settings, until_parent_ends):
         run_beat(settings)
     raise typer.Exit(ExitCode.DONE)

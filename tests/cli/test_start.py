@@ -1,5 +1,6 @@
 """What a command says at its start of a data base and of settings with which it cannot work as it is meant to."""
 
+import json
 import os
 import subprocess
 import sys
@@ -89,3 +90,26 @@ def test_a_data_base_that_is_away_is_waited_for(tmp_path: Path, command: tuple[s
     with pytest.raises(subprocess.TimeoutExpired) as waits:
         run(*command, data_dir=tmp_path, seconds=8, **servers)
     assert b"it is waited for" in (waits.value.stderr or b"")
+
+
+def test_a_misspelt_setting_is_told_once_and_the_command_goes_on(tmp_path: Path) -> None:
+    done = run("keys", "create", "me", data_dir=tmp_path, require_key="true", test_anything="1")
+    assert done.returncode == 0
+    told = "loopaudit: warning: LOOPAUDIT_REQUIRE_KEY is no setting; did you mean LOOPAUDIT_REQUIRE_KEYS?"
+    assert done.stderr.splitlines()[0] == told
+    assert done.stderr.count("is no setting") == 1
+
+
+def test_the_doctor_has_a_row_for_misspelt_settings(tmp_path: Path) -> None:
+    done = run("doctor", "--json", data_dir=tmp_path, nightlyat="03:00")
+    row = next(json.loads(line) for line in done.stdout.splitlines() if '"variables"' in line)
+    assert row["state"] == "warning"
+    assert row["found"] == "LOOPAUDIT_NIGHTLYAT is no setting; did you mean LOOPAUDIT_NIGHTLY_AT?"
+    assert done.stderr == ""
+
+
+def test_settings_that_contradict_each_other_are_told_by_their_names(tmp_path: Path) -> None:
+    done = run("migrate", data_dir=tmp_path, lease_s="10")
+    assert done.returncode == 2
+    told = "LOOPAUDIT_LEASE_S must be at least twice LOOPAUDIT_LOOP_LIMIT_S, got 10.0 and 20.0"
+    assert done.stderr == f"loopaudit: {told} [settings]\n"

@@ -22,7 +22,7 @@ from app.services.plant.arrivals import arrivals, sentences
 from app.services.upkeep.metrics import standstill_s
 from app.services.upkeep.operations import LEAST_FREE_BYTES
 from app.services.upkeep.retention import oldest_export
-from app.settings import Settings
+from app.settings import Settings, misspelt
 from app.storage import figures, retention, schema, uploads
 from app.storage.database import WAL_SAFE_FROM
 from app.storage.types import clock_s
@@ -48,7 +48,8 @@ class Check:
 
 def examine(settings: Settings) -> list[Check]:
     """Every check that can be made; where the data base is away, those that need it say so."""
-    checks = [data_folder(settings), disk(settings), kernel_cache(), openness(settings), sqlite_version(settings)]
+    checks = [data_folder(settings), disk(settings), kernel_cache(), openness(settings), variables()]
+    checks.append(sqlite_version(settings))
     if any(check.name == "data folder" and check.state == "problem" for check in checks):
         return checks
     backend = Backend.open(settings)
@@ -107,6 +108,13 @@ def openness(settings: Settings) -> Check:
         return Check("settings", "warning", "other names are answered, and on loopback no key is asked for", advice)
     asked = "everywhere" if settings.require_keys else "everywhere but on loopback"
     return Check("settings", "ok", f"keys are asked for {asked}")
+
+
+def variables() -> Check:
+    found = misspelt(os.environ)
+    if found:
+        return Check("variables", "warning", "; ".join(found), "correct or unset them: they have no effect")
+    return Check("variables", "ok", "each LOOPAUDIT_ variable is known")
 
 
 def sqlite_version(settings: Settings) -> Check:
