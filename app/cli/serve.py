@@ -38,6 +38,7 @@ def serve(
     """
     settings = load_settings()
     keys_required = asks_for_keys(host, settings)
+    warn_of_openness(host, keys_required)
     signal.signal(signal.SIGTERM, stop_quietly)
     from app.services.upkeep.presence import at_work
 
@@ -55,6 +56,14 @@ def asks_for_keys(host: str, settings: "Settings") -> bool:
     from app.http.origins import is_loopback
 
     return settings.require_keys or not (is_loopback(host) or settings.allow_open)
+
+
+def warn_of_openness(host: str, keys_required: bool) -> None:
+    from app.http.origins import is_loopback
+
+    if not (keys_required or is_loopback(host)):
+        text = f"no key is asked for on {host} (LOOPAUDIT_ALLOW_OPEN): who reaches it may read and change everything"
+        say(f"loopaudit: warning: {text}")
 
 
 def stop_quietly(signum: int, frame: FrameType | None) -> None:

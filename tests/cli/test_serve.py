@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from app.cli.serve import listen
+from app.cli.serve import listen, warn_of_openness
 from app.errors import RequestError
 from app.services.upkeep.operations import migrate
 from app.services.upkeep.presence import LOCK, alone
@@ -49,3 +49,16 @@ def is_free(settings: Settings) -> bool:
     except RequestError as error:
         assert error.code == "still_running"  # noqa: PT017 - a look, not an expectation
         return False
+
+
+@pytest.mark.parametrize(
+    ("host", "keys_required", "warned"),
+    [("0.0.0.0", False, True), ("0.0.0.0", True, False), ("127.0.0.1", False, False), ("::", False, True)],  # noqa: S104 - what is warned of
+)
+def test_serving_without_keys_beyond_loopback_is_warned_of(
+    capsys: pytest.CaptureFixture[str], host: str, keys_required: bool, warned: bool
+) -> None:
+    warn_of_openness(host, keys_required)
+    told = capsys.readouterr().err
+    assert bool(told) == warned
+    assert not told or f"no key is asked for on {host}" in told

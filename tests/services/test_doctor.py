@@ -1,10 +1,11 @@
 """The doctor sees what is wrong with an installation, and nothing where nothing is."""
 
 import json
+import os
 from datetime import UTC, datetime, timedelta
 
 import pytest
-from sqlalchemy import update
+from sqlalchemy import make_url, update
 
 from app.services.auditing.audits import start_audit
 from app.services.backend import Backend
@@ -168,3 +169,36 @@ def test_the_command_ends_with_1_where_something_is_wrong(tmp_path, monkeypatch)
     assert {"name", "state", "found", "advice"} == set(rows[0])
     monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path / "nowhere"))
     assert CliRunner().invoke(cli, ["doctor"]).exit_code == 1
+
+
+def test_a_data_folder_that_is_a_file_is_told_as_one(tmp_path):
+    (tmp_path / "data").write_text("")
+    check = doctor.data_folder(Settings(data_dir=tmp_path / "data"))
+    assert (check.state, check.found) == ("problem", f"{tmp_path / 'data'} is no folder")
+
+
+def test_on_a_file_system_that_is_read_only_no_room_is_asked_for(tmp_path, monkeypatch):
+    told = os.statvfs(tmp_path)
+    fields = [getattr(told, name) for name in ("f_bsize", "f_frsize", "f_blocks", "f_bfree")]
+    read_only = os.statvfs_result((*fields, 0, told.f_files, told.f_ffree, told.f_favail, os.ST_RDONLY, told.f_namemax))
+    monkeypatch.setattr(os, "statvfs", lambda path: read_only)
+    checks = {check.name: check for check in doctor.examine(Settings(data_dir=tmp_path))}
+    assert {checks[name].state for name in ("data folder", "disk")} == {"problem"}
+    assert all("mounted read-only" in checks[name].found for name in ("data folder", "disk"))
+    assert not [check for check in checks.values() if "make room" in check.advice]
+
+
+@pytest.mark.postgres
+def test_why_a_data_base_cannot_be_used_is_told_in_its_own_words(tmp_path, postgres_url):
+    missing = make_url(postgres_url).set(database="no_such_plant").render_as_string(hide_password=False)
+    assert (
+        'database "no_such_plant" does not exist'
+        in of("data base", Settings(data_dir=tmp_path, database_url=missing)).found
+    )
+    server = make_url(postgres_url)
+    role = f"postgresql://nobody_here:hunter2@{server.host}:{server.port or 5432}/{server.database}"
+    found = of("data base", Settings(data_dir=tmp_path, database_url=role)).found
+    assert '"nobody_here"' in found.partition("cannot be used: ")[2]
+    assert "hunter2" not in found
+    refused = of("data base", Settings(data_dir=tmp_path, database_url="postgresql://127.0.0.1:1/plant"))
+    assert "refused" in refused.found

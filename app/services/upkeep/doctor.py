@@ -14,6 +14,7 @@ from typing import Literal
 from sqlalchemy import select
 from sqlalchemy.exc import DatabaseError, SQLAlchemyError
 
+from app.logs import redacted
 from app.services.access import keys
 from app.services.access.rates import shared_answers
 from app.services.backend import Backend
@@ -32,6 +33,7 @@ COMFORTABLE_FREE_BYTES = 5 << 30
 LARGEST_CLOCK_DIFFERENCE_S = 2.0
 SLOW_DATABASE_S = 0.5
 OLD_WORK_S = 6 * 3600
+LONGEST_REASON = 400
 SOON = timedelta(days=14)
 OTHERS = stat.S_IRWXG | stat.S_IRWXO
 
@@ -65,8 +67,13 @@ def examine(settings: Settings) -> list[Check]:
 
 def data_folder(settings: Settings) -> Check:
     folder = settings.data_dir
+    if folder.exists() and not folder.is_dir():
+        return Check("data folder", "problem", f"{folder} is no folder", "name another one in LOOPAUDIT_DATA_DIR")
     if not folder.is_dir():
         return Check("data folder", "problem", f"{folder} is not there", "`loopaudit serve` or `migrate` makes it")
+    if _is_read_only(folder):
+        advice = "mount it for writing, or name another folder in LOOPAUDIT_DATA_DIR"
+        return Check("data folder", "problem", f"{folder} is on a file system that is mounted read-only", advice)
     if not os.access(folder, os.W_OK | os.X_OK):
         return Check(
             "data folder", "problem", f"{folder} cannot be written", f"give it to this user (uid {os.getuid()})"
@@ -82,6 +89,8 @@ def disk(settings: Settings) -> Check:
     there = next(path for path in (settings.data_dir, *settings.data_dir.parents) if path.exists())
     free = shutil.disk_usage(there).free
     found = f"{free / (1 << 30):.1f} GiB free at {there}"
+    if _is_read_only(there):
+        return Check("disk", "problem", f"{there} is mounted read-only", "see the data folder")
     if free < LEAST_FREE_BYTES:
         return Check("disk", "problem", found, "make room: uploads are refused (507) and /readyz says not_ready")
     if free < COMFORTABLE_FREE_BYTES:
@@ -136,7 +145,7 @@ def reachable(backend: Backend) -> Check:
         advice = "start it, or correct LOOPAUDIT_DATABASE_URL"
         if _is_damaged(backend, error):
             advice = "restore a backup: `loopaudit restore`"
-        return Check("data base", "problem", f"{_where(backend)} does not answer: {type(error).__name__}", advice)
+        return Check("data base", "problem", f"{_where(backend)} cannot be used: {_reason(error)}", advice)
     took_s = time.perf_counter() - started
     found = f"{_where(backend)} answers in {1000 * took_s:.0f} ms"
     return Check("data base", "ok" if took_s < SLOW_DATABASE_S else "warning", found, "" if took_s < 0.5 else "slow")
@@ -310,12 +319,18 @@ def _guarded(name: str, check: Callable[[Backend], Check], backend: Backend) -> 
         return check(backend)
     except SQLAlchemyError as error:
         advice = "restore a backup: `loopaudit restore`" if _is_damaged(backend, error) else "run `loopaudit migrate`"
-        return Check(name, "problem", f"cannot be looked at: {type(error).__name__}", advice)
+        return Check(name, "problem", f"cannot be looked at: {_reason(error)}", advice)
 
 
 def _is_damaged(backend: Backend, error: SQLAlchemyError) -> bool:
     """Whether SQLite says that its file is none, or is broken: that is no data base that is merely away."""
     return backend.database.is_sqlite and type(error) is DatabaseError
+
+
+def _reason(error: SQLAlchemyError) -> str:
+    """In the data base's own words, on one line, without the statement that SQLAlchemy adds."""
+    words = " ".join(str(getattr(error, "orig", None) or error).split())
+    return redacted(words[:LONGEST_REASON]) or type(error).__name__
 
 
 def _where(backend: Backend) -> str:
@@ -324,6 +339,10 @@ def _where(backend: Backend) -> str:
 
 def _databases(folder: Path) -> Iterator[Path]:
     return folder.glob("*.db")
+
+
+def _is_read_only(path: Path) -> bool:
+    return bool(os.statvfs(path).f_flag & os.ST_RDONLY)
 
 
 def _open_to_others(path: Path) -> bool:
