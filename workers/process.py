@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from datetime import UTC, datetime
 from functools import cache
 from importlib import import_module
 from typing import Any
@@ -17,6 +18,7 @@ from celery import current_app, signals
 from app import kernel_cache, logs
 from app.engine.mismatch import compile_kernels
 from app.services.auditing import warming
+from app.services.auditing.nightly import next_hour, told
 from app.services.backend import Backend
 from app.services.intake import reading
 
@@ -49,6 +51,8 @@ def warm_up(sender: Any, **_: object) -> None:
     gc.collect()
     gc.freeze()  # what is loaded stays: looking through it for garbage took a twentieth of reading a file
     log.warning("ready")
+    # Told here, because the process that takes a sweep decides, by settings of its own.
+    log.info("next nightly audit at %s", told(next_hour(current_app.settings, datetime.now(UTC))))
     # A child begins as large as its parent. A limit below that would replace it after every task.
     own_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
     sender.max_memory_per_child = 1024 * max(current_app.settings.worker_memory_mb, own_mb + ROOM_TO_WORK_MB)

@@ -43,13 +43,14 @@ def worker(
 
 
 def beat(until_parent_ends: UntilParentEnds = False) -> None:
-    """Run the schedule: the nightly audit at LOOPAUDIT_NIGHTLY_AT, and the sweeper that sends again what was lost.
+    """Run the schedule: every few seconds it has a worker look for what was lost, and whether the night's audit is due.
 
-    One is enough; two do no harm.
+    That worker decides by its own settings, LOOPAUDIT_NIGHTLY_AT and LOOPAUDIT_TIME_ZONE too: give all processes the
+    same. One beat is enough; two do no harm.
 
     [bold]Examples[/bold]
 
-      LOOPAUDIT_NIGHTLY_AT=03:30 LOOPAUDIT_TIME_ZONE=Europe/Berlin loopaudit beat
+      LOOPAUDIT_DATABASE_URL=postgresql+psycopg://... LOOPAUDIT_BROKER_URL=redis://... loopaudit beat
     """
     from app.queue.running import run_beat
 

@@ -7,20 +7,23 @@ from datetime import UTC, date, datetime, timedelta
 
 import numpy as np
 import pytest
-from sqlalchemy import Connection, func, select, update
+from sqlalchemy import Connection, Table, func, select, update
 from sqlalchemy.exc import OperationalError
 
 from app.engine.audit import Audit, audit
 from app.engine.recording import Recording
 from app.errors import DataError, NotFoundError, RequestError
+from app.services.access.trail import list_trail
 from app.services.auditing import audits, chunks, nightly
 from app.services.auditing.audit_models import ReliabilityRow
 from app.services.auditing.audits import LoopFilter
 from app.services.backend import Backend
 from app.services.plant import loops
 from app.services.upkeep import operations
+from app.settings import Settings
 from app.storage import series as stored_series
 from app.storage.tables import audit_items, verdicts
+from app.storage.tables import audits as audits_table
 from app.storage.tables import loops as loops_table
 
 AddLoops = Callable[..., dict[str, int]]
@@ -275,6 +278,58 @@ def test_the_hour_is_that_of_the_plant(backend: Backend) -> None:
     there = Backend(berlin, backend.database, backend.queue)
     summer = nightly.latest_hour(there, datetime(2026, 7, 1, 0, 30, tzinfo=UTC))
     assert summer.astimezone(UTC) == datetime(2026, 7, 1, 0, 0, tzinfo=UTC)
+
+
+def test_a_night_that_was_asked_for_before_its_hour_is_left_out_and_told_once(
+    backend: Backend, add_loops: AddLoops, caplog: pytest.LogCaptureFixture
+) -> None:
+    add_loops("FIC1")
+    caplog.set_level("INFO", "loopaudit.nightly")
+    run = nightly.nightly(backend, date(2026, 3, 2), started_by="command line")
+    _created(backend, audits_table, datetime(2026, 3, 2, 1, 0, tzinfo=UTC))
+    _created(backend, loops_table, datetime(2026, 3, 1, 12, 0, tzinfo=UTC))
+    for minute in range(3):
+        assert nightly.nightly_if_due(backend, datetime(2026, 3, 2, 2, minute, tzinfo=UTC)) is None
+    assert caplog.messages == [
+        f"no nightly audit at 2026-03-02 02:00 UTC: run {run.id} of that date was started before, by command line"
+    ]
+    rows = list_trail(backend, action="audit.skip").rows
+    assert [(row.who, row.subject) for row in rows] == [("schedule", f"/v1/audits/{run.id}")]
+
+
+def test_a_plant_whose_first_samples_came_after_the_hour_waits_and_says_so_once(
+    backend: Backend, add_loops: AddLoops, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO", "loopaudit.nightly")
+    assert nightly.nightly_if_due(backend, datetime(2026, 3, 1, 9, 0, tzinfo=UTC)) is None
+    assert caplog.messages == []
+    add_loops("FIC1")
+    _created(backend, loops_table, datetime(2026, 3, 1, 10, 0, tzinfo=UTC))
+    for minute in range(3):
+        assert nightly.nightly_if_due(backend, datetime(2026, 3, 1, 11, minute, tzinfo=UTC)) is None
+    waits = "no nightly audit of 2026-03-01: the first samples came after its hour; the next one is at"
+    assert caplog.messages == [f"{waits} 2026-03-02 02:00 UTC"]
+    run = nightly.nightly_if_due(backend, datetime(2026, 3, 2, 2, 0, tzinfo=UTC))
+    assert run is not None
+    _created(backend, audits_table, datetime(2026, 3, 2, 1, 59, 58, tzinfo=UTC))  # by a clock that is behind
+    assert nightly.nightly_if_due(backend, datetime(2026, 3, 2, 2, 1, tzinfo=UTC)) is None
+    assert caplog.messages[1:] == [f"nightly audit of 2026-03-02 started, run {run.id}"]
+
+
+@pytest.mark.parametrize(
+    ("now", "following"),
+    [("2026-11-25T22:00", "2026-11-26 02:00"), ("2026-11-26T00:59", "2026-11-26 02:00"),
+     ("2026-11-26T01:00", "2026-11-27 02:00"), ("2026-10-25T01:30", "2026-10-26 02:00")],
+)  # fmt: skip
+def test_the_next_night_is_told_by_the_clock_of_the_plant(now: str, following: str) -> None:
+    there = Settings(time_zone="Europe/Berlin")
+    found = nightly.next_hour(there, datetime.fromisoformat(now).replace(tzinfo=UTC))
+    assert nightly.told(found) == f"{following} Europe/Berlin"
+
+
+def _created(backend: Backend, table: Table, at: datetime) -> None:
+    with backend.database.write() as connection:
+        connection.execute(update(table).values(created_at=at))
 
 
 def _count(backend: Backend, table: object) -> int:

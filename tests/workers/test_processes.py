@@ -1,5 +1,6 @@
 """Real worker processes: from an upload to its verdicts, and what happens when processes and messages are lost."""
 
+import re
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -59,6 +60,9 @@ def test_from_upload_to_verdicts_with_lost_and_doubled_messages(plant: Any, smal
     nights = lambda: [run for run in audits.list_audits(plant.backend).rows if run.trigger == "nightly"]  # noqa: E731
     plant.wait("the nightly run, caught up", lambda: any(run.ended for run in nights()))
     assert [run.done for run in nights()] == [LOOPS]
+    log = plant.log.read_text()
+    assert log.count("next nightly audit at ") == 1
+    assert re.search(r"nightly audit of \d{4}-\d\d-\d\d started, run \d+", log)
     for process in (worker, *beats):
         process.terminate()
     assert [process.wait(15) for process in (worker, *beats)] == [0, 0, 0]

@@ -1,5 +1,6 @@
 """The nightly audit of the whole plant: once a date, at its hour, or later that day where the hour was missed."""
 
+import logging
 from datetime import UTC, date, datetime, timedelta
 from zoneinfo import ZoneInfo
 
@@ -8,7 +9,11 @@ from app.services.access.identity import SCHEDULE
 from app.services.auditing.audits import start_audit
 from app.services.backend import Backend
 from app.services.results import AuditView
+from app.settings import Settings
 from app.storage import audits, explanations, loops
+from app.storage import trail as trail_rows
+
+log = logging.getLogger("loopaudit.nightly")
 
 
 def nightly(backend: Backend, day: date | None = None, started_by: str = SCHEDULE.who) -> AuditView:
@@ -20,16 +25,37 @@ def nightly(backend: Backend, day: date | None = None, started_by: str = SCHEDUL
 def nightly_if_due(backend: Backend, now: datetime | None = None) -> AuditView | None:
     """Starts the night's run where its hour has come and nobody has started it yet.
 
-    A plant whose first samples came after the hour waits for the next night.
+    A plant whose first samples came after the hour waits for the next night, and a night whose run somebody asked for
+    before the hour has none of the schedule's: both are told once.
     """
-    hour = latest_hour(backend, now or datetime.now(UTC))
+    now = now or datetime.now(UTC)
+    hour = latest_hour(backend, now)
+    night = hour.date().isoformat()
     with backend.database.read() as connection:
-        planned = audits.by_night(connection, backend.settings.plant, hour.date().isoformat())
-        if planned is not None or not loops.any_before(connection, hour):
-            return None
-    run = nightly(backend, hour.date())
-    trail.record(backend, SCHEDULE, "audit.start", f"/v1/audits/{run.id}", "done")
-    return run
+        planned = audits.by_night(connection, backend.settings.plant, night)
+        due = planned is None and loops.any_before(connection, hour)
+        too_late = planned is None and not due and loops.any_before(connection, now)
+    if due:
+        run = nightly(backend, hour.date())
+        trail.record(backend, SCHEDULE, "audit.start", f"/v1/audits/{run.id}", "done")
+        log.info("nightly audit of %s started, run %s", night, run.id)
+        return run
+    if planned is not None and planned.created_at < hour and planned.started_by != SCHEDULE.who:
+        text = f"no nightly audit at {told(hour)}: run {planned.id} of that date was started before, by"
+        _tell_once(backend, "audit.skip", f"/v1/audits/{planned.id}", f"{text} {planned.started_by or 'somebody'}")
+    elif too_late:
+        text = f"no nightly audit of {night}: the first samples came after its hour; the next one is at"
+        _tell_once(backend, "audit.wait", f"night {night}", f"{text} {told(next_hour(backend.settings, now))}")
+    return None
+
+
+def _tell_once(backend: Backend, action: str, subject: str, text: str) -> None:
+    """In the log, and in the trail, which knows for all processes what was told."""
+    with backend.database.read() as connection:
+        newest = trail_rows.page(connection, 1, None, who=SCHEDULE.who, action=action)
+    if not newest or newest[0].subject != subject:
+        trail.record(backend, SCHEDULE, action, subject, "done")
+        log.info(text)
 
 
 def announce_explanations(backend: Backend) -> int:
@@ -49,3 +75,17 @@ def latest_hour(backend: Backend, now: datetime) -> datetime:
     local = now.astimezone(zone)
     today = datetime.combine(local.date(), at, zone)
     return today if today <= local else datetime.combine(local.date() - timedelta(days=1), at, zone)
+
+
+def next_hour(settings: Settings, now: datetime) -> datetime:
+    """The first time after `now` that the clock at the plant shows the hour of the nightly audit."""
+    local = now.astimezone(ZoneInfo(settings.time_zone))
+    today = datetime.combine(local.date(), settings.nightly_at, local.tzinfo)
+    if today > local:
+        return today
+    return datetime.combine(local.date() + timedelta(days=1), settings.nightly_at, local.tzinfo)
+
+
+def told(hour: datetime) -> str:
+    """2026-11-26 02:00 Europe/Berlin."""
+    return f"{hour:%Y-%m-%d %H:%M} {hour.tzinfo}"
