@@ -113,3 +113,12 @@ def test_settings_that_contradict_each_other_are_told_by_their_names(tmp_path: P
     assert done.returncode == 2
     told = "LOOPAUDIT_LEASE_S must be at least twice LOOPAUDIT_LOOP_LIMIT_S, got 10.0 and 20.0"
     assert done.stderr == f"loopaudit: {told} [settings]\n"
+
+
+@pytest.mark.parametrize("command", [("serve", "--port", "0"), ("worker",), ("beat",)], ids=" ".join)
+def test_with_a_broker_of_its_own_a_missing_file_is_no_plant_to_begin_on(
+    tmp_path: Path, command: tuple[str, ...]
+) -> None:
+    done = run(*command, data_dir=tmp_path, broker_url="redis://127.0.0.1:1/0")
+    assert done.returncode == 2
+    assert done.stderr.endswith("`loopaudit migrate` makes one [no_database]\n")

@@ -47,7 +47,8 @@ def refuse_missing(settings: Settings) -> None:
         if not file.is_file():
             where = f"{file.parent} ({file.name})"
             text = f"there is no data base in {where}; is LOOPAUDIT_DATA_DIR the folder of the service?"
-            raise RequestError("no_database", f"{text} `loopaudit serve` makes one")
+            makes = "serve" if settings.embedded else "migrate"
+            raise RequestError("no_database", f"{text} `loopaudit {makes}` makes one")
 
 
 def database_files(settings: Settings) -> tuple[Path, ...]:
