@@ -15,6 +15,7 @@ from app.errors import RequestError
 
 if TYPE_CHECKING:
     from app.services.backend import Backend
+    from app.services.digests.deliveries import DeliveryView
 
 
 class Form(StrEnum):
@@ -24,29 +25,42 @@ class Form(StrEnum):
 
 
 def digest(
-    audit: Annotated[str | None, typer.Option("--audit", help="The run; without it the newest nightly one.")] = None,
+    audit: Annotated[
+        str | None,
+        typer.Option(
+            "--audit",
+            help="The run; without it the newest night's, or that of a run of the plant which somebody asked for, "
+            "where no night ended within the day before it.",
+        ),
+    ] = None,
     send: Annotated[
         bool, typer.Option("--send/--dry-run", help="Send it to the receivers of the settings, or only print it.")
+    ] = False,
+    again: Annotated[
+        bool, typer.Option("--again", help="Send it also to those who have it, to try a receiver out.")
     ] = False,
     form: Annotated[Form, typer.Option("--format", help="What is printed.")] = Form.text,
 ) -> None:
     """Print the digest of a night: the five worst loops of each unit, and what changed; or send it now.
 
-    After each nightly audit it goes to LOOPAUDIT_DIGEST_MAIL_TO and LOOPAUDIT_DIGEST_WEBHOOKS by itself. Nobody gets
-    the digest of a run twice. Exit code 1: some receiver did not take it.
+    After each nightly audit it goes to LOOPAUDIT_DIGEST_MAIL_TO and LOOPAUDIT_DIGEST_WEBHOOKS by itself. --send takes
+    up what was given up; nobody gets the digest of a run twice without --again. Exit code 1: some receiver did not
+    take it.
 
     [bold]Examples[/bold]
 
       loopaudit digest
 
       loopaudit digest --audit 17 --send
+
+      loopaudit digest --send --again
     """
     from app.services.digests.digest import as_html, as_json, as_text, digest_of, newest_run
 
     with opened() as backend:
         run = audit or newest_run(backend)
-        if send:
-            raise typer.Exit(sent(backend, run))
+        if send or again:
+            raise typer.Exit(sent(backend, run, again=again))
         found = digest_of(backend, run)
     if form is Form.json:
         sys.stdout.write(json.dumps(as_json(found), ensure_ascii=False) + "\n")
@@ -55,22 +69,24 @@ def digest(
     raise typer.Exit(ExitCode.DONE)
 
 
-def sent(backend: "Backend", run: str) -> ExitCode:
+def sent(backend: "Backend", run: str, *, again: bool = False) -> ExitCode:
     """Each receiver and what became of it, on stdout."""
-    from app.services.digests.deliveries import deliver_next, deliveries_of, plan
+    from app.services.digests.deliveries import send_now
 
     if not backend.settings.digest_receivers:
         raise RequestError(
             "no_receiver", "nobody is to get it: set LOOPAUDIT_DIGEST_MAIL_TO or LOOPAUDIT_DIGEST_WEBHOOKS"
         )
-    plan(backend, run)
-    owner = f"digest:{socket.gethostname()}:{os.getpid()}"
-    for _ in backend.settings.digest_receivers:  # each once: what failed is tried again by the service, later
-        deliver_next(backend, owner, run)
-    found = deliveries_of(backend, run)
+    found = send_now(backend, f"digest:{socket.gethostname()}:{os.getpid()}", run, again=again)
     for one in found:
-        again = " (is tried again later)" if one.state == "open" else ""
-        sys.stdout.write(f"{one.receiver}: {one.state}{again}{f': {one.reason}' if one.reason else ''}\n")
+        sys.stdout.write(f"{one.receiver}: {outcome(one)}\n")
     undone = sum(one.state != "done" for one in found)
     say(f"loopaudit: the digest of run {run} is with {len(found) - undone} of {len(found)} receivers")
     return ExitCode.SOME_FAILED if undone else ExitCode.DONE
+
+
+def outcome(one: "DeliveryView") -> str:
+    if one.before:
+        return f"already delivered at {one.ended_at}; --again sends it once more"
+    later = " (is tried again later)" if one.state == "open" else ""
+    return f"{one.state}{later}{f': {one.reason}' if one.reason else ''}"

@@ -42,6 +42,14 @@ def plan(connection: Connection, audit_id: int, receivers: Iterable[str]) -> Non
         connection.execute(insert_new(connection, deliveries), rows)
 
 
+def reopen(connection: Connection, audit_id: int, receivers: Iterable[str], states: Iterable[str]) -> set[str]:
+    """Those of these receivers whose delivery had ended so, and is to be made again, with all its tries."""
+    wanted = (deliveries.c.receiver.in_(tuple(receivers)), deliveries.c.state.in_(tuple(states)))
+    anew = {"state": "open", "attempts": 0, "next_try_s": None, "ended_at": None, "error_text": None}
+    opening = update(deliveries).where(deliveries.c.audit_id == audit_id, *wanted).values(anew)
+    return set(connection.scalars(opening.returning(deliveries.c.receiver)))
+
+
 def newest_nightly(connection: Connection, at_most_old: timedelta) -> int | None:
     """The newest nightly run, where it has ended with what it could do, and that not long ago."""
     newest = select(audits.c.id).where(audits.c.trigger == "nightly").order_by(audits.c.id.desc()).limit(1)
@@ -54,17 +62,23 @@ def of_run(connection: Connection, audit_id: int) -> list[DeliveryRow]:
     return [DeliveryRow(*row) for row in connection.execute(query)]
 
 
-def newest_failed(connection: Connection, limit: int) -> list[DeliveryRow]:
-    """Those that were given up, of the newest run that was sent to anybody."""
+def newest_failed(connection: Connection, receivers: Iterable[str], limit: int) -> list[DeliveryRow]:
+    """Those of these receivers that were given up, of the newest run that was sent to anybody."""
     newest = select(deliveries.c.audit_id).order_by(deliveries.c.audit_id.desc()).limit(1).scalar_subquery()
-    query = select(*COLUMNS).where(deliveries.c.audit_id == newest, deliveries.c.state == "failed")
+    failed = (deliveries.c.state == "failed", deliveries.c.receiver.in_(tuple(receivers)))
+    query = select(*COLUMNS).where(deliveries.c.audit_id == newest, *failed)
     return [DeliveryRow(*row) for row in connection.execute(query.order_by(deliveries.c.receiver).limit(limit))]
 
 
-def claim_next(connection: Connection, owner: str, lease_s: float, audit_id: int | None = None) -> DeliveryClaim | None:
-    """The delivery whose turn it is (of one run, whenever its turn is), for `lease_s` seconds by the data base's
-    clock; None: nothing is to be sent now. Those that were tried least come first."""
-    wanted = _due() if audit_id is None else and_(deliveries.c.state == "open", deliveries.c.audit_id == audit_id)
+def claim_next(
+    connection: Connection, owner: str, lease_s: float, this: tuple[int, str] | None = None
+) -> DeliveryClaim | None:
+    """The delivery whose turn it is (or `this` run's to this receiver, whenever its turn is), for `lease_s` seconds by
+    the data base's clock; None: nothing is to be sent now. Those that were tried least come first."""
+    wanted = _due()
+    if this is not None:
+        of_it = (deliveries.c.audit_id == this[0], deliveries.c.receiver == this[1])
+        wanted = and_(deliveries.c.state == "open", *of_it)
     picked = connection.execute(
         select(deliveries.c.audit_id, deliveries.c.receiver)
         .where(wanted)

@@ -16,7 +16,11 @@ import httpx
 import pytest
 from aiosmtpd.controller import Controller
 from sqlalchemy import update
+from typer.main import get_command
 
+from app.cli.digest import sent
+from app.cli.main import cli
+from app.cli.messages import ExitCode
 from app.errors import RequestError
 from app.services.access.trail import list_trail
 from app.services.auditing.audits import start_audit
@@ -293,6 +297,71 @@ def test_what_will_not_change_is_not_tried_again(
     assert states(backend, night)["http"] == ("failed", 1)
     assert len(receiver.posts) == 1
     assert said in str(deliveries.newest_failed(backend)[0].reason)
+
+
+def test_what_was_given_up_is_sent_by_hand_once_its_reason_is_mended(
+    backend: Backend, night: str, receiver: Receiver, mailbox: Mailbox, capsys: pytest.CaptureFixture[str]
+) -> None:
+    receiver.answers = 404
+    sweep(backend)
+    deliver_all(backend)
+    assert f"`loopaudit digest --send --audit {night}`" in doctor.digests(backend).advice
+    assert sent(backend, night) is ExitCode.SOME_FAILED
+    receiver.answers = 204
+    assert sent(backend, night) is ExitCode.DONE
+    assert states(backend, night) == {"mailto": ("done", 1), "http": ("done", 1)}
+    assert len({heads["webhook-id"] for heads, _ in receiver.posts}) == 1
+    assert len(mailbox.mails) == 1
+    assert doctor.digests(backend).state == "ok"
+    told = capsys.readouterr().out
+    assert "the receiver answered 404" in told
+    assert "mailto:you@example.com: already delivered at 20" in told
+
+
+def test_what_is_taken_up_by_hand_has_all_its_tries_again(backend: Backend, night: str, receiver: Receiver) -> None:
+    receiver.answers = 404
+    sweep(backend)
+    deliver_all(backend)
+    receiver.answers = 500
+    assert sent(backend, night) is ExitCode.SOME_FAILED
+    assert states(backend, night)["http"] == ("open", 1)
+
+
+def test_who_has_it_gets_it_again_where_that_is_wanted(
+    backend: Backend, night: str, receiver: Receiver, mailbox: Mailbox, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert sent(backend, night) is ExitCode.DONE
+    assert sent(backend, night) is ExitCode.DONE
+    assert (len(mailbox.mails), len(receiver.posts)) == (1, 1)
+    assert capsys.readouterr().out.count("already delivered at ") == 2
+    assert sent(backend, night, again=True) is ExitCode.DONE
+    assert "already" not in capsys.readouterr().out
+    # Mail servers and careful receivers drop what they know by its id.
+    assert len({mail["Message-ID"] for mail in mailbox.mails}) == 2
+    assert len({heads["webhook-id"] for heads, _ in receiver.posts}) == 2
+    assert {json.loads(body)["id"] for _, body in receiver.posts} == {
+        heads["webhook-id"] for heads, _ in receiver.posts
+    }
+
+
+def test_who_stands_no_longer_in_the_settings_is_not_complained_of(
+    backend: Backend, night: str, receiver: Receiver
+) -> None:
+    receiver.answers = 404
+    sweep(backend)
+    deliver_all(backend)
+    fewer = Backend(backend.settings.model_copy(update={"digest_webhooks": ""}), backend.database, backend.queue)
+    assert doctor.digests(fewer).state == "ok"
+    assert sent(fewer, night) is ExitCode.DONE
+
+
+def test_without_a_night_the_digest_is_that_of_a_run_of_the_plant(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("A", "B")
+    run = start_audit(backend)
+    audit_chunk(backend, int(run.id), "test")
+    assert newest_run(backend) == run.id
+    (said,) = [option.help for option in get_command(cli).commands["digest"].params if option.name == "audit"]
+    assert "where no night ended within the day before" in said
 
 
 def test_waits_double_up_to_an_hour() -> None:

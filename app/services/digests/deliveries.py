@@ -6,8 +6,9 @@ A receiver that is away costs its own row some tries, and nobody else anything.
 import hashlib
 import json
 import logging
+import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import timedelta
 
 from app.errors import LoopauditError
@@ -35,13 +36,16 @@ log = logging.getLogger("loopaudit.digest")
 
 @dataclass(frozen=True)
 class DeliveryView:
-    """`receiver` as it may be shown; `state` is open, claimed, done or failed, `reason` why it is not done."""
+    """`receiver` as it may be shown; `state` is open, claimed, done or failed, `reason` why it is not done. `before`:
+    it had been delivered before somebody asked for it by hand."""
 
+    audit_id: str
     receiver: str
     state: str
     attempts: int
     ended_at: str | None
     reason: str | None
+    before: bool = False
 
 
 def announce_digests(backend: Backend) -> int:
@@ -57,22 +61,33 @@ def announce_digests(backend: Backend) -> int:
     return waiting
 
 
-def plan(backend: Backend, audit_id: str) -> None:
-    """For whoever sends a digest by hand: the digest of this run to every receiver that has not got it."""
+def send_now(backend: Backend, owner: str, audit_id: str, *, again: bool = False) -> list[DeliveryView]:
+    """For whoever sends a digest by hand: this run's to every receiver that has not got it, those given up too, each
+    tried once; what fails is tried again by the service. `again`: also to those who have it, with an id of its own,
+    because mail servers drop what they know by its id."""
     digest_of(backend, audit_id)
+    run, receivers = identifier(audit_id, "audit"), backend.settings.digest_receivers
     with backend.database.write() as connection:
-        deliveries.plan(connection, identifier(audit_id, "audit"), backend.settings.digest_receivers)
+        deliveries.plan(connection, run, receivers)
+        once_more = deliveries.reopen(connection, run, receivers, ["done"]) if again else set()
+        deliveries.reopen(connection, run, receivers, ["failed"])
+        had = {row.receiver for row in deliveries.of_run(connection, run) if row.state == "done"}
+    for receiver in receivers:
+        deliver_next(backend, owner, (run, receiver), once_more=receiver in once_more)
+    with backend.database.read() as connection:
+        rows = [row for row in deliveries.of_run(connection, run) if row.receiver in receivers]
+    return [replace(_view(row), before=row.receiver in had) for row in rows]
 
 
-def deliver_next(backend: Backend, owner: str, audit_id: str | None = None) -> bool:
-    """Sends the digest whose turn it is; False where none is. Sent and not marked is sent again, with the same id."""
-    run = None if audit_id is None else identifier(audit_id, "audit")
+def deliver_next(backend: Backend, owner: str, this: tuple[int, str] | None = None, *, once_more: bool = False) -> bool:
+    """Sends the digest whose turn it is, or `this` run's to this receiver; False where there is none. Sent and not
+    marked is sent again, with the same id; `once_more`: with another one."""
     with backend.database.write() as connection:
-        claim = deliveries.claim_next(connection, owner, backend.settings.lease_s, run)
+        claim = deliveries.claim_next(connection, owner, backend.settings.lease_s, this)
     if claim is None:
         return False
     try:
-        _send(backend, claim)
+        _send(backend, claim, once_more=once_more)
     except NotSentError as error:
         _not_sent(backend, claim, str(error), final=error.final)
     except LoopauditError as error:
@@ -92,9 +107,9 @@ def deliveries_of(backend: Backend, audit_id: str) -> list[DeliveryView]:
 
 
 def newest_failed(backend: Backend) -> list[DeliveryView]:
-    """Those that were given up, of the newest run that was sent to anybody."""
+    """Those of today's receivers that were given up, of the newest run that was sent to anybody."""
     with backend.database.read() as connection:
-        rows = deliveries.newest_failed(connection, LISTED)
+        rows = deliveries.newest_failed(connection, backend.settings.digest_receivers, LISTED)
     return [_view(row) for row in rows]
 
 
@@ -110,22 +125,24 @@ def missing_settings(backend: Backend) -> Iterator[str]:
         yield "LOOPAUDIT_DIGEST_WEBHOOK_SECRET"
 
 
-def outgoing(digest: Digest, receiver: str) -> Outgoing:
-    """The id is made of the run and the receiver: it is the same at every try, and in no other installation."""
+def outgoing(digest: Digest, receiver: str, apart: str = "") -> Outgoing:
+    """The id is made of the run and the receiver: it is the same at every try, and in no other installation. `apart`
+    makes it another one."""
     run = digest.run
     named = json.dumps([digest.plant, run.id, run.created_at, receiver])
-    delivery_id = f"digest-{run.id}-{hashlib.sha256(named.encode()).hexdigest()[:24]}"
+    delivery_id = f"digest-{run.id}-{hashlib.sha256(named.encode()).hexdigest()[:24]}{apart}"
     body = json.dumps({"id": delivery_id} | as_json(digest), ensure_ascii=False).encode()
     return Outgoing(delivery_id, subject(digest), as_text(digest), as_html(digest), body)
 
 
-def _send(backend: Backend, claim: DeliveryClaim) -> None:
+def _send(backend: Backend, claim: DeliveryClaim, *, once_more: bool) -> None:
     if claim.receiver not in backend.settings.digest_receivers:
         raise NotSentError("the receiver stands no longer in the settings", final=True)
     missing = list(missing_settings(backend))
     if missing:
         raise NotSentError(f"not set: {', '.join(missing)}")
-    made = outgoing(digest_of(backend, str(claim.audit_id)), claim.receiver)
+    apart = f"-{time.time_ns()}" if once_more else ""
+    made = outgoing(digest_of(backend, str(claim.audit_id)), claim.receiver, apart)
     if claim.receiver.startswith("mailto:"):
         send_mail(backend.settings, made, claim.receiver.removeprefix("mailto:"))
     else:
@@ -160,7 +177,8 @@ def wait_s(attempt: int) -> float:
 
 
 def _view(row: DeliveryRow) -> DeliveryView:
-    return DeliveryView(shown(row.receiver), row.state, row.attempts, iso_utc(row.ended_at), row.error_text)
+    ended_at = iso_utc(row.ended_at)
+    return DeliveryView(str(row.audit_id), shown(row.receiver), row.state, row.attempts, ended_at, row.error_text)
 
 
 def _tell(backend: Backend, claim: DeliveryClaim, outcome: str, **detail: str) -> None:

@@ -290,7 +290,8 @@ def digests(backend: Backend) -> Check:
     failed = deliveries.newest_failed(backend)
     if failed:
         found = f"the newest was given up for {failed[0].receiver}: {failed[0].reason}"
-        return Check("digest", "warning", found, "try `loopaudit digest --send` once the reason is mended")
+        advice = f"`loopaudit digest --send --audit {failed[0].audit_id}` once the reason is mended"
+        return Check("digest", "warning", found, advice)
     unsafe = backend.settings.digest_smtp_user and not backend.settings.digest_smtp_starttls
     if unsafe:
         return Check(
