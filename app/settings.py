@@ -1,6 +1,8 @@
 """Every setting of the service: an environment variable LOOPAUDIT_<NAME> each, with what it means."""
 
+import base64
 import difflib
+import ipaddress
 import os
 import re
 from collections.abc import Mapping
@@ -8,6 +10,7 @@ from datetime import time
 from functools import lru_cache
 from pathlib import Path
 from typing import Literal
+from urllib.parse import urlsplit
 from zoneinfo import available_timezones
 
 from pydantic import Field, SecretStr, field_validator, model_validator
@@ -27,8 +30,27 @@ CLOSE = 0.75
 BROKERS = ("redis://", "rediss://", "folder://", "amqp://", "amqps://")
 
 
+HOST_NAME = re.compile(r"[a-z0-9_]([a-z0-9_.-]*[a-z0-9_])?", re.IGNORECASE | re.ASCII)
+IN_BASE64 = "whsec_"
+
+
 def _listed(text: str) -> list[str]:
     return [part.strip() for part in text.split(",") if part.strip()]
+
+
+def _is_inside(host: str) -> bool:
+    """Whether a host stands for a loopback, private or special address, whatever a name server says."""
+    try:
+        return not ipaddress.ip_address(host).is_global
+    except ValueError:
+        return host == "localhost" or host.endswith(".localhost")
+
+
+def _is_host(text: str) -> bool:
+    try:
+        return bool(ipaddress.ip_address(text))
+    except ValueError:
+        return HOST_NAME.fullmatch(text) is not None
 
 
 class Settings(BaseSettings):
@@ -223,12 +245,52 @@ class Settings(BaseSettings):
             raise ValueError("PUBLIC_URL must begin with http:// or https://")
         return address.rstrip("/")
 
+    @field_validator("allowed_hosts")
+    @classmethod
+    def _names_alone(cls, names: str) -> str:
+        wrong = [name for name in _listed(names) if not _is_host(name)]
+        if wrong:
+            text = f"ALLOWED_HOSTS are names alone, without http://, port or path; got {wrong[0][:80]!r}"
+            raise ValueError(text + " (an address of IPv6 without brackets)" * ("[" in wrong[0]))
+        return names
+
+    @field_validator("digest_smtp_host")
+    @classmethod
+    def _name_of_a_server(cls, host: str) -> str:
+        # An address typed whole may hold a password: it is not repeated.
+        if host and not _is_host(host):
+            raise ValueError("DIGEST_SMTP_HOST is a name alone; its port is DIGEST_SMTP_PORT")
+        return host
+
+    @field_validator("digest_webhook_secret")
+    @classmethod
+    def _secret_that_can_be_read(cls, secret: SecretStr) -> SecretStr:
+        text = secret.get_secret_value()
+        if text.startswith(IN_BASE64):
+            try:
+                key = base64.b64decode(text.removeprefix(IN_BASE64), validate=True)
+            except ValueError:
+                key = b""
+            if not key:
+                raise ValueError(f"DIGEST_WEBHOOK_SECRET begins with {IN_BASE64}: what follows must be base64")
+        return secret
+
     @field_validator("digest_webhooks")
     @classmethod
     def _webhook_addresses(cls, addresses: str) -> str:
         # The addresses themselves may hold secrets: they are not repeated.
         if not all(address.startswith(("http://", "https://")) for address in _listed(addresses)):
             raise ValueError("each of DIGEST_WEBHOOKS must begin with http:// or https://")
+        for place, address in enumerate(_listed(addresses), 1):
+            try:
+                parts = urlsplit(address)
+                whole = bool(parts.hostname) and parts.port != 0
+            except ValueError:
+                whole = False
+            if not whole:
+                raise ValueError(
+                    f"number {place} of DIGEST_WEBHOOKS is no address: it lacks a host, or its port is none"
+                )
         return addresses
 
     @field_validator("digest_mail_to", "digest_mail_from")
@@ -244,6 +306,17 @@ class Settings(BaseSettings):
         if self.lease_s < 2 * self.loop_limit_s:
             needed = "LOOPAUDIT_LEASE_S must be at least twice LOOPAUDIT_LOOP_LIMIT_S"
             raise ValueError(f"{needed}, got {self.lease_s} and {self.loop_limit_s}")
+        return self
+
+    @model_validator(mode="after")
+    def _webhooks_go_outside(self) -> "Settings":
+        hosts = (urlsplit(address).hostname or "" for address in _listed(self.digest_webhooks))
+        inside = None if self.digest_private_webhooks else next(filter(_is_inside, hosts), None)
+        if inside:
+            raise ValueError(
+                f"LOOPAUDIT_DIGEST_WEBHOOKS names {inside}, a private or special address; "
+                "LOOPAUDIT_DIGEST_PRIVATE_WEBHOOKS=true allows these"
+            )
         return self
 
     @property

@@ -424,6 +424,31 @@ def test_the_doctor_says_what_is_missing(backend: Backend) -> None:
         assert f"LOOPAUDIT_DIGEST_{name}" in found.found
 
 
+def test_the_doctor_warns_of_a_name_that_leads_inside_or_nowhere(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def resolved(host: str, *_: object, **__: object) -> list[Any]:
+        if host == "nowhere.example":
+            raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+        return [(2, 1, 6, "", ("10.0.0.1", 443))]
+
+    def advised(**changed: object) -> doctor.Check:
+        settings = backend.settings.model_copy(update=changed)
+        return doctor.digests(Backend(settings, backend.database, backend.queue))
+
+    monkeypatch.setattr(socket, "getaddrinfo", resolved)
+    inside = {"digest_webhooks": "https://hooks.inside.example/hidden"}
+    found = advised(**inside, digest_private_webhooks=False)
+    assert (found.state, "hooks.inside.example is a private" in found.found) == ("warning", True)
+    assert advised(**inside, digest_private_webhooks=True).state == "ok"
+    lost = advised(digest_webhooks="https://nowhere.example/hidden")
+    assert (lost.state, lost.found) == (
+        "warning",
+        "https://nowhere.example/... is not found: Name or service not known",
+    )
+    assert "mail server nowhere.example is not found" in advised(digest_smtp_host="nowhere.example").found
+
+
 def test_a_night_of_long_ago_is_not_told_of(backend: Backend, night: str, receiver: Receiver) -> None:
     with backend.database.write() as connection:
         connection.execute(update(audits).values(ended_at=datetime(2026, 1, 1, tzinfo=UTC)))

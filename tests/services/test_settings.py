@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
+from app.cli.configuration import load_settings
+from app.errors import RequestError
 from app.settings import Settings, misspelt
 
 
@@ -82,3 +84,52 @@ def test_every_variable_that_the_project_itself_names_is_known() -> None:
     named = {name for file in files for name in re.findall(r"\bLOOPAUDIT_[A-Z]\w*[A-Z]\b", file.read_text())}
     assert len(named) > 50
     assert misspelt(dict.fromkeys(named, "")) == []
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"digest_webhook_secret": "whsec_@@@"}, "must be base64"),
+        ({"digest_webhook_secret": "whsec_"}, "must be base64"),
+        ({"digest_smtp_host": "http://mail"}, "is a name alone"),
+        ({"digest_smtp_host": "mail:25"}, "is a name alone"),
+        ({"digest_smtp_host": "mail/hidden"}, "is a name alone"),
+        ({"allowed_hosts": "plant.example, http://foo:80/"}, "names alone, .*; got 'http://foo:80/'"),
+        ({"allowed_hosts": "foo:80"}, "names alone"),
+        ({"allowed_hosts": "*.example"}, "names alone"),
+        ({"allowed_hosts": "[::1]"}, "without brackets"),
+        ({"digest_webhooks": "https://"}, "number 1 of DIGEST_WEBHOOKS is no address"),
+        ({"digest_webhooks": "https://a.example/,https://a.example:99999/hidden"}, "number 2 of DIGEST_WEBHOOKS"),
+        ({"digest_webhooks": "http://127.0.0.1:9/hidden"}, "names 127.0.0.1, a private or special address"),
+        ({"digest_webhooks": "https://a.example/,http://localhost/"}, "PRIVATE_WEBHOOKS=true allows"),
+        ({"digest_webhooks": "http://[::1]/"}, "names ::1, "),
+        ({"digest_webhooks": "http://10.1.2.3/"}, "private or special"),
+    ],
+)
+def test_what_can_never_work_is_refused_at_the_start(wrong: dict[str, str], said: str) -> None:
+    with pytest.raises(ValidationError, match=said) as raised:
+        Settings(**wrong)
+    assert all("hidden" not in error["msg"] for error in raised.value.errors(include_input=False))
+
+
+@pytest.mark.parametrize(
+    "right",
+    [
+        {"digest_webhook_secret": "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"},
+        {"digest_webhook_secret": "a word of the plant @@@"},
+        {"digest_smtp_host": "mail-1.plant.example"},
+        {"digest_smtp_host": "fd00::5"},
+        {"allowed_hosts": "loops.plant.example, plant_server,10.0.0.7,::1"},
+        {"digest_webhooks": "http://127.0.0.1:9/", "digest_private_webhooks": True},
+        {"digest_webhooks": "https://93.184.216.34/hook,http://hooks.inside.example:8080/?x=1"},
+    ],
+)
+def test_what_may_work_is_taken(right: dict[str, object]) -> None:
+    assert Settings(**right)
+
+
+def test_a_rule_between_two_settings_is_told_without_a_stray_colon(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LOOPAUDIT_DIGEST_WEBHOOKS", "http://127.0.0.1/")
+    with pytest.raises(RequestError) as raised:
+        load_settings()
+    assert raised.value.message.startswith("LOOPAUDIT_DIGEST_WEBHOOKS names 127.0.0.1")

@@ -6,10 +6,13 @@ A receiver that is away costs its own row some tries, and nobody else anything.
 import hashlib
 import json
 import logging
+import socket
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from datetime import timedelta
+
+import httpx
 
 from app.errors import LoopauditError
 from app.services.access import trail
@@ -19,7 +22,7 @@ from app.services.cursors import identifier
 from app.services.digests.digest import Digest, as_html, as_json, as_text, digest_of, subject
 from app.services.digests.mailing import send_mail
 from app.services.digests.sending import NotSentError, Outgoing, shown
-from app.services.digests.webhooks import send_webhook
+from app.services.digests.webhooks import checked_address, send_webhook
 from app.services.moments import iso_utc
 from app.storage import deliveries
 from app.storage.deliveries import DeliveryClaim, DeliveryRow
@@ -123,6 +126,25 @@ def missing_settings(backend: Backend) -> Iterator[str]:
                 yield f"LOOPAUDIT_{name.upper()}"
     if settings.digest_webhooks and not settings.digest_webhook_secret.get_secret_value():
         yield "LOOPAUDIT_DIGEST_WEBHOOK_SECRET"
+
+
+def out_of_reach(backend: Backend) -> Iterator[str]:
+    """Why what is sent would not get through, as far as names tell: nothing is sent, and nobody is connected to."""
+    settings = backend.settings
+    if any(receiver.startswith("mailto:") for receiver in settings.digest_receivers):
+        try:
+            socket.getaddrinfo(settings.digest_smtp_host, settings.digest_smtp_port, type=socket.SOCK_STREAM)
+        except OSError as error:
+            yield f"the mail server {settings.digest_smtp_host} is not found: {error.strerror}"
+    for receiver in settings.digest_receivers:
+        if receiver.startswith("mailto:"):
+            continue
+        try:
+            checked_address(httpx.URL(receiver), settings.digest_private_webhooks)
+        except NotSentError as error:
+            yield str(error)
+        except (httpx.InvalidURL, OSError) as error:
+            yield f"{shown(receiver)} is not found: {getattr(error, 'strerror', None) or 'no address'}"
 
 
 def outgoing(digest: Digest, receiver: str, apart: str = "") -> Outgoing:

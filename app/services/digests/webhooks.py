@@ -4,7 +4,6 @@ https://github.com/standard-webhooks/standard-webhooks/blob/main/spec/standard-w
 """
 
 import base64
-import binascii
 import hashlib
 import hmac
 import ipaddress
@@ -14,11 +13,10 @@ import time
 import httpx
 
 from app.services.digests.sending import NotSentError, Outgoing
-from app.settings import Settings
+from app.settings import IN_BASE64, Settings
 
 TIMEOUT = httpx.Timeout(10.0, connect=5.0)
 LATER = (408, 409, 425, 429)
-PREFIX = "whsec_"
 NAT64 = ipaddress.ip_network("64:ff9b::/96")
 
 
@@ -52,11 +50,8 @@ def signature(secret: str, outgoing: Outgoing, timestamp: int) -> str:
 
 
 def key_of(secret: str) -> bytes:
-    if secret.startswith(PREFIX):
-        try:
-            return base64.b64decode(secret.removeprefix(PREFIX), validate=True)
-        except binascii.Error:
-            pass
+    if secret.startswith(IN_BASE64):
+        return base64.b64decode(secret.removeprefix(IN_BASE64), validate=True)
     return secret.encode()
 
 

@@ -292,6 +292,9 @@ def digests(backend: Backend) -> Check:
         found = f"the newest was given up for {failed[0].receiver}: {failed[0].reason}"
         advice = f"`loopaudit digest --send --audit {failed[0].audit_id}` once the reason is mended"
         return Check("digest", "warning", found, advice)
+    lost = next(deliveries.out_of_reach(backend), None)
+    if lost:
+        return Check("digest", "warning", lost, "correct the address, or the name server of this machine")
     unsafe = backend.settings.digest_smtp_user and not backend.settings.digest_smtp_starttls
     if unsafe:
         return Check(
