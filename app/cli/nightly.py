@@ -27,6 +27,9 @@ def nightly(
 ) -> None:
     """Audit the whole plant once, now: for cron, where the schedule of `beat` is not wanted.
 
+    It is the night of today's date, also before LOOPAUDIT_NIGHTLY_AT: the schedule then begins none on that date. A
+    night that is under way is waited for; once it has ended, this makes one more run beside it.
+
     The run and how it ended are printed as JSON. Exit code 1: some loops failed; 2: there are no loops. On the embedded
     default this command does the work together with the worker of `serve`, or alone where none runs.
 

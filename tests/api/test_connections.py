@@ -88,6 +88,13 @@ def test_metrics_of_the_page_are_there(backend):
     assert named <= {metric.name for metric in metrics(backend)}
 
 
+def test_an_alarm_on_a_moment_goes_off_where_there_was_none_yet(backend):
+    page = (DOCS / "CONNECTIONS.md").read_text(encoding="utf-8")
+    moments = re.findall(r"`time\(\) - (loopaudit_\w+) > [^`]*`", page)
+    assert len(moments) == 2
+    assert all(re.search(rf"`time\(\) - {name} > [^`]* or absent\({name}\)`", page) for name in moments)
+
+
 @pytest.mark.parametrize("secret", ["a plain secret", "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"])
 def test_the_receiver_of_the_page_knows_our_signature(secret):
     page = (DOCS / "CONNECTIONS.md").read_text(encoding="utf-8")

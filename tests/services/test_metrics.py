@@ -31,6 +31,7 @@ def test_an_empty_plant_has_nothing_open(backend):
     assert ("last_run_duration_seconds", "") not in found
     assert ("newest_sample_timestamp_seconds", "") not in found
     assert found["loops_behind", ""] == 0
+    assert found["data_folder_free_bytes", ""] > 0
 
 
 def test_what_waits_is_counted_with_its_age(backend, add_loops):

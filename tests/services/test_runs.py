@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from sqlalchemy import Connection, Table, func, select, update
 from sqlalchemy.exc import OperationalError
+from typer.main import get_command
 
+from app.cli.main import cli
 from app.engine.audit import Audit, audit
 from app.engine.recording import Recording
 from app.errors import DataError, NotFoundError, RequestError
@@ -271,6 +273,18 @@ def test_the_nightly_run_comes_at_its_hour_and_is_caught_up(backend: Backend, ad
     assert nightly.nightly_if_due(backend, datetime(2026, 3, 2, 9, 31, tzinfo=UTC)) is None
     assert nightly.nightly_if_due(backend, datetime(2026, 3, 3, 1, 59, tzinfo=UTC)) is None
     assert nightly.nightly_if_due(backend, datetime(2026, 3, 3, 2, 0, tzinfo=UTC)) is not None
+
+
+def test_a_night_that_is_begun_by_hand_before_its_hour_is_that_date_s(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("FIC1")
+    with backend.database.write() as connection:
+        connection.execute(update(loops_table).values(created_at=datetime(2026, 3, 1, 1, 0, tzinfo=UTC)))
+    by_hand = nightly.nightly(backend, date(2026, 3, 2))
+    assert nightly.nightly_if_due(backend, datetime(2026, 3, 2, 2, 1, tzinfo=UTC)) is None
+    assert nightly.nightly_if_due(backend, datetime(2026, 3, 3, 2, 1, tzinfo=UTC)) is not None
+    assert by_hand.trigger == "nightly"
+    told = " ".join(str(get_command(cli).commands["nightly"].help).split())
+    assert "also before LOOPAUDIT_NIGHTLY_AT: the schedule then begins none on that date" in told
 
 
 def test_the_hour_is_that_of_the_plant(backend: Backend) -> None:

@@ -17,7 +17,11 @@ log = logging.getLogger("loopaudit.nightly")
 
 
 def nightly(backend: Backend, day: date | None = None, started_by: str = SCHEDULE.who) -> AuditView:
-    """The run of the night `day` (today in the plant's zone): planned now, or the one that was planned before."""
+    """The run of the night `day` (today in the plant's zone): planned now, or the one that was planned before.
+
+    Before the hour it is that date's night too, and the schedule then plans none: whoever asks by hand or from cron
+    wants one night, not two.
+    """
     day = day or datetime.now(ZoneInfo(backend.settings.time_zone)).date()
     return start_audit(backend, trigger="nightly", nightly_for=day.isoformat(), started_by=started_by)
 

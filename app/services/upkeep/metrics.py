@@ -1,5 +1,6 @@
 """What Prometheus is told: collected from the data base, so that every worker is counted."""
 
+import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -82,6 +83,11 @@ def metrics(backend: Backend) -> tuple[Metric, ...]:
             (Sample(found.uploads_bytes),),
         ),
         _gauge("loopaudit_explanations", "Explanations by state.", _by("state", found.explanations)),
+        _gauge(
+            "loopaudit_data_folder_free_bytes",
+            "Room left on the volume of the data folder: exports, and the data base where it is SQLite.",
+            (Sample(shutil.disk_usage(backend.settings.data_dir).free),),
+        ),
         *_ended("run", "the newest ended run of any kind", found.last_run),
         *_ended("night", "the newest ended nightly run", found.last_night),
         _gauge("loopaudit_active_keys", "Keys that are neither revoked nor expired.", (Sample(found.active_keys),)),
