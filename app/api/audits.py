@@ -4,12 +4,13 @@ import asyncio
 from collections.abc import AsyncIterator
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Body, Request, Response
+from fastapi import APIRouter, Body, Depends, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from starlette.responses import StreamingResponse
 
 from app.api.models import AuditIn, AuditOut, AuditPage
 from app.http.backend import Caller, Cursor, Identifier, Limit, Services
+from app.http.parameters import json_alone
 from app.http.problems import responses
 from app.services.auditing import audits as service
 
@@ -26,7 +27,12 @@ router = APIRouter(tags=["audits"])
 
 
 @router.post(
-    "/audits", status_code=202, response_model=AuditOut, responses=responses(400, 422), summary="Start an audit"
+    "/audits",
+    status_code=202,
+    response_model=AuditOut,
+    responses=responses(400, 415, 422),
+    dependencies=[Depends(json_alone)],
+    summary="Start an audit",
 )
 def start(response: Response, backend: Services, caller: Caller, wanted: Wanted = EVERY_LOOP) -> Any:
     """Audits the loops that the body names, or the plant, also without a body. 202: it is stored; workers do it."""

@@ -2,12 +2,13 @@
 
 from typing import Any
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Depends, Response
 from starlette.responses import PlainTextResponse
 
 from app.api.explanation_models import ExplanationIn, ExplanationOut, ExplanationPage, PlotOut
 from app.api.loops import Points
 from app.http.backend import Caller, Cursor, Identifier, Limit, Services
+from app.http.parameters import json_alone
 from app.http.paths import LoopTag
 from app.http.problems import responses
 from app.services.addresses import tag_in_url
@@ -24,7 +25,8 @@ router = APIRouter(tags=["explanations"])
     "/loops/{tag:path}/explanations",
     status_code=202,
     response_model=ExplanationOut,
-    responses=responses(400, 404, 413, 422),
+    responses=responses(400, 404, 413, 415, 422),
+    dependencies=[Depends(json_alone)],
     summary="Compare a loop's recording with a simulation",
 )
 def ask(response: Response, backend: Services, tag: LoopTag, caller: Caller, wanted: ExplanationIn) -> Any:

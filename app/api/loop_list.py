@@ -38,9 +38,9 @@ BODY = {
 async def change_many(request: Request, backend: Services) -> Any:
     """Each loop is for itself: what cannot be set of one is refused with its code, and the others are changed.
 
-    As JSON `{"loops": [{"tag": ..., ...}]}`, where null forgets; or as CSV with the column `tag` and those to set,
-    where an empty cell leaves things as they are (`GET /v1/loops?format=csv` answers such a list). At most 20,000
-    loops.
+    As JSON `{"loops": [{"tag": ..., ...}]}`, where null forgets; or as CSV with the column `tag` (or `loop`) and those
+    to set, where an empty cell leaves things as they are (`GET /v1/loops?format=csv` answers such a list). At most
+    20,000 loops.
     """
     kind = request.headers.get("content-type", JSON).split(";")[0].strip().lower()
     return await run_in_threadpool(_taken, backend, await request.body(), kind)

@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Header, Query
+from fastapi import APIRouter, Depends, Header, Query
 from fastapi.exceptions import RequestValidationError
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
@@ -11,6 +11,7 @@ from starlette.responses import Response, StreamingResponse
 from app.api.etags import NOT_MODIFIED, known, tag_of, tagged
 from app.api.models import HealthOut, LoopOut, LoopPage, LoopPatch, TrendOut, VerdictPage
 from app.http.backend import Cursor, IsoTime, Limit, Services
+from app.http.parameters import json_alone
 from app.http.paths import LoopTag
 from app.http.problems import responses
 from app.services.plant import loops as service
@@ -54,7 +55,10 @@ def loops(
 
 
 @router.get(
-    "/loops/{tag:path}/health", response_model=HealthOut, responses=responses(404), summary="The newest verdict"
+    "/loops/{tag:path}/health",
+    response_model=HealthOut,
+    responses=NOT_MODIFIED | responses(404),
+    summary="The newest verdict",
 )
 def health(request: Request, backend: Services, tag: LoopTag) -> Any:
     """The newest verdict of a loop and its key figures, flat, for dashboards; with an ETag."""
@@ -109,7 +113,11 @@ def loop(request: Request, response: Response, backend: Services, tag: LoopTag) 
 
 
 @router.patch(
-    "/loops/{tag:path}", response_model=LoopOut, responses=responses(404, 412, 422), summary="Say more about a loop"
+    "/loops/{tag:path}",
+    response_model=LoopOut,
+    responses=responses(404, 412, 415, 422),
+    dependencies=[Depends(json_alone)],
+    summary="Say more about a loop",
 )
 def patch(response: Response, backend: Services, tag: LoopTag, changes: LoopPatch, if_match: IfMatch = None) -> Any:
     """What it answers has the ETag that the loop has from now on."""

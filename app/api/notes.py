@@ -2,10 +2,11 @@
 
 from typing import Any
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Depends
 
 from app.api.models import NoteIn, NoteOut, NotePage
 from app.http.backend import Caller, Cursor, Identifier, Limit, Services
+from app.http.parameters import json_alone
 from app.http.paths import LoopTag
 from app.http.problems import responses
 from app.services.plant import notes as service
@@ -24,7 +25,8 @@ def notes(backend: Services, tag: LoopTag, limit: Limit = 100, cursor: Cursor = 
     "/loops/{tag:path}/notes",
     status_code=201,
     response_model=NoteOut,
-    responses=responses(400, 404, 422),
+    responses=responses(400, 404, 415, 422),
+    dependencies=[Depends(json_alone)],
     summary="Write a note, a work order or a repair",
 )
 def write(backend: Services, caller: Caller, tag: LoopTag, said: NoteIn) -> Any:

@@ -14,6 +14,7 @@ from app.errors import RequestError
 from app.http.backend import Services
 from app.http.problems import responses
 from app.services.auditing.audit_models import ReadingName, ReliabilityName, ReliabilityRow, VerdictName
+from app.services.auditing.audits import get_audit
 from app.services.cursors import LONGEST as LONGEST_CURSOR
 from app.services.cursors import identifier
 from app.services.plant import reliability as service
@@ -85,7 +86,7 @@ Filters = Annotated[TableQuery, Query()]
 @router.get(
     "/reliability",
     response_model=ReliabilityPage,
-    responses={**responses(400, 422), **CSV, **NOT_MODIFIED},
+    responses={**responses(400, 404, 422), **CSV, **NOT_MODIFIED},
     summary="The reliability table of the plant",
 )
 def reliability(
@@ -93,13 +94,15 @@ def reliability(
     backend: Services,
     query: Filters,
 ) -> Any:
-    """One row a loop, its newest verdict; without `retired` or `audit_id` not of loops that are retired. `next_cursor`
-    is always there and null on the last page.
+    """One row a loop, its newest verdict, or that of the run `audit_id`; without either `retired` or `audit_id` not of
+    loops that are retired. `next_cursor` is always there and null on the last page.
 
     As CSV, texts that a spreadsheet would calculate begin with an apostrophe; the cursor is in X-Next-Cursor.
     Both have an ETag, which stays the same until a verdict or a loop changes.
     """
     columns = query.wanted_columns()
+    if query.audit_id is not None:
+        get_audit(backend, query.audit_id)
     wanted: dict[str, Any] = {
         "limit": query.limit,
         "cursor": query.cursor,

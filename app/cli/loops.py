@@ -17,7 +17,7 @@ def loops(
     file: Annotated[
         Path | None,
         typer.Argument(
-            help="CSV with the column tag and those to set; without it the list is printed.", metavar="[CSV]"
+            help="CSV with the column tag (or loop) and those to set; without it the list is printed.", metavar="[CSV]"
         ),
     ] = None,
     url: Annotated[str, typer.Option("--url", envvar="LOOPAUDIT_URL", help="Address of the service.")] = DEFAULT_URL,

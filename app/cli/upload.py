@@ -38,6 +38,8 @@ def upload(
 ) -> None:
     """Send export files to a running service. The same file again changes nothing.
 
+    Exit code 1: some files were refused, or were read and hold no loop; 2: none could be used.
+
     [bold]Examples[/bold]
 
       loopaudit upload export.csv --wait
@@ -50,11 +52,13 @@ def upload(
 
     files = recording_files(paths)
     how = Reading(mapping_bytes(mapping), time_zone, date_order)
-    failures = 0
+    failures = empty = 0
     with ServiceClient(url, key) as client:
         for file in files:
             try:
-                report(file, send(client, file, timeout_s if wait else None, how))
+                state = send(client, file, timeout_s if wait else None, how)
+                report(file, state)
+                empty += holds_no_loop(file, state)
             except RequestError as error:
                 if error.code == "no_service":
                     raise
@@ -68,7 +72,7 @@ def upload(
                 say(f"{file}: cannot be read: {error.strerror} [file]")
     if failures == len(files):
         raise typer.Exit(ExitCode.NOTHING_USABLE)
-    raise typer.Exit(ExitCode.SOME_FAILED if failures else ExitCode.DONE)
+    raise typer.Exit(ExitCode.SOME_FAILED if failures or empty else ExitCode.DONE)
 
 
 def send(client: "ServiceClient", file: Path, wait_s: float | None, how: "Reading | None" = None) -> dict[str, Any]:
@@ -103,3 +107,11 @@ def report(file: Path, state: dict[str, Any]) -> None:
         say(f"{file}: {note}")
     for reject in (state.get("rejects") or ())[:3]:
         say(f"{file}: line {reject['line']}: {reject['text']} [{reject['code']}]")
+
+
+def holds_no_loop(file: Path, state: dict[str, Any]) -> bool:
+    """Whether it was read to its end without finding a loop; said on stderr."""
+    nothing = state["state"] == "done" and not state.get("loops")
+    if nothing:
+        say(f"{file}: no loop was found in it; `loopaudit inspect` says which columns it has [no_loops]")
+    return nothing

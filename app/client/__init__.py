@@ -9,6 +9,17 @@ newer service adds is there too.
 """
 
 from app.client.answers import Answer, Audit, Loop, LoopsChanged, Row, Trend, Upload
-from app.client.connection import Client, ServiceError
+from app.client.connection import Client, NoServiceError, ServiceError
 
-__all__ = ["Answer", "Audit", "Client", "Loop", "LoopsChanged", "Row", "ServiceError", "Trend", "Upload"]
+__all__ = [
+    "Answer",
+    "Audit",
+    "Client",
+    "Loop",
+    "LoopsChanged",
+    "NoServiceError",
+    "Row",
+    "ServiceError",
+    "Trend",
+    "Upload",
+]

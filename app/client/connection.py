@@ -37,6 +37,14 @@ class ServiceError(Exception):
         self.detail = detail
 
 
+class NoServiceError(ServiceError):
+    """Nobody answers at the address, or not to the end; the code is `no_service`, the status 0."""
+
+    def __init__(self, address: str, error: httpx.TransportError) -> None:
+        told = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        super().__init__(0, "no_service", f"{address} does not answer: {told}")
+
+
 class Client:
     """A connection. `tries`: how often a request is sent while the service says that it is busy."""
 
@@ -166,9 +174,12 @@ class Client:
         for left in range(self._tries - 1, -1, -1):
             if content is not None:
                 content.seek(0)  # of `files` httpx takes each from its beginning
-            answer = self._http.request(
-                method, path, params=params, json=json, headers=headers, content=content, files=files
-            )
+            try:
+                answer = self._http.request(
+                    method, path, params=params, json=json, headers=headers, content=content, files=files
+                )
+            except httpx.TransportError as error:
+                raise NoServiceError(_shown(self._http.base_url), error) from error
             if answer.status_code not in BUSY or not left:
                 break
             time.sleep(_pause_s(answer))
@@ -182,6 +193,11 @@ def _body(stream: BinaryIO, mapping: bytes | None) -> dict[str, Any]:
     if mapping is None:
         return {"headers": {"Content-Type": "application/octet-stream"}, "content": stream}
     return {"files": {"file": stream, "mapping": ("mapping", mapping)}}
+
+
+def _shown(url: httpx.URL) -> str:
+    """Without what it may hold beside the address, such as a password."""
+    return str(url.copy_with(userinfo=b"", query=None, fragment=None)).rstrip("/")
 
 
 def _of_loop(tag: str, rest: str = "") -> str:

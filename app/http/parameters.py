@@ -3,11 +3,17 @@
 Passed over in silence, a misspelt one answers another question.
 """
 
+import re
+
 from fastapi import Request
 from fastapi.dependencies.utils import get_flat_params
 from fastapi.exceptions import RequestValidationError
 from fastapi.params import Cookie, Header, Path
 from fastapi.routing import APIRoute
+
+from app.errors import RequestError
+
+JSON_KIND = re.compile(r"application/([\w.-]+\+)?json")
 
 
 async def only_known(request: Request) -> None:
@@ -28,6 +34,14 @@ async def no_zero_bytes(request: Request) -> None:
     if found:
         text = "no text of this service has a zero byte"
         raise RequestValidationError([{"loc": ("query", name), "msg": text} for name in found])
+
+
+async def json_alone(request: Request) -> None:
+    """Refuses a body that says it is something else than JSON: the framework would read its text as one value."""
+    kind = request.headers.get("content-type", "").split(";")[0].strip().lower()
+    sent = request.headers.get("content-length", "0") != "0" or "transfer-encoding" in request.headers
+    if sent and kind and not JSON_KIND.fullmatch(kind):
+        raise RequestError("media_type", f"this takes application/json, not {kind[:60]!r}")
 
 
 def declared(route: APIRoute) -> tuple[str, ...]:

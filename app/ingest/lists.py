@@ -11,8 +11,8 @@ from app.ingest.opening import detect_encoding
 
 DELIMITERS = ",;\t"
 BEYOND = "beyond the names"
-KEY = "tag"
-"""The column that every list has: what parts its name from others parts the cells."""
+KEYS = {"tag", "loop"}
+"""Columns of which every list has one: what parts its name from others parts the cells."""
 
 _END_OF_FILE = "\x1a"
 _SAID_DELIMITER = re.compile(r"(?i)\Asep=([,;|\t])[ \t\r]*\n")
@@ -61,12 +61,12 @@ def _in_lines(text: str) -> str:
 
 
 def _delimiter(text: str) -> str:
-    """With which the key is a column; else what the names have most of."""
+    """With which a key is a column; else what the names have most of."""
     first = text.split("\n", 1)[0]
 
     def parts(sign: str) -> bool:
         names = [name.strip().lower() for name in next(csv.reader([first], delimiter=sign), [])]
-        return KEY in names and len(names) > 1
+        return not KEYS.isdisjoint(names) and len(names) > 1
 
     return max(DELIMITERS, key=lambda sign: (parts(sign), first.count(sign)))
 

@@ -174,6 +174,17 @@ def test_dates_ahead_of_the_clock_are_not_read_where_others_can_be(tmp_path, mon
     assert "read otherwise, times lie ahead of the clock" in " ".join(text.split())
 
 
+def test_a_file_that_was_read_and_holds_no_loop_is_said(tmp_path, monkeypatch):
+    (tmp_path / "odd.csv").write_text(WIDE)
+    answer = {"id": "1", "state": "done", "loops": [], "notes": [], "rejects": []}
+    monkeypatch.setattr("app.cli.upload.send", lambda *_: answer)
+    done = run("upload", tmp_path / "odd.csv", "--wait")
+    assert (done.exit_code, "odd.csv: no loop was found in it" in done.stderr) == (1, True)
+    assert done.stdout.endswith("done\tloops 0\n")
+    monkeypatch.setattr("app.cli.upload.send", lambda *_: answer | {"state": "received"})
+    assert run("upload", tmp_path / "odd.csv").exit_code == 0
+
+
 def test_an_upload_is_read_in_the_zone_that_is_named(serve, tmp_path):
     export = tmp_path / "local.csv"
     export.write_text("DateTime,FIC1.PV,FIC1.OP\n" + "".join(f"2026-01-01 12:00:{k:02d},{k},{k}\n" for k in range(60)))

@@ -11,7 +11,7 @@ import pytest
 
 import app.client
 from app.api.models import AuditOut, HealthOut, LoopOut, TrendOut, UploadOut
-from app.client import Audit, Client, Loop, Row, ServiceError, Trend, Upload
+from app.client import Audit, Client, Loop, NoServiceError, Row, ServiceError, Trend, Upload
 from app.main import create_app
 from app.services.auditing.audit_models import ReliabilityRow
 from app.services.backend import Backend
@@ -168,6 +168,22 @@ def test_a_service_that_stays_busy_is_told_as_such():
     busy = [httpx.Response(429, headers={"Retry-After": "0"}, json={"code": "slow_down", "detail": "d"})] * 3
     with answering(*busy) as client, pytest.raises(ServiceError, match="slow_down"):
         client.loop("A")
+
+
+@pytest.mark.parametrize("error", [httpx.ConnectError("refused"), httpx.ReadTimeout(""), httpx.ReadError("gone")])
+def test_a_service_that_is_not_there_is_told_with_its_address(error):
+    def dead(request: httpx.Request) -> httpx.Response:
+        raise error
+
+    with (
+        Client("http://me:hidden@server:8000/", transport=httpx.MockTransport(dead)) as client,
+        pytest.raises(NoServiceError, match="http://server:8000 does not answer") as refusal,
+    ):
+        client.loop("A")
+    assert isinstance(refusal.value, ServiceError)
+    assert (refusal.value.status, refusal.value.code) == (0, "no_service")
+    assert type(error).__name__ in str(refusal.value)
+    assert "hidden" not in str(refusal.value)
 
 
 def test_what_a_proxy_says_is_an_error_too():

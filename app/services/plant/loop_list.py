@@ -22,6 +22,7 @@ SAID = {
 """As people write it, and as spreadsheets do in some languages."""
 
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
+THOUSANDS = re.compile(r"[+-]?\d{1,3}([., '\u2019\xa0\u202f]\d{3})+([.,]\d*)?", re.ASCII)
 PAGE = 1000
 BYTE_ORDER_MARK = "\ufeff"
 MOST_LOOPS = 20_000
@@ -68,7 +69,8 @@ def take(backend: Backend, sent: LoopList) -> LoopsChanged:
 
 
 def read(data: bytes) -> LoopList:
-    """A list with the column tag and any of `SETTABLE`. An empty cell leaves what it stands for as it is.
+    """A list with the column tag (or loop, as the reliability table calls it) and any of `SETTABLE`. An empty cell
+    leaves what it stands for as it is.
 
     Raises DataError("bad_loop_list") where it is no CSV, has no column tag or no row, or sets nothing.
     """
@@ -77,9 +79,11 @@ def read(data: bytes) -> LoopList:
         raise DataError("bad_loop_list", "the loop list has no row; it needs a row of names and then one a loop")
     names = [name for name in dict.fromkeys(name for _, row in listed.rows for name in row) if name != BEYOND]
     known = {name: plain for name in names if (plain := name.replace(" ", "_")) in COLUMNS}
+    if "tag" not in known.values() and "loop" in names:
+        known["loop"] = "tag"
     if "tag" not in known.values() or len(known) < 2 or len(set(known.values())) < len(known):
-        text = f"the loop list has the columns {', '.join(names)[:200]}; it needs tag, and one of {', '.join(SETTABLE)}"
-        raise DataError("bad_loop_list", text + ", each once")
+        needed = f"it needs tag (or loop), and one of {', '.join(SETTABLE)}, each once"
+        raise DataError("bad_loop_list", f"the loop list has the columns {', '.join(names)[:200]}; {needed}")
     found = LoopList([], [], [name for name in names if name and name not in known])
     for number, row in listed.rows:
         told = {plain: row.get(name, "") for name, plain in known.items()}
@@ -112,7 +116,7 @@ def _value(name: str, text: str, delimiter: str) -> Any:
         if text.casefold() not in SAID:
             raise RequestError("bad_value", f"{name} is yes or no, got {text[:60]!r}")
         return SAID[text.casefold()]
-    if "," in text and delimiter == ",":
+    if "," in text and "." not in text and delimiter == ",":
         why = "; with commas between cells a comma in it may part thousands"
         raise RequestError("bad_value", f"{name} is a number, got {text[:60]!r}{why}")
     return number(name, text)
@@ -121,5 +125,6 @@ def _value(name: str, text: str, delimiter: str) -> Any:
 def number(name: str, text: str) -> float:
     """As people write it, with a point or a comma before its decimals. Raises RequestError("bad_value")."""
     if not NUMBER.fullmatch(text):
-        raise RequestError("bad_value", f"{name} is a number, got {text[:60]!r}")
+        why = "; write it without marks between thousands" if THOUSANDS.fullmatch(text) else ""
+        raise RequestError("bad_value", f"{name} is a number, got {text[:60]!r}{why}")
     return float(text.replace(",", "."))

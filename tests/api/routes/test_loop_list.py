@@ -107,6 +107,33 @@ def test_a_number_that_may_be_another_one_is_refused(client, number):
     assert told["refused"][0]["text"].startswith("row 2: ")
 
 
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("tag;pv_high\nFIC101;1.000,5\n", "without marks between thousands"),
+        ('tag,pv_high\nFIC101,"1.000,5"\n', "without marks between thousands"),
+        ('tag,pv_high\nFIC101,"1,000.5"\n', "without marks between thousands"),
+        ('tag,pv_high\nFIC101,"1,500"\n', "a comma in it may part thousands"),
+        ("tag,pv_high\nFIC101,much\n", "got 'much'"),
+    ],
+)
+def test_a_number_is_refused_with_the_reason_that_holds(client, text, why):
+    (refused,) = sent(client, text).json()["refused"]
+    assert refused["text"].endswith(why)
+
+
+@pytest.mark.parametrize("text", ["loop,importance\nFIC101,4\n", "Loop;note, short;importance\nFIC101;x;4\n"])
+def test_a_loop_may_be_named_as_the_table_names_it(client, text):
+    assert sent(client, text).json()["changed"] == 1
+    assert loop(client, "FIC101")["importance"] == 4
+
+
+def test_beside_a_tag_a_column_loop_is_none_of_ours(client):
+    told = sent(client, "tag,loop,importance\nFIC101,LIC7,5\n").json()
+    assert (told["changed"], told["ignored"]) == (1, ["loop"])
+    assert loop(client, "FIC101")["importance"] == 5
+
+
 def test_yes_and_no_are_known_in_other_languages(client):
     assert sent(client, "tag;moves_valve\nFIC101;FALSCH\nLIC7;ja\n").json()["changed"] == 2
     assert (loop(client, "FIC101")["moves_valve"], loop(client, "LIC7")["moves_valve"]) == (False, True)
@@ -152,7 +179,7 @@ def test_words_come_back_as_they_were(client, text):
         (b"", CSV, 422, "bad_loop_list"),
         (b"tag,unit\n", CSV, 422, "bad_loop_list"),
         (b'sep="\ntag"unit\nFIC101"a\n', CSV, 422, "bad_loop_list"),
-        (b"loop,unit\nFIC101,a\n", CSV, 422, "bad_loop_list"),
+        (b"name,unit\nFIC101,a\n", CSV, 422, "bad_loop_list"),
         (b"tag,unit,UNIT\nFIC101,a,\n", CSV, 422, "bad_loop_list"),
         (b"tag,pv low,pv_low\nFIC101,1,2\n", CSV, 422, "bad_loop_list"),
         (b'tag,unit\nFIC101,"a\nLIC7,b\n', CSV, 422, "bad_loop_list"),

@@ -3,6 +3,8 @@
 import json
 import re
 
+import pytest
+
 
 def test_openapi_describes_every_field_and_parameter(client):
     schema = client.get("/openapi.json").json()
@@ -46,3 +48,23 @@ def test_the_schema_says_where_a_key_is_needed(client):
     assert paths["/v1/loops"]["get"]["security"]
     assert {"401", "403", "429"} <= set(paths["/v1/loops/{tag}"]["patch"]["responses"])
     assert "security" not in paths["/healthz"]["get"]
+
+
+def test_what_is_sent_only_where_it_has_changed_says_so(client):
+    paths = client.get("/openapi.json").json()["paths"]
+    told = {path for path, operations in paths.items() if "304" in operations.get("get", {}).get("responses", {})}
+    assert told == {"/v1/reliability", "/v1/loops/{tag}", "/v1/loops/{tag}/health"}
+
+
+@pytest.mark.parametrize(
+    ("method", "path"),
+    [
+        ("POST", "/v1/audits"),
+        ("PATCH", "/v1/loops/A"),
+        ("POST", "/v1/loops/A/notes"),
+        ("POST", "/v1/loops/A/explanations"),
+    ],
+)
+def test_a_form_where_json_is_wanted_is_415(client, method, path):
+    answer = client.request(method, path, data={"text": "x"})
+    assert (answer.status_code, answer.json()["code"]) == (415, "media_type")

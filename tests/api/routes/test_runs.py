@@ -27,6 +27,19 @@ def test_a_run_without_a_body_is_one_over_the_plant(client, plant, backend):
     assert (answer.status_code, answer.json()["total"]) == (202, client.post("/v1/audits", json={}).json()["total"])
 
 
+def test_a_body_that_is_no_json_starts_no_run(client, plant):
+    before = client.get("/v1/audits?limit=1").json()["rows"]
+    for body in ({"data": {"unit": "a"}}, {"content": b'{"tags": []}', "headers": {"Content-Type": "text/plain"}}):
+        answer = client.post("/v1/audits", **body)
+        assert (answer.status_code, answer.json()["code"]) == (415, "media_type")
+        assert "application/json" in answer.json()["detail"]
+    assert client.get("/v1/audits?limit=1").json()["rows"] == before
+    form = {"Content-Type": "application/x-www-form-urlencoded"}
+    assert client.post("/v1/audits", headers=form).status_code == 202  # `curl -d ''`: no body
+    other = {"Content-Type": "application/vnd.plant+json; charset=utf-8"}
+    assert client.post("/v1/audits", content=b"{}", headers=other).status_code == 202
+
+
 @pytest.mark.parametrize("wanted", [{"unit": "nosuch"}, {"type": "nosuch"}, {"tags": []}], ids=str)
 def test_a_filter_that_no_loop_fits_starts_no_run(client, plant, wanted):
     before = client.get("/v1/audits?limit=1").json()["rows"]

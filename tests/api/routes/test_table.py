@@ -47,7 +47,10 @@ def test_filters(client, plant):
     assert client.get("/v1/reliability", params={"search": "lic"}).json()["rows"][0]["loop"] == "LIC7"
     assert client.get("/v1/reliability", params={"unit": "NOWHERE"}).json() == {"rows": [], "next_cursor": None}
     assert len(client.get("/v1/reliability", params={"audit_id": plant["id"]}).json()["rows"]) == 3
-    assert client.get("/v1/reliability", params={"audit_id": "none"}).json()["rows"] == []
+    for unknown in ("none", "99999"):
+        for form in ("json", "csv"):
+            answer = client.get("/v1/reliability", params={"audit_id": unknown, "format": form})
+            assert (answer.status_code, answer.json()["code"]) == (404, "unknown_audit")
 
 
 def test_the_table_as_csv_opens_safely(client, plant):
