@@ -15,6 +15,7 @@ from app.api.routes import api
 from app.api.schema import described
 from app.http import problems
 from app.http.bodies import LimitBodies
+from app.http.compressing import CompressApi
 from app.http.crowding import LimitCrowd
 from app.http.guard import Guard
 from app.http.headers import SecurityHeaders, WholeFiles
@@ -65,6 +66,7 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
     app.state.error_page = error_page
     problems.install(app)
     # Called from the last to the first.
+    app.add_middleware(CompressApi)
     app.add_middleware(Guard, of=app, settings=settings, keys_required=keys_required)
     app.add_middleware(LimitBodies, settings=settings)
     app.add_middleware(LimitCrowd, settings=settings)

@@ -47,7 +47,7 @@ def versioned(
     tag = f'W/"{version}"'
     own = {**(headers or {}), "ETag": tag}
     if known(request.headers.get("If-None-Match", ""), tag):
-        return Response(status_code=304, headers=own)
+        return Response(status_code=304, headers=own | {"Vary": "Accept-Encoding"})
     return InParts(write(), media_type=media_type, headers=own)
 
 

@@ -24,6 +24,11 @@ from app.services.spreadsheet import csv_lines
 LARGEST_PAGE = 20_000
 COLUMNS = tuple(ReliabilityRow.model_fields)
 CHOOSABLE = (*COLUMNS, *service.OF_LOOP)
+ELSEWHERE = tuple(name for name in service.sortable() if name not in COLUMNS)
+SORTING = (
+    f"One of {', '.join(service.sortable())}; `-` before it turns the order around. Of these {', '.join(ELSEWHERE)} "
+    "are the loop's and stand in no row unless `columns` names them."
+)
 
 router = APIRouter(tags=["reliability"])
 
@@ -38,10 +43,13 @@ class TableQuery(BaseModel):
 
     limit: int = Field(1000, ge=1, le=LARGEST_PAGE, description="Rows a page.")
     cursor: str | None = Field(None, max_length=LONGEST_CURSOR, description="`next_cursor` of the page before.")
-    sort: str = Field("loop", max_length=60, description="A column; `-` before it turns the order around.")
+    sort: str = Field("loop", max_length=60, description=SORTING)
     format: Format = Field(Format.json, description="json or csv.")
     columns: str | None = Field(
-        None, max_length=4000, description="For csv: columns in the order wanted, with commas between; none: all."
+        None,
+        max_length=4000,
+        description="Columns in the order wanted, with commas between: the fields of a row and "
+        f"{', '.join(service.OF_LOOP)}; none: all fields. As JSON, rows then have these alone.",
     )
     verdict: list[VerdictName] = Field([], description="Only these verdicts; may be given several times.")
     reliability: ReliabilityName | None = Field(None, description="Only verdicts of this reliability.")
@@ -65,12 +73,10 @@ class TableQuery(BaseModel):
         retired = RETIRED[self.retired or ("false" if run is None else "any")]
         return service.RowFilter(verdict=tuple(self.verdict) or None, audit_id=run, retired=retired, **given)
 
-    def wanted_columns(self) -> tuple[str, ...]:
-        """Raises RequestError where a column is not there, or where the answer is not CSV."""
+    def wanted_columns(self) -> tuple[str, ...] | None:
+        """Raises RequestError where a column is not there."""
         if self.columns is None:
-            return COLUMNS
-        if self.format is not Format.csv:
-            raise RequestError("bad_columns", "columns can be chosen for format=csv; JSON has them all")
+            return None
         names = tuple(dict.fromkeys(name.strip() for name in self.columns.split(",")))
         unknown = [name for name in names if name not in CHOOSABLE]
         if unknown:
@@ -115,8 +121,8 @@ def reliability(
             "Content-Disposition": 'attachment; filename="reliability.csv"',
             "X-Next-Cursor": page.next_cursor or "",
         }
-        text = "".join(csv_lines(page.rows, columns))
+        text = "".join(csv_lines(page.rows, columns or COLUMNS))
         return tagged(request, text, "text/csv; charset=utf-8", headers)
     # The rows are what the table's model made; checking 20,000 of them again would take longer than reading them.
-    answer = service.reliability_json(backend, **wanted)
+    answer = service.reliability_json(backend, **wanted, columns=columns)
     return versioned(request, answer.version, answer.write, "application/json")

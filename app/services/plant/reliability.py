@@ -82,12 +82,14 @@ def reliability_json(
     cursor: str | None = None,
     sort: str = "loop",
     filters: RowFilter | None = None,
+    columns: Sequence[str] | None = None,
 ) -> TableAnswer:
-    """The page with each row as it was written when its verdict was made."""
+    """The page with each row as it was written when its verdict was made; with `columns` alone, if any are named."""
     filters = filters or RowFilter()
-    if filters.audit_id is not None:
-        page = reliability_page(backend, limit, cursor, sort, filters)
-        body = _body((compact(row).encode() for row in page.rows), page.next_cursor)
+    if filters.audit_id is not None or columns is not None:
+        page = reliability_page(backend, limit, cursor, sort, filters, of_loop=columns is not None)
+        told = page.rows if columns is None else [{name: row[name] for name in columns} for row in page.rows]
+        body = _body((compact(row).encode() for row in told), page.next_cursor)
         return TableAnswer(_digest(body), lambda: body)
     name = checked(limit, sort)
     with backend.database.read() as connection:

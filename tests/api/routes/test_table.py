@@ -89,7 +89,33 @@ def test_the_csv_has_the_columns_that_are_asked_for_in_their_order(client):
     assert all(len(line) == 2 for line in lines)
 
 
-@pytest.mark.parametrize("query", ["format=csv&columns=loop,colour", "format=csv&columns=", "columns=loop"])
-def test_columns_that_there_are_not_or_that_json_has_anyway_are_refused(client, query):
+@pytest.mark.parametrize("query", ["format=csv&columns=loop,colour", "format=csv&columns=", "columns=loop,colour"])
+def test_columns_that_there_are_not_are_refused(client, query):
     answer = client.get(f"/v1/reliability?{query}")
     assert (answer.status_code, answer.json()["code"]) == (400, "bad_columns")
+
+
+def test_json_too_has_the_columns_that_are_asked_for_in_their_order(client, plant):
+    whole = client.get("/v1/reliability?sort=-loop").json()
+    url = "/v1/reliability?columns=verdict,loop,importance,priority&sort=-loop&limit=2"
+    answer = client.get(url)
+    assert [list(row) for row in answer.json()["rows"]] == [["verdict", "loop", "importance", "priority"]] * 2
+    assert [row["loop"] for row in answer.json()["rows"]] == [row["loop"] for row in whole["rows"]][:2]
+    assert answer.json()["next_cursor"]
+    known = {"If-None-Match": answer.headers["etag"]}
+    assert client.get(url, headers=known).status_code == 304
+    assert client.get("/v1/reliability?columns=loop&limit=2&sort=-loop", headers=known).status_code == 200
+
+
+def test_every_order_is_told_and_what_stands_in_no_row(client, plant):
+    (told,) = [
+        one["description"]
+        for one in client.get("/openapi.json").json()["paths"]["/v1/reliability"]["get"]["parameters"]
+        if one["name"] == "sort"
+    ]
+    orders = told.removeprefix("One of ").partition(";")[0].split(", ")
+    assert {"loop", "priority", "stiction_probability", "audited_at_ms"} <= set(orders)
+    for name in orders:
+        assert client.get("/v1/reliability", params={"sort": f"-{name}", "limit": 1}).status_code == 200, name
+    absent = set(orders) - set(client.get("/v1/reliability").json()["rows"][0])
+    assert absent == set(re.search(r"Of these (.*) are the loop's", told)[1].split(", "))
