@@ -100,8 +100,8 @@ def reliability(
     backend: Services,
     query: Filters,
 ) -> Any:
-    """One row a loop, its newest verdict, or that of the run `audit_id`; without either `retired` or `audit_id` not of
-    loops that are retired. `next_cursor` is always there and null on the last page.
+    """One row a loop, its newest verdict, or that of the run `audit_id`; where neither `retired` nor `audit_id`
+    is given, none of loops that are retired. `next_cursor` is always there and null on the last page.
 
     As CSV, texts that a spreadsheet would calculate begin with an apostrophe; the cursor is in X-Next-Cursor.
     Both have an ETag, which stays the same until a verdict or a loop changes.
