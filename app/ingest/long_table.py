@@ -338,6 +338,7 @@ class LongTable:
         )
         if writing.own:
             left |= (read & all_tags.is_in(list(writing.own)) & texts.str.contains(MARKED)).fill_null(False).to_numpy()
+            missing |= left  # what is refused here is not refused once more for what is left of it
         others = np.flatnonzero(left)
         tags = all_tags[others]
         found = odd_numbers(texts[others], tags, writing)

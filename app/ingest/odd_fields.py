@@ -129,3 +129,4 @@ class OddFields:
         at = np.flatnonzero(left)
         if len(at):
             values[at, position] = refuse_texts(texts[at], chunk.rows.lines(at), tag, self._writing, self._log)
+            chunk.numbers.missing[at, position] = True  # what is refused here is not refused once more for what is left

@@ -137,6 +137,19 @@ def test_plain_numbers_of_a_tag_that_shows_itself_late_are_not_read_both_ways(re
     assert found[:400].tolist() == [1.005] * 400
     assert np.isnan(found[1101::3]).all()
     assert found[802::3].tolist() == [50.123] * 200
+    assert dict(content.rejects.counts) == {"unclear_mark": np.count_nonzero(np.isnan(found))}
+
+
+@LAYOUTS
+def test_a_tag_may_come_into_doubt_only_after_another_has_told(read: Read, table: Table) -> None:
+    pv, op = ["1,005"] * 900 + ["1005.5"] * 300, ["40"] * 900 + ["50,123"] * 300
+    content = read(table(pv, op, count=1200), options=CHUNKS)
+    loop = content.loops["FIC1"]
+    assert loop.pv[:600].tolist() == [1.005] * 600
+    assert loop.pv[900:].tolist() == [1005.5] * 300
+    assert loop.op[:900].tolist() == [40] * 900
+    assert np.isnan(loop.op[900:]).all()
+    assert content.summary.notes == (f"{DOUBT}refused: FIC1.OP; read as decimals: FIC1.PV",)
 
 
 @LAYOUTS
