@@ -60,6 +60,15 @@ def test_text_without_times_or_signals(read: Read, text: str) -> None:
     assert code_of(read, text) == "unknown_layout"
 
 
+def test_names_without_a_signal_are_not_said_to_lack_a_time(read: Read) -> None:
+    with pytest.raises(DataError) as refused:
+        read("time,id\n2024-03-01 00:00:00,1\n2024-03-01 00:01:00,2\n")
+    assert refused.value.message == (
+        "no column of times with signals beside it was found; needed is a row of names with time, PV and OP "
+        "(or tags such as FIC101.PV), or rows of tag, time and value"
+    )
+
+
 def test_rows_of_which_none_can_be_used(read: Read) -> None:
     assert code_of(read, "Tagname,TimeStamp,Value\n,2024-03-01 00:00:00,1\n,2024-03-01 00:01:00,2\n") == (
         "nothing_readable"

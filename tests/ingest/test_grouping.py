@@ -93,6 +93,11 @@ def test_a_mapping_is_decoded_as_an_export_is(encoding: str) -> None:
     assert (entry.loop, entry.attributes["unit"]) == ("Wärmetauscher", "°C")
 
 
+def test_the_names_of_a_mapping_may_be_in_capitals() -> None:
+    mapping = TagMapping.from_bytes(b"Tag;LOOP;Signal;Unit\nT1;F;pv;bar\n")
+    assert mapping == TagMapping.from_bytes(b"tag,loop,signal,unit\nT1,F,PV,bar\n")
+
+
 @pytest.mark.parametrize("data", [b"\xff\xfet\x00a", b"tag,loop,signal\nT\x81\xff,A,PV\n", b"\xff\xfe\x00\xd8a\x00"])
 def test_a_mapping_that_is_no_text_is_refused(data: bytes) -> None:
     with pytest.raises(DataError) as refused:

@@ -200,6 +200,15 @@ def test_a_file_that_is_too_large_is_refused(read: Read) -> None:
     assert raised.value.code == "decompressed_too_large"
 
 
+def test_variables_that_are_too_large_together_are_refused(read: Read) -> None:
+    """Packed, the file is small; each of the three unpacks to some 13 kB."""
+    data = matlab({name: np.ones(1600) for name in ("PV", "OP", "SP")} | {"Ts": 1.0}, do_compression=True)
+    assert read(data, name="A.mat", options=IngestOptions(max_bytes=50_000)).loops["A"].samples == 1600
+    with pytest.raises(DataError) as raised:
+        read(data, name="A.mat", options=IngestOptions(max_bytes=30_000))
+    assert raised.value.code == "decompressed_too_large"
+
+
 def test_more_loops_than_any_plant_has_are_refused(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("app.ingest.matlab.MOST_LOOPS", 1)
     with pytest.raises(DataError) as raised:

@@ -29,8 +29,9 @@ def long(*modes: str, tags: tuple[str, ...] = ("A.PV", "A.OP")) -> str:
 
 
 AUTOMATIC = ("1.AUTO", "MODE_AUTO", "B-AUTO", "Automático", "AUTO(1)", "1 - Auto", "automatique", "SPC", "AUT;NR", "8")
-AUTOMATIC += ("LOC AUTO", "REMOTE AUTO", "Automatik", "CAS", "1", "1.0", "2", "true")
+AUTOMATIC += ("LOC AUTO", "REMOTE AUTO", "Automatik", "CAS", "1", "1.0", "2", "3", "4", "true")
 MANUAL = ("0.MAN", "MODE_MAN", "B-MAN", "MAN(0)", "0 - Man", "manuel", "LOCAL MANUAL", "Hand", "16", "O/S", "0", "off")
+MANUAL += ("32", "64", "128")
 OTHERS = ("LOCAL", "AUTO_MAN", "NOT AUTO", "AUTO OFF", "A/M", "Auto disabled", "Normal", "17", "-1")
 
 

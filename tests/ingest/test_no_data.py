@@ -46,7 +46,14 @@ def test_a_code_that_stands_apart(read: Read, layout: str, code: str) -> None:
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize(
     ("code", "middle", "swing"),
-    [("9999", 10_000, 20), ("9999", 5_000, 100), ("65535", 20_000, 20_000), ("-999", -900, 150), ("999", 50, 5)],
+    [
+        ("9999", 10_000, 20),
+        ("9999", 5_000, 100),
+        ("65535", 20_000, 20_000),
+        ("32767", 0, 8_000),
+        ("-999", -900, 150),
+        ("999", 50, 5),
+    ],
 )
 def test_a_reading_that_is_near_its_like(read: Read, layout: str, code: str, middle: float, swing: float) -> None:
     values = around(middle, swing)
