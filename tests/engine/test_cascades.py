@@ -222,9 +222,12 @@ def test_two_ops_that_are_as_near_are_both_outer():
 
 
 def test_what_is_alike_in_its_largest_samples_alone_is_no_cascade():
-    kicks = np.zeros(SAMPLES)
-    kicks[[1300, 1310, 1320]] = (150.0, -130.0, 170.0)
-    assert found(LIC1=loop(op=measured(1) + kicks), FIC2=loop(sp=measured(2) + kicks)) == []
+    kicks, in_one_excerpt = np.zeros(SAMPLES), np.zeros(SAMPLES)
+    kicks[[1160, 1180, 1200]] = (150.0, -130.0, 170.0)
+    in_one_excerpt[1152:1216] = 1.0
+    own, other = 10.0 * measured(1), 10.0 * measured(2)
+    assert found(LIC1=loop(op=in_one_excerpt * own + kicks), FIC2=loop(sp=in_one_excerpt * other + kicks)) == []
+    assert found(LIC1=loop(op=in_one_excerpt * own + kicks), FIC2=loop(sp=in_one_excerpt * own + kicks)) != []
 
 
 @pytest.mark.parametrize("scale", [1e-300, 1e-12, 1e90, 1e300])
