@@ -1,6 +1,7 @@
 """The whole way of a recording: the same answer every time, whatever the units, and an answer for whatever is sent."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from app.engine.audit import Audit, AuditConfig, audit
 from app.engine.fitness import FitnessConfig
 from app.engine.recording import Recording
 from app.engine.reliability import LadderConfig
+from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, keep, rebuild, simulate_loop
 from app.errors import DataError
 
 N = 500
@@ -279,3 +281,31 @@ def test_a_configuration_can_be_read_back():
 def test_an_unknown_setting_is_refused():
     with pytest.raises(DataError, match=r"no setting fitness\.colour"):
         AuditConfig.from_json('{"fitness": {"colour": 1}}')
+
+
+def sticking() -> Recording:
+    spec = LoopSpec(
+        plant=first_order(1.0, 30.0, 5.0), controller=Pid(0.6, 40.0), valve=TwoParameterValve(6.0, 5.0),
+        load=Signal(value=2.0, noise_sd=0.1, noise_tau_s=300.0), noise=Signal(noise_sd=0.1),
+        pv_start=50.0, op_start=50.0, step_s=2.0,
+    )  # fmt: skip
+    return simulate_loop(spec, 20_000.0, 10.0, seed=0).recording("sticking")
+
+
+def rebuilt(made: Recording, *signals: str) -> Recording:
+    """As a historian gives back what it kept on straight lines to half a standard deviation."""
+
+    def on_lines(x: np.ndarray) -> np.ndarray:
+        kept = keep(made.time_s, x, 0.5 * float(np.std(x)), "swinging_door")
+        return rebuild(made.time_s, x, kept, "swinging_door")
+
+    return replace(made, **{name: on_lines(getattr(made, name)) for name in signals})
+
+
+@pytest.mark.parametrize(
+    ("signals", "failed"), [((), set()), (("pv",), {"size_as_sampled"}), (("op",), {"size_as_sampled"})]
+)
+def test_the_size_is_relied_on_where_pv_and_op_are_as_they_were_sampled(signals, failed):
+    size = audit(rebuilt(sticking(), *signals)).stiction_size
+    assert {finding.code for finding in size.findings if finding.outcome == "fail"} == failed
+    assert size.identifiable == (not failed)
