@@ -14,7 +14,7 @@ from app.engine.recording import FloatArray
 from app.engine.sampled import dot, without_drift
 from app.engine.valve import he_step
 
-INTEGRATOR = -1.0
+INTEGRATOR = -1.0  # as any lag below 0, in whatever unit
 _LAGS = (0.0, 0.04, 0.1, 0.25, 0.6, INTEGRATOR)
 _DEAD_TIMES = (0.0, 0.03, 0.07, 0.13, 0.22)
 _BANDS = (0.06, 0.12, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
@@ -78,7 +78,7 @@ def free_run(pv: FloatArray, op: FloatArray, per_cycle: int) -> FreeRun:
     drift = int(1.5 * per_cycle)
     y = without_drift(pv, drift)
     action, integral_share = controller_action(y, without_drift(op, drift))
-    lags = np.array([lag if lag == INTEGRATOR else lag * per_cycle for lag in _LAGS])
+    lags = per_cycle * np.array(_LAGS)
     dead_times = np.round(np.array(_DEAD_TIMES) * per_cycle).astype(np.int64)
     sums = _Sums(*_bank(y, op, S, J, lags, dead_times, drift))
     any_sign, causal = _misfit(sums, 0.0), _misfit(sums, -action)
@@ -172,7 +172,7 @@ def valve_position(op: FloatArray, S: float, J: float) -> FloatArray:
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def through_process(v: FloatArray, lag: float) -> FloatArray:
-    """v (n,) through a first-order lag in samples at unit gain, or summed up where lag is INTEGRATOR."""
+    """v (n,) through a first-order lag in samples at unit gain, or summed up where lag is below 0, as INTEGRATOR is."""
     if lag == 0.0:
         return v.copy()
     x = np.empty(len(v))

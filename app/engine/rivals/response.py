@@ -34,7 +34,7 @@ def response(y: FloatArray, x: FloatArray) -> Response:
     spread = float(np.std(x))
     if spread <= _STANDS * float(np.max(np.abs(x))):
         return Response(0.0, 0.0)
-    lags = np.array([lag if lag == INTEGRATOR else lag * PER_CYCLE for lag in _LAGS])
+    lags = PER_CYCLE * np.array(_LAGS)
     dead_times = np.round(np.array(_DEAD_TIMES) * PER_CYCLE).astype(np.int64)
     fit, held_out = _best(without_drift(y, _DRIFT_HALF), x / spread, lags, dead_times, _DRIFT_HALF)
     return Response(float(fit), float(held_out))
