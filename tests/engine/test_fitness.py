@@ -6,7 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.engine.fitness import Fitness, FitnessConfig, assess, with_cycles
-from app.engine.fitness.signals import newest_long_run, on_line_share, quantisation_step, run_lengths
+from app.engine.fitness.signals import (
+    newest_long_run,
+    on_line_share,
+    quantisation_step,
+    run_lengths,
+    set_point_activity,
+)
 from app.engine.oscillation import detect
 from app.engine.recording import Recording
 
@@ -426,3 +432,17 @@ def test_quantisation_step():
 def test_on_line_share():
     assert on_line_share(np.array([0.0, 1.0, 2.0, 3.0, 3.0, 3.0])) == 0.5
     assert on_line_share(np.array([0.0, 1.0])) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("sp", "pv", "activity"),
+    [
+        ([1.0, 3.0, 1.0, 3.0], [10.0, 14.0, 10.0, 14.0], 0.5),
+        ([2.0, 2.0, 2.0, 2.0], [10.0, 14.0, 10.0, 14.0], 0.0),
+        ([1.0, 3.0, 1.0, 3.0], [10.0, 10.0, 10.0, 10.0], None),
+        (None, [10.0, 14.0, 10.0, 14.0], None),
+        ([], [], None),
+    ],
+)
+def test_set_point_activity_is_its_spread_over_that_of_pv(sp, pv, activity):
+    assert set_point_activity(None if sp is None else np.array(sp), np.array(pv)) == activity

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Controller, Explanation, LinearSimulation, explain
-from app.engine.mismatch.comparison import check
+from app.engine.mismatch.comparison import check, record_of
+from app.engine.mismatch.controller import in_words
 from app.engine.mismatch.law import controller_of, identify_law, tried_on
 from app.engine.mismatch.plant import Plant, run_process
 from app.errors import DataError
@@ -49,6 +50,12 @@ def test_a_law_is_what_the_face_of_the_controller_shows() -> None:
     assert (found.gain, found.integral_time_s, found.derivative_time_s) == pytest.approx((0.9, 45.0, 3.0), rel=1e-3)
     alone = controller_of(Controller(0.9).law(TS), TS)
     assert (alone.gain, alone.integral_time_s, alone.derivative_time_s) == (0.9, None, 0.0)
+    record = record_of(Comparison("TIC1", TS, signals["op"], signals["pv"], signals["sp"]))
+    told = [in_words(controller.law(TS), record) for controller in (shown, Controller(0.9))]
+    assert told == [
+        "gain 0.9 OP/PV, integral time 45 s, derivative time 3 s",
+        "gain 0.9 OP/PV, integral time none, derivative time none",
+    ]
 
 
 def test_the_same_controller_is_cleared_and_its_closed_loop_is_the_recorded_one() -> None:

@@ -14,7 +14,7 @@ from app.engine.oscillation import detect
 from app.engine.recording import UniformRecord
 from app.engine.rivals import Rival, compete, contest, runner_up, winner
 from app.engine.rivals.jumps import Jumps, jumps
-from app.engine.rivals.line import line, worst
+from app.engine.rivals.line import Line, line, worst
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, Wave, first_order, simulate_loop
 
 N = 1200
@@ -310,6 +310,10 @@ def test_a_swing_that_changes_its_period_is_no_line():
 def test_few_cycles_have_no_line():
     assert line(np.sin(WAVES[: 9 * PER_CYCLE])) is None
     assert worst([line(np.sin(WAVES)), None]) is None
+
+
+def test_of_several_lines_the_worst_is_told():
+    assert worst([Line(0.99, 0.02, 4.0), Line(0.95, 0.01, 7.0)]) == Line(0.95, 0.02, 7.0)
 
 
 def test_a_line_is_free_of_unit_and_sign():

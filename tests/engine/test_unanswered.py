@@ -33,8 +33,9 @@ def test_a_controller_at_work_against_a_standing_pv_leaves_a_stuck_valve_or_a_de
         {"sp": None},
         {"sp": np.full(N, 3.3)},
         {"op": np.where(np.arange(N) < 180, 20.0, np.where(np.arange(N) < 350, 20.1, 20.2))},
+        {"pv": np.where(np.arange(N) < 3, 3.2, 3.3)},
     ],
-    ids=["mode not recorded", "no set point", "PV at its set point", "OP took three values"],
+    ids=["mode not recorded", "no set point", "PV at its set point", "OP took three values", "PV has moved"],
 )
 def test_a_flat_pv_with_less_than_that_is_not_auditable(little):
     said = audit(replace(SEEN, **little)).judgement
