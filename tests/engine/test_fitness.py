@@ -446,3 +446,12 @@ def test_on_line_share():
 )
 def test_set_point_activity_is_its_spread_over_that_of_pv(sp, pv, activity):
     assert set_point_activity(None if sp is None else np.array(sp), np.array(pv)) == activity
+
+
+def test_a_signal_that_begins_later_than_the_other_is_not_made_up_before():
+    """PV on the odd seconds from 301 on, OP on every fourth from 0 on."""
+    at, whole = np.arange(1000), cycling(1000)
+    pv = np.where((at % 2 == 1) & (at > 300), whole.pv, np.nan)
+    op = np.where(at % 4 == 0, whole.op, np.nan)
+    record = assess(cycling(1000, pv=pv, op=op)).record
+    assert (record.start_s, record.sampling_interval_s, record.samples) == (304.0, 4.0, 174)

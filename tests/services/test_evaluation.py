@@ -1,12 +1,16 @@
 """Training and measuring: weights by valve, signs that hold, calibration, figures worked out by hand."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from app.engine import verdict_parameters
 from app.engine.features import NAMES
 from app.engine.fitness import assess
 from app.engine.judgement import Judgement
 from app.engine.recording import Recording
+from app.engine.shape_model import fitted_model
 from app.errors import DataError
 from app.ingest import read_recordings
 from app.services.evaluation import fitting, parameters, recordings, report, scoring
@@ -174,6 +178,12 @@ def test_written_parameters_are_a_module_that_gives_the_model_back(tmp_path):
     assert (space["VERSION"], space["FEATURES"], space["NETWORKS"]) == (version, NAMES, 2)
     np.testing.assert_allclose(np.array(space["SLOPE"]), model.slope, rtol=1e-3, atol=1e-5)
     np.testing.assert_allclose(np.array(space["HIDDEN"]), model.hidden.ravel(), rtol=1e-3, atol=1e-5)
+
+
+def test_the_numbers_that_are_shipped_are_those_of_their_version(tmp_path):
+    """A number that is changed by hand, under the version of the others, would make no stored verdict again."""
+    parameters.write(fitted_model(), tmp_path / "again.py")
+    assert (tmp_path / "again.py").read_text() == Path(verdict_parameters.__file__).read_text()
 
 
 def test_a_labelled_recording_is_read_as_audit_reads_it(tmp_path):
