@@ -1,6 +1,7 @@
 """Rival explanations: each stands out on the loop that it explains, and not on a sticky one."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -36,6 +37,7 @@ def test_op_at_its_limit_while_pv_swings_is_saturation():
     found = rivals(np.sin(CYCLE) + noise(1, 0.01), np.maximum(np.cos(CYCLE), 0.2) + 0.0)
     assert found["saturated_op"].stands_out
     assert found["saturated_op"].counts > 0
+    assert found["saturated_op"].statistic == pytest.approx(np.arccos(-0.2) / np.pi, abs=0.02)  # of a cycle at 0.2
 
 
 def test_pv_on_three_values_is_quantisation():
@@ -246,6 +248,14 @@ def test_stiction_wins_from_one_half_on_and_ranks_by_its_probability_below(proba
     assert (won is not None and won.cause == "stiction") == (probability >= 0.5)
     if won is None:
         assert runner_up(ranked) is None
+
+
+def test_stiction_tells_what_a_sticky_valve_explains_in_free_run():
+    told = SimpleNamespace(named={"held_sticky": 0.62, "held_linear": -0.3}.get)
+    assert contest((), 0.8, told)[0].text == (
+        "probability 0.80; fitted on one half of each window and run freely on the other a sticky valve explains 62 % "
+        "of PV, a linear one 0 %"
+    )
 
 
 def shaken(

@@ -242,6 +242,12 @@ def test_a_healthy_loop_that_hardly_swings_is_cleared_on_the_scale_of_what_swing
     assert found.oscillation.cycles >= 5.0
 
 
+def test_without_a_set_point_a_loop_that_hardly_swings_is_judged_on_the_same_scale(quiet):
+    bare = replace(quiet, sp=None)
+    assert prepare(bare).fitness.speaks_for is not None
+    assert said(audit(bare)) == ("no_stiction", "reliable")
+
+
 def test_units_change_nothing_where_it_hardly_swings(quiet):
     other = replace(quiet, pv=-1e3 * quiet.pv + 7.0, op=0.01 * quiet.op, sp=5.0 * quiet.sp, time_s=quiet.time_s / 60.0)
     probabilities = [audit(one).judgement.stiction_probability for one in (quiet, other)]
