@@ -246,6 +246,7 @@ def test_a_repair_parts_the_verdicts(backend: Backend, two_runs: tuple[dict[str,
     assert (repair.before["verdict"], repair.after["verdict"]) == ("stiction", "no_stiction")
     (note,) = notes.list_notes(backend, "A")
     assert (note.text, note.work_order, note.written_by) == ("packing renewed", "WO-1", "somebody")
+    assert abs(datetime.fromisoformat(note.written_at) - datetime.now(UTC)) < timedelta(minutes=1)
     assert len(verdict_history(backend, "A").rows) == 2
 
 

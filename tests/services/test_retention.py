@@ -1,6 +1,7 @@
 """Retention on both data bases: what is old goes, what is young or still needed stays."""
 
 import os
+import time
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -259,6 +260,16 @@ def test_the_sweeper_does_it(plant):
     aged(plant, 100_000)
     sweep(plant)
     assert count(plant, "audits") == 1
+
+
+def test_the_sweeper_takes_away_what_broken_uploads_left_for_a_day(plant):
+    folder, now = plant.settings.uploads_dir, time.time()
+    kept = {file.name for file in folder.iterdir()}
+    for name, hours in ((".part-old", 24.5), (".part-young", 23.5)):
+        (folder / name).write_bytes(b"Time,A.PV")
+        os.utime(folder / name, (now - 3600 * hours,) * 2)
+    sweep(plant)
+    assert {file.name for file in folder.iterdir()} == kept | {".part-young"}
 
 
 def test_what_goes_while_the_sweeper_looks_does_not_stop_it(plant, monkeypatch):
