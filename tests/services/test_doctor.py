@@ -122,6 +122,30 @@ def test_limits_that_are_counted_together_are_well(tmp_path, redis_url):
     assert of("rate limits", settings).state == "ok"
 
 
+MAIL = {"digest_mail_to": "a@plant.example", "digest_smtp_host": "mail", "digest_mail_from": "audit@plant.example"}
+
+
+@pytest.mark.parametrize(
+    ("set_", "state", "found"),
+    [
+        ({}, "ok", "nobody gets one"),
+        ({"digest_mail_to": "a@plant.example"}, "problem",
+         "1 receivers, not set: LOOPAUDIT_DIGEST_SMTP_HOST, LOOPAUDIT_DIGEST_MAIL_FROM"),
+        (MAIL, "ok", "1 receivers; no links, because LOOPAUDIT_PUBLIC_URL is not set"),
+        (MAIL | {"public_url": "https://plant.example"}, "ok", "1 receivers"),
+        (MAIL | {"public_url": "https://plant.example", "digest_smtp_user": "audit"}, "ok", "1 receivers"),
+        (MAIL | {"digest_smtp_user": "audit", "digest_smtp_starttls": False}, "warning",
+         "the mail server's password travels in clear"),
+        (MAIL | {"public_url": "https://plant.example", "digest_smtp_starttls": False}, "ok", "1 receivers"),
+    ],
+)  # fmt: skip
+def test_how_the_digest_goes_out_is_looked_at(tmp_path, set_, state, found):
+    settings = Settings(data_dir=tmp_path, **set_)
+    migrate(settings)
+    check = of("digest", settings)
+    assert (check.state, check.found) == (state, found)
+
+
 def test_a_data_base_of_an_older_version_is_a_problem(plant):
     schema.downgrade(plant.database, "0002")
     try:

@@ -3,7 +3,7 @@
 import threading
 
 import pytest
-from sqlalchemy import update
+from sqlalchemy import select, update
 
 from app.engine.audit_config import AuditConfig
 from app.storage import Database, audits, items, loops
@@ -65,6 +65,19 @@ def test_claims_at_the_same_time_never_meet(database: Database, run: int) -> Non
     for thread in threads:
         thread.join()
     assert len(taken) == len(set(taken)) == 20
+
+
+def test_what_has_ended_is_nobodys_and_a_failure_keeps_its_reason(database: Database, run: int) -> None:
+    done, failed, given_back = claim(database, run, "a", 3)
+    row = select(*(audit_items.c[name] for name in ("state", "owner", "lease_until_s", "attempts", "code", "text")))
+    with database.write() as connection:
+        items.finish(connection, [done])
+        items.fail(connection, [Failure(failed, "fault", "ValueError: x")])
+        items.release(connection, [given_back])
+        rows = [connection.execute(row.where(audit_items.c.loop_id == one.loop_id)).one() for one in (done, failed)]
+        back = connection.execute(row.where(audit_items.c.loop_id == given_back.loop_id)).one()
+    assert rows == [("done", None, None, 1, None, None), ("failed", None, None, 1, "fault", "ValueError: x")]
+    assert back == ("open", None, None, 0, None, None)
 
 
 def test_a_run_ends_once_nothing_is_left(database: Database, run: int) -> None:
