@@ -35,9 +35,10 @@ def test_the_surest_sticky_valve_comes_first_and_what_is_fine_last():
         row(recording="doubtful", verdict="inconclusive", stiction_probability=0.5),
         row(recording="weak", reliability="not_reliable", stiction_probability=0.99),
         row(recording="b", stiction_probability=0.8),
-        row(recording="a", stiction_probability=0.95),
+        row(recording="a", stiction_probability=0.8),
+        row(recording="c", stiction_probability=0.95),
     ]
-    assert [line["recording"] for line in worst_first(rows)] == ["a", "b", "weak", "doubtful", "dead", "fine"]
+    assert [line["recording"] for line in worst_first(rows)] == ["c", "a", "b", "weak", "doubtful", "dead", "fine"]
 
 
 def test_a_pv_that_never_answers_comes_among_what_wants_a_look():
