@@ -23,6 +23,16 @@ def test_the_trail_tells_who_did_what(client, backend, texts):
     assert list_trail(backend, who="the audit", action="audit.start").rows[0].outcome == "refused"
 
 
+def test_what_was_asked_for_without_the_right_stands_in_the_trail(client, backend, texts):
+    assert client.get("/v1/trail", headers=bearer(texts[Role.read])).status_code == 403
+    assert client.get("/v1/groups", headers=bearer("wrong")).status_code == 401
+    rows = list_trail(backend, action="access").rows[:2]
+    assert [(row.who, row.subject, row.outcome, row.detail["status"]) for row in rows] == [
+        ("nobody", "/v1/groups", "refused", 401),
+        ("the read", "/v1/trail", "refused", 403),
+    ]
+
+
 def test_who_cancelled_a_run_stands_in_the_trail(client, backend, texts):
     run = client.post("/v1/audits", json={}, headers=bearer(texts[Role.audit]))
     client.post(f"{run.headers['location']}/cancel", headers=bearer(texts[Role.audit]))
