@@ -304,6 +304,18 @@ def test_a_withdrawn_repair_counts_no_longer_and_its_note_stays(
     ]
 
 
+def test_the_table_has_the_order_and_the_repair_that_stand(
+    backend: Backend, two_runs: tuple[dict[str, int], int]
+) -> None:
+    notes.add_note(backend, "A", "packing", "WO-1", datetime(2026, 1, 2, tzinfo=UTC))
+    wrong = notes.add_note(backend, "A", "not this loop", repaired_at=datetime(2026, 1, 9, tzinfo=UTC))
+    notes.withdraw_repair(backend, "A", wrong.id)
+    notes.add_note(backend, "A", "runs well")
+    notes.add_note(backend, "B", "to be looked at", "WO-3")
+    told = {row["loop"]: (row["work_order"], row["repaired_at"]) for row in plant.table(backend, 10).rows}
+    assert (told["A"], told["B"]) == (("WO-1", "2026-01-02T00:00:00Z"), ("WO-3", None))
+
+
 def test_only_a_repair_of_that_loop_can_be_withdrawn(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:
     repair = notes.add_note(backend, "A", repaired_at=datetime(2026, 1, 2, tzinfo=UTC), text="")
     plain = notes.add_note(backend, "A", "runs well")

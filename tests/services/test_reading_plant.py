@@ -31,6 +31,7 @@ from app.storage.samples import Samples
 from app.storage.series import Stretch
 from app.storage.tables import audits as stored_audits
 from app.storage.tables import newest_rows, verdicts
+from tests.services.upkeep_plant import with_settings
 
 AddLoops = Callable[..., dict[str, int]]
 TAGS = [f"FIC{i}" for i in range(7)]
@@ -394,6 +395,17 @@ def test_a_long_trend_is_read_piece_by_piece(backend: Backend, monkeypatch: pyte
     assert 20 < len(in_pieces.time) <= len(thinned.time) + 6
     assert (in_pieces.time[0], in_pieces.time[-1]) == (whole.time[0], whole.time[-1])
     assert [(min(s), max(s)) for s in (in_pieces.pv, in_pieces.op)] == [(min(s), max(s)) for s in (whole.pv, whole.op)]
+
+
+def test_a_set_point_holds_from_piece_to_piece_for_longer_than_before_a_stretch(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    long_record(backend)
+    soon_forgotten = with_settings(backend, hold_days=30 / 86_400)
+    whole = trend(soon_forgotten, "FIC1", points=2000)
+    assert (whole.sp[19], whole.sp[319:321], whole.sp[-1]) == (None, [50.0, 52.0], 52.0)
+    monkeypatch.setattr(trends, "PIECE_SAMPLES", 250)
+    assert trend(soon_forgotten, "FIC1", points=2000) == whole
 
 
 def _audit(backend: Backend) -> str:
