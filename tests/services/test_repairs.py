@@ -158,6 +158,17 @@ def test_a_repair_that_helped_is_told_as_such(backend: Backend, arrives, night: 
     assert digest.as_json(told)["repairs"][0]["outcome"] == "helped"
 
 
+def test_a_run_before_a_repair_was_written_down_tells_of_it_where_all_its_samples_are_later(
+    backend: Backend, arrives, night: Night, monkeypatch
+) -> None:
+    arrives(1440)
+    night()
+    notes.add_note(backend, "FIC1", "packing renewed", repaired_at=START + timedelta(seconds=1))
+    assert fortnight(backend, monkeypatch) == [("FIC1", "waiting", None, None, False)]
+    notes.add_note(backend, "FIC1", "it was an hour before", repaired_at=START - timedelta(hours=1))
+    assert fortnight(backend, monkeypatch) == [("FIC1", "sticks", None, "stiction", True)]
+
+
 def test_a_repair_that_did_not_help_is_told_as_such(backend: Backend, arrives, night: Night, monkeypatch) -> None:
     arrives(1440)
     night()
