@@ -1,0 +1,179 @@
+"""Each rule of the verdict by itself, on evidence that is given: on which side of its bound it doubts."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from app.engine.evidence import Finding
+from app.engine.features import NAMES
+from app.engine.fitness import Fitness, assess, with_cycles
+from app.engine.judgement import Judgement
+from app.engine.oscillation import Oscillation, detect
+from app.engine.rivals import Rival
+from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
+from app.engine.verdict import Weighing, conclude, weigh
+from app.engine.verdict_config import VerdictConfig
+
+# Whether the cycle is the valve's own is asked where a verdict needs it no more; that of these tests is nearly a sine.
+CONFIG = VerdictConfig(reliable_own_cycle_from=0.85, max_cycling_wave=1.0)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    weighing: Weighing
+    oscillation: Oscillation
+    fitness: Fitness
+
+    def judged(
+        self,
+        probability: float = 0.9,
+        rivals: tuple[Rival, ...] = (),
+        config: VerdictConfig = CONFIG,
+        oscillation: dict | None = None,
+        **fitness: object,
+    ) -> Judgement:
+        log_odds = float(np.log(probability / (1.0 - probability)))
+        weighing = replace(self.weighing, log_odds=log_odds, window_spread=0.0, rivals=rivals)
+        swing = replace(self.oscillation, **(oscillation or {}))
+        return conclude(weighing, swing, replace(self.fitness, **fitness), None, config)
+
+
+@pytest.fixture(scope="module")
+def evidence() -> Evidence:
+    """Of a flow in the limit cycle of its valve, not in quadrature, of whose record nothing is to be said."""
+    spec = LoopSpec(
+        plant=first_order(1.0, 3.0, 1.0), controller=Pid(0.3, 6.0), noise=Signal(noise_sd=0.03),
+        valve=TwoParameterValve(2.0, 2.0), upset=Signal(value=3.0), settle_s=300.0,
+    )  # fmt: skip
+    fitness = assess(simulate_loop(spec, 1200.0, 1.0, seed=1).recording("flow"))
+    oscillation = detect(fitness.audited)
+    weighing = weigh(fitness.audited, oscillation)
+    assert weighing is not None
+    values = weighing.features.values.copy()
+    values[NAMES.index("phase_sine")] = 0.5
+    weighing = replace(weighing, features=replace(weighing.features, values=values))
+    return Evidence(weighing, oscillation, with_cycles(fitness, oscillation))
+
+
+def doubts(said: Judgement) -> list[str]:
+    return [reason.code for reason in said.reasons if not reason.code.startswith("shape_")]
+
+
+@pytest.mark.parametrize(
+    ("probability", "verdict"),
+    [(0.475, "no_stiction"), (0.485, "inconclusive"), (0.515, "inconclusive"), (0.525, "stiction")],
+)
+def test_near_one_half_nothing_is_decided(evidence, probability, verdict):
+    assert evidence.judged(probability).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("probability", "swing", "clear"),
+    [
+        (0.86, {"strength": 0.1}, True),
+        (0.84, {"strength": 0.1}, False),
+        (0.84, {"strength": 0.41}, True),
+        (0.84, {"strength": 0.39}, False),
+        (0.71, {"strength": 0.41}, True),
+        (0.69, {"strength": 0.41}, False),
+        (0.84, {"strength": 0.9, "regularity": 0.9}, False),
+    ],
+)
+def test_stiction_is_clear_by_its_probability_or_in_a_strong_regular_swing(evidence, probability, swing, clear):
+    said = evidence.judged(probability, oscillation=swing)
+    assert (said.verdict, said.reliability) == ("stiction", "reliable" if clear else "not_reliable")
+    assert doubts(said) == ([] if clear else ["evidence_not_clear"])
+
+
+@pytest.mark.parametrize(("explained", "clear"), [(None, True), (0.69, True), (0.71, False)])
+def test_a_swing_that_follows_the_set_point_makes_nothing_clear(evidence, explained, clear):
+    follows = Rival("set_point_following", 0.1, "PV follows", explained=explained)
+    assert (evidence.judged(0.8, (follows,)).reliability == "reliable") is clear
+
+
+def test_a_swing_of_one_sine_makes_nothing_clear(evidence):
+    assert doubts(evidence.judged(0.8, config=replace(CONFIG, max_cycling_wave=0.0))) == ["evidence_not_clear"]
+
+
+@pytest.mark.parametrize(
+    ("record", "doubt"),
+    [
+        ({"oscillation": {"cycles": 5.0}}, []),
+        ({"oscillation": {"cycles": 4.9}}, ["few_cycles"]),
+        ({"filled_share": 0.1}, []),
+        ({"filled_share": 0.11}, ["filled_share"]),
+        ({"automatic_share": None}, []),
+        ({"automatic_share": 0.5}, []),
+        ({"automatic_share": 0.49}, ["mode_share"]),
+        ({"findings": (Finding("pv_quantised", "fail", "coarse"),)}, ["pv_quantised"]),
+        ({"findings": (Finding("pv_quantised", "pass", "fine"),)}, []),
+        ({"findings": (Finding("op_interpolated", "fail", "on lines"),)}, []),
+        ({"findings": (Finding("op_flat", "pass", "stood", 0.6, 0.5),)}, ["op_flat"]),
+        ({"findings": (Finding("pv_flat", "pass", "stood", 0.5, 0.5),)}, ["pv_flat"]),
+        ({"findings": (Finding("pv_flat", "pass", "moved", 0.4, 0.5),)}, []),
+        ({"findings": (Finding("pv_flat", "not_evaluated", "nothing was left"),)}, []),
+    ],
+)
+def test_what_the_record_is_like_is_a_doubt_of_its_own(evidence, record, doubt):
+    said = evidence.judged(**record)
+    assert (said.verdict, said.reliability) == ("stiction", "not_reliable" if doubt else "reliable")
+    assert doubts(said) == doubt
+
+
+@pytest.mark.parametrize(
+    ("rival", "doubt"),
+    [
+        (Rival("set_point_following", 0.86, "PV follows"), ["set_point_moves"]),
+        (Rival("set_point_following", 0.84, "PV follows", explained=0.94), []),
+        (Rival("set_point_following", 0.1, "PV follows", explained=0.96), ["set_point_moves"]),
+        (Rival("disturbance", 0.1, "the load", explained=0.96), []),
+        (Rival("external_oscillation", 0.6, "a sine", statistic=0.95), []),
+        (Rival("external_oscillation", 0.6, "a sine", statistic=0.96), ["nearly_sinusoidal"]),
+        (Rival("external_oscillation", 0.6, "no sine"), []),
+        (Rival("disturbance", 0.5, "the load jumps", counts=1.0), ["disturbance"]),
+        (Rival("disturbance", 0.49, "the load jumps", counts=1.0), []),
+        (Rival("disturbance", 0.9, "the load jumps"), []),
+    ],
+)
+def test_a_rival_that_may_have_made_the_shapes_is_a_doubt(evidence, rival, doubt):
+    said = evidence.judged(0.9, (rival,))
+    assert (said.verdict, said.likely_cause) == ("stiction", "stiction")
+    assert (said.reliability, doubts(said)) == ("not_reliable" if doubt else "reliable", doubt)
+
+
+def test_a_loop_that_cycles_on_its_sensors_resolution_is_not_doubted_for_it(evidence):
+    coarse = {"findings": (Finding("pv_quantised", "fail", "coarse"), Finding("filled", "fail", "filled"))}
+    stands_out, does_not = (Rival("quantised_sensor", strength, "coarse") for strength in (0.6, 0.4))
+    assert doubts(evidence.judged(0.9, (stands_out,), **coarse)) == ["filled"]
+    assert doubts(evidence.judged(0.9, (does_not,), **coarse)) == ["pv_quantised", "filled"]
+
+
+@pytest.mark.parametrize(
+    ("lost", "code", "cause", "said"),
+    [
+        ({"pv_dead_s": 5400.0}, "pv_stands", "stuck_valve_or_dead_transmitter", "held one value for the last 1.5 h"),
+        ({"wound_up_s": 7200.0}, "wound_up", "saturated_op", "stood at its limit for the last 2 h"),
+        (
+            {"pv_dead_s": 5400.0, "wound_up_s": 7200.0},
+            "pv_stands",
+            "stuck_valve_or_dead_transmitter",
+            "held one value for the last 1.5 h",
+        ),
+    ],
+)
+def test_where_nothing_is_controlled_any_more_no_valve_is_cleared(evidence, lost, code, cause, said):
+    cleared, accused = evidence.judged(0.1, **lost), evidence.judged(0.9, **lost)
+    assert (cleared.verdict, cleared.reliability, cleared.likely_cause) == ("inconclusive", "not_reliable", cause)
+    assert (accused.verdict, accused.reliability, accused.likely_cause) == ("stiction", "not_reliable", "stiction")
+    for judgement in (cleared, accused):
+        assert judgement.reasons[0].code == code
+        assert said in judgement.reasons[0].text
+
+
+@pytest.mark.parametrize(("strength", "cause"), [(0.5, "disturbance"), (0.49, None)])
+def test_the_first_rival_that_stands_out_is_the_likely_cause_of_a_valve_that_is_cleared(evidence, strength, cause):
+    rivals = (Rival("disturbance", strength, "the load"), Rival("saturated_op", 0.1, "OP at its limit"))
+    said = evidence.judged(0.1, rivals)
+    assert (said.verdict, said.likely_cause) == ("no_stiction", cause)
+    assert ("disturbance" in doubts(said)) is (cause is not None)
