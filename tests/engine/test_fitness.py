@@ -1,5 +1,7 @@
 """Whether a record can be audited: literal records, one a finding, and what must not change the answer."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,7 +15,7 @@ from app.engine.fitness.signals import (
     run_lengths,
     set_point_activity,
 )
-from app.engine.oscillation import detect
+from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import Recording
 
 N = 400
@@ -54,7 +56,7 @@ def test_good_record_passes_every_check_and_is_kept_as_it_is():
 def test_too_short(n):
     fitness = assess(cycling(n))
     assert refused(fitness) == ["too_short"]
-    assert fitness.record is None
+    assert (fitness.record, fitness.gaps, fitness.filled_share) == (None, 0, None)
     assert outcomes(fitness)["pv_flat"] == "not_evaluated"
 
 
@@ -455,3 +457,11 @@ def test_a_signal_that_begins_later_than_the_other_is_not_made_up_before():
     op = np.where(at % 4 == 0, whole.op, np.nan)
     record = assess(cycling(1000, pv=pv, op=op)).record
     assert (record.start_s, record.sampling_interval_s, record.samples) == (304.0, 4.0, 174)
+
+
+def test_the_period_of_noise_is_no_reason_to_refuse():
+    """It is two samples, whatever the sampling interval."""
+    fitness = assess(cycling())
+    noise = Oscillation(2.0, 0.5, 0.1, 2.0, 200.0, "pv", 0.0)
+    assert outcomes(with_cycles(fitness, noise))["samples_per_cycle"] == "not_evaluated"
+    assert outcomes(with_cycles(fitness, replace(noise, regularity=1.5)))["samples_per_cycle"] == "fail"

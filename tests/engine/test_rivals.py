@@ -16,6 +16,7 @@ from app.engine.recording import UniformRecord
 from app.engine.rivals import Rival, compete, contest, runner_up, winner
 from app.engine.rivals.jumps import Jumps, jumps
 from app.engine.rivals.line import Line, line, worst
+from app.engine.rivals.set_point import set_point_following
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, Wave, first_order, simulate_loop
 
 N = 1200
@@ -49,6 +50,27 @@ def test_pv_and_op_that_follow_a_moving_set_point_are_explained_by_it():
     sp = np.cumsum(noise(4))
     found = rivals(sp + noise(5, 0.1), 2 * sp + noise(6, 0.1), sp=sp)
     assert found["set_point_following"].stands_out
+
+
+@pytest.mark.parametrize(
+    ("pv", "op", "misfit_drop", "strength", "counts"),
+    [
+        (0.7, 0.9, 0.0, 0.5, 0.0),
+        (0.9, 0.7, 0.0, 0.5, 0.0),
+        (0.4, 0.9, 0.0, 0.0, 0.0),
+        (0.9, 0.92, 0.0, 5.0 / 6.0, 0.0),
+        (0.92, 0.92, 0.004, 13.0 / 15.0, 1.0),
+        (0.92, 0.92, 0.006, 13.0 / 15.0, 0.0),
+    ],
+)
+def test_a_set_point_that_is_behind_all_counts_where_a_sticky_valve_explains_no_more(
+    pv, op, misfit_drop, strength, counts
+):
+    features, record = SimpleNamespace(named={"misfit_drop": misfit_drop}.get), SimpleNamespace(sp=None)
+    found = set_point_following(SimpleNamespace(sp=True, from_sp=(pv, op), record=record, features=features))
+    assert (found.strength, found.counts) == (pytest.approx(strength), counts)
+    assert (found.statistic, found.threshold, found.explained) == (min(pv, op), 0.7, pv)
+    assert ("no better" in found.text) == (counts > 0.0)
 
 
 def following(S: float, period_s: float) -> dict[str, Rival]:

@@ -61,9 +61,23 @@ def test_reasons_tell_the_climb_and_a_second_opinion():
     ]
 
 
-def test_a_climb_that_a_short_record_ended_is_told():
-    short = reference(curve(1.0, 1.1), ending="record_too_short")
-    assert "record_too_short_to_widen" in [reason.code for reason in judge(short).reasons]
+@pytest.mark.parametrize("alike", [curve(1.0, 1.1), curve(1.0, 0.9)])
+def test_a_second_opinion_that_agrees_is_not_told(alike):
+    codes = [reason.code for reason in judge(reference(alike, two=SimpleNamespace(stiction=alike.stiction))).reasons]
+    assert "two_parameter_disagrees" not in codes
+
+
+@pytest.mark.parametrize(
+    ("ending", "told"),
+    [
+        ("record_too_short", ["record_too_short_to_widen"]),
+        ("not_widened", ["search_space_not_widened"]),
+        ("agreement", []),
+    ],
+)
+def test_why_the_search_space_was_not_widened_is_told(ending, told):
+    reasons = judge(reference(curve(1.0, 1.1), ending=ending)).reasons
+    assert [reason.code for reason in reasons if "widen" in reason.code] == told
 
 
 def test_every_reading_has_its_sentence():

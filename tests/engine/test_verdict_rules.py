@@ -18,6 +18,8 @@ from app.engine.verdict_config import VerdictConfig
 # Whether the cycle is the valve's own is asked where a verdict needs it no more; that of these tests is nearly a sine.
 CONFIG = VerdictConfig(reliable_own_cycle_from=0.85, max_cycling_wave=1.0)
 
+DISTURBANCE = Rival("disturbance", 0.9, "the load")
+
 
 @dataclass(frozen=True)
 class Evidence:
@@ -169,6 +171,17 @@ def test_where_nothing_is_controlled_any_more_no_valve_is_cleared(evidence, lost
     for judgement in (cleared, accused):
         assert judgement.reasons[0].code == code
         assert said in judgement.reasons[0].text
+
+
+@pytest.mark.parametrize(
+    ("probability", "verdict", "cause"), [(0.9, "stiction", "stiction"), (0.1, "inconclusive", None)]
+)
+def test_of_strangers_nothing_is_cleared_and_no_cause_is_told_but_stiction(evidence, probability, verdict, cause):
+    rng, here = np.random.default_rng(3), evidence.fitness.audited
+    said = evidence.judged(probability, (DISTURBANCE,), record=replace(here, op=rng.normal(size=here.samples)))
+    assert (said.verdict, said.reliability, said.likely_cause) == (verdict, "not_reliable", cause)
+    assert said.reasons[0].code == "uncoupled"
+    assert said.shows_no_valve is (verdict == "inconclusive")
 
 
 @pytest.mark.parametrize(("strength", "cause"), [(0.5, "disturbance"), (0.49, None)])
