@@ -123,3 +123,26 @@ def test_where_nothing_moves_nothing_is_said() -> None:
     line = np.linspace(0.0, 1.0, record.samples)
     assert not own_cycle(replace(record, pv=line, op=line), 1500.0).shown
     assert not own_cycle(record.part(slice(0, 3)), 1500.0).missed
+
+
+@pytest.mark.parametrize(
+    ("found", "shown", "missed"),
+    [
+        (OwnCycle(0.5, True, True, 1000, 15.0, True), True, False),
+        (OwnCycle(0.49, True, True, 1000, 15.0, True), False, True),
+        (OwnCycle(0.49, True, True, 1000, 15.0, False), False, False),
+        (OwnCycle(0.9, False, True, 1000, 15.0, True), False, False),
+        (OwnCycle(0.9, False, False, 1000, 15.0, True), False, True),
+        (OwnCycle(0.9, False, False, 1000, 15.0, False), False, True),
+        (OwnCycle(0.0, False, False, 999, 15.0, True), False, False),
+        (OwnCycle(0.0, False, False, 1000, 14.9, True), False, False),
+        (OwnCycle(), False, False),
+    ],
+)
+def test_what_is_shown_and_what_is_missed(found: OwnCycle, shown: bool, missed: bool) -> None:
+    assert (found.shown, found.missed) == (shown, missed)
+
+
+@pytest.mark.parametrize(("period_s", "fine"), [(600.0, True), (590.0, False)])
+def test_sixty_samples_a_cycle_are_fine(period_s: float, fine: bool) -> None:
+    assert own_cycle(uniform(cycling(0)), period_s).fine is fine
