@@ -61,6 +61,18 @@ def test_reasons_tell_the_climb_and_a_second_opinion():
     ]
 
 
+@pytest.mark.parametrize(
+    ("yper_pct", "widenings", "told"),
+    [
+        (12.0, 3, "the search space was widened 3 times; the last one did not agree either"),
+        (0.2, 1, "the search space was widened once; agreement was found"),
+    ],
+)
+def test_how_the_climb_ended_is_told(yper_pct, widenings, told):
+    reasons = judge(reference(curve(1.0, 1.1), yper_pct, widenings=widenings)).reasons
+    assert told in [reason.text for reason in reasons]
+
+
 @pytest.mark.parametrize("alike", [curve(1.0, 1.1), curve(1.0, 0.9)])
 def test_a_second_opinion_that_agrees_is_not_told(alike):
     codes = [reason.code for reason in judge(reference(alike, two=SimpleNamespace(stiction=alike.stiction))).reasons]
