@@ -19,7 +19,7 @@ def improved(refitted: float, explained: float) -> Improvement:
     [
         (1.2, 1.2, -1.0, [True, False, True, False, False], "2 of 5 stretches"),
         (1.2, 0.25, -1.0, [False], "is 0.25 there, and 1 without"),
-        (1.2, 1.2, 7.0, [False], "better, by 7.0 nat"),
+        (1.2, 1.2, 7.0, [False], "better, by 7.0 points of log-likelihood"),
         (1.02, 1.02, -1.0, [False], "noise"),
     ],
 )
