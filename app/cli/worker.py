@@ -37,7 +37,7 @@ def worker(
     if check:
         refuse_standstill(settings)
     else:
-        with at_work(settings, until_parent_ends):
+        with ready_to_work(settings, until_parent_ends):
             run_worker(settings, concurrency)
     raise typer.Exit(ExitCode.DONE)
 
@@ -55,13 +55,13 @@ def beat(until_parent_ends: UntilParentEnds = False) -> None:
     from app.queue.running import run_beat
 
     settings = load_settings(warns=not until_parent_ends)
-    with at_work(settings, until_parent_ends):
+    with ready_to_work(settings, until_parent_ends):
         run_beat(settings)
     raise typer.Exit(ExitCode.DONE)
 
 
 @contextmanager
-def at_work(settings: "Settings", until_parent_ends: bool) -> Iterator[None]:
+def ready_to_work(settings: "Settings", until_parent_ends: bool) -> Iterator[None]:
     """Known to who would restore a backup, on tables of this version."""
     from app import logs
     from app.services.upkeep import presence
@@ -81,8 +81,9 @@ def refuse_standstill(settings: "Settings") -> None:
     """A worker that hears nothing looks alive to everyone but the data base: work waits and nobody has taken any."""
     from app.services.backend import DATABASE_AWAY, Backend
     from app.services.upkeep.metrics import standstill_s
-    from app.services.upkeep.tables import refuse_other_tables
+    from app.services.upkeep.tables import refuse_missing, refuse_other_tables
 
+    refuse_missing(settings)
     backend = Backend.open(settings)
     try:
         refuse_other_tables(backend.database)

@@ -209,8 +209,8 @@ def _in_doubt(request: Request, error: Exception, action: str) -> Response:
     """Where a second request would be a second one, clients must not repeat it by themselves, as they do after 503."""
     log.error("data base away in the midst of %s %s: %s", request.method, request.scope["path"][:LONGEST_ECHO], error)
     text = "the data base went away while this was written: it is not known whether it was done"
-    if action in SECOND_ONE:
-        text += "; look whether it is there before you send it again, or there may be two"
+    if action in SECOND_ONE or "if-match" in request.headers:  # done, the tag is another one, and a repeat is refused
+        text += "; look whether it is there before you send it again"
         return respond(request, 504, "outcome_unknown", text)
     text += "; send it again: done twice, it changes nothing more"
     return respond(request, 503, "database_away", text, headers={"Retry-After": "5"})

@@ -17,7 +17,7 @@ KIND_OF = {SWEEP: "control", READ_UPLOAD: "reading", AUDIT_CHUNK: "audit", EXPLA
 
 
 def queue_names(settings: Settings) -> dict[str, str]:
-    """The queue of each job, which no other plant or data base on the same broker has."""
+    """The queue of each job, which no plant and data base of other names has on the same broker."""
     told = f"{_database(settings)}\n{settings.plant}"
     own = hashlib.sha256(told.encode()).hexdigest()[:10]
     return {job: f"loopaudit-{own}-{kind}" for job, kind in KIND_OF.items()}
@@ -29,4 +29,4 @@ def _database(settings: Settings) -> str:
     url = make_url(settings.resolved_database_url)
     if url.get_backend_name() == "sqlite":
         return str(Path(url.database or "").resolve())
-    return url.database or url.username or ""
+    return str(url.query.get("dbname") or url.database or url.username or "")

@@ -77,7 +77,7 @@ def plan(connection: Connection, values: dict[str, Any], wanted: LoopFilter) -> 
     connection.execute(update(audits).where(audits.c.id == audit_id).values(total=total, **ended))
     if total >= MANY and connection.dialect.name == "postgresql":
         # What is new lies beyond what the planner knows: it took the loops of a run for one and read all at each claim.
-        connection.exec_driver_sql("ANALYZE audit_items")
+        connection.exec_driver_sql("ANALYZE (SKIP_LOCKED) audit_items")
     return audit_id
 
 

@@ -5,12 +5,13 @@ from collections.abc import Iterator
 from itertools import islice
 from typing import Any
 
-from sqlalchemy import Connection, Table, Text, func, insert, select, text
+from sqlalchemy import Connection, LargeBinary, Table, Text, func, insert, select, text
 
 from app.storage.tables import metadata
 from app.storage.types import storable
 
-ROWS_AT_ONCE = 500
+ROWS_AT_ONCE, PACKED_ROWS_AT_ONCE = 500, 16
+"""The latter of tables with packed samples: a row may have megabytes."""
 
 
 def copy_rows(source: Connection, target: Connection) -> int:
@@ -26,10 +27,11 @@ def empty(connection: Connection) -> None:
 
 def _copy_table(source: Connection, target: Connection, table: Table) -> int:
     texts = [column.name for column in table.columns if isinstance(column.type, Text)]
-    copied = 0
-    with source.execution_options(yield_per=ROWS_AT_ONCE).execute(select(table)) as rows:
+    packed = any(isinstance(column.type, LargeBinary) for column in table.columns)
+    at_once, copied = PACKED_ROWS_AT_ONCE if packed else ROWS_AT_ONCE, 0
+    with source.execution_options(yield_per=at_once).execute(select(table)) as rows:
         told = _storable(rows.mappings(), texts)
-        while some := list(islice(told, ROWS_AT_ONCE)):
+        while some := list(islice(told, at_once)):
             target.execute(insert(table), some)
             copied += len(some)
     if table.autoincrement_column is not None and copied:

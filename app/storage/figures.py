@@ -5,7 +5,7 @@ from datetime import datetime, timedelta
 
 from sqlalchemy import ColumnElement, Connection, and_, func, select
 
-from app.storage.loops import IN_SERVICE, count, retired
+from app.storage.loops import IN_SERVICE, count, count_retired
 from app.storage.tables import audit_items, audits, explanations, keys, loops, uploads, verdicts
 from app.storage.tallies import UPLOAD_BYTES, tallied
 from app.storage.types import now
@@ -60,7 +60,7 @@ def collect(connection: Connection) -> Figures:
     oldest = connection.scalar(select(func.min(audits.c.created_at)).where(audits.c.id.in_(unfinished)))
     return Figures(
         loops=count(connection),
-        retired=len(retired(connection)),
+        retired=count_retired(connection),
         uploads=_counts(connection, select(uploads.c.state, func.count()).group_by(uploads.c.state)),
         items=_counts(
             connection,

@@ -165,6 +165,10 @@ def retired(connection: Connection) -> tuple[int, ...]:
     return tuple(connection.scalars(select(loops.c.id).where(loops.c.retired).order_by(loops.c.id)))
 
 
+def count_retired(connection: Connection) -> int:
+    return connection.scalar(select(func.count()).select_from(loops).where(loops.c.retired)) or 0
+
+
 def types(connection: Connection) -> list[str]:
     """The types that loops of the plant have."""
     query = select(loops.c.type).where(loops.c.type.is_not(None)).distinct().order_by(loops.c.type)
@@ -172,6 +176,6 @@ def types(connection: Connection) -> list[str]:
 
 
 def any_before(connection: Connection, moment: datetime) -> bool:
-    """Whether a loop with samples was known before `moment`."""
-    query = select(loops.c.id).where(loops.c.created_at < moment, loops.c.newest_ns.is_not(None)).limit(1)
-    return connection.scalar(query) is not None
+    """Whether a loop with samples, which is not retired, was known before `moment`."""
+    known = (loops.c.created_at < moment, loops.c.newest_ns.is_not(None), IN_SERVICE)
+    return connection.scalar(select(loops.c.id).where(*known).limit(1)) is not None

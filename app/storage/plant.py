@@ -65,7 +65,8 @@ def _tiles() -> Select[Any]:
 
 
 def last_whole_run(connection: Connection) -> Any:
-    """The newest ended run of the plant: a nightly one, or one of half as many loops as the largest has, or more.
+    """The newest ended run of the plant: a nightly one, or one of half as many loops as the largest has, or more; as
+    the plant has, where it was larger once.
 
     What somebody starts within a day after a night does not take the night's place: what changed in it is still news.
     """
@@ -74,8 +75,9 @@ def last_whole_run(connection: Connection) -> Any:
     query = query.order_by(audits.c.id.desc()).limit(1)
     nightly = audits.c.nightly_for.is_not(None)  # not one that somebody asked for once that night's had ended
     night = connection.execute(query.where(nightly)).one_or_none()
-    most = select(func.max(audits.c.total)).where(ended).scalar_subquery()
-    asked_for = connection.execute(query.where(~nightly, 2 * audits.c.total >= most)).one_or_none()
+    largest = connection.scalar(select(func.max(audits.c.total)).where(ended)) or 0
+    today = connection.scalar(select(func.count()).where(IN_SERVICE, loops.c.newest_ns.is_not(None))) or 0
+    asked_for = connection.execute(query.where(~nightly, 2 * audits.c.total >= min(largest, today))).one_or_none()
     if night is None or asked_for is None:
         return night or asked_for
     return asked_for if asked_for.created_at - night.created_at > A_DAY else night

@@ -155,7 +155,7 @@ def unread_fingerprints(connection: Connection) -> set[str]:
 
 def waiting_for_room(connection: Connection) -> tuple[int, UploadRow | None]:
     """How many uploads wait for room on the disk, and the one that has waited longest."""
-    waits = (uploads.c.state.in_(UNREAD), uploads.c.waits_since.is_not(None))
+    waits = (uploads.c.state == "received", uploads.c.waits_since.is_not(None))
     count = connection.scalar(select(func.count()).select_from(uploads).where(*waits)) or 0
     longest = select(*COLUMNS).where(*waits).order_by(uploads.c.waits_since, uploads.c.id).limit(1)
     row = connection.execute(longest).one_or_none() if count else None

@@ -38,7 +38,8 @@ async def receive(request: Request, backend: Services) -> RedirectResponse:
 
 @router.get("/uploads/{upload_id}")
 def upload(backend: Services, upload_id: Identifier) -> HTMLResponse:
-    return page("upload.html", backend.clock, upload=service.get_upload(backend, upload_id))
+    found = service.get_upload(backend, upload_id)
+    return page("upload.html", backend.clock, upload=found, in_service=service.loops_in_service(backend, found))
 
 
 @router.post("/uploads/{upload_id}/mapping")
@@ -54,7 +55,7 @@ async def read_again(request: Request, backend: Services, caller: Caller, upload
 
 @router.post("/uploads/{upload_id}/audit")
 def audit_its_loops(backend: Services, caller: Caller, upload_id: Identifier) -> RedirectResponse:
-    wanted = LoopFilter(tags=tuple(service.get_upload(backend, upload_id).loops))
+    wanted = LoopFilter(tags=tuple(service.loops_in_service(backend, service.get_upload(backend, upload_id))))
     run = start_audit(backend, wanted, trigger="request", started_by=caller.who)
     return RedirectResponse(f"/runs/{run.id}", 303)
 

@@ -86,6 +86,16 @@ def test_what_is_set_may_be_set_again(client, lose_next):
     assert client.get("/v1/loops/FIC1").json()["importance"] == 3
 
 
+def test_what_is_set_on_a_condition_is_not_to_be_set_again(client, lose_next):
+    """Where it was done the loop has another tag, and a repeat would be refused as somebody else's change."""
+    tag = client.get("/v1/loops/FIC1").headers["etag"]
+    lose_next()
+    answer = client.patch("/v1/loops/FIC1", json={"importance": 4}, headers={"If-Match": tag})
+    assert (answer.status_code, answer.json()["code"]) == (504, "outcome_unknown")
+    assert "look whether it is there" in answer.json()["detail"]
+    assert client.get("/v1/loops/FIC1").json()["importance"] == 4
+
+
 def test_a_page_says_it_in_words(client, lose_next):
     lose_next()
     answer = client.post("/runs", headers=PAGE)

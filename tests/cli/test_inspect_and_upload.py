@@ -296,8 +296,9 @@ def test_a_check_without_tables_is_one_line(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("LOOPAUDIT_DATABASE_URL", f"sqlite:///{tmp_path / 'empty.db'}")
     code, _, said = as_program(monkeypatch, capsys, "worker", "--check")
     assert code == 2
-    assert "[no_tables]" in said
+    assert "[no_database]" in said
     assert len(said.splitlines()) == 1
+    assert not (tmp_path / "empty.db").exists()
 
 
 def test_an_upload_that_waits_for_room_is_told_once(tmp_path, capsys):

@@ -26,6 +26,7 @@ from app.services.plant.trend import trend
 from app.services.reports.documents import loop_report, plant_report
 from app.services.upkeep import doctor
 from app.services.upkeep.metrics import metrics
+from app.services.upkeep.operations import refuse_empty
 from app.storage import loops as stored_loops
 from app.storage import verdicts as stored_verdicts
 from app.storage.loops import ListFilter
@@ -186,3 +187,26 @@ def test_nobody_asks_at_night_why_it_sticks(backend: Backend, night: str, retire
         [gone] = stored_loops.ids_of(connection, [GONE]).values()
         asked = list(connection.scalars(select(explanations.c.loop_id)))
     assert (gone in asked) is not retired
+
+
+def test_a_plant_that_is_smaller_now_has_whole_runs_of_its_size(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops(*(f"OLD{k}" for k in range(5)), "FIC1", "FIC2", n=60)
+    large, last = start_audit(backend), None
+    audit_chunk(backend, int(large.id), "test")
+    for k in range(5):
+        patch_loop(backend, f"OLD{k}", {"retired": True})
+    last = start_audit(backend)
+    assert last.total == 2
+    audit_chunk(backend, int(last.id), "test")
+    assert plant.changes(backend).run_id == last.id
+
+
+def test_a_plant_whose_loops_are_all_retired_has_no_nights(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("FIC1", n=60)
+    refuse_empty(backend)
+    patch_loop(backend, "FIC1", {"retired": True})
+    with pytest.raises(RequestError) as refused:
+        refuse_empty(backend)
+    assert refused.value.code == "no_loops"
+    with backend.database.read() as connection:
+        assert not stored_loops.any_before(connection, datetime.now(UTC) + DAY)

@@ -265,6 +265,10 @@ def test_a_loop_that_was_never_audited_says_what_brings_its_verdict(client, web_
     assert "This loop has not been audited yet: the next audit of the plant brings its verdict." in found.texts
     assert "Audit now" in found.texts
     assert "Audit this loop now" in seen(client, f"/uploads/{receipt.upload.id}").texts
+    client.patch("/v1/loops/NEW1", json={"retired": True})
+    assert "This loop has not been audited yet." in seen(client, "/loops/NEW1").texts
+    assert not any("new verdict" in text for text in seen(client, f"/uploads/{receipt.upload.id}").texts)
+    client.patch("/v1/loops/NEW1", json={"retired": False})
 
 
 def test_what_a_loop_is_can_be_set(client):
@@ -297,6 +301,7 @@ def test_a_loop_is_retired_on_its_page_and_says_so(client):
         page = client.get("/loops/LIC7").text
         assert said in page
         assert box in page
+        assert "Audit these 2 loops now" in seen(client, "/uploads/1").texts
         assert "LIC7" not in seen(client, "/").texts
         assert "/table?retired=true" in seen(client, "/").links
         assert "LIC7" not in seen(client, "/table").texts

@@ -177,6 +177,13 @@ def read_again(backend: Backend, upload_id: str, mapping: bytes, received_by: st
         return receiving.commit()
 
 
+def loops_in_service(backend: Backend, upload: UploadView) -> list[str]:
+    """The loops of an upload without those that are retired."""
+    with backend.database.read() as connection:
+        gone = set(uploads.retired_of(connection, int(upload.id)))
+    return [tag for tag in upload.loops if tag not in gone]
+
+
 def get_upload(backend: Backend, upload_id: str) -> UploadView:
     with backend.database.read() as connection:
         return _whole(connection, upload_id)
@@ -223,7 +230,7 @@ def _view(row: UploadRow, loops_found: int) -> UploadView:
         sent_again_at=iso_utc(row.sent_again_at),
         ended_at=iso_utc(row.ended_at),
         reason=row.error_text,
-        waits_for_room_since=iso_utc(row.waits_since) if row.state in uploads.UNREAD else None,
+        waits_for_room_since=iso_utc(row.waits_since) if row.state == "received" else None,
         layout=summary.get("layout"),
         loops=[],
         loops_found=loops_found,

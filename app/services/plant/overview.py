@@ -15,7 +15,7 @@ from app.services.results import AuditView, ChangedBy, ChangeView, Page, UnitVie
 from app.services.wording import WHY_WORDS, cause_words
 from app.storage import notes, plant, verdicts
 from app.storage.loops import count as count_loops
-from app.storage.loops import retired as retired_loops
+from app.storage.loops import count_retired
 from app.storage.notes import Standing
 from app.storage.verdicts import RowFilter
 
@@ -59,7 +59,7 @@ class Changes:
 def overview(backend: Backend) -> Overview:
     with backend.database.read() as connection:
         known, counted = count_loops(connection), plant.counts(connection)
-        retired = len(retired_loops(connection))
+        retired = count_retired(connection)
     verdict_count, reliable, refused = Counter[str](), Counter[str](), Counter[str]()
     for row in counted:
         verdict_count[row.verdict] += row.loops

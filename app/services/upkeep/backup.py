@@ -12,7 +12,6 @@ from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from sqlalchemy import URL
@@ -27,7 +26,7 @@ from app.storage import Database, copying, schema
 from app.storage.types import now
 
 SQLITE, POSTGRESQL = "loopaudit.db", "loopaudit.dump"
-MANIFEST, UPLOADS = "manifest.json", "uploads"
+MANIFEST, UPLOADS, MOVING = "manifest.json", "uploads", ".moving"
 COPIED_PAGES = 2000
 BLOCK_BYTES = 1 << 20
 NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EACCES)
@@ -125,18 +124,20 @@ def _restored(settings: Settings, folder: Path, told: dict[str, Any], force: boo
 def _move_in(settings: Settings, file: Path) -> None:
     """What the embedded default kept, into PostgreSQL: in one transaction, from a copy with this version's tables."""
     migrate(settings)
-    with TemporaryDirectory(dir=settings.data_dir) as place:
-        draft = Path(place) / SQLITE
-        _put_sqlite(file, draft)
-        source, target = Database(f"sqlite:///{draft}"), Database(settings.resolved_database_url)
-        try:
-            schema.migrate(source)
-            with source.read() as there, target.write() as here:
-                copying.empty(here)
-                copying.copy_rows(there, here)
-        finally:
-            source.close()
-            target.close()
+    place = settings.data_dir / MOVING
+    shutil.rmtree(place, ignore_errors=True)  # of a restore that was killed
+    place.mkdir(mode=0o700)
+    _put_sqlite(file, place / SQLITE)
+    source, target = Database(f"sqlite:///{place / SQLITE}"), Database(settings.resolved_database_url)
+    try:
+        schema.migrate(source)
+        with source.read() as there, target.write() as here:
+            copying.empty(here)
+            copying.copy_rows(there, here)
+    finally:
+        source.close()
+        target.close()
+        shutil.rmtree(place, ignore_errors=True)
 
 
 @contextmanager

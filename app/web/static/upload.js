@@ -15,7 +15,7 @@ function send(file) {
     let answer = {};
     try { answer = JSON.parse(request.responseText); } catch { /* told below */ }
     if (request.status === 202) location.assign(`/uploads/${answer.id}`);
-    else told.textContent = `${request.status < 500 ? "Refused" : "Not taken for certain"}: ${answer.detail ?? request.status}`;
+    else told.textContent = `${request.status === 503 || request.status === 504 ? "" : "Not taken: "}${answer.detail ?? request.status}`;
   });
   request.send(file);
 }
