@@ -122,7 +122,7 @@ def test_limits_that_are_counted_together_are_well(tmp_path, redis_url):
     assert of("rate limits", settings).state == "ok"
 
 
-MAIL = {"digest_mail_to": "a@plant.example", "digest_smtp_host": "mail", "digest_mail_from": "audit@plant.example"}
+MAIL = {"digest_mail_to": "a@plant.example", "digest_smtp_host": "localhost", "digest_mail_from": "audit@plant.example"}
 
 
 @pytest.mark.parametrize(

@@ -17,12 +17,14 @@ import pytest
 from numba import config
 
 from app import kernel_cache
+from app.settings import Settings
 from workers import process
 
 PATIENCE_S = 120
 SCRIPT = """
 import sys, time
 from types import SimpleNamespace
+from app.settings import Settings
 from workers import process
 def part(name):
     def work():
@@ -80,7 +82,7 @@ def start(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Start]:
     monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr(kernel_cache, "_own_folder", lambda: tmp_path / "cache")
-    settings = SimpleNamespace(data_dir=tmp_path, worker_memory_mb=400)
+    settings = Settings(data_dir=tmp_path)
     monkeypatch.setattr(process, "current_app", SimpleNamespace(settings=settings))
     made = Start(tmp_path / "kernel.py")
     made.kernel.write_text(KERNEL)

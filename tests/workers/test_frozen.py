@@ -6,11 +6,12 @@ from types import SimpleNamespace
 
 import pytest
 
+from app.settings import Settings
 from workers import process
 
 
 def test_what_is_loaded_before_the_first_task_is_frozen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    settings = SimpleNamespace(data_dir=tmp_path, worker_memory_mb=400)
+    settings = Settings(data_dir=tmp_path)
     monkeypatch.setattr(process, "current_app", SimpleNamespace(settings=settings))
     monkeypatch.setattr(process, "_load", lambda: None)
     before = gc.get_freeze_count()
