@@ -24,12 +24,14 @@ class DeliveryRow:
 
 @dataclass(frozen=True)
 class DeliveryClaim:
-    """The right to send a digest and to say what became of it; `attempt` fences off whoever had it before."""
+    """The right to send a digest and to say what became of it; `attempt` fences off whoever had it before. `id_suffix`
+    is part of the id that it is sent with."""
 
     audit_id: int
     receiver: str
     attempt: int
     owner: str
+    id_suffix: str = ""
 
 
 COLUMNS = [deliveries.c[name] for name in DeliveryRow.__dataclass_fields__]
@@ -42,12 +44,20 @@ def plan(connection: Connection, audit_id: int, receivers: Iterable[str]) -> Non
         connection.execute(insert_new(connection, deliveries), rows)
 
 
-def reopen(connection: Connection, audit_id: int, receivers: Iterable[str], states: Iterable[str]) -> set[str]:
-    """Those of these receivers whose delivery had ended so, and is to be made again, with all its tries."""
-    wanted = (deliveries.c.receiver.in_(tuple(receivers)), deliveries.c.state.in_(tuple(states)))
-    anew = {"state": "open", "attempts": 0, "next_try_s": None, "ended_at": None, "error_text": None}
-    opening = update(deliveries).where(deliveries.c.audit_id == audit_id, *wanted).values(anew)
-    return set(connection.scalars(opening.returning(deliveries.c.receiver)))
+def reopen_failed(connection: Connection, audit_id: int, receivers: Iterable[str]) -> None:
+    """What was given up is sent with the id that it had, and with all its tries."""
+    _reopen(connection, audit_id, receivers, "failed")
+
+
+def reopen_done(connection: Connection, audit_id: int, receivers: Iterable[str], id_suffix: str) -> None:
+    """What was delivered is sent once more: at each try, whoever makes it, with an id that ends in `id_suffix`."""
+    _reopen(connection, audit_id, receivers, "done", id_suffix=id_suffix)
+
+
+def _reopen(connection: Connection, audit_id: int, receivers: Iterable[str], state: str, **values: str) -> None:
+    wanted = (deliveries.c.receiver.in_(tuple(receivers)), deliveries.c.state == state)
+    anew = {"state": "open", "attempts": 0, "next_try_s": None, "ended_at": None, "error_text": None, **values}
+    connection.execute(update(deliveries).where(deliveries.c.audit_id == audit_id, *wanted).values(anew))
 
 
 def newest_nightly(connection: Connection, at_most_old: timedelta) -> int | None:
@@ -88,13 +98,13 @@ def claim_next(
     ).one_or_none()
     if picked is None:
         return None
-    attempt = connection.execute(
+    claimed = connection.execute(
         update(deliveries)
         .where(deliveries.c.audit_id == picked.audit_id, deliveries.c.receiver == picked.receiver)
         .values(state="claimed", owner=owner, lease_until_s=clock_s() + lease_s, attempts=deliveries.c.attempts + 1)
-        .returning(deliveries.c.attempts)
-    ).scalar_one()
-    return DeliveryClaim(picked.audit_id, picked.receiver, attempt, owner)
+        .returning(deliveries.c.attempts, deliveries.c.id_suffix)
+    ).one()
+    return DeliveryClaim(picked.audit_id, picked.receiver, claimed.attempts, owner, claimed.id_suffix or "")
 
 
 def end(connection: Connection, claim: DeliveryClaim, state: str, error_text: str | None) -> bool:

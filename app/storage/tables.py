@@ -369,6 +369,7 @@ deliveries = Table(
     Column("next_try_s", Float),
     Column("ended_at", UtcDateTime),
     Column("error_text", Text),
+    Column("id_suffix", Text),  # of what is sent once more: part of its id from then on
     CheckConstraint("state IN ('open', 'claimed', 'done', 'failed')", name="state"),
     _partial("ix_deliveries_unfinished", "next_try_s", where="state IN ('open', 'claimed')"),
 )

@@ -344,6 +344,40 @@ def test_who_has_it_gets_it_again_where_that_is_wanted(
     }
 
 
+def test_what_is_sent_once_more_keeps_its_new_id_at_every_try(backend: Backend, night: str, receiver: Receiver) -> None:
+    assert sent(backend, night) is ExitCode.DONE
+    receiver.answers = 500
+    assert sent(backend, night, again=True) is ExitCode.SOME_FAILED
+    receiver.answers = 404
+    let_time_pass(backend)
+    deliver_all(backend)  # by the service
+    assert states(backend, night)["http"] == ("failed", 2)
+    receiver.answers = 204
+    assert sent(backend, night) is ExitCode.DONE
+    first, *later = [heads["webhook-id"] for heads, _ in receiver.posts]
+    assert (len(later), len({*later})) == (3, 1)
+    assert later[0].startswith(f"{first}-")
+
+
+def test_a_worker_that_is_faster_than_the_command_sends_with_the_new_id_too(
+    backend: Backend, night: str, receiver: Receiver, mailbox: Mailbox, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert sent(backend, night) is ExitCode.DONE
+    own = deliveries.deliver_next
+
+    def overtaken(*arguments: Any) -> bool:
+        while own(backend, "a worker"):
+            pass
+        return own(*arguments)
+
+    with monkeypatch.context() as busy:
+        busy.setattr(deliveries, "deliver_next", overtaken)
+        assert sent(backend, night, again=True) is ExitCode.DONE
+    assert (len(mailbox.mails), len(receiver.posts)) == (2, 2)
+    assert len({mail["Message-ID"] for mail in mailbox.mails}) == 2
+    assert len({heads["webhook-id"] for heads, _ in receiver.posts}) == 2
+
+
 def test_who_stands_no_longer_in_the_settings_is_not_complained_of(
     backend: Backend, night: str, receiver: Receiver
 ) -> None:

@@ -66,31 +66,32 @@ def announce_digests(backend: Backend) -> int:
 
 def send_now(backend: Backend, owner: str, audit_id: str, *, again: bool = False) -> list[DeliveryView]:
     """For whoever sends a digest by hand: this run's to every receiver that has not got it, those given up too, each
-    tried once; what fails is tried again by the service. `again`: also to those who have it, with an id of its own,
-    because mail servers drop what they know by its id."""
+    tried once; what fails is tried again by the service. `again`: also to those who have it, with an id of its own
+    that it keeps, because mail servers drop what they know by its id."""
     digest_of(backend, audit_id)
     run, receivers = identifier(audit_id, "audit"), backend.settings.digest_receivers
     with backend.database.write() as connection:
         deliveries.plan(connection, run, receivers)
-        once_more = deliveries.reopen(connection, run, receivers, ["done"]) if again else set()
-        deliveries.reopen(connection, run, receivers, ["failed"])
+        deliveries.reopen_failed(connection, run, receivers)
+        if again:
+            deliveries.reopen_done(connection, run, receivers, f"-{time.time_ns()}")
         had = {row.receiver for row in deliveries.of_run(connection, run) if row.state == "done"}
     for receiver in receivers:
-        deliver_next(backend, owner, (run, receiver), once_more=receiver in once_more)
+        deliver_next(backend, owner, (run, receiver))
     with backend.database.read() as connection:
         rows = [row for row in deliveries.of_run(connection, run) if row.receiver in receivers]
     return [replace(_view(row), before=row.receiver in had) for row in rows]
 
 
-def deliver_next(backend: Backend, owner: str, this: tuple[int, str] | None = None, *, once_more: bool = False) -> bool:
+def deliver_next(backend: Backend, owner: str, this: tuple[int, str] | None = None) -> bool:
     """Sends the digest whose turn it is, or `this` run's to this receiver; False where there is none. Sent and not
-    marked is sent again, with the same id; `once_more`: with another one."""
+    marked is sent again, with the same id."""
     with backend.database.write() as connection:
         claim = deliveries.claim_next(connection, owner, backend.settings.lease_s, this)
     if claim is None:
         return False
     try:
-        _send(backend, claim, once_more=once_more)
+        _send(backend, claim)
     except NotSentError as error:
         _not_sent(backend, claim, str(error), final=error.final)
     except LoopauditError as error:
@@ -147,24 +148,23 @@ def out_of_reach(backend: Backend) -> Iterator[str]:
             yield f"{shown(receiver)} is not found: {getattr(error, 'strerror', None) or 'no address'}"
 
 
-def outgoing(digest: Digest, receiver: str, apart: str = "") -> Outgoing:
-    """The id is made of the run and the receiver: it is the same at every try, and in no other installation. `apart`
-    makes it another one."""
+def outgoing(digest: Digest, receiver: str, id_suffix: str = "") -> Outgoing:
+    """The id is made of the run and the receiver: it is the same at every try, and in no other installation.
+    `id_suffix` makes it another one."""
     run = digest.run
     named = json.dumps([digest.plant, run.id, run.created_at, receiver])
-    delivery_id = f"digest-{run.id}-{hashlib.sha256(named.encode()).hexdigest()[:24]}{apart}"
+    delivery_id = f"digest-{run.id}-{hashlib.sha256(named.encode()).hexdigest()[:24]}{id_suffix}"
     body = json.dumps({"id": delivery_id} | as_json(digest), ensure_ascii=False).encode()
     return Outgoing(delivery_id, subject(digest), as_text(digest), as_html(digest), body)
 
 
-def _send(backend: Backend, claim: DeliveryClaim, *, once_more: bool) -> None:
+def _send(backend: Backend, claim: DeliveryClaim) -> None:
     if claim.receiver not in backend.settings.digest_receivers:
         raise NotSentError("the receiver stands no longer in the settings", final=True)
     missing = list(missing_settings(backend))
     if missing:
         raise NotSentError(f"not set: {', '.join(missing)}")
-    apart = f"-{time.time_ns()}" if once_more else ""
-    made = outgoing(digest_of(backend, str(claim.audit_id)), claim.receiver, apart)
+    made = outgoing(digest_of(backend, str(claim.audit_id)), claim.receiver, claim.id_suffix)
     if claim.receiver.startswith("mailto:"):
         send_mail(backend.settings, made, claim.receiver.removeprefix("mailto:"))
     else:
