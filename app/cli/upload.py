@@ -38,7 +38,7 @@ def upload(
 ) -> None:
     """Send export files to a running service. The same file again changes nothing.
 
-    Exit code 1: some files were refused, or were read and hold no loop; 2: none could be used.
+    Exit code 1: some files were refused, or (told by --wait) hold no loop; 2: all of them.
 
     [bold]Examples[/bold]
 
@@ -70,9 +70,10 @@ def upload(
             except OSError as error:
                 failures += 1
                 say(f"{file}: cannot be read: {error.strerror} [file]")
-    if failures == len(files):
+    unusable = failures + empty
+    if unusable == len(files):
         raise typer.Exit(ExitCode.NOTHING_USABLE)
-    raise typer.Exit(ExitCode.SOME_FAILED if failures or empty else ExitCode.DONE)
+    raise typer.Exit(ExitCode.SOME_FAILED if unusable else ExitCode.DONE)
 
 
 def send(client: "ServiceClient", file: Path, wait_s: float | None, how: "Reading | None" = None) -> dict[str, Any]:

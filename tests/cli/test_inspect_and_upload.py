@@ -11,6 +11,7 @@ from typer.testing import CliRunner, Result
 from app.cli.main import main
 from app.cli.serve import asks_for_keys
 from app.cli.upload import once_without_room, report
+from app.errors import RequestError
 from app.main import create_app
 from app.services.backend import Backend
 from app.services.intake.reading import read_upload
@@ -179,10 +180,36 @@ def test_a_file_that_was_read_and_holds_no_loop_is_said(tmp_path, monkeypatch):
     answer = {"id": "1", "state": "done", "loops": [], "notes": [], "rejects": []}
     monkeypatch.setattr("app.cli.upload.send", lambda *_: answer)
     done = run("upload", tmp_path / "odd.csv", "--wait")
-    assert (done.exit_code, "odd.csv: no loop was found in it" in done.stderr) == (1, True)
+    assert (done.exit_code, "odd.csv: no loop was found in it" in done.stderr) == (2, True)
     assert done.stdout.endswith("done\tloops 0\n")
     monkeypatch.setattr("app.cli.upload.send", lambda *_: answer | {"state": "received"})
     assert run("upload", tmp_path / "odd.csv").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("names", "code"),
+    [
+        ("good.csv good.csv", 0),
+        ("good.csv empty.csv", 1),
+        ("good.csv refused.csv", 1),
+        ("good.csv empty.csv refused.csv", 1),
+        ("empty.csv refused.csv", 2),
+        ("empty.csv", 2),
+        ("refused.csv", 2),
+    ],
+)
+def test_some_files_of_use_are_1_and_none_is_2(tmp_path, monkeypatch, names, code):
+    def answer(_, file, *__):
+        if file.name == "refused.csv":
+            raise RequestError("upload_failed", "the file could not be used")
+        loops = ["A"] if file.name == "good.csv" else []
+        return {"id": "1", "state": "done", "loops": loops, "notes": [], "rejects": []}
+
+    monkeypatch.setattr("app.cli.upload.send", answer)
+    files = [tmp_path / name for name in names.split()]
+    for file in files:
+        file.write_text(WIDE)
+    assert run("upload", *files, "--wait").exit_code == code
 
 
 def test_an_upload_is_read_in_the_zone_that_is_named(serve, tmp_path):
