@@ -34,10 +34,14 @@ def digest(
         ),
     ] = None,
     send: Annotated[
-        bool, typer.Option("--send/--dry-run", help="Send it to the receivers of the settings, or only print it.")
-    ] = False,
+        bool | None,
+        typer.Option(
+            "--send/--dry-run", help="Send it to the receivers of the settings, or only print it, as without either."
+        ),
+    ] = None,
     again: Annotated[
-        bool, typer.Option("--again", help="Send it also to those who have it, to try a receiver out.")
+        bool,
+        typer.Option("--again", help="Send it, also to those who have it, to try a receiver out; not with --dry-run."),
     ] = False,
     form: Annotated[Form, typer.Option("--format", help="What is printed.")] = Form.text,
 ) -> None:
@@ -57,6 +61,8 @@ def digest(
     """
     from app.services.digests.digest import as_html, as_json, as_text, digest_of, newest_run
 
+    if again and send is False:
+        raise RequestError("dry_run_sends", "--again sends the digest, and --dry-run only prints it: give one of them")
     with opened() as backend:
         run = audit or newest_run(backend)
         if send or again:

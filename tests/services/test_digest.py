@@ -6,6 +6,7 @@ import json
 import socket
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from email.message import EmailMessage
@@ -17,6 +18,7 @@ import pytest
 from aiosmtpd.controller import Controller
 from sqlalchemy import update
 from typer.main import get_command
+from typer.testing import CliRunner
 
 from app.cli.digest import sent
 from app.cli.main import cli
@@ -376,6 +378,26 @@ def test_a_worker_that_is_faster_than_the_command_sends_with_the_new_id_too(
     assert (len(mailbox.mails), len(receiver.posts)) == (2, 2)
     assert len({mail["Message-ID"] for mail in mailbox.mails}) == 2
     assert len({heads["webhook-id"] for heads, _ in receiver.posts}) == 2
+
+
+def test_a_dry_run_sends_nothing_again(
+    backend: Backend, night: str, receiver: Receiver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    @contextmanager
+    def same() -> Iterator[Backend]:
+        yield backend
+
+    def done(*options: str) -> int:
+        return CliRunner().invoke(cli, ["digest", *options]).exit_code
+
+    monkeypatch.setattr("app.cli.digest.opened", same)
+    refused = CliRunner().invoke(cli, ["digest", "--dry-run", "--again"]).exception
+    assert isinstance(refused, RequestError)  # exit code 2, of `main`
+    assert refused.code == "dry_run_sends"
+    assert (done("--dry-run"), done()) == (0, 0)
+    assert receiver.posts == []
+    assert (done("--send"), done("--again"), done("--again", "--send")) == (0, 0, 0)
+    assert len(receiver.posts) == 3
 
 
 def test_who_stands_no_longer_in_the_settings_is_not_complained_of(
