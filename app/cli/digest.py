@@ -30,7 +30,7 @@ def digest(
         typer.Option(
             "--audit",
             help="The run; without it the newest night's, or that of a run of the plant which somebody asked for, "
-            "where no night ended within the day before it.",
+            "where no night began within the day before it.",
         ),
     ] = None,
     send: Annotated[

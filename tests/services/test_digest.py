@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from email.message import EmailMessage
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from typing import Any
@@ -417,7 +417,18 @@ def test_without_a_night_the_digest_is_that_of_a_run_of_the_plant(backend: Backe
     audit_chunk(backend, int(run.id), "test")
     assert newest_run(backend) == run.id
     (said,) = [option.help for option in get_command(cli).commands["digest"].params if option.name == "audit"]
-    assert "where no night ended within the day before" in said
+    assert "where no night began within the day before" in said
+
+
+def test_a_night_within_the_day_before_is_told_of_by_when_it_began(backend: Backend, night: str) -> None:
+    asked_for = start_audit(backend).id
+    audit_chunk(backend, int(asked_for), "test")
+    with backend.database.write() as connection:
+        began = update(audits).where(audits.c.id == int(night))
+        connection.execute(began.values(created_at=datetime.now(UTC) - timedelta(hours=23)))
+        assert newest_run(backend) == night
+        connection.execute(began.values(created_at=datetime.now(UTC) - timedelta(hours=25)))
+    assert newest_run(backend) == asked_for  # the night has ended just now
 
 
 def test_waits_double_up_to_an_hour() -> None:

@@ -68,8 +68,8 @@ class Digest:
 
 
 def newest_run(backend: Backend) -> str:
-    """The newest night that has ended, or a run of the plant that was asked for where no night ended within the day
-    before. Raises RequestError("no_run")."""
+    """The newest night that has ended, or a run of the plant that was asked for where no night began within the day
+    before it. Raises RequestError("no_run")."""
     with backend.database.read() as connection:
         found = plant.last_whole_run(connection)
     if found is None:
