@@ -31,6 +31,7 @@ BROKERS = ("redis://", "rediss://", "folder://", "amqp://", "amqps://")
 
 
 HOST_NAME = re.compile(r"[a-z0-9_]([a-z0-9_.-]*[a-z0-9_])?", re.IGNORECASE | re.ASCII)
+LONGEST_LABEL = 63
 IN_BASE64 = "whsec_"
 
 
@@ -50,7 +51,12 @@ def _is_host(text: str) -> bool:
     try:
         return bool(ipaddress.ip_address(text))
     except ValueError:
-        return HOST_NAME.fullmatch(text) is not None
+        return HOST_NAME.fullmatch(text) is not None and _can_be_looked_up(text)
+
+
+def _can_be_looked_up(host: str) -> bool:
+    """Whether there are 1 to 63 characters between the dots; one may end it."""
+    return all(0 < len(label) <= LONGEST_LABEL for label in host.removesuffix(".").split("."))
 
 
 class Settings(BaseSettings):
@@ -257,10 +263,13 @@ class Settings(BaseSettings):
     @field_validator("digest_smtp_host")
     @classmethod
     def _name_of_a_server(cls, host: str) -> str:
+        # The dot that ends a whole name stands in no certificate.
+        name = host.removesuffix(".")
         # An address typed whole may hold a password: it is not repeated.
-        if host and not _is_host(host):
-            raise ValueError("DIGEST_SMTP_HOST is a name alone; its port is DIGEST_SMTP_PORT")
-        return host
+        if host and not _is_host(name):
+            lacks = "" if _can_be_looked_up(host) else f", 1 to {LONGEST_LABEL} characters between its dots"
+            raise ValueError(f"DIGEST_SMTP_HOST is a name alone{lacks}; its port is DIGEST_SMTP_PORT")
+        return name
 
     @field_validator("digest_webhook_secret")
     @classmethod
@@ -284,12 +293,13 @@ class Settings(BaseSettings):
         for place, address in enumerate(_listed(addresses), 1):
             try:
                 parts = urlsplit(address)
-                whole = bool(parts.hostname) and parts.port != 0
+                whole = parts.port != 0 and _can_be_looked_up(parts.hostname or "")
             except ValueError:
                 whole = False
             if not whole:
                 raise ValueError(
-                    f"number {place} of DIGEST_WEBHOOKS is no address: it lacks a host, or its port is none"
+                    f"number {place} of DIGEST_WEBHOOKS is no address: it lacks a host of 1 to {LONGEST_LABEL} "
+                    "characters between its dots, or its port is none"
                 )
         return addresses
 

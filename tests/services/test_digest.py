@@ -516,6 +516,26 @@ def test_the_doctor_warns_of_a_name_that_leads_inside_or_nowhere(
     assert "mail server nowhere.example is not found" in advised(digest_smtp_host="nowhere.example").found
 
 
+@pytest.mark.parametrize("label", ["", "a" * 64])
+def test_a_name_that_cannot_be_looked_up_is_told_and_not_raised(backend: Backend, night: str, label: str) -> None:
+    """Settings refuse it now."""
+    host = f"mail.{label}.example.com"
+    wrong = {"digest_smtp_host": host, "digest_webhooks": f"https://{host}/hidden"}
+    lost = Backend(backend.settings.model_copy(update=wrong), backend.database, backend.queue)
+    told = list(deliveries.out_of_reach(lost))
+    assert told == [
+        f"the mail server {host} is not found: this is no name",
+        f"https://{host}/... is not found: this is no name",
+    ]
+    assert doctor.digests(lost).state == "warning"
+    assert sent(lost, night) is ExitCode.SOME_FAILED
+    reasons = {str(one.reason) for one in deliveries.deliveries_of(lost, night)}
+    assert reasons == {
+        f"the mail server {host} has a name that is none",
+        "the receiver cannot be reached: UnicodeError",
+    }
+
+
 def test_a_night_of_long_ago_is_not_told_of(backend: Backend, night: str, receiver: Receiver) -> None:
     with backend.database.write() as connection:
         connection.execute(update(audits).values(ended_at=datetime(2026, 1, 1, tzinfo=UTC)))

@@ -91,6 +91,13 @@ def test_every_variable_that_the_project_itself_names_is_known() -> None:
     [
         ({"digest_webhook_secret": "whsec_@@@"}, "must be base64"),
         ({"digest_webhook_secret": "whsec_"}, "must be base64"),
+        ({"digest_smtp_host": "mail..example.com"}, "1 to 63 characters between its dots"),
+        ({"digest_smtp_host": f"{'a' * 64}.example.com"}, "1 to 63 characters between its dots"),
+        ({"digest_smtp_host": "mail.."}, "1 to 63 characters between its dots"),
+        ({"digest_smtp_host": "."}, "1 to 63 characters between its dots"),
+        ({"allowed_hosts": "loops..example.com"}, "names alone"),
+        ({"digest_webhooks": "https://hooks..example.com/hidden"}, "1 to 63 characters between its dots"),
+        ({"digest_webhooks": f"https://{'a' * 64}.example/hidden"}, "1 to 63 characters between its dots"),
         ({"digest_smtp_host": "http://mail"}, "is a name alone"),
         ({"digest_smtp_host": "mail:25"}, "is a name alone"),
         ({"digest_smtp_host": "mail/hidden"}, "is a name alone"),
@@ -126,6 +133,10 @@ def test_what_can_never_work_is_refused_at_the_start(wrong: dict[str, str], said
 )
 def test_what_may_work_is_taken(right: dict[str, object]) -> None:
     assert Settings(**right)
+
+
+def test_the_dot_that_ends_a_whole_name_is_left_out() -> None:
+    assert Settings(digest_smtp_host="smtp.example.com.").digest_smtp_host == "smtp.example.com"
 
 
 def test_a_rule_between_two_settings_is_told_without_a_stray_colon(monkeypatch: pytest.MonkeyPatch) -> None:

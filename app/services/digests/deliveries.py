@@ -135,8 +135,8 @@ def out_of_reach(backend: Backend) -> Iterator[str]:
     if any(receiver.startswith("mailto:") for receiver in settings.digest_receivers):
         try:
             socket.getaddrinfo(settings.digest_smtp_host, settings.digest_smtp_port, type=socket.SOCK_STREAM)
-        except OSError as error:
-            yield f"the mail server {settings.digest_smtp_host} is not found: {error.strerror}"
+        except (OSError, UnicodeError) as error:
+            yield f"the mail server {settings.digest_smtp_host} is not found: {_no_address(error)}"
     for receiver in settings.digest_receivers:
         if receiver.startswith("mailto:"):
             continue
@@ -144,8 +144,12 @@ def out_of_reach(backend: Backend) -> Iterator[str]:
             checked_address(httpx.URL(receiver), settings.digest_private_webhooks)
         except NotSentError as error:
             yield str(error)
-        except (httpx.InvalidURL, OSError) as error:
-            yield f"{shown(receiver)} is not found: {getattr(error, 'strerror', None) or 'no address'}"
+        except (httpx.InvalidURL, OSError, UnicodeError) as error:
+            yield f"{shown(receiver)} is not found: {_no_address(error)}"
+
+
+def _no_address(error: Exception) -> str:
+    return getattr(error, "strerror", None) or "this is no name"
 
 
 def outgoing(digest: Digest, receiver: str, id_suffix: str = "") -> Outgoing:

@@ -31,7 +31,7 @@ def send_mail(settings: Settings, outgoing: Outgoing, to: str) -> None:
     """Raises NotSentError with the server's own words; final where it will say the same again."""
     mail = message(settings, outgoing, to)
     try:
-        with smtplib.SMTP(settings.digest_smtp_host, settings.digest_smtp_port, timeout=TIMEOUT_S) as server:
+        with _connected(settings) as server:
             if settings.digest_smtp_starttls:
                 server.starttls(context=ssl.create_default_context())
             if settings.digest_smtp_user:
@@ -49,6 +49,13 @@ def send_mail(settings: Settings, outgoing: Outgoing, to: str) -> None:
         raise NotSentError(f"the certificate of the mail server {host} is refused: {error.verify_message}") from error
     except (smtplib.SMTPException, OSError) as error:
         raise NotSentError(f"the mail server cannot be used: {type(error).__name__}: {error}") from error
+
+
+def _connected(settings: Settings) -> smtplib.SMTP:
+    try:
+        return smtplib.SMTP(settings.digest_smtp_host, settings.digest_smtp_port, timeout=TIMEOUT_S)
+    except UnicodeError as error:
+        raise NotSentError(f"the mail server {settings.digest_smtp_host} has a name that is none") from error
 
 
 def _words(told: bytes | str) -> str:

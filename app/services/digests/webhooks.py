@@ -34,7 +34,7 @@ def send_webhook(settings: Settings, outgoing: Outgoing, address: str) -> None:
         url = httpx.URL(address)
         target = checked_address(url, settings.digest_private_webhooks)
         status = _post(url, target, headers, outgoing.body)
-    except (httpx.HTTPError, httpx.InvalidURL, OSError) as error:
+    except (httpx.HTTPError, httpx.InvalidURL, OSError, UnicodeError) as error:
         # Their texts may hold the address, and that a secret.
         raise NotSentError(f"the receiver cannot be reached: {type(error).__name__}") from error
     if 300 <= status < 400:
@@ -57,7 +57,8 @@ def key_of(secret: str) -> bytes:
 
 def checked_address(url: httpx.URL, private: bool) -> str:
     """The IP address to connect to. What the name resolves to is checked and then used, so that a name cannot mean
-    something else a moment later. Raises NotSentError for a private, loopback or otherwise special address."""
+    something else a moment later. Raises NotSentError for a private, loopback or otherwise special address, OSError or
+    UnicodeError where it resolves to none."""
     port = url.port or (443 if url.scheme == "https" else 80)
     found = [str(entry[4][0]) for entry in socket.getaddrinfo(url.host, port, type=socket.SOCK_STREAM)]
     if not private and not all(_public(address) for address in found):
