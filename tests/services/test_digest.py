@@ -536,6 +536,39 @@ def test_a_name_that_cannot_be_looked_up_is_told_and_not_raised(backend: Backend
     }
 
 
+def test_a_webhook_that_may_not_go_inside_is_a_problem_and_given_up(backend: Backend, night: str) -> None:
+    """The service starts all the same."""
+    kept_out = backend.settings.model_copy(update={"digest_private_webhooks": False, "digest_mail_to": ""})
+    inside = Backend(kept_out, backend.database, backend.queue)
+    found = doctor.digests(inside)
+    assert (found.state, found.advice) == ("problem", "LOOPAUDIT_DIGEST_PRIVATE_WEBHOOKS=true allows these")
+    assert "no webhook goes to 127.0.0.1" in found.found
+    sweep(inside)
+    deliver_all(inside)
+    assert states(inside, night)["http"] == ("failed", 1)
+
+
+@pytest.mark.parametrize(
+    ("secret", "key", "state"),
+    [
+        ("whsec_" + "AAEC" * 8, bytes([0, 1, 2]) * 8, "ok"),
+        ("whsec_-_8=", b"whsec_-_8=", "warning"),  # url-safe
+        ("whsec_AAECAw", b"whsec_AAECAw", "warning"),  # without its padding
+        ("whsec_a word", b"whsec_a word", "warning"),
+        ("whsec_Schl\u00fcssel", "whsec_Schl\u00fcssel".encode(), "warning"),
+        ("a word", b"a word", "ok"),
+    ],
+)
+def test_a_secret_signs_as_it_always_did_and_the_doctor_tells_how(
+    backend: Backend, secret: str, key: bytes, state: str
+) -> None:
+    assert webhooks.key_of(secret) == key
+    changed = {"digest_webhook_secret": Settings(digest_webhook_secret=secret).digest_webhook_secret}
+    found = doctor.digests(Backend(backend.settings.model_copy(update=changed), backend.database, backend.queue))
+    assert found.state == state
+    assert secret not in repr(found)
+
+
 def test_a_night_of_long_ago_is_not_told_of(backend: Backend, night: str, receiver: Receiver) -> None:
     with backend.database.write() as connection:
         connection.execute(update(audits).values(ended_at=datetime(2026, 1, 1, tzinfo=UTC)))

@@ -44,15 +44,28 @@ def send_webhook(settings: Settings, outgoing: Outgoing, address: str) -> None:
 
 
 def signature(secret: str, outgoing: Outgoing, timestamp: int) -> str:
-    """`v1,` and the HMAC-SHA256 of id.timestamp.body in base64; a secret `whsec_...` is base64 itself."""
+    """`v1,` and the HMAC-SHA256 of id.timestamp.body in base64."""
     signed = f"{outgoing.id}.{timestamp}.".encode() + outgoing.body
     return "v1," + base64.b64encode(hmac.new(key_of(secret), signed, hashlib.sha256).digest()).decode()
 
 
 def key_of(secret: str) -> bytes:
-    if secret.startswith(IN_BASE64):
+    """What `whsec_` and base64 stand for; any other text as it is."""
+    if secret.startswith(IN_BASE64) and not is_taken_as_it_is(secret):
         return base64.b64decode(secret.removeprefix(IN_BASE64), validate=True)
     return secret.encode()
+
+
+def is_taken_as_it_is(secret: str) -> bool:
+    """Whether it begins with `whsec_` and goes on as no base64, or as one of another alphabet or without its padding:
+    receivers differ in what they make of these, so that each is signed with as it always was."""
+    if not secret.startswith(IN_BASE64):
+        return False
+    try:
+        base64.b64decode(secret.removeprefix(IN_BASE64), validate=True)
+    except ValueError:
+        return True
+    return False
 
 
 def checked_address(url: httpx.URL, private: bool) -> str:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from itertools import chain
 from pathlib import Path
 from typing import Literal
 
@@ -19,6 +20,7 @@ from app.services.access import keys
 from app.services.access.rates import shared_answers
 from app.services.backend import Backend
 from app.services.digests import deliveries
+from app.services.digests.webhooks import is_taken_as_it_is
 from app.services.plant.arrivals import arrivals, sentences
 from app.services.upkeep.metrics import standstill_s
 from app.services.upkeep.operations import LEAST_FREE_BYTES
@@ -284,24 +286,42 @@ def digests(backend: Backend) -> Check:
     receivers = backend.settings.digest_receivers
     if not receivers:
         return Check("digest", "ok", "nobody gets one")
+    links = "" if backend.settings.public_url else "; no links, because LOOPAUDIT_PUBLIC_URL is not set"
+    good = Check("digest", "ok", f"{len(receivers)} receivers{links}")
+    return next(chain(_unsent_digests(backend), _doubtful_digests(backend)), good)
+
+
+def _unsent_digests(backend: Backend) -> Iterator[Check]:
+    """Why receivers get none."""
+    settings = backend.settings
     missing = list(deliveries.missing_settings(backend))
     if missing:
-        return Check("digest", "problem", f"{len(receivers)} receivers, not set: {', '.join(missing)}", "set these")
+        found = f"{len(settings.digest_receivers)} receivers, not set: {', '.join(missing)}"
+        yield Check("digest", "problem", found, "set these")
+    if settings.forbidden_hosts:
+        found = f"no webhook goes to {settings.forbidden_hosts[0]}, a private or special address"
+        yield Check("digest", "problem", found, "LOOPAUDIT_DIGEST_PRIVATE_WEBHOOKS=true allows these")
     failed = deliveries.newest_failed(backend)
     if failed:
         found = f"the newest was given up for {failed[0].receiver}: {failed[0].reason}"
         advice = f"`loopaudit digest --send --audit {failed[0].audit_id}` once the reason is mended"
-        return Check("digest", "warning", found, advice)
+        yield Check("digest", "warning", found, advice)
     lost = next(deliveries.out_of_reach(backend), None)
     if lost:
-        return Check("digest", "warning", lost, "correct the address, or the name server of this machine")
-    unsafe = backend.settings.digest_smtp_user and not backend.settings.digest_smtp_starttls
-    if unsafe:
-        return Check(
+        yield Check("digest", "warning", lost, "correct the address, or the name server of this machine")
+
+
+def _doubtful_digests(backend: Backend) -> Iterator[Check]:
+    """What is not as whoever set it may think."""
+    settings = backend.settings
+    if settings.digest_webhooks and is_taken_as_it_is(settings.digest_webhook_secret.get_secret_value()):
+        found = "the webhooks' secret begins with whsec_ and is no padded base64: it signs as plain text, as it stands"
+        advice = "where the receiver decodes it, write it with + and / for - and _, and = up to a multiple of four"
+        yield Check("digest", "warning", found, advice)
+    if settings.digest_smtp_user and not settings.digest_smtp_starttls:
+        yield Check(
             "digest", "warning", "the mail server's password travels in clear", "LOOPAUDIT_DIGEST_SMTP_STARTTLS"
         )
-    links = "" if backend.settings.public_url else "; no links, because LOOPAUDIT_PUBLIC_URL is not set"
-    return Check("digest", "ok", f"{len(receivers)} receivers{links}")
 
 
 OF_THE_DATABASE: tuple[tuple[str, Callable[[Backend], Check]], ...] = (
