@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sqlalchemy import Engine, delete, event, func, select, update
+from sqlalchemy import Engine, event, func, select, update
 
 from app.engine.recording import Recording
 from app.errors import LoopauditError, NotFoundError
@@ -20,42 +20,19 @@ from app.services.intake import reading, uploads
 from app.services.intake.uploads import ReadingOptions
 from app.services.plant import loops
 from app.services.plant.trend import trend
-from app.services.results import UploadView
 from app.services.upkeep import operations
 from app.storage import loops as stored_loops
 from app.storage import samples, series
 from app.storage import uploads as stored
 from app.storage.tables import series as series_table
 from app.storage.tables import uploads as uploads_table
-
-WIDE = "time,FIC1.PV,FIC1.OP,FIC1.SP,LIC2.PV,LIC2.OP\n"
-
-
-def export(rows: int = 200, start: int = 1_750_000_000, spoiled: bool = False) -> bytes:
-    lines = [WIDE]
-    for i in range(rows):
-        lines.append(f"{start + i},{50 + np.sin(i / 9):.3f},{40 + np.cos(i / 9):.3f},50,{i % 7},{i % 5}\n")
-    if spoiled:
-        lines[5] = f"{start + 4},Bad Input,40,50,1,1\n"
-    return "".join(lines).encode()
+from tests.services.sent_uploads import expire, export, read, send
 
 
 def of_one_tag(values: Sequence[str], shift_s: int = 0) -> bytes:
     """A file without a row of names, a value a minute: its tag is its name."""
     start = datetime(2026, 3, 1, tzinfo=UTC) + timedelta(seconds=shift_s)
     return "".join(f"{start + timedelta(minutes=i):%Y-%m-%d %H:%M:%S},{v}\n" for i, v in enumerate(values)).encode()
-
-
-def send(backend: Backend, data: bytes, name: str = "night.csv", options: ReadingOptions | None = None) -> UploadView:
-    with uploads.receive(backend, filename=name, reading=options) as receiving:
-        for start in range(0, len(data), 1000):
-            receiving.write(data[start : start + 1000])
-        return receiving.commit().upload
-
-
-def read(backend: Backend, upload: UploadView, owner: str = "w") -> UploadView:
-    reading.read_upload(backend, int(upload.id), owner)
-    return uploads.get_upload(backend, upload.id)
 
 
 def test_samples_are_packed_before_the_transaction_that_stores_them(
@@ -291,9 +268,9 @@ def test_names_cannot_leave_the_folder(backend: Backend) -> None:
 
 def test_an_upload_is_read_by_one_and_again_after_a_crash(backend: Backend) -> None:
     upload = send(backend, export())
-    _expire(backend, upload, state="reading", owner="dead", attempts=1, lease_until_s=time.time() + 30)
+    expire(backend, upload, state="reading", owner="dead", attempts=1, lease_until_s=time.time() + 30)
     assert read(backend, upload).state == "reading"
-    _expire(backend, upload, lease_until_s=0.0)
+    expire(backend, upload, lease_until_s=0.0)
     assert operations.sweep(backend).announced == 1
     assert read(backend, upload).samples_added == 400
 
@@ -356,11 +333,6 @@ def test_the_shared_exports_are_read_whole(backend: Backend, shared_dir: Path) -
         done = read(backend, uploads.receive_file(backend, path).upload)
         assert done.state == "done"
         assert done.rows_kept > 700
-
-
-def _expire(backend: Backend, upload: UploadView, **values: object) -> None:
-    with backend.database.write() as connection:
-        connection.execute(update(uploads_table).where(uploads_table.c.id == int(upload.id)).values(**values))
 
 
 def test_an_upload_tells_which_of_its_loops_are_retired(backend: Backend) -> None:
@@ -431,80 +403,3 @@ def test_an_upload_read_again_keeps_the_order_of_its_dates(backend: Backend) -> 
     again = uploads.read_again(backend, done.id, b"tag,loop,signal\nFIC1.PV,F,PV\nFIC1.OP,F,OP\n").upload
     with backend.database.read() as connection:
         assert stored.reading_of(connection, int(again.id))["date_order"] == "month"
-
-
-def changed(first: int, last: int, by: float) -> bytes:
-    """The export with other values of FIC1.PV in some rows."""
-    lines = export().decode().splitlines(keepends=True)
-    for row in range(first + 1, last + 1):
-        time_, pv, rest = lines[row].split(",", 2)
-        lines[row] = f"{time_},{float(pv) + by:.3f},{rest}"
-    return "".join(lines).encode()
-
-
-def stored_pv(backend: Backend) -> tuple[list[float | None], int]:
-    """What holds of FIC1.PV, and how many stretches are stored."""
-    with backend.database.read() as connection:
-        rows = connection.scalar(select(func.count()).select_from(series_table))
-    return trend(backend, "FIC1", points=1000).pv, rows
-
-
-def test_a_correction_that_is_taken_back_holds_no_more(backend: Backend) -> None:
-    sent, corrected = export(), changed(20, 30, by=5.0)
-    first = read(backend, send(backend, sent))
-    before = stored_pv(backend)[0]
-    second = read(backend, send(backend, corrected))
-    assert stored_pv(backend)[0] == pytest.approx([*before[:20], *(v + 5.0 for v in before[20:30]), *before[30:]])
-    third = read(backend, send(backend, sent + b"\n"))
-    assert (second.samples_added, third.samples_added) == (10, 10)
-    assert stored_pv(backend) == (before, 4)
-    fourth = read(backend, send(backend, corrected + b"\n"))
-    assert fourth.samples_added == 10
-    held = stored_pv(backend)
-    for upload in (first, second, third, fourth):  # each task may run twice, and late
-        _expire(backend, upload, state="received")
-        assert read(backend, upload).samples_added == 0
-        assert stored_pv(backend) == held
-    repeated = read(backend, send(backend, corrected + b"\n\n"))
-    assert (repeated.samples_added, stored_pv(backend)) == (0, held)
-
-
-def test_of_two_uploads_the_one_received_later_holds_though_it_is_read_first(backend: Backend) -> None:
-    """Two workers read at once, and one that found no room waits."""
-    first, second = send(backend, export()), send(backend, changed(20, 30, by=5.0))
-    assert read(backend, second).samples_added == 400
-    held = stored_pv(backend)
-    assert held[0] is not None
-    assert read(backend, first).samples_added == 0
-    assert stored_pv(backend) == held
-    assert held[0][20:30] == pytest.approx([50 + np.sin(i / 9) + 5.0 for i in range(20, 30)], abs=1e-3)
-
-
-def test_what_was_said_again_holds_over_a_correction_that_is_read_late(backend: Backend) -> None:
-    read(backend, send(backend, export()))
-    before = stored_pv(backend)[0]
-    corrected, again = send(backend, changed(20, 30, by=5.0)), send(backend, export() + b"\n")
-    assert read(backend, again).samples_added == 0
-    assert read(backend, corrected).samples_added == 0
-    assert stored_pv(backend)[0] == before
-
-
-def test_an_upload_that_failed_by_a_fault_of_ours_counts_as_received_when_it_is_sent_again(backend: Backend) -> None:
-    """Others were read meanwhile, and did not know that it would still come."""
-    sent, corrected = export(), changed(20, 30, by=5.0)
-    read(backend, send(backend, sent))
-    before = stored_pv(backend)[0]
-    failed = send(backend, corrected)
-    _expire(backend, failed, state="failed", error_code="fault")
-    read(backend, send(backend, sent + b"\n"))
-    assert read(backend, send(backend, corrected)).samples_added == 10
-    assert stored_pv(backend)[0][20:30] == pytest.approx([value + 5.0 for value in before[20:30]])
-
-
-def test_numbers_go_on_where_uploads_are_gone(backend: Backend) -> None:
-    """SQLite gives the id of the last row once more when that row is gone."""
-    read(backend, send(backend, export()))
-    read(backend, send(backend, export() + b"\n"))
-    with backend.database.write() as connection:
-        connection.execute(delete(uploads_table))
-    assert read(backend, send(backend, changed(20, 30, by=5.0))).samples_added == 10

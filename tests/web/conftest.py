@@ -5,6 +5,7 @@ import io
 import os
 import shutil
 from collections.abc import Iterator
+from html.parser import HTMLParser
 
 import pytest
 from playwright.sync_api import Browser, Error, sync_playwright
@@ -35,6 +36,33 @@ PAGES = [
     "/loops/FIC101",
     HOSTILE_PAGE,
 ]
+
+
+class Seen(HTMLParser):
+    """Scripts, links, texts, and what a strict content policy forbids."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.scripts, self.texts, self.links, self.forbidden = [], [], [], []
+        self.feed(html)
+
+    def handle_starttag(self, tag, attributes):
+        given = dict(attributes)
+        if tag == "script":
+            self.scripts.append(given.get("src"))
+        if tag == "a":
+            self.links.append(given["href"])
+        self.forbidden += [name for name in given if name == "style" or name.startswith("on")]
+        self.forbidden += [tag] if tag in ("style", "b-evil") else []
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+
+def seen(client, path: str) -> Seen:
+    answer = client.get(path)
+    assert answer.status_code == 200, answer.text[:300]
+    return Seen(answer.text)
 
 
 def wide(*tags: str, samples: int = 600) -> bytes:

@@ -1,7 +1,6 @@
 """The pages on a real plant: what a plant sends stays text, forms do what they say, nothing runs that is not ours."""
 
 import re
-from html.parser import HTMLParser
 
 import pytest
 
@@ -11,42 +10,13 @@ from app.services.auditing.nightly import nightly
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import list_uploads, receive
 from app.services.next_steps import next_step
-from app.services.plant import groups, loops
-from app.services.plant.groups import plant_groups
+from app.services.plant import loops
 from app.services.plant.nights import Night
-from app.services.results import GroupView
 from app.storage import uploads as stored_uploads
 from app.web import loop as loop_page
 from app.web import pages
 from app.web.columns import COLUMNS, OF_PAGES
-from tests.web.conftest import HOSTILE, HOSTILE_PAGE, PAGES, wide
-
-
-class Seen(HTMLParser):
-    """Scripts, links, texts, and what a strict content policy forbids."""
-
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.scripts, self.texts, self.links, self.forbidden = [], [], [], []
-        self.feed(html)
-
-    def handle_starttag(self, tag, attributes):
-        given = dict(attributes)
-        if tag == "script":
-            self.scripts.append(given.get("src"))
-        if tag == "a":
-            self.links.append(given["href"])
-        self.forbidden += [name for name in given if name == "style" or name.startswith("on")]
-        self.forbidden += [tag] if tag in ("style", "b-evil") else []
-
-    def handle_data(self, data):
-        self.texts.append(data)
-
-
-def seen(client, path: str) -> Seen:
-    answer = client.get(path)
-    assert answer.status_code == 200, answer.text[:300]
-    return Seen(answer.text)
+from tests.web.conftest import HOSTILE, HOSTILE_PAGE, PAGES, seen, wide
 
 
 @pytest.mark.parametrize("path", PAGES)
@@ -352,68 +322,6 @@ def test_a_file_can_be_sent_without_scripts(client, web_backend):
     answer = client.post("/uploads", files={"file": ("more.csv", b"time,PV,OP\n0,1,2\n1,2,3\n", "text/csv")})
     assert answer.status_code == 303
     assert list_uploads(web_backend).rows[0].filename == "more.csv"
-
-
-def test_groups_are_listed_for_machines(client):
-    told = client.get("/v1/groups").json()
-    assert told["next_cursor"] is None
-    tags = {member["loop"] for group in told["rows"] for member in group["members"]}
-    assert tags <= {"FIC101", "LIC7", HOSTILE}
-    assert len(tags) == 3  # the three carry one and the same swing
-
-
-def test_no_source_is_named_of_loops_that_may_share_a_period_by_chance(client, web_backend, monkeypatch):
-    crowded = GroupView("1", 300.0, True, True, 0.84, None, plant_groups(web_backend)[0].members)
-    monkeypatch.setattr(groups, "plant_groups", lambda backend: (crowded,))
-    told = " ".join(seen(client, "/groups").texts)
-    assert "No loops were found of which one is likely to shake the others." in told
-    assert "1 group that shares its period likely by chance" in told
-    assert "Probability of chance 0.84." in told
-    assert "Likeliest source:" not in told
-    assert "No member probably sticks" not in told
-
-
-def test_a_group_that_something_shakes_stands_before_those_of_chance(client, web_backend, monkeypatch):
-    members = plant_groups(web_backend)[0].members
-    shaken = GroupView("1", 300.0, True, False, 0.001, "LIC7", members)
-    crowded = GroupView("2", 500.0, False, True, 0.9, None, members)
-    monkeypatch.setattr(groups, "plant_groups", lambda backend: (shaken, crowded))
-    html = client.get("/groups").text
-    before, by_chance = html.split('<details id="by-chance">')
-    assert 'id="group-1"' in before
-    assert 'id="group-2"' in by_chance
-    assert "they do not move in step: that would take 0.70" in by_chance
-    assert "they do not move in step" not in before
-
-
-def test_a_loop_that_shares_its_period_by_chance_is_not_said_to_swing_with_others(client, web_backend, monkeypatch):
-    crowded = GroupView("1", 300.0, True, True, 0.84, None, plant_groups(web_backend)[0].members)
-    monkeypatch.setattr(loop_page, "groups_of", lambda backend, tag: [crowded])
-    told = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
-    assert "Its period is shared by 2 other loops , likely by chance." in told
-    assert "oscillates together" not in told
-
-
-@pytest.mark.parametrize(
-    ("by_chance", "said"), [(False, "look there first."), (True, "look there first; it may be chance.")]
-)
-def test_a_loop_names_the_source_of_its_group_also_where_that_may_be_chance(
-    client, web_backend, monkeypatch, by_chance, said
-):
-    members = plant_groups(web_backend)[0].members
-    pair = GroupView("1", 300.0, True, by_chance, 0.03, "LIC7", members)
-    monkeypatch.setattr(loop_page, "groups_of", lambda backend, tag: [pair])
-    told = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
-    assert f"the likeliest source is LIC7 : {said}" in told
-
-
-def test_a_loop_is_sent_to_no_source_of_loops_that_are_not_in_step(client, web_backend, monkeypatch):
-    members = plant_groups(web_backend)[0].members
-    alike = GroupView("1", 300.0, False, True, 0.03, "LIC7", members)
-    monkeypatch.setattr(loop_page, "groups_of", lambda backend, tag: [alike])
-    told = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
-    assert "oscillates together with" in told
-    assert "LIC7" not in told
 
 
 def test_the_loops_of_a_cascade_are_linked_both_ways(client, monkeypatch):

@@ -1,0 +1,71 @@
+"""What pages say of loops that oscillate together."""
+
+import pytest
+
+from app.services.plant import groups
+from app.services.plant.groups import plant_groups
+from app.services.results import GroupView
+from app.web import loop as loop_page
+from tests.web.conftest import HOSTILE, seen
+
+
+def test_groups_are_listed_for_machines(client):
+    told = client.get("/v1/groups").json()
+    assert told["next_cursor"] is None
+    tags = {member["loop"] for group in told["rows"] for member in group["members"]}
+    assert tags <= {"FIC101", "LIC7", HOSTILE}
+    assert len(tags) == 3  # the three carry one and the same swing
+
+
+def test_no_source_is_named_of_loops_that_may_share_a_period_by_chance(client, web_backend, monkeypatch):
+    crowded = GroupView("1", 300.0, True, True, 0.84, None, plant_groups(web_backend)[0].members)
+    monkeypatch.setattr(groups, "plant_groups", lambda backend: (crowded,))
+    told = " ".join(seen(client, "/groups").texts)
+    assert "No loops were found of which one is likely to shake the others." in told
+    assert "1 group that shares its period likely by chance" in told
+    assert "Probability of chance 0.84." in told
+    assert "Likeliest source:" not in told
+    assert "No member probably sticks" not in told
+
+
+def test_a_group_that_something_shakes_stands_before_those_of_chance(client, web_backend, monkeypatch):
+    members = plant_groups(web_backend)[0].members
+    shaken = GroupView("1", 300.0, True, False, 0.001, "LIC7", members)
+    crowded = GroupView("2", 500.0, False, True, 0.9, None, members)
+    monkeypatch.setattr(groups, "plant_groups", lambda backend: (shaken, crowded))
+    html = client.get("/groups").text
+    before, by_chance = html.split('<details id="by-chance">')
+    assert 'id="group-1"' in before
+    assert 'id="group-2"' in by_chance
+    assert "they do not move in step: that would take 0.70" in by_chance
+    assert "they do not move in step" not in before
+
+
+def test_a_loop_that_shares_its_period_by_chance_is_not_said_to_swing_with_others(client, web_backend, monkeypatch):
+    crowded = GroupView("1", 300.0, True, True, 0.84, None, plant_groups(web_backend)[0].members)
+    monkeypatch.setattr(loop_page, "groups_of", lambda backend, tag: [crowded])
+    told = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
+    assert "Its period is shared by 2 other loops , likely by chance." in told
+    assert "oscillates together" not in told
+
+
+@pytest.mark.parametrize(
+    ("by_chance", "said"), [(False, "look there first."), (True, "look there first; it may be chance.")]
+)
+def test_a_loop_names_the_source_of_its_group_also_where_that_may_be_chance(
+    client, web_backend, monkeypatch, by_chance, said
+):
+    members = plant_groups(web_backend)[0].members
+    pair = GroupView("1", 300.0, True, by_chance, 0.03, "LIC7", members)
+    monkeypatch.setattr(loop_page, "groups_of", lambda backend, tag: [pair])
+    told = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
+    assert f"the likeliest source is LIC7 : {said}" in told
+
+
+def test_a_loop_is_sent_to_no_source_of_loops_that_are_not_in_step(client, web_backend, monkeypatch):
+    members = plant_groups(web_backend)[0].members
+    alike = GroupView("1", 300.0, False, True, 0.03, "LIC7", members)
+    monkeypatch.setattr(loop_page, "groups_of", lambda backend, tag: [alike])
+    told = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
+    assert "oscillates together with" in told
+    assert "LIC7" not in told
