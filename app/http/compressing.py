@@ -5,7 +5,7 @@ from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddle
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 FROM_BYTES = 4096
-LEVEL = 1  # of 14,000 rows 45 MB become 5.8 in 0.14 s; level 6 makes 4.0 of them in 0.27 s
+LEVEL = 1  # 19.4 MB of rows become 2.47 MB in 58 ms; level 6 makes 1.72 MB of them in 116 ms
 
 
 class CompressApi:
