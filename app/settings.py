@@ -38,14 +38,6 @@ def _listed(text: str) -> list[str]:
     return [part.strip() for part in text.split(",") if part.strip()]
 
 
-def _is_inside(host: str) -> bool:
-    """Whether a host stands for a loopback, private or special address, whatever a name server says."""
-    try:
-        return not ipaddress.ip_address(host).is_global
-    except ValueError:
-        return host == "localhost" or host.endswith(".localhost")
-
-
 def _is_host(text: str) -> bool:
     try:
         return bool(ipaddress.ip_address(text))
@@ -328,12 +320,6 @@ class Settings(BaseSettings):
         """Addresses of receivers: mailto:..., http(s)://..."""
         mails = (f"mailto:{address}" for address in _listed(self.digest_mail_to))
         return tuple(dict.fromkeys((*mails, *_listed(self.digest_webhooks))))
-
-    @property
-    def forbidden_hosts(self) -> list[str]:
-        """Of webhooks that go inside by what is written, and are not let there."""
-        hosts = [urlsplit(address).hostname or "" for address in _listed(self.digest_webhooks)]
-        return [] if self.digest_private_webhooks else [host for host in hosts if _is_inside(host)]
 
     @property
     def embedded(self) -> bool:

@@ -22,8 +22,7 @@ from app.services.auditing import warming
 from app.services.backend import Backend
 from app.services.upkeep.operations import migrate
 from app.settings import Settings
-from app.storage import Database
-from app.storage.tables import metadata
+from app.storage import Database, copying
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 # Files that take long, whatever the number of their tests: begun last, they would keep one core waiting for the other.
@@ -122,9 +121,8 @@ def emptied_postgres(postgres_url: str) -> str:
 
 def empty_tables(url: str) -> None:
     engine = create_engine(url)
-    names = ", ".join(table.name for table in metadata.sorted_tables)
     with engine.begin() as connection:
-        connection.exec_driver_sql(f"TRUNCATE {names} RESTART IDENTITY CASCADE")
+        copying.empty(connection)
     engine.dispose()
 
 

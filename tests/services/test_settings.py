@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from app.cli.configuration import load_settings
 from app.errors import RequestError
+from app.services.digests.webhooks import forbidden_hosts
 from app.settings import Settings, misspelt
 
 
@@ -148,8 +149,8 @@ def test_the_dot_that_ends_a_whole_name_is_left_out() -> None:
     ],
 )
 def test_webhooks_that_go_inside_as_they_are_written_are_known(addresses: str, forbidden: list[str]) -> None:
-    assert Settings(digest_webhooks=addresses).forbidden_hosts == forbidden
-    assert Settings(digest_webhooks=addresses, digest_private_webhooks=True).forbidden_hosts == []
+    assert forbidden_hosts(Settings(digest_webhooks=addresses)) == forbidden
+    assert forbidden_hosts(Settings(digest_webhooks=addresses, digest_private_webhooks=True)) == []
 
 
 def test_a_rule_between_two_settings_is_told_without_a_stray_colon(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,7 @@ import hmac
 import ipaddress
 import socket
 import time
+from urllib.parse import urlsplit
 
 import httpx
 
@@ -78,6 +79,20 @@ def checked_address(url: httpx.URL, private: bool) -> str:
         text = f"{url.host} is a private or special address; LOOPAUDIT_DIGEST_PRIVATE_WEBHOOKS=true allows these"
         raise NotSentError(text, final=True)
     return found[0]
+
+
+def forbidden_hosts(settings: Settings) -> list[str]:
+    """Of receivers that go inside by what is written, whatever a name server says, and are not let there."""
+    webhooks = [receiver for receiver in settings.digest_receivers if not receiver.startswith("mailto:")]
+    hosts = [urlsplit(address).hostname or "" for address in webhooks]
+    return [] if settings.digest_private_webhooks else [host for host in hosts if _is_inside(host)]
+
+
+def _is_inside(host: str) -> bool:
+    try:
+        return not _public(host)
+    except ValueError:
+        return host == "localhost" or host.endswith(".localhost")
 
 
 def _public(address: str) -> bool:

@@ -20,7 +20,7 @@ from app.services.access import keys
 from app.services.access.rates import shared_answers
 from app.services.backend import Backend
 from app.services.digests import deliveries
-from app.services.digests.webhooks import is_taken_as_it_is
+from app.services.digests.webhooks import forbidden_hosts, is_taken_as_it_is
 from app.services.plant.arrivals import arrivals, sentences
 from app.services.upkeep.metrics import standstill_s
 from app.services.upkeep.operations import LEAST_FREE_BYTES
@@ -298,8 +298,8 @@ def _unsent_digests(backend: Backend) -> Iterator[Check]:
     if missing:
         found = f"{len(settings.digest_receivers)} receivers, not set: {', '.join(missing)}"
         yield Check("digest", "problem", found, "set these")
-    if settings.forbidden_hosts:
-        found = f"no webhook goes to {settings.forbidden_hosts[0]}, a private or special address"
+    if forbidden := forbidden_hosts(settings):
+        found = f"no webhook goes to {forbidden[0]}, a private or special address"
         yield Check("digest", "problem", found, "LOOPAUDIT_DIGEST_PRIVATE_WEBHOOKS=true allows these")
     failed = deliveries.newest_failed(backend)
     if failed:
