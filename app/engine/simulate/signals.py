@@ -56,10 +56,12 @@ class Signal:
 def _steps(spec: Signal, time_s: FloatArray) -> FloatArray:
     """A step that falls on a sample is seen by that sample, whatever the rounding of its time."""
     slack = 1e-6 * (time_s[1] - time_s[0]) if len(time_s) > 1 else 0.0
-    in_time = sorted(spec.steps, key=lambda step: step[0])
-    levels = np.cumsum([float(spec.value), *(change for _, change in in_time)])
-    begin = np.array([at_s - slack for at_s, _ in in_time])
-    return levels[np.searchsorted(begin, time_s, side="right")]
+    out = np.full(len(time_s), float(spec.value))
+    begins = np.searchsorted(time_s, [at_s - slack for at_s, _ in spec.steps])
+    # Added in their own order, not in that of time: the rounding of a sum decides what networks learn from it.
+    for begin, (_, change) in zip(begins, spec.steps, strict=True):
+        out[begin:] += change
+    return out
 
 
 def _form(wave: Wave, time_s: FloatArray) -> FloatArray:
