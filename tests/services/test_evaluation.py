@@ -1,5 +1,6 @@
 """Training and measuring: weights by valve, signs that hold, calibration, figures worked out by hand."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -184,6 +185,17 @@ def test_the_numbers_that_are_shipped_are_those_of_their_version(tmp_path):
     """A number that is changed by hand, under the version of the others, would make no stored verdict again."""
     parameters.write(fitted_model(), tmp_path / "again.py")
     assert (tmp_path / "again.py").read_text() == Path(verdict_parameters.__file__).read_text()
+
+
+def test_the_report_says_whether_the_shipped_numbers_are_those_of_the_fit():
+    shipped = fitted_model()
+    values = np.array([shipped.centre, shipped.centre + shipped.scale])
+    same = report.shipped_beside(shipped, shipped, values)
+    assert same == f"The parameters that are shipped, {verdict_parameters.VERSION}, are what this fit gives"
+    slope, intercept = shipped.calibration
+    other = report.shipped_beside(replace(shipped, calibration=(slope, intercept + 0.5)), shipped, values)
+    before, after = 1 / (1 + np.exp(-shipped.log_odds(values))), 1 / (1 + np.exp(-shipped.log_odds(values) - 0.5))
+    assert f"up to {np.abs(after - before).max():.3f}" in other
 
 
 def test_a_labelled_recording_is_read_as_audit_reads_it(tmp_path):

@@ -58,10 +58,10 @@ def main(arguments: list[str] | None = None) -> int:
         _print_strangers(usable, options.strangers, options.seed)
     if options.verdicts:
         options.verdicts.write_text("".join(_line(loop, j) for loop, j in zip(loops, judged, strict=True)))
+    whole = replace(fit(table.samples(), simulated, config), calibration=calibration)
+    _say("\n" + report.shipped_beside(whole, shape_model.fitted_model(), table.values))
     if options.write:
-        whole = table.samples()
-        version = parameters.write(replace(fit(whole, simulated, config), calibration=calibration), _PARAMETERS)
-        _say(f"wrote {_PARAMETERS.name}, version {version}")
+        _say(f"wrote {_PARAMETERS.name}, version {parameters.write(whole, _PARAMETERS)}")
     return 0
 
 

@@ -12,10 +12,14 @@ _DIGITS = 4
 _WIDTH = 112
 
 
+def version_of(model: ShapeModel) -> str:
+    """A hash of the numbers as they are written."""
+    return hashlib.sha256(_body(model).encode()).hexdigest()[:12]
+
+
 def write(model: ShapeModel, path: Path) -> str:
-    """Writes the module and returns the version in it: a hash of its numbers."""
-    body = _body(model)
-    version = hashlib.sha256(body.encode()).hexdigest()[:12]
+    """Writes the module and returns the version in it."""
+    body, version = _body(model), version_of(model)
     head = '"""The fitted numbers of the verdict. Made by `make evaluate`; not to be edited by hand."""\n\n'
     # The formatter would put each number on a line of its own.
     path.write_text(f'{head}# fmt: off\nVERSION = "{version}"\n{body}')

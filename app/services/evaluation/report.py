@@ -3,11 +3,14 @@
 from collections.abc import Iterable
 
 import numpy as np
+from scipy.special import expit
 
 from app.engine.judgement import Judgement
 from app.engine.recording import FloatArray, IntArray
+from app.engine.shape_model import ShapeModel
 from app.services.evaluation.fitting import TextArray
 from app.services.evaluation.leave_one_out import by_valve
+from app.services.evaluation.parameters import version_of
 from app.services.evaluation.scoring import Figures, Interval, area_under_curve, balanced, valve_labels
 
 
@@ -23,6 +26,18 @@ def headline(found: Figures, auc: Interval, forced: Interval) -> str:
         ("healthy valves called sticky and reliable", f"{100 * found.false_alarms:.1f} %", ""),
     )
     return _table(("by valve", "value", "95 % interval"), rows)
+
+
+def shipped_beside(fitted: ShapeModel, shipped: ShapeModel, values: FloatArray) -> str:
+    """Whether the shipped numbers are what a fit gives today; where not, how far they move the shapes of `values`.
+
+    values: (n, F) features. Another processor rounds otherwise, which networks amplify: a few hundredths are usual.
+    """
+    version, today = version_of(shipped), version_of(fitted)
+    if version == today:
+        return f"The parameters that are shipped, {version}, are what this fit gives"
+    moved = np.abs(expit(fitted.log_odds(values)) - expit(shipped.log_odds(values))).max()
+    return f"Shipped are the parameters {version}; this fit gives {today}: probabilities move by up to {moved:.3f}"
 
 
 def reliability_diagram(valves: TextArray, sticky: IntArray, probability: FloatArray) -> str:
