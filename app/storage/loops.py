@@ -25,6 +25,7 @@ SETTABLE = (
     "moves_valve",
     "retired",
 )
+SPANS = (("pv_low", "pv_high"), ("op_low", "op_high"))
 IN_SERVICE = ~loops.c.retired
 """Of loops that count: those that are retired keep what is stored of them, and are left out of what is said of all."""
 
@@ -147,13 +148,20 @@ def _range(low: float | None, high: float | None) -> tuple[float, float] | None:
     return None if low is None or high is None else (low, high)
 
 
-def fill_in(connection: Connection, told: dict[int, dict[str, Any]]) -> None:
-    """Sets what a mapping tells about loops, where nobody has set it yet."""
-    rows = by_ids(connection, told)
-    for loop_id, values in sorted(told.items()):
-        unset = {name: value for name, value in values.items() if getattr(rows[loop_id], name) is None}
-        if unset:
+def fill_in(connection: Connection, told: Mapping[int, Mapping[str, Any]]) -> None:
+    """Sets what a mapping tells about loops, where nobody has set it yet. A span is one value: of ends from two sources
+    none may be below the other."""
+    lacking = [loop_id for loop_id, row in by_ids(connection, told).items() if _unset(row, told[loop_id])]
+    rows = to_change(connection, lacking)  # looked at anew: somebody may have set it meanwhile
+    for loop_id, row in rows.items():
+        if unset := _unset(row, told[loop_id]):
             change(connection, loop_id, unset)
+
+
+def _unset(row: LoopRow, told: Mapping[str, Any]) -> dict[str, Any]:
+    """Of what is told, what the loop does not have; nothing of a span of which it has an end."""
+    begun = {name for span in SPANS if any(getattr(row, end) is not None for end in span) for name in span}
+    return {name: value for name, value in told.items() if name not in begun and getattr(row, name) is None}
 
 
 def count(connection: Connection) -> int:

@@ -1,0 +1,50 @@
+"""What a mapping tells of a loop gives way to what somebody has set."""
+
+import threading
+import time
+
+import pytest
+
+from app.storage import Database, loops
+
+
+def test_what_is_set_while_a_file_is_stored_stands(database: Database) -> None:
+    """The file's transaction begins while a change is not committed yet, and ends after it."""
+    with database.write() as connection:
+        (loop_id,) = loops.ensure(connection, ["FIC1"]).values()
+    begun = threading.Event()
+
+    def store() -> None:
+        begun.set()
+        with database.write() as connection:
+            loops.fill_in(connection, {loop_id: {"unit": "U9", "op_low": 0.0, "op_high": 100.0}})
+
+    storing = threading.Thread(target=store)
+    with database.write() as connection:
+        loops.change(connection, loop_id, {"unit": "U1", "op_low": 20.0})
+        storing.start()
+        begun.wait()
+        time.sleep(0.3)
+    storing.join()
+    with database.read() as connection:
+        row = loops.by_ids(connection, [loop_id])[loop_id]
+    assert (row.unit, row.op_low, row.op_high) == ("U1", 20.0, None)
+
+
+@pytest.mark.parametrize(
+    ("held", "told", "stored"),
+    [
+        ((None, None), {"op_low": 0.0, "op_high": 40.0}, (0.0, 40.0)),
+        ((50.0, None), {"op_low": 0.0, "op_high": 40.0}, (50.0, None)),
+        ((None, 30.0), {"op_low": 40.0, "op_high": 80.0}, (None, 30.0)),
+        ((0.0, 100.0), {"op_low": 4.0, "op_high": 20.0}, (0.0, 100.0)),
+        ((None, None), {"op_low": 4.0}, (4.0, None)),
+    ],
+)
+def test_a_span_is_filled_in_whole_or_not_at_all(database: Database, held: tuple, told: dict, stored: tuple) -> None:
+    with database.write() as connection:
+        (loop_id,) = loops.ensure(connection, ["FIC1"]).values()
+        loops.change(connection, loop_id, {"op_low": held[0], "op_high": held[1]})
+        loops.fill_in(connection, {loop_id: {"type": "flow", **told}})
+        row = loops.by_ids(connection, [loop_id])[loop_id]
+    assert ((row.op_low, row.op_high), row.type) == (stored, "flow")
