@@ -23,7 +23,13 @@ FORMATS = (1, FORMAT)  # of format 1 the head is a list of names, and each signa
 LEVEL = 3
 HEADER = struct.Struct("<BII")  # format, samples, length of the head
 LONGEST_NAMES = 1 << 20
+DAMAGED = (ValueError, TypeError, AttributeError, OverflowError, struct.error, zstandard.ZstdError)
+"""What unpacking raises where bytes are missing or others than were written."""
 _own = threading.local()
+
+
+class DamagedStretchError(Exception):
+    """What is stored is not what was written: a fault of the disk or of ours."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +114,8 @@ def _compressor() -> zstandard.ZstdCompressor:
 
 
 def unpack(packed: bytes) -> Samples:
-    """The samples that `pack` was given. Raises ValueError where the bytes are not of a format this version knows."""
+    """The samples that `pack` was given. Raises ValueError where the bytes are not of a format this version knows, and
+    one of `DAMAGED` where they are not what was packed."""
     version, n, length = HEADER.unpack_from(packed)
     if version not in FORMATS or length > LONGEST_NAMES:
         raise ValueError(f"packed samples of format {version}, this version knows {FORMATS}")
@@ -117,12 +124,23 @@ def unpack(packed: bytes) -> Samples:
     codings: dict[str, str] = told if version == FORMAT else dict.fromkeys(told, AS_IT_IS)
     size = n * (8 + sum(map(width, codings.values())))
     body = zstandard.ZstdDecompressor().decompress(packed[start:], max_output_size=size)
+    if len(body) != size:
+        raise ValueError(f"{len(body)} bytes of samples, {size} are needed")
     time_ns, end = np.cumsum(unshuffled(body[: 8 * n], "<i8")), 8 * n
     signals = {}
     for name, coding in codings.items():
         begin, end = end, end + n * width(coding)
         signals[name] = decoded(coding, body[begin:end])
     return Samples(time_ns, signals)
+
+
+def unpack_stored(stretch_id: int, packed: bytes) -> Samples:
+    """The samples of a row of `series`. Raises DamagedStretchError, which names it, where they cannot be read."""
+    try:
+        return unpack(packed)
+    except DAMAGED as error:
+        text = f"stretch {stretch_id} of the stored samples cannot be read ({type(error).__name__}: {error})"
+        raise DamagedStretchError(text) from error
 
 
 def merged(stretches: Sequence[Samples]) -> Samples:

@@ -13,7 +13,7 @@ from sqlalchemy import ColumnElement, Connection, Insert, and_, bindparam, func,
 from sqlalchemy.dialects import postgresql, sqlite
 
 from app.storage.bulk import among, columns_of, from_arrays, insert_new_rows
-from app.storage.samples import Samples, merged, news, unpack
+from app.storage.samples import Samples, merged, news, unpack_stored
 from app.storage.steps import known_before, last_known, led_in
 from app.storage.tables import AS_RECEIVED, loops, series
 
@@ -103,8 +103,8 @@ def between(
 
     A set point and a mode that were stated up to `hold_days` before are given to the first sample.
     """
-    query = select(series.c.packed).where(*_touches(loop_id, start_ns, end_ns)).order_by(*AS_RECEIVED)
-    parts = [unpack(row.packed) for row in connection.execute(query)]
+    query = select(series.c.id, series.c.packed).where(*_touches(loop_id, start_ns, end_ns)).order_by(*AS_RECEIVED)
+    parts = [unpack_stored(row.id, row.packed) for row in connection.execute(query).all()]
     if not parts:
         return None
     samples = merged(parts)
@@ -198,14 +198,14 @@ def _overlapped(connection: Connection, stretches: list[Stretch]) -> dict[int, l
     first = min(int(s.samples.time_ns[0]) for s in stretches)
     last = max(int(s.samples.time_ns[-1]) for s in stretches)
     query = (
-        select(series.c.loop_id, series.c.receipt_number, series.c.packed)
+        select(series.c.loop_id, series.c.id, series.c.receipt_number, series.c.packed)
         .where(among(connection, series.c.loop_id, {s.loop_id for s in stretches}))
         .where(series.c.end_ns >= first, series.c.start_ns <= last)
         .order_by(*AS_RECEIVED)
     )
     found: dict[int, list[Stored]] = defaultdict(list)
-    for row in connection.execute(query):
-        found[row.loop_id].append(Stored(row.receipt_number, unpack(row.packed)))
+    for row in connection.execute(query).all():
+        found[row.loop_id].append(Stored(row.receipt_number, unpack_stored(row.id, row.packed)))
     return found
 
 
@@ -273,15 +273,16 @@ def _back_to(
 ) -> Iterator[tuple[int, Samples, int]]:
     """Loop by loop, what its stretches hold that reach over that time, and that time."""
     query = (
-        select(series.c.loop_id, series.c.packed, since.label("since_ns"))
+        select(series.c.loop_id, series.c.id, series.c.packed, since.label("since_ns"))
         .join(loops, loops.c.id == series.c.loop_id)
         .where(series.c.end_ns >= since)
         .order_by(series.c.loop_id, *AS_RECEIVED)
     )
     for start in range(0, len(loop_ids), LOOPS_AT_ONCE):
-        rows = connection.execute(query.where(series.c.loop_id.in_(loop_ids[start : start + LOOPS_AT_ONCE])))
+        some = query.where(series.c.loop_id.in_(loop_ids[start : start + LOOPS_AT_ONCE]))
+        rows = connection.execute(some).all()  # a cursor that a fault leaves open would keep SQLite locked
         for loop_id, stretches in groupby(rows, key=attrgetter("loop_id")):
-            parts = [(unpack(row.packed), row.since_ns) for row in stretches]
+            parts = [(unpack_stored(row.id, row.packed), row.since_ns) for row in stretches]
             yield loop_id, merged([samples for samples, _ in parts]), parts[0][1]
 
 

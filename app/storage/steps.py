@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from sqlalchemy import ColumnElement, Connection, select
 
-from app.storage.samples import Samples, merged, unpack
+from app.storage.samples import Samples, merged, unpack_stored
 from app.storage.tables import AS_RECEIVED, loops, series
 
 NS_PER_DAY = 86_400_000_000_000
@@ -106,9 +106,9 @@ def _older(
 
 def _at(connection: Connection, loop_id: int, name: str, time_ns: int) -> float:
     """The value at a time for which stretches have different ones: the later stretch holds."""
-    query = select(series.c.packed).where(series.c.loop_id == loop_id)
+    query = select(series.c.id, series.c.packed).where(series.c.loop_id == loop_id)
     query = query.where(series.c.end_ns >= time_ns, series.c.start_ns <= time_ns).order_by(*AS_RECEIVED)
-    samples = merged([unpack(row.packed) for row in connection.execute(query)])
+    samples = merged([unpack_stored(row.id, row.packed) for row in connection.execute(query).all()])
     return float(samples.signals[name][np.searchsorted(samples.time_ns, time_ns)])
 
 

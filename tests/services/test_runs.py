@@ -24,7 +24,7 @@ from app.services.plant import loops
 from app.services.upkeep import operations
 from app.settings import Settings
 from app.storage import series as stored_series
-from app.storage.tables import audit_items, verdicts
+from app.storage.tables import audit_items, series, verdicts
 from app.storage.tables import audits as audits_table
 from app.storage.tables import loops as loops_table
 
@@ -105,6 +105,42 @@ def test_one_loop_that_crashes_or_hangs_leaves_the_others_alone(
         "HANG": "time_limit",
         "MEMORY": "memory",
     }
+
+
+@pytest.mark.parametrize("damaged", [b"\x02", b"", b"\x02\x01\x00\x00\x00\x02\x00\x00\x00{}", bytes(60)])
+def test_a_damaged_stretch_is_told_with_its_loop_and_the_others_are_audited_at_once(
+    backend: Backend, add_loops: AddLoops, damaged: bytes
+) -> None:
+    ids = add_loops("FIC1", "FIC2", "FIC3")
+    with backend.database.write() as connection:
+        this = update(series).where(series.c.loop_id == ids["FIC2"]).values(packed=damaged)
+        (stretch,) = connection.scalars(this.returning(series.c.id))
+    run = audits.start_audit(backend)
+    assert chunks.audit_chunk(backend, int(run.id), "w") == 3
+    ended = audits.get_audit(backend, run.id)
+    assert (ended.state, ended.done, ended.failed) == ("partial", 2, 1)
+    (failure,) = ended.failures
+    assert (failure.loop, failure.code) == ("FIC2", "fault")
+    assert f"stretch {stretch} of the stored samples cannot be read" in failure.text
+
+
+def test_a_data_base_that_stays_away_is_no_fault_of_the_loops(
+    backend: Backend, add_loops: AddLoops, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not even where their windows have to be read one by one."""
+    add_loops("FIC1", "FIC2")
+    run, asked = audits.start_audit(backend), []
+
+    def away(*arguments: object) -> dict:
+        asked.append(arguments)
+        raise ZeroDivisionError if len(asked) == 1 else OperationalError("SELECT 1", {}, Exception("away"))
+
+    monkeypatch.setattr(chunks.series, "windows", away)
+    impatient = backend.settings.model_copy(update={"lease_s": 0.05})
+    with pytest.raises(OperationalError):
+        chunks.audit_chunk(Backend(impatient, backend.database, backend.queue), int(run.id), "w")
+    ended = audits.get_audit(backend, run.id)
+    assert (ended.done, ended.failed, ended.open) == (0, 0, 2)
 
 
 def test_a_late_worker_cannot_overwrite(backend: Backend, add_loops: AddLoops, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from app.engine.audit import audit
@@ -15,7 +15,7 @@ from app.services.auditing.limits import TimeLimitError, time_limit
 from app.services.auditing.recordings import origin_ns, recording_of
 from app.services.auditing.repairs import Window, windows_since_repair
 from app.services.auditing.rows import new_verdict
-from app.services.backend import Backend
+from app.services.backend import DATABASE_AWAY, Backend
 from app.services.moments import PlantClock, moment_of
 from app.services.patience import patiently
 from app.storage import audits, items, loops, series, verdicts
@@ -30,11 +30,11 @@ log = logging.getLogger("loopaudit.audit")
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """A claimed loop with what the engine needs."""
+    """A claimed loop with what the engine needs. window: None where it could not be had together with the others."""
 
     claim: Claim
     loop: LoopRow
-    window: Window
+    window: Window | None
 
 
 @dataclass(frozen=True)
@@ -100,20 +100,42 @@ def _work_off(backend: Backend, run: AuditRow, config: AuditConfig, claims: Sequ
 
 
 def _load(backend: Backend, run: AuditRow, config: AuditConfig, claims: Sequence[Claim]) -> list[Work]:
-    ids, hold_days = [claim.loop_id for claim in claims], backend.settings.hold_days
     with backend.database.read() as connection:
-        known = loops.by_ids(connection, ids)
-        samples = series.windows(connection, ids, run.window_h, run.window_samples, hold_days)
-        windows = windows_since_repair(connection, known, samples, hold_days, config)
-    return [Work(claim, known[claim.loop_id], windows.get(claim.loop_id, Window(None))) for claim in claims]
+        known = loops.by_ids(connection, [claim.loop_id for claim in claims])
+    windows = _windows_together(backend, run, config, known)
+    return [Work(claim, known[claim.loop_id], windows.get(claim.loop_id)) for claim in claims]
+
+
+def _windows_together(
+    backend: Backend, run: AuditRow, config: AuditConfig, known: Mapping[int, LoopRow]
+) -> Mapping[int, Window]:
+    """None at all where one of them cannot be had: each loop then looks for its own."""
+    try:
+        return _windows(backend, run, config, known)
+    except DATABASE_AWAY:
+        raise
+    except Exception as error:  # noqa: BLE001 - one loop's stretch must not take the run with it; it is looked for again
+        log.warning("windows of a chunk are read loop by loop: %s", error)
+        return {}
+
+
+def _windows(backend: Backend, run: AuditRow, config: AuditConfig, known: Mapping[int, LoopRow]) -> dict[int, Window]:
+    hold_days = backend.settings.hold_days
+    with backend.database.read() as connection:
+        samples = series.windows(connection, known, run.window_h, run.window_samples, hold_days)
+        found = windows_since_repair(connection, known, samples, hold_days, config)
+    return {loop_id: found.get(loop_id, Window(None)) for loop_id in known}
 
 
 def _isolated(backend: Backend, work: Work, run: AuditRow, config: AuditConfig, watchdog: bool) -> Result:
     """Whatever happens in a loop's audit stays with that loop."""
     limit_s = backend.settings.loop_limit_s
     try:
+        window = work.window or _own_window(backend, work.loop, run, config)
         with time_limit(limit_s, watchdog=watchdog):
-            return Result(work.claim, verdict=_audited(work, run, config, backend.clock))
+            return Result(work.claim, verdict=_audited(work, window, run, config, backend.clock))
+    except DATABASE_AWAY:
+        raise
     except LoopauditError as error:
         return _set_aside(work, error.code, error.message)
     except TimeLimitError:
@@ -124,13 +146,17 @@ def _isolated(backend: Backend, work: Work, run: AuditRow, config: AuditConfig, 
         return _set_aside(work, "fault", f"{type(error).__name__}: {error}")
 
 
-def _audited(work: Work, run: AuditRow, config: AuditConfig, clock: PlantClock) -> NewVerdict:
-    samples = work.window.samples
+def _own_window(backend: Backend, loop: LoopRow, run: AuditRow, config: AuditConfig) -> Window:
+    return patiently(lambda: _windows(backend, run, config, {loop.id: loop}), backend.settings.lease_s)[loop.id]
+
+
+def _audited(work: Work, window: Window, run: AuditRow, config: AuditConfig, clock: PlantClock) -> NewVerdict:
+    samples = window.samples
     if samples is None or not len(samples):
         raise LoopauditError("no_samples", "the loop has no samples in the window")
     started = time.perf_counter()
     recording, origin = recording_of(work.loop, samples), moment_of(origin_ns(samples))
-    found = work.window.told(audit(recording, config), clock)
+    found = window.told(audit(recording, config), clock)
     return new_verdict(
         found,
         loop_id=work.loop.id,
