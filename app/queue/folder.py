@@ -21,28 +21,37 @@ from kombu.utils.json import dumps, loads
 MOST_WAITING = 2000
 """More doorbells than this ring for nobody: without a worker, the schedule must not fill the disk."""
 
+LEFT_AFTER_S = 3600.0
+"""What was taken, or is being written, for longer than this is nobody's any more: both take milliseconds."""
+WAITING, TAKEN, QUEUES = "waiting", "taken", "queues"
+DRAFT = "."
+
 
 class Channel(filesystem.Channel):
-    """One folder with `waiting` (a file a message) and `queues` (which queue hears which exchange)."""
+    """One folder with `waiting` (a file a message), `taken` (those that are being read) and `queues` (which queue hears
+    which exchange)."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        for part in (WAITING, TAKEN, QUEUES):
+            _sweep(self._folder(part))
 
     def _put(self, queue: str, payload: Any, **options: Any) -> None:  # type: ignore[override]  # as kombu's own do
-        waiting = self._folder("waiting")
+        waiting = self._folder(WAITING)
         if self._size(queue) >= MOST_WAITING:
             return
         name = f"{time.time_ns():020d}_{uuid.uuid4().hex}.{queue}.msg"
         _write_whole(waiting / name, dumps(payload))
 
     def _get(self, queue: str) -> Any:  # type: ignore[override]  # as above
-        taken = self._folder("taken")
+        taken = self._folder(TAKEN)
         for path in self._waiting(queue):
             mine = taken / f"{os.getpid()}_{path.name}"
             try:
                 path.rename(mine)
-                text = mine.read_text(encoding="utf-8")
-                mine.unlink()
             except FileNotFoundError:
                 continue  # another worker was quicker
-            payload = _parsed(text)
+            payload = _read_once(mine)
             if payload is not None:
                 return payload
         raise Empty
@@ -72,15 +81,15 @@ class Channel(filesystem.Channel):
 
     def _waiting(self, queue: str) -> list[Path]:
         ending = f".{queue}.msg"
-        folder = self._folder("waiting")
+        folder = self._folder(WAITING)
         return [folder / name for name in sorted(os.listdir(folder)) if name.endswith(ending)]
 
     def _table(self, exchange: str) -> Path:
-        return self._folder("queues") / self._exchange_file(exchange).name
+        return self._folder(QUEUES) / self._exchange_file(exchange).name
 
     @contextmanager
     def _one_at_a_time(self) -> Iterator[None]:
-        with (self._folder("queues") / "lock").open("w") as lock:
+        with (self._folder(QUEUES) / "lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             yield
 
@@ -100,7 +109,7 @@ class Transport(filesystem.Transport):
 
 def _write_whole(path: Path, text: str) -> None:
     """Under its name the file is whole or not there."""
-    draft = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
+    draft = path.with_name(f"{DRAFT}{path.name}.{uuid.uuid4().hex}")
     try:
         draft.write_text(text, encoding="utf-8")
         draft.rename(path)
@@ -109,9 +118,21 @@ def _write_whole(path: Path, text: str) -> None:
             draft.unlink()
 
 
-def _parsed(text: str) -> Any:
+def _sweep(folder: Path) -> None:
+    """Removes what a process left half done when it was ended. Nobody waits for it: the schedule rings again."""
+    before = time.time() - LEFT_AFTER_S
+    for path in folder.iterdir() if folder.name == TAKEN else folder.glob(f"{DRAFT}*"):
+        with suppress(FileNotFoundError):
+            if path.stat().st_ctime < before:
+                path.unlink()
+
+
+def _read_once(path: Path) -> Any:
+    """What the file says; None where that is no message. The file is gone then, whatever it holds."""
     try:
-        payload = loads(text)
-    except ValueError:
+        payload = loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError, OSError):  # of which the first is also what cannot be decoded
         return None
+    finally:
+        path.unlink(missing_ok=True)
     return payload if isinstance(payload, dict) and "body" in payload and "properties" in payload else None

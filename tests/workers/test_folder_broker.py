@@ -52,9 +52,27 @@ def test_what_cannot_be_read_is_dropped(channel: folder.Channel, tmp_path: Path)
     channel._put("audit", message(1))
     for name, content in {"0": "", "1": '{"bod', "2": "[]", "3": '{"body": 1}'}.items():
         (waiting / f"0000_{name}.audit.msg").write_text(content)
+    (waiting / "0000_4.audit.msg").write_bytes(b'{"body": "\xff\xfe", "properties": {}}')
+    (waiting / "0000_5.audit.msg").write_text("[" * 100_000)
     assert taken(channel, "audit") == ["1"]
     assert list(waiting.iterdir()) == []
     assert list((tmp_path / "broker" / "taken").iterdir()) == []
+
+
+def test_what_a_process_left_half_done_is_swept_at_the_start(
+    channel: folder.Channel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was ended between taking a message and reading it, or between writing one and giving it its name."""
+    broker = tmp_path / "broker"
+    channel._put("audit", message(1))
+    (broker / "taken" / "99_0000.audit.msg").write_text("{}")
+    (broker / "waiting" / ".0000.audit.msg.5f").write_text("{")
+    channel.connection.create_channel(channel.connection)
+    assert len(list(broker.rglob("*0000*"))) == 2  # somebody may be at it
+    monkeypatch.setattr(folder, "LEFT_AFTER_S", -60.0)
+    channel.connection.create_channel(channel.connection)
+    assert list(broker.rglob("*0000*")) == []
+    assert taken(channel, "audit") == ["1"]
 
 
 def test_a_message_is_taken_by_one(channel: folder.Channel) -> None:
