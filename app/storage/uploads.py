@@ -17,7 +17,7 @@ from app.storage.types import clock_s, long_ago, now, run_out
 UNREAD = ("received", "reading")
 OUR_FAULTS = ("reader_lost", "fault")
 BACK_OFF = range(3, 10)
-"""Attempts after which the pause to the next one doubles."""
+"""Attempts after which the pause to the next one doubles; after more of them it stays."""
 LONGEST_PAUSE_S = 300.0
 NO_PAUSE: dict[str, None] = {"pause_s": None, "waits_since": None}
 GOING = "going:"
@@ -208,16 +208,20 @@ def replace_rejects(connection: Connection, upload_id: int, listed: Sequence[Rej
 
 
 def give_up(connection: Connection, max_attempts: int, lease_s: float) -> int:
-    """Uploads whose readers died too often become failed."""
+    """Uploads whose readers died too often become failed; also those that wait to be read, which nobody could claim:
+    more tries were allowed when the last one began."""
+    free = or_(uploads.c.state == "received", run_out(uploads.c.lease_until_s, lease_s))
     result = connection.execute(
         update(uploads)
-        .where(uploads.c.state == "reading", run_out(uploads.c.lease_until_s, lease_s))
-        .where(uploads.c.attempts >= max_attempts)
+        .where(uploads.c.state.in_(UNREAD), free, uploads.c.attempts >= max_attempts)
         .values(
             state="failed",
             ended_at=now(),
             error_code="reader_lost",
             error_text=f"the worker that read this file was lost, {max_attempts} times",
+            owner=None,
+            lease_until_s=None,
+            **NO_PAUSE,
         )
     )
     return result.rowcount
@@ -231,7 +235,9 @@ def to_announce(connection: Connection, stalled_s: float, lease_s: float) -> lis
     since = uploads.c.announced_s
     waits = (uploads.c.state == "received") & uploads.c.pause_s.is_not(None)
     no_room = (waits, long_ago(since, uploads.c.pause_s))
-    longer = [(uploads.c.attempts == tries, long_ago(since, stalled_s * 2 ** (tries - 2))) for tries in BACK_OFF]
+    longer = [
+        (uploads.c.attempts >= tries, long_ago(since, stalled_s * 2 ** (tries - 2))) for tries in reversed(BACK_OFF)
+    ]
     quiet = case(no_room, *longer, else_=long_ago(since, stalled_s))
     free = or_(uploads.c.state == "received", run_out(uploads.c.lease_until_s, lease_s))
     found = connection.scalars(

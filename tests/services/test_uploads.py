@@ -303,13 +303,32 @@ def test_a_fault_of_ours_is_told_and_tried_again_when_sent_again(
 
     with monkeypatch.context() as patch:
         patch.setattr(reading, "_store", fault)
-        for _ in range(backend.settings.max_attempts):
+        for _ in range(reading.FAULTS_IN_ALL):
+            assert uploads.get_upload(backend, upload.id).state in ("received", "reading")
             with pytest.raises(ZeroDivisionError):
                 reading.read_upload(backend, int(upload.id), "w")
     failed = uploads.get_upload(backend, upload.id)
     assert failed.state == "failed"
     assert "ZeroDivisionError" in failed.reason
     assert read(backend, send(backend, export())).state == "done"
+
+
+@pytest.mark.parametrize(("of_loops", "of_uploads", "tries"), [(1, 10, 3), (20, 2, 2), (20, 20, 3)])
+def test_how_often_a_loop_is_tried_says_nothing_of_uploads(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch, of_loops: int, of_uploads: int, tries: int
+) -> None:
+    """A fault of ours is told as one, and not as a reader that was lost."""
+    settings = backend.settings.model_copy(update={"max_attempts": of_loops, "max_reading_attempts": of_uploads})
+    other = Backend(settings, backend.database, backend.queue)
+    upload = send(backend, export())
+    monkeypatch.setattr(reading, "_store", lambda *_: 1 / 0)
+    for _ in range(tries):
+        assert uploads.get_upload(backend, upload.id).state in ("received", "reading")
+        with pytest.raises(ZeroDivisionError):
+            reading.read_upload(other, int(upload.id), "w")
+        operations.sweep(other)
+    failed = uploads.get_upload(backend, upload.id)
+    assert (failed.state, "ZeroDivisionError" in failed.reason) == ("failed", True)
 
 
 def test_a_worker_that_does_not_see_the_file_leaves_it(backend: Backend) -> None:

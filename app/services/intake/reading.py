@@ -26,6 +26,8 @@ BATCHES_AHEAD = 2  # read, but not yet written
 LISTED_LOOPS = 20_000
 NAMED = 5
 BATCH_VALUES = 2_000_000
+FAULTS_IN_ALL = 3
+"""Attempts after which a fault of ours is told: it would most likely be the same at the tenth, an hour later."""
 
 
 @dataclass(frozen=True)
@@ -242,7 +244,7 @@ def _stumble(backend: Backend, claim: ReadingClaim, error: Exception) -> None:
         return
     if isinstance(error, DATABASE_AWAY):
         return  # for too long: no fault of the file, and nothing can be written; it is read when the lease is over
-    if claim.attempt >= backend.settings.max_attempts:
+    if claim.attempt >= min(FAULTS_IN_ALL, backend.settings.max_reading_attempts):
         text = f"reading this file failed by a fault of the service ({type(error).__name__}); the log has the details"
         _end(backend, claim, "failed", {"error_code": "fault", "error_text": text})
         return
