@@ -19,6 +19,13 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUM
 READING_THREADS = {"POLARS_MAX_THREADS": "2"}  # a plant's file comes alone, while no audit runs
 
 
+TASK_LIMIT_S = 600
+"""A task of the engine is ended after this time, with its process: its own limits must come first."""
+TASK_ROOM_S = 40
+"""Of it, for what is read and written around the engine."""
+PARTS_OF_EXPLAINING = 2
+"""Each of which has the time limit of an explanation."""
+
 PREFIX = "LOOPAUDIT_"
 READ_ELSEWHERE = re.compile(r"LOOPAUDIT_(URL|KEY|RECORDINGS|TEST_\w+)")
 """By commands that are clients of a service, by the evaluation and by the tests."""
@@ -114,7 +121,12 @@ class Settings(BaseSettings):
     explanation_samples: int = Field(
         20_000, ge=100, description="An explanation takes at most this many samples of a loop."
     )
-    explanation_limit_s: float = Field(180.0, gt=0, le=280, description="Time limit of one explanation, in seconds.")
+    explanation_limit_s: float = Field(
+        180.0,
+        gt=0,
+        le=(TASK_LIMIT_S - TASK_ROOM_S) / PARTS_OF_EXPLAINING,
+        description="Time limit of one explanation, in seconds.",
+    )
     nightly_explanations: int = Field(
         5, ge=0, le=1000, description="How many of a night's worst loops are explained; 0: none."
     )
@@ -301,6 +313,15 @@ class Settings(BaseSettings):
         if self.lease_s < 2 * self.loop_limit_s:
             needed = "LOOPAUDIT_LEASE_S must be at least twice LOOPAUDIT_LOOP_LIMIT_S"
             raise ValueError(f"{needed}, got {self.lease_s} and {self.loop_limit_s}")
+        return self
+
+    @model_validator(mode="after")
+    def _a_loop_ends_before_its_task(self) -> "Settings":
+        # The last loop may be claimed when the budget is all but over.
+        most = TASK_LIMIT_S - TASK_ROOM_S
+        if self.chunk_budget_s + self.loop_limit_s > most:
+            needed = f"LOOPAUDIT_CHUNK_BUDGET_S and LOOPAUDIT_LOOP_LIMIT_S must be at most {most} together"
+            raise ValueError(f"{needed}, got {self.chunk_budget_s} and {self.loop_limit_s}")
         return self
 
     @property

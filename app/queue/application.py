@@ -8,10 +8,9 @@ from kombu.transport import TRANSPORT_ALIASES
 
 from app.queue.jobs import AUDIT_CHUNK, DELIVER, EXPLAIN, READ_UPLOAD, SWEEP, queue_names
 from app.queue.steady import Every
-from app.settings import Settings
+from app.settings import TASK_LIMIT_S, Settings
 
 FOLDER = "folder://"
-CHUNK_HARD_LIMIT_S = 600
 DELIVERY_HARD_LIMIT_S = 120
 READING_HARD_LIMIT_S = 4 * 3600
 VISIBILITY_TIMEOUT_S = 900
@@ -39,8 +38,8 @@ def celery_application(settings: Settings, *, works: bool = False) -> Celery:
         task_default_queue=queues[SWEEP],
         task_routes={job: {"queue": queue} for job, queue in queues.items()},
         task_annotations={
-            AUDIT_CHUNK: {"time_limit": CHUNK_HARD_LIMIT_S},
-            EXPLAIN: {"time_limit": CHUNK_HARD_LIMIT_S},
+            AUDIT_CHUNK: {"time_limit": TASK_LIMIT_S},
+            EXPLAIN: {"time_limit": TASK_LIMIT_S},
             DELIVER: {"time_limit": DELIVERY_HARD_LIMIT_S},
             READ_UPLOAD: {"time_limit": READING_HARD_LIMIT_S},
         },

@@ -395,8 +395,8 @@ def test_travel_since_a_reversal() -> None:
 
 
 def test_the_watchdog_ends_before_the_task_does() -> None:
-    from app.queue.application import CHUNK_HARD_LIMIT_S
     from app.services.auditing.limits import WATCHDOG_AFTER
+    from app.settings import TASK_LIMIT_S
 
     longest = next(m.le for m in Settings.model_fields["explanation_limit_s"].metadata if hasattr(m, "le"))
-    assert WATCHDOG_AFTER * longest < CHUNK_HARD_LIMIT_S
+    assert WATCHDOG_AFTER * longest < TASK_LIMIT_S

@@ -49,6 +49,15 @@ def test_another_hour_is_refused_with_an_example(told: str) -> None:
         Settings(nightly_at=told)
 
 
+@pytest.mark.parametrize(("budget_s", "limit_s"), [(10.0, 700.0), (595.0, 20.0), (300.0, 270.0), (560.0, 0.1)], ids=str)
+def test_a_loop_must_end_before_its_task_is_ended(budget_s: float, limit_s: float) -> None:
+    """It would end as worker_lost, and not as time_limit."""
+    told = f"at most 560 together, got {budget_s} and {limit_s}"
+    with pytest.raises(ValidationError, match=f"LOOPAUDIT_CHUNK_BUDGET_S and LOOPAUDIT_LOOP_LIMIT_S must be {told}"):
+        Settings(chunk_budget_s=budget_s, loop_limit_s=limit_s, lease_s=2 * limit_s)
+    assert Settings(chunk_budget_s=60.0, loop_limit_s=500.0, lease_s=1000.0).loop_limit_s == 500.0
+
+
 @pytest.mark.parametrize("name", ["", "  "])
 def test_a_plant_has_a_name(name: str) -> None:
     with pytest.raises(ValidationError, match="a name is needed"):
