@@ -87,7 +87,8 @@ def collect(connection: Connection) -> Figures:
 
 def _newest_ended(connection: Connection, *such: ColumnElement[bool]) -> EndedRun | None:
     query = select(audits.c.id, audits.c.created_at, audits.c.ended_at).where(audits.c.ended_at.is_not(None), *such)
-    found = connection.execute(query.order_by(audits.c.id.desc()).limit(1)).one_or_none()
+    newest = query.order_by(audits.c.ended_at.desc(), audits.c.id.desc()).limit(1)
+    found = connection.execute(newest).one_or_none()
     if found is None:
         return None
     run_id, created_at, ended_at = found

@@ -65,6 +65,19 @@ def test_a_run_that_ended_tells_how_long_it_took_and_what_failed(backend, add_lo
     assert ("last_night_duration_seconds", "") not in found
 
 
+def test_the_last_run_is_the_one_that_ended_last_whichever_began_first(backend, add_loops):
+    add_loops("FIC1")
+    long, short = (start_audit(backend) for _ in range(2))
+    began = datetime(2026, 1, 1, tzinfo=UTC)
+    with backend.database.write() as connection:
+        for run, took in ((long, timedelta(hours=5)), (short, timedelta(minutes=7))):
+            ended = {"created_at": began, "ended_at": began + took, "state": "done"}
+            connection.execute(update(tables.audits).where(tables.audits.c.id == int(run.id)).values(**ended))
+    found = told(backend)
+    assert found["last_run_duration_seconds", ""] == 5 * 3600
+    assert found["last_run_ended_timestamp_seconds", ""] == (began + timedelta(hours=5)).timestamp()
+
+
 def test_a_run_over_one_loop_hides_neither_the_failures_of_the_night_nor_a_night_that_is_missing(backend, add_loops):
     add_loops("FIC1", "FIC2", "FIC3")
     nightly(backend, date(2026, 1, 1))
