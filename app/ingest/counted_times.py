@@ -5,13 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.ingest.model import NANOSECONDS, FloatArray
+from app.ingest.model import FloatArray
+from app.nanoseconds import NS_PER_S
 
 NUMBER = re.compile(r"[+-]?\d+([.,]\d+)?([eE][+-]?\d+)?")
 _FEW_DIGITS = re.compile(r"[+-]?\d+([.](?P<decimals>\d*))?[eE][+](?P<exponent>\d+)")
-DAY_NS = 86_400 * NANOSECONDS
+DAY_NS = 86_400 * NS_PER_S
 SHORTEST_STEP_S = 0.02  # what a historian keeps of a loop is slower: such a step at such a time is one of days
-FINEST_NS, COARSEST_NS = 100_000, NANOSECONDS  # to which days are rounded: what a double leaves of them, whole seconds
+FINEST_NS, COARSEST_NS = 100_000, NS_PER_S  # to which days are rounded: what a double leaves of them, whole seconds
 TICK_NS = 100.0
 _EPOCH_UNITS = ((1e17, 1.0), (1e14, 1e3), (1e11, 1e6), (1e8, 1e9))
 _UNIT = re.compile(r"[\[(_ ](ms|milliseconds?|min|minutes?|h|hours?|days?|us|µs)[\])]?$", re.IGNORECASE)
@@ -49,7 +50,7 @@ def find_count(sample: list[str], name: str) -> Count | None:
         return None
     for low, high, zero_s, note in _TICKS:
         if low < middle < high:
-            return _sharp(Count(TICK_NS, zero_s * NANOSECONDS, 10_000, (note,)), texts)
+            return _sharp(Count(TICK_NS, zero_s * NS_PER_S, 10_000, (note,)), texts)
     for above, scale in _EPOCH_UNITS:
         if middle > above:
             return _sharp(Count(scale), texts) if middle < above * 100 else None
@@ -63,7 +64,7 @@ def _sharp(count: Count, texts: list[str]) -> Count | None:
     if not cut:
         return count
     step = min(10.0 ** (int(found["exponent"]) - len(found["decimals"] or "")) for found in cut)
-    return count if step * count.scale <= NANOSECONDS else None
+    return count if step * count.scale <= NS_PER_S else None
 
 
 def _days(values: FloatArray, texts: list[str], name: str) -> Count | None:
@@ -72,7 +73,7 @@ def _days(values: FloatArray, texts: list[str], name: str) -> Count | None:
         if low < float(np.median(values)) < high and _steps_are_of_days(values, name, unit):
             step_ns = DAY_NS / 10.0 ** max(len(text.partition(".")[2]) for text in texts)
             rounding = min(max(10 ** int(np.ceil(np.log10(step_ns))), FINEST_NS), COARSEST_NS)
-            cut = (f"times are written to {step_ns / NANOSECONDS:.3g} s only",) if step_ns > NANOSECONDS else ()
+            cut = (f"times are written to {step_ns / NS_PER_S:.3g} s only",) if step_ns > NS_PER_S else ()
             return Count(float(DAY_NS), zero * DAY_NS, rounding, (note, *cut))
     return None
 
@@ -95,6 +96,6 @@ def _unit(name: str) -> str:
 def _relative(name: str) -> Count:
     word = _unit(name)
     if not word:
-        return Count(float(NANOSECONDS), None)
+        return Count(float(NS_PER_S), None)
     seconds = 1e-3 if word.startswith(("ms", "mil")) else _UNIT_SECONDS[word[0]]
-    return Count(seconds * NANOSECONDS, None, notes=(f"times are in {word} by the column's name",))
+    return Count(seconds * NS_PER_S, None, notes=(f"times are in {word} by the column's name",))

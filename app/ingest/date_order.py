@@ -5,13 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.ingest.model import NANOSECONDS, IngestOptions, TimeArray
+from app.ingest.model import IngestOptions, TimeArray
+from app.nanoseconds import NS_PER_S
 
 DAY_FIRST = ("%d/%m/%Y", "%d/%m/%y", "%d-%m-%Y", "%d-%m-%y")
 MONTH_FIRST = ("%m/%d/%Y", "%m/%d/%y", "%m-%d-%Y", "%m-%d-%y")
 YEAR_FIRST = ("%y/%m/%d", "%y-%m-%d")
 AMBIGUOUS = (*DAY_FIRST, *MONTH_FIRST, *YEAR_FIRST)
-CLOCKS_APART_NS = 86_400 * NANOSECONDS  # another clock, another zone
+CLOCKS_APART_NS = 86_400 * NS_PER_S  # another clock, another zone
 _DATE = 8  # characters of a format
 
 
@@ -78,4 +79,4 @@ def _unevenness(reading: Reading) -> tuple[int, int]:
     """Steps backward, then the span: the wrong order of day and month makes time jump."""
     steps = np.diff(reading.times)
     backward = min(int(np.sum(steps < 0)), int(np.sum(steps > 0)))
-    return backward, int(np.sum(np.abs(steps)) // NANOSECONDS)
+    return backward, int(np.sum(np.abs(steps)) // NS_PER_S)

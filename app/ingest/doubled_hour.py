@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from app.ingest.model import NANOSECONDS, TimeArray
+from app.ingest.model import TimeArray
 from app.ingest.stamps import from_utc
+from app.nanoseconds import NS_PER_S
 
-HOUR_NS = 3600 * NANOSECONDS
+HOUR_NS = 3600 * NS_PER_S
 
 
 def hours_apart(time_ns: TimeArray, zone: str, newest_first: bool) -> TimeArray:

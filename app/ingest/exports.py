@@ -15,7 +15,7 @@ from app.ingest.grouping import Grouping, TagMapping, group
 from app.ingest.head import Head
 from app.ingest.long_table import LongTable
 from app.ingest.marks import DoubtfulMarks
-from app.ingest.model import NANOSECONDS, FileSummary, IngestOptions, LoopSamples, Rejects, SignalBlock
+from app.ingest.model import FileSummary, IngestOptions, LoopSamples, Rejects, SignalBlock
 from app.ingest.plans import Plan, WidePlan
 from app.ingest.preparing import prepared
 from app.ingest.rejecting import RejectLog
@@ -23,6 +23,7 @@ from app.ingest.stamps import TimeForm
 from app.ingest.tally import Tally
 from app.ingest.wide_table import WideTable
 from app.ingest.writing import Writing
+from app.nanoseconds import NS_PER_S
 
 
 class Source(Protocol):
@@ -196,7 +197,7 @@ class TableExport(Export):
         """Which instant relative times were given: it matters where samples of several files come together."""
         if self._plan.form.kind != "relative":
             return ()
-        start = f"{datetime.fromtimestamp(self._options.start_ns / NANOSECONDS, UTC):%Y-%m-%d %H:%M:%S}"
+        start = f"{datetime.fromtimestamp(self._options.start_ns / NS_PER_S, UTC):%Y-%m-%d %H:%M:%S}"
         return (f"times are relative to a start that the file does not tell; 0 was taken for {start} UTC",)
 
     def tags(self) -> tuple[str, ...]:
@@ -239,7 +240,7 @@ class TableExport(Export):
         relative = self._plan.form.kind == "relative"
         if relative or now_ns is None or last_ns is None or last_ns <= now_ns + CLOCKS_APART_NS:
             return []
-        last, now = (f"{datetime.fromtimestamp(at // NANOSECONDS, UTC):%Y-%m-%d %H:%M}" for at in (last_ns, now_ns))
+        last, now = (f"{datetime.fromtimestamp(at // NS_PER_S, UTC):%Y-%m-%d %H:%M}" for at in (last_ns, now_ns))
         return [f"times go on until {last} UTC, ahead of the clock ({now} UTC): are date, year and zone right?"]
 
 

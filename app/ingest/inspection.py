@@ -7,7 +7,8 @@ import numpy as np
 
 from app.ingest.export import read_export
 from app.ingest.grouping import TagMapping
-from app.ingest.model import NANOSECONDS, FileSummary, IngestOptions, LoopSamples, Rejects
+from app.ingest.model import FileSummary, IngestOptions, LoopSamples, Rejects
+from app.nanoseconds import NS_PER_S
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ def inspect(
 def _report(samples: LoopSamples) -> LoopReport:
     named = {"PV": samples.pv, "OP": samples.op, "SP": samples.sp, "MODE": samples.automatic, **samples.others}
     signals = {name: values for name, values in named.items() if values is not None}
-    steps = np.diff(samples.time_ns) / NANOSECONDS
+    steps = np.diff(samples.time_ns) / NS_PER_S
     interval = float(np.median(steps)) if len(steps) else None
     missing = [float(np.mean(np.isnan(values))) for values in signals.values()]
     return LoopReport(

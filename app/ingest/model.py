@@ -16,8 +16,6 @@ SIGNALS: tuple[Signal, ...] = ("PV", "OP", "SP", "MODE", "OTHER")
 TimeArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 
-NANOSECONDS = 1_000_000_000
-
 
 @dataclass(frozen=True)
 class IngestOptions:

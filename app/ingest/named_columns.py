@@ -10,10 +10,11 @@ import polars as pl
 from app.errors import DataError
 from app.ingest.frames import UNREADABLE
 from app.ingest.marks import POINTED, DoubtfulMarks
-from app.ingest.model import NANOSECONDS, FloatArray, IngestOptions, TimeArray
+from app.ingest.model import FloatArray, IngestOptions, TimeArray
 from app.ingest.stamps import NO_TIME, TimeReader, find_form
 from app.ingest.values import odd_numbers, same_tag, tagged
 from app.ingest.writing import MARKED, Writing
+from app.nanoseconds import NS_PER_S
 
 SEPARATORS = ",;\t"
 NO_VALUE = ["", "NaN", "nan", "NA", "null"]
@@ -54,9 +55,9 @@ class NamedTable:
         if form is None:
             return None
         if form.kind == "relative":
-            return self.numbers(name) * (form.scale / NANOSECONDS)
+            return self.numbers(name) * (form.scale / NS_PER_S)
         at_ns = TimeReader(form, self._options).read(column)
-        return np.where(at_ns == NO_TIME, np.nan, at_ns / NANOSECONDS)
+        return np.where(at_ns == NO_TIME, np.nan, at_ns / NS_PER_S)
 
     def column(self, name: str) -> pl.Series:
         return self._frame[name]

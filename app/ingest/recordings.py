@@ -11,7 +11,8 @@ from app.engine.recording import Recording
 from app.ingest.align import align, carried
 from app.ingest.export import read_export
 from app.ingest.grouping import TagMapping
-from app.ingest.model import NANOSECONDS, FloatArray, IngestOptions, LoopSamples, Reject, SignalBlock, TimeArray
+from app.ingest.model import FloatArray, IngestOptions, LoopSamples, Reject, SignalBlock, TimeArray
+from app.nanoseconds import NS_PER_S
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +85,7 @@ def to_recording(samples: LoopSamples, name: str) -> Recording:
     automatic = samples.automatic
     return Recording(
         name,
-        (time_ns - start) / NANOSECONDS,
+        (time_ns - start) / NS_PER_S,
         pv[given],
         op[given],
         sp=None if samples.sp is None else carried(samples.sp)[given],
@@ -104,9 +105,7 @@ def second_zero_ns(time_ns: TimeArray, pv: FloatArray | None, op: FloatArray | N
 
 def _starts_s(audited: Mapping[str, LoopSamples], names: Mapping[str, str]) -> dict[str, float]:
     loops = {name: audited[loop] for name, loop in names.items()}
-    return {
-        name: second_zero_ns(one.time_ns, one.pv, one.op) / NANOSECONDS for name, one in loops.items() if one.samples
-    }
+    return {name: second_zero_ns(one.time_ns, one.pv, one.op) / NS_PER_S for name, one in loops.items() if one.samples}
 
 
 def _or_missing(signal: np.ndarray | None, samples: LoopSamples) -> np.ndarray:

@@ -12,10 +12,11 @@ import polars as pl
 from app.errors import DataError
 from app.ingest.counted_times import DAY_NS, NUMBER, TICK_NS, find_count
 from app.ingest.date_order import AMBIGUOUS, DAY_FIRST, MONTH_FIRST, YEAR_FIRST, Reading, choose
-from app.ingest.model import NANOSECONDS, FloatArray, IngestOptions, TimeArray
+from app.ingest.model import FloatArray, IngestOptions, TimeArray
 from app.ingest.spelled_times import respelled, tells_utc
 from app.ingest.told_zones import told_utc_offset_ns
 from app.ingest.wall_clock import WallClock
+from app.nanoseconds import NS_PER_S
 
 FIRST_YEAR, LAST_YEAR = 1971, 2199
 SAMPLE = 400
@@ -212,8 +213,8 @@ def _resolution(text: str) -> int:
     if "%.f" in text:
         return 1
     if "%S" in text:
-        return NANOSECONDS
-    return 60 * NANOSECONDS if "%M" in text else 86400 * NANOSECONDS
+        return NS_PER_S
+    return 60 * NS_PER_S if "%M" in text else 86400 * NS_PER_S
 
 
 def parse_text(texts: pl.Series, form: str, zoned: bool) -> TimeArray:
@@ -363,10 +364,8 @@ def _pairs(texts: pl.Series) -> TimeArray:
     parts = texts.str.strip_chars(' "').str.split_exact(":", 1).struct.unnest()
     seconds = parts.to_series(0).cast(pl.Int64, strict=False)
     nanoseconds = parts.to_series(1).cast(pl.Int64, strict=False)
-    good = (
-        (seconds.is_between(0, 7_000_000_000) & nanoseconds.is_between(0, NANOSECONDS - 1)).fill_null(False).to_numpy()
-    )
-    ticks = seconds.fill_null(0).to_numpy() * np.int64(good) * NANOSECONDS + nanoseconds.fill_null(
+    good = (seconds.is_between(0, 7_000_000_000) & nanoseconds.is_between(0, NS_PER_S - 1)).fill_null(False).to_numpy()
+    ticks = seconds.fill_null(0).to_numpy() * np.int64(good) * NS_PER_S + nanoseconds.fill_null(
         0
     ).to_numpy() * np.int64(good)
     return np.where(good, ticks, NO_TIME)

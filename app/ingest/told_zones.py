@@ -3,7 +3,7 @@
 import re
 from functools import lru_cache
 
-from app.ingest.model import NANOSECONDS
+from app.nanoseconds import NS_PER_S
 
 _UTC = re.compile(r"(?i)(?:(?<![a-z])(?:utc|gmt)|(?:utc|gmt)(?![a-z]))(?:\s*([+-])\s*(\d{1,2})(?::?(\d{2}))?)?")
 
@@ -15,7 +15,7 @@ def told_utc_offset_ns(name: str) -> int | None:
     if found is None:
         return None
     sign, hours, minutes = found.groups()
-    offset_ns = (int(hours or 0) * 60 + int(minutes or 0)) * 60 * NANOSECONDS
+    offset_ns = (int(hours or 0) * 60 + int(minutes or 0)) * 60 * NS_PER_S
     return -offset_ns if sign == "-" else offset_ns
 
 

@@ -7,10 +7,11 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from app.ingest.model import NANOSECONDS, TimeArray
+from app.ingest.model import TimeArray
+from app.nanoseconds import NS_PER_S
 
-DISORDER_NS = 600 * NANOSECONDS  # rows may be so much out of order; a larger step within the hour is the clock's
-HOUR_NS = 3600 * NANOSECONDS
+DISORDER_NS = 600 * NS_PER_S  # rows may be so much out of order; a larger step within the hour is the clock's
+HOUR_NS = 3600 * NS_PER_S
 FAR_NS = 2 * HOUR_NS  # steps of more than that come from outside of the hour
 FIRST, SECOND = 1, 2
 OUTSIDE = 0

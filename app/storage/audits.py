@@ -7,13 +7,12 @@ from typing import Any
 
 from sqlalchemy import Connection, and_, case, exists, func, insert, literal, or_, select, update
 
+from app.storage.bulk import insert_new
 from app.storage.items import CANCELLED
 from app.storage.loops import IN_SERVICE
-from app.storage.series import insert_new
-from app.storage.tables import audit_items, audits, loops
+from app.storage.tables import UNFINISHED, audit_items, audits, loops
 from app.storage.types import clock_s, long_ago, now
 
-UNFINISHED = ("planned", "running")
 TO_DO = ("open", "claimed")
 MANY = 1000
 """Loops of a run that are worth the tenth of a second in which PostgreSQL looks at the table anew."""

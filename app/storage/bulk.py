@@ -1,4 +1,5 @@
-"""Many rows in one statement: PostgreSQL takes columns as arrays in one round trip; rows one by one cost one each."""
+"""Inserts in the words of both data bases, and many rows in one statement: PostgreSQL takes columns as arrays in one
+round trip; rows one by one cost one each."""
 
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
@@ -8,6 +9,17 @@ from sqlalchemy import Column, ColumnElement, Connection, Insert, Select, Table,
 from sqlalchemy.dialects import postgresql, sqlite
 
 Rows = Sequence[dict[str, Any]]
+
+
+def insert_for(connection: Connection, table: Any) -> Any:
+    """An insert that can say what to do where a row's key is there already."""
+    dialect = postgresql if connection.dialect.name == "postgresql" else sqlite
+    return dialect.insert(table)
+
+
+def insert_new(connection: Connection, table: Any) -> Insert:
+    """An insert that leaves rows alone whose key is there already."""
+    return insert_for(connection, table).on_conflict_do_nothing()
 
 
 def insert_new_rows(connection: Connection, table: Table, rows: Rows) -> None:

@@ -6,8 +6,8 @@ from datetime import datetime, timedelta
 
 from sqlalchemy import ColumnElement, Connection, Update, and_, or_, select, update
 
+from app.storage.bulk import insert_new
 from app.storage.leases import Reopened, take_back
-from app.storage.series import insert_new
 from app.storage.tables import audits, deliveries
 from app.storage.types import clock_s, now
 

@@ -10,29 +10,29 @@ from app.storage.plant import told_of_both
 from app.storage.tables import loops, verdicts
 
 COMPLAINTS = ("stiction", "inconclusive")
-now = verdicts.alias("of_the_run")
+this = verdicts.alias("of_the_run")
 before = verdicts.alias("earlier")
-_PRIORITY = loops.c.importance * (100.0 - now.c.health)
-_OF_RUN = loops.join(now, and_(now.c.loop_id == loops.c.id, IN_SERVICE))
+_PRIORITY = loops.c.importance * (100.0 - this.c.health)
+_OF_RUN = loops.join(this, and_(this.c.loop_id == loops.c.id, IN_SERVICE))
 
 
 def worst_of_units(connection: Connection, audit_id: int, each: int) -> list[Any]:
     """Of each unit the loops that stick or may, at the head of its list by what is missing to health x importance."""
     place = func.row_number().over(partition_by=loops.c.unit, order_by=(_PRIORITY.desc().nulls_last(), loops.c.tag))
     shown = (
-        *(loops.c.tag, loops.c.unit, loops.c.importance, now.c.verdict, now.c.reliability),
-        *(now.c.stiction_probability, now.c.likely_cause, now.c.health, now.c.reasons_text),
+        *(loops.c.tag, loops.c.unit, loops.c.importance, this.c.verdict, this.c.reliability),
+        *(this.c.stiction_probability, this.c.likely_cause, this.c.health, this.c.reasons_text),
     )
     placed = select(*shown, place.label("place")).select_from(_OF_RUN)
-    found = placed.where(now.c.audit_id == audit_id, now.c.verdict.in_(COMPLAINTS)).subquery()
+    found = placed.where(this.c.audit_id == audit_id, this.c.verdict.in_(COMPLAINTS)).subquery()
     return list(connection.execute(select(found).where(found.c.place <= each).order_by(found.c.unit, found.c.place)))
 
 
 def refused_of(connection: Connection, audit_id: int, each: int) -> list[Any]:
     """Of each likely cause the first loops that were not auditable, the most important first."""
-    place = func.row_number().over(partition_by=now.c.likely_cause, order_by=(loops.c.importance.desc(), loops.c.tag))
-    placed = select(loops.c.tag, now.c.likely_cause, place.label("place")).select_from(_OF_RUN)
-    found = placed.where(now.c.audit_id == audit_id, now.c.verdict == "not_auditable").subquery()
+    place = func.row_number().over(partition_by=this.c.likely_cause, order_by=(loops.c.importance.desc(), loops.c.tag))
+    placed = select(loops.c.tag, this.c.likely_cause, place.label("place")).select_from(_OF_RUN)
+    found = placed.where(this.c.audit_id == audit_id, this.c.verdict == "not_auditable").subquery()
     return list(connection.execute(select(found).where(found.c.place <= each).order_by(found.c.place)))
 
 
@@ -41,22 +41,22 @@ def changes_of(connection: Connection, audit_id: int, limit: int) -> list[Any]:
     `plant.changes` tells."""
     earlier = (
         select(func.max(before.c.audit_id))
-        .where(before.c.loop_id == now.c.loop_id, before.c.audit_id < audit_id)
-        .correlate(now)
+        .where(before.c.loop_id == this.c.loop_id, before.c.audit_id < audit_id)
+        .correlate(this)
         .scalar_subquery()
     )
-    joined = _OF_RUN.outerjoin(before, and_(before.c.loop_id == now.c.loop_id, before.c.audit_id == earlier))
+    joined = _OF_RUN.outerjoin(before, and_(before.c.loop_id == this.c.loop_id, before.c.audit_id == earlier))
     query = select(
-        *(loops.c.tag, loops.c.unit, before.c.verdict.label("verdict_before"), now.c.verdict, now.c.health),
-        *told_of_both(now, before),
+        *(loops.c.tag, loops.c.unit, before.c.verdict.label("verdict_before"), this.c.verdict, this.c.health),
+        *told_of_both(this, before),
     ).select_from(joined)
-    news = or_(now.c.verdict != before.c.verdict, and_(before.c.verdict.is_(None), now.c.verdict == "stiction"))
-    query = query.where(now.c.audit_id == audit_id, news)
+    news = or_(this.c.verdict != before.c.verdict, and_(before.c.verdict.is_(None), this.c.verdict == "stiction"))
+    query = query.where(this.c.audit_id == audit_id, news)
     return list(connection.execute(query.order_by(_PRIORITY.desc().nulls_last(), loops.c.tag).limit(limit)))
 
 
 def counts_of(connection: Connection, audit_id: int) -> list[Any]:
     """Loops of the run by verdict, reliability and likely cause."""
-    by = (now.c.verdict, now.c.reliability, now.c.likely_cause)
-    query = select(*by, func.count().label("loops")).select_from(_OF_RUN).where(now.c.audit_id == audit_id)
+    by = (this.c.verdict, this.c.reliability, this.c.likely_cause)
+    query = select(*by, func.count().label("loops")).select_from(_OF_RUN).where(this.c.audit_id == audit_id)
     return list(connection.execute(query.group_by(*by)))

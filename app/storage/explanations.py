@@ -20,9 +20,9 @@ from sqlalchemy import (
     update,
 )
 
+from app.storage.bulk import insert_new
 from app.storage.leases import Reopened, take_back
 from app.storage.loops import IN_SERVICE
-from app.storage.series import insert_new
 from app.storage.tables import audit_items, audits, explanations, loops, verdicts
 from app.storage.types import clock_s, long_ago, now
 

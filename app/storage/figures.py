@@ -6,9 +6,10 @@ from datetime import datetime, timedelta
 from sqlalchemy import ColumnElement, Connection, and_, func, select
 
 from app.storage.loops import IN_SERVICE, count, count_retired
-from app.storage.tables import audit_items, audits, explanations, keys, loops, uploads, verdicts
+from app.storage.tables import UNFINISHED, audit_items, audits, explanations, keys, loops, uploads, verdicts
 from app.storage.tallies import UPLOAD_BYTES, tallied
 from app.storage.types import now
+from app.storage.uploads import UNREAD_STATES
 
 DAY = timedelta(days=1)
 
@@ -49,14 +50,12 @@ class Figures:
 
 
 def collect(connection: Connection) -> Figures:
-    unfinished = select(audits.c.id).where(audits.c.state.in_(("planned", "running")))
+    unfinished = select(audits.c.id).where(audits.c.state.in_(UNFINISHED))
     is_newest = and_(verdicts.c.loop_id == loops.c.id, verdicts.c.audit_id == loops.c.newest_audit_id)
     newest = loops.join(verdicts, and_(is_newest, IN_SERVICE))
     night = _newest_ended(connection, audits.c.nightly_for.is_not(None))
     today = audits.c.ended_at >= now() - DAY
-    unread = connection.scalar(
-        select(func.min(uploads.c.received_at)).where(uploads.c.state.in_(("received", "reading")))
-    )
+    unread = connection.scalar(select(func.min(uploads.c.received_at)).where(uploads.c.state.in_(UNREAD_STATES)))
     oldest = connection.scalar(select(func.min(audits.c.created_at)).where(audits.c.id.in_(unfinished)))
     return Figures(
         loops=count(connection),

@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import Connection, Select, Update, bindparam, select, tuple_, update
 
 from app.storage.leases import Reopened, take_back
-from app.storage.tables import audit_items, audits, loops
+from app.storage.tables import UNFINISHED, audit_items, audits, loops
 from app.storage.types import clock_s
 
 CANCELLED = "cancelled"
@@ -44,7 +44,7 @@ def claim(connection: Connection, audit_id: int, owner: str, count: int, lease_s
 
     A loop that was tried before is claimed alone: if it takes its worker down, it takes no other loop with it.
     """
-    going_on = select(audits.c.id).where(audits.c.id == audit_id, audits.c.state.in_(("planned", "running")))
+    going_on = select(audits.c.id).where(audits.c.id == audit_id, audits.c.state.in_(UNFINISHED))
     open_items = (
         select(audit_items.c.loop_id)
         .where(audit_items.c.audit_id == going_on.scalar_subquery(), audit_items.c.state == "open")

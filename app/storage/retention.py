@@ -6,6 +6,7 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, Table, and_, delete, exists, func, or_, select, true, tuple_, update
 
+from app.nanoseconds import NS_PER_S
 from app.storage.steps import HOLDING
 from app.storage.tables import (
     AS_RECEIVED,
@@ -23,9 +24,8 @@ from app.storage.tables import (
 )
 from app.storage.tallies import UPLOAD_BYTES, tally
 from app.storage.types import now
-from app.storage.uploads import going, let_go, lock_bytes
+from app.storage.uploads import UNREAD_STATES, going, let_go, lock_bytes
 
-NS_PER_S = 1_000_000_000
 ENDED = ("done", "partial", "cancelled")
 UPLOADS_AT_ONCE = 10  # the row of each may have megabytes of tags and mapping
 
@@ -183,4 +183,4 @@ def _bytes_needed(before: datetime | None) -> ColumnElement[bool]:
     if before is None:
         return true()
     last_sent = func.coalesce(uploads.c.sent_again_at, uploads.c.received_at)
-    return uploads.c.state.in_(("received", "reading")) | (last_sent >= before)
+    return uploads.c.state.in_(UNREAD_STATES) | (last_sent >= before)

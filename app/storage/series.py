@@ -9,15 +9,14 @@ from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
-from sqlalchemy import ColumnElement, Connection, Insert, and_, bindparam, func, insert, select, tuple_, update
-from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy import ColumnElement, Connection, and_, bindparam, func, select, tuple_, update
 
+from app.nanoseconds import NS_PER_H
 from app.storage.bulk import among, columns_of, from_arrays, insert_new_rows
 from app.storage.samples import Samples, merged, news, unpack_stored
 from app.storage.steps import known_before, last_known, led_in
 from app.storage.tables import AS_RECEIVED, loops, series
 
-NS_PER_H = 3_600_000_000_000
 LOOPS_AT_ONCE = 8
 """Loops whose stretches are taken from the data base together: a week at a value a second has some megabytes."""
 
@@ -138,17 +137,6 @@ def extent(connection: Connection, loop_id: int) -> tuple[int, int] | None:
         select(func.min(series.c.start_ns), func.max(series.c.end_ns)).where(series.c.loop_id == loop_id)
     ).one()
     return None if row[0] is None else (row[0], row[1])
-
-
-def insert_for(connection: Connection, table: Any) -> Any:
-    """An insert that can say what to do where a row's key is there already."""
-    dialect = postgresql if connection.dialect.name == "postgresql" else sqlite
-    return dialect.insert(table)
-
-
-def insert_new(connection: Connection, table: Any) -> Insert:
-    """An insert that leaves rows alone whose key is there already."""
-    return insert_for(connection, table).on_conflict_do_nothing()
 
 
 def _touches(loop_id: int, start_ns: int, end_ns: int) -> tuple[ColumnElement[bool], ...]:
@@ -290,19 +278,3 @@ def _newest(samples: Samples, since_ns: int, most_samples: int) -> Samples:
     """A copy, where it is not all of them: a view would hold on to what it leaves out."""
     first = max(int(np.searchsorted(samples.time_ns, since_ns)), len(samples) - most_samples)
     return samples.part(np.arange(len(samples)) >= first) if first > 0 else samples
-
-
-__all__ = [
-    "Added",
-    "Place",
-    "Stretch",
-    "add",
-    "between",
-    "count_between",
-    "extent",
-    "insert",
-    "insert_for",
-    "insert_new",
-    "pieces",
-    "windows",
-]

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from sqlalchemy import ColumnElement, Connection, select
 
+from app.nanoseconds import NS_PER_DAY
 from app.storage.samples import Samples, merged, unpack_stored
 from app.storage.tables import AS_RECEIVED, loops, series
 
-NS_PER_DAY = 86_400_000_000_000
 HOLDING = {"sp": "sp", "automatic": "mode"}
 """Signals that hold, and how their columns begin."""
 

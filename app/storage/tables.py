@@ -158,6 +158,9 @@ audits = Table(
     _partial("ix_audits_unfinished", "id", where="state IN ('planned', 'running')"),
 )
 
+UNFINISHED = ("planned", "running")
+"""States of a run that is still to be worked on."""
+
 audit_items = Table(
     "audit_items",
     metadata,

@@ -2,7 +2,7 @@
 
 from sqlalchemy import Connection, select
 
-from app.storage.series import insert_for
+from app.storage.bulk import insert_for
 from app.storage.tables import tallies
 
 UPLOAD_BYTES = "upload_bytes"

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import zstandard
 from sqlalchemy import ColumnElement, Connection, Select, Table, and_, bindparam, case, func, or_, select, update
 
+from app.storage.bulk import insert_for, insert_new
 from app.storage.json_texts import short_json
 from app.storage.loops import IN_SERVICE, retired
-from app.storage.series import insert_for, insert_new
 from app.storage.tables import audits, loops, newest_rows, verdict_details, verdicts
 
 KEPT_FROM_USERS = ("loop_id", "input_start_ns", "input_end_ns", "extra_json")

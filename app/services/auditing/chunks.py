@@ -22,6 +22,7 @@ from app.storage import audits, items, loops, series, verdicts
 from app.storage.audits import AuditRow
 from app.storage.items import Claim, Failure
 from app.storage.loops import LoopRow
+from app.storage.tables import UNFINISHED
 from app.storage.types import now
 from app.storage.verdicts import NewVerdict
 
@@ -53,7 +54,7 @@ def audit_chunk(backend: Backend, audit_id: int, owner: str, *, watchdog: bool =
     """
     lease_s = backend.settings.lease_s
     run = patiently(lambda: _run(backend, audit_id), lease_s)
-    if run is None or run.state not in audits.UNFINISHED:
+    if run is None or run.state not in UNFINISHED:
         return 0
     config = AuditConfig.from_json(run.config_json)
     until = time.monotonic() + backend.settings.chunk_budget_s
