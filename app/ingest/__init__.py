@@ -2,34 +2,27 @@
 
 For services that store a plant's samples::
 
-    export = read_export(path, filename="night.csv.gz", mapping=mapping,
-    options=IngestOptions(time_zone="Europe/Berlin"))
-    for stretch in export.loops():      # LoopSamples: loop, time_ns (int64, UTC), pv, op, sp, automatic (1/0/-1/NaN),
-    others, resampled
-        store(stretch)                  # a signal that the stretch lacks is None, a missing value NaN
-    export.rejects()                    # Rejects: counts by code (exact), listed (the first of them, with line, code,
-    text, tag)
-    export.summary()                    # FileSummary: layout, encoding, tags, loops (LoopTags), rows, values, first
-    and last time, notes
+    options = IngestOptions(time_zone="Europe/Berlin")
+    export = read_export(path, filename="night.csv.gz", mapping=mapping, options=options)
+    for stretch in export.loops():  # LoopSamples: loop, time_ns (int64, UTC), pv, op, sp, automatic, others, resampled
+        store(stretch)              # a signal that the stretch lacks is None, a missing value NaN
+    export.rejects()                # Rejects: counts by code (exact), listed (the first: line, code, text, tag)
+    export.summary()                # FileSummary: layout, encoding, tags, loops, rows, values, times, notes
 
 * `read_export` raises DataError at once where the file is no export; iterating may raise one later (an unpacked size
-beyond the caps,
-  nothing readable). Nothing else is raised by any bytes.
+  beyond the caps, nothing readable). Nothing else is raised by any bytes.
 * Memory is bounded, and each loop comes once: what is more than `options.buffered_values` values is put aside in files
-without a name in
-  `options.spill_folder`.
-* `for block in export` gives the raw signals tag by tag instead (SignalBlock); `align(blocks)` makes LoopSamples of
-one loop's blocks.
+  without a name in `options.spill_folder`.
+* `for block in export` gives the raw signals tag by tag instead (SignalBlock); `align(blocks)` makes LoopSamples of one
+  loop's blocks.
 * A file of relative seconds is anchored at `options.start_ns` (1970-01-01 UTC), its loop is named by the file.
 * `mapping.find(tag)` has what the plant's mapping says besides: `.attributes` (unit, low, high, loop_type, ...),
-`.number("low")`.
+  `.number("low")`.
 
 Reject codes: bad_time, not_a_number, unclear_mark, not_finite, sentinel, bad_quality, off_line, unknown_mode,
-ragged_row, unbalanced_quote,
-duplicate_time, name_too_long, no_tag, sheet_not_read.
+ragged_row, unbalanced_quote, duplicate_time, name_too_long, no_tag, sheet_not_read.
 DataError codes: empty_file, not_an_export, unknown_layout, nothing_readable, decompressed_too_large, line_too_long,
-too_many_tags,
-bad_mapping, excel_not_installed, unknown_time_zone, matlab_version, more_fields_than_names.
+too_many_tags, bad_mapping, excel_not_installed, unknown_time_zone, matlab_version, more_fields_than_names.
 
 `read_recordings(path)` gives recordings for the engine, `inspect(path)` a report on a file, `read_named(path)` a table
 whose columns are asked for by name.

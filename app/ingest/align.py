@@ -1,14 +1,11 @@
 """A loop's signals on one time base.
 
 Signals of one loop that were sampled together (wide files, scans of a historian) are joined on their times; where one
-of them has no
-value it is NaN. Signals that were sampled each at its own times (compressed data) cannot be audited row by row: PV's
-times are the
-base, and each other signal is brought to them: OP and further signals by straight lines between their samples (that
-is what a swinging
-door keeps), SP and MODE by their last known value (they step). Nothing is extrapolated beyond a signal's last sample
-except a step.
-`LoopSamples.resampled` names the signals that were treated so.
+of them has no value it is NaN. Signals that were sampled each at its own times (compressed data) cannot be audited row
+by row: PV's times are the base, and each other signal is brought to them: OP and further signals by straight lines
+between their samples (that is what a swinging door keeps), SP and MODE by their last known value (they step). Nothing
+is extrapolated beyond a signal's last sample except a step. `LoopSamples.resampled` names the signals that were treated
+so.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence

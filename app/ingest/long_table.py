@@ -180,7 +180,7 @@ class LongTable:
         codes = self._numbered(tags, time_ns != NO_TIME)
         kept = self._kept(rows, texts, tags, codes, time_ns, reader)
         values = self._values(rows, codes, kept, reader)
-        self._refuse_quality(rows, kept, codes, values)
+        self._refuse_quality(rows, kept, values)
         at = np.flatnonzero(kept)
         self._tally.rows_kept += len(at)
         if len(at) < len(codes):
@@ -347,9 +347,7 @@ class LongTable:
         for code, at in {"unknown_mode": unknown, **refused}.items():
             self._refuse(rows, code, at, (refused_as(code, texts[int(row)]) for row in at))
 
-    def _refuse_quality(
-        self, rows: Rows, kept: NDArray[np.bool_], codes: NDArray[np.uint32], values: FloatArray
-    ) -> None:
+    def _refuse_quality(self, rows: Rows, kept: NDArray[np.bool_], values: FloatArray) -> None:
         if self._plan.quality is None:
             return
         texts = rows.frame[name_of(self._plan.quality)]

@@ -37,7 +37,6 @@ class Structures:
 
 
 Value = FloatArray | Structures | None  # a vector or scalar of real numbers as (n,), structures, anything else
-Array = tuple[str, Value, int]  # name, value, where the next one begins
 
 
 def is_matlab(start: bytes) -> bool:

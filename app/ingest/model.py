@@ -23,8 +23,7 @@ class IngestOptions:
 
     time_zone: IANA name of the zone in which time stamps without an offset were written.
     start_ns: the instant (ns since 1970, UTC) that second 0 of a file in relative seconds is given. The default is
-    1970-01-01, so
-        that the same file always gives the same samples.
+        1970-01-01, so that the same file always gives the same samples.
     day_first: True or False where the caller knows whether day or month stands first in dates that can be read in both
         orders; None: found from the data.
     now_ns: the instant (ns since 1970, UTC) at which the file is read or came; samples are not later. None: no clock.
@@ -53,8 +52,7 @@ class SignalBlock:
     """Samples of one tag, in order of time, without repeated times.
 
     time_ns: (n,) nanoseconds since 1970-01-01 UTC. value: (n,) engineering units, NaN where the row gave none; for
-    MODE 1 is
-    automatic or cascade, 0 manual, -1 not understood, NaN not written.
+    MODE 1 is automatic or cascade, 0 manual, -1 not understood, NaN not written.
     """
 
     tag: str

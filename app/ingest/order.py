@@ -18,8 +18,7 @@ def in_order(time_ns: TimeArray) -> NDArray[np.int64] | None:
 
 def without_stutter(time_ns: TimeArray) -> TimeArray:
     """A stamp that comes twice where the next one is two steps away was rounded the wrong way: its second row belongs
-    to the step
-    that is missing. Times must be in order."""
+    to the step that is missing. Times must be in order."""
     if len(time_ns) < 4:
         return time_ns
     steps = np.diff(time_ns)

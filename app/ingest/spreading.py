@@ -22,8 +22,8 @@ def stamps_are_cut(time_ns: TimeArray, resolution_ns: int) -> bool:
 
 class Spreader:
     """Holds back the rows of the last stamp until all of them are there. The first stamp's rows, if it is cut by the
-    file's start,
-    end where the next stamp begins; the last one's begin at its stamp; both at the spacing of a whole one."""
+    file's start, end where the next stamp begins; the last one's begin at its stamp; both at the spacing of a whole
+    one."""
 
     def __init__(self, resolution_ns: int) -> None:
         self._resolution = resolution_ns

@@ -49,8 +49,7 @@ class TimeForm:
     """How a column of times is read.
 
     kind: "text" (`format`), "relative" (seconds from a start), "epoch" (a number since 1970), "epoch_pair"
-    (seconds:nanoseconds),
-        "serial" (days since 1899-12-30 or since year 0, of a clock on the wall).
+        (seconds:nanoseconds), "serial" (days since 1899-12-30 or since year 0, of a clock on the wall).
     scale: nanoseconds a unit of a number. origin_ns: of its zero, since 1970. rounding_ns: what its times are
         rounded to.
     utc_offset_ns: of the zone that the column's name tells; None where it tells none.
