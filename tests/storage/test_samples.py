@@ -1,5 +1,7 @@
 """Samples packed and laid over each other: nothing changes on the way, and nothing by sending again."""
 
+import json
+
 import numpy as np
 import pytest
 import zstandard
@@ -8,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from app.storage.coding import coded, coded_each, decoded, shuffled
-from app.storage.samples import HEADER, Samples, merged, news, pack, prepare, unpack
+from app.storage.samples import HEADER, DamagedStretchError, Samples, merged, news, pack, prepare, unpack, unpack_stored
 
 SECOND = 1_000_000_000
 
@@ -56,6 +58,17 @@ def test_an_unknown_format_is_refused() -> None:
     packed[0] = 99
     with pytest.raises(ValueError, match="format 99"):
         unpack(bytes(packed))
+
+
+def test_a_damaged_stretch_is_told_by_its_number() -> None:
+    whole = samples([1, 2, 3], pv=[1, 2, 3], op=[10, 20, 30])
+    again = unpack_stored(7, whole.packed)
+    assert same(again, whole)
+    head = json.dumps({"pv": "d"}).encode()
+    short = HEADER.pack(2, 3, len(head)) + head + zstandard.ZstdCompressor().compress(bytes(24))
+    for damaged in (b"", whole.packed[:4], whole.packed[:20], whole.packed[:-3], bytes(90), short):
+        with pytest.raises(DamagedStretchError, match="stretch 7 of the stored samples cannot be read"):
+            unpack_stored(7, damaged)
 
 
 def test_the_later_value_holds_and_a_missing_one_hides_nothing() -> None:
