@@ -64,7 +64,8 @@ class Audit:
     key_figures: over the whole recording, also where it is not auditable. health: from these and the verdict.
     swing: what is kept of a regular oscillation to compare loops by; None where there is none.
     stiction_size: None where the valve is cleared or nothing can be said. op_instrument_span: of OP, None: not known.
-    input_fingerprint: SHA-256 of the recording's samples; config_fingerprint: of the configuration.
+    input_fingerprint: SHA-256 of samples, spans and whether the process integrates; config_fingerprint: of the
+    configuration.
     """
 
     recording: str

@@ -15,6 +15,8 @@ Steps = NDArray[np.uint16]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
+_DECIDES = ("time_s", "pv", "op", "sp", "automatic", "op_range", "pv_range", "integrating")
+
 
 @dataclass(frozen=True, eq=False)
 class Recording:
@@ -70,10 +72,16 @@ class Recording:
         )
 
     def fingerprint(self) -> str:
-        """SHA-256 over times and signals: the same samples give the same fingerprint, on any machine."""
+        """SHA-256 over all that decides the verdict: times, signals, spans and whether the process integrates, each
+        under its name and length. The same on any machine; the recording's name and `others` are not part of it.
+        """
         digest = hashlib.sha256()
-        for signal in (self.time_s, self.pv, self.op, self.sp, self.automatic):
-            digest.update(b"-" if signal is None else np.ascontiguousarray(signal, dtype="<f8").tobytes())
+        for name in _DECIDES:
+            given = getattr(self, name)
+            if given is not None:
+                values = np.ascontiguousarray(given, dtype="<f8")
+                digest.update(f"{name}|{values.size}|".encode())
+                digest.update(values.data)
         return digest.hexdigest()
 
 

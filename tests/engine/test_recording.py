@@ -45,6 +45,18 @@ def test_fingerprint_knows_the_samples_and_not_the_name():
     assert len({r.fingerprint() for r in (*different, a_recording())}) == 5
 
 
+def test_fingerprint_knows_what_else_decides_the_verdict():
+    given = ({}, {"op_range": (0.0, 100.0)}, {"op_range": (0.0, 50.0)}, {"pv_range": (0.0, 100.0)},
+             {"integrating": True}, {"integrating": False})  # fmt: skip
+    assert len({a_recording(**one).fingerprint() for one in given}) == len(given)
+    assert a_recording(op_range=(0, 100)).fingerprint() == a_recording(op_range=(0.0, 100.0)).fingerprint()
+
+
+def test_fingerprint_knows_which_signal_is_which():
+    ones = np.ones(3)
+    assert a_recording(sp=ones).fingerprint() != a_recording(automatic=ones == 1.0).fingerprint()
+
+
 def test_errors_keep_their_code_between_processes():
     error = pickle.loads(pickle.dumps(DataError("signal_length", "too short")))  # noqa: S301
     assert (type(error), error.code, str(error)) == (DataError, "signal_length", "too short")

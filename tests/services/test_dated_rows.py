@@ -22,6 +22,7 @@ def made():
 def row(made):
     stored = new_verdict(
         audit(made.recording),
+        recording=made.recording,
         loop_id=1,
         audit_id=2,
         origin=ORIGIN,

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from datetime import UTC, date, datetime, timedelta
 
 import numpy as np
@@ -60,9 +61,13 @@ def test_a_stored_verdict_is_that_of_the_engine_and_can_be_made_again(backend: B
     with backend.database.read() as connection:
         given = connection.execute(select(verdicts.c.input_start_ns, verdicts.c.input_end_ns)).one()
         samples = stored_series.between(connection, ids["FIC1"], given.input_start_ns, given.input_end_ns)
-    recording = chunks.recording_of(loops.find(backend, "FIC1"), samples)
+    loops.patch_loop(backend, "FIC1", {"op_low": 20.0, "op_high": 60.0, "integrating": True})
+    now = chunks.recording_of(loops.find(backend, "FIC1"), samples)
+    stated = loops.verdict_detail(backend, "FIC1")["stated"]
+    assert stated == {"op_range": [0.0, 100.0], "pv_range": None, "integrating": False}
+    recording = replace(now, **stated)
     again = audit(recording)
-    assert (recording.op_range, recording.integrating) == ((0.0, 100.0), False)
+    assert stored["input_fingerprint"] != now.fingerprint()
     assert stored["input_fingerprint"] == again.input_fingerprint
     assert stored["config_fingerprint"] == again.config_fingerprint
     assert stored["verdict"] == again.judgement.verdict

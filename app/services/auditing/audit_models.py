@@ -123,7 +123,9 @@ class AuditFields(BaseModel):
     set_point_moved_by: str | None = Field(
         None, description="The loop whose OP is this loop's set point, or loops, parted by ';'; null: none was found."
     )
-    input_fingerprint: str = Field(description="SHA-256 of the recording's samples.")
+    input_fingerprint: str = Field(
+        description="SHA-256 of what was judged: samples, spans, whether the process integrates."
+    )
     config_fingerprint: str = Field(description="SHA-256 of the configuration of the audit.")
 
 

@@ -160,6 +160,7 @@ def _audited(work: Work, window: Window, run: AuditRow, config: AuditConfig, clo
     found = window.told(audit(recording, config), clock)
     return new_verdict(
         found,
+        recording=recording,
         loop_id=work.loop.id,
         audit_id=run.id,
         origin=origin,

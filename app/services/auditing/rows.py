@@ -9,6 +9,7 @@ from typing import Any
 
 from app.engine.audit import Audit
 from app.engine.excerpts import Excerpts
+from app.engine.recording import Recording
 from app.services.auditing import excerpts, swings
 from app.services.auditing.audit_detail import detail
 from app.services.auditing.audit_line import audit_line, reliability_row
@@ -25,6 +26,8 @@ TIMES_MS = tuple(f"{name}_ms" for name in TIMES)
 OF_LOOP = ("recording", "loop", "unit")
 KEY_FIGURES = "key_figures"
 HELD_SINCE = "held_since"
+STATED, STATED_OF_LOOP = "stated", ("op_range", "pv_range", "integrating")
+"""What the verdict took of the loop beside its samples: kept with it, because it may be stated otherwise later."""
 OF_LOOP_NOW = ("unit",)  # what is asked of the loop when a row is sent, because it may have changed since the verdict
 FORM = hashlib.blake2b(
     json.dumps([3, FIELDS, OF_LOOP_NOW, list(KeyFiguresLine.model_fields)]).encode(), digest_size=8
@@ -36,6 +39,7 @@ COLUMNS = frozenset(column.name for column in verdicts.columns)
 def new_verdict(
     audit: Audit,
     *,
+    recording: Recording,
     loop_id: int,
     audit_id: int,
     origin: datetime,
@@ -46,7 +50,7 @@ def new_verdict(
     held_ns: Mapping[str, int] = MappingProxyType({}),
     kept: Excerpts | None = None,
 ) -> NewVerdict:
-    """`origin`: the instant of the recording's second 0; `input_ns`: first and last sample given to the engine;
+    """`recording`: what was judged; `origin`: the instant of its second 0; `input_ns`: its first and last sample;
     `clock`: what sentences tell times by; `held_ns`: when signals were stated that held when the record began; `kept`:
     of OP and SP, to compare loops by."""
     line = dated(audit_line(audit, elapsed_s), origin, clock)
@@ -62,6 +66,7 @@ def new_verdict(
     }
     held = {name: iso_utc(moment_of(at)) for name, at in held_ns.items()}
     told = {**detail(audit), "reasons": line["reasons"], "episodes": line["episodes"], HELD_SINCE: held}
+    told[STATED] = {name: getattr(recording, name) for name in STATED_OF_LOOP}
     stored = columns | extra | {"tag": audit.recording, "audit_id": audit_id}
     columns["extra_json"] = compact({**extra, KEY_FIGURES: told[KEY_FIGURES]})
     swing = None if audit.swing is None else swings.as_json(audit.swing, origin.timestamp())
