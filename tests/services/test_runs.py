@@ -5,6 +5,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from datetime import UTC, date, datetime, timedelta
+from datetime import time as clock_time
 
 import numpy as np
 import pytest
@@ -333,6 +334,21 @@ def test_the_hour_is_that_of_the_plant(backend: Backend) -> None:
     there = Backend(berlin, backend.database, backend.queue)
     summer = nightly.latest_hour(there, datetime(2026, 7, 1, 0, 30, tzinfo=UTC))
     assert summer.astimezone(UTC) == datetime(2026, 7, 1, 0, 0, tzinfo=UTC)
+
+
+@pytest.mark.parametrize("now", ["00:31", "00:59", "01:05", "01:29", "01:31", "02:10"])
+def test_an_hour_that_the_clock_shows_twice_has_come_once(backend: Backend, now: str) -> None:
+    settings = backend.settings.model_copy(update={"time_zone": "Europe/Berlin", "nightly_at": clock_time(2, 30)})
+    there, moment = Backend(settings, backend.database, backend.queue), datetime.fromisoformat(f"2026-10-25T{now}Z")
+    latest, following = nightly.latest_hour(there, moment), nightly.next_hour(settings, moment)
+    assert (latest.date(), following.date()) == (date(2026, 10, 25), date(2026, 10, 26))
+    assert latest.astimezone(UTC) <= moment < following.astimezone(UTC)
+
+
+def test_an_hour_that_the_clock_leaves_out_comes_a_day_after_the_last(backend: Backend) -> None:
+    settings = backend.settings.model_copy(update={"time_zone": "Europe/Berlin", "nightly_at": clock_time(2, 30)})
+    following = nightly.next_hour(settings, datetime(2026, 3, 28, 1, 30, tzinfo=UTC))
+    assert following.astimezone(UTC) == datetime(2026, 3, 29, 1, 30, tzinfo=UTC)
 
 
 def test_a_night_that_was_asked_for_before_its_hour_is_left_out_and_told_once(

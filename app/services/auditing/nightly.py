@@ -75,19 +75,25 @@ def announce_explanations(backend: Backend) -> int:
 
 def latest_hour(backend: Backend, now: datetime) -> datetime:
     """The last time before `now` that the clock at the plant showed the hour of the nightly audit."""
-    zone, at = ZoneInfo(backend.settings.time_zone), backend.settings.nightly_at
-    local = now.astimezone(zone)
-    today = datetime.combine(local.date(), at, zone)
-    return today if today <= local else datetime.combine(local.date() - timedelta(days=1), at, zone)
+    today = _hour(backend.settings, now)
+    return today if _has_come(today, now) else _hour(backend.settings, now, days=-1)
 
 
 def next_hour(settings: Settings, now: datetime) -> datetime:
     """The first time after `now` that the clock at the plant shows the hour of the nightly audit."""
-    local = now.astimezone(ZoneInfo(settings.time_zone))
-    today = datetime.combine(local.date(), settings.nightly_at, local.tzinfo)
-    if today > local:
-        return today
-    return datetime.combine(local.date() + timedelta(days=1), settings.nightly_at, local.tzinfo)
+    today = _hour(settings, now)
+    return _hour(settings, now, days=1) if _has_come(today, now) else today
+
+
+def _hour(settings: Settings, now: datetime, days: int = 0) -> datetime:
+    """That of the day that it is at the plant, or so many days later."""
+    zone = ZoneInfo(settings.time_zone)
+    return datetime.combine(now.astimezone(zone).date() + timedelta(days=days), settings.nightly_at, zone)
+
+
+def _has_come(hour: datetime, now: datetime) -> bool:
+    # In UTC: two times of one zone compare by what its clock shows, and once a year it shows an hour twice.
+    return hour.astimezone(UTC) <= now.astimezone(UTC)
 
 
 def told(hour: datetime) -> str:
