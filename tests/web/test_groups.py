@@ -19,7 +19,7 @@ def test_groups_are_listed_for_machines(client):
 
 def test_no_source_is_named_of_loops_that_may_share_a_period_by_chance(client, web_backend, monkeypatch):
     crowded = GroupView("1", 300.0, True, True, 0.84, None, plant_groups(web_backend)[0].members)
-    monkeypatch.setattr(groups, "plant_groups", lambda backend: (crowded,))
+    monkeypatch.setattr(groups, "soon", lambda backend: (crowded,))
     told = " ".join(seen(client, "/groups").texts)
     assert "No loops were found of which one is likely to shake the others." in told
     assert "1 group that shares its period likely by chance" in told
@@ -32,7 +32,7 @@ def test_a_group_that_something_shakes_stands_before_those_of_chance(client, web
     members = plant_groups(web_backend)[0].members
     shaken = GroupView("1", 300.0, True, False, 0.001, "LIC7", members)
     crowded = GroupView("2", 500.0, False, True, 0.9, None, members)
-    monkeypatch.setattr(groups, "plant_groups", lambda backend: (shaken, crowded))
+    monkeypatch.setattr(groups, "soon", lambda backend: (shaken, crowded))
     html = client.get("/groups").text
     before, by_chance = html.split('<details id="by-chance">')
     assert 'id="group-1"' in before

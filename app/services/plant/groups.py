@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Sequence
+from concurrent.futures import Future, wait
 from typing import Any
 
 from app.engine.plant_wide import IN_STEP, UNNAMED, Group, groups
@@ -11,39 +12,65 @@ from app.services.moments import iso_utc, moment_of
 from app.services.results import GroupMember, GroupView
 from app.storage import verdicts
 
+Groups = tuple[GroupView, ...]
+State = tuple[Any, ...]
+
 # Found once for a state of the verdicts: who asks again, for a page or a dashboard, gets the same answer at once.
-_found: dict[tuple[Any, ...], tuple[GroupView, ...]] = {}
-_finding = threading.Lock()
+_found: dict[State, Future[Groups]] = {}
+_looking = threading.Lock()
+_one_at_a_time = threading.Lock()
 IN_STEP_FROM = IN_STEP
 KEPT = 8
 PATIENCE_S = 0.1
 
 
-def plant_groups(backend: Backend) -> tuple[GroupView, ...]:
+def plant_groups(backend: Backend) -> Groups:
     """Groups in step first, the larger ones first; no samples are read."""
+    return _begun(backend, _state(backend)).result()
+
+
+def soon(backend: Backend, wait_s: float = PATIENCE_S) -> Groups | None:
+    """The groups if they are known within `wait_s`; None while a large plant's are still being worked out, or those of
+    a state that has passed: while a run goes on each page would find another one."""
+    state = _state(backend)
+    if state not in _found and any(not finding.done() for finding in list(_found.values())):
+        return None
+    finding = _begun(backend, state)
+    wait((finding,), wait_s)
+    return finding.result() if finding.done() else None
+
+
+def _state(backend: Backend) -> State:
     with backend.database.read() as connection:
-        state = (str(backend.database.url), *verdicts.newest_state(connection))
-        known = _found.get(state)
-        if known is not None:
-            return known
+        return str(backend.database.url), *verdicts.newest_state(connection)
+
+
+def _begun(backend: Backend, state: State) -> Future[Groups]:
+    """One for all who ask while it goes on."""
+    with _looking:
+        if state in _found:
+            return _found[state]
+        while len(_found) >= KEPT:
+            _found.pop(next(iter(_found)))
+        finding = _found[state] = Future()
+    threading.Thread(target=_find, args=(backend, state, finding), name="groups", daemon=True).start()
+    return finding
+
+
+def _find(backend: Backend, state: State, finding: Future[Groups]) -> None:
+    try:
+        with _one_at_a_time:
+            finding.set_result(_worked_out(backend))
+    except BaseException as error:  # noqa: BLE001 - whoever waits is told
+        _found.pop(state, None)  # and whoever comes next asks anew
+        finding.set_exception(error)
+
+
+def _worked_out(backend: Backend) -> Groups:
+    with backend.database.read() as connection:
         rows = verdicts.swings(connection)
-    with _finding:
-        if state not in _found:
-            units = {row.tag: row.unit for row in rows}
-            while len(_found) >= KEPT:
-                _found.pop(next(iter(_found)))
-            _found[state] = tuple(
-                _view(number, found, units) for number, found in enumerate(groups(candidates(rows)), 1)
-            )
-        return _found[state]
-
-
-def soon(backend: Backend, wait_s: float = PATIENCE_S) -> tuple[GroupView, ...] | None:
-    """The groups if they are known within `wait_s`; None while a large plant's are still being worked out."""
-    looking = threading.Thread(target=plant_groups, args=(backend,), name="groups", daemon=True)
-    looking.start()
-    looking.join(wait_s)
-    return None if looking.is_alive() else plant_groups(backend)
+    units = {row.tag: row.unit for row in rows}
+    return tuple(_view(number, group, units) for number, group in enumerate(groups(candidates(rows)), 1))
 
 
 def groups_of(backend: Backend, tag: str) -> list[GroupView]:
