@@ -37,6 +37,12 @@ def test_a_sound_installation_has_no_problem(plant):
     assert found["data folder"] == "ok"
 
 
+def test_a_slow_data_base_is_told_with_advice(plant, monkeypatch):
+    monkeypatch.setattr(doctor, "SLOW_DATABASE_S", 0.0)
+    slow = doctor.reachable(plant)
+    assert (slow.state, slow.advice) == ("warning", "slow")
+
+
 def test_each_thing_that_is_wrong_is_named_with_advice(plant):
     settings = plant.settings.model_copy(update={"allow_open": True, "broker_url": "redis://127.0.0.1:1/0"})
     plant.settings.data_dir.chmod(0o755)

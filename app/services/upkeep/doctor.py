@@ -150,7 +150,9 @@ def reachable(backend: Backend) -> Check:
         return Check("data base", "problem", f"{_where(backend)} cannot be used: {_reason(error)}", advice)
     took_s = time.perf_counter() - started
     found = f"{_where(backend)} answers in {1000 * took_s:.0f} ms"
-    return Check("data base", "ok" if took_s < SLOW_DATABASE_S else "warning", found, "" if took_s < 0.5 else "slow")
+    if took_s >= SLOW_DATABASE_S:
+        return Check("data base", "warning", found, "slow")
+    return Check("data base", "ok", found)
 
 
 def tables(backend: Backend) -> Check:
