@@ -10,7 +10,7 @@ import pytest
 
 from app.engine.audit import audit
 from app.engine.simulate import LinearValve, LoopSpec, Pid, Signal, TwoParameterValve, Wave, first_order, simulate_loop
-from app.services.auditing.stage_times import stage_times
+from tests.benchmarks.stage_times import stage_times
 
 pytestmark = pytest.mark.benchmark
 

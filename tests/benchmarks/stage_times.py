@@ -62,10 +62,10 @@ def _stages(
 ) -> list[tuple[str, str | None, bool, Callable[[], object]]]:
     prepared = prepare(recording, config.fitness)
     fitness, oscillation = prepared.fitness, prepared.oscillation
-    assert oscillation is not None  # noqa: S101 - the loops of the bench swing
+    assert oscillation is not None
     record, audited = newest_moving(fitness.audited, config.max_samples), fitness.audited
     features = extract(audited, oscillation)
-    assert features is not None  # noqa: S101 - the loops of the bench move
+    assert features is not None
     last = reference.last
     space = last.space if last.two is None else last.two.space
     return [

@@ -6,7 +6,7 @@ import pytest
 from app.engine.audit import AuditConfig, audit
 from app.engine.recording import Recording
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
-from app.services.auditing.stage_times import WHOLE, stage_times
+from tests.benchmarks.stage_times import WHOLE, stage_times
 
 
 @pytest.fixture(scope="module")
