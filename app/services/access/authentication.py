@@ -25,7 +25,7 @@ USE_NOTED_EVERY_S = 60.0
 
 
 @dataclass(frozen=True)
-class Finding:
+class Believed:
     """What the data base said of a secret, and for how long that is believed."""
 
     identity: Identity | None
@@ -47,17 +47,17 @@ class Authenticator:
     def __init__(self, backend: Backend, clock: Callable[[], float] = time.monotonic) -> None:
         self._backend = backend
         self._clock = clock
-        self._found: dict[str, Finding] = {}
+        self._found: dict[str, Believed] = {}
         self._noted_s: dict[int, float] = {}
         self._lock = Lock()
 
-    def remembered(self, secret: str) -> Finding | None:
+    def remembered(self, secret: str) -> Believed | None:
         """What is known of a key or a session's token without asking the data base; None: it has to be asked."""
         found = self._found.get(hashed(secret))
         if found is None or found.until_s < self._clock():
             return None
         if found.identity and found.identity.expires_at and found.identity.expires_at <= now():
-            return Finding(None, found.until_s)
+            return Believed(None, found.until_s)
         return found
 
     def key(self, text: str) -> Identity | None:
@@ -125,7 +125,7 @@ class Authenticator:
         with self._lock:
             if len(self._found) >= LARGEST_CACHE:
                 self._found.clear()
-            self._found[hashed(secret)] = Finding(identity, self._clock() + self._backend.settings.key_recheck_s)
+            self._found[hashed(secret)] = Believed(identity, self._clock() + self._backend.settings.key_recheck_s)
         return identity
 
 
