@@ -69,7 +69,7 @@ class TableQuery(BaseModel):
     def filters(self) -> service.RowFilter:
         names = ("reliability", "unit", "type", "likely_cause", "table2_reading", "min_probability", "search")
         given = {name: getattr(self, name) for name in names}
-        run = None if self.audit_id is None else identifier(self.audit_id, "audit")
+        run = None if self.audit_id is None else identifier(self.audit_id)
         retired = RETIRED[self.retired or ("false" if run is None else "any")]
         return service.RowFilter(verdict=tuple(self.verdict) or None, audit_id=run, retired=retired, **given)
 

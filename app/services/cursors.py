@@ -63,6 +63,6 @@ def refused(cursor: str) -> RequestError:
     return RequestError("bad_cursor", f"got the cursor {cursor[:40]!r}; give back `next_cursor` of the page before")
 
 
-def identifier(text: str, what: str) -> int:
+def identifier(text: str) -> int:
     """The number behind an identifier; 0, which nothing has, for a text that is none."""
     return int(text) if text.isascii() and text.isdigit() and len(text) < 19 else 0

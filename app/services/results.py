@@ -147,7 +147,7 @@ class TrendView:
 
 @dataclass(frozen=True)
 class PlantSummary:
-    """The plant in a few numbers. `open_loops` wait in runs that have not ended; ages are in seconds."""
+    """The plant in a few numbers: how many loops there are, how many have a verdict, and how often each was said."""
 
     loops: int
     audited: int

@@ -7,7 +7,7 @@ import pytest
 
 from app.services.evaluation.causes import RIGHT, confusion
 from app.services.testbench.causes import spoiled_loops
-from app.services.testbench.spells import healthy_long, spell
+from app.services.testbench.spells import spell
 
 
 def test_every_cause_is_built_and_again_the_same():
@@ -30,9 +30,3 @@ def test_a_spell_has_the_length_that_it_says():
     interval = made.recording.time_s[1]
     assert (made.end_s - made.start_s) / interval == pytest.approx(1000)
     assert made.recording.samples == 4000
-
-
-def test_healthy_long_records_are_long():
-    made = list(healthy_long(1, seed=9))
-    assert len({x.kind for x in made}) == len(made) == 8
-    assert min(x.recording.samples for x in made) > 5000

@@ -23,8 +23,8 @@ from app.services.plant import trend as trends
 from app.services.plant.reliability import RowFilter
 from app.services.plant.trend import trend
 from app.services.upkeep import operations
+from app.storage import figures, row_texts, series
 from app.storage import loops as stored_loops
-from app.storage import row_texts, series
 from app.storage import verdicts as stored_verdicts
 from app.storage.loops import ListFilter
 from app.storage.samples import Samples
@@ -301,8 +301,9 @@ def test_the_plant_in_numbers(plant: Backend) -> None:
     summary = reliability.plant_summary(plant)
     assert (summary.loops, summary.audited, sum(summary.verdicts.values())) == (7, 7, 7)
     assert summary.newest_audit.state == "done"
-    figures = operations.metrics(plant)
-    assert (figures.loops, figures.oldest_open_s, sum(figures.verdicts.values())) == (7, 0.0, 7)
+    with plant.database.read() as connection:
+        found = figures.collect(connection)
+    assert (found.loops, found.oldest_open_s, sum(found.verdicts.values())) == (7, 0.0, 7)
     assert operations.readiness(plant).state == "ready"
 
 

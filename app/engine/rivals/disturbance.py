@@ -7,7 +7,6 @@ from app.engine.rivals.rival import Rival, rising
 from app.engine.rivals.scene import Scene
 
 _STRONG_SWING = 0.6
-IN_LINE = 0.5
 WAVE = 0.7
 """Share of PV and OP, on cycles not fitted, that a wave from outside must explain."""
 OPPOSED = 0.65

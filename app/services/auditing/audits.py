@@ -93,7 +93,7 @@ def list_audits(backend: Backend, limit: int = 50, cursor: str | None = None) ->
 def failures(backend: Backend, audit_id: str, limit: int = 20_000) -> list[FailureView]:
     """Without loops that were called off with their run."""
     with backend.database.read() as connection:
-        found = items.failures(connection, identifier(audit_id, "audit"), limit)
+        found = items.failures(connection, identifier(audit_id), limit)
     return [FailureView(f.tag, f.code, f.text) for f in found if f.code != items.CANCELLED]
 
 
@@ -133,7 +133,7 @@ def _short(value: str | tuple[str, ...]) -> str:
 
 
 def _seen(connection: Connection, audit_id: str) -> AuditView:
-    row = audits.by_id(connection, identifier(audit_id, "audit"))
+    row = audits.by_id(connection, identifier(audit_id))
     if row is None:
         raise NotFoundError("unknown_audit", f"there is no audit {audit_id!r}")
     progress = audits.progress(connection, [row.id])[row.id]

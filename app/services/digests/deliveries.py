@@ -69,7 +69,7 @@ def send_now(backend: Backend, owner: str, audit_id: str, *, again: bool = False
     tried once; what fails is tried again by the service. `again`: also to those who have it, with an id of its own
     that it keeps, because mail servers drop what they know by its id."""
     digest_of(backend, audit_id)
-    run, receivers = identifier(audit_id, "audit"), backend.settings.digest_receivers
+    run, receivers = identifier(audit_id), backend.settings.digest_receivers
     with backend.database.write() as connection:
         deliveries.plan(connection, run, receivers)
         deliveries.reopen_failed(connection, run, receivers)
@@ -106,7 +106,7 @@ def deliver_next(backend: Backend, owner: str, this: tuple[int, str] | None = No
 
 def deliveries_of(backend: Backend, audit_id: str) -> list[DeliveryView]:
     with backend.database.read() as connection:
-        rows = deliveries.of_run(connection, identifier(audit_id, "audit"))
+        rows = deliveries.of_run(connection, identifier(audit_id))
     return [_view(row) for row in rows]
 
 

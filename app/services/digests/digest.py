@@ -82,7 +82,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
     run = get_audit(backend, audit_id)
     if not run.ended:
         raise RequestError("run_goes_on", f"the run {run.id} has not ended yet: {run.open} loops are open")
-    number = identifier(audit_id, "audit")
+    number = identifier(audit_id)
     with backend.database.read() as connection:
         counted = digests.counts_of(connection, number)
         worst = digests.worst_of_units(connection, number, TOP)

@@ -243,7 +243,7 @@ def _row(backend: Backend, tag: str, explanation_id: str) -> ExplanationRow:
 
 
 def _existing(connection: Connection, loop: LoopRow, explanation_id: str) -> ExplanationRow:
-    row = explanations.by_id(connection, loop.id, identifier(explanation_id, "explanation"))
+    row = explanations.by_id(connection, loop.id, identifier(explanation_id))
     if row is None:
         raise NotFoundError("unknown_explanation", f"loop {loop.tag!r} has no explanation {explanation_id!r}")
     return row

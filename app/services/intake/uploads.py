@@ -162,7 +162,7 @@ def receive_file(backend: Backend, path: Path, reading: ReadingOptions | None = 
 def read_again(backend: Backend, upload_id: str, mapping: bytes, received_by: str | None = None) -> Receipt:
     """The bytes of an upload once more, with its tags mapped as `mapping` (CSV or JSON) says: an upload of its own."""
     with backend.database.read() as connection:
-        row = uploads.by_id(connection, identifier(upload_id, "upload"))
+        row = uploads.by_id(connection, identifier(upload_id))
         if row is None:
             raise NotFoundError("unknown_upload", f"there is no upload {upload_id!r}")
         told = uploads.reading_of(connection, row.id)
@@ -200,7 +200,7 @@ def list_uploads(backend: Backend, limit: int = 100, cursor: str | None = None) 
 
 
 def _whole(connection: Connection, upload_id: str) -> UploadView:
-    row = uploads.by_id(connection, identifier(upload_id, "upload"))
+    row = uploads.by_id(connection, identifier(upload_id))
     if row is None:
         raise NotFoundError("unknown_upload", f"there is no upload {upload_id!r}")
     found = uploads.loops_of(connection, row.id)

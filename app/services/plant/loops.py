@@ -178,7 +178,7 @@ def newest_failure(backend: Backend, tag: str) -> tuple[int, str] | None:
 def verdict_detail(backend: Backend, tag: str, audit_id: str | None = None) -> dict[str, Any]:
     """What a verdict rests on: findings, rungs with their curves, spectra. Without `audit_id`: the newest verdict."""
     row = find(backend, tag)
-    run = row.newest_audit_id if audit_id is None else identifier(audit_id, "audit")
+    run = row.newest_audit_id if audit_id is None else identifier(audit_id)
     with backend.database.read() as connection:
         found = verdicts.detail(connection, row.id, run or 0)
     if found is None:

@@ -70,7 +70,7 @@ def withdraw_repair(backend: Backend, tag: str, note_id: str, withdrawn_by: str 
     Withdrawn once more, nothing changes. Raises NotFoundError where the loop has no such note, or it states none.
     """
     row = find(backend, tag)
-    key = identifier(note_id, "note")
+    key = identifier(note_id)
     with backend.database.write() as connection:
         note = notes.by_id(connection, row.id, key)
         if note is None or note.repaired_at is None:

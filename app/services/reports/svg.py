@@ -50,7 +50,7 @@ def chart(x: Sequence[float], lines: Sequence[Line], ends: Ends, *, title: str, 
             f'height="{height - TOP - BOTTOM}" fill="#0b5394" opacity="0.07"/>'
         )
     body += [_path(place, x, line) for line in lines]
-    body.append(_legend(lines, width))
+    body.append(_legend(lines))
     head = f'<svg viewBox="0 0 {width} {height}" width="{width}" role="img" aria-label="{escape(title)}">'
     return Markup(f"{head}{''.join(body)}</svg>")  # noqa: S704 - every text in it is escaped
 
@@ -101,7 +101,7 @@ def _frame(place: _Place, ends: Ends) -> str:
     return "".join([*said, _text((LEFT + right) / 2, bottom + 15, ends.label, "middle")])
 
 
-def _legend(lines: Sequence[Line], width: int) -> str:
+def _legend(lines: Sequence[Line]) -> str:
     said, x = [], LEFT
     for line in lines:
         said.append(f'<line x1="{x}" x2="{x + 18}" y1="10" y2="10" stroke="{line.colour}" stroke-width="3"/>')

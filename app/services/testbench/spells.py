@@ -1,15 +1,13 @@
-"""Long records whose valve sticks for a part of the time only, and healthy long ones."""
+"""Long records whose valve sticks for a part of the time only."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from app.engine.recording import Recording
 from app.engine.simulate import LinearValve, SimulatedLoop, simulate_loop
-from app.errors import DataError
 from app.services.testbench.building import build
-from app.services.testbench.case import HEALTHY, ordinary
+from app.services.testbench.case import ordinary
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,22 +39,6 @@ def spell(seed: int, samples: int = 12_000, share: float = 0.2, first: float | N
     pv, op, sp = (np.concatenate([getattr(part, name) for part in parts]) for name in ("pv", "op", "sp"))
     recording = Recording("spell", np.arange(len(pv), dtype=np.float64) * interval_s, pv, op, sp)
     return Spell(recording, edges[1] * interval_s, edges[2] * interval_s, "spell")
-
-
-def healthy_long(each: int, seed: int = 3) -> Iterator[Spell]:
-    """`each` healthy records of some 6,000 samples for every cause of the bench."""
-    for k, cause in enumerate(HEALTHY):
-        found = repeat = 0
-        while found < each:
-            rng = np.random.default_rng([seed, k, repeat])
-            case = replace(ordinary(rng, cause), cycles=200.0, points_per_cycle=float(rng.uniform(30.0, 60.0)))
-            repeat += 1
-            try:
-                built = build(case)
-            except DataError:
-                continue
-            found += 1
-            yield Spell(built.recording, None, None, cause)
 
 
 def _cycling(rng: np.random.Generator) -> SimulatedLoop:

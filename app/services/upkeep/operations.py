@@ -16,13 +16,12 @@ from app.services.results import Readiness, SweepReport
 from app.services.upkeep.retention import older_than, retain_if_due
 from app.services.upkeep.tables import refuse_newer
 from app.settings import Settings
-from app.storage import Database, audits, explanations, figures, items, loops, schema, uploads
-from app.storage.figures import Figures
+from app.storage import Database, audits, explanations, items, loops, schema, uploads
 
 LEAST_FREE_BYTES = 100 << 20
 DRAFT_LIFE_S = 24 * 3600
 
-__all__ = ["Figures", "metrics", "migrate", "readiness", "sweep"]
+__all__ = ["migrate", "readiness", "sweep"]
 
 
 def migrate(settings: Settings) -> str:
@@ -76,11 +75,6 @@ def sweep(backend: Backend) -> SweepReport:
     _drop_old_drafts(settings)
     announced = len(unread) + len(stalled) + waiting
     return SweepReport(taken_back.reopened, taken_back.failed, ended, announced, run.id if run else None)
-
-
-def metrics(backend: Backend) -> Figures:
-    with backend.database.read() as connection:
-        return figures.collect(connection)
 
 
 def readiness(backend: Backend) -> Readiness:
