@@ -10,6 +10,7 @@ import typer
 
 from app.cli.configuration import load_settings
 from app.cli.messages import ExitCode, say
+from app.cli.starting import ready_to_work
 from app.errors import RequestError
 
 if TYPE_CHECKING:
@@ -40,13 +41,7 @@ def serve(
     keys_required = asks_for_keys(host, settings)
     warn_of_openness(host, keys_required)
     signal.signal(signal.SIGTERM, stop_quietly)
-    from app.services.upkeep.presence import at_work
-
-    if until_parent_ends:
-        from app.cli.supervisor import stop_with_parent
-
-        stop_with_parent()
-    with listen(host, port) as listening, at_work(settings):
+    with listen(host, port) as listening, ready_to_work(settings, until_parent_ends, migrates=settings.embedded):
         run(settings, listening, keys_required)
     raise typer.Exit(ExitCode.DONE)
 
@@ -90,18 +85,10 @@ def listen(host: str, port: int) -> socket.socket:
 def run(settings: "Settings", listening: socket.socket, keys_required: bool) -> None:
     import uvicorn
 
-    from app import logs
     from app.cli.supervisor import Child, Supervisor
     from app.http.connections import LARGEST_HEAD_BYTES, HeadDeadline
     from app.main import create_app
-    from app.services.upkeep.operations import migrate
-    from app.services.upkeep.tables import refuse_unmigrated
 
-    logs.configure(settings)
-    if settings.embedded:
-        migrate(settings)
-    else:
-        refuse_unmigrated(settings)
     app = create_app(settings, keys_required=keys_required)
     if keys_required:
         tell_of_keys(settings)

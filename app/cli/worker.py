@@ -1,13 +1,12 @@
 """`loopaudit worker` and `loopaudit beat`: the processes behind the service."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from app.cli.configuration import load_settings
 from app.cli.messages import ExitCode, say
+from app.cli.starting import ready_to_work
 from app.errors import RequestError
 
 if TYPE_CHECKING:
@@ -58,23 +57,6 @@ def beat(until_parent_ends: UntilParentEnds = False) -> None:
     with ready_to_work(settings, until_parent_ends):
         run_beat(settings)
     raise typer.Exit(ExitCode.DONE)
-
-
-@contextmanager
-def ready_to_work(settings: "Settings", until_parent_ends: bool) -> Iterator[None]:
-    """Known to who would restore a backup, on tables of this version."""
-    from app import logs
-    from app.services.upkeep import presence
-    from app.services.upkeep.tables import refuse_unmigrated
-
-    logs.configure(settings)
-    if until_parent_ends:
-        from app.cli.supervisor import stop_with_parent
-
-        stop_with_parent()
-    with presence.at_work(settings):
-        refuse_unmigrated(settings)
-        yield
 
 
 def refuse_standstill(settings: "Settings") -> None:
