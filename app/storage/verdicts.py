@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import zstandard
 from sqlalchemy import ColumnElement, Connection, Select, Table, and_, bindparam, case, func, or_, select, update
 
-from app.storage.bulk import insert_for, insert_new
+from app.storage.bulk import among, insert_for, insert_new
 from app.storage.json_texts import short_json
 from app.storage.loops import IN_SERVICE, retired
 from app.storage.tables import audits, loops, newest_rows, verdict_details, verdicts
@@ -357,8 +357,17 @@ def detail(connection: Connection, loop_id: int, audit_id: int) -> dict[str, Any
     packed = connection.scalar(
         query.where(verdict_details.c.loop_id == loop_id, verdict_details.c.audit_id == audit_id)
     )
-    if packed is None:
-        return None
+    return None if packed is None else _unpacked(packed)
+
+
+def details(connection: Connection, loop_ids: Collection[int], audit_id: int) -> dict[int, dict[str, Any]]:
+    """Of one run, by loop; a loop without one is left out."""
+    query = select(verdict_details.c.loop_id, verdict_details.c.packed)
+    mine = (among(connection, verdict_details.c.loop_id, loop_ids), verdict_details.c.audit_id == audit_id)
+    return {loop_id: _unpacked(packed) for loop_id, packed in connection.execute(query.where(*mine))}
+
+
+def _unpacked(packed: bytes) -> dict[str, Any]:
     return json.loads(zstandard.ZstdDecompressor().decompress(packed, max_output_size=LONGEST_DETAIL))
 
 

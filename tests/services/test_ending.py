@@ -96,6 +96,19 @@ def test_shaken_loops_are_not_relied_on_and_say_whose_valve_to_look_at(plant: Pl
         assert f"in step with {SOURCE}" in row["reasons_text"]
 
 
+def test_loops_of_which_some_are_read_at_a_time_all_say_it(
+    backend: Backend, warm_kernels: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ending, "AT_ONCE", 2)
+    stored(backend, SOURCE, *SHAKEN_LOOPS)
+    plant = Plant(backend, audited(backend))
+    for tag in SHAKEN_LOOPS:
+        detail = verdict_detail(backend, tag)
+        assert plant.row(tag)["reliability"] == "not_reliable"
+        assert detail["reasons"][0]["code"] == SHAKEN_BY_NEIGHBOUR
+        assert detail["findings"]
+
+
 def test_the_source_and_a_valve_with_a_swing_of_its_own_keep_their_verdicts(plant: Plant) -> None:
     for tag in (SOURCE, ALONE):
         row = plant.row(tag)

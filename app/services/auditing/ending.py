@@ -1,9 +1,10 @@
 """What ends a run: its verdicts are heard beside those of other loops."""
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
+from sqlalchemy import Connection
 from sqlalchemy.exc import SQLAlchemyError
 
 from app.services.auditing import hearing
@@ -16,6 +17,8 @@ from app.services.backend import Backend
 from app.services.patience import patiently
 from app.storage import audits, verdicts
 from app.storage.verdicts import Reworded, pack_detail
+
+AT_ONCE = 250  # verdicts whose details are read together, and are in memory unpacked
 
 log = logging.getLogger("loopaudit.audit")
 
@@ -71,13 +74,21 @@ def _told(backend: Backend, audit_id: int) -> list[Reworded]:
     asked = None if len(ids) == len(newest) else ids.keys()
     stated = {row.tag: row.moves_valve for row in newest if row.moves_valve is not None}
     found = hearing.hear(said, candidates(swinging), by_tag(moving), asked, stated)
+    wanted = sorted((ids[tag], tag) for tag in found if tag in ids)
+    parts = (dict(wanted[at : at + AT_ONCE]) for at in range(0, len(wanted), AT_ONCE))
     with backend.database.read() as connection:
-        rows = verdicts.newest_of(connection, [ids[tag] for tag in found if tag in ids])
-        return [
-            _reworded(row, verdicts.detail(connection, ids[tag], audit_id) or {}, ids[tag], found[tag])
-            for tag, row in sorted(rows.items(), key=lambda one: ids[one[0]])
-            if row["audit_id"] == audit_id
-        ]
+        return [one for some in parts for one in _all_reworded(connection, audit_id, some, found)]
+
+
+def _all_reworded(
+    connection: Connection, audit_id: int, some: dict[int, str], heard: Mapping[str, Heard]
+) -> Iterator[Reworded]:
+    """Of these loops, tags by key, those whose newest verdict is of the run."""
+    rows = verdicts.newest_of(connection, list(some))
+    details = verdicts.details(connection, some, audit_id)
+    for loop_id, tag in some.items():
+        if tag in rows and rows[tag]["audit_id"] == audit_id:
+            yield _reworded(rows[tag], details.get(loop_id, {}), loop_id, heard[tag])
 
 
 def _reworded(row: Mapping[str, Any], detail: Mapping[str, Any], loop_id: int, heard: Heard) -> Reworded:
