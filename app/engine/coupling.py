@@ -7,7 +7,7 @@ from app.engine.features import PER_CYCLE
 from app.engine.innovations import apart, innovations
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.sampled import thinned
+from app.engine.sampled import block_means
 
 ORDER = 20
 LAGS = 20
@@ -48,7 +48,7 @@ def _stride(record: UniformRecord, oscillation: Oscillation) -> int:
 
 def _chance(record: UniformRecord, stride: int, *, beside_shifts: bool = False) -> float:
     """That of every so many samples; 1 where OP is half as like PV in one of SHIFTS places elsewhere in the record."""
-    pv, op = (innovations(thinned(x, stride)[None], ORDER) for x in (record.pv, record.op))
+    pv, op = (innovations(block_means(x, stride)[None], ORDER) for x in (record.pv, record.op))
     if pv is None or op is None:
         return 1.0
     pv, op = pv[0], op[0]

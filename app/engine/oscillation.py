@@ -9,7 +9,7 @@ from numba import njit
 from scipy import fft
 
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.sampled import moving_average, thinned, unlike
+from app.engine.sampled import block_means, moving_average, unlike
 
 REGULAR_ABOVE = 1.0
 _TREND_SHARES = (0.0, 0.25, 0.08, 0.025)
@@ -125,7 +125,7 @@ def _signals(record: UniformRecord, stride: int) -> list[tuple[str, FloatArray]]
     signals = [("pv", record.pv), ("op", record.op)]
     if record.sp is not None and np.ptp(record.sp) > 0.0:
         signals.append(("error", unlike(record.pv, record.sp)))
-    return [(name, thinned(x, stride)) for name, x in signals if _varies(x)]
+    return [(name, block_means(x, stride)) for name, x in signals if _varies(x)]
 
 
 def _varies(x: FloatArray) -> bool:

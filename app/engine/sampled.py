@@ -92,7 +92,7 @@ def without_line(x: FloatArray) -> FloatArray:
     return out
 
 
-def thinned(x: FloatArray, stride: int) -> FloatArray:
+def block_means(x: FloatArray, stride: int) -> FloatArray:
     """(N // stride,) means of `stride` samples of x (N,) each; what is left over at the end is dropped."""
     return x if stride == 1 else x[: len(x) // stride * stride].reshape(-1, stride).mean(axis=1)
 

@@ -8,7 +8,7 @@ from scipy import fft
 from app.engine.corroborate.case import Case
 from app.engine.corroborate.corroboration import Corroboration, Method, Says
 from app.engine.recording import FloatArray
-from app.engine.sampled import hann, thinned, unlike, without_drift
+from app.engine.sampled import block_means, hann, unlike, without_drift
 
 METHOD = Method(
     "bicoherence",
@@ -95,4 +95,4 @@ def _error(case: Case) -> tuple[FloatArray, float]:
     record, per_cycle = case.record, case.oscillation.samples_per_cycle or 0.0
     error = record.pv if record.sp is None else unlike(record.pv, record.sp)
     stride = max(1, int(per_cycle / _SAMPLES_A_CYCLE))
-    return without_drift(thinned(error[-_LONGEST * stride :], stride), 2 * _SEGMENT), per_cycle / stride
+    return without_drift(block_means(error[-_LONGEST * stride :], stride), 2 * _SEGMENT), per_cycle / stride

@@ -12,7 +12,7 @@ _ABREAST = 32
 
 
 @njit(cache=True, nogil=True)
-def thinned(v: FloatArray, stride: int) -> FloatArray:
+def means_before(v: FloatArray, stride: int) -> FloatArray:
     """Mean of v over the `stride` samples before each `stride`-th one: what has acted on PV by then."""
     out = np.empty(len(v) // stride)
     out[0] = v[0]
@@ -76,7 +76,7 @@ def _of_moving(
         _fill_pv(grams, own, lags_pv)
         for m in range(abreast):
             if stride > 1:
-                w = thinned(v[m], stride)
+                w = means_before(v[m], stride)
                 w -= w.mean()
             else:
                 w = v[m] - means[m]
