@@ -12,6 +12,9 @@ from app.engine.recording import FloatArray, UniformRecord
 from app.engine.sampled import block_means, moving_average, unlike
 
 REGULAR_ABOVE = 1.0
+FEW_INTERVALS = 0.3
+"""Regularity where two intervals between crossings are all there is: not regular, and yet an oscillation."""
+
 _TREND_SHARES = (0.0, 0.25, 0.08, 0.025)
 _MIN_PERIOD_SAMPLES = 3.0
 _HYSTERESIS = 0.05
@@ -25,7 +28,8 @@ class Oscillation:
 
     period_s: its period in seconds; None where no signal's autocorrelation swings back.
     regularity: Thornhill's r = (1/3) mean / standard deviation of the intervals between zero crossings of the
-        autocorrelation; above 1 the oscillation is regular. 0 where fewer than three intervals exist.
+        autocorrelation; above 1 the oscillation is regular. FEW_INTERVALS where there are two of them only, as in a
+        record of less than about 3.4 cycles, which no spread can be told from; 0 where no oscillation is found.
     strength: height of the autocorrelation's first peak after its first trough, 0..1.
     samples_per_cycle: period over sampling interval.
     cycles: periods in the record.
@@ -97,8 +101,9 @@ def detect(record: UniformRecord) -> Oscillation:
     Zero crossings of the autocorrelation function give period and regularity (Thornhill, Huang, Zhang 2003,
     J. Process Control 13, 91-100, doi 10.1016/S0959-1524(02)00007-0). Crossings count only where the function leaves a
     band of +-0.05, so that noise around zero is not counted. Misleads where two oscillations of similar strength
-    overlap, and sees nothing of periods longer than half the record. Records above 16,384 samples are thinned first:
-    periods below about six of the remaining samples are then not seen.
+    overlap, and sees nothing of periods longer than about 0.42 of the record: three crossings within its first half
+    need some 2.4 cycles. Records above 16,384 samples are thinned first: periods below about six of the remaining
+    samples are then not seen.
     """
     stride = max(1, -(-record.samples // _LONGEST_SEARCHED))
     candidates = []
@@ -155,7 +160,7 @@ def _swing(acf: FloatArray) -> _Swing | None:
     # An estimate over fewer pairs at each lag may pass 1 by a little.
     strength = min(float(np.max(acf[int(crossings[1]) : int(crossings[2]) + 2])), 1.0)
     if len(intervals) < 3:
-        return _Swing(period, 0.3, strength)
+        return _Swing(period, FEW_INTERVALS, strength)
     spread = math.sqrt(sum((interval - mean) ** 2 for interval in intervals) / (len(intervals) - 1))
     return _Swing(period, min(mean / (3.0 * spread + 1e-12), 100.0), strength)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.engine.oscillation import autocorrelation, detect
+from app.engine.oscillation import FEW_INTERVALS, autocorrelation, detect
 from app.engine.recording import UniformRecord
 
 N = 1200
@@ -53,6 +53,13 @@ def test_noise_is_no_strong_oscillation():
 def test_nothing_moving_is_no_oscillation():
     found = detect(record(np.full(N, 3.0), np.full(N, 7.0)))
     assert (found.period_s, found.regularity, found.strength, found.regular) == (None, 0.0, 0.0, False)
+
+
+@pytest.mark.parametrize(("cycles", "regularity"), [(2.2, 0.0), (2.7, FEW_INTERVALS)])
+def test_of_few_cycles_nothing_is_seen_and_of_a_little_more_nothing_regular(cycles, regularity):
+    found = detect(record(cycle(N / cycles), cycle(N / cycles)))
+    assert (found.regularity, found.regular) == (regularity, False)
+    assert (found.period_s is None) == (regularity == 0.0)
 
 
 def test_scale_offset_and_sign_change_nothing():
