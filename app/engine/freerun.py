@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from app.engine.recording import FloatArray
-from app.engine.sampled import dot, without_drift
+from app.engine.sampled import cycle_ranges, dot, without_drift
 from app.engine.valve import he_step
 
 INTEGRATOR = -1.0  # as any lag below 0, in whatever unit
@@ -105,11 +105,9 @@ def free_run(pv: FloatArray, op: FloatArray, per_cycle: int) -> FreeRun:
 
 def cycle_range(op: FloatArray, per_cycle: int) -> float:
     """Median range of op (n,) over its cycles; over all where there is not one whole cycle."""
-    cycles = len(op) // per_cycle
-    if cycles == 0:
-        return float(np.ptp(op))
-    ranges = np.ptp(op[: cycles * per_cycle].reshape(cycles, per_cycle), axis=1)
-    return float(np.median(ranges)) or float(np.ptp(op))
+    ranges = cycle_ranges(op, per_cycle)
+    usual = float(np.median(ranges)) if len(ranges) else 0.0
+    return usual or float(np.ptp(op))
 
 
 def controller_action(pv: FloatArray, op: FloatArray) -> tuple[float, float]:

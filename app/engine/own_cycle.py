@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.recording import FloatArray, UniformRecord
+from app.engine.sampled import cycle_ranges
 from app.engine.stem_search import PARTS, STRIDES, Asked, asked_of, moving_part
 from app.engine.turning import relays, stems, usual_range
 
@@ -95,6 +96,4 @@ def _on(asked: Asked, moved: FloatArray, period: float) -> OwnCycle:
 
 def _in_a_cycle(op: FloatArray, period: float) -> float:
     """How far OP mostly moves within so many samples."""
-    size = min(round(period), len(op))
-    cycles = op[: len(op) // size * size].reshape(-1, size)
-    return float(np.median(np.ptp(cycles, axis=1)))
+    return float(np.median(cycle_ranges(op, min(round(period), len(op)))))

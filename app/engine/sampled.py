@@ -103,6 +103,11 @@ def blocks(x: NDArray[Number], length: int) -> NDArray[Number]:
     return x[..., : count * length].reshape(*x.shape[:-1], count, length)
 
 
+def cycle_ranges(x: FloatArray, per_cycle: int) -> FloatArray:
+    """(N // per_cycle,) what x (N,) goes over in each whole cycle."""
+    return np.ptp(blocks(x, per_cycle), axis=1)
+
+
 def slow_share(blocks: FloatArray) -> float:
     """blocks: (B, L). The share of their variance that is between them, 0 to 1; 0 where nothing moves."""
     between, within = float(np.var(np.mean(blocks, axis=1))), float(np.mean(np.var(blocks, axis=1)))

@@ -9,6 +9,7 @@ from app.engine.quantification.kernel import residuals
 from app.engine.quantification.size import Interval, StictionSize
 from app.engine.quantification.weighing import Weights, weigh
 from app.engine.recording import FloatArray, UniformRecord
+from app.engine.sampled import cycle_ranges
 
 LEVELS_PCT = (50.0, 80.0, 95.0)
 _LIVELY = 0.8
@@ -56,11 +57,9 @@ def quantify(
 
 def lively_range(op: FloatArray, per_cycle: int) -> float:
     """The range that op (n,) covers in four of five cycles at most; over all where there are no two cycles."""
-    cycles = len(op) // per_cycle
-    if cycles < 2:
-        return float(np.ptp(op))
-    ranges = np.ptp(op[: cycles * per_cycle].reshape(cycles, per_cycle), axis=1)
-    return float(np.quantile(ranges, _LIVELY)) or float(np.ptp(op))
+    ranges = cycle_ranges(op, per_cycle)
+    lively = float(np.quantile(ranges, _LIVELY)) if len(ranges) > 1 else 0.0
+    return lively or float(np.ptp(op))
 
 
 def _weights(pv: FloatArray, op: FloatArray, stride: int, config: QuantificationConfig) -> Weights:
