@@ -39,6 +39,11 @@ def test_S_of_a_limit_cycle_is_found(size):
     assert size.interval(95.0).low < 4.0 < size.interval(95.0).high
 
 
+def test_an_interval_that_is_not_stated_is_a_wrong_key(size):
+    with pytest.raises(KeyError):
+        size.interval(90.0)
+
+
 def test_intervals_are_nested_around_S(size):
     lows, highs = [i.low for i in size.S_intervals], [i.high for i in size.S_intervals]
     assert [i.level_pct for i in size.S_intervals] == [50.0, 80.0, 95.0]

@@ -35,5 +35,5 @@ class StictionSize:
     findings: tuple[Finding, ...]
 
     def interval(self, level_pct: float = 95.0) -> Interval:
-        """Raises StopIteration for a level that is not stated."""
-        return next(interval for interval in self.S_intervals if interval.level_pct == level_pct)
+        """Raises KeyError for a level that is not stated."""
+        return {interval.level_pct: interval for interval in self.S_intervals}[level_pct]
