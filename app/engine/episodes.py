@@ -5,7 +5,6 @@ sticks for a shift, or is repaired. Here the whole record is covered, cheaply: a
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from app.engine.judgement import Reliability
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import UniformRecord
 from app.engine.rivals import compete
-from app.engine.shape_model import ShapeModel, fitted_model
+from app.engine.shape_model import fitted_model
 from app.engine.verdict import weigh_features
 
 SPELL, ENDED, BEGAN = "short_lived_stiction", "stiction_ended", "stiction_began"
@@ -152,11 +151,6 @@ def samples_wanted(oscillation: Oscillation, config: EpisodeConfig) -> float:
     return config.cycles * (oscillation.samples_per_cycle or 0.0) if known else 0.0
 
 
-@lru_cache(maxsize=1)
-def _model() -> ShapeModel:
-    return fitted_model()
-
-
 def _weighed(record: UniformRecord, part: slice, config: EpisodeConfig) -> WindowEvidence:
     window = record.part(part)
     end_s = window.start_s + (window.samples - 1) * window.sampling_interval_s
@@ -166,7 +160,7 @@ def _weighed(record: UniformRecord, part: slice, config: EpisodeConfig) -> Windo
     features = extract(window, oscillation, most_windows=1)
     if features is None:
         return WindowEvidence(window.start_s, end_s, 0.0, oscillation.period_s)
-    weighing = weigh_features(features, (), _model())
+    weighing = weigh_features(features, (), fitted_model())
     return WindowEvidence(window.start_s, end_s, weighing.probability, oscillation.period_s)
 
 

@@ -6,6 +6,7 @@ log-odds are calibrated on valves that neither had seen.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -64,8 +65,9 @@ class ShapeModel:
         return self.standard(values) * self.slope
 
 
+@lru_cache(maxsize=1)
 def fitted_model() -> ShapeModel:
-    """The model that this version ships. Raises ValueError where its features are not those of the engine."""
+    """The model that this version ships, made once. Raises ValueError where its features are not those we have."""
     if fitted.FEATURES != NAMES:
         raise ValueError("the verdict's parameters were fitted to other features; run `make evaluate` to fit them anew")
     return ShapeModel(

@@ -1,7 +1,6 @@
 """The audited verdict: shapes fused to a calibrated probability, rivals heard, reliability stated with its reasons."""
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -80,11 +79,6 @@ def _logistic(log_odds: float) -> float:
     return 1.0 / (1.0 + float(np.exp(-np.clip(log_odds, -20.0, 20.0))))
 
 
-@lru_cache(maxsize=1)
-def _model() -> ShapeModel:
-    return fitted_model()
-
-
 def weigh(record: UniformRecord, oscillation: Oscillation, model: ShapeModel | None = None) -> Weighing | None:
     """The evidence of a record's shapes, or None where PV or OP does not vary.
 
@@ -94,7 +88,7 @@ def weigh(record: UniformRecord, oscillation: Oscillation, model: ShapeModel | N
     features = observe(record, oscillation)
     if features is None:
         return None
-    return weigh_features(features, compete(record, oscillation, features), model or _model())
+    return weigh_features(features, compete(record, oscillation, features), model or fitted_model())
 
 
 def weigh_features(features: Features, rivals: tuple[Rival, ...], model: ShapeModel) -> Weighing:
