@@ -114,7 +114,7 @@ def audit(recording: Recording, config: AuditConfig | None = None) -> Audit:
 def _identified(recording: Recording, config: AuditConfig, prepared: Preparation, oscillation: Oscillation) -> Audit:
     fitness = prepared.fitness
     record = newest_moving(fitness.audited, config.max_samples)
-    by_itself = verdict.judge(fitness.audited, oscillation, fitness, None, config.judgement, recording.integrating)
+    by_itself = verdict.judge(fitness.audited, oscillation, fitness, config.judgement, recording.integrating)
     if prepared.rest_of is not None:
         by_itself = replace(by_itself, reasons=(*by_itself.reasons, _rest_reason(fitness, prepared.rest_of)))
     episodes = find(fitness.looked_at, _quicker(oscillation, fitness, config.episodes), config.episodes)

@@ -111,32 +111,24 @@ def judge(
     record: UniformRecord,
     oscillation: Oscillation,
     fitness: Fitness,
-    reference: Reference | None = None,
     config: VerdictConfig | None = None,
     integrating: bool | None = None,
 ) -> Judgement:
     """Verdict, probability, reliability, reasons and likely cause of one record that is fit to be audited.
 
     integrating: whether the process integrates, None where it is not known; only the published methods ask for it.
-    reference: the published rule's answer, named among the reasons where it disagrees; it does not move the verdict.
     """
     config = config or VerdictConfig()
     weighing = weigh(record, oscillation)
     if weighing is None:
         text = "PV or OP does not vary in the audited stretch: nothing can be said"
         return Judgement("inconclusive", 0.5, "not_reliable", (Reason("no_variation", text),), None)
-    judgement = conclude(weighing, oscillation, fitness, reference, config)
+    judgement = conclude(weighing, oscillation, fitness, config)
     methods = corroborate(record, oscillation, integrating, weighing.features.windows)
     return replace(judgement, reasons=(*judgement.reasons, methods_reason(methods)))
 
 
-def conclude(
-    weighing: Weighing,
-    oscillation: Oscillation,
-    fitness: Fitness,
-    reference: Reference | None,
-    config: VerdictConfig,
-) -> Judgement:
+def conclude(weighing: Weighing, oscillation: Oscillation, fitness: Fitness, config: VerdictConfig) -> Judgement:
     """The judgement that follows from weighed evidence."""
     probability = weighing.probability
     unrelated, lost = _unrelated(fitness, oscillation, config), _lost(fitness)
@@ -156,8 +148,6 @@ def conclude(
         *doubts,
     )
     reasons += _stretches_reason(fitness)
-    if reference is not None:
-        reasons += reference_reason(reference, verdict)
     ranked = contest(weighing.rivals, probability, weighing.features)
     found = Judgement(verdict, probability, reliability, reasons, _cause(weighing, verdict), ranked)
     if lost and verdict == "inconclusive":

@@ -71,7 +71,7 @@ def _stages(
     return [
         ("fitness", None, True, lambda: assess(recording, config.fitness)),
         ("oscillation", None, True, lambda: detect(audited)),
-        ("verdict", None, True, lambda: verdict.judge(audited, oscillation, fitness, None, config.judgement)),
+        ("verdict", None, True, lambda: verdict.judge(audited, oscillation, fitness, config.judgement)),
         ("features", "verdict", True, lambda: extract(audited, oscillation)),
         ("rivals", "verdict", True, lambda: compete(audited, oscillation, features)),
         ("corroboration", "verdict", True, lambda: corroborate(audited, oscillation)),

@@ -214,7 +214,7 @@ def test_windows_disagree_where_their_spread_reaches_the_other_side_whatever_the
     fitness = assess(sticky())
     oscillation = detect(fitness.record)
     weighing = replace(weigh(fitness.record, oscillation), log_odds=2.5 * scale, window_spread=2.5 * scale * spread)
-    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), None, VerdictConfig())
+    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), VerdictConfig())
     assert ("windows_disagree" in {reason.code for reason in said.reasons}) is disagree
 
 
@@ -231,7 +231,7 @@ def test_a_limit_cycle_that_is_not_clear_by_its_shapes_is_not_in_quadrature(prob
     log_odds = float(np.log(probability / (1.0 - probability)))
     weighing = replace(weighing, log_odds=log_odds, features=replace(weighing.features, values=values))
     config = VerdictConfig(max_cycling_wave=1.0, reliable_own_cycle_from=0.85)
-    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), None, config)
+    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), config)
     assert said.verdict == "stiction"
     assert ("evidence_not_clear" in {reason.code for reason in said.reasons}) is not reliable
 
@@ -241,7 +241,7 @@ def test_a_cycle_that_is_shown_to_be_the_valves_makes_a_likely_verdict_clear(pro
     fitness = assess(sticky())
     oscillation = detect(fitness.record)
     weighing = replace(weigh(fitness.record, oscillation), log_odds=float(np.log(probability / (1.0 - probability))))
-    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), None, VerdictConfig())
+    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), VerdictConfig())
     codes = {reason.code for reason in said.reasons}
     assert said.verdict == "stiction"
     assert ("evidence_not_clear" in codes) is not reliable
@@ -269,7 +269,7 @@ def test_a_rival_makes_stiction_less_likely_but_clears_no_valve_by_itself(shapes
     oscillation = detect(fitness.record)
     rival = Rival("saturated_op", 1.0, "OP was at its limit for half of the time", counts=4.0)
     weighing = replace(weigh(fitness.record, oscillation), log_odds=shapes - rival.counts, rivals=(rival,))
-    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), None, VerdictConfig())
+    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), VerdictConfig())
     assert said.verdict == "no_stiction"
     assert ("not_cleared" in {reason.code for reason in said.reasons}) is not cleared
 
@@ -281,7 +281,7 @@ def test_a_rival_does_not_make_windows_agree():
     weighing = replace(
         weigh(fitness.record, oscillation), log_odds=-2.0 - rival.counts, window_spread=2.5, rivals=(rival,)
     )
-    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), None, VerdictConfig())
+    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), VerdictConfig())
     assert "windows_disagree" in {reason.code for reason in said.reasons}
 
 

@@ -38,7 +38,7 @@ class Evidence:
         log_odds = float(np.log(probability / (1.0 - probability)))
         weighing = replace(self.weighing, log_odds=log_odds, window_spread=0.0, rivals=rivals)
         swing = replace(self.oscillation, **(oscillation or {}))
-        return conclude(weighing, swing, replace(self.fitness, **fitness), None, config)
+        return conclude(weighing, swing, replace(self.fitness, **fitness), config)
 
 
 @pytest.fixture(scope="module")

@@ -43,7 +43,7 @@ def verdicts() -> None:
         prepared = prepare(recording, config.fitness)
         fitness, oscillation = prepared.fitness, prepared.oscillation
         assert oscillation is not None  # noqa: S101 - both of them swing
-        verdict.judge(fitness.audited, oscillation, fitness, None, config.judgement)
+        verdict.judge(fitness.audited, oscillation, fitness, config.judgement)
         find(fitness.audited, oscillation, config.episodes)
         quantify(fitness.audited, oscillation, True, config.quantification)
         key_figures.compute(recording)

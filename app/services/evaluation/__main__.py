@@ -124,7 +124,7 @@ def _judged(loop: Labelled, models: dict[str, ShapeModel]) -> Judgement:
         return unanswered(loop.recording) if flat else Judgement("not_auditable", None, "not_reliable", (), None)
     rivals = compete(loop.fitness.record, loop.oscillation, loop.features)
     weighing = weigh_features(loop.features, rivals, models[loop.valve])
-    return conclude(weighing, loop.oscillation, loop.fitness, None, config)
+    return conclude(weighing, loop.oscillation, loop.fitness, config)
 
 
 def _print(loops: list[Labelled], judged: list[Judgement], models: dict[str, ShapeModel], reference: bool) -> None:
