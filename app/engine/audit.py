@@ -17,7 +17,7 @@ from app.engine.key_figures import compute as key_figures_of
 from app.engine.oscillation import Oscillation, detect
 from app.engine.preparation import Preparation, prepare
 from app.engine.quantification import StictionSize, quantify
-from app.engine.recording import Recording, UniformRecord
+from app.engine.recording import Recording, UniformRecord, known_span
 from app.engine.reliability import LadderConfig, Reference, climb
 from app.engine.stretches import newest, newest_moving
 from app.engine.swing import Swing, swing_of
@@ -244,7 +244,7 @@ def _result(
     reference: Reference | None = None,
     episodes: Episodes = NO_EPISODES,
 ) -> Audit:
-    figures = key_figures_of(recording)
+    figures, span = key_figures_of(recording), known_span(recording.op_range)
     looked_at = None if record is None else fitness.looked_at
     return Audit(
         recording=recording.name,
@@ -264,7 +264,7 @@ def _result(
         input_fingerprint=recording.fingerprint(),
         config_fingerprint=config.fingerprint(),
         engine_version=ENGINE_VERSION,
-        op_instrument_span=None if recording.op_range is None else float(np.ptp(recording.op_range)) or None,
+        op_instrument_span=None if span is None else span[1] - span[0],
     )
 
 

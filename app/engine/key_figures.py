@@ -6,13 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from app.engine.fitness.signals import extreme_share, quantisation_step, resolution, usable_values
+from app.engine.fitness.signals import at_extremes, at_limits, quantisation_step, resolution, usable_values
 from app.engine.oscillation import autocorrelation
-from app.engine.recording import BoolArray, FloatArray, Recording
+from app.engine.recording import BoolArray, FloatArray, Recording, Span, known_span
 from app.errors import DataError
-
-LIMIT_BAND_SHARE = 0.005
-"""How near to the end of a known OP span counts as saturated, as a share of the span."""
 
 FEWEST_STEPS = 10
 """Steps of its resolution below which OP's own extremes say nothing of limits."""
@@ -101,7 +98,7 @@ def compute(recording: Recording, harris_horizon_samples: int = 5) -> KeyFigures
         good_share_pct=100.0 * float(good.mean()) if recording.samples else 0.0,
         service_factor_pct=_share_pct(used, good) if recording.automatic is not None else None,
         op_saturation_pct=_saturation_pct(recording.op[used], recording.op_range),
-        op_at_extreme_pct=_at_extreme_pct(recording.op[used]) if recording.op_range is None else None,
+        op_at_extreme_pct=_at_extreme_pct(recording.op[used]) if known_span(recording.op_range) is None else None,
         error_mean=_statistic(error, np.mean),
         error_std=_statistic(error, np.std),
         error_abs_mean=_statistic(size, np.mean),
@@ -136,8 +133,9 @@ def _percentiles(values: FloatArray | None, wanted: tuple[float, ...]) -> list[f
     return [float(value) for value in np.percentile(values, wanted)]
 
 
-def _pct_of_span(value: float | None, span: tuple[float, float] | None) -> float | None:
-    return None if value is None or span is None or span[1] <= span[0] else 100.0 * value / (span[1] - span[0])
+def _pct_of_span(value: float | None, span: Span | None) -> float | None:
+    known = known_span(span)
+    return None if value is None or known is None else 100.0 * value / (known[1] - known[0])
 
 
 def _response_time_s(error: FloatArray, time_s: FloatArray) -> float | None:
@@ -152,18 +150,15 @@ def _response_time_s(error: FloatArray, time_s: FloatArray) -> float | None:
     return None if len(below) == 0 or below[0] == 0 else float(below[0] * np.median(np.diff(time_s)))
 
 
-def _saturation_pct(op: FloatArray, op_range: tuple[float, float] | None) -> float | None:
-    if op_range is None or len(op) == 0:
-        return None
-    low, high = op_range
-    band = LIMIT_BAND_SHARE * (high - low)
-    return 100.0 * float(np.mean((op <= low + band) | (op >= high - band)))
+def _saturation_pct(op: FloatArray, op_range: Span | None) -> float | None:
+    at_limit = at_limits(op, op_range)
+    return None if at_limit is None or not len(op) else 100.0 * float(np.mean(at_limit[0] | at_limit[1]))
 
 
 def _at_extreme_pct(op: FloatArray) -> float | None:
     step = quantisation_step(op) if len(op) else None
     # A signal of a few values is at its least or greatest for much of the time whatever it does.
-    return None if step is None or np.ptp(op) < FEWEST_STEPS * step else 100.0 * extreme_share(op)
+    return None if step is None or np.ptp(op) < FEWEST_STEPS * step else 100.0 * max(float(np.mean(there)) for there in at_extremes(op))
 
 
 def _variability_pct(pv: FloatArray) -> float | None:

@@ -1,6 +1,7 @@
 """What a loop's record is: PV, OP, SP, mode, sampling times, and which samples were filled in."""
 
 import hashlib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -18,6 +19,20 @@ IntArray = NDArray[np.int64]
 _DECIDES = ("time_s", "pv", "op", "sp", "automatic", "op_range", "pv_range", "integrating")
 
 
+Span = tuple[float, float]
+
+
+def known_span(span: Span | None) -> Span | None:
+    """(low, high) of an instrument's span, in whichever order its ends were given; None where it is not known.
+
+    No span has ends that are not finite numbers, or two that are one.
+    """
+    if span is None:
+        return None
+    low, high = min(span), max(span)
+    return (low, high) if math.isfinite(high - low) and low < high else None
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
     """One loop's record as it was sampled: possibly irregular, with gaps (NaN) and flat stretches.
@@ -27,7 +42,8 @@ class Recording:
     pv, op: (N,) process output and controller output in engineering units; NaN where missing.
     sp: (N,) set point in the unit of PV, or None where it was not recorded.
     automatic: (N,) True where the loop was in automatic (or cascade), or None where the mode was not recorded.
-    op_range, pv_range: (low, high) of the instrument's span in its unit, or None where it is not known.
+    op_range, pv_range: (low, high) of the instrument's span in its unit, or None where it is not known; as they were
+    given, so read them by `known_span`.
     integrating: whether the process integrates (a level), or None where it is not known.
     others: further measured signals, (N,) each, by name.
     Raises DataError("signal_length") where the signals' lengths differ and DataError("time_order") where time does not
@@ -40,8 +56,8 @@ class Recording:
     op: FloatArray
     sp: FloatArray | None = None
     automatic: BoolArray | None = None
-    op_range: tuple[float, float] | None = None
-    pv_range: tuple[float, float] | None = None
+    op_range: Span | None = None
+    pv_range: Span | None = None
     integrating: bool | None = None
     others: Mapping[str, FloatArray] = field(default_factory=dict)
 

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from app.engine.recording import FloatArray
+from app.engine.recording import BoolArray, FloatArray
 
 Number = TypeVar("Number", np.float64, np.int64, np.bool_)
 
@@ -101,6 +101,11 @@ def blocks(x: NDArray[Number], length: int) -> NDArray[Number]:
     """(..., N) as (..., N // length, length)."""
     count = x.shape[-1] // length
     return x[..., : count * length].reshape(*x.shape[:-1], count, length)
+
+
+def at_ends(x: FloatArray, low: float, high: float, band: float) -> tuple[BoolArray, BoolArray]:
+    """(N,) each: where x (N,) is at `low` or below and where it is at `high` or above, by `band` in its unit."""
+    return x <= low + band, x >= high - band
 
 
 def cycle_ranges(x: FloatArray, per_cycle: int) -> FloatArray:

@@ -182,6 +182,13 @@ def test_short_records_are_answered(n):
     assert judgement.verdict != "not_auditable"
 
 
+@pytest.mark.parametrize(
+    ("span", "width"), [((0.0, 80.0), 80.0), ((80.0, 0.0), 80.0), ((-np.inf, 100.0), None), ((0.0, np.nan), None)]
+)
+def test_the_span_of_op_is_told_where_it_is_one(span, width):
+    assert audit(replace(sticky_loop(90), op_range=span)).op_instrument_span == width
+
+
 def test_sampling_at_random_times_is_answered():
     loop = sticky_loop()
     t = np.cumsum(np.random.default_rng(4).exponential(size=N))

@@ -253,6 +253,14 @@ def test_manual_stuck_and_dead_transmitter_do_what_their_names_say() -> None:
     assert np.ptp(dead.pv[20:]) == 0.0
 
 
+def test_limits_on_one_side_are_no_span() -> None:
+    spec = replace(noisy(LinearValve()), op_limits=(-np.inf, 100.0), pv_limits=(0.0, np.inf))
+    made = simulate_loop(spec, 500.0, 5.0).recording("loop")
+    assert (made.op_range, made.pv_range) == (None, None)
+    made = simulate_loop(replace(spec, op_limits=(-50.0, 100.0)), 500.0, 5.0).recording("loop")
+    assert made.op_range == (-50.0, 100.0)
+
+
 def test_quantisation_and_transmitter_limits() -> None:
     loop = simulate_loop(
         replace(noisy(LinearValve()), pv_resolution=0.5, op_resolution=0.25, pv_limits=(-2.0, 2.0)), 500.0, 5.0

@@ -6,7 +6,7 @@ import numpy as np
 
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import BoolArray, FloatArray
-from app.engine.sampled import ROUNDING, moving_average, quantiles, without_line
+from app.engine.sampled import ROUNDING, at_ends, moving_average, quantiles, without_line
 
 _SAME_STEP = 0.02
 _FEWEST_STEPS = 10
@@ -53,8 +53,7 @@ def _steps(x: FloatArray) -> FloatArray:
 
 
 def _at_extremes(op: FloatArray) -> tuple[BoolArray, BoolArray]:
-    band = 5e-3 * float(np.ptp(op))
-    return op <= op.min() + band, op >= op.max() - band
+    return at_ends(op, op.min(), op.max(), 5e-3 * float(np.ptp(op)))
 
 
 def _movement(pv: FloatArray) -> FloatArray:

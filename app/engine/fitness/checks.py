@@ -1,13 +1,12 @@
 """The checks, each one a row of evidence: statistic, threshold, outcome and the reason in words."""
 
-from typing import TypeGuard
-
 import numpy as np
 
 from app.engine.evidence import Finding, Outcome
 from app.engine.fitness.config import FitnessConfig
 from app.engine.fitness.signals import (
-    extreme_share,
+    at_extremes,
+    at_limits,
     on_line_share,
     quantisation_step,
     run_lengths,
@@ -15,7 +14,7 @@ from app.engine.fitness.signals import (
     two_levels,
 )
 from app.engine.oscillation import Oscillation
-from app.engine.recording import BoolArray, FloatArray, UniformRecord
+from app.engine.recording import BoolArray, FloatArray, Span, UniformRecord
 
 # A recording that fails one of these is not audited; the other findings only say how good it is.
 BLOCKING = frozenset(
@@ -94,25 +93,16 @@ def check_two_values(op: FloatArray, config: FitnessConfig) -> Finding:
     return _finding("op_two_values", not switched, text, share, config.two_values_share, "share")
 
 
-def check_op_limits(
-    op: FloatArray, op_range: tuple[float, float] | None, two_values: Finding, config: FitnessConfig
-) -> Finding:
+def check_op_limits(op: FloatArray, op_range: Span | None, two_values: Finding, config: FitnessConfig) -> Finding:
     """OP at one limit of its span, or, where the span is not known, at its own least or greatest value."""
     if two_values.outcome == "fail":
         return not_evaluated("op_at_limits", "OP is switched between two values")
-    share = limit_share(op, op_range, config)
-    where = "the end of its span" if _known(op_range) else "its own extreme value (the span is not known)"
+    at_limit = at_limits(op, op_range, config.op_limit_band)
+    low, high = at_limit or at_extremes(op)
+    share = max(float(np.mean(low)), float(np.mean(high)))
+    where = "the end of its span" if at_limit else "its own extreme value (the span is not known)"
     text = f"OP stands at {where} for {100 * share:.1f} % of the stretch"
     return _finding("op_at_limits", share < config.op_limit_share, text, share, config.op_limit_share, "share")
-
-
-def limit_share(op: FloatArray, op_range: tuple[float, float] | None, config: FitnessConfig) -> float:
-    """The share of `op` (N,) at the limit where it stands longer, 0 to 1; op_range in the unit of OP, or None."""
-    if not _known(op_range):
-        return extreme_share(op)
-    low, high = min(op_range), max(op_range)
-    band = config.op_limit_band * (high - low)
-    return max(float(np.mean(op <= low + band)), float(np.mean(op >= high - band)))
 
 
 def check_sampling(regular: bool, record: UniformRecord) -> Finding:
@@ -183,10 +173,6 @@ def check_stored_points(oscillation: Oscillation, record: UniformRecord, config:
 def refusals(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
     """The findings for which a recording is not audited."""
     return tuple(finding for finding in findings if finding.outcome == "fail" and finding.code in BLOCKING)
-
-
-def _known(span: tuple[float, float] | None) -> TypeGuard[tuple[float, float]]:
-    return span is not None and bool(np.all(np.isfinite(span))) and span[0] != span[1]
 
 
 def _finding(code: str, passed: bool, text: str, statistic: float, threshold: float | None, unit: str) -> Finding:

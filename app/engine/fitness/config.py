@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+LIMIT_BAND = 0.005
+"""How near to an end of OP's known span counts as at the limit, as a share of the span."""
+
 
 @dataclass(frozen=True)
 class FitnessConfig:
@@ -47,7 +50,7 @@ class FitnessConfig:
     fewest_switches: int = 6
     most_on_the_way: float = 1.0
     op_limit_share: float = 0.5
-    op_limit_band: float = 0.005
+    op_limit_band: float = LIMIT_BAND
     min_samples_per_cycle: float = 4.0
     min_cycles: float = 3.0
     min_levels: float = 10.0

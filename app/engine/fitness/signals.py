@@ -4,7 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.engine.recording import BoolArray, FloatArray, IntArray
+from app.engine.fitness.config import LIMIT_BAND
+from app.engine.recording import BoolArray, FloatArray, IntArray, Span, known_span
+from app.engine.sampled import at_ends
 
 # Beyond this a number is a bad-value marker of some system or an overflow on its way: its square is not finite.
 LARGEST_PLAUSIBLE = 1e100
@@ -30,11 +32,15 @@ def resolution(signal: FloatArray) -> float:
     return max(SAME_SHARE_OF_SPAN * float(np.ptp(signal)), 8.0 * float(np.finfo(np.float64).eps) * largest)
 
 
-def extreme_share(signal: FloatArray) -> float:
-    """The share of `signal` (N,), N at least 1, at the one of its extremes where it stands longer, 0 to 1."""
-    band = resolution(signal)
-    low, high = float(np.mean(signal <= signal.min() + band)), float(np.mean(signal >= signal.max() - band))
-    return max(low, high)
+def at_extremes(signal: FloatArray) -> tuple[BoolArray, BoolArray]:
+    """(N,) each: where `signal` (N,), N at least 1, is at the least of its values and where at the greatest."""
+    return at_ends(signal, signal.min(), signal.max(), resolution(signal))
+
+
+def at_limits(op: FloatArray, op_range: Span | None, band: float = LIMIT_BAND) -> tuple[BoolArray, BoolArray] | None:
+    """(N,) each: where `op` (N,) is within `band`, a share of its span, of either end of that; None: not known."""
+    span = known_span(op_range)
+    return None if span is None else at_ends(op, *span, band * (span[1] - span[0]))
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from app.engine.recording import FloatArray, Recording, UniformRecord
+from app.engine.recording import FloatArray, Recording, UniformRecord, known_span
 from app.engine.simulate import actuator, controller, kernel, plant
 from app.engine.simulate.actuator import LinearValve, Valve
 from app.engine.simulate.controller import Controller, Manual
@@ -74,9 +74,7 @@ class SimulatedLoop:
     seed: int
 
     def recording(self, name: str) -> Recording:
-        """The loop as a recording of that name."""
-        finite_op = self.spec.op_limits if math.isfinite(self.spec.op_limits[1]) else None
-        finite_pv = self.spec.pv_limits if math.isfinite(self.spec.pv_limits[1]) else None
+        """The loop as a recording of that name; of OP and PV that are not limited on both sides no span is known."""
         return Recording(
             name=name,
             time_s=self.time_s,
@@ -84,8 +82,8 @@ class SimulatedLoop:
             op=self.op,
             sp=self.sp,
             automatic=np.full(len(self.time_s), not isinstance(self.spec.controller, Manual)),
-            op_range=finite_op,
-            pv_range=finite_pv,
+            op_range=known_span(self.spec.op_limits),
+            pv_range=known_span(self.spec.pv_limits),
             integrating=self.spec.plant.integrating,
         )
 
