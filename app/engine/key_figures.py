@@ -1,15 +1,16 @@
 """Key figures that engineers expect of a loop monitor, over good samples only: each with its definition and source."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 
+from app.engine.fitness import FitnessConfig
+from app.engine.fitness.resample import typical_interval
 from app.engine.fitness.signals import at_extremes, at_limits, quantisation_step, resolution, usable_values
 from app.engine.oscillation import autocorrelation
-from app.engine.recording import BoolArray, FloatArray, Recording, Span, known_span
-from app.errors import DataError
+from app.engine.recording import BoolArray, FloatArray, IntArray, Recording, Span, known_span
+from app.engine.timed import Timed, holding_times
 
 FEWEST_STEPS = 10
 """Steps of its resolution below which OP's own extremes say nothing of limits."""
@@ -23,15 +24,22 @@ SHORTEST_FOR_RESPONSE = 100
 HARRIS_TERMS = 20
 """Autoregressive terms of the minimum-variance benchmark; Desborough and Harris 1992 use 5 to 30."""
 
+HARRIS_HORIZON = 5
+"""Samples of dead time that the benchmark assumes of every loop, whatever its process and its sampling interval."""
+
+_AS_CHECKED = FitnessConfig()
+
 
 @dataclass(frozen=True)
 class KeyFigures:
     """Plain figures of a loop over the good samples of a record; None where a figure cannot be had, never 0 instead.
 
-    good_share_pct: samples with PV and OP, of all samples.
-    service_factor_pct: good samples in automatic, of all good samples; None where the mode was not recorded.
-    op_saturation_pct: automatic samples with OP within 0.5 % of an end of its span; None without a known span.
-    op_at_extreme_pct: automatic samples with OP at the one of its own extremes where it stands longer; None where its
+    Shares, means, deviations and percentiles are over time: each sample counts for as long as it holds (`timed`).
+
+    good_share_pct: samples with PV and OP, of all samples; their number, not their time.
+    service_factor_pct: good time in automatic, of all good time; None where the mode was not recorded.
+    op_saturation_pct: time in automatic with OP within 0.5 % of an end of its span; None without a known span.
+    op_at_extreme_pct: time in automatic with OP at the one of its own extremes where it stands longer; None where its
     span is known and where its range is below ten of its steps.
     error_mean, error_std, error_abs_mean, error_abs_p95: SP - PV in the unit of PV; None without a set point.
     error_p05, error_median, error_p95: percentiles of SP - PV, its distribution in three numbers, in the unit of PV.
@@ -42,8 +50,9 @@ class KeyFigures:
     op_reversals_per_h: changes of OP's direction an hour that exceed the reversal band.
     op_travel_pct_of_span_per_h: the travel in per cent of OP's span; None without a known span.
     response_time_s: lag at which the autocorrelation of the control error falls below 1/e; None where it never does.
-    harris_index: minimum over present variance of the control error, 0 (poor) to 1 (no better control possible).
-    harris_horizon_samples: the dead time, in samples, that the index assumes.
+    harris_index: minimum over present variance of the control error, 0 (poor) to 1 (no better control possible), over
+    samples that follow each other without a hole, a missing value or a spell in manual between them.
+    harris_horizon_samples: the dead time, in samples, that the index assumes: HARRIS_HORIZON, of every loop.
     """
 
     good_share_pct: float
@@ -69,68 +78,61 @@ class KeyFigures:
     harris_horizon_samples: int
 
 
-def compute(recording: Recording, harris_horizon_samples: int = 5) -> KeyFigures:
+def compute(recording: Recording) -> KeyFigures:
     """The key figures of one recording.
 
     recording: PV, OP and SP in engineering units, NaN where missing.
-    harris_horizon_samples: assumed dead time in samples, at least 1.
-    Raises DataError("harris_horizon") below 1.
 
     Only samples with finite PV and OP count; control error, saturation and Harris index use those in automatic where
-    the mode is known. The Harris index depends on the assumed dead time and punishes loops that follow a moving set
-    point or that are meant to let a level swing: compare a loop with itself.
+    the mode is known. The Harris index assumes a dead time of HARRIS_HORIZON samples, says less the further the loop's
+    own is from that, and punishes loops that follow a moving set point or that are meant to let a level swing: compare
+    a loop with itself.
     Sources: Jelali 2013, Control Performance Management in Industrial Automation, doi 10.1007/978-1-4471-4546-2
     (figures); Harris 1989, Can. J. Chem. Eng. 67, 856, doi 10.1002/cjce.5450670519, and Desborough and Harris 1992,
     doi 10.1002/cjce.5450700620 (index).
     """
-    if harris_horizon_samples < 1:
-        got = f"the Harris index needs a horizon of 1 sample or more, got {harris_horizon_samples}"
-        raise DataError("harris_horizon", got)
+    held_s = holding_times(recording.time_s)
+
+    def timed(signal: FloatArray, part: BoolArray) -> Timed:
+        return Timed(signal[part], None if held_s is None else held_s[part])
+
     good = usable_values(recording.pv) & usable_values(recording.op)
     used = good if recording.automatic is None else good & recording.automatic
-    error = None if recording.sp is None else (recording.sp - recording.pv)[used & usable_values(recording.sp)]
-    controlled = recording.pv[used] if error is None or len(error) == 0 else error
-    travel = _travel(recording, good)
-    pv, op = recording.pv[good], recording.op[good]
-    size = None if error is None else np.abs(error)
-    low, median, high = _percentiles(error, (5.0, 50.0, 95.0))
+    tracked = np.zeros_like(used) if recording.sp is None else used & usable_values(recording.sp)
+    error = Timed(np.empty(0), None) if recording.sp is None else timed(recording.sp - recording.pv, tracked)
+    controlled = np.flatnonzero(tracked if len(error) else used)
+    upset = error.values if len(error) else recording.pv[used]
+    pv, op, op_used = timed(recording.pv, good), timed(recording.op, good), timed(recording.op, used)
+    size = error.of(np.abs)
+    travel, reversals = _travel(recording, good)
+    low, median, high = error.percentiles((5.0, 50.0, 95.0))
     return KeyFigures(
         good_share_pct=100.0 * float(good.mean()) if recording.samples else 0.0,
-        service_factor_pct=_share_pct(used, good) if recording.automatic is not None else None,
-        op_saturation_pct=_saturation_pct(recording.op[used], recording.op_range),
-        op_at_extreme_pct=_at_extreme_pct(recording.op[used]) if known_span(recording.op_range) is None else None,
-        error_mean=_statistic(error, np.mean),
-        error_std=_statistic(error, np.std),
-        error_abs_mean=_statistic(size, np.mean),
-        error_abs_p95=_percentiles(size, (95.0,))[0],
+        service_factor_pct=_service_factor_pct(recording.automatic, good, pv),
+        op_saturation_pct=_saturation_pct(op_used, recording.op_range),
+        op_at_extreme_pct=_at_extreme_pct(op_used) if known_span(recording.op_range) is None else None,
+        error_mean=error.mean(),
+        error_std=error.std(),
+        error_abs_mean=size.mean(),
+        error_abs_p95=size.percentiles((95.0,))[0],
         error_p05=low,
         error_median=median,
         error_p95=high,
-        error_abs_mean_pct_of_span=_pct_of_span(_statistic(size, np.mean), recording.pv_range),
+        error_abs_mean_pct_of_span=_pct_of_span(size.mean(), recording.pv_range),
         variability_pct=_variability_pct(pv),
-        pv_std=_statistic(pv, np.std),
-        op_std=_statistic(op, np.std),
-        op_travel_per_h=None if travel is None else travel[0],
-        op_reversals_per_h=None if travel is None else travel[1],
-        op_travel_pct_of_span_per_h=_pct_of_span(None if travel is None else travel[0], recording.op_range),
-        response_time_s=_response_time_s(controlled, recording.time_s),
-        harris_index=_harris_index(controlled, harris_horizon_samples),
-        harris_horizon_samples=harris_horizon_samples,
+        pv_std=pv.std(),
+        op_std=op.std(),
+        op_travel_per_h=travel,
+        op_reversals_per_h=reversals,
+        op_travel_pct_of_span_per_h=_pct_of_span(travel, recording.op_range),
+        response_time_s=_response_time_s(upset, recording.time_s),
+        harris_index=_harris_index(upset, _runs(controlled, recording.time_s)),
+        harris_horizon_samples=HARRIS_HORIZON,
     )
 
 
-def _share_pct(part: BoolArray, whole: BoolArray) -> float | None:
-    return 100.0 * float(part.sum() / whole.sum()) if whole.any() else None
-
-
-def _statistic(values: FloatArray | None, function: Callable[[FloatArray], float]) -> float | None:
-    return None if values is None or len(values) == 0 else float(function(values))
-
-
-def _percentiles(values: FloatArray | None, wanted: tuple[float, ...]) -> list[float | None]:
-    if values is None or len(values) == 0:
-        return [None] * len(wanted)
-    return [float(value) for value in np.percentile(values, wanted)]
+def _service_factor_pct(automatic: BoolArray | None, good: BoolArray, pv: Timed) -> float | None:
+    return None if automatic is None or not len(pv) else 100.0 * pv.share(automatic[good])
 
 
 def _pct_of_span(value: float | None, span: Span | None) -> float | None:
@@ -150,29 +152,31 @@ def _response_time_s(error: FloatArray, time_s: FloatArray) -> float | None:
     return None if len(below) == 0 or below[0] == 0 else float(below[0] * np.median(np.diff(time_s)))
 
 
-def _saturation_pct(op: FloatArray, op_range: Span | None) -> float | None:
-    at_limit = at_limits(op, op_range)
-    return None if at_limit is None or not len(op) else 100.0 * float(np.mean(at_limit[0] | at_limit[1]))
+def _saturation_pct(op: Timed, op_range: Span | None) -> float | None:
+    at_limit = at_limits(op.values, op_range)
+    return None if at_limit is None or not len(op) else 100.0 * op.share(at_limit[0] | at_limit[1])
 
 
-def _at_extreme_pct(op: FloatArray) -> float | None:
-    step = quantisation_step(op) if len(op) else None
+def _at_extreme_pct(op: Timed) -> float | None:
+    step = quantisation_step(op.values) if len(op) else None
     # A signal of a few values is at its least or greatest for much of the time whatever it does.
-    return None if step is None or np.ptp(op) < FEWEST_STEPS * step else 100.0 * max(float(np.mean(there)) for there in at_extremes(op))
-
-
-def _variability_pct(pv: FloatArray) -> float | None:
-    if len(pv) == 0:
+    if step is None or np.ptp(op.values) < FEWEST_STEPS * step:
         return None
-    mean, std = float(np.mean(pv)), float(np.std(pv))
+    return 100.0 * max(op.share(there) for there in at_extremes(op.values))
+
+
+def _variability_pct(pv: Timed) -> float | None:
+    mean, std = pv.mean(), pv.std()
+    if mean is None or std is None:
+        return None
     # About a mean near zero (deviation variables, temperatures around 0) the ratio says nothing.
     return 200.0 * std / abs(mean) if abs(mean) > std else None
 
 
-def _travel(recording: Recording, good: BoolArray) -> tuple[float, float] | None:
+def _travel(recording: Recording, good: BoolArray) -> tuple[float, float] | tuple[None, None]:
     """(travel, reversals) an hour, or None for fewer than two good samples."""
     if good.sum() < 2:
-        return None
+        return None, None
     time_s, op = recording.time_s[good], recording.op[good]
     low, high = np.percentile(op, [5.0, 95.0])
     travel, reversals = _turning(np.ascontiguousarray(op), REVERSAL_SHARE * float(high - low))
@@ -196,16 +200,31 @@ def _turning(op: FloatArray, band: float) -> tuple[float, int]:
     return travel + (high - anchor if direction > 0 else anchor - low if direction < 0 else 0.0), reversals
 
 
-def _harris_index(error: FloatArray, horizon: int) -> float | None:
-    """Residual variance of an autoregression that looks `horizon` samples back, over the mean square."""
-    rows = len(error) - horizon - HARRIS_TERMS + 1
+def _runs(controlled: IntArray, time_s: FloatArray) -> IntArray:
+    """(n,) in which run of neighbours without a hole each of these samples of a record of times (N,) is."""
+    if len(controlled) < 2:
+        return np.zeros(len(controlled), dtype=np.int64)
+    hole_s = _AS_CHECKED.max_gap_intervals * typical_interval(time_s)
+    apart = (np.diff(controlled) > 1) | (np.diff(time_s[controlled]) > hole_s)
+    return np.concatenate(([0], np.cumsum(apart)))
+
+
+def _harris_index(error: FloatArray, run: IntArray) -> float | None:
+    """Residual variance of an autoregression that looks HARRIS_HORIZON samples back, over the mean square.
+
+    error, run: (n,). What is foretold and what from are of one run: samples of two are not as far apart as they stand.
+    """
+    reach = HARRIS_HORIZON + HARRIS_TERMS - 1
+    together = run[reach:] == run[: max(len(run) - reach, 0)]
+    rows = int(np.count_nonzero(together))
     if rows < 5 * HARRIS_TERMS or np.ptp(error) <= resolution(error):
         return None
     error = error - np.mean(error)
-    if not np.mean(error[horizon + HARRIS_TERMS - 1 :] ** 2) > 0.0:
+    past, future = np.lib.stride_tricks.sliding_window_view(error, HARRIS_TERMS)[: len(together)], error[reach:]
+    if rows < len(together):
+        past, future = past[together], future[together]
+    if not np.mean(future**2) > 0.0:
         return None  # so small that no square of it is left
-    past = np.lib.stride_tricks.sliding_window_view(error, HARRIS_TERMS)[:rows]
-    future = error[horizon + HARRIS_TERMS - 1 :]
     # Normal equations with a trace of ridge: exact enough for an index, and a twentieth of the cost of an SVD.
     gram = past.T @ past
     gram[np.diag_indices_from(gram)] += 1e-9 * gram[0, 0]

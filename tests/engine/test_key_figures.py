@@ -1,5 +1,7 @@
 """Key figures on signals whose answer is known in the head."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,7 +10,6 @@ from scipy.signal import lfilter
 
 from app.engine.key_figures import compute
 from app.engine.recording import Recording
-from app.errors import DataError
 
 
 def recording(op, pv=None, sp=None, automatic=None, op_range=None, interval_s=1.0):
@@ -72,9 +73,72 @@ def test_a_signal_whose_square_is_nothing():
     assert (figures.harris_index, figures.response_time_s) == (None, None)
 
 
-def test_horizon_below_one_sample_is_refused():
-    with pytest.raises(DataError, match="horizon"):
-        compute(recording([1.0, 2.0]), harris_horizon_samples=0)
+def half_of_the_time_in_automatic():
+    """Six hours in automatic, a sample every ten minutes, then six in manual, a sample a second."""
+    time_s = np.concatenate((600.0 * np.arange(36), 21600.0 + np.arange(21600.0)))
+    automatic = time_s < 21600.0
+    pv, op = np.where(automatic, 1.0, 3.0), np.where(automatic, 100.0, 50.0)
+    return Recording("loop", time_s, pv, op, np.full(len(pv), 2.0), automatic, (0.0, 100.0))
+
+
+def test_figures_are_of_time_whatever_the_number_of_samples():
+    uneven = half_of_the_time_in_automatic()
+    figures = compute(uneven)
+    assert figures.service_factor_pct == pytest.approx(50.0)
+    assert (figures.pv_std, figures.op_std) == pytest.approx((1.0, 25.0))
+
+    figures = compute(replace(uneven, automatic=None))
+    assert (figures.op_saturation_pct, figures.error_mean) == pytest.approx((50.0, 0.0), abs=1e-9)
+    assert (figures.error_p05, figures.error_p95, figures.error_std) == pytest.approx((-1.0, 1.0, 1.0))
+    assert compute(replace(uneven, op_range=None, automatic=None)).op_at_extreme_pct is None  # of two values only
+
+
+def test_time_at_an_extreme_is_time():
+    time_s = np.concatenate((np.arange(500.0), 500.0 + 10.0 * np.arange(50)))
+    op = np.concatenate((np.linspace(0.0, 49.0, 500), np.full(50, 50.0)))
+    assert compute(Recording("loop", time_s, op, op)).op_at_extreme_pct == pytest.approx(50.0, abs=1.0)
+
+
+@pytest.mark.parametrize("span", [(0.0, 0.0), (-np.inf, 100.0), (np.nan, 100.0), (0.0, np.nan), (-1e308, 1e308)])
+def test_a_span_that_is_none_is_not_known(span):
+    op = np.linspace(40.0, 60.0, 200)
+    figures = compute(Recording("loop", np.arange(200.0), op, op, np.zeros(200), op_range=span, pv_range=span))
+    assert (figures.op_saturation_pct, figures.op_at_extreme_pct) == (None, pytest.approx(0.5))
+    assert (figures.error_abs_mean_pct_of_span, figures.op_travel_pct_of_span_per_h) == (None, None)
+
+
+def test_a_span_may_be_told_the_other_way_round():
+    op = np.repeat([100.0, 50.0, 0.2, 50.0], 50)
+    there, back = (compute(recording(op, sp=np.zeros(200), op_range=span)) for span in ((0.0, 100.0), (100.0, 0.0)))
+    assert there == back
+    assert there.op_saturation_pct == pytest.approx(50.0)
+
+
+def alternating(automatic=None, holes=()):
+    """Error that repeats itself every 20 samples, in stretches of 200 that begin anywhere in it."""
+    rng = np.random.default_rng(5)
+    pattern = rng.normal(size=20)
+    pv = np.concatenate([np.tile(pattern, 11)[k : k + 200] for k in rng.integers(0, 20, 20)])
+    time_s = np.arange(4000.0)
+    for hole in holes:
+        time_s[hole:] += 1000.0
+    return Recording("loop", time_s, pv + 1e-3 * rng.normal(size=4000), pv, np.zeros(4000), automatic)
+
+
+def test_the_harris_index_does_not_look_across_holes_and_spells_in_manual():
+    """What repeats itself is foretold whole, except where ends are joined that do not belong together."""
+    joined = compute(alternating()).harris_index
+    apart = compute(alternating(holes=range(200, 4000, 200))).harris_index
+    spells = Recording(**{**vars(alternating()), "automatic": np.arange(4000) % 200 < 199})
+    assert joined > 0.05
+    assert apart < 1e-3
+    assert compute(spells).harris_index < 1e-3
+
+
+def test_no_harris_index_of_runs_that_are_too_short():
+    noise = np.random.default_rng(1).normal(size=4000)
+    automatic = np.arange(4000) % 25 < 24
+    assert compute(recording(noise, noise, np.zeros(4000), automatic)).harris_index is None
 
 
 @given(st.floats(0.01, 1e4), st.floats(-1e3, 1e3), st.integers(0, 1000))

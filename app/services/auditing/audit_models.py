@@ -190,9 +190,9 @@ class KeyFiguresLine(BaseModel):
     """What engineers expect of a loop monitor, over good samples only; null where a figure cannot be had."""
 
     good_share_pct: float | None = Field(None, description="Samples with PV and OP, per cent of all samples.")
-    service_factor_pct: float | None = Field(None, description="Good samples in automatic, per cent; null: no mode.")
+    service_factor_pct: float | None = Field(None, description="Good time in automatic, per cent; null: no mode.")
     op_saturation_pct: float | None = Field(
-        None, description="Samples in automatic with OP at an end of its span, per cent; null: no span."
+        None, description="Time in automatic with OP at an end of its span, per cent; null: no span."
     )
     op_at_extreme_pct: float | None = Field(
         None, description="The same at the one of OP's own extremes where it stands longer; null: its span is known."
@@ -221,4 +221,6 @@ class KeyFiguresLine(BaseModel):
     harris_index: float | None = Field(
         None, description="Minimum over present variance of the control error, 0 (poor) to 1; no measure between loops."
     )
-    harris_horizon_samples: int | None = Field(None, description="Dead time that the Harris index assumes, in samples.")
+    harris_horizon_samples: int | None = Field(
+        None, description="Dead time that the Harris index assumes of every loop, in samples."
+    )
