@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.recording import FloatArray, IntArray, Recording, Steps
-from app.engine.sampled import ROUNDING
+from app.engine.sampled import ROUNDING, held
 
 LENGTH = 64
 MOST = 6
@@ -72,6 +72,5 @@ def _held(time_s: FloatArray, signal: FloatArray, at_s: FloatArray) -> FloatArra
     known = np.isfinite(signal)
     if not known.any() or not at_s.size:
         return None
-    last = np.searchsorted(time_s[known], at_s, side="right") - 1
-    held: FloatArray = signal[known][np.maximum(last, 0)]
-    return held if np.ptp(held) > ROUNDING * float(np.max(np.abs(held))) else None
+    values = held(time_s[known], signal[known], at_s)
+    return values if np.ptp(values) > ROUNDING * float(np.max(np.abs(values))) else None

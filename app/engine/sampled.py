@@ -92,6 +92,14 @@ def without_line(x: FloatArray) -> FloatArray:
     return out
 
 
+def held(time: FloatArray, x: FloatArray, at: FloatArray) -> FloatArray:
+    """The newest of x (N,), N at least 1, known at `time` (N,), at each of the times `at`, of any shape; the first one
+    before that. So goes what steps and holds, a set point: a straight line would make values that nobody gave.
+    """
+    values: FloatArray = x[np.maximum(np.searchsorted(time, at, side="right") - 1, 0)]
+    return values
+
+
 def block_means(x: FloatArray, stride: int) -> FloatArray:
     """(N // stride,) means of `stride` samples of x (N,) each; what is left over at the end is dropped."""
     return x if stride == 1 else x[: len(x) // stride * stride].reshape(-1, stride).mean(axis=1)

@@ -268,6 +268,17 @@ def test_samples_at_random_times_are_put_on_a_grid_that_they_can_fill():
     np.testing.assert_allclose(fitness.record.pv, np.sin(times / 20), atol=0.05)
 
 
+@pytest.mark.parametrize("jump_at", [100, 199])
+def test_set_point_holds_until_it_steps(jump_at):
+    """A straight line over a hole, or between stamps that do not meet the grid, would give set points of nobody."""
+    keep = ~np.isin(np.arange(N), [10, 11, 12, 97, 98, 99])
+    sp = np.where(np.arange(N) < jump_at, 20.0, 30.0)
+    full = cycling(sp=np.where(np.arange(N) % 3 == 1, sp, np.nan))
+    fitness = assess(Recording("loop", full.time_s[keep] / 3.0, full.pv[keep], full.op[keep], full.sp[keep]))
+    assert fitness.record.samples == N
+    assert np.array_equal(fitness.record.sp, np.where(np.arange(N) < jump_at, 20.0, 30.0))
+
+
 def test_late_scans_are_taken_as_they_are():
     t = np.arange(N, dtype=float) + np.random.default_rng(2).uniform(-0.05, 0.05, N)
     recording = cycling(time_s=t)

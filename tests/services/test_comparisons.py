@@ -184,6 +184,15 @@ def test_a_clock_that_went_back_and_times_that_come_twice_are_said() -> None:
     assert even.notes == ()
 
 
+def test_the_set_point_holds_over_holes_and_pv_does_not() -> None:
+    time = np.delete(np.arange(200.0) / 3.0, np.arange(95, 100))
+    rows = np.round(time * 3.0)
+    noise = np.random.default_rng(1).normal(size=len(time))
+    found = uniform("loop", time, {"pv": rows, "op": noise, "sp": np.where(rows < 100, 20.0, 30.0)}, {})
+    assert np.array_equal(found.sp, np.where(np.arange(200) < 100, 20.0, 30.0))
+    assert found.pv == pytest.approx(np.arange(200.0))
+
+
 def test_a_simulation_with_a_hole_is_refused(tmp_path: Path) -> None:
     recording = write(tmp_path / "F1.csv", "Time,PV,OP\n" + rows(200))
     lines = rows(200).split("\n")

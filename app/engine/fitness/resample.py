@@ -6,6 +6,10 @@ import numpy as np
 
 from app.engine.fitness.config import FitnessConfig
 from app.engine.recording import BoolArray, FloatArray, UniformRecord
+from app.engine.sampled import held
+
+# Of an interval: by so much a grid may miss the stamp that it was laid on.
+_ROUNDING = 1e-6
 
 
 def typical_interval(time_s: FloatArray) -> float:
@@ -25,7 +29,8 @@ def is_regular(time_s: FloatArray, config: FitnessConfig) -> bool:
 def to_uniform(
     time_s: FloatArray, pv: FloatArray, op: FloatArray, sp: FloatArray | None, origin_s: float, config: FitnessConfig
 ) -> UniformRecord:
-    """The stretch on a uniform time base: as it is where its sampling is regular, else interpolated linearly.
+    """The stretch on a uniform time base: as it is where its sampling is regular, else PV and OP interpolated linearly
+    and SP held, for it steps.
 
     time_s, pv, op, sp: (N,), N > 1; pv and op finite; sp may miss values. origin_s: the recording's first time in s.
     The interval is the mean of a regular stretch, which late scans do not bias. Of an irregular one it is the median,
@@ -43,7 +48,7 @@ def to_uniform(
         grid.interval_s,
         np.interp(grid.time_s, time_s, pv),
         np.interp(grid.time_s, time_s, op),
-        None if sp is None else np.interp(grid.time_s, time_s, sp),
+        None if sp is None else held(time_s, sp, grid.time_s + _ROUNDING * grid.interval_s),
         grid.filled,
         start_s,
     )
@@ -85,7 +90,7 @@ def _complete(time_s: FloatArray, sp: FloatArray | None) -> FloatArray | None:
     known = np.isfinite(sp)
     if not known.any():
         return None
-    return sp.copy() if known.all() else np.interp(time_s, time_s[known], sp[known])
+    return sp.copy() if known.all() else held(time_s[known], sp[known], time_s)
 
 
 def _far_from_measured(grid: FloatArray, time_s: FloatArray, limit_s: float) -> BoolArray:

@@ -10,6 +10,7 @@ import numpy as np
 from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison, LinearSimulation
 from app.engine.recording import FloatArray, Recording
+from app.engine.sampled import held
 from app.errors import DataError, RequestError
 from app.ingest import IngestOptions, NamedTable, RecordingsRead, read_named, read_recordings
 from app.services.explaining.aligning import Aligned, beyond, onto, sample_by_sample
@@ -24,6 +25,7 @@ SIMULATED = ("pv_sim", "pvsim", "sim", "simulation", "simulated")
 NOT_MEASURED = ("mode", "quality", "status", "ts", "auto")
 BRACKETS = re.compile(r"\s*[\[(][^\[\]()]*[\])]$")
 GAP_INTERVALS = 3.0
+STAMP_ROUNDING = 1e-6  # of an interval: by so much a grid may miss the stamp that it was laid on
 SPARSE = 3.0
 READ_PLAINLY = IngestOptions()
 NO_EXPORT = ("unknown_layout", "not_an_export", "nothing_readable")
@@ -227,7 +229,7 @@ def simulated_trace(
 
 def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others: dict[str, FloatArray]) -> Comparison:
     """Equal sampling at the median interval; trailing rows without PV and OP are left out, gaps are bridged and
-    marked.
+    marked: by straight lines, but the set point holds, for it steps.
     """
     present = np.isfinite(time) & np.isfinite(signals["pv"]) & np.isfinite(signals["op"])
     if present.sum() < 10:
@@ -250,15 +252,18 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
     known = (at[nearest] - at[nearest - 1]) < GAP_INTERVALS * interval
     even = len(grid) == len(at) and bool(np.allclose(grid, at, atol=0.01 * interval))
 
-    def resampled(signal: FloatArray) -> FloatArray:
+    def resampled(signal: FloatArray, *, steps: bool = False) -> FloatArray:
         values = signal[order]
         if even and np.all(np.isfinite(values)):
             return values
         finite = np.isfinite(values)
-        return np.interp(grid, at[finite], values[finite]) if finite.sum() > 1 else np.full(len(grid), np.nan)
+        if finite.sum() < 2:
+            return np.full(len(grid), np.nan)
+        known = at[finite], values[finite]
+        return held(*known, grid + STAMP_ROUNDING * interval) if steps else np.interp(grid, *known)
 
     measured = tuple((n, s) for n, s in ((n, resampled(s)) for n, s in others.items()) if np.all(np.isfinite(s)))
-    sp = resampled(signals["sp"]) if "sp" in signals else None
+    sp = resampled(signals["sp"], steps=True) if "sp" in signals else None
     return Comparison(
         name=name,
         sampling_interval_s=interval,
