@@ -1,6 +1,6 @@
 """Hammerstein identification: OP through a grid of valves, an ARMAX model behind each; the least RMSE answers."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -241,8 +241,7 @@ class _Stems:
             search, k = self._found[place]
             row, order = self._rows[place], search.order(k)
             fitted = refine(self._scaled.pv, row, order, search, k, steps, self._config.tolerance)
-            gain = self._scaled.pv_scale / self._scaled.op_scale
-            self._models[place] = replace(fitted, b=fitted.b * gain, rmse=fitted.rmse * self._scaled.pv_scale)
+            self._models[place] = fitted.rescaled(self._scaled.pv_scale, self._scaled.op_scale)
         return self._models[place]
 
     def _place(self, row: FloatArray, total: float) -> int:

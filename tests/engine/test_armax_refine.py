@@ -65,6 +65,17 @@ def test_criteria_are_those_of_the_residuals():
     assert model.aic_log == pytest.approx(np.log(model.rmse**2) + 8 / samples)
 
 
+@pytest.mark.parametrize(("y_scale", "v_scale"), [(1.0, 1.0), (25.0, 0.1), (0.02, 300.0)])
+def test_a_rescaled_model_is_the_one_of_the_rescaled_signals(y_scale, v_scale):
+    y, v = record()
+    model, other = (
+        refine(y, v, Order(2, 1, 1)).rescaled(y_scale, v_scale),
+        refine(y_scale * y, v_scale * v, Order(2, 1, 1)),
+    )
+    for name in ("a", "b", "c", "rmse", "aic_paper", "aic_log"):
+        assert getattr(model, name) == pytest.approx(getattr(other, name), rel=1e-5), name
+
+
 def test_polishing_lowers_every_point_and_refining_lowers_it_further():
     y, v = record()
     grid = np.stack([v, np.roll(v, 2), v**3 + np.arange(len(v)) / 500.0])

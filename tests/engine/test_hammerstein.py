@@ -36,6 +36,14 @@ def test_a_linear_loop_has_no_band():
     assert one.rmse_best == pytest.approx(0.02, rel=0.05)
 
 
+def test_criteria_of_the_answer_are_in_its_units_as_its_error_is():
+    record = record_behind(lambda op: op)
+    model = identify_one_parameter(record, SPACE).model
+    penalty = 2.0 * model.order.parameters / (record.samples - model.first_sample)
+    assert model.aic_paper == pytest.approx(model.rmse**2 + penalty)
+    assert model.aic_log == pytest.approx(np.log(model.rmse**2) + penalty)
+
+
 def sticky(S_share, J_share):
     """He's valve with bands that are shares of OP's range, as the grid has them."""
     return lambda op: two_parameter_he(op, np.array([S_share * np.ptp(op)]), np.array([J_share * np.ptp(op)]))[0]

@@ -1,6 +1,7 @@
 """What an ARMAX search asks and answers: A(q) y = B(q) v + C(q) e with at least one sample of delay in B."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from app.engine.recording import FloatArray, IntArray
@@ -102,3 +103,18 @@ class ArmaxModel:
     @property
     def order(self) -> Order:
         return Order(len(self.a), len(self.b), len(self.c))
+
+    def rescaled(self, y_scale: float, v_scale: float) -> "ArmaxModel":
+        """The same model of y times y_scale and v times v_scale, both above 0: what it was fitted to, in other units.
+
+        The error grows with y. Ljung's form of the AIC, its logarithm, is shifted; in eq 7 the error counts against a
+        penalty that stays, so that there it depends on the unit which order is best.
+        """
+        grown = y_scale**2 - 1.0
+        return replace(
+            self,
+            b=self.b * (y_scale / v_scale),
+            rmse=self.rmse * y_scale,
+            aic_paper=self.aic_paper + grown * self.rmse**2,
+            aic_log=self.aic_log + 2.0 * math.log(y_scale),
+        )
