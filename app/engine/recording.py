@@ -46,6 +46,7 @@ class Recording:
     given, so read them by `known_span`.
     integrating: whether the process integrates (a level), or None where it is not known.
     others: further measured signals, (N,) each, by name.
+    Signals of other types are made float64, the mode bool; those that are so already are not copied.
     Raises DataError("signal_length") where the signals' lengths differ and DataError("time_order") where time does not
     increase.
     """
@@ -62,6 +63,7 @@ class Recording:
     others: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        self._make_floats()
         n = len(self.time_s)
         signals = {"pv": self.pv, "op": self.op, "sp": self.sp, "automatic": self.automatic, **self.others}
         for name, signal in signals.items():
@@ -70,6 +72,17 @@ class Recording:
                 raise DataError("signal_length", got)
         if n > 1 and not np.all(np.diff(self.time_s) > 0):
             raise DataError("time_order", "sampling times must increase; sort the samples and drop repeated times")
+
+    def _make_floats(self) -> None:
+        """Integers without a sign, as some systems export them, would wrap where SP - PV is below zero."""
+        kinds = {"time_s": np.float64, "pv": np.float64, "op": np.float64, "sp": np.float64, "automatic": np.bool_}
+        for name, kind in kinds.items():
+            signal = getattr(self, name)
+            if signal is not None:
+                object.__setattr__(self, name, np.asarray(signal, dtype=kind))
+        if any(signal.dtype != np.float64 for signal in self.others.values()):
+            others = {name: np.asarray(signal, dtype=np.float64) for name, signal in self.others.items()}
+            object.__setattr__(self, "others", others)
 
     @property
     def samples(self) -> int:

@@ -5,6 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
+from app.engine.key_figures import compute
 from app.engine.recording import Recording
 from app.errors import DataError
 
@@ -32,6 +33,23 @@ def test_time_must_increase(time_s):
     with pytest.raises(DataError) as error:
         a_recording(time_s=np.array(time_s))
     assert error.value.code == "time_order"
+
+
+@pytest.mark.parametrize("kind", [np.uint16, np.int32, np.float32])
+def test_signals_of_any_type_are_numbers_with_a_sign(kind):
+    pv, sp = np.array([40, 50, 60] * 40, dtype=kind), np.full(120, 50, dtype=kind)
+    time_s = np.arange(120).astype(kind)
+    made = a_recording(time_s=time_s, pv=pv, op=pv, sp=sp, others={"flow": pv}, automatic=np.ones(120, dtype=kind))
+    assert {x.dtype for x in (made.time_s, made.pv, made.op, made.sp, made.others["flow"])} == {np.dtype(np.float64)}
+    assert made.automatic.dtype == np.bool_
+    assert compute(made).error_std == pytest.approx(np.sqrt(200.0 / 3.0))
+
+
+def test_signals_that_are_floats_are_not_copied():
+    signal, others = np.array([1.0, 2.0, 3.0]), {"flow": np.ones(3)}
+    made = a_recording(pv=signal, others=others)
+    assert made.pv is signal
+    assert made.others is others
 
 
 def test_fingerprint_knows_the_samples_and_not_the_name():
