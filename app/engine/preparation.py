@@ -97,13 +97,9 @@ def _alone(
     if own.record is None or not own.auditable:
         return None
     start_s = own.record.start_s + float(part.time_s[0] - recording.time_s[0])
-    own = replace(
-        own,
-        record=replace(own.record, start_s=start_s),
-        missing_share=fitness.missing_share,
-        automatic_share=fitness.automatic_share,
-        gaps=fitness.gaps,
-    )
+    # Findings, record and what was filled are the rest's; what is missing, and how all of it ended, is the recording's.
+    record = replace(own.record, start_s=start_s)
+    own = replace(fitness, findings=own.findings, record=record, filled_share=own.filled_share)
     oscillation = detect(own.audited)
     own = with_cycles(own, oscillation, config)
     return Preparation(own, oscillation) if own.auditable and _can_be_limit_cycle(oscillation) else None

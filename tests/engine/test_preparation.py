@@ -125,3 +125,25 @@ def test_the_checks_of_a_rest_are_its_own():
     prepared = prepare(coarse)
     assert prepared.rest_of is not None
     assert "pv_quantised" in {finding.code for finding in prepared.fitness.findings if finding.outcome == "fail"}
+
+
+def frozen(loop: Recording, which: slice) -> Recording:
+    """PV dead there while OP goes on."""
+    pv = loop.pv.copy()
+    pv[which] = pv[which.start]
+    return replace(loop, pv=pv)
+
+
+def test_how_a_recording_ended_is_told_of_it_and_not_of_the_rest_that_is_judged():
+    loop = recorded(STICKY, 30.0)
+    ended = prepare(frozen(loop, slice(2200, SAMPLES)))
+    assert ended.rest_of is not None
+    assert ended.fitness.audited.samples == pytest.approx(MOVE_AT, abs=1)
+    assert ended.fitness.pv_dead_s == pytest.approx(SAMPLES - 2200, abs=2)
+    assert "pv_stands" in {reason.code for reason in audit(frozen(loop, slice(2200, SAMPLES))).judgement.reasons}
+
+
+def test_pv_that_stood_till_the_set_point_moved_is_not_dead_at_the_end():
+    again = prepare(frozen(recorded(STICKY, 30.0), slice(1300, MOVE_AT)))
+    assert again.rest_of is not None
+    assert again.fitness.pv_dead_s is None

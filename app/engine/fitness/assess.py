@@ -53,8 +53,10 @@ class Fitness:
     automatic_share: samples in automatic, 0 to 1; None where the mode was not recorded.
     filled_share: samples of `record` that were interpolated into holes, 0 to 1; None without a record.
     gaps: holes that split the recording.
-    pv_dead_s: for how long PV has held one value up to the end while OP moved, and never before, in s; else None.
-    wound_up_s: for how long OP has stood at its limit up to the end, as never before, while PV stayed away, in s.
+    pv_dead_s: for how long PV has held one value up to the recording's end while OP moved, and never before, in s; else
+    None.
+    wound_up_s: for how long OP has stood at its limit up to the recording's end, as never before, while PV stayed away,
+    in s.
     speaks_for: the long record for which `record` speaks; None where `record` is all that is judged.
     """
 
