@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from app.engine.recording import FloatArray
+from app.engine.recording import FloatArray, IntArray
 from app.engine.sampled import cycle_ranges, dot, without_drift
 from app.engine.valve import he_step
 
@@ -78,8 +78,7 @@ def free_run(pv: FloatArray, op: FloatArray, per_cycle: int) -> FreeRun:
     drift = int(1.5 * per_cycle)
     y = without_drift(pv, drift)
     action, integral_share = controller_action(y, without_drift(op, drift))
-    lags = per_cycle * np.array(_LAGS)
-    dead_times = np.round(np.array(_DEAD_TIMES) * per_cycle).astype(np.int64)
+    lags, dead_times = process_grid(per_cycle)
     sums = _Sums(*_bank(y, op, S, J, lags, dead_times, drift))
     any_sign, causal = _misfit(sums, 0.0), _misfit(sums, -action)
     held = _held_out(sums, -action)
@@ -101,6 +100,13 @@ def free_run(pv: FloatArray, op: FloatArray, per_cycle: int) -> FreeRun:
         level_gain=_log_gain(causal[:, -1:]),
         integral_share=integral_share,
     )
+
+
+def process_grid(per_cycle: int) -> tuple[FloatArray, IntArray]:
+    """(lags,) and (dead times,) in samples that are tried at `per_cycle` samples a cycle; of the lags INTEGRATOR, in
+    whatever unit, is below 0.
+    """
+    return per_cycle * np.array(_LAGS), np.round(np.array(_DEAD_TIMES) * per_cycle).astype(np.int64)
 
 
 def cycle_range(op: FloatArray, per_cycle: int) -> float:
@@ -189,19 +195,28 @@ def through_process(v: FloatArray, lag: float) -> FloatArray:
 
 
 @njit(cache=True, nogil=True)
+def fill_sums(y: FloatArray, v: FloatArray, grid: tuple, drift: int, xy: FloatArray, xx: FloatArray) -> None:
+    """Sums over the halves of a window into xy and xx, (lags, dead times, 2) each: of the products of y (n,) with v
+    (n,) through every process of the grid (`process_grid`), less its drift, and of the squares of that.
+    """
+    lags, dead_times = grid
+    n, half = len(y), len(y) // 2
+    for i in range(len(lags)):
+        x = without_drift(through_process(v, lags[i]), drift)
+        for k in range(len(dead_times)):
+            theta = dead_times[k]
+            early, late = x[: half - theta], x[half - theta : n - theta]
+            xy[i, k, 0], xy[i, k, 1] = dot(early, y[theta:half]), dot(late, y[half:])
+            xx[i, k, 0], xx[i, k, 1] = dot(early, early), dot(late, late)
+
+
+@njit(cache=True, nogil=True)
 def _bank(y, op, S, J, lags, dead_times, drift):  # type: ignore[no-untyped-def]
     """Sums of products of PV with every simulated PV, and of their squares, over both halves of the window."""
-    n, half = len(y), len(y) // 2
+    half = len(y) // 2
     xy = np.zeros((len(S), len(lags), len(dead_times), 2))
     xx = np.zeros((len(S), len(lags), len(dead_times), 2))
     yy = np.array([dot(y[:half], y[:half]), dot(y[half:], y[half:])])
     for m in range(len(S)):
-        v = valve_position(op, S[m], J[m])
-        for i in range(len(lags)):
-            x = without_drift(through_process(v, lags[i]), drift)
-            for k in range(len(dead_times)):
-                theta = dead_times[k]
-                early, late = x[: half - theta], x[half - theta : n - theta]
-                xy[m, i, k, 0], xy[m, i, k, 1] = dot(early, y[theta:half]), dot(late, y[half:])
-                xx[m, i, k, 0], xx[m, i, k, 1] = dot(early, early), dot(late, late)
+        fill_sums(y, valve_position(op, S[m], J[m]), (lags, dead_times), drift, xy[m], xx[m])
     return yy, xy, xx

@@ -6,12 +6,10 @@ import numpy as np
 from numba import njit
 
 from app.engine.features import PER_CYCLE
-from app.engine.freerun import INTEGRATOR, through_process, valve_position
+from app.engine.freerun import fill_sums, process_grid, valve_position
 from app.engine.recording import FloatArray
 from app.engine.sampled import dot, without_drift
 
-_LAGS = (0.0, 0.04, 0.1, 0.25, 0.6, INTEGRATOR)
-_DEAD_TIMES = (0.0, 0.03, 0.07, 0.13, 0.22)
 _DRIFT_HALF = int(1.5 * PER_CYCLE)
 _WORST = -1.0
 _STANDS = 1e-9
@@ -34,9 +32,7 @@ def response(y: FloatArray, x: FloatArray) -> Response:
     spread = float(np.std(x))
     if spread <= _STANDS * float(np.max(np.abs(x))):
         return Response(0.0, 0.0)
-    lags = PER_CYCLE * np.array(_LAGS)
-    dead_times = np.round(np.array(_DEAD_TIMES) * PER_CYCLE).astype(np.int64)
-    fit, held_out = _best(without_drift(y, _DRIFT_HALF), x / spread, lags, dead_times, _DRIFT_HALF)
+    fit, held_out = _best(without_drift(y, _DRIFT_HALF), x / spread, *process_grid(PER_CYCLE), _DRIFT_HALF)
     return Response(float(fit), float(held_out))
 
 
@@ -50,16 +46,16 @@ def valve_response(pv: FloatArray, op: FloatArray, bands: tuple[float, ...], sli
 @njit(cache=True, nogil=True)
 def _best(y, x, lags, dead_times, drift):  # type: ignore[no-untyped-def]
     """Fit and held-out share of the model that fits best over both halves."""
-    n, half = len(y), len(y) // 2
+    half = len(y) // 2
     best, held = -1.0, 0.0
-    xy, xx, yy = np.zeros(2), np.zeros(2), np.zeros(2)
-    for lag in lags:
-        z = without_drift(through_process(x, lag), drift)
-        for theta in dead_times:
-            for part in range(2):
-                first, last = (theta, half) if part == 0 else (half, n)
-                late, there = z[first - theta : last - theta], y[first:last]
-                xy[part], xx[part], yy[part] = dot(late, there), dot(late, late), dot(there, there)
+    yy, sums_xy = np.zeros(2), np.zeros((len(lags), len(dead_times), 2))
+    sums_xx = np.zeros_like(sums_xy)
+    fill_sums(y, x, (lags, dead_times), drift, sums_xy, sums_xx)
+    yy[1] = dot(y[half:], y[half:])
+    for i in range(len(lags)):
+        for k in range(len(dead_times)):
+            xy, xx, first = sums_xy[i, k], sums_xx[i, k], y[dead_times[k] : half]
+            yy[0] = dot(first, first)  # of what a dead time leaves to be foretold
             fit = xy.sum() ** 2 / (xx.sum() + 1e-12) / (yy.sum() + 1e-300)
             if fit > best:
                 best, held = fit, 0.0
