@@ -6,7 +6,8 @@ import pytest
 from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain
 from app.engine.mismatch.block import Context
 from app.engine.mismatch.experiment import experiment
-from app.engine.mismatch.physics.additive import BLOCKS, inside, lasts
+from app.engine.mismatch.physics.additive import BLOCKS, lasts
+from app.engine.mismatch.physics.moments import inside
 from app.engine.mismatch.plant import Plant, run_process
 
 N, TS, BEFORE = 1500, 1.0, 12

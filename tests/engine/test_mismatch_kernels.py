@@ -17,17 +17,17 @@ from app.engine.mismatch.experiment import Experiment, experiment
 from app.engine.mismatch.fitting import fit_linear, polish, quiet_noise
 from app.engine.mismatch.noise import NoiseModel, coloured, fit_noise, scaled_innovations, whiten
 from app.engine.mismatch.physics import (
+    corners,
     friction,
-    gain_drift,
     library,
+    moments,
     oscillation,
     resonance,
     two_tanks,
-    valve_saturation,
     valve_slew_limit,
 )
-from app.engine.mismatch.physics.valve_saturation import rounded
-from app.engine.mismatch.plant import Plant, delay, run_process
+from app.engine.mismatch.physics.corners import rounded
+from app.engine.mismatch.plant import Plant, delay, lag, run_process
 from app.engine.mismatch.scan import Start, task_with
 from app.engine.mismatch.task import Given, start_at
 
@@ -230,10 +230,10 @@ KERNELS = (
     (noise_module, "_colour"),
     (closed_loop, "_follow"),
     (noise_module, "_scaled_innovations"),
-    (gain_drift, "_ramp"),
+    (moments, "_ramp"),
     (oscillation, "_add_harmonics"),
     (resonance, "_swing"),
-    (valve_saturation, "_rounded"),
+    (corners, "_rounded"),
 )
 
 
@@ -254,3 +254,9 @@ def test_every_kernel_of_a_comparison_runs_once_when_a_worker_starts(monkeypatch
         monkeypatch.setattr(module, name, noting(module, name))
     compile_kernels()
     assert ran == set(KERNELS)
+
+
+def test_a_lag_is_exact_for_a_signal_that_is_straight_between_its_samples():
+    times, tau = TS * np.arange(60), 7.0
+    behind = times - tau * (1.0 - np.exp(-times / tau))
+    np.testing.assert_allclose(lag(times, tau, TS), behind, rtol=1e-12)

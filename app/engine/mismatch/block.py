@@ -1,6 +1,4 @@
-"""What a piece of physics is: where it sits in the loop, its parameters, and what it does to the signal that passes
-it.
-"""
+"""A piece of physics: where it sits in the loop, its parameters, and what it does to the signal that passes it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,9 +20,8 @@ class Parameter:
     """A parameter of a block: bounds and scale in its unit.
 
     log: fitted as a logarithm (positive quantities without a natural zero). linear: the simulation is nearly linear in
-    it, so that
-    a scan finds it by least squares from the size `scale`. deviation: of a normal prior around `scale` (of its
-    logarithm where log); infinite: none.
+    it, so that a scan finds it by least squares from the size `scale`. deviation: of a normal prior around `scale` (of
+    its logarithm where log); infinite: none.
     """
 
     name: str
@@ -39,8 +36,9 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """What a block may look at: the record and the linear plant. Never PV as a signal: a block is driven by OP and
-    measured signals.
+    """What a block may look at: the record and the linear plant.
+
+    Never PV as a signal: a block is driven by OP and measured signals.
     """
 
     record: Experiment
@@ -56,8 +54,7 @@ class Block:
     """One form of one effect.
 
     code: its name in explanations. form: which of its forms. stage: where it acts on the signal. A load enters the
-    process beside
-    what the valve lets through; its context holds the plant as the parts of the process altered it.
+    process beside what the valve lets through; its context holds the plant as the parts of the process altered it.
     parameters: of a context, with bounds that fit the record. starts: rows of parameters to begin the search at.
     apply: (signal (N,) as deviation, values, context) -> signal (N,), for every stage but `process`.
     alter: (plant, values, context) -> plant, for the stage `process`.
@@ -112,3 +109,8 @@ class Part:
 def grid(*axes: FloatArray) -> FloatArray:
     """All combinations of the axes' values, one a row."""
     return np.stack([a.ravel() for a in np.meshgrid(*axes, indexing="ij")], axis=1)
+
+
+def no_scan(_: Context, __: FloatArray) -> FloatArray:
+    """No starting points: of a block that is found by its pattern in PV, and by no scan."""
+    return np.zeros((0, 1))

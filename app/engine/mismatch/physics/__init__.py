@@ -1,6 +1,7 @@
 """The library of physics: one file an effect (or a family of its forms), each with the blocks it offers.
 
-A new effect is one new file with `BLOCKS` and its name in `ALWAYS_OFFERED`.
+A new effect is one new file with `BLOCKS` and its name in `ALWAYS_OFFERED`. What several of them need stands in files
+of its own: `moments`, `scales`, `corners`, `stem`.
 """
 
 from collections.abc import Iterable

@@ -5,15 +5,9 @@ sensor (at once).
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Parameter
-from app.engine.mismatch.physics.gain_drift import moment, ramp
-from app.engine.recording import BoolArray, FloatArray
-
-MOST_OF_START = 0.1
-
-
-def size(context: Context, name: str = "size") -> Parameter:
-    span = context.record.pv_span
-    return Parameter(name, "PV", -20.0 * span, 20.0 * span, 0.1 * span, linear=True)
+from app.engine.mismatch.physics.moments import between, inside, moment, ramp, since
+from app.engine.mismatch.physics.scales import size
+from app.engine.recording import FloatArray
 
 
 def as_drive(context: Context) -> float:
@@ -97,14 +91,6 @@ def load_drift(signal: FloatArray, values: FloatArray, context: Context) -> Floa
     return signal + values[2] * enters(context, values[0], values[0] + values[1])
 
 
-def since(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
-    return context.time_s >= values[0]
-
-
-def between(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
-    return (context.time_s >= values[0]) & (context.time_s < values[1])
-
-
 def lasts(values: FloatArray, context: Context) -> bool:
     """A pulse is a stretch, not a spike; one that reaches to either end of the record is a step at its other end."""
     long_enough = values[1] - values[0] >= 12.0 * context.record.sampling_interval_s
@@ -113,17 +99,6 @@ def lasts(values: FloatArray, context: Context) -> bool:
 
 def not_at_the_edge(values: FloatArray, context: Context) -> bool:
     return inside(float(values[0]), context)
-
-
-def inside(at_s: float, context: Context) -> bool:
-    """Whether a moment is apart from both ends of the record: from its start by as long as the states that the process
-    began with still show, which are fitted for its first lag alone.
-    """
-    record, plant = context.record, context.plant
-    margin = 8.0 * record.sampling_interval_s
-    shows = plant.theta + plant.tau2 + (plant.tau if plant.leak > 0.0 else 0.0)
-    begun = max(margin, min(shows, MOST_OF_START * record.duration_s))
-    return begun <= at_s <= record.duration_s - margin
 
 
 AFTER = "after a time"

@@ -1,33 +1,16 @@
 """A gain that drifts with time: fouling, wear, a change of feed. A ramp that holds its end, or a step."""
 
 import numpy as np
-from numba import njit
 
 from app.engine.mismatch.block import Block, Context, Parameter, grid
-from app.engine.recording import BoolArray, FloatArray
+from app.engine.mismatch.physics.moments import moment, ramp, since
+from app.engine.recording import FloatArray
 
 EDGE = 0.03
 
 
-def ramp(context: Context, begin_s: float, end_s: float) -> FloatArray:
-    """0 before begin_s, 1 after end_s, straight between them; (N,)."""
-    return _ramp(context.time_s, float(begin_s), max(float(end_s - begin_s), context.record.sampling_interval_s))
-
-
-@njit(cache=True, nogil=True)
-def _ramp(time_s: FloatArray, begin_s: float, lasting_s: float) -> FloatArray:
-    share = np.empty(len(time_s))
-    for t in range(len(time_s)):
-        share[t] = min(max((time_s[t] - begin_s) / lasting_s, 0.0), 1.0)
-    return share
-
-
 def change(context: Context) -> Parameter:
     return Parameter("change", "share of gain", -0.9, 3.0, 1.0, linear=True)
-
-
-def moment(name: str, context: Context) -> Parameter:
-    return Parameter(name, "s", 0.0, context.record.duration_s, 0.2 * context.record.duration_s)
 
 
 def reference(context: Context) -> float:
@@ -70,10 +53,6 @@ def held_starts(context: Context, _: FloatArray) -> FloatArray:
 
 def held(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     return scaled(signal, values[2] * ramp(context, values[0], values[1]), context)
-
-
-def since(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
-    return context.time_s >= values[0]
 
 
 def seen_before_and_after(values: FloatArray, context: Context) -> bool:

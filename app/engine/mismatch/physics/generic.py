@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Parameter
-from app.engine.mismatch.physics.process_dynamics import slowness
+from app.engine.mismatch.physics.scales import slowness
 from app.engine.mismatch.plant import delay, lag
 from app.engine.recording import FloatArray
 

@@ -6,9 +6,9 @@ import numpy as np
 from numba import njit
 
 from app.engine.mismatch.block import Block, Context, Parameter
-from app.engine.mismatch.physics.additive import size
-from app.engine.mismatch.physics.gain_drift import moment
-from app.engine.recording import BoolArray, FloatArray
+from app.engine.mismatch.physics.moments import between, moment
+from app.engine.mismatch.physics.scales import size
+from app.engine.recording import FloatArray
 
 PERIODS_TRIED = 3
 ODD = (3, 5)
@@ -98,10 +98,6 @@ def shaped_starts(context: Context, innovations: FloatArray) -> FloatArray:
     )
 
 
-def active(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
-    return (context.time_s >= values[0]) & (context.time_s < values[1])
-
-
 def lasts(values: FloatArray, _: Context) -> bool:
     """Fewer than three turns are no oscillation."""
     return bool(values[1] - values[0] >= 3.0 * values[2])
@@ -116,7 +112,7 @@ BLOCKS = (
         parameters,
         starts,
         apply=wave,
-        active=active,
+        active=between,
         penalty=25.0,
         rough=True,
         finalists=3,
@@ -130,7 +126,7 @@ BLOCKS = (
         shaped_parameters,
         shaped_starts,
         apply=wave,
-        active=active,
+        active=between,
         form="shaped",
         penalty=32.0,
         rough=True,

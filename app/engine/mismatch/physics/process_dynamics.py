@@ -3,17 +3,11 @@
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Parameter, grid
+from app.engine.mismatch.physics.scales import slowness
 from app.engine.mismatch.plant import Plant
 from app.engine.recording import FloatArray
 
 LEAST_ZERO = 0.1
-
-
-def slowness(context: Context) -> float:
-    """The slowest time of the linear plant, s."""
-    plant = context.plant
-    own = plant.tau if plant.leak > 0.0 else 0.0
-    return max(own, plant.tau2, plant.theta, 2.0 * context.record.sampling_interval_s)
 
 
 def extra_delay(context: Context) -> tuple[Parameter, ...]:

@@ -9,7 +9,8 @@ import numpy as np
 from numba import njit
 
 from app.engine.mismatch.block import Block, Context, Parameter, grid
-from app.engine.mismatch.physics.process_dynamics import ALWAYS, settles, slowness
+from app.engine.mismatch.physics.process_dynamics import ALWAYS, settles
+from app.engine.mismatch.physics.scales import slowness
 from app.engine.mismatch.plant import Plant, delay, lag
 from app.engine.recording import FloatArray
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Parameter
-from app.engine.mismatch.physics.valve_saturation import rounded
+from app.engine.mismatch.physics.corners import rounded
 from app.engine.recording import BoolArray, FloatArray
 
 

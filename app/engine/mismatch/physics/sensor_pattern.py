@@ -3,15 +3,15 @@ compression.
 
 These leave a pattern that no noise makes, so they are found by it and not by a competition; what is simulated passes
 the same stage. Compression by a swinging door (Bristol 1990, US patent 4,669,097), by holding the last value, or by
-straight lines between every m-th sample. Source of the tests:
-Thornhill, Oettinger,
-Fedenczuk 1999, doi 10.1016/S0959-1524(98)00054-9 (compression); Miao, Seborg style counts of levels (quantisation).
+straight lines between every m-th sample. Source of the test for compression: Thornhill, Oettinger, Fedenczuk 1999, doi
+10.1016/S0959-1524(98)00054-9; quantisation is told by the spacing of levels (`mismatch.levels`).
 """
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Parameter
-from app.engine.recording import BoolArray, FloatArray
+from app.engine.mismatch.block import Block, Context, Parameter, no_scan
+from app.engine.mismatch.physics.moments import between
+from app.engine.recording import FloatArray
 from app.engine.simulate.compression import keep, rebuild
 
 
@@ -64,17 +64,9 @@ def limit(context: Context) -> tuple[Parameter, ...]:
     return (Parameter("limit", "PV level", -5.0 * span, 5.0 * span, span),)
 
 
-def no_scan(_: Context, __: FloatArray) -> FloatArray:
-    return np.zeros((0, 1))
-
-
-def inside(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
-    return (context.time_s >= values[0]) & (context.time_s < values[1])
-
-
 def hold(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """The sensor repeats what it last measured."""
-    held = inside(signal, values, context)
+    held = between(signal, values, context)
     if not held.any():
         return signal
     out = signal.copy()
@@ -103,7 +95,7 @@ INTERPOLATED = Block(
     "sensor.compression", "sensor", "sensor", "always", spacing, no_scan, apply=every_so_often, form="pattern-lines"
 )
 STUCK = Block(
-    "sensor.stuck", "sensor", "sensor", "within a time", window, no_scan, apply=hold, active=inside, form="pattern"
+    "sensor.stuck", "sensor", "sensor", "within a time", window, no_scan, apply=hold, active=between, form="pattern"
 )
 LIMIT_HIGH = Block(
     "sensor.saturation", "sensor", "sensor", "above a PV limit", limit, no_scan, apply=below, form="pattern-high"

@@ -1,10 +1,8 @@
 """A gain that depends on the operating point: of the valve (its installed characteristic) or of the process.
 
 With OP and PV alone a curved valve and a curved process are told apart only by the lag between them. Characteristic:
-Liptak,
-Control Valve Selection, equal percentage R^(x - 1). Process: gain linear in the operating point, before the lag
-(Hammerstein) or
-after it (Wiener).
+Liptak, Control Valve Selection, equal percentage R^(x - 1). Process: gain linear in the operating point, before the lag
+(Hammerstein) or after it (Wiener).
 """
 
 import numpy as np

@@ -2,10 +2,9 @@
 lower one.
 
 tau x1' = K u + b - f1(x1), x1 <= high; tau2 x2' = f1(x1) + spill over - f2(x2); f(x) = (1 - w) 2 h (sqrt(1 + x/h) - 1)
-+ w x, with h the
-level's distance above empty at the working point, w the share of the outflow that is linear (losses in the pipe). Grey
-box of Rogers,
-Holub, Schoukens et al. 2017 for the benchmark of Schoukens, Noel 2017, doi 10.1016/j.ifacol.2017.08.071.
++ w x, with h the level's distance above empty at the working point, w the share of the outflow that is linear (losses
+in the pipe). Grey box of Rogers, Holub, Schoukens et al. 2017 for the benchmark of Schoukens, Noel 2017, doi
+10.1016/j.ifacol.2017.08.071.
 """
 
 import numpy as np

@@ -3,12 +3,10 @@ width.
 """
 
 import numpy as np
-from numba import njit
 
 from app.engine.mismatch.block import Block, Context, Parameter, grid
+from app.engine.mismatch.physics.corners import rounded
 from app.engine.recording import BoolArray, FloatArray
-
-STRAIGHT = 40.0  # so many widths from the corner nothing of it is left: exp(-40) is less than rounding
 
 
 def level(context: Context, sign: float) -> Parameter:
@@ -29,21 +27,6 @@ def levels(context: Context, sign: float, count: int) -> FloatArray:
     by_value = np.linspace(low, high, count, endpoint=False)
     by_share = np.quantile(op, np.linspace(0.3, 0.995, count))
     return sign * np.unique(np.concatenate((by_value, by_share)))
-
-
-def rounded(signal: FloatArray, limit: float, width_op: float, sign: float) -> FloatArray:
-    """signal below `limit` (above, for sign -1), the corner rounded over `width_op`."""
-    return _rounded(np.ascontiguousarray(signal), float(limit), float(width_op), sign)
-
-
-@njit(cache=True, nogil=True)
-def _rounded(signal: FloatArray, limit: float, width_op: float, sign: float) -> FloatArray:
-    out = np.empty(len(signal))
-    for t in range(len(signal)):
-        under = sign * (limit - signal[t]) / width_op
-        corner = np.log1p(np.exp(-abs(under))) if abs(under) < STRAIGHT else 0.0
-        out[t] = limit - sign * width_op * (max(under, 0.0) + corner)
-    return out
 
 
 def _block(sign: float, soft: bool) -> Block:

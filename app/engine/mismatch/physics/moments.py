@@ -1,0 +1,47 @@
+"""What blocks that act in time share: their moments, what rises between two of them, and where they act."""
+
+import numpy as np
+from numba import njit
+
+from app.engine.mismatch.block import Context, Parameter
+from app.engine.recording import BoolArray, FloatArray
+
+MOST_OF_START = 0.1
+
+
+def moment(name: str, context: Context) -> Parameter:
+    return Parameter(name, "s", 0.0, context.record.duration_s, 0.2 * context.record.duration_s)
+
+
+def ramp(context: Context, begin_s: float, end_s: float) -> FloatArray:
+    """0 before begin_s, 1 after end_s, straight between them; (N,)."""
+    return _ramp(context.time_s, float(begin_s), max(float(end_s - begin_s), context.record.sampling_interval_s))
+
+
+@njit(cache=True, nogil=True)
+def _ramp(time_s: FloatArray, begin_s: float, lasting_s: float) -> FloatArray:
+    share = np.empty(len(time_s))
+    for t in range(len(time_s)):
+        share[t] = min(max((time_s[t] - begin_s) / lasting_s, 0.0), 1.0)
+    return share
+
+
+def since(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
+    """(N,) True from a block's first value on, a moment in s."""
+    return context.time_s >= values[0]
+
+
+def between(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
+    """(N,) True from a block's first value up to, not at, its second, moments in s."""
+    return (context.time_s >= values[0]) & (context.time_s < values[1])
+
+
+def inside(at_s: float, context: Context) -> bool:
+    """Whether a moment is apart from both ends of the record: from its start by as long as the states that the process
+    began with still show, which are fitted for its first lag alone.
+    """
+    record, plant = context.record, context.plant
+    margin = 8.0 * record.sampling_interval_s
+    shows = plant.theta + plant.tau2 + (plant.tau if plant.leak > 0.0 else 0.0)
+    begun = max(margin, min(shows, MOST_OF_START * record.duration_s))
+    return begun <= at_s <= record.duration_s - margin
