@@ -1,6 +1,4 @@
-"""Fits a free-run simulation to PV under coloured noise: Levenberg-Marquardt in the whitened domain, noise model in
-turn.
-"""
+"""Fits a free-run simulation to PV under coloured noise: whitened Levenberg-Marquardt and the noise model in turn."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,8 +19,8 @@ SLOW_TIMES, SLOW_COST = 5.0, 7.0
 class Fit:
     """A fitted simulation: plant, parts, noise, and the penalised log-likelihood (nat) of the compared samples.
 
-    likelihood holds the priors, not the penalties of the parts. simulated: (N,) PV as deviation. free, x: the numbers
-    fitted.
+    likelihood holds the priors, not the penalties of the parts. simulated: (N,) PV as deviation.
+    free, x: the numbers that were fitted.
     """
 
     record: Experiment
@@ -115,11 +113,10 @@ POLISHING_STEPS = (0.12, 0.04, 0.012, 0.004, 0.0012)
 
 
 def polish(task: Task, x: FloatArray, noise: NoiseModel) -> FloatArray:
-    """A pattern search over the blocks' non-linear parameters, all others following along their slopes, the noise
-    model held.
+    """A pattern search over the blocks' non-linear parameters, all others following along their slopes.
 
-    Where the simulation jumps with a parameter (a threshold, a moment) its slope misleads, and descents end where they
-    began.
+    The noise model is held. Where the simulation jumps with a parameter (a threshold, a moment) its slope misleads, and
+    descents end where they began.
     """
     searched = [k for k, f in enumerate(task.free) if "." in f.name and not f.linear]
     if not searched:
@@ -175,8 +172,8 @@ def fit(task: Task, x: FloatArray, noise: NoiseModel | None = None, rounds: int 
     """Simulation and noise model in turn, `rounds` times, from coordinates x.
 
     Without `noise` it is first found from the residual at x. Source: the iterated generalised least squares of
-    Soderstrom 1974,
-    doi 10.1016/0005-1098(74)90063-1; output error with a noise model is the prediction error method of Ljung.
+    Soderstrom 1974, doi 10.1016/0005-1098(74)90063-1; output error with a noise model is the prediction error method of
+    Ljung.
     """
     record = task.record
     if noise is None:

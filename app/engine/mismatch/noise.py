@@ -1,9 +1,8 @@
 """The coloured noise of a loop: what is left of PV once the simulation is taken off, and how it is whitened.
 
 H(q) = (1 - z1 q^-1)(1 - z2 q^-1) / ((1 - p1 q^-1)(1 - p2 q^-1)), poles and zeros real: sums of two first-order
-disturbances
-and white measurement noise have this form. Complex poles are left out on purpose: they would take in an oscillation as
-noise.
+disturbances and white measurement noise have this form. Complex poles are left out on purpose: they would take in an
+oscillation as noise.
 """
 
 from dataclasses import dataclass

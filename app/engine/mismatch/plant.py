@@ -13,17 +13,17 @@ VESSEL_STEPS = 2
 
 @dataclass(frozen=True)
 class Plant:
-    """tau x' = K v' + b - leak f(x), then a lag tau2, a lag tau3, a zero; v' and x are deviations from the record's
-    means.
+    """tau x' = K v' + b - leak f(x), then a lag tau2, a lag tau3, a zero.
 
-    Where x integrates (leak = 0) the lag tau2 lies before it: between valve and vessel, so that a level stops sharply.
+    v' and x are deviations from the record's means. Where x integrates (leak = 0) the lag tau2 lies before it: between
+    valve and vessel, so that a level stops sharply.
 
     K: unit of PV per unit of OP (per second where `leak` is 0: an integrator, with tau = 1). tau, tau2, tau3, theta: s.
     b: unit of PV; the offset that the deviations leave. x0: start of x, unit of PV.
     leak: 1 for a self-regulating process, 0 for an integrator.
-    high, low: where x overflows, unit of PV as deviation. head: distance of the empty level below the mean for the
-    outflow law
-    f(x) = 2 head (sqrt(1 + x / head) - 1), unit of PV; 0 for f(x) = x. zero: time constant of (1 - zero s), s.
+    high, low: where x overflows, unit of PV as deviation. zero: time constant of (1 - zero s), s.
+    head: distance of the empty level below the mean for the outflow law f(x) = 2 head (sqrt(1 + x / head) - 1), unit of
+    PV; 0 for f(x) = x.
     """
 
     K: float
@@ -81,7 +81,12 @@ def _delay(v: FloatArray, samples: float) -> FloatArray:
 
 @njit(cache=True, nogil=True)
 def _lag(v: FloatArray, tau: float, ts: float) -> FloatArray:
-    """v behind a first-order lag, its signal held over each step; starts settled."""
+    """v behind a first-order lag, exact for a signal that goes straight from sample to sample; starts settled.
+
+    Not held, as `run_process` holds OP: what comes out of a process does not jump. Behind a signal that was held it is
+    half an interval early. Source: the triangle hold of Franklin, Powell, Workman, Digital Control of Dynamic Systems,
+    3rd edition 1998, chapter 6.
+    """
     if tau <= 1e-9:
         return v.copy()
     out = np.empty(len(v))
@@ -89,7 +94,6 @@ def _lag(v: FloatArray, tau: float, ts: float) -> FloatArray:
     stay = np.exp(-ts / tau)
     slope = 1.0 - tau / ts * (1.0 - stay)
     for t in range(1, len(v)):
-        # A ramp between samples, because what comes out of a process does not jump.
         out[t] = stay * out[t - 1] + ((1.0 - stay) * v[t - 1] + slope * (v[t] - v[t - 1]))
     return out
 
@@ -103,9 +107,7 @@ def _outflow(x: float, head: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _advance(x: float, drive: float, tau: float, leak: float, head: float, step: float) -> float:
-    """x after `step` seconds, the drive held: exact for the linear law, a linearised exponential step for the
-    outflow law.
-    """
+    """x after `step` seconds, the drive held: exact for the linear law, linearised where the step begins otherwise."""
     level = max(1.0 + x / head, 1e-4) if head > 0.0 else 1.0
     rate = leak / (tau * np.sqrt(level))
     speed = (drive - leak * _outflow(x, head)) / tau
@@ -233,8 +235,8 @@ def _process(v: FloatArray, p: FloatArray, ts: float) -> FloatArray:
 
 
 def run_process(v: FloatArray, plant: Plant, sampling_interval_s: float) -> FloatArray:
-    """PV (N,) as deviation, in its unit, of a valve position v (N,) given as deviation in the unit of OP, held over
-    each sample.
+    """PV (N,) in its unit, as deviation, of a valve position v (N,) in the unit of OP, as deviation, held over each
+    sample.
     """
     return _process(np.ascontiguousarray(v), plant.row(), sampling_interval_s)
 
@@ -245,5 +247,5 @@ def delay(v: FloatArray, delay_s: float, sampling_interval_s: float) -> FloatArr
 
 
 def lag(v: FloatArray, tau_s: float, sampling_interval_s: float) -> FloatArray:
-    """v (N,) behind a first-order lag of tau_s seconds, settled at the start."""
+    """v (N,), straight between samples, behind a first-order lag of tau_s seconds; settled at the start."""
     return _lag(np.ascontiguousarray(v), tau_s, sampling_interval_s)
