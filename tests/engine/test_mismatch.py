@@ -22,11 +22,11 @@ from app.engine.mismatch import pairs as pairs_module
 from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.chain import simulate
 from app.engine.mismatch.closed_loop import close, close_again
-from app.engine.mismatch.compete import Rival
+from app.engine.mismatch.compete import Contender
 from app.engine.mismatch.conclude import free_run_astray, unseen_data_refuse
 from app.engine.mismatch.experiment import experiment
 from app.engine.mismatch.fitting import fit_linear
-from app.engine.mismatch.holdout import Fitness, Unseen, unseen_gain
+from app.engine.mismatch.holdout import FitMeasures, Unseen, unseen_gain
 from app.engine.mismatch.law import identify_law
 from app.engine.mismatch.noise import NoiseModel, fit_noise, whiten
 from app.engine.mismatch.patterns import find_patterns
@@ -275,7 +275,7 @@ def test_a_free_run_that_leaves_pv_altogether_clears_nothing(with_backlash: Expl
     assert answer.verdict == "inconclusive"
     assert answer.evidence[0].code == "free_run_astray"
     followed, resting, astray = (
-        replace(with_backlash.fit, refitted=Fitness(rmse, pct))
+        replace(with_backlash.fit, refitted=FitMeasures(rmse, pct))
         for rmse, pct in ((12.0, -299.0), (9.9, -400.0), (12.0, -400.0))
     )
     assert free_run_astray(followed, 20.0) == ()
@@ -348,8 +348,8 @@ def test_a_name_found_without_a_simulation_is_never_nearly_certain() -> None:
 
     def told(deviation: float, margin: float) -> float:
         alone = SimpleNamespace(given=Given(TRUE, deviation), parts=())
-        rival = SimpleNamespace(block=friction.BLOCKS[0], fit=alone, over=alone)
-        return probability_of(SimpleNamespace(rival=rival, gain=60.0, margin=margin, most=1.0))
+        contender = SimpleNamespace(block=friction.BLOCKS[0], fit=alone, over=alone)
+        return probability_of(SimpleNamespace(contender=contender, gain=60.0, margin=margin, most=1.0))
 
     assert told(GIVEN_DEVIATION, 40.0) == CERTAIN
     assert told(OWN_DEVIATION, 40.0) == OWN_CERTAIN
@@ -389,15 +389,17 @@ def test_what_richer_noise_would_take_is_no_gain() -> None:
     poor = replace(fitted, noise=NoiseModel(deviation=float(np.std(fitted.residual))))
     block = valve_deadband.BLOCKS[0]
     assert predictable(fitted) < 15.0 < predictable(poor)
-    assert taken_by_noise(Rival(block, fitted, 20.0, poor)) == pytest.approx(predictable(poor) - predictable(fitted))
-    assert taken_by_noise(Rival(block, poor, 20.0, fitted)) == 0.0
+    assert taken_by_noise(Contender(block, fitted, 20.0, poor)) == pytest.approx(
+        predictable(poor) - predictable(fitted)
+    )
+    assert taken_by_noise(Contender(block, poor, 20.0, fitted)) == 0.0
 
 
 @pytest.mark.parametrize(("likelihood", "pairs"), [(85.0, 1), (110.0, 0)])
 def test_a_pair_is_compared_with_what_says_nothing_by_score(
     monkeypatch: pytest.MonkeyPatch, likelihood: float, pairs: int
 ) -> None:
-    def rival(code: str, penalty: float, found: float, already: float = 0.0) -> SimpleNamespace:
+    def contender(code: str, penalty: float, found: float, already: float = 0.0) -> SimpleNamespace:
         fit = SimpleNamespace(likelihood=found, score=found - penalty - already)
         base, block = SimpleNamespace(score=0.0), SimpleNamespace(code=code, penalty=penalty)
         return SimpleNamespace(block=block, gain=found, fit=fit, over=base)
@@ -405,8 +407,8 @@ def test_a_pair_is_compared_with_what_says_nothing_by_score(
     monkeypatch.setattr(pairs_module, "pays_beside", lambda *_: True)
     monkeypatch.setattr(pairs_module, "hidden_gain", lambda _: 0.0)
     monkeypatch.setattr(pairs_module, "worth_beside", lambda r: r.gain)
-    first, unnamed = rival("process.inverse_response", 18.0, 60.0), rival("unnamed", 42.0, likelihood)
-    places = pairs_module.Places(first, (rival("sensor.drift", 16.0, 95.0, 18.0),))
+    first, unnamed = contender("process.inverse_response", 18.0, 60.0), contender("unnamed", 42.0, likelihood)
+    places = pairs_module.Places(first, (contender("sensor.drift", 16.0, 95.0, 18.0),))
     assert len(places.pairs((unnamed, first))) == pairs
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, LinearSimulation, explain
-from app.engine.mismatch.compete import Rival
+from app.engine.mismatch.compete import Contender
 from app.engine.mismatch.experiment import experiment
 from app.engine.mismatch.fitting import fit_linear
 from app.engine.mismatch.free_run import free_run_error
@@ -64,9 +64,9 @@ def test_no_name_stands_that_another_one_beats_in_its_place() -> None:
     block = library(base.record)[0]
 
     def named(margin: float) -> Selection:
-        return Selection(base, (Believed(block.code, (), 60.0, margin, rival),), ())
+        return Selection(base, (Believed(block.code, (), 60.0, margin, contender),), ())
 
-    rival = Rival(block, base, 60.0, base)
+    contender = Contender(block, base, 60.0, base)
     assert stands(named(LEAST_MARGIN + 0.1))
     assert not stands(named(LEAST_MARGIN - 0.1))
     assert probability_of(named(LEAST_MARGIN + 0.01).effects[0]) >= 0.05

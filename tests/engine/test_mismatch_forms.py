@@ -8,7 +8,7 @@ import pytest
 from app.engine.mismatch import Comparison, LinearSimulation, explain
 from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.chain import simulate
-from app.engine.mismatch.compete import Rival, Scanned, promising
+from app.engine.mismatch.compete import Contender, Scanned, promising
 from app.engine.mismatch.experiment import Experiment, experiment
 from app.engine.mismatch.fitting import fit_linear
 from app.engine.mismatch.given import behind_trace
@@ -130,7 +130,7 @@ def test_dry_friction_is_said_beside_a_deadband_that_explains_hardly_more(share:
     record = record_of(RECORD.pv + 0.3 * rng.normal(size=N))
     base = fit_linear(record, Given(PLANT.changed(tau2=10.0), second_order=True))
     best, other = (
-        Rival(block, replace(base, likelihood=base.likelihood + gain, parts=(Part(block, values),)), gain, base)
+        Contender(block, replace(base, likelihood=base.likelihood + gain, parts=(Part(block, values),)), gain, base)
         for block, values, gain in (
             (by_name(record)["valve.deadband"], np.array([1.0]), 115.0),
             (by_name(record)["process.friction"], np.array([1.0, 0.0]), 19.0 + 100.0 * share),

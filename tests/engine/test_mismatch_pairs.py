@@ -13,7 +13,7 @@ import pytest
 from app.engine.mismatch import Comparison, Explanation, explain
 from app.engine.mismatch.block import Block, Context, Part
 from app.engine.mismatch.chain import simulate
-from app.engine.mismatch.compete import Rival, survey
+from app.engine.mismatch.compete import Contender, survey
 from app.engine.mismatch.experiment import Experiment, experiment
 from app.engine.mismatch.fitting import Fit, finish, fit, fit_linear
 from app.engine.mismatch.holdout import FreeRuns, mostly_worse, stretches
@@ -105,17 +105,17 @@ def slow_part(noise: NoiseModel) -> float:
 def test_what_slow_noise_hid_counts_half(both: Fit) -> None:
     first = fitted(both, (drift(),))
     second = fitted(both, (drift(), backlash()))
-    rival = Rival(DEADBAND, second, second.likelihood - first.likelihood, first)
+    contender = Contender(DEADBAND, second, second.likelihood - first.likelihood, first)
     under_both = gain_under(second, first)
     assert slow_part(second.noise) < 0.1 * slow_part(first.noise)
-    assert under_both > rival.gain
-    assert hidden_gain(rival) == pytest.approx(0.5 * (under_both - rival.gain))
+    assert under_both > contender.gain
+    assert hidden_gain(contender) == pytest.approx(0.5 * (under_both - contender.gain))
 
 
 def test_time_alone_is_paid_for_nothing_that_slow_noise_hid(both: Fit) -> None:
     first, second = fitted(both, (backlash(),)), fitted(both, (backlash(), drift()))
     assert gain_under(second, first) > second.likelihood - first.likelihood
-    assert hidden_gain(Rival(RAMP, second, second.likelihood - first.likelihood, first)) == 0.0
+    assert hidden_gain(Contender(RAMP, second, second.likelihood - first.likelihood, first)) == 0.0
 
 
 def test_a_small_second_must_run_nearer(both: Fit) -> None:
@@ -123,17 +123,17 @@ def test_a_small_second_must_run_nearer(both: Fit) -> None:
     first = fitted(both, (drift(),))
     known, pv = fitted(both, (drift(), backlash())), first.record.pv_deviation
     second = replace(known, simulated=pv - 0.99 * first.residual)
-    rival = Rival(DEADBAND, second, 60.0, replace(first, likelihood=first.likelihood - 60.0))
-    assert pays_beside(rival, Rival(RAMP, first, 300.0, both))
-    assert not pays_beside(rival, Rival(RAMP, first, 500.0, both))
+    contender = Contender(DEADBAND, second, 60.0, replace(first, likelihood=first.likelihood - 60.0))
+    assert pays_beside(contender, Contender(RAMP, first, 300.0, both))
+    assert not pays_beside(contender, Contender(RAMP, first, 500.0, both))
     close = replace(second, simulated=pv - 0.7 * first.residual)
-    assert pays_beside(replace(rival, fit=close), Rival(RAMP, first, 500.0, both))
+    assert pays_beside(replace(contender, fit=close), Contender(RAMP, first, 500.0, both))
 
 
 def test_nothing_is_hidden_of_what_hardly_gains_or_runs_no_nearer(both: Fit) -> None:
     first, second = fitted(both, (drift(),)), fitted(both, (drift(), backlash()))
-    assert hidden_gain(Rival(DEADBAND, second, 0.5 * DEADBAND.penalty, first)) == 0.0
-    assert hidden_gain(Rival(DEADBAND, second, 100.0, second)) == 0.0
+    assert hidden_gain(Contender(DEADBAND, second, 0.5 * DEADBAND.penalty, first)) == 0.0
+    assert hidden_gain(Contender(DEADBAND, second, 100.0, second)) == 0.0
 
 
 def test_a_fault_that_leaves_few_samples_leaves_some_of_them_to_fit() -> None:
@@ -197,13 +197,13 @@ def begun(base: Fit, part: Part) -> Fit:
     return finish(task, start_at(task, base.plant, part.values), base.noise)
 
 
-def against(base: Fit, first: Fit) -> Rival | None:
+def against(base: Fit, first: Fit) -> Contender | None:
     """What is said instead of a deadband that stands like `first` with a drift beside it; None: both."""
     found = fitted(base, (backlash(), drift()))
     # As beside what stands for the whole process: the numbers of its linear plant mean nothing.
     found = replace(found, plant=found.plant.changed(tau=400.0, theta=30.0))
-    alone = Rival(DEADBAND, first, first.likelihood - base.likelihood, base)
-    second = Rival(RAMP, found, found.likelihood - first.likelihood, first)
+    alone = Contender(DEADBAND, first, first.likelihood - base.likelihood, base)
+    second = Contender(RAMP, found, found.likelihood - first.likelihood, first)
     return paying_alone(Pair(alone, second, 1000.0, ()), base, (alone,), (DEADBAND,))
 
 
@@ -224,7 +224,7 @@ def test_two_that_pay_beside_each_other_stay(both: Fit) -> None:
 def test_a_band_is_looked_for_again_where_its_first_scan_passed_over_it() -> None:
     base = fit_linear(recorded((backlash(),), 0.01), Given(PLANT))
     poor = begun(base, Part(DEADBAND, np.array([1.7, 0.0])))
-    again = searched(Rival(DEADBAND, poor, poor.likelihood - base.likelihood, base), (DEADBAND,))
+    again = searched(Contender(DEADBAND, poor, poor.likelihood - base.likelihood, base), (DEADBAND,))
     assert again.gain == pytest.approx(again.fit.likelihood - base.likelihood)
     assert again.fit.parts[0].values[0] == pytest.approx(2.0, rel=0.01)
 
@@ -253,20 +253,20 @@ def test_the_neighbours_of_a_start_depend_on_no_unit_of_time(unit: float) -> Non
     assert kept_of(before_the_lag, context, unit * np.array([0.5, 0.6, 5.0, 6.0, 60.0])) == [0, 2, 4]
 
 
-def said_for(best: Rival, alone: Rival) -> Rival:
+def said_for(best: Contender, alone: Contender) -> Contender:
     """Which effect is named where a pair is refused, `best` paid first and `alone` is the better of the pair."""
     single = Selection(best.fit, (believed(best, (best,)),), (best,))
-    return in_place_of(single, alone).effects[0].rival
+    return in_place_of(single, alone).effects[0].contender
 
 
 @pytest.fixture(scope="module")
-def deadband() -> Rival:
+def deadband() -> Contender:
     base = fit_linear(recorded((backlash(),)), Given(PLANT))
     found = fitted(base, (backlash(),))
-    return Rival(DEADBAND, found, found.likelihood - base.likelihood, base)
+    return Contender(DEADBAND, found, found.likelihood - base.likelihood, base)
 
 
-def test_one_of_a_refused_pair_is_named_alone_where_it_is_worth_as_much_as_the_best(deadband: Rival) -> None:
+def test_one_of_a_refused_pair_is_named_alone_where_it_is_worth_as_much_as_the_best(deadband: Contender) -> None:
     better, equal = replace(deadband, gain=deadband.gain), replace(deadband)
     best = replace(deadband, gain=deadband.gain - 1.0)
     assert worth(best) < worth(better)
@@ -274,14 +274,14 @@ def test_one_of_a_refused_pair_is_named_alone_where_it_is_worth_as_much_as_the_b
     assert said_for(deadband, equal) is equal
 
 
-def test_the_best_effect_stays_where_one_of_a_refused_pair_is_worth_less(deadband: Rival) -> None:
+def test_the_best_effect_stays_where_one_of_a_refused_pair_is_worth_less(deadband: Contender) -> None:
     """By less than what another name would have to be better by."""
     less = replace(deadband, gain=deadband.gain - 1.0)
     assert 0.0 < worth(less) < worth(deadband)
     assert said_for(deadband, less) is deadband
 
 
-def test_the_best_effect_stays_where_one_of_a_refused_pair_makes_no_sense(deadband: Rival) -> None:
+def test_the_best_effect_stays_where_one_of_a_refused_pair_makes_no_sense(deadband: Contender) -> None:
     senseless = replace(deadband, block=replace(DEADBAND, sensible=lambda *_: False))
     task = make_task(deadband.over.record, deadband.over.given, (senseless.block,))
     astray = finish(task, deadband.fit.x, deadband.fit.noise)

@@ -8,7 +8,7 @@ import pytest
 
 from app.engine.mismatch import Comparison, Explanation, explain
 from app.engine.mismatch.comparison import record_of
-from app.engine.mismatch.compete import Rival, descended
+from app.engine.mismatch.compete import Contender, descended
 from app.engine.mismatch.fitting import Fit
 from app.engine.mismatch.given import identify
 from app.engine.mismatch.noise import settling_samples, whiten
@@ -187,14 +187,14 @@ def test_the_stem_of_a_long_record_is_found_as_it_was_sampled() -> None:
 def test_a_healthy_loop_under_a_wave_shows_no_stem() -> None:
     base = own_loop(shaken(4))
     blocks = library(base.record)
-    assert all(not takes_its_place(rival, None) for rival in restarted(base, blocks))
+    assert all(not takes_its_place(contender, None) for contender in restarted(base, blocks))
     assert not [code for code in codes(explain(shaken(4))) if code.startswith("valve.")]
 
 
 def test_a_given_simulation_is_not_found_again() -> None:
     base = own_loop(sticking(3, 8.0, 4.0))
     given = replace(base, given=replace(base.given, deviation=GIVEN_DEVIATION))
-    ranking = (Rival(library(base.record)[0], base, 1.0, base),)
+    ranking = (Contender(library(base.record)[0], base, 1.0, base),)
     assert restarted(given, library(base.record)) == ()
     assert with_stems_shown(ranking, restarted(given, library(base.record))) is ranking
 

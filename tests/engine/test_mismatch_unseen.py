@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch.conclude import held_out_worse
-from app.engine.mismatch.holdout import Fitness, Unseen, judge
+from app.engine.mismatch.holdout import FitMeasures, Unseen, judge
 from app.engine.mismatch.result import Effect, Improvement
 
 NAMED = Effect("valve.deadband", ("valve.stiction",), 0.9, "valve", (), (), "after OP reversals", (), 40.0)
 
 
 def improved(refitted: float, explained: float) -> Improvement:
-    return Improvement(None, Fitness(refitted, 0.0), Fitness(explained, 0.0), ())
+    return Improvement(None, FitMeasures(refitted, 0.0), FitMeasures(explained, 0.0), ())
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,9 @@
 
 from app.engine.mismatch.comparison import Comparison, LinearSimulation, at_interval
 from app.engine.mismatch.compiling import compile_kernels
-from app.engine.mismatch.explain import explain, locate
+from app.engine.mismatch.explanation import explain
 from app.engine.mismatch.law import Controller
+from app.engine.mismatch.location import locate
 from app.engine.mismatch.result import Explanation
 from app.engine.mismatch.validation import simulate_again
 

@@ -18,7 +18,7 @@ PURSUED_SHARE, PURSUED_WITHIN = 0.35, 25.0
 
 
 @dataclass(frozen=True, eq=False)
-class Rival:
+class Contender:
     """A block fitted beside what was found so far (over); gain: log-likelihood (nat) over that, without penalty."""
 
     block: Block
@@ -44,12 +44,12 @@ class Scanned:
     points: tuple[tuple[Start, ...], tuple[Start, ...]] = ((), ())
 
 
-def rivals(
+def contenders(
     found: Fit,
     blocks: tuple[Block, ...],
     carried: tuple[Part, ...] = (),
     surveyed: tuple[Scanned, ...] | None = None,
-) -> tuple[Rival, ...]:
+) -> tuple[Contender, ...]:
     """The blocks that a scan finds promising, fitted beside the fit so far, best score first; those `carried` from
     another fit as well, from the values that they had there too.
     """
@@ -68,8 +68,8 @@ def rivals(
     for (block, fits), score in zip(begun, scores, strict=True):
         hard = block.rough or (block.distant and score > found.likelihood)
         best = pursue(block, fits) if score > asked or hard else fits[0]
-        entered.append(Rival(block, best, best.likelihood - found.likelihood, found))
-    return tuple(sorted(entered, key=lambda rival: -rival.score))
+        entered.append(Contender(block, best, best.likelihood - found.likelihood, found))
+    return tuple(sorted(entered, key=lambda contender: -contender.score))
 
 
 def pursued_from(best: float) -> float:

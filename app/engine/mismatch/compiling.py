@@ -5,7 +5,7 @@ import numpy as np
 from app.engine.mismatch.closed_loop import close_again
 from app.engine.mismatch.comparison import Comparison, LinearSimulation
 from app.engine.mismatch.experiment import experiment
-from app.engine.mismatch.explain import locate
+from app.engine.mismatch.location import locate
 from app.engine.mismatch.patterns import find_patterns
 from app.engine.mismatch.preparing import prepare
 from app.engine.mismatch.stems import shown_stems

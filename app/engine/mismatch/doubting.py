@@ -8,7 +8,7 @@ import numpy as np
 
 from app.engine.evidence import Reason
 from app.engine.mismatch.adequacy import Pays, lack_of_fit
-from app.engine.mismatch.compete import Rival
+from app.engine.mismatch.compete import Contender
 from app.engine.mismatch.conclude import nothing_left, too_few
 from app.engine.mismatch.fitting import Fit, fit
 from app.engine.mismatch.holdout import FreeRuns, mostly_worse, refit_without, stretches, unseen_gain
@@ -64,7 +64,7 @@ def named_score(base: Fit, selection: Selection) -> float:
     return selection.fit.score - base.score
 
 
-def without_name(base: Fit, terms: tuple[Pays, ...]) -> Rival | None:
+def without_name(base: Fit, terms: tuple[Pays, ...]) -> Contender | None:
     """The terms that pay beside the linear refit, fitted as one generic block; None where none does."""
     if not terms:
         return None
@@ -73,11 +73,11 @@ def without_name(base: Fit, terms: tuple[Pays, ...]) -> Rival | None:
     known = [part.values for part in base.parts]
     x = start_at(task, base.plant, np.concatenate((*known, np.zeros(len(terms)))))
     found = fit(task, x, base.noise, 3, 6)
-    rival = Rival(block, found, found.likelihood - base.likelihood, base)
-    return rival if no_worse(found, base) else None
+    contender = Contender(block, found, found.likelihood - base.likelihood, base)
+    return contender if no_worse(found, base) else None
 
 
-def in_place_of(selection: Selection, unnamed: Rival, named: float) -> Believed:
+def in_place_of(selection: Selection, unnamed: Contender, named: float) -> Believed:
     """Something unnamed, with the name that came nearest: as an alternative where it is not far behind."""
     margin = unnamed.score - named
     nearest = next((effect.code for effect in selection.effects if effect.code != UNNAMED), None)

@@ -23,7 +23,7 @@ PLACES = (0.7, 0.0, 0.35, 0.5, 0.2)
 
 
 @dataclass(frozen=True, eq=False)
-class Fitness:
+class FitMeasures:
     """How well a free run follows PV over some samples. rmse: unit of PV; fit_pct: 100 (1 - rmse / deviation of PV),
     NaN where PV stands. tests: of what it leaves there, where they were made.
     """
@@ -33,16 +33,16 @@ class Fitness:
     tests: ResidualTests | None = None
 
 
-def judge(pv: FloatArray, simulated: FloatArray, where: BoolArray) -> Fitness:
+def judge(pv: FloatArray, simulated: FloatArray, where: BoolArray) -> FitMeasures:
     """RMSE and fit per cent of a simulation (N,) against PV (N,) over the samples `where`."""
     recorded = pv[where]
     if len(recorded) == 0:
-        return Fitness(float("nan"), float("nan"))
+        return FitMeasures(float("nan"), float("nan"))
     rmse = rms(pv - simulated, where)
     spread = float(np.std(recorded))
     # The deviation of equal values from their mean is rounding.
     moves = spread > STANDS * float(np.max(np.abs(recorded)))
-    return Fitness(rmse, 100.0 * (1.0 - rmse / spread) if moves else float("nan"))
+    return FitMeasures(rmse, 100.0 * (1.0 - rmse / spread) if moves else float("nan"))
 
 
 def rms(error: FloatArray, where: BoolArray) -> float:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context
-from app.engine.mismatch.compete import Rival
+from app.engine.mismatch.compete import Contender
 from app.engine.mismatch.fitting import fit
 from app.engine.mismatch.physics import LATE
 from app.engine.mismatch.scan import task_with
@@ -12,21 +12,21 @@ from app.engine.mismatch.task import start_at
 ROUNDS, STEPS = 2, 6
 
 
-def with_kindred(ranking: tuple[Rival, ...], best: Rival, blocks: tuple[Block, ...]) -> tuple[Rival, ...]:
+def with_kindred(ranking: tuple[Contender, ...], best: Contender, blocks: tuple[Block, ...]) -> tuple[Contender, ...]:
     """A ranking in which the kindred of its `best` have begun where that one stands as well: a scan beside the linear
     model may have passed them over, and what was begun badly seems further behind than it is.
     """
     if best.block.code not in LATE:
         return ranking
-    known = {rival.block.name: rival for rival in ranking}
+    known = {contender.block.name: contender for contender in ranking}
     for block in blocks:
         if block.code in LATE and block.code != best.block.code:
             there = begun_at(block, best)
-            known[block.name] = max(known.get(block.name, there), there, key=lambda rival: rival.gain)
+            known[block.name] = max(known.get(block.name, there), there, key=lambda contender: contender.gain)
     return tuple(known.values())
 
 
-def begun_at(block: Block, best: Rival) -> Rival:
+def begun_at(block: Block, best: Contender) -> Contender:
     """A block beside the same fit, begun where it makes PV as late as the best one does."""
     values, start = best.fit.parts[-1].values, best.fit
     task = task_with(best.over, block)
@@ -34,4 +34,4 @@ def begun_at(block: Block, best: Rival) -> Rival:
     late = np.full(count, float(np.sum(values)) / count)
     x = start_at(task, start.plant, np.concatenate((*(part.values for part in start.parts[:-1]), late)))
     found = fit(task, x, start.noise, ROUNDS, STEPS)
-    return Rival(block, found, found.likelihood - best.over.likelihood, best.over)
+    return Contender(block, found, found.likelihood - best.over.likelihood, best.over)

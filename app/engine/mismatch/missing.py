@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.evidence import Reason
-from app.engine.mismatch.compete import Rival
+from app.engine.mismatch.compete import Contender
 from app.engine.mismatch.conclude import nothing_left, too_few
 from app.engine.mismatch.fitting import Fit, fit_linear
 from app.engine.mismatch.physics import library
@@ -88,10 +88,10 @@ def beside_own_dynamics(base: Fit, coarse: Coarse, selection: Selection, already
     return Competed(richer, finely(richer, coarse, select(own.fit, named, already)))
 
 
-def lacking_dynamics(selection: Selection) -> Rival | None:
+def lacking_dynamics(selection: Selection) -> Contender | None:
     """The generic linear dynamics, where they came first beside a linear loop of our own."""
     if not selection.ranking or not selection.effects:
         return None
-    first = max((effect.rival for effect in selection.effects), key=lambda rival: rival.gain)
+    first = max((effect.contender for effect in selection.effects), key=lambda contender: contender.gain)
     own = first.fit.given.own
     return first if own and first.block is DYNAMIC and len(first.fit.parts) == 1 else None

@@ -1,11 +1,11 @@
-"""A rival that is believed, with the names that this record cannot tell from it."""
+"""A contender that is believed, with the names that this record cannot tell from it."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from app.engine.evidence import Reason
-from app.engine.mismatch.compete import Rival
+from app.engine.mismatch.compete import Contender
 from app.engine.mismatch.physics import CLOSE, NEAR, NEAR_SHARE, TWINS
 from app.engine.mismatch.physics.generic import CODE as UNNAMED
 from app.engine.mismatch.refitting import CODE as PARAMETERS
@@ -29,13 +29,13 @@ class Believed:
     alternatives: tuple[str, ...]
     gain: float
     margin: float
-    rival: Rival
+    contender: Contender
     most: float = 1.0
     left: tuple[Reason, ...] = ()
 
 
-def believed(best: Rival, names: tuple[Rival, ...], standing: float | None = None) -> Believed:
-    """The best rival with the names that this record cannot tell from it. standing: what it is worth, where that is
+def believed(best: Contender, names: tuple[Contender, ...], standing: float | None = None) -> Believed:
+    """The best contender with the names that this record cannot tell from it. standing: what it is worth, where that is
     known from elsewhere.
     """
     standing = worth(best) if standing is None else standing
@@ -51,7 +51,7 @@ def believed(best: Rival, names: tuple[Rival, ...], standing: float | None = Non
     return Believed(best.block.code, alternatives, best.gain, min(unsaid, default=float(np.inf)), best)
 
 
-def own_doubt(best: Rival) -> float:
+def own_doubt(best: Contender) -> float:
     """By how much a margin (nat) is to be divided: where no simulation was given the linear model came from the same
     record, its structure is a guess, and names that come within a third of each other are not told apart by it.
     """
@@ -60,17 +60,17 @@ def own_doubt(best: Rival) -> float:
     return max(OWN_SHARE * worth(best) / INDISTINCT, 1.0)
 
 
-def hardly_slips(rival: Rival) -> bool:
+def hardly_slips(contender: Contender) -> bool:
     """Stiction whose slip jump is a small share of its band, which an uneven backlash looks like as well."""
-    return rival.block.code == "valve.stiction" and float(rival.fit.parts[-1].values[1]) < SMALL_SLIP
+    return contender.block.code == "valve.stiction" and float(contender.fit.parts[-1].values[1]) < SMALL_SLIP
 
 
-def twins_of(rival: Rival) -> tuple[str, ...]:
+def twins_of(contender: Contender) -> tuple[str, ...]:
     """Names that no record of OP and PV tells from this one, or not from one with such values."""
-    code = rival.block.code
-    return (*TWINS.get(code, ()), *CLOSE.get(code, ()), *(("valve.deadband",) if hardly_slips(rival) else ()))
+    code = contender.block.code
+    return (*TWINS.get(code, ()), *CLOSE.get(code, ()), *(("valve.deadband",) if hardly_slips(contender) else ()))
 
 
-def near(one: Rival, other: Rival) -> bool:
+def near(one: Contender, other: Contender) -> bool:
     """Whether two names have nearly the same form."""
     return any({one.block.code, other.block.code} <= family for family in NEAR)

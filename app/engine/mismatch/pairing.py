@@ -9,7 +9,7 @@ import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Part
 from app.engine.mismatch.chain import Recent
-from app.engine.mismatch.compete import Rival, Scanned, descended, finalists
+from app.engine.mismatch.compete import Contender, Scanned, descended, finalists
 from app.engine.mismatch.fitting import Fit, finish, fit, quiet_noise, task_of
 from app.engine.mismatch.free_run import free_run_error
 from app.engine.mismatch.plant import Plant
@@ -143,12 +143,12 @@ def begin_couple(found: Fit, couple: Couple) -> Fit:
     return descended(*placed(found, (*found.parts, *couple.parts)), 6)
 
 
-def alone_as(part: Part, base: Fit, plant: Plant) -> Rival:
+def alone_as(part: Part, base: Fit, plant: Plant) -> Contender:
     """A part of a couple fitted alone from where it stands beside the other."""
     task = task_with(base, part.block)
     known = [known.values for known in base.parts]
     alone = fit(task, start_at(task, plant, np.concatenate((*known, part.values))), None, 2, 6)
-    return Rival(part.block, alone, alone.likelihood - base.likelihood, base)
+    return Contender(part.block, alone, alone.likelihood - base.likelihood, base)
 
 
 def reordered(found: Fit, order: tuple[int, int]) -> Fit:

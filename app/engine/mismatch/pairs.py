@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.mismatch.block import Block
-from app.engine.mismatch.compete import Rival
+from app.engine.mismatch.compete import Contender
 from app.engine.mismatch.fitting import Fit
 from app.engine.mismatch.limits import limit_bonus
 from app.engine.mismatch.naming import Believed, believed, own_doubt, twins_of
@@ -32,20 +32,20 @@ class Pair:
     competed for the second place.
     """
 
-    first: Rival
-    second: Rival
+    first: Contender
+    second: Contender
     first_gain: float
-    names: tuple[Rival, ...]
+    names: tuple[Contender, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Places:
     """A first effect, and what competed for the place beside it, the best first."""
 
-    first: Rival
-    ranking: tuple[Rival, ...]
+    first: Contender
+    ranking: tuple[Contender, ...]
 
-    def pairs(self, alone: tuple[Rival, ...]) -> tuple[Pair, ...]:
+    def pairs(self, alone: tuple[Contender, ...]) -> tuple[Pair, ...]:
         """The best second effect, where each of the two is worth having beside the other; `alone`: single effects."""
         if not self.ranking:
             return ()
@@ -53,20 +53,20 @@ class Places:
         taken = (best,) if beside is best else (best, beside)
         return tuple(pair for second in taken for pair in self.pair_with(second, alone))
 
-    def pair_with(self, best: Rival, alone: tuple[Rival, ...]) -> tuple[Pair, ...]:
+    def pair_with(self, best: Contender, alone: tuple[Contender, ...]) -> tuple[Pair, ...]:
         if not pays_beside(best, self.first):
             return ()
-        rival = self.first
+        contender = self.first
         other = max((r.fit.likelihood for r in alone if r.block.code == best.block.code), default=-np.inf)
-        first_gain = best.fit.likelihood - max(other, rival.fit.likelihood - rival.gain)
+        first_gain = best.fit.likelihood - max(other, contender.fit.likelihood - contender.gain)
         # What says least must explain most: by scores, not likelihoods.
-        strongest = max((rival.over, *(r.fit for r in alone)), key=lambda fit: fit.score)
-        if first_gain < rival.block.penalty + SECOND_MUST_GAIN or not over_single(best, strongest):
+        strongest = max((contender.over, *(r.fit for r in alone)), key=lambda fit: fit.score)
+        if first_gain < contender.block.penalty + SECOND_MUST_GAIN or not over_single(best, strongest):
             return ()
-        return (Pair(rival, best, first_gain, best_of_each_code(self.ranking)),)
+        return (Pair(contender, best, first_gain, best_of_each_code(self.ranking)),)
 
 
-def over_single(second: Rival, strongest: Fit) -> bool:
+def over_single(second: Contender, strongest: Fit) -> bool:
     """Whether a pair says more than the strongest single effect, with what the noise beside that hid of it."""
     gained = second.fit.score - strongest.score
     if gained >= SECOND_MUST_GAIN or hidden_gain(second) == 0.0:
@@ -74,46 +74,46 @@ def over_single(second: Rival, strongest: Fit) -> bool:
     return gained + hidden_from(second.fit, strongest) >= SECOND_MUST_GAIN
 
 
-def pairs_of(found: Fit, base: Fit, ranking: tuple[Rival, ...]) -> tuple[Pair, ...]:
+def pairs_of(found: Fit, base: Fit, ranking: tuple[Contender, ...]) -> tuple[Pair, ...]:
     """A couple that was fitted together as a pair: the first is that which did better alone."""
-    known = {rival.block.name: rival for rival in reversed(ranking)}
+    known = {contender.block.name: contender for contender in reversed(ranking)}
     alone = [known.get(part.block.name) or alone_as(part, base, found.plant) for part in found.parts[-2:]]
     order = (0, 1) if alone[0].fit.likelihood >= alone[1].fit.likelihood else (1, 0)
     first, both = alone[order[0]], reordered(found, order)
-    second = reconciled(Rival(both.parts[-1].block, both, both.likelihood - first.fit.likelihood, first.fit))
+    second = reconciled(Contender(both.parts[-1].block, both, both.likelihood - first.fit.likelihood, first.fit))
     return Places(first, (second,)).pairs(best_of_each_code(ranking))
 
 
-def paying_alone(pair: Pair, base: Fit, ranking: tuple[Rival, ...], blocks: tuple[Block, ...]) -> Rival | None:
+def paying_alone(pair: Pair, base: Fit, ranking: tuple[Contender, ...], blocks: tuple[Block, ...]) -> Contender | None:
     """The better of a pair alone, where one of them does not pay beside the other as well as that is known alone: a
     start that only the pair had is nothing that the one beside explains. None where both pay.
     """
     found = pair.second.fit
-    known = {rival.block.name: rival for rival in reversed(ranking)}
+    known = {contender.block.name: contender for contender in reversed(ranking)}
     first, second = (best_alone(p, found, base, known.get(p.block.name), blocks) for p in found.parts[-2:])
     gain = found.likelihood - first.fit.likelihood
-    beside = reconciled(Rival(pair.second.block, found, gain, first.fit))
-    singles = (*best_of_each_code(ranking), *(rival for rival in (first, second) if makes_sense(rival)))
+    beside = reconciled(Contender(pair.second.block, found, gain, first.fit))
+    singles = (*best_of_each_code(ranking), *(contender for contender in (first, second) if makes_sense(contender)))
     if Places(first, (beside,)).pairs(singles):
         return None
     return max(first, second, key=worth)
 
 
-def first_beside(pair: Pair, _: Fit) -> Rival:
+def first_beside(pair: Pair, _: Fit) -> Contender:
     return pair.first
 
 
-def second_beside(pair: Pair, base: Fit) -> Rival:
+def second_beside(pair: Pair, base: Fit) -> Contender:
     """The effect of a pair that was found second, alone."""
     return alone_as(pair.second.fit.parts[-1], base, base.plant)
 
 
-def with_rivals(pair: Pair, beside: dict[str, Places]) -> Pair:
+def with_contenders(pair: Pair, beside: dict[str, Places]) -> Pair:
     """A pair with all names that competed for its second place, where they were found without it as well."""
     places = beside.get(pair.first.block.name)
-    if places is None or any(rival is pair.second for rival in places.ranking):
+    if places is None or any(contender is pair.second for contender in places.ranking):
         return pair
-    names = sorted((pair.second, *places.ranking), key=lambda rival: -worth(rival))
+    names = sorted((pair.second, *places.ranking), key=lambda contender: -worth(contender))
     return replace(pair, names=best_of_each_code(tuple(names)))
 
 

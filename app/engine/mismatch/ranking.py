@@ -1,9 +1,9 @@
-"""Rivals in the order of what they are worth, each as near to PV as its likelihood allows."""
+"""Contenders in the order of what they are worth, each as near to PV as its likelihood allows."""
 
 from dataclasses import replace
 
 from app.engine.mismatch.block import Block, Part
-from app.engine.mismatch.compete import Rival, Scanned, rivals
+from app.engine.mismatch.compete import Contender, Scanned, contenders
 from app.engine.mismatch.fitting import Fit
 from app.engine.mismatch.free_run import by_free_run
 from app.engine.mismatch.kindred import with_kindred
@@ -15,32 +15,32 @@ def ranked(
     blocks: tuple[Block, ...],
     carried: tuple[Part, ...] = (),
     surveyed: tuple[Scanned, ...] | None = None,
-) -> tuple[Rival, ...]:
-    competed = tuple(reconciled(rival) for rival in rivals(found, blocks, carried, surveyed))
+) -> tuple[Contender, ...]:
+    competed = tuple(reconciled(contender) for contender in contenders(found, blocks, carried, surveyed))
     if not competed:
         return ()
     every = with_kindred(competed, max(competed, key=worth), blocks)
     return by_worth(every)
 
 
-def by_worth(rivals_: tuple[Rival, ...]) -> tuple[Rival, ...]:
-    return tuple(sorted(rivals_, key=lambda rival: -worth(rival)))
+def by_worth(contenders_: tuple[Contender, ...]) -> tuple[Contender, ...]:
+    return tuple(sorted(contenders_, key=lambda contender: -worth(contender)))
 
 
-def reconciled(rival: Rival) -> Rival:
-    """A rival whose likelihood had gone with a worse free run, fitted again by its free run; as it was where that
+def reconciled(contender: Contender) -> Contender:
+    """A contender whose likelihood had gone with a worse free run, fitted again by its free run; as it was where that
     loses what it gained.
     """
-    if no_worse(rival.fit, rival.over) or rival.score <= 0.0:
-        return rival
-    other = by_free_run(rival.fit)
-    gain = other.likelihood - rival.over.likelihood
-    better = no_worse(other, rival.over) and gain > rival.block.penalty
-    return replace(rival, fit=other, gain=gain) if better else rival
+    if no_worse(contender.fit, contender.over) or contender.score <= 0.0:
+        return contender
+    other = by_free_run(contender.fit)
+    gain = other.likelihood - contender.over.likelihood
+    better = no_worse(other, contender.over) and gain > contender.block.penalty
+    return replace(contender, fit=other, gain=gain) if better else contender
 
 
-def best_of_each_code(ranking: tuple[Rival, ...]) -> tuple[Rival, ...]:
-    first: dict[str, Rival] = {}
-    for rival in ranking:
-        first.setdefault(rival.block.code, rival)
+def best_of_each_code(ranking: tuple[Contender, ...]) -> tuple[Contender, ...]:
+    first: dict[str, Contender] = {}
+    for contender in ranking:
+        first.setdefault(contender.block.code, contender)
     return tuple(first.values())

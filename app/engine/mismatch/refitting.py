@@ -77,7 +77,7 @@ REVERSED = replace(PARAMETERS, alter=reverse, form="reversed", sensible=None)
 
 
 def offered_beside(base: Fit) -> tuple[Block, ...]:
-    """The parameters as rivals, where a simulation was given: one of our own is fitted freely at once."""
+    """The parameters as contenders, where a simulation was given: one of our own is fitted freely at once."""
     if base.given.own:
         return ()
     return (PARAMETERS, REVERSED) if runs_against(base) else (PARAMETERS,)

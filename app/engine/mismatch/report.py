@@ -28,7 +28,7 @@ PLANT_UNITS = {"K": "PV/OP", "tau": "s", "tau2": "s", "theta": "s"}
 
 def effect_of(effect: Believed, final: Fit) -> Effect:
     """A believed effect as it stands in the final fit."""
-    part = next(p for p in final.parts if p.block.name == effect.rival.block.name)
+    part = next(p for p in final.parts if p.block.name == effect.contender.block.name)
     mask = active_mask(final, part)
     windows = (
         windows_of(mask, final.record.sampling_interval_s) if part.block.active is not None else whole(final.record)
@@ -49,19 +49,19 @@ def effect_of(effect: Believed, final: Fit) -> Effect:
 def effects_of(effect: Believed, final: Fit) -> tuple[Effect, ...]:
     """The effect, and those that its block stands for as well."""
     first = effect_of(effect, final)
-    return (first, *(replace(first, code=code, alternatives=()) for code in effect.rival.block.brings))
+    return (first, *(replace(first, code=code, alternatives=()) for code in effect.contender.block.brings))
 
 
 def probability_of(effect: Believed) -> float:
     """That the name, or one of its alternatives, is right: from the margin over the next name and over nothing at all,
     and no more than what it leaves unexplained allows.
     """
-    beyond = effect.gain - effect.rival.block.penalty  # beside its partner: alone it may have gained nothing
-    if effect.rival.over.parts:
-        beyond += hidden_gain(effect.rival)  # it was believed for that as well
+    beyond = effect.gain - effect.contender.block.penalty  # beside its partner: alone it may have gained nothing
+    if effect.contender.over.parts:
+        beyond += hidden_gain(effect.contender)  # it was believed for that as well
     presence = 1.0 / (1.0 + np.exp(-np.clip(beyond, -30.0, 30.0)))
     name = 1.0 / (1.0 + np.exp(-np.clip(effect.margin, -30.0, 30.0)))
-    own = effect.rival.fit.given.own
+    own = effect.contender.fit.given.own
     return float(min(presence * name, OWN_CERTAIN if own else CERTAIN, effect.most))
 
 
@@ -69,7 +69,7 @@ def evidence_of(effect: Believed, final: Fit) -> tuple[Reason, ...]:
     said = [
         Reason(
             "likelihood",
-            f"adds {effect.gain:.1f} points of log-likelihood, where {effect.rival.block.penalty:.1f} are asked",
+            f"adds {effect.gain:.1f} points of log-likelihood, where {effect.contender.block.penalty:.1f} are asked",
         )
     ]
     if np.isfinite(effect.margin):

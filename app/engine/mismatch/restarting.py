@@ -1,4 +1,4 @@
-"""Sticking stems as rivals, each beside the linear loop that is found behind it: found from OP our own loop has the
+"""Sticking stems as contenders, each beside the linear loop that is found behind it: found from OP our own loop has the
 stem's work in it, a dead time and a lag that the process has not, and no fit of a stem leaves that hill.
 """
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from app.engine.mismatch.block import Block
 from app.engine.mismatch.chain import signal_after
-from app.engine.mismatch.compete import Rival, descended
+from app.engine.mismatch.compete import Contender, descended
 from app.engine.mismatch.fitting import Fit, fit, task_of
 from app.engine.mismatch.free_run import runs_nearer, stem_swing
 from app.engine.mismatch.given import identify
@@ -31,14 +31,14 @@ MORE_ASKED = 25.0
 Measured on healthy and sticking loops: docs/PROOF.md."""
 
 
-def with_stems_shown(ranking: tuple[Rival, ...], stems: tuple[Rival, ...]) -> tuple[Rival, ...]:
-    """A ranking with the stems that its record shows, each in the place of the rival of its code where it is likelier
-    and its free run nearer to PV.
+def with_stems_shown(ranking: tuple[Contender, ...], stems: tuple[Contender, ...]) -> tuple[Contender, ...]:
+    """A ranking with the stems that its record shows, each in the place of the contender of its code where it is
+    likelier and its free run nearer to PV.
     """
-    known = {rival.block.code: rival for rival in best_of_each_code(ranking)}
+    known = {contender.block.code: contender for contender in best_of_each_code(ranking)}
     shown = tuple(stem for stem in stems if takes_its_place(stem, known.get(stem.block.code)))
     beaten = [known.get(stem.block.code) for stem in shown]
-    return by_worth((*shown, *(rival for rival in ranking if rival not in beaten))) if shown else ranking
+    return by_worth((*shown, *(contender for contender in ranking if contender not in beaten))) if shown else ranking
 
 
 def may_hide_a_stem(base: Fit) -> bool:
@@ -46,15 +46,15 @@ def may_hide_a_stem(base: Fit) -> bool:
     return base.given.own and not base.parts and base.record.finer is None
 
 
-def takes_its_place(rival: Rival, known: Rival | None) -> bool:
+def takes_its_place(contender: Contender, known: Contender | None) -> bool:
     """Whether a stem with a loop of its own is believed before what is known of its code, or before none."""
-    before = rival.over if known is None else known.fit
-    likelier = rival.fit.score > before.score + LIKELIER
-    nearer = runs_nearer(rival.fit, before, stem_swing(rival.fit))
-    return likelier and nearer and worth(rival) > MORE_ASKED
+    before = contender.over if known is None else known.fit
+    likelier = contender.fit.score > before.score + LIKELIER
+    nearer = runs_nearer(contender.fit, before, stem_swing(contender.fit))
+    return likelier and nearer and worth(contender) > MORE_ASKED
 
 
-def restarted(base: Fit, blocks: tuple[Block, ...]) -> tuple[Rival, ...]:
+def restarted(base: Fit, blocks: tuple[Block, ...]) -> tuple[Contender, ...]:
     """Of each code the best stem that the record shows, beside the linear loop behind it. Stems are looked for again
     as long as that brings a better one: near its loop and under its noise they stand out more sharply. None where a
     simulation was given.
@@ -96,7 +96,7 @@ def to_its_end(found: Fit) -> Fit:
     return fit(task_of(found), found.x, found.noise, ROUNDS, STEPS)
 
 
-def pursued(base: Fit, first: Fit, blocks: tuple[Block, ...]) -> Rival:
+def pursued(base: Fit, first: Fit, blocks: tuple[Block, ...]) -> Contender:
     """A stem over all sizes of its slip, beside the loop that it began with and beside another order of it, and looked
     for again on a fine grid.
     """
@@ -107,7 +107,7 @@ def pursued(base: Fit, first: Fit, blocks: tuple[Block, ...]) -> Rival:
     task = make_task(base.record, given, (stem.block,))
     other = fit(task, start_at(task, given.plant, walked.parts[-1].values), None, ROUNDS, STEPS)
     best = max((walked, other), key=score_of)
-    alone = Rival(stem.block, best, best.likelihood - base.likelihood, base)
+    alone = Contender(stem.block, best, best.likelihood - base.likelihood, base)
     return max((alone, searched(alone, blocks)), key=score_of)
 
 

@@ -5,7 +5,7 @@ from typing import Literal
 
 from app.engine.evidence import Reason
 from app.engine.mismatch.closed_loop import ClosedLoop
-from app.engine.mismatch.holdout import Fitness
+from app.engine.mismatch.holdout import FitMeasures
 from app.engine.mismatch.windows import Window
 from app.engine.recording import BoolArray, FloatArray
 
@@ -70,9 +70,9 @@ class Traces:
 class Improvement:
     """Free-run fitness before and after on the held-out stretch; given is None where no simulation was given."""
 
-    given: Fitness | None
-    refitted: Fitness
-    explained: Fitness
+    given: FitMeasures | None
+    refitted: FitMeasures
+    explained: FitMeasures
     held_out: tuple[Window, ...]
 
 

@@ -5,7 +5,7 @@ carries the noise, so that a block which answers OP may take what the noise mode
 import numpy as np
 from scipy.linalg import solve_toeplitz
 
-from app.engine.mismatch.compete import Rival
+from app.engine.mismatch.compete import Contender
 from app.engine.mismatch.fitting import Fit
 from app.engine.mismatch.spikes import innovations
 from app.engine.recording import FloatArray
@@ -14,11 +14,11 @@ ORDER = 8
 RIDGE = 1e-9
 
 
-def taken_by_noise(rival: Rival) -> float:
-    """The part of a rival's gain (nat, not below 0) that noise alone would have had, were its model richer by an
+def taken_by_noise(contender: Contender) -> float:
+    """The part of a contender's gain (nat, not below 0) that noise alone would have had, were its model richer by an
     autoregression of the innovations.
     """
-    return max(predictable(rival.over) - predictable(rival.fit), 0.0)
+    return max(predictable(contender.over) - predictable(contender.fit), 0.0)
 
 
 def predictable(fit: Fit) -> float:

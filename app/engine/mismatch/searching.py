@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context, Parameter, Part
-from app.engine.mismatch.compete import Rival, descended
+from app.engine.mismatch.compete import Contender, descended
 from app.engine.mismatch.fitting import Fit
 from app.engine.mismatch.pairing import alone_as, fit_again, placed, without
 from app.engine.mismatch.scan import Start, ground, scan
@@ -29,23 +29,23 @@ class Begun:
     start: Start
 
 
-def searched(rival: Rival, blocks: tuple[Block, ...]) -> Rival:
-    """An effect in the best of its forms among `blocks`, on a fine grid about where it stands; the rival itself where
-    nothing jumps and where nothing better is there.
+def searched(contender: Contender, blocks: tuple[Block, ...]) -> Contender:
+    """An effect in the best of its forms among `blocks`, on a fine grid about where it stands; the contender itself
+    where nothing jumps and where nothing better is there.
     """
-    found, context = rival.fit, Context(rival.fit.record, rival.fit.plant)
-    if not jumps(rival.block, context):
-        return rival
-    forms = [block for block in blocks if block.code == rival.block.code and jumps(block, context)]
+    found, context = contender.fit, Context(contender.fit.record, contender.fit.plant)
+    if not jumps(contender.block, context):
+        return contender
+    forms = [block for block in blocks if block.code == contender.block.code and jumps(block, context)]
     under = ground(without(found, -1), found.noise)
     points = [Begun(form, start) for form in forms for start in scan(finely(form, found), (under,))[0]]
     fits = (begun_from(found, point) for point in foremost(points, context))
     best = max((found, *fits), key=score_of)
     if best is found:
-        return rival
+        return contender
     best = max((best, fit_again(best)), key=score_of)
-    again = Rival(best.parts[-1].block, best, best.likelihood - rival.over.likelihood, rival.over)
-    return again if makes_sense(again) or not makes_sense(rival) else rival
+    again = Contender(best.parts[-1].block, best, best.likelihood - contender.over.likelihood, contender.over)
+    return again if makes_sense(again) or not makes_sense(contender) else contender
 
 
 def jumps(block: Block, context: Context) -> bool:
@@ -102,17 +102,17 @@ def begun_from(found: Fit, point: Begun) -> Fit:
     return descended(*placed(found, (*found.parts[:-1], Part(point.form, point.start.values))), STEPS)
 
 
-def best_alone(part: Part, both: Fit, base: Fit, known: Rival | None, blocks: tuple[Block, ...]) -> Rival:
+def best_alone(part: Part, both: Fit, base: Fit, known: Contender | None, blocks: tuple[Block, ...]) -> Contender:
     """A part of a pair alone, as well as is known: as it competed, or begun where the pair stands, and looked for again
     from there.
 
     Begun beside other linear loops as well: beside what stands for the whole process the pair's own is nobody's.
     """
     others = () if known is None else (known,)
-    plants = (both.plant, base.plant, *(rival.fit.plant for rival in others))
+    plants = (both.plant, base.plant, *(contender.fit.plant for contender in others))
     begun = (alone_as(part, base, plant) for plant in plants)
-    return searched(max((*others, *begun), key=lambda rival: rival.score), blocks)
+    return searched(max((*others, *begun), key=lambda contender: contender.score), blocks)
 
 
-def score_of(found: Fit | Rival) -> float:
+def score_of(found: Fit | Contender) -> float:
     return found.score

@@ -1,9 +1,9 @@
-"""Which effects are believed: the best rival while it pays, and a second beside it."""
+"""Which effects are believed: the best contender while it pays, and a second beside it."""
 
 from dataclasses import dataclass
 
 from app.engine.mismatch.block import Block
-from app.engine.mismatch.compete import Rival, Scanned, survey
+from app.engine.mismatch.compete import Contender, Scanned, survey
 from app.engine.mismatch.fitting import Fit
 from app.engine.mismatch.free_run import free_run_error
 from app.engine.mismatch.naming import Believed, believed
@@ -17,7 +17,7 @@ from app.engine.mismatch.pairs import (
     pairs_of,
     paying_alone,
     second_beside,
-    with_rivals,
+    with_contenders,
 )
 from app.engine.mismatch.physics import TWINS
 from app.engine.mismatch.physics.generic import CODE as UNNAMED
@@ -51,14 +51,14 @@ class Selection:
 
     fit: Fit
     effects: tuple[Believed, ...]
-    ranking: tuple[Rival, ...]
+    ranking: tuple[Contender, ...]
     alone: "Selection | None" = None
 
 
 def select(
-    base: Fit, blocks: tuple[Block, ...], already: tuple[str, ...] = (), stems: tuple[Rival, ...] = ()
+    base: Fit, blocks: tuple[Block, ...], already: tuple[str, ...] = (), stems: tuple[Contender, ...] = ()
 ) -> Selection:
-    """Up to two effects beside the linear refit; none where no rival pays its penalty.
+    """Up to two effects beside the linear refit; none where no contender pays its penalty.
 
     `already`: codes that PV showed by itself, which are not looked for again. `stems`: that the record shows, each
     beside a loop of its own.
@@ -73,7 +73,7 @@ def select(
     if pays and first[0].block.code == PARAMETERS:
         return single  # what is missing is looked for again beside the right ones
     begun = leaders(first) if pays else hidden(names)
-    beside = {rival.block.name: seconds(rival, names, offered) for rival in begun}
+    beside = {contender.block.name: seconds(contender, names, offered) for contender in begun}
     pairs = [pair for places in beside.values() for pair in places.pairs(names)]
     pairs += found_together(base, surveyed, first, pays)
     if not pairs:
@@ -84,7 +84,7 @@ def select(
         if other.block.name not in beside:
             places = beside[other.block.name] = seconds(other, names, offered)
             pairs += places.pairs(names)
-    best = with_rivals(chosen(pairs), beside)
+    best = with_contenders(chosen(pairs), beside)
     alone = paying_alone(best, base, first, offered)
     if alone is not None:
         return in_place_of(single, alone) if pays else single
@@ -94,15 +94,15 @@ def select(
     return both if stands(both) else single
 
 
-def deepened(ranking: tuple[Rival, ...], blocks: tuple[Block, ...]) -> tuple[Rival, ...]:
+def deepened(ranking: tuple[Contender, ...], blocks: tuple[Block, ...]) -> tuple[Contender, ...]:
     """A ranking in which the names that others are looked for beside stand as well as they can: beside one in a poor
     optimum anything pays that leads to a better.
     """
-    deeper = {rival: searched(rival, blocks) for rival in leaders(ranking)}
-    return by_worth(tuple(deeper.get(rival, rival) for rival in ranking))
+    deeper = {contender: searched(contender, blocks) for contender in leaders(ranking)}
+    return by_worth(tuple(deeper.get(contender, contender) for contender in ranking))
 
 
-def in_place_of(single: Selection, alone: Rival) -> Selection:
+def in_place_of(single: Selection, alone: Contender) -> Selection:
     """What is said where one of a refused pair pays alone: that one, where it is worth at least what the best `single`
     effect is, which paid; that effect otherwise.
     """
@@ -115,15 +115,15 @@ def stands(selection: Selection) -> bool:
     return all(effect.margin > LEAST_MARGIN for effect in selection.effects)
 
 
-def found_together(base: Fit, surveyed: tuple[Scanned, ...], ranking: tuple[Rival, ...], pays: bool) -> list[Pair]:
+def found_together(base: Fit, surveyed: tuple[Scanned, ...], ranking: tuple[Contender, ...], pays: bool) -> list[Pair]:
     """Pairs that were looked for as such; where no single effect pays only those that run much nearer to PV."""
-    single = max((rival.fit for rival in ranking), key=lambda fit: fit.score, default=base) if pays else base
+    single = max((contender.fit for contender in ranking), key=lambda fit: fit.score, default=base) if pays else base
     named = tuple(scanned for scanned in surveyed if scanned.block.code != UNNAMED)
     found = coupled(base, named, APART, single)
     return [pair for both in found if pays or nearer(both, base) for pair in pairs_of(both, base, ranking)]
 
 
-def hidden(names: tuple[Rival, ...]) -> tuple[Rival, ...]:
+def hidden(names: tuple[Contender, ...]) -> tuple[Contender, ...]:
     """Names that do not pay alone but bring the free run much nearer to PV: one of two effects that the noise hides as
     long as the other is missing.
     """
@@ -131,11 +131,11 @@ def hidden(names: tuple[Rival, ...]) -> tuple[Rival, ...]:
     return tuple([r for r in gaining if nearer(r.fit, r.over)][:MOST_HIDDEN])
 
 
-def leaders(ranking: tuple[Rival, ...]) -> tuple[Rival, ...]:
+def leaders(ranking: tuple[Contender, ...]) -> tuple[Contender, ...]:
     """The first names that a second effect is looked for beside: the best, those close to it, and one that pays and
     runs much nearer to PV, whatever the other takes of the noise. None that stands for two effects already.
     """
-    names = best_of_each_code(tuple(rival for rival in ranking if not rival.block.brings))
+    names = best_of_each_code(tuple(contender for contender in ranking if not contender.block.brings))
     if not names:
         return ()
     twins = TWINS.get(names[0].block.code, ())
@@ -145,10 +145,12 @@ def leaders(ranking: tuple[Rival, ...]) -> tuple[Rival, ...]:
     return tuple(dict.fromkeys((names[0], *near[:1], *close)))[:LEADERS]
 
 
-def seconds(rival: Rival, alone: tuple[Rival, ...], blocks: tuple[Block, ...]) -> Places:
-    """What competes for the place beside a rival; names that did well alone begin from their values there too."""
-    named = {rival.block.code, *TWINS.get(rival.block.code, ())}
-    if rival.block.code in LIMITS:
+def seconds(contender: Contender, alone: tuple[Contender, ...], blocks: tuple[Block, ...]) -> Places:
+    """What competes for the place beside a contender; names that did well alone begin from their values there too."""
+    named = {contender.block.code, *TWINS.get(contender.block.code, ())}
+    if contender.block.code in LIMITS:
         named |= LIMITS
     carried = tuple(r.fit.parts[-1] for r in alone if r.block.code not in named and worth(r) > 0.0)[:CARRIED]
-    return Places(rival, ranked(rival.fit, tuple(block for block in blocks if block.code not in named), carried))
+    return Places(
+        contender, ranked(contender.fit, tuple(block for block in blocks if block.code not in named), carried)
+    )

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.engine.mismatch.compete import Rival
+from app.engine.mismatch.compete import Contender
 from app.engine.mismatch.fitting import Fit
 from app.engine.mismatch.noise import settling_samples, whiten
 from app.engine.recording import FloatArray
@@ -18,11 +18,11 @@ def innovations(fit: Fit) -> FloatArray:
     return e[settling_samples(fit.record.samples) :] / fit.noise.deviation
 
 
-def steady_gain(rival: Rival) -> float:
-    """The gain (nat) of a rival without the samples that give most of it."""
-    before, after = innovations(rival.over), innovations(rival.fit)
+def steady_gain(contender: Contender) -> float:
+    """The gain (nat) of a contender without the samples that give most of it."""
+    before, after = innovations(contender.over), innovations(contender.fit)
     each = 0.5 * (before**2 - after**2)
-    return rival.gain - float(np.sum(np.sort(each)[-SPIKES:]))
+    return contender.gain - float(np.sum(np.sort(each)[-SPIKES:]))
 
 
 def tail_penalty(fit: Fit) -> float:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.engine.mismatch.compete import Rival
+from app.engine.mismatch.compete import Contender
 from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit, fit, fit_linear
 from app.engine.mismatch.free_run import error_left, stem_swing
@@ -27,7 +27,7 @@ class Coarse:
 
     fit: Fit
     factor: int
-    stems: tuple[Rival, ...] = ()
+    stems: tuple[Contender, ...] = ()
 
 
 def factor_for(base: Fit) -> int:
@@ -42,8 +42,8 @@ def factor_for(base: Fit) -> int:
     return max(factor, -(-record.samples // MOST_SAMPLES))
 
 
-def thinned(record: Experiment, factor: int) -> Experiment:
-    """The record at `factor` times its interval.
+def thinned_op_ahead_pv_centred(record: Experiment, factor: int) -> Experiment:
+    """The record (N,) at `factor` times its interval, (N // factor,).
 
     OP and measured causes are means over the coarse interval that a sample begins, for they act through it; PV is the
     mean around its instant, so that nothing is shifted in time.
@@ -86,7 +86,7 @@ def coarse_of(base: Fit, factor: int) -> Coarse:
     """The linear refit of the thinned record, from the same given model."""
     if factor == 1:
         return Coarse(base, 1)
-    return Coarse(fit_linear(thinned(base.record, factor), base.given), factor)
+    return Coarse(fit_linear(thinned_op_ahead_pv_centred(base.record, factor), base.given), factor)
 
 
 def refined(base: Fit, selection: Selection) -> Selection:

@@ -37,9 +37,7 @@ def validate(
     """Free runs over the second record, only their initial state estimated, from its first tenth.
 
     sensors: the parts that PV showed by itself. given: the given simulation's trace (N,) over the second record, or
-    None. What belongs to moments of the first
-    record
-    (a step, a stuck stretch) is left out.
+    None. What belongs to moments of the first record (a step, a stuck stretch) is left out.
     """
     record = alike(base.record, replace(second, measured=second.measured))
     lasting = tuple(part for part in (*final.parts, *sensors) if part.block.code not in OF_ONE_RECORD)

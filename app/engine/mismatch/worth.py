@@ -1,11 +1,11 @@
-"""What a rival is worth beyond its penalty: by its likelihood, its free run, the spikes of the noise, and as a second
-effect by what slow noise hid of it.
+"""What a contender is worth beyond its penalty: by its likelihood, its free run, the spikes of the noise, and as a
+second effect by what slow noise hid of it.
 """
 
 import numpy as np
 
 from app.engine.mismatch.block import Block, Context
-from app.engine.mismatch.compete import Rival
+from app.engine.mismatch.compete import Contender
 from app.engine.mismatch.fitting import Fit, descend, residual_rows, task_of
 from app.engine.mismatch.free_run import runs_nearer, stem_swing
 from app.engine.mismatch.limits import limit_bonus, limits_always
@@ -22,31 +22,31 @@ STEPS = 6
 TIMED = ("after a time", "within a time")
 
 
-def worth(rival: Rival) -> float:
-    """A rival's score: what it gains beyond its penalty, spikes aside, and what the quiet of its limited stretches
+def worth(contender: Contender) -> float:
+    """A contender's score: what it gains beyond its penalty, spikes aside, and what the quiet of its limited stretches
     says; below 0 where richer noise would have taken as much.
     """
-    part = rival.fit.parts[-1]
-    if not makes_sense(rival):
+    part = contender.fit.parts[-1]
+    if not makes_sense(contender):
         return -np.inf
     if part.block.abrupt:
-        own = rival.score - tail_penalty(rival.fit)
+        own = contender.score - tail_penalty(contender.fit)
     else:
-        own = min(rival.score, steady_gain(rival) - STEADY_SHARE * rival.block.penalty)
-        own += limit_bonus(rival.fit, part) if own > 0.0 else 0.0
-    return own if own <= 0.0 or own > (taken := taken_by_noise(rival)) else own - taken
+        own = min(contender.score, steady_gain(contender) - STEADY_SHARE * contender.block.penalty)
+        own += limit_bonus(contender.fit, part) if own > 0.0 else 0.0
+    return own if own <= 0.0 or own > (taken := taken_by_noise(contender)) else own - taken
 
 
-def makes_sense(rival: Rival) -> bool:
+def makes_sense(contender: Contender) -> bool:
     """Whether the fitted values still are what the code says, and the free run is no worse: noise must not take its
     place.
     """
-    part = rival.fit.parts[-1]
+    part = contender.fit.parts[-1]
     if part.block.sensible is not None and not part.block.sensible(
-        part.values, Context(rival.fit.record, rival.fit.plant)
+        part.values, Context(contender.fit.record, contender.fit.plant)
     ):
         return False
-    return no_worse(rival.fit, rival.over) and not limits_always(rival.fit, part)
+    return no_worse(contender.fit, contender.over) and not limits_always(contender.fit, part)
 
 
 def no_worse(fit: Fit, over: Fit) -> bool:
@@ -68,7 +68,7 @@ def swing_between(fit: Fit, over: Fit) -> int | None:
     return None if one is not None and other is not None else one or other
 
 
-def pays_beside(second: Rival, first: Rival) -> bool:
+def pays_beside(second: Contender, first: Contender) -> bool:
     """Whether a second effect is worth having beside a first. What says little beside the first (a first that describes
     its effect only nearly leaves a misfit in proportion), and what has no name, must bring the free run much nearer.
     """
@@ -80,12 +80,12 @@ def pays_beside(second: Rival, first: Rival) -> bool:
     return gain >= min(SECOND_SHARE * first.gain, SECOND_ENOUGH) and worth(second) + hidden >= SECOND_MUST_GAIN
 
 
-def worth_beside(second: Rival) -> float:
+def worth_beside(second: Contender) -> float:
     """What a second effect is worth, with what slow noise hid of it."""
     return worth(second) + hidden_gain(second)
 
 
-def hidden_gain(second: Rival) -> float:
+def hidden_gain(second: Contender) -> float:
     """What slow noise hid of a second effect (nat): the noise beside the first alone was fitted to what the second
     leaves as well, so that a likelihood with it has little to gain.
 

@@ -5,7 +5,7 @@ made.
 from typing import Any
 
 from app.engine.mismatch.closed_loop import ClosedLoop, LoopFigures
-from app.engine.mismatch.holdout import Fitness
+from app.engine.mismatch.holdout import FitMeasures
 from app.engine.mismatch.law import Law
 from app.engine.mismatch.residuals import LagsTest
 from app.engine.mismatch.result import Effect, ExplainedModel, Explanation, Improvement, Location, PartModel
@@ -77,11 +77,11 @@ def effect_line(effect: Effect) -> dict[str, Any]:
     }
 
 
-def rmse(fitness: Fitness | None) -> float | None:
+def rmse(fitness: FitMeasures | None) -> float | None:
     return None if fitness is None else rounded(fitness.rmse)
 
 
-def percent(fitness: Fitness | None) -> float | None:
+def percent(fitness: FitMeasures | None) -> float | None:
     return None if fitness is None else rounded(fitness.fit_pct)
 
 
@@ -102,7 +102,7 @@ def fit_line(fit: Improvement) -> dict[str, Any]:
     }
 
 
-def tests_line(fitness: Fitness) -> dict[str, Any] | None:
+def tests_line(fitness: FitMeasures) -> dict[str, Any] | None:
     """Whether what the free run leaves is white, and owes nothing to OP."""
     tests = fitness.tests
     if tests is None:

@@ -1,14 +1,42 @@
 """The first answer, in well under a second: where recording and simulation differ, by scans alone."""
 
+from dataclasses import replace
+
 from app.engine.evidence import Reason
 from app.engine.mismatch.block import Block, Context, Part
+from app.engine.mismatch.comparison import Comparison, check, glimpse, record_of, without_wild
 from app.engine.mismatch.compete import glance
+from app.engine.mismatch.conclude import nothing_left, too_few
 from app.engine.mismatch.fitting import Fit
+from app.engine.mismatch.patterns import find_patterns
+from app.engine.mismatch.physics import library
 from app.engine.mismatch.physics.generic import CODE as UNNAMED
-from app.engine.mismatch.refitting import CODE
-from app.engine.mismatch.report import whole
-from app.engine.mismatch.result import Location
+from app.engine.mismatch.preparing import prepare
+from app.engine.mismatch.read_back import without_read_backs
+from app.engine.mismatch.refitting import CODE, offered_beside
+from app.engine.mismatch.report import location_of, pattern_effect, whole
+from app.engine.mismatch.result import NOWHERE, Location
 from app.engine.mismatch.windows import windows_of
+
+
+def locate(comparison: Comparison) -> Location:
+    """A first answer without a competition: where the two differ, from scans alone, of a long record thinned."""
+    check(comparison)
+    comparison = without_read_backs(without_wild(comparison))
+    found = first_location(comparison)
+    return replace(found, evidence=(*comparison.notes, *found.evidence))
+
+
+def first_location(comparison: Comparison) -> Location:
+    record = record_of(comparison)
+    patterns = find_patterns(record)
+    if patterns:
+        return location_of((pattern_effect(patterns[0], record),))
+    base = prepare(glimpse(comparison)).base
+    few = too_few(base.record)
+    if few or nothing_left(base):
+        return replace(NOWHERE, evidence=few)
+    return quick_location(base, (*library(base.record), *offered_beside(base)))
 
 
 def quick_location(base: Fit, blocks: tuple[Block, ...]) -> Location:

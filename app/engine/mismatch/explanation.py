@@ -8,13 +8,11 @@ from app.engine import ENGINE_VERSION
 from app.engine.evidence import Reason
 from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.closed_loop import close_again
-from app.engine.mismatch.comparison import Comparison, check, glimpse, record_of, shortened, without_wild
+from app.engine.mismatch.comparison import Comparison, check, record_of, shortened, without_wild
 from app.engine.mismatch.conclude import (
     conclude,
     held_out_worse,
-    nothing_left,
     op_moves_nothing,
-    too_few,
     unseen_data_refuse,
 )
 from app.engine.mismatch.controller import at_the_controller, controller_evidence, yper_evidence
@@ -23,7 +21,7 @@ from app.engine.mismatch.experiment import Experiment
 from app.engine.mismatch.fitting import Fit
 from app.engine.mismatch.free_run import settle
 from app.engine.mismatch.holdout import (
-    Fitness,
+    FitMeasures,
     FreeRuns,
     judge,
     kept_out,
@@ -34,16 +32,13 @@ from app.engine.mismatch.holdout import (
     unseen_errors,
     unseen_gain,
 )
-from app.engine.mismatch.locate import quick_location
 from app.engine.mismatch.missing import compete
-from app.engine.mismatch.patterns import Pattern, find_patterns
-from app.engine.mismatch.physics import library
+from app.engine.mismatch.patterns import Pattern
 from app.engine.mismatch.preparing import Prepared, prepare
 from app.engine.mismatch.read_back import without_read_backs
-from app.engine.mismatch.refitting import offered_beside
 from app.engine.mismatch.report import effects_of, export, location_of, pattern_effect, refit_estimates
 from app.engine.mismatch.residuals import residual_tests
-from app.engine.mismatch.result import NOWHERE, Effect, Explanation, Improvement, Location, Traces
+from app.engine.mismatch.result import Effect, Explanation, Improvement, Traces
 from app.engine.mismatch.sampling import taken_of
 from app.engine.mismatch.selection import Selection
 from app.engine.mismatch.validation import validate
@@ -81,26 +76,6 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     second = record_of(validation)
     sensors = tuple(pattern.part for pattern in prepared.patterns)
     return replace(explanation, validation=validate(prepared.base, selection.fit, sensors, second, validation.trace))
-
-
-def locate(comparison: Comparison) -> Location:
-    """A first answer without a competition: where the two differ, from scans alone, of a long record thinned."""
-    check(comparison)
-    comparison = without_read_backs(without_wild(comparison))
-    found = first_location(comparison)
-    return replace(found, evidence=(*comparison.notes, *found.evidence))
-
-
-def first_location(comparison: Comparison) -> Location:
-    whole = record_of(comparison)
-    patterns = find_patterns(whole)
-    if patterns:
-        return location_of((pattern_effect(patterns[0], whole),))
-    base = prepare(glimpse(comparison)).base
-    few = too_few(base.record)
-    if few or nothing_left(base):
-        return replace(NOWHERE, evidence=few)
-    return quick_location(base, (*library(base.record), *offered_beside(base)))
 
 
 def assemble(
@@ -219,7 +194,7 @@ def improvement_of(traces: Traces, base: Fit) -> Improvement:
     held, record = traces.held_out, base.record
     late = round(base.plant.theta / record.sampling_interval_s)
 
-    def judged(run: FloatArray) -> Fitness:
+    def judged(run: FloatArray) -> FitMeasures:
         tests = residual_tests(traces.pv - run, record.op, record.usable, held, late)
         return replace(judge(traces.pv, run, held), tests=tests)
 
