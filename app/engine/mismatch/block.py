@@ -22,6 +22,7 @@ class Parameter:
     log: fitted as a logarithm (positive quantities without a natural zero). linear: the simulation is nearly linear in
     it, so that a scan finds it by least squares from the size `scale`. deviation: of a normal prior around `scale` (of
     its logarithm where log); infinite: none.
+    begins: it is where a state stood when the record began, so that another record has its own.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Parameter:
     log: bool = False
     linear: bool = False
     deviation: float = np.inf
+    begins: bool = False
 
 
 @dataclass(frozen=True, eq=False)

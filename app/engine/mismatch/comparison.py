@@ -190,6 +190,12 @@ def controller_fault(controller: Controller) -> str:
     return ""
 
 
+def mended(comparison: Comparison) -> Comparison:
+    """Checked, its wild samples left out. Raises as `check` does."""
+    check(comparison)
+    return without_wild(comparison)
+
+
 def without_wild(comparison: Comparison) -> Comparison:
     """A few samples of PV far outside of all others, as a code for a bad value leaves them, are not compared; they are
     filled in from their neighbours.

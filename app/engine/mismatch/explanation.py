@@ -8,7 +8,7 @@ from app.engine import ENGINE_VERSION
 from app.engine.evidence import Reason
 from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.closed_loop import close_again
-from app.engine.mismatch.comparison import Comparison, check, record_of, shortened, without_wild
+from app.engine.mismatch.comparison import Comparison, mended, record_of, shortened
 from app.engine.mismatch.conclude import (
     conclude,
     held_out_worse,
@@ -33,15 +33,15 @@ from app.engine.mismatch.holdout import (
     unseen_gain,
 )
 from app.engine.mismatch.missing import compete
-from app.engine.mismatch.patterns import Pattern
-from app.engine.mismatch.preparing import Prepared, prepare
+from app.engine.mismatch.patterns import Pattern, find_patterns
+from app.engine.mismatch.preparing import Prepared, prepare, without_hidden
 from app.engine.mismatch.read_back import without_read_backs
 from app.engine.mismatch.report import effects_of, export, location_of, pattern_effect, refit_estimates
 from app.engine.mismatch.residuals import residual_tests
 from app.engine.mismatch.result import Effect, Explanation, Improvement, Traces
-from app.engine.mismatch.sampling import taken_of
+from app.engine.mismatch.sampling import Taken, taken_of
 from app.engine.mismatch.selection import Selection
-from app.engine.mismatch.validation import validate
+from app.engine.mismatch.validation import lasting, validate
 from app.engine.mismatch.windows import windows_of
 from app.engine.recording import BoolArray, FloatArray
 
@@ -49,16 +49,16 @@ from app.engine.recording import BoolArray, FloatArray
 def explain(comparison: Comparison, validation: Comparison | None = None) -> Explanation:
     """Where a recording and a simulation differ, which physics was left out, and how much better it fits with it.
 
-    `validation`: a second recording, simulated only, with the model of the first.
+    `validation`: a second recording, simulated only, with the model of the first; bad samples are left out of either.
     Raises DataError("too_short", "interval_invalid", "signal_constant", "signal_length", "signal_not_finite",
     "simulation_length", "simulation_not_finite", "simulation_constant", "nothing_known", "signal_too_large",
     "model_invalid").
     Misleads where OP hardly moves: then little can be told, and the answer is `consistent`.
     """
-    check(comparison)
-    comparison = without_read_backs(without_wild(comparison))
+    second = None if validation is None else mended(validation)
+    comparison = without_read_backs(mended(comparison))
     taken, acted = taken_of(comparison), record_of(comparison)
-    comparison = shortened(comparison if taken is None else taken.comparison)
+    comparison = as_compared(comparison, taken)
     prepared = replace(prepare(comparison, taken), acted=acted)
     competed = compete(prepared)
     prepared = replace(prepared, base=competed.base, off=(*prepared.off, *competed.off))
@@ -68,14 +68,29 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     if doubts:
         selection = Selection(prepared.base, (), selection.ranking)
     explanation = assemble(comparison, prepared, selection, doubts)
-    if validation is None:
-        return explanation
-    check(validation)
-    again = taken_of(validation)
-    validation = validation if again is None else again.comparison
-    second = record_of(validation)
+    return explanation if second is None else validated(explanation, prepared, selection, second)
+
+
+def as_compared(comparison: Comparison, taken: Taken | None) -> Comparison:
+    """The comparison where PV was taken, and no longer than can be fitted."""
+    return shortened(comparison if taken is None else taken.comparison)
+
+
+def validated(explanation: Explanation, prepared: Prepared, selection: Selection, second: Comparison) -> Explanation:
+    """The explanation with its figures on a second recording, and what was left out of that.
+
+    Its further signals all stay: a read-back among them moves nothing, for no part of the first record is driven by it.
+    A limit of PV that the model has too is simulated, and compared like the rest.
+    """
+    second = as_compared(second, taken_of(second))
+    record = record_of(second)
     sensors = tuple(pattern.part for pattern in prepared.patterns)
-    return replace(explanation, validation=validate(prepared.base, selection.fit, sensors, second, validation.trace))
+    simulated = {part.block.name for part in lasting(sensors)}
+    hidden = tuple(pattern for pattern in find_patterns(record) if pattern.part.block.name not in simulated)
+    record = without_hidden(record, hidden)
+    judged = validate(prepared.base, selection.fit, sensors, record, second.trace)
+    said = tuple(Reason(note.code, f"in the second recording: {note.text}") for note in second.notes)
+    return replace(explanation, validation=judged, evidence=(*explanation.evidence, *said))
 
 
 def assemble(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from app.engine.evidence import Reason
 from app.engine.mismatch.block import Block, Context, Part
-from app.engine.mismatch.comparison import Comparison, check, glimpse, record_of, without_wild
+from app.engine.mismatch.comparison import Comparison, glimpse, mended, record_of
 from app.engine.mismatch.compete import glance
 from app.engine.mismatch.conclude import nothing_left, too_few
 from app.engine.mismatch.fitting import Fit
@@ -21,8 +21,7 @@ from app.engine.mismatch.windows import windows_of
 
 def locate(comparison: Comparison) -> Location:
     """A first answer without a competition: where the two differ, from scans alone, of a long record thinned."""
-    check(comparison)
-    comparison = without_read_backs(without_wild(comparison))
+    comparison = without_read_backs(mended(comparison))
     found = first_location(comparison)
     return replace(found, evidence=(*comparison.notes, *found.evidence))
 

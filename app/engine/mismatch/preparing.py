@@ -48,11 +48,7 @@ def prepare(comparison: Comparison, taken: Taken | None = None) -> Prepared:
     patterns = find_patterns(record)
     if taken is not None:
         patterns = (held(record, taken.interval_s), *patterns)
-    usable = record.usable.copy()
-    for pattern in patterns:
-        if pattern.hides_pv:
-            usable &= ~pattern.shows
-    record = record.comparing(usable)
+    record = without_hidden(record, patterns)
     trace = comparison.trace
     if taken is not None and taken.comparison is comparison:
         record = taken.simulated_between(record)
@@ -77,6 +73,15 @@ def prepare(comparison: Comparison, taken: Taken | None = None) -> Prepared:
         trace = simulate(record, plant) + record.pv_mid
         return Prepared(record, patterns, trace, base, off_by(given, share), given=plant)
     return Prepared(record, patterns, None, identify(record))
+
+
+def without_hidden(record: Experiment, patterns: tuple[Pattern, ...]) -> Experiment:
+    """The record, compared where none of its patterns hides what PV was."""
+    usable = record.usable.copy()
+    for pattern in patterns:
+        if pattern.hides_pv:
+            usable &= ~pattern.shows
+    return record.comparing(usable)
 
 
 def scale_of(record: Experiment, given: Given) -> float:

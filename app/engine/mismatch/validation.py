@@ -9,17 +9,17 @@ import scipy
 
 from app.engine.mismatch.block import Block, Context, Part
 from app.engine.mismatch.chain import simulate
-from app.engine.mismatch.experiment import Experiment, alike, experiment
+from app.engine.mismatch.experiment import FIRST_SAMPLES, Experiment, alike, experiment
 from app.engine.mismatch.fitting import Fit
 from app.engine.mismatch.holdout import judge
 from app.engine.mismatch.physics import named
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.result import ExplainedModel, Improvement, PartModel
 from app.engine.mismatch.windows import windows_of
-from app.engine.recording import FloatArray
+from app.engine.recording import BoolArray, FloatArray
 from app.errors import DataError
 
-START_SHARE = 0.1
+START_SHARE, LEAST_START = 0.1, 5
 OF_ONE_RECORD = (
     "disturbance.step",
     "disturbance.ramp",
@@ -34,21 +34,25 @@ OF_ONE_RECORD = (
 def validate(
     base: Fit, final: Fit, sensors: tuple[Part, ...], second: Experiment, given: FloatArray | None
 ) -> Improvement:
-    """Free runs over the second record, only their initial state estimated, from its first tenth.
+    """Free runs over the second record, only their initial state estimated, from the first tenth of what is compared of
+    it; judged over the rest, which no fit has seen.
 
     sensors: the parts that PV showed by itself. given: the given simulation's trace (N,) over the second record, or
     None. What belongs to moments of the first record (a step, a stuck stretch) is left out.
+    Raises DataError("nothing_known") where nothing is compared beyond the start, DataError("signal_missing").
     """
-    record = alike(base.record, replace(second, measured=second.measured))
-    lasting = tuple(part for part in (*final.parts, *sensors) if part.block.code not in OF_ONE_RECORD)
-    everywhere = np.ones(record.samples, dtype=np.bool_)
-    refitted = started(record, base.plant, transferred(record, base.parts))
-    explained = started(record, final.plant, transferred(record, lasting))
+    record = alike(base.record, second)
+    begun = beginning(record.usable)
+    unseen = record.usable & ~begun
+    if not unseen.any():
+        raise DataError("nothing_known", "no sample of the second recording's PV is known beyond its start")
+    refitted = started(record, begun, base.plant, transferred(record, base.parts))
+    explained = started(record, begun, final.plant, transferred(record, lasting((*final.parts, *sensors))))
     return Improvement(
-        None if given is None else judge(record.pv, given, everywhere),
-        judge(record.pv, refitted + record.pv_mid, everywhere),
-        judge(record.pv, explained + record.pv_mid, everywhere),
-        windows_of(everywhere, record.sampling_interval_s),
+        None if given is None else judge(record.pv, given, unseen),
+        judge(record.pv, refitted + record.pv_mid, unseen),
+        judge(record.pv, explained + record.pv_mid, unseen),
+        windows_of(unseen, record.sampling_interval_s),
     )
 
 
@@ -61,27 +65,34 @@ def transferred(record: Experiment, parts: tuple[Part, ...]) -> tuple[Part, ...]
     return tuple(Part(known[part.block.name], part.values) for part in parts)
 
 
-def started(record: Experiment, plant: Plant, parts: tuple[Part, ...]) -> FloatArray:
-    """The free run (N,), as deviation, whose initial states fit the first tenth of the record best."""
-    first = max(int(START_SHARE * record.samples), 5)
+def lasting(parts: tuple[Part, ...]) -> tuple[Part, ...]:
+    """The parts that a second record has as well."""
+    return tuple(part for part in parts if part.block.code not in OF_ONE_RECORD)
+
+
+def beginning(usable: BoolArray) -> BoolArray:
+    """(N,) True at the first tenth of the samples that are compared (N,)."""
+    at = np.flatnonzero(usable)
+    begun = np.zeros(len(usable), dtype=np.bool_)
+    begun[at[: max(int(START_SHARE * len(at)), LEAST_START)]] = True
+    return begun
+
+
+def started(record: Experiment, begun: BoolArray, plant: Plant, parts: tuple[Part, ...]) -> FloatArray:
+    """The free run (N,), as deviation, whose initial states fit the samples `begun` (N,) best."""
     context = Context(record, plant)
-    begun = [
-        (k, j)
-        for k, part in enumerate(parts)
-        for j, p in enumerate(part.block.parameters(context))
-        if "start" in p.name
-    ]
+    begins = [(k, j) for k, part in enumerate(parts) for j, p in enumerate(part.block.parameters(context)) if p.begins]
 
     def run(states: FloatArray) -> FloatArray:
         moved = [part.values.copy() for part in parts]
-        for (k, j), value in zip(begun, states[1:], strict=True):
+        for (k, j), value in zip(begins, states[1:], strict=True):
             moved[k][j] = value
         told = tuple(Part(part.block, values) for part, values in zip(parts, moved, strict=True))
         return simulate(record, plant.changed(x0=float(states[0])), told)
 
-    start = np.array([record.pv_first, *np.zeros(len(begun))])
+    start = np.array([np.mean(record.pv_deviation[begun][:FIRST_SAMPLES]), *np.zeros(len(begins))])
     found = scipy.optimize.least_squares(
-        lambda states: (run(states) - record.pv_deviation)[:first], start, x_scale=record.pv_span
+        lambda states: (run(states) - record.pv_deviation)[begun], start, x_scale=record.pv_span
     )
     return run(found.x)
 

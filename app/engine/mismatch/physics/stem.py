@@ -9,14 +9,14 @@ from app.engine.mismatch.block import Context, Parameter
 from app.engine.recording import FloatArray
 
 NAME = "stem_start"
-START = Parameter(NAME, "share of band", -1.0, 1.0)
+START = Parameter(NAME, "share of band", -1.0, 1.0, begins=True)
 PENALTY = 0.5  # nat: what one number more gains on average where it says nothing, and what it did on 40 clean loops
 
 
 def start_of_travel(context: Context) -> Parameter:
     """How far from OP a slow stem began, on its way there."""
     most = context.record.op_range
-    return Parameter(NAME, "OP", -most, most, context.record.op_span)
+    return Parameter(NAME, "OP", -most, most, context.record.op_span, begins=True)
 
 
 def first_position(first: float, values: FloatArray, at: int, reach: float) -> float:

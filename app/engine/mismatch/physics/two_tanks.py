@@ -65,7 +65,7 @@ def parameters(context: Context) -> tuple[Parameter, ...]:
         Parameter("lower_head", "PV", 0.3 * lowest, 20.0 * span, span, log=True),
         Parameter("upper_linear_share", "share", 0.0, 1.0, 1.0),
         Parameter("lower_linear_share", "share", 0.0, 1.0, 1.0),
-        Parameter("upper_start", "PV", -1.5 * span, 1.5 * span, span),
+        Parameter("upper_start", "PV", -1.5 * span, 1.5 * span, span, begins=True),
         Parameter("upper_limit", "PV", -0.3 * span, 2.0 * span, span),
         Parameter("spill", "share", 0.0, 1.0, 1.0),
         Parameter("lower_limit", "PV level", 0.3 * span, 3.0 * span, span),
