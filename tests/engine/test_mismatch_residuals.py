@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from scipy.special import chdtri
 
 from app.engine.mismatch import Comparison, LinearSimulation, explain
 from app.engine.mismatch.plant import Plant, run_process
@@ -13,6 +14,7 @@ from app.services.explaining.line import tests_line as line_of
 N = 2000
 EVERYWHERE = np.ones(N, dtype=np.bool_)
 DRAWS = 60
+ALONG = np.arange(N, dtype=np.float64)
 
 
 def held() -> BoolArray:
@@ -36,6 +38,22 @@ def test_what_chance_leaves_passes_as_often_as_is_claimed(late: int) -> None:
         tests = residual_tests(loads(rng), moves(rng), EVERYWHERE, held(), late)
         failed += (not tests.whiteness.passed, not tests.independence.passed)
     assert np.all(failed <= 0.05 * DRAWS + 4.0)
+
+
+def test_what_the_noise_model_takes_is_taken_off_the_degrees_of_freedom() -> None:
+    rng = np.random.default_rng(4)
+    residual, op = loads(rng), moves(rng)
+    tests = residual_tests(residual, op, EVERYWHERE, held())
+    assert tests.whiteness.limit == pytest.approx(chdtri(20.0 - 2.0 * 0.3, 0.05))
+    assert residual_tests(residual, op, held(), held()).whiteness.limit == pytest.approx(chdtri(18.0, 0.05))
+    assert tests.independence.limit == pytest.approx(chdtri(20.0, 0.05))
+
+
+def test_noise_alone_is_white_in_nineteen_records_of_twenty() -> None:
+    drawn = (np.random.default_rng(seed) for seed in range(600))
+    found = [residual_tests(loads(rng), ALONG, EVERYWHERE, held()).whiteness.p_value for rng in drawn]
+    assert np.mean(np.array(found) < 0.1) == pytest.approx(0.1, abs=0.02)
+    assert np.mean(np.array(found) < 0.5) == pytest.approx(0.5, abs=0.04)
 
 
 def test_what_op_still_explains_is_seen_within_the_lags_that_are_asked() -> None:

@@ -1,5 +1,8 @@
-"""What a free run leaves of PV on samples that no fit has seen: whether its innovations are white, and whether they owe
-anything to OP. A model that lacks nothing leaves neither.
+"""What a free run leaves of PV on samples that its fit has not seen: whether its innovations are white, and whether
+they owe anything to OP. A model that lacks nothing leaves neither.
+
+Only the noise model, four poles and zeros, has seen them too: fitted on the others alone, its own errors look like
+something left (11 of 100 records of noise alone were not white). What it takes is taken off the degrees of freedom.
 
 Sources: Ljung, Box 1978, doi 10.1093/biomet/65.2.297 (whiteness); Haugh 1976, doi 10.1080/01621459.1976.10480353
 (independence of two series, each whitened by itself); Ljung, System Identification, 1999, chapter 16.
@@ -18,6 +21,9 @@ LAGS = 20
 LEAST_A_LAG = 5
 OP_ORDER = 12
 CHANCE = 0.05
+NOISE_NUMBERS = 2.0
+"""So many degrees of freedom the noise model takes of the record it is fitted to: of 6300 records of a load behind a
+lag under white noise, 400 to 5000 samples, 30 % held out, 5.1 % were not white; with none 4.4 %, with four 5.9 %."""
 
 
 @dataclass(frozen=True)
@@ -60,14 +66,17 @@ def residual_tests(
     e = np.where(held, whiten(residual, usable | held, noise), 0.0)
     if not np.any(e):
         return None
-    return ResidualTests(white(e, at), independent(e, op, at, lags))
+    share = len(at) / int(np.sum(usable | held))
+    return ResidualTests(white(e, at, NOISE_NUMBERS * share), independent(e, op, at, lags))
 
 
-def white(e: FloatArray, at: IntArray) -> LagsTest:
-    """Ljung and Box's test of innovations (N,) at the samples `at`; zero elsewhere."""
+def white(e: FloatArray, at: IntArray, taken: float) -> LagsTest:
+    """Ljung and Box's test of innovations (N,) at the samples `at`; zero elsewhere. taken: degrees of freedom that the
+    noise model took there.
+    """
     count, lags = len(at), np.arange(1, LAGS + 1)
     squares = correlations(e, e, at, lags) ** 2
-    return against_chance(count * (count + 2.0) * float(np.sum(squares / (count - lags))), LAGS)
+    return against_chance(count * (count + 2.0) * float(np.sum(squares / (count - lags))), LAGS, taken)
 
 
 def independent(e: FloatArray, op: FloatArray, at: IntArray, lags: int) -> LagsTest | None:
@@ -88,5 +97,6 @@ def correlations(now: FloatArray, before: FloatArray, at: IntArray, lags: IntArr
     return np.array([now[at[at >= lag]] @ before[at[at >= lag] - lag] for lag in lags]) / size
 
 
-def against_chance(statistic: float, lags: int) -> LagsTest:
-    return LagsTest(statistic, float(chdtri(lags, CHANCE)), float(chdtrc(lags, statistic)), lags)
+def against_chance(statistic: float, lags: int, taken: float = 0.0) -> LagsTest:
+    freedom = lags - taken
+    return LagsTest(statistic, float(chdtri(freedom, CHANCE)), float(chdtrc(freedom, statistic)), lags)
