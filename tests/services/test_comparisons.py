@@ -10,6 +10,7 @@ import polars as pl
 import pytest
 
 from app.engine.mismatch import Comparison, Controller, simulate_again
+from app.engine.mismatch.comparison import LEAST_SAMPLES
 from app.engine.mismatch.result import ExplainedModel, PartModel
 from app.engine.recording import Recording
 from app.errors import DataError, LoopauditError
@@ -44,6 +45,13 @@ def test_a_file_becomes_evenly_sampled_signals(tmp_path: Path) -> None:
     assert len(found.pv) == 200
     assert found.known is not None
     assert not found.known[51]
+
+
+def test_how_many_samples_are_needed_is_what_is_said(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=f"has {LEAST_SAMPLES - 1} samples .* at least {LEAST_SAMPLES} are") as raised:
+        read_comparison(write(tmp_path / "F1.csv", "time,PV,OP\n" + rows(LEAST_SAMPLES - 1)), Columns(), None)
+    assert raised.value.code == "too_short"
+    assert len(read_comparison(write(tmp_path / "F2.csv", "time,PV,OP\n" + rows(LEAST_SAMPLES)), Columns(), None).pv)
 
 
 def test_a_simulation_of_another_time_is_refused(tmp_path: Path) -> None:

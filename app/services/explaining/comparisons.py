@@ -9,6 +9,7 @@ import numpy as np
 
 from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison, LinearSimulation
+from app.engine.mismatch.comparison import LEAST_SAMPLES
 from app.engine.recording import FloatArray, Recording
 from app.engine.sampled import held
 from app.errors import DataError, RequestError
@@ -232,9 +233,10 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
     marked: by straight lines, but the set point holds, for it steps.
     """
     present = np.isfinite(time) & np.isfinite(signals["pv"]) & np.isfinite(signals["op"])
-    if present.sum() < 10:
+    if present.sum() < LEAST_SAMPLES:
         raise DataError(
-            "too_short", f"{name} has {int(present.sum())} samples with time, PV and OP, at least 100 are needed"
+            "too_short",
+            f"{name} has {int(present.sum())} samples with time, PV and OP, at least {LEAST_SAMPLES} are needed",
         )
     order = np.flatnonzero(present)[np.argsort(time[present], kind="stable")]
     kept = np.concatenate(([True], np.diff(time[order]) > 0.0))

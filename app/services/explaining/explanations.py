@@ -161,7 +161,7 @@ def summary(row: ExplanationRow, tag: str) -> dict[str, Any]:
 
 
 def stored_answer(backend: Backend, tag: str, explanation_id: str) -> Document:
-    """The answer with its traces. Raises RequestError("not_explained") while there is none."""
+    """The answer with its traces. Raises NotFoundError("not_explained") while there is none."""
     row = _row(backend, tag, explanation_id)
     with backend.database.read() as connection:
         packed = explanations.packed_answer(connection, row.id) if row.state == "done" else None
