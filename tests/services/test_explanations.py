@@ -299,6 +299,17 @@ def test_what_cannot_be_explained_fails_with_a_code(
     assert code_of(lambda: explanation_traces.trace_csv(backend, "TIC1", asked["id"])) == "not_explained"
 
 
+def test_a_damaged_simulation_fails_at_the_first_attempt(backend: Backend) -> None:
+    """Retried, it would only lose one worker's time after another, and be told as `worker_lost`."""
+    keep(backend, "TIC1", record())
+    asked = explanations.ask(backend, "TIC1", model(gain=GAIN, time_constants_s=[TAU_S]))
+    with backend.database.write() as connection:
+        connection.execute(update(explanations_table).values(simulation_packed=b"\x01damaged"))
+    assert explaining.explain_next(backend, "w")
+    found = explanations.list_explanations(backend, "TIC1").rows[0]
+    assert (found["id"], found["state"], found["error_code"]) == (asked["id"], "failed", "fault")
+
+
 def test_an_explanation_that_takes_too_long_is_cut_off(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
     keep(backend, "TIC1", record())
     asked = explanations.ask(backend, "TIC1")

@@ -11,12 +11,14 @@ from sqlalchemy.exc import OperationalError
 from app.services import patience
 from app.services.auditing import audits, chunks
 from app.services.backend import Backend
+from app.services.explaining import explanations, working
 from app.services.intake import reading, uploads
 from app.services.patience import patiently
 from app.services.upkeep import operations
 from app.storage import uploads as stored
 from app.storage.tables import uploads as uploads_table
 from app.storage.types import clock_s
+from tests.services.explained_loops import keep, record
 
 
 class Away:
@@ -88,6 +90,35 @@ def test_a_chunk_outlasts_an_outage_at_its_first_attempt(
     assert chunks.audit_chunk(backend, int(run.id), "worker") == 1
     assert audits.get_audit(backend, run.id).state == "done"
     assert len(pauses) == 6
+
+
+def test_an_explanation_outlasts_an_outage_at_its_first_attempt(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch, pauses: list[float]
+) -> None:
+    keep(backend, "TIC1", record())
+    asked = explanations.ask(backend, "TIC1")
+    for module, name in (
+        (working.explanations, "claim_next"),
+        (working.series, "between"),
+        (working.explanations, "end"),
+    ):
+        monkeypatch.setattr(module, name, breaking(getattr(module, name), 2))
+    monkeypatch.setattr(working, "_explained", lambda *_: working.Ending("failed", {"error_code": "as_asked"}))
+    assert working.explain_next(backend, "worker")
+    found = explanations.get_explanation(backend, "TIC1", asked["id"])
+    assert (found["state"], found["error_code"]) == ("failed", "as_asked")
+    assert len(pauses) == 6
+
+
+def test_a_data_base_away_for_long_is_no_fault_of_the_explanation(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch, pauses: list[float]
+) -> None:
+    keep(backend, "TIC1", record())
+    asked = explanations.ask(backend, "TIC1")
+    monkeypatch.setattr(working.series, "between", Away(1000))
+    with pytest.raises(OperationalError):
+        working.explain_next(backend, "worker")
+    assert explanations.get_explanation(backend, "TIC1", asked["id"])["state"] == "open"
 
 
 def test_reading_outlasts_an_outage_at_its_first_attempt(

@@ -14,7 +14,7 @@ from app.engine.mismatch.result import Location
 from app.errors import DataError, LoopauditError
 from app.services.auditing.limits import TimeLimitError, time_limit
 from app.services.auditing.recordings import origin_ns, recording_of
-from app.services.backend import Backend
+from app.services.backend import DATABASE_AWAY, Backend
 from app.services.explaining.explanations import newest_samples
 from app.services.explaining.line import explanation_line, rounded, windows
 from app.services.explaining.narrowing import span_to_explain
@@ -22,6 +22,7 @@ from app.services.explaining.simulations import comparison_with
 from app.services.explaining.trace_table import trace_rows
 from app.services.explaining.trigger import trigger_of
 from app.services.heartbeat import Heartbeat
+from app.services.patience import patiently
 from app.services.plant.trend import NS_PER_S
 from app.storage import explanations, loops, series
 from app.storage.documents import Document, pack_document, unpack_document
@@ -60,18 +61,27 @@ def explain_next(backend: Backend, owner: str, *, watchdog: bool = False) -> boo
 
     May run twice or late: it then finds nothing to do.
     """
-    with backend.database.write() as connection:
-        claim = explanations.claim_next(connection, owner, backend.settings.lease_s)
+    lease_s = backend.settings.lease_s
+    claim = patiently(lambda: _claim(backend, owner), lease_s)
     if claim is None:
         return False
     with Heartbeat(backend, lambda connection, lease_s: explanations.renew(connection, claim, lease_s)):
-        ending = _isolated(backend, _load(backend, claim), watchdog)
-    with backend.database.write() as connection:
-        explanations.end(connection, claim, ending.state, ending.values)
-        more = explanations.any_waiting(connection)
-    if more:
+        ending = _isolated(backend, claim, watchdog)
+    if patiently(lambda: _end(backend, claim, ending), lease_s):
         backend.queue.explain(1)
     return True
+
+
+def _claim(backend: Backend, owner: str) -> ExplanationClaim | None:
+    with backend.database.write() as connection:
+        return explanations.claim_next(connection, owner, backend.settings.lease_s)
+
+
+def _end(backend: Backend, claim: ExplanationClaim, ending: Ending) -> bool:
+    """Writes how it ended, if the claim still holds; whether others wait."""
+    with backend.database.write() as connection:
+        explanations.end(connection, claim, ending.state, ending.values)
+        return explanations.any_waiting(connection)
 
 
 def _load(backend: Backend, claim: ExplanationClaim) -> Task:
@@ -85,11 +95,16 @@ def _load(backend: Backend, claim: ExplanationClaim) -> Task:
     return Task(claim, loop, samples, simulation, row.as_judged)
 
 
-def _isolated(backend: Backend, task: Task, watchdog: bool) -> Ending:
-    """How the explanation ends, whatever happens in it."""
+def _isolated(backend: Backend, claim: ExplanationClaim, watchdog: bool) -> Ending:
+    """How the explanation ends, whatever happens in it or is wrong with what it is made of. Raises where the data base
+    stays away, which is no fault of the explanation.
+    """
     limit_s = backend.settings.explanation_limit_s
     try:
+        task = patiently(lambda: _load(backend, claim), backend.settings.lease_s)
         return _explained(backend, task, limit_s, watchdog)
+    except DATABASE_AWAY:
+        raise
     except LoopauditError as error:
         return _failed(error.code, error.message)
     except TimeLimitError:
@@ -97,7 +112,7 @@ def _isolated(backend: Backend, task: Task, watchdog: bool) -> Ending:
     except MemoryError:
         return _failed("memory", "the explanation needed more memory than there is")
     except Exception as error:  # one explanation's fault must not take the worker with it; it is logged and shown
-        log.exception("explanation %s failed", task.claim.explanation_id)
+        log.exception("explanation %s failed", claim.explanation_id)
         return _failed("fault", f"{type(error).__name__}: {error}")
 
 
