@@ -7,8 +7,11 @@ import pytest
 
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
+from app.services.auditing.spectra import STORED_FREQUENCIES
 from app.services.backend import Backend
+from app.services.plant import charts as charts_module
 from app.services.plant.charts import charts
+from app.services.plant.loops import verdict_detail
 from app.storage import loops, series
 from app.storage.samples import Samples
 from app.storage.series import Stretch
@@ -80,3 +83,46 @@ def test_signals_of_two_files_that_share_no_times_are_drawn_over_one_another(
     told = charts(backend, "FIC1")
     assert None not in told["trend"]["pv"] + told["trend"]["op"]
     assert len(told["trend"]["time"]) == len(told["pv_op"]["pv"]) == 299
+
+
+@pytest.fixture
+def detail_with(monkeypatch: pytest.MonkeyPatch) -> Callable[[dict], None]:
+    """Verdicts of which this is stored instead."""
+
+    def stored(other: dict) -> None:
+        monkeypatch.setattr(charts_module, "verdict_detail", lambda *asked: verdict_detail(*asked) | other)
+
+    return stored
+
+
+def test_a_record_of_uneven_samples_has_the_lines_of_its_signals_alone(
+    backend: Backend, detail_with: Callable[[dict], None], warm_kernels: None
+) -> None:
+    """By the number of the sample a sine of 400 s has a second line, and another period."""
+    second = np.cumsum(np.where(np.arange(1200) % 2, 2, 10))
+    wave = 2.0 * np.pi * second / 400.0
+    samples = Samples(
+        START_NS + second.astype(np.int64) * 1_000_000_000, {"pv": 20 + np.sin(wave - 0.8), "op": 50 + 5 * np.sin(wave)}
+    )
+    with backend.database.write() as connection:
+        series.add(connection, [Stretch(loops.ensure(connection, ["FIC1"])["FIC1"], samples)], None)
+    run = start_audit(backend)
+    audit_chunk(backend, int(run.id), "test")
+    detail_with({"spectra": None})
+    told = charts(backend, "FIC1")["spectra"]
+    assert len(told["frequency_hz"]) <= STORED_FREQUENCIES
+    pv, frequency = np.array(told["pv_amplitude"]), np.array(told["frequency_hz"])
+    assert frequency[np.argmax(pv)] == pytest.approx(1.0 / 400.0, abs=frequency[1] - frequency[0])
+    assert np.max(pv[np.abs(frequency * 400.0 - 1.0) > 0.2]) < 0.05 * np.max(pv)
+
+
+@pytest.mark.parametrize("size", [{}, {"stiction_size": None}, {"stiction_size": {"S": 3.0, "S_intervals": []}}])
+def test_the_valve_is_shown_with_the_size_that_is_stored(
+    charts_of: Callable[..., dict], detail_with: Callable[[dict], None], size: dict
+) -> None:
+    """Verdicts of before the size was told have none; the size has no J."""
+    two = {"S": [1.0, 2.0], "J": [0.0, 1.5], "best": 1, "rmse": [1.0, 0.5]}
+    one = {"d": [0.0], "rmse": [1.0], "best": 0}
+    detail_with({"rungs": [{"one_parameter": one, "two_parameter": two}], "stiction_size": None} | size)
+    told = charts_of(20 + np.sin(STEPS / 6 - 0.8), np.full(300, 20.0))
+    assert told["valve"] == ({"S": 3.0, "J": 0.0} if size.get("stiction_size") else {"S": 2.0, "J": 1.5})

@@ -7,12 +7,10 @@ import numpy as np
 from app.engine.audit import Audit
 from app.engine.hammerstein import OneParameterResult, TwoParameterResult
 from app.engine.reliability import Rung
-from app.engine.yper import YperResult
 from app.services.auditing.audit_line import episode_line, rival_line, space_of
 from app.services.auditing.json_numbers import numbers, scalars
 from app.services.auditing.size_line import stiction_size_detail
-
-STORED_FREQUENCIES = 256
+from app.services.auditing.spectra import spectra
 
 
 def detail(audit: Audit) -> dict[str, Any]:
@@ -32,7 +30,7 @@ def detail(audit: Audit) -> dict[str, Any]:
         "episodes": [episode_line(episode).model_dump() for episode in audit.episodes.found],
         "episode_windows": [scalars(vars(window)) for window in audit.episodes.windows],
         "rungs": [] if reference is None else [_rung(rung) for rung in reference.rungs],
-        "spectra": None if reference is None else _spectra(reference.yper),
+        "spectra": None if reference is None else spectra(reference.yper),
         "stiction_size": None if audit.stiction_size is None else stiction_size_detail(audit.stiction_size),
     }
 
@@ -73,21 +71,3 @@ def _surface(two: TwoParameterResult) -> dict[str, Any]:
         "best": int(two.best),
         "stiction": bool(two.stiction),
     }
-
-
-def _spectra(yper: YperResult) -> dict[str, Any]:
-    groups = _groups(len(yper.frequency_hz))
-    amplitudes = (yper.pv_amplitude, yper.op_amplitude, yper.threshold_amplitude)
-    pv, op, threshold = (numbers(np.maximum.reduceat(amplitude, groups)) for amplitude in amplitudes)
-    return {
-        "frequency_hz": numbers(yper.frequency_hz[groups]),
-        "pv_amplitude": pv,
-        "op_amplitude": op,
-        "threshold_amplitude": threshold,
-        "significant": np.logical_or.reduceat(yper.significant, groups).tolist(),
-    }
-
-
-def _groups(count: int) -> np.ndarray:
-    """Where each group of neighbouring frequencies starts: at most STORED_FREQUENCIES groups."""
-    return np.unique(np.linspace(0, count, min(count, STORED_FREQUENCIES), endpoint=False).astype(int))

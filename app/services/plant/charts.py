@@ -8,11 +8,13 @@ import numpy as np
 from app.engine import yper
 from app.engine.fitness import FitnessConfig
 from app.engine.fitness.align import align
-from app.engine.fitness.signals import resolution, usable_values
+from app.engine.fitness.resample import to_uniform, typical_interval
+from app.engine.fitness.signals import newest_long, resolution, usable_values
 from app.engine.freerun import valve_position
-from app.engine.recording import Recording
+from app.engine.recording import Recording, UniformRecord
 from app.errors import DataError
 from app.ingest import carried
+from app.services.auditing.spectra import spectra
 from app.services.backend import Backend
 from app.services.moments import iso_utc, moment_of
 from app.services.plant.loops import find, verdict_detail
@@ -24,7 +26,7 @@ POINTS = 2400
 SCATTERED = 1500
 BINS = 41
 MARGIN = 0.05
-MOST_LINES = 1000
+LEAST_OF_SPECTRUM = 16
 MOST_HOLES = 500
 NS_PER_S = 1_000_000_000
 
@@ -103,17 +105,14 @@ def _inside(samples: Samples, given: Any) -> np.ndarray:
 
 
 def _valve(detail: dict[str, Any]) -> dict[str, float] | None:
-    """The S and J to show the valve with: the quantified size where there is one, else the best of the grid."""
-    size = detail.get("stiction_size") or {}
-    S, J = _value(size.get("S")), _value(size.get("J"))
+    """The S and J to show the valve with: the quantified S, which has no J, where there is one; else the best of the
+    grid.
+    """
+    S, J = (detail.get("stiction_size") or {}).get("S"), 0.0
     if S is None and detail["rungs"] and detail["rungs"][-1]["two_parameter"]:
         two = detail["rungs"][-1]["two_parameter"]
         S, J = two["S"][two["best"]], two["J"][two["best"]]
-    return None if not S else {"S": S, "J": J or 0.0}
-
-
-def _value(told: Any) -> float | None:
-    return told.get("value") if isinstance(told, dict) else told
+    return {"S": S, "J": J} if S else None
 
 
 def _trend(record: _Record, valve: dict[str, float] | None) -> dict[str, Any]:
@@ -165,26 +164,30 @@ def _errors(record: _Record) -> dict[str, Any] | None:
 
 def _spectra(record: _Record) -> dict[str, Any] | None:
     """As the audit stores them, for a verdict that was reached without the published identification."""
-    places = np.flatnonzero(record.inside)
-    both = np.isfinite(record.pv[places]) & np.isfinite(record.op[places])
-    if both.sum() < 16:
+    even = _evenly(record)
+    if even is None:
         return None
-    interval_s = float(np.median(np.diff(record.samples.time_ns[places]))) / NS_PER_S
-    whole = [np.interp(places, places[both], signal[places][both]) for signal in (record.pv, record.op)]
     try:
-        found = yper.compute(whole[0], whole[1], interval_s)
+        return spectra(yper.compute(even.pv, even.op, even.sampling_interval_s))
     except DataError:
         return None
-    groups = np.unique(np.linspace(0, len(found.frequency_hz), MOST_LINES // 4, endpoint=False).astype(int))
-    amplitudes = (found.pv_amplitude, found.op_amplitude, found.threshold_amplitude)
-    pv, op, threshold = (numbers(np.maximum.reduceat(amplitude, groups)) for amplitude in amplitudes)
-    return {
-        "frequency_hz": numbers(found.frequency_hz[groups]),
-        "pv_amplitude": pv,
-        "op_amplitude": op,
-        "threshold_amplitude": threshold,
-        "significant": np.logical_or.reduceat(found.significant, groups).tolist(),
-    }
+
+
+def _evenly(record: _Record) -> UniformRecord | None:
+    """PV and OP in the window as an audit takes them: the newest long stretch without a hole on a uniform time base,
+    because a spectrum by the number of the sample has lines that no signal has; None where they are too few.
+    """
+    known = np.flatnonzero(record.inside & np.isfinite(record.pv) & np.isfinite(record.op))
+    if len(known) < LEAST_OF_SPECTRUM:
+        return None
+    time_s = (record.samples.time_ns[known] - record.samples.time_ns[known[0]]) / NS_PER_S
+    holes = np.flatnonzero(np.diff(time_s) > _FITNESS.max_gap_intervals * typical_interval(time_s))
+    edges = np.concatenate(([0], holes + 1, [len(known)]))
+    whole = newest_long(edges[:-1], edges[1:], _FITNESS.newest_share, _FITNESS.min_samples)
+    time_s, known = time_s[whole], known[whole]
+    if len(known) < LEAST_OF_SPECTRUM:
+        return None
+    return to_uniform(time_s, record.pv[known], record.op[known], None, 0.0, _FITNESS)
 
 
 def _curve(detail: dict[str, Any]) -> dict[str, Any] | None:
