@@ -35,7 +35,7 @@ def validate(
     base: Fit, final: Fit, sensors: tuple[Part, ...], second: Experiment, given: FloatArray | None
 ) -> Improvement:
     """Free runs over the second record, only their initial state estimated, from the first tenth of what is compared of
-    it; judged over the rest, which no fit has seen.
+    it; judged over all that is compared, as benchmarks are, the first tenth too.
 
     sensors: the parts that PV showed by itself. given: the given simulation's trace (N,) over the second record, or
     None. What belongs to moments of the first record (a step, a stuck stretch) is left out.
@@ -43,16 +43,15 @@ def validate(
     """
     record = alike(base.record, second)
     begun = beginning(record.usable)
-    unseen = record.usable & ~begun
-    if not unseen.any():
+    if not (record.usable & ~begun).any():
         raise DataError("nothing_known", "no sample of the second recording's PV is known beyond its start")
     refitted = started(record, begun, base.plant, transferred(record, base.parts))
     explained = started(record, begun, final.plant, transferred(record, lasting((*final.parts, *sensors))))
     return Improvement(
-        None if given is None else judge(record.pv, given, unseen),
-        judge(record.pv, refitted + record.pv_mid, unseen),
-        judge(record.pv, explained + record.pv_mid, unseen),
-        windows_of(unseen, record.sampling_interval_s),
+        None if given is None else judge(record.pv, given, record.usable),
+        judge(record.pv, refitted + record.pv_mid, record.usable),
+        judge(record.pv, explained + record.pv_mid, record.usable),
+        windows_of(record.usable, record.sampling_interval_s),
     )
 
 
