@@ -85,7 +85,7 @@ def explain(
         raise RequestError("several_simulations", "--sim and --sim-model are both given; one simulation is compared")
     if quick and any(given is not None for given in (validate, trace, plot, model)):
         raise RequestError("quick_alone", "--quick has no fit: --validate, --trace, --plot and --model need one")
-    plot = None if plot is None else drawn_as(plot)
+    refuse_other_pictures(plot)
     refuse_outputs([trace, plot, model], files_read(file, validate, sim, sim_model))
     comparison = read_comparison(file, Columns(op, pv, sp, loop), sim, options)
     if sim_model is not None:
@@ -120,9 +120,10 @@ def as_json(line: dict[str, Any]) -> str:
     return json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def drawn_as(plot: Path) -> Path:
-    """A picture where its name says so, a page otherwise."""
-    return plot if plot.suffix.lower() in (".html", ".htm", ".svg") else plot.with_suffix(".html")
+def refuse_other_pictures(plot: Path | None) -> None:
+    """A page or a drawing, under the very name that was asked for; a name without an ending is a page's."""
+    if plot is not None and plot.suffix.lower() not in ("", ".html", ".htm", ".svg"):
+        raise RequestError("plot_form", f"a plot is a page (.html) or a drawing (.svg), not {plot.suffix}: {plot}")
 
 
 def files_read(file: Path, validate: Path | None, *perhaps: str | None) -> list[Path]:

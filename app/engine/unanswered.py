@@ -11,7 +11,8 @@ CAUSE = "stuck_valve_or_dead_transmitter"
 PRIOR = 0.6
 _FEWEST_VALUES = 10
 _OFF_SHARE = 0.5
-_SAME_DIGITS = 1e-6
+_SAME_SHARE = 1e-6
+_LAST_DIGITS = float(np.finfo(np.float32).eps)
 _TEXT = "OP travels and PV does not answer at all: the valve is stuck, or the transmitter is dead; look at both"
 
 
@@ -41,7 +42,8 @@ def _controller_works(recording: Recording) -> bool:
 
 
 def _away(pv: FloatArray, sp: FloatArray) -> BoolArray:
-    known = np.isfinite(sp)
-    # What differs in the last digits of a float only is the same set point.
-    largest = max(float(np.max(np.abs(x[known]), initial=0.0)) for x in (pv, sp))
-    return known & (np.abs(sp - pv) > _SAME_DIGITS * largest)
+    """(N,) where SP is not PV, measured by how far it ever is: an offset of both changes nothing."""
+    distance = np.where(np.isfinite(sp), np.abs(sp - pv), 0.0)
+    farthest, largest = float(np.max(distance, initial=0.0)), float(np.max(np.abs(pv), initial=0.0))
+    # What differs in the last digits of a float of 32 bits only is the same set point.
+    return distance > _SAME_SHARE * farthest if farthest > _LAST_DIGITS * largest else np.zeros(len(pv), dtype=bool)

@@ -72,10 +72,13 @@ def test_a_file_that_is_read_is_never_written(arguments, recording):
     assert (recording.read_bytes(), tags.read_bytes(), sorted(recording.parent.iterdir())) == before
 
 
-def test_a_plot_is_refused_by_the_name_that_it_gets(recording):
-    page = recording.with_suffix(".html")
+def test_a_plot_is_written_under_the_name_that_was_asked_for_or_refused(recording):
+    done = run("explain", recording, "--plot", recording.with_suffix(".png"))
+    assert isinstance(done.exception, RequestError)
+    assert done.exception.code == "plot_form"
+    page = recording.with_suffix(".svg")
     recording.rename(page)
-    done = run("explain", page, "--plot", recording)
+    done = run("explain", page, "--plot", page)
     assert isinstance(done.exception, RequestError)
     assert done.exception.code == "output_is_input"
 

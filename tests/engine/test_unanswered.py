@@ -46,3 +46,14 @@ def test_a_flat_pv_with_less_than_that_is_not_auditable(little):
 def test_units_and_signs_change_nothing():
     other = replace(SEEN, pv=1e3 - 7.0 * SEEN.pv, op=-0.01 * SEEN.op, sp=1e3 - 7.0 * SEEN.sp)
     assert audit(other).judgement == audit(SEEN).judgement
+
+
+def test_an_offset_of_pv_and_sp_changes_nothing_be_it_large():
+    near = replace(SEEN, sp=np.where(np.arange(N) % 5 == 0, 3.3, 3.3 + np.linspace(0.001, 0.2, N)))
+    assert audit(near).judgement.verdict == "inconclusive"
+    assert audit(replace(near, pv=near.pv + 1e4, sp=near.sp + 1e4)).judgement == audit(near).judgement
+
+
+def test_a_set_point_that_differs_in_the_last_digits_of_a_float_is_pv():
+    rounded = replace(SEEN, sp=np.full(N, float(np.float32(3.3))))
+    assert audit(rounded).judgement.verdict == "not_auditable"
