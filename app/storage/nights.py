@@ -7,12 +7,12 @@ from sqlalchemy import Connection, and_, func, select
 
 from app.storage.tables import loops, verdicts
 
-TOLD = ("audited_at", "verdict", "reliability", "input_end_ns")
+TOLD = ("audited_at", "verdict", "reliability", "input_end_ns", "window_end")
 
 
 def recent(connection: Connection, tags: Sequence[str], each: int) -> list[Any]:
     """The newest verdicts of these loops, `each` at most, the oldest first: tag, when audited, verdict, reliability,
-    and the last sample that it was made of.
+    the last sample that it was made of, and the end of the window that was judged.
     """
     # Places are found in the key alone: a year of whole rows would be read for the newest ones else.
     place = func.row_number().over(partition_by=verdicts.c.loop_id, order_by=verdicts.c.audit_id.desc())

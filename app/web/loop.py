@@ -20,6 +20,7 @@ from app.services.plant import glossary, loops, notes
 from app.services.plant.arrivals import age_of
 from app.services.plant.charts import charts as charts_of
 from app.services.plant.groups import groups_of, unnamed
+from app.services.plant.judged import judged
 from app.services.plant.loop_list import number
 from app.services.plant.nights import nights as nights_of
 from app.web.explanation import newest_in_words
@@ -61,6 +62,7 @@ def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
         why_first=why_first(detail.get("rivals", ()), row["rival_winner"]),
         figures=[told for told in glossary.figures(row, found.pv_unit) if told[1] is not None],
         last_nights=nights_of(backend, [tag]).get(tag, ()),
+        judged=judged(backend, [tag]).get(tag),
         history=loops.verdict_history(backend, tag, limit=HISTORY_NIGHTS).rows,
         groups=groups_of(backend, tag),
         unnamed=unnamed,

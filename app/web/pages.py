@@ -13,6 +13,7 @@ from app.services.plant import groups as grouped
 from app.services.plant import overview as plants
 from app.services.plant.arrivals import arrivals, nothing_new, sentences
 from app.services.plant.glossary import FIGURES
+from app.services.plant.judged import judged
 from app.services.plant.loops import RETIRED
 from app.services.plant.nights import nights
 from app.services.plant.reliability import RowFilter
@@ -63,6 +64,7 @@ def plant(backend: Services) -> HTMLResponse:
     seen = plants.overview(backend)
     changed = plants.changes(backend)
     worst = plants.worst(backend) if seen.audited else []
+    listed = [row["loop"] for row in worst]
     return page(
         "plant.html",
         backend.clock,
@@ -72,7 +74,8 @@ def plant(backend: Services) -> HTMLResponse:
         arrivals=_arrivals(backend, changed) if seen.audited else [],
         repairs=repairs(backend) if seen.audited else None,
         worst=worst,
-        last_nights=nights(backend, [row["loop"] for row in worst] + [row.loop for row in changed.rows[:CHANGES]]),
+        last_nights=nights(backend, listed + [row.loop for row in changed.rows[:CHANGES]]),
+        judged=judged(backend, listed),
         most_changes=CHANGES,
         groups=[found for found in grouped.soon(backend) or () if not found.by_chance][:5],
     )
@@ -93,12 +96,14 @@ def tiles(backend: Services, unit: Annotated[str | None, Query(max_length=200)] 
 def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLResponse:
     names = [name for name in form.column if name in COLUMNS] or list(USUAL)
     found = plants.table(backend, ROWS_A_PAGE, form.cursor or None, form.sort, form.filters())
+    listed = [row["loop"] for row in found.rows]
     told: dict[str, Any] = form.model_dump(exclude={"cursor"}) | {"column": names}
     return page(
         "table.html",
         backend.clock,
         rows=found.rows,
-        last_nights=nights(backend, [row["loop"] for row in found.rows]),
+        last_nights=nights(backend, listed),
+        judged=judged(backend, listed),
         next_cursor=found.next_cursor,
         form=form,
         names=names,

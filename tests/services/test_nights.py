@@ -24,7 +24,7 @@ def audited(backend: Backend, at: datetime, *, fresh: bool = True, **told: str) 
         mine = verdicts.c.audit_id == run
         connection.execute(update(verdicts).where(mine).values(audited_at=at, **told))
         if fresh:
-            connection.execute(update(verdicts).where(mine).values(input_end_ns=ns_of(at)))
+            connection.execute(update(verdicts).where(mine).values(input_end_ns=ns_of(at), window_end=at))
 
 
 def test_a_night_without_new_samples_is_marked(backend: Backend, add_loops: AddLoops) -> None:

@@ -13,6 +13,7 @@ from app.services.backend import Backend
 from app.services.cursors import identifier
 from app.services.moments import PlantClock
 from app.services.plant.arrivals import of_run
+from app.services.plant.judged import judged, to_manual
 from app.services.plant.overview import change_of
 from app.services.plant.repaired import RepairView, repairs
 from app.services.rendering import document, figure
@@ -27,7 +28,8 @@ LONGEST_WHY = 200
 
 @dataclass(frozen=True)
 class DigestLoop:
-    """A loop to look at; `why` is the weightiest reason, `address` its page (empty: not known how people reach it)."""
+    """A loop to look at; `why` is the weightiest reason, `address` its page (empty: not known how people reach it),
+    `judged` of which time its verdict is, where that is not up to its newest samples."""
 
     loop: str
     verdict: str
@@ -38,6 +40,7 @@ class DigestLoop:
     importance: float
     why: str
     address: str
+    judged: str = ""
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,8 @@ class Area:
 @dataclass(frozen=True)
 class Digest:
     """What one run came to; the same whenever it is asked for, but for loops that were retired since. `refused`: how
-    many loops were not auditable, by likely cause; `refused_loops`: the most important of each."""
+    many loops were not auditable, by likely cause; `refused_loops`: the most important of each. `to_manual`: loops that
+    went to manual, and what is still said of them."""
 
     plant: str
     run: AuditView
@@ -60,6 +64,7 @@ class Digest:
     areas: list[Area]
     changes: list[ChangeView]
     more_changes: bool
+    to_manual: list[str]
     repairs: list[RepairView]
     more_repairs: bool
     compared: bool
@@ -100,6 +105,12 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         refused_loops.setdefault(row.likely_cause or "data", []).append(row.tag)
     repaired = repairs(backend, number, datetime.fromisoformat(run.created_at))
     url = backend.settings.public_url
+    of_time = judged(backend, [row.tag for row in worst], number)
+
+    def loop_of(row: Any) -> DigestLoop:
+        told = of_time.get(row.tag)
+        return _loop(row, url, told.words(backend.clock) if told else "")
+
     return Digest(
         plant=backend.settings.plant,
         run=run,
@@ -107,9 +118,10 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         refused=dict(refused.most_common()),
         refused_loops=refused_loops,
         arrivals=of_run(backend, number, datetime.fromisoformat(run.created_at)),
-        areas=[Area(unit, [_loop(row, url) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
+        areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
         changes=[change_of(row) for row in changed[:CHANGES]],
         more_changes=len(changed) > CHANGES,
+        to_manual=_to_manual(backend, number) if compared else [],
         repairs=repaired.listed,
         more_repairs=repaired.more,
         compared=compared,
@@ -140,7 +152,7 @@ def as_text(digest: Digest) -> str:
     lines += [f"  {run.failed:6d} failed"] if run.failed else []
     lines += digest.arrivals
     lines += ["", "WHAT CHANGED SINCE THE RUN BEFORE", ""]
-    lines += [_change_line(change) for change in digest.changes] or [_no_change(digest)]
+    lines += _change_lines(digest) or [_no_change(digest)]
     lines += ["  ... and more"] if digest.more_changes else []
     if digest.repairs:
         lines += ["", "REPAIRS OF THE LAST FORTNIGHT", ""]
@@ -191,10 +203,18 @@ HOW_TO_READ = (
 )
 
 
-def _loop(row: Any, url: str) -> DigestLoop:
+def _to_manual(backend: Backend, number: int) -> list[str]:
+    return [
+        f"{_line(one.loop)}: went to manual (automatic -> manual); its verdict, {VERDICT_WORDS[one.verdict]}, is of "
+        f"before: {one.judged.words(backend.clock)}"
+        for one in to_manual(backend, number)[:CHANGES]
+    ]
+
+
+def _loop(row: Any, url: str, of_time: str) -> DigestLoop:
     why = row.reasons_text.split(". ")[0][:LONGEST_WHY]
     shown = (row.verdict, row.reliability, row.stiction_probability, row.likely_cause, row.health, row.importance)
-    return DigestLoop(row.tag, *shown, why, loop_address(url, row.tag))
+    return DigestLoop(row.tag, *shown, why, loop_address(url, row.tag), of_time)
 
 
 def _refused(digest: Digest) -> list[str]:
@@ -211,7 +231,12 @@ def _loop_lines(place: int, loop: DigestLoop) -> list[str]:
     sure, probability = RELIABILITY_BRIEF[loop.reliability], figure(loop.stiction_probability, 2)
     told = f"{VERDICT_WORDS[loop.verdict]} (probability {probability}, {sure})"
     head = f"  {place}. {_line(loop.loop)}: {told}, health {figure(loop.health, 0)}"
-    return [head, f"     {_line(loop.why)}", *([f"     {loop.address}"] if loop.address else [])]
+    of_time = [f"     {loop.judged}"] if loop.judged else []
+    return [head, *of_time, f"     {_line(loop.why)}", *([f"     {loop.address}"] if loop.address else [])]
+
+
+def _change_lines(digest: Digest) -> list[str]:
+    return [_change_line(change) for change in digest.changes] + [f"  {told}" for told in digest.to_manual]
 
 
 def _change_line(change: ChangeView) -> str:

@@ -18,22 +18,22 @@ NOTHING_NEW = "="
 
 @dataclass(frozen=True)
 class Night:
-    """The last verdict of one date, by the plant's clock. fresh: whether it is not the same again, of the same samples
-    as the one before.
+    """The last verdict of one date, by the plant's clock. again: why it is the same as the one before; empty where it is
+    not.
     """
 
     date: str
     verdict: str
     reliability: str
-    fresh: bool = True
+    again: str = ""
 
     @property
     def mark(self) -> str:
-        return MARKS[self.verdict] if self.fresh else NOTHING_NEW
+        return NOTHING_NEW if self.again else MARKS[self.verdict]
 
     @property
     def words(self) -> str:
-        again = "" if self.fresh else ", nothing new was recorded"
+        again = f", {self.again}" if self.again else ""
         return f"{self.date} {VERDICT_WORDS[self.verdict]} ({RELIABILITY_BRIEF[self.reliability]}{again})"
 
 
@@ -50,13 +50,17 @@ def nights(backend: Backend, tags: Sequence[str]) -> dict[str, tuple[Night, ...]
 def _nights(dated: Mapping[str, Any]) -> tuple[Night, ...]:
     earlier = [None, *dated.values()]
     return tuple(
-        Night(date, row.verdict, row.reliability, not _again(row, before))
+        Night(date, row.verdict, row.reliability, _again(row, before))
         for (date, row), before in zip(dated.items(), earlier, strict=False)
     )
 
 
-def _again(row: Any, before: Any) -> bool:
-    """Whether the same is said of the same samples; a repair or the method may have changed it."""
-    if before is None or row.input_end_ns is None:
-        return False
-    return bool(row.input_end_ns == before.input_end_ns and row.verdict == before.verdict)
+def _again(row: Any, before: Any) -> str:
+    """Why the same is said of the same samples, or of the same window: what came after it could not be judged. A repair
+    or the method may have changed it."""
+    if before is None or row.input_end_ns is None or row.verdict != before.verdict:
+        return ""
+    if row.input_end_ns == before.input_end_ns:
+        return "nothing new was recorded"
+    same_window = row.window_end is not None and row.window_end == before.window_end
+    return "judged on what was judged before" if same_window else ""

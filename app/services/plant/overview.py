@@ -1,6 +1,7 @@
 """The plant on one page: counts, units, what changed since last night, and the worst loops."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -10,6 +11,7 @@ from app.services.auditing.repairs import BEFORE_REPAIR, SINCE_REPAIR
 from app.services.backend import Backend
 from app.services.moments import iso_utc
 from app.services.next_steps import next_step
+from app.services.plant.judged import ToManual, to_manual
 from app.services.plant.reliability import checked, following, place_of, with_loop
 from app.services.results import AuditView, ChangedBy, ChangeView, Page, UnitView
 from app.services.wording import WHY_WORDS, cause_words
@@ -47,13 +49,15 @@ class Overview:
 
 @dataclass(frozen=True)
 class Changes:
-    """What became of verdicts in the newest whole run (and since then), against each loop's verdict before."""
+    """What became of verdicts in the newest whole run (and since then), against each loop's verdict before. to_manual:
+    loops that went to manual, whose verdict is the one of before."""
 
     run_id: str | None
     run_at: str | None
     rows: list[ChangeView]
     more: bool
     compared: bool = True
+    to_manual: Sequence[ToManual] = ()
 
 
 def overview(backend: Backend) -> Overview:
@@ -87,7 +91,8 @@ def changes(backend: Backend, limit: int = LISTED_CHANGES) -> Changes:
     if run is None:
         return Changes(None, None, [], False)
     rows = [change_of(row) for row in found[:limit]]
-    return Changes(str(run.id), iso_utc(run.created_at), rows, len(found) > limit, compared)
+    manual = to_manual(backend, run.id, and_since=True) if compared else []
+    return Changes(str(run.id), iso_utc(run.created_at), rows, len(found) > limit, compared, manual)
 
 
 def worst(backend: Backend, limit: int = WORST) -> list[dict[str, Any]]:

@@ -23,6 +23,7 @@ from app.services.plant.arrivals import arrivals, sentences
 from app.services.plant.charts import charts
 from app.services.plant.groups import groups_of
 from app.services.plant.groups import soon as groups_soon
+from app.services.plant.judged import judged
 from app.services.rendering import document
 from app.services.reports.svg import WIDTH, Ends, Line, chart
 from app.storage import loops as stored_loops
@@ -56,6 +57,7 @@ def loop_report(backend: Backend, tag: str) -> str:
         detail=detail,
         next_step=next_step(row, None if repair is None else repair.repaired_at),
         size=size_in_words(row, detail),
+        judged=judged(backend, [tag]).get(tag),
         why_first=why_first(detail.get("rivals", ()), row["rival_winner"]),
         figures=[told for told in glossary.figures(row, found.pv_unit) if told[1] is not None],
         history=history,
@@ -76,6 +78,7 @@ def plant_report(backend: Backend) -> str:
     seen = plant.overview(backend)
     if not seen.audited:
         raise NotFoundError("not_audited", "no loop of the plant has been audited yet")
+    worst = _worst(backend)
     refused = plant.table(backend, REFUSED, sort="loop", filters=RowFilter(verdict=("not_auditable",)))
     return document(
         "plant_report.html",
@@ -83,7 +86,8 @@ def plant_report(backend: Backend) -> str:
         bars={unit.unit: _bar(unit.verdicts) for unit in seen.units},
         changed=plant.changes(backend),
         arrivals=sentences(arrivals(backend), backend.clock),
-        worst=_worst(backend),
+        worst=worst,
+        judged=judged(backend, [row["loop"] for _, rows in worst for row in rows]),
         refused=refused.rows,
         groups=[group for group in groups_soon(backend) or () if not group.by_chance],
         public_url=backend.settings.public_url,

@@ -1,0 +1,90 @@
+"""Of which time a verdict is: a loop that went to manual keeps the verdict of before, and says so."""
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+from sqlalchemy import update
+
+from app.services.auditing.audits import start_audit
+from app.services.auditing.chunks import audit_chunk
+from app.services.auditing.nightly import nightly
+from app.services.backend import Backend
+from app.services.digests.digest import as_html, as_text, digest_of
+from app.services.plant import overview as plant
+from app.services.plant.judged import judged, to_manual
+from app.services.plant.nights import nights
+from app.services.reports.documents import plant_report
+from app.storage import series
+from app.storage.samples import Samples
+from app.storage.series import Stretch
+from app.storage.tables import loops, verdicts
+from tests.services.conftest import MINUTE, START_NS
+
+AddLoops = Callable[..., dict[str, int]]
+TOLD = "judged 2025-06-15 15:06 to 20:05; in manual since"
+
+
+def record(backend: Backend, loop_id: int, first: int, count: int, automatic: float) -> None:
+    steps = np.arange(first, first + count)
+    rng = np.random.default_rng(first)
+    op = 50 + 5 * np.sin(steps / 6) + 0.2 * rng.normal(size=count)
+    pv = 20 + 2 * np.sin(steps / 6 - 0.8) + 0.05 * rng.normal(size=count)
+    signals = {"pv": pv, "op": op, "automatic": np.full(count, automatic)}
+    with backend.database.write() as connection:
+        series.add(connection, [Stretch(loop_id, Samples(START_NS + steps * MINUTE, signals))], None)
+
+
+def run(backend: Backend, audit_id: str) -> int:
+    audit_chunk(backend, int(audit_id), "test")
+    return int(audit_id)
+
+
+@pytest.fixture
+def left(backend: Backend, add_loops: AddLoops) -> tuple[int, int]:
+    """A is in manual for all that is new in the second run, B is not: its runs."""
+    ids = add_loops("A", "B", n=0)
+    for loop_id in ids.values():
+        record(backend, loop_id, 0, 300, 1.0)
+    first = run(backend, start_audit(backend).id)
+    record(backend, ids["A"], 300, 200, 0.0)
+    record(backend, ids["B"], 300, 200, 1.0)
+    second = run(backend, nightly(backend).id)
+    with backend.database.write() as connection:
+        values = {"verdict": "stiction", "reliability": "reliable"}
+        connection.execute(update(verdicts).where(verdicts.c.loop_id == ids["A"]).values(**values))
+    return first, second
+
+
+def test_a_loop_that_went_to_manual_says_so(backend: Backend, left: tuple[int, int]) -> None:
+    found = judged(backend, ["A", "B"])
+    assert {tag: of.words(backend.clock) for tag, of in found.items()} == {"A": TOLD}
+    assert judged(backend, ["A", "B"], left[0]) == {}
+
+
+def test_it_is_what_changed(backend: Backend, left: tuple[int, int]) -> None:
+    assert [one.loop for one in plant.changes(backend).to_manual] == ["A"]
+    third = run(backend, start_audit(backend).id)
+    assert to_manual(backend, third) == []  # news once
+    with backend.database.write() as connection:
+        connection.execute(update(loops).where(loops.c.tag == "A").values(retired=True))
+    assert to_manual(backend, left[1]) == []
+
+
+def test_the_same_window_is_no_other_night(backend: Backend, left: tuple[int, int]) -> None:
+    with backend.database.write() as connection:
+        yesterday = update(verdicts).where(verdicts.c.audit_id == left[0])
+        connection.execute(yesterday.values(audited_at=datetime.now(UTC) - timedelta(days=1)))
+    marks = {tag: [night.mark for night in told] for tag, told in nights(backend, ["A", "B"]).items()}
+    assert marks["A"] == ["S", "="]
+    assert "=" not in marks["B"]
+    assert "judged on what was judged before" in nights(backend, ["A"])["A"][1].words
+
+
+def test_digest_and_report_tell_it(backend: Backend, left: tuple[int, int]) -> None:
+    found = digest_of(backend, str(left[1]))
+    for told in (as_text(found), as_html(found)):
+        assert "A: went to manual" in told
+        assert told.count(TOLD) == 2
+    assert TOLD in plant_report(backend)
