@@ -18,7 +18,8 @@ NOT_JUDGED = 0.5
 """A valve that could not be judged is neither good nor bad: half is taken off, and the part says why."""
 
 UNANSWERED_TEXT = "PV never answers OP: the valve is stuck, or the transmitter is dead"
-"""Whichever it is, nothing controls there: the valve's weight and that of being in automatic are taken off whole."""
+"""Whichever it is, nothing controls there: the valve's weight is taken off whole, and that of being in automatic where
+the loop is."""
 
 FULL_SATURATION_PCT = 50.0
 FULL_ERROR_PCT = 5.0
@@ -49,12 +50,12 @@ def health(judgement: Judgement, figures: KeyFigures, oscillation: Oscillation |
     """The health of a loop, 0..100, from its verdict, its key figures and its oscillation.
 
     Stiction counts by its probability, a verdict without reliability for 60 % of it; a valve that could not be judged
-    or of which the record shows nothing loses half of the weight, and all of it where PV does not answer a controller
-    at work: whichever of stuck valve and dead transmitter it is, the loop is not controlled, and being in automatic
-    counts for nothing. Oscillation counts by its strength where it is regular; time out of automatic, time of OP at a
-    limit (50 % of the time is full; its own extremes where no span is known), mean control error (5 % of PV's span is
-    full) and missing samples in proportion. A figure that is not known takes nothing off, and says so. Misleads where a
-    loop is meant to swing (averaging level control) or to be in manual.
+    or of which the record shows nothing loses half of the weight, and all of it where PV does not answer OP, whether
+    that is a verdict or what keeps from one: whichever of stuck valve and dead transmitter it is, the loop is not
+    controlled, and being in automatic counts for nothing. Oscillation counts by its strength where it is regular; time
+    out of automatic, time of OP at a limit (50 % of the time is full; its own extremes where no span is known), mean
+    control error (5 % of PV's span is full) and missing samples in proportion. A figure that is not known takes nothing
+    off, and says so. Misleads where a loop is meant to swing (averaging level control) or to be in manual.
     """
     parts = (
         _stiction(judgement),
@@ -107,12 +108,12 @@ def _oscillation(oscillation: Oscillation | None) -> HealthPart:
 
 
 def _unanswered(judgement: Judgement) -> bool:
-    """A flat PV alone may be a signal that nobody maintains: only a controller at work against it is a failure."""
-    return judgement.verdict == "inconclusive" and judgement.likely_cause == UNANSWERED
+    return judgement.likely_cause == UNANSWERED
 
 
 def _service(judgement: Judgement, service_pct: float | None) -> HealthPart:
-    if _unanswered(judgement):
+    # A flat PV may be a signal that nobody maintains, where nothing says that a controller works against it.
+    if _unanswered(judgement) and (judgement.verdict == "inconclusive" or service_pct):
         return _part("service", 1.0, "in automatic, and nothing is controlled")
     if service_pct is None:
         return _part("service", 0.0, "the mode was not recorded")

@@ -12,7 +12,9 @@ from app.services.wording import (
     RELIABILITY_WORDS,
     VERDICT_RANK,
     VERDICT_WORDS,
+    brief,
     cause_words,
+    headline,
     measured_probability,
 )
 
@@ -27,6 +29,7 @@ def _environment() -> Environment:
     templates = Environment(loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined)
     templates.trim_blocks = templates.lstrip_blocks = True
     templates.filters |= {"figure": figure, "cause_words": cause_words, "measured_probability": measured_probability}
+    templates.filters |= {"headline": headline, "brief": brief}
     templates.globals |= {
         "verdict_words": VERDICT_WORDS,
         "reliability_words": RELIABILITY_WORDS,

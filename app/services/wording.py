@@ -22,6 +22,9 @@ RELIABILITY_WORDS = {
     "not_reliable": "the evidence does not suffice; look before you act",
 }
 
+LOOK_TODAY_WORDS = "a stuck valve or a dead transmitter; look today"
+"""In place of these where PV does not answer OP: that is a failure, whatever the evidence says of stiction."""
+
 RELIABILITY_SHORT = {"reliable": "yes", "not_reliable": "look first"}
 RELIABILITY_BRIEF = {**RELIABILITY_SHORT, "reliable": "rely on it"}
 """Behind a verdict, where no question stands before it."""
@@ -82,6 +85,21 @@ def starter_words(started_by: str | None) -> str:
     return "not known" if started_by is None else STARTERS.get(started_by, started_by)
 
 
+def looked_at_today(row: Mapping[str, Any]) -> bool:
+    """Whether PV does not answer OP: a stuck valve or a dead transmitter, as a verdict or as what keeps from one."""
+    return row.get("likely_cause") == UNANSWERED and row["verdict"] in ("inconclusive", "not_auditable")
+
+
+def headline(row: Mapping[str, Any]) -> str:
+    """What stands behind the verdict of a row, as a sentence would go on."""
+    return LOOK_TODAY_WORDS if looked_at_today(row) else RELIABILITY_WORDS[row["reliability"]]
+
+
+def brief(row: Mapping[str, Any]) -> str:
+    """The same in two words."""
+    return "look today" if looked_at_today(row) else RELIABILITY_BRIEF[row["reliability"]]
+
+
 def cause_words(code: str | None) -> str:
     return "not known" if code is None else CAUSE_WORDS.get(code, code.replace("_", " "))
 
@@ -105,10 +123,10 @@ def worst_first(lines: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
 
 def _badness(line: Mapping[str, Any]) -> tuple[int, bool, float, str]:
     probability = line.get("stiction_probability")
-    fails = line["verdict"] == "inconclusive" and line.get("likely_cause") == UNANSWERED
+    today = looked_at_today(line)
     return (
-        VERDICT_RANK.index("stiction" if fails else line["verdict"]),
-        line["reliability"] != "reliable",
+        VERDICT_RANK.index("stiction" if today else line["verdict"]),
+        line["reliability"] != "reliable" and not today,
         -(probability if probability is not None else 0.0),
         str(line["recording"]),
     )

@@ -6,10 +6,9 @@ from typing import Any
 from sqlalchemy import Connection, and_, func, or_, select
 
 from app.storage.loops import IN_SERVICE
-from app.storage.plant import told_of_both
+from app.storage.plant import complains, told_of_both
 from app.storage.tables import loops, verdicts
 
-COMPLAINTS = ("stiction", "inconclusive")
 this = verdicts.alias("of_the_run")
 before = verdicts.alias("earlier")
 _PRIORITY = loops.c.importance * (100.0 - this.c.health)
@@ -17,14 +16,15 @@ _OF_RUN = loops.join(this, and_(this.c.loop_id == loops.c.id, IN_SERVICE))
 
 
 def worst_of_units(connection: Connection, audit_id: int, each: int) -> list[Any]:
-    """Of each unit the loops that stick or may, at the head of its list by what is missing to health x importance."""
+    """Of each unit the loops that `complains` tells of, at the head of its list by what is missing to health x
+    importance."""
     place = func.row_number().over(partition_by=loops.c.unit, order_by=(_PRIORITY.desc().nulls_last(), loops.c.tag))
     shown = (
         *(loops.c.tag, loops.c.unit, loops.c.importance, this.c.verdict, this.c.reliability),
         *(this.c.stiction_probability, this.c.likely_cause, this.c.health, this.c.reasons_text),
     )
     placed = select(*shown, place.label("place")).select_from(_OF_RUN)
-    found = placed.where(this.c.audit_id == audit_id, this.c.verdict.in_(COMPLAINTS)).subquery()
+    found = placed.where(this.c.audit_id == audit_id, complains(this)).subquery()
     return list(connection.execute(select(found).where(found.c.place <= each).order_by(found.c.unit, found.c.place)))
 
 

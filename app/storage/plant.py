@@ -1,6 +1,5 @@
 """The plant as a whole: what its units come to, and whose verdict is another one than in the run before."""
 
-from collections.abc import Sequence
 from datetime import timedelta
 from typing import Any
 
@@ -18,6 +17,7 @@ from sqlalchemy import (
     select,
 )
 
+from app.engine.unanswered import CAUSE as UNANSWERED
 from app.storage.loops import IN_SERVICE
 from app.storage.tables import audits, loops, newest_rows, verdicts
 
@@ -31,6 +31,14 @@ _NEWEST = loops.join(rows, and_(_IS_NEWEST, IN_SERVICE))
 _PRIORITY = loops.c.importance * (100.0 - rows.c.health)
 
 
+COMPLAINTS = ("stiction", "inconclusive")
+
+
+def complains(said: FromClause) -> ColumnElement[bool]:
+    """Of loops that stick or may, or in which PV does not answer OP, whether that is a verdict or keeps from one."""
+    return or_(said.c.verdict.in_(COMPLAINTS), said.c.likely_cause == UNANSWERED)
+
+
 def counts(connection: Connection) -> list[Any]:
     """Loops, sum of importances and sum of importance x health, by unit, verdict, reliability and likely cause."""
     by = [loops.c.unit, rows.c.verdict, rows.c.reliability, rows.c.likely_cause]
@@ -42,11 +50,11 @@ def counts(connection: Connection) -> list[Any]:
     return list(connection.execute(select(*by, *figures).select_from(_NEWEST).group_by(*by)))
 
 
-def worst_of_units(connection: Connection, each: int, among: Sequence[str] | None = None) -> list[Any]:
+def worst_of_units(connection: Connection, each: int, *, complaints: bool = False) -> list[Any]:
     """Of each unit the loops at the head of its list by what is missing to full health x importance: tag, unit,
-    importance, verdict, health. `among`: only loops with these verdicts."""
+    importance, verdict, health. `complaints`: only those that `complains` tells of."""
     place = func.row_number().over(partition_by=loops.c.unit, order_by=(_PRIORITY.desc().nulls_last(), loops.c.tag))
-    tiles = _tiles() if among is None else _tiles().where(rows.c.verdict.in_(among))
+    tiles = _tiles().where(complains(rows)) if complaints else _tiles()
     placed = tiles.add_columns(place.label("place")).subquery()
     query = select(placed.c.tag, placed.c.unit, placed.c.importance, placed.c.verdict, placed.c.health)
     return list(connection.execute(query.where(placed.c.place <= each).order_by(placed.c.unit, placed.c.place)))

@@ -63,8 +63,9 @@ class TableForm(BaseModel):
 def plant(backend: Services) -> HTMLResponse:
     seen = plants.overview(backend)
     changed = plants.changes(backend)
-    worst = plants.worst(backend) if seen.audited else []
-    listed = [row["loop"] for row in worst]
+    today = plants.look_today(backend, changed) if seen.audited else []
+    worst = plants.worst(backend, beside={row["loop"] for row in today}) if seen.audited else []
+    listed = [row["loop"] for row in [*today[:CHANGES], *worst]]
     return page(
         "plant.html",
         backend.clock,
@@ -73,6 +74,7 @@ def plant(backend: Services) -> HTMLResponse:
         changed=changed,
         arrivals=_arrivals(backend, changed) if seen.audited else [],
         repairs=repairs(backend) if seen.audited else None,
+        today=today,
         worst=worst,
         last_nights=nights(backend, listed + [row.loop for row in changed.rows[:CHANGES]]),
         judged=judged(backend, listed),

@@ -21,6 +21,8 @@ from app.services.wording import (
     STATE_WORDS,
     VERDICT_WORDS,
     cause_words,
+    headline,
+    looked_at_today,
     measured_probability,
     starter_words,
 )
@@ -73,6 +75,8 @@ def environment() -> Environment:
         "tag_in_url": tag_in_url,
         "first_reasons": first_reasons,
         "cause_words": cause_words,
+        "headline": headline,
+        "looked_at_today": looked_at_today,
         "measured_probability": measured_probability,
         "starter_words": starter_words,
         "upload_words": upload_words,

@@ -58,10 +58,13 @@ def test_a_pv_that_never_answers_is_worse_than_a_valve_that_sticks():
     assert found.value < health(STICKY, figures, None).value
 
 
-def test_a_flat_pv_without_a_controller_at_work_is_neither_good_nor_bad():
+def test_a_pv_that_does_not_answer_is_as_bad_where_that_keeps_from_a_verdict():
     flat = Judgement("not_auditable", None, "not_reliable", (), "stuck_valve_or_dead_transmitter")
-    assert lost(health(flat, replace(STILL, service_factor_pct=100.0), None))["stiction"] == 20.0
-    assert lost(health(flat, replace(STILL, service_factor_pct=100.0), None))["service"] == 0.0
+    dead = Judgement("inconclusive", 0.6, "not_reliable", (), "stuck_valve_or_dead_transmitter")
+    in_automatic = replace(STILL, service_factor_pct=100.0)
+    assert lost(health(flat, in_automatic, None)) == lost(health(dead, in_automatic, None))
+    assert lost(health(flat, STILL, None))["stiction"] == 40.0
+    assert lost(health(flat, STILL, None))["service"] == 0.0  # whether a controller works against it is not known
 
 
 def test_what_is_not_known_takes_nothing_off_and_says_so():

@@ -17,6 +17,7 @@ from app.services.plant import glossary, groups, notes
 from app.services.plant import overview as plant
 from app.services.plant.groups import groups_of, plant_groups
 from app.services.plant.loops import loop_health, newest_failure, patch_loop, verdict_history
+from app.services.wording import headline
 from app.storage import items, loops
 from app.storage.items import Failure
 from app.storage.tables import audits, newest_rows, verdicts
@@ -101,6 +102,27 @@ def test_a_changed_verdict_says_why(
     (change,) = plant.changes(backend).rows
     assert (change.loop, change.before, change.now, change.why, change.because) == ("B", other, now, why, because)
     assert change.kind == ("new" if now == "stiction" else "cured" if now == "no_stiction" else "flipped")
+
+
+def test_a_pv_that_does_not_answer_is_looked_at_today_and_news_of_it_first(
+    backend: Backend, two_runs: tuple[dict[str, int], int]
+) -> None:
+    ids, first = two_runs
+    second = int(loop_health(backend, "B")["audit_id"])
+    dead = {"verdict": "not_auditable", "likely_cause": "stuck_valve_or_dead_transmitter"}
+    for tag in ("B", "C"):
+        rewrite(backend, second, ids[tag], **dead)
+        rewrite_newest(backend, ids[tag], **dead)
+    rewrite(backend, first, ids["B"], **dead)
+    today = plant.look_today(backend, plant.changes(backend))
+    assert [row["loop"] for row in today] == ["C", "B"]
+    assert all(headline(row) == "a stuck valve or a dead transmitter; look today" for row in today)
+    assert {row["loop"] for row in plant.worst(backend, beside={"B", "C"})} == {"A", "D"}
+
+
+def rewrite_newest(backend: Backend, loop: int, **values: object) -> None:
+    with backend.database.write() as connection:
+        connection.execute(update(newest_rows).where(newest_rows.c.loop_id == loop).values(**values))
 
 
 def test_a_valve_that_began_to_stick_is_why_though_more_was_recorded(

@@ -55,6 +55,8 @@ def test_a_pv_that_never_answers_comes_among_what_wants_a_look():
         row(recording="sure", stiction_probability=0.8),
     ]
     assert [line["recording"] for line in worst_first(rows)] == ["sure", "stuck", "weak", "doubtful"]
+    rows[2] |= {"verdict": "not_auditable", "stiction_probability": None}
+    assert [line["recording"] for line in worst_first(rows)] == ["sure", "stuck", "weak", "doubtful"]
 
 
 def test_the_table_shows_the_weightiest_reasons_only():

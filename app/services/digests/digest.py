@@ -18,7 +18,7 @@ from app.services.plant.overview import change_of
 from app.services.plant.repaired import RepairView, repairs
 from app.services.rendering import document, figure
 from app.services.results import AuditView, ChangeView
-from app.services.wording import CHANGE_WORDS, RELIABILITY_BRIEF, VERDICT_RANK, VERDICT_WORDS, cause_words
+from app.services.wording import CHANGE_WORDS, RELIABILITY_BRIEF, VERDICT_RANK, VERDICT_WORDS, brief, cause_words
 from app.storage import digests, plant
 
 TOP = 5
@@ -41,6 +41,11 @@ class DigestLoop:
     why: str
     address: str
     judged: str = ""
+
+    @property
+    def told(self) -> str:
+        """What stands behind the verdict."""
+        return f"probability {figure(self.stiction_probability, 2)}, {brief(vars(self))}"
 
 
 @dataclass(frozen=True)
@@ -228,8 +233,7 @@ def _refused(digest: Digest) -> list[str]:
 
 
 def _loop_lines(place: int, loop: DigestLoop) -> list[str]:
-    sure, probability = RELIABILITY_BRIEF[loop.reliability], figure(loop.stiction_probability, 2)
-    told = f"{VERDICT_WORDS[loop.verdict]} (probability {probability}, {sure})"
+    told = f"{VERDICT_WORDS[loop.verdict]} ({loop.told})"
     head = f"  {place}. {_line(loop.loop)}: {told}, health {figure(loop.health, 0)}"
     of_time = [f"     {loop.judged}"] if loop.judged else []
     return [head, *of_time, f"     {_line(loop.why)}", *([f"     {loop.address}"] if loop.address else [])]

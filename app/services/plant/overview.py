@@ -1,7 +1,7 @@
 """The plant on one page: counts, units, what changed since last night, and the worst loops."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -14,7 +14,7 @@ from app.services.next_steps import next_step
 from app.services.plant.judged import ToManual, to_manual
 from app.services.plant.reliability import checked, following, place_of, with_loop
 from app.services.results import AuditView, ChangedBy, ChangeView, Page, UnitView
-from app.services.wording import WHY_WORDS, cause_words
+from app.services.wording import UNANSWERED, WHY_WORDS, cause_words
 from app.storage import notes, plant, verdicts
 from app.storage.loops import count as count_loops
 from app.storage.loops import count_retired
@@ -95,9 +95,18 @@ def changes(backend: Backend, limit: int = LISTED_CHANGES) -> Changes:
     return Changes(str(run.id), iso_utc(run.created_at), rows, len(found) > limit, compared, manual)
 
 
-def worst(backend: Backend, limit: int = WORST) -> list[dict[str, Any]]:
-    """The loops at the head of the list by what is missing to full health x importance."""
-    return table(backend, limit, sort="-priority").rows
+def look_today(backend: Backend, changed: Changes) -> list[dict[str, Any]]:
+    """The loops in which PV does not answer OP, those first of which that is news."""
+    asked = RowFilter(verdict=("inconclusive", "not_auditable"), likely_cause=UNANSWERED)
+    news = {row.loop for row in changed.rows}
+    return sorted(table(backend, LISTED_CHANGES, filters=asked).rows, key=lambda row: row["loop"] not in news)
+
+
+def worst(backend: Backend, limit: int = WORST, beside: Collection[str] = ()) -> list[dict[str, Any]]:
+    """The loops at the head of the list by what is missing to full health x importance; `beside`: tags of those that
+    are listed elsewhere."""
+    rows = table(backend, limit + len(beside), sort="-priority").rows
+    return [row for row in rows if row["loop"] not in beside][:limit]
 
 
 def table(

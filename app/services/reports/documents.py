@@ -29,7 +29,6 @@ from app.services.reports.svg import WIDTH, Ends, Line, chart
 from app.storage import loops as stored_loops
 from app.storage import plant as stored_plant
 from app.storage import verdicts
-from app.storage.digests import COMPLAINTS
 from app.storage.verdicts import RowFilter
 
 NIGHTS = 60
@@ -101,9 +100,9 @@ def _made(backend: Backend) -> dict[str, Any]:
 
 
 def _worst(backend: Backend) -> list[tuple[str | None, list[dict[str, Any]]]]:
-    """Of each unit the worst loops that stick or may, with what their row says."""
+    """Of each unit the worst loops that stick, may, or show no answer of PV to OP, with what their row says."""
     with backend.database.read() as connection:
-        placed = stored_plant.worst_of_units(connection, WORST_OF_UNIT, COMPLAINTS)
+        placed = stored_plant.worst_of_units(connection, WORST_OF_UNIT, complaints=True)
         ids = stored_loops.ids_of(connection, [row.tag for row in placed])
         rows = verdicts.newest_of(connection, list(ids.values()))
     told = [(row.unit, as_row(rows[row.tag]) | {"importance": row.importance}) for row in placed if row.tag in rows]

@@ -46,7 +46,11 @@ def test_it_tells_the_worst_of_each_unit_and_what_changed(backend: Backend, nigh
 
 
 def test_it_names_the_loops_that_were_not_auditable(backend: Backend, night: str, add_loops: AddLoops) -> None:
-    refused = {"verdict": "not_auditable", "likely_cause": "stuck_valve_or_dead_transmitter"}
+    refused = {
+        "verdict": "not_auditable",
+        "stiction_probability": None,
+        "likely_cause": "stuck_valve_or_dead_transmitter",
+    }
     named = ["A2", "B1"]
     ids = add_loops(*named)
     with backend.database.write() as connection:
@@ -54,6 +58,8 @@ def test_it_names_the_loops_that_were_not_auditable(backend: Backend, night: str
         connection.execute(update(verdicts).where(*mine).values(**refused))
     told = "2 not auditable: PV never moves: stuck valve or dead transmitter (A2, B1)"
     found = digest_of(backend, night)
+    worst = {one.loop: one for area in found.areas for one in area.loops}
+    assert {worst[tag].told for tag in named} == {"probability –, look today"}
     assert found.refused_loops == {"stuck_valve_or_dead_transmitter": named}
     assert told in as_text(found)
     assert told in as_html(found)
