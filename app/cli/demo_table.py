@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from app.cli.tables import VERDICT_STYLE, console_for, number
-from app.services.wording import VERDICT_RANK, VERDICT_WORDS
+from app.services.wording import VERDICT_RANK, VERDICT_WORDS, measured_probability
 
 if TYPE_CHECKING:
     from app.services.demo import DemoLoop
@@ -94,7 +94,7 @@ def _cells(item: Judged, wide: bool) -> dict[str, Text | str]:
         "loop": Text(row["loop"]),
         "unit": Text(row["unit"] or ""),
         "verdict": Text(VERDICT_WORDS[row["verdict"]], style=VERDICT_STYLE[row["verdict"]]),
-        "P(stiction)": number(row["stiction_probability"], 2),
+        "P(stiction)": number(measured_probability(row), 2),
         "verdict is": row["reliability"].replace("_", " "),
         "health": number(row["health"], 0),
         "S (95 %)": _size(row) if wide else number(row["stiction_S"], 1),

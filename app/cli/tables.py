@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from app.services.wording import VERDICT_RANK, VERDICT_WORDS, worst_first
+from app.services.wording import VERDICT_RANK, VERDICT_WORDS, measured_probability, worst_first
 
 VERDICT_STYLE = {"stiction": "bold red", "inconclusive": "yellow", "not_auditable": "dim", "no_stiction": "green"}
 PIPE_WIDTH = 180
@@ -46,7 +46,7 @@ def verdict_cells(line: Mapping[str, Any]) -> list[Text]:
     return [
         Text(line["recording"]),
         Text(VERDICT_WORDS[verdict], style=VERDICT_STYLE[verdict]),
-        Text(number(line["stiction_probability"], 2)),
+        Text(number(measured_probability(line), 2)),
         Text(line["reliability"].replace("_", " ")),
         Text(size(line["stiction_size"])),
         Text(number(line["yper_pct"], 1)),

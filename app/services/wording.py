@@ -105,8 +105,9 @@ def cause_words(code: str | None) -> str:
 
 
 def codes_of(row: Mapping[str, Any]) -> list[str]:
-    """The codes of a row's reasons, the weightiest first."""
-    return (row["reasons"] or "").split(";")
+    """The codes of the reasons of a row, or of an audit line, the weightiest first."""
+    reasons = row["reasons"] or ""
+    return reasons.split(";") if isinstance(reasons, str) else [reason["code"] for reason in reasons]
 
 
 def measured_probability(row: Mapping[str, Any]) -> float | None:

@@ -21,7 +21,7 @@ def worst_of_units(connection: Connection, audit_id: int, each: int) -> list[Any
     place = func.row_number().over(partition_by=loops.c.unit, order_by=(_PRIORITY.desc().nulls_last(), loops.c.tag))
     shown = (
         *(loops.c.tag, loops.c.unit, loops.c.importance, this.c.verdict, this.c.reliability),
-        *(this.c.stiction_probability, this.c.likely_cause, this.c.health, this.c.reasons_text),
+        *(this.c.stiction_probability, this.c.likely_cause, this.c.health, this.c.reasons, this.c.reasons_text),
     )
     placed = select(*shown, place.label("place")).select_from(_OF_RUN)
     found = placed.where(this.c.audit_id == audit_id, complains(this)).subquery()
@@ -60,3 +60,9 @@ def counts_of(connection: Connection, audit_id: int) -> list[Any]:
     by = (this.c.verdict, this.c.reliability, this.c.likely_cause)
     query = select(*by, func.count().label("loops")).select_from(_OF_RUN).where(this.c.audit_id == audit_id)
     return list(connection.execute(query.group_by(*by)))
+
+
+def retired_since(connection: Connection, audit_id: int) -> int:
+    """How many loops with a verdict of the run are not counted, because they have been retired."""
+    query = select(func.count()).select_from(loops.join(this, this.c.loop_id == loops.c.id))
+    return connection.scalar(query.where(this.c.audit_id == audit_id, loops.c.retired)) or 0

@@ -46,7 +46,7 @@ def test_the_readme_walks_to_the_loop_at_the_top_whichever_it_is():
     readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
     walk = readme[readme.index("## Five minutes") : readme.index("Then with your own data")]
     assert [loop.tag for loop in plant() if loop.tag in walk] == []
-    assert "Click on the loop at the top (the second address)" in walk
+    assert 'Click on the loop at the top of "Worst first" (the second address)' in walk
     said = where_to_look("http://127.0.0.1:1", "FIC1")
     assert said[1].endswith("http://127.0.0.1:1/loops/FIC1")
     assert "`loopaudit demo --serve`" in NOT_KEPT[0]

@@ -2,9 +2,10 @@
 
 import pytest
 
+from app.cli.tables import verdict_cells
 from app.services.auditing.audit_models import ReliabilityRow
 from app.services.rendering import figure
-from app.services.wording import worst_first
+from app.services.wording import measured_probability, worst_first
 from app.web.columns import query_without
 from app.web.rendering import as_tags, cause_words, first_reasons, other_way, shown
 
@@ -88,3 +89,16 @@ def test_tags_of_an_upload_are_listed_with_their_loop_and_signal():
 def test_causes_without_words_are_still_readable():
     assert cause_words("a_new_cause") == "a new cause"
     assert cause_words(None) == "not known"
+
+
+def test_a_prior_is_no_measurement_in_rows_and_in_lines():
+    assert measured_probability({"reasons": "a;prior_only", "stiction_probability": 0.6}) is None
+    assert measured_probability({"reasons": [{"code": "prior_only", "text": ""}], "stiction_probability": 0.6}) is None
+    assert measured_probability({"reasons": [{"code": "a", "text": ""}], "stiction_probability": 0.6}) == 0.6
+    assert measured_probability({"reasons": None, "stiction_probability": 0.6}) == 0.6
+    assert verdict_cells(line(reasons=[{"code": "prior_only", "text": "a prior"}]))[2].plain == "-"
+
+
+def line(**changes) -> dict:
+    told = {"recording": "A", "verdict": "inconclusive", "stiction_probability": 0.6, "reliability": "not_reliable"}
+    return {**told, "stiction_size": {"S": None}, "yper_pct": None, **changes}

@@ -18,7 +18,16 @@ from app.services.plant.overview import change_of
 from app.services.plant.repaired import RepairView, repairs
 from app.services.rendering import document, figure
 from app.services.results import AuditView, ChangeView
-from app.services.wording import CHANGE_WORDS, RELIABILITY_BRIEF, VERDICT_RANK, VERDICT_WORDS, brief, cause_words
+from app.services.wording import (
+    CHANGE_WORDS,
+    PRIOR_ONLY,
+    RELIABILITY_BRIEF,
+    VERDICT_RANK,
+    VERDICT_WORDS,
+    brief,
+    cause_words,
+    codes_of,
+)
 from app.storage import digests, plant
 
 TOP = 5
@@ -29,7 +38,8 @@ LONGEST_WHY = 200
 @dataclass(frozen=True)
 class DigestLoop:
     """A loop to look at; `why` is the weightiest reason, `address` its page (empty: not known how people reach it),
-    `judged` of which time its verdict is, where that is not up to its newest samples."""
+    `judged` of which time its verdict is, where that is not up to its newest samples. `measured`: whether its
+    probability is, and not a prior."""
 
     loop: str
     verdict: str
@@ -41,11 +51,13 @@ class DigestLoop:
     why: str
     address: str
     judged: str = ""
+    measured: bool = True
 
     @property
     def told(self) -> str:
         """What stands behind the verdict."""
-        return f"probability {figure(self.stiction_probability, 2)}, {brief(vars(self))}"
+        known = self.measured and self.stiction_probability is not None
+        return f"{f'probability {figure(self.stiction_probability, 2)}, ' if known else ''}{brief(vars(self))}"
 
 
 @dataclass(frozen=True)
@@ -58,7 +70,7 @@ class Area:
 class Digest:
     """What one run came to; the same whenever it is asked for, but for loops that were retired since. `refused`: how
     many loops were not auditable, by likely cause; `refused_loops`: the most important of each. `to_manual`: loops that
-    went to manual, and what is still said of them."""
+    went to manual, and what is still said of them. `retired`: how many of the run's loops are retired and left out."""
 
     plant: str
     run: AuditView
@@ -75,6 +87,7 @@ class Digest:
     compared: bool
     public_url: str
     clock: PlantClock
+    retired: int = 0
 
 
 def newest_run(backend: Backend) -> str:
@@ -96,6 +109,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
     with backend.database.read() as connection:
         counted = digests.counts_of(connection, number)
         worst = digests.worst_of_units(connection, number, TOP)
+        retired = digests.retired_since(connection, number)
         not_auditable = digests.refused_of(connection, number, TOP)
         # In a plant's first run every verdict is new: that is no news.
         compared = plant.any_run_before(connection, number)
@@ -132,6 +146,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         compared=compared,
         public_url=url,
         clock=backend.clock,
+        retired=retired,
     )
 
 
@@ -148,7 +163,7 @@ def as_text(digest: Digest) -> str:
     run = digest.run
     lines = [
         f"Audit of {_line(digest.plant)}, {digest.clock.told(run.created_at)}:",
-        f"{run.done} of {run.total} loops have a verdict.",
+        f"{_counted(digest)}.",
     ]
     for name in VERDICT_RANK:
         lines.append(f"  {digest.verdicts.get(name, 0):6d} {VERDICT_WORDS[name]}")
@@ -177,6 +192,7 @@ def as_html(digest: Digest) -> str:
     return document(
         "digest.html",
         digest=digest,
+        counted=_counted(digest),
         refused=_refused(digest),
         no_change=_no_change(digest),
         how_to_read=HOW_TO_READ,
@@ -219,7 +235,9 @@ def _to_manual(backend: Backend, number: int) -> list[str]:
 def _loop(row: Any, url: str, of_time: str) -> DigestLoop:
     why = row.reasons_text.split(". ")[0][:LONGEST_WHY]
     shown = (row.verdict, row.reliability, row.stiction_probability, row.likely_cause, row.health, row.importance)
-    return DigestLoop(row.tag, *shown, why, loop_address(url, row.tag), of_time)
+    return DigestLoop(
+        row.tag, *shown, why, loop_address(url, row.tag), of_time, PRIOR_ONLY not in codes_of(row._mapping)
+    )
 
 
 def _refused(digest: Digest) -> list[str]:
@@ -237,6 +255,13 @@ def _loop_lines(place: int, loop: DigestLoop) -> list[str]:
     head = f"  {place}. {_line(loop.loop)}: {told}, health {figure(loop.health, 0)}"
     of_time = [f"     {loop.judged}"] if loop.judged else []
     return [head, *of_time, f"     {_line(loop.why)}", *([f"     {loop.address}"] if loop.address else [])]
+
+
+def _counted(digest: Digest) -> str:
+    """How many loops of the run have a verdict, so that the counts below add up to it."""
+    gone = digest.retired
+    retired = f"; {gone} more {'have' if gone > 1 else 'has'} been retired since" if gone else ""
+    return f"{digest.run.done - gone} of {digest.run.total - gone} loops have a verdict{retired}"
 
 
 def _change_lines(digest: Digest) -> list[str]:

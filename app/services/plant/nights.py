@@ -18,8 +18,7 @@ NOTHING_NEW = "="
 
 @dataclass(frozen=True)
 class Night:
-    """The last verdict of one date, by the plant's clock. again: why it is the same as the one before; empty where not.
-    """
+    """The last verdict of one date, by the plant's clock. again: why it is the same as before; empty: it is not."""
 
     date: str
     verdict: str

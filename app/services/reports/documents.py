@@ -26,6 +26,7 @@ from app.services.plant.groups import soon as groups_soon
 from app.services.plant.judged import judged
 from app.services.rendering import document
 from app.services.reports.svg import WIDTH, Ends, Line, chart
+from app.services.wording import measured_probability
 from app.storage import loops as stored_loops
 from app.storage import plant as stored_plant
 from app.storage import verdicts
@@ -143,7 +144,8 @@ def _course(history: Sequence[Mapping[str, Any]], clock: PlantClock) -> Markup |
         return None
     nights = list(reversed(history))
     x = [datetime.fromisoformat(night["audited_at"]).timestamp() for night in nights]
-    probability = [None if n["stiction_probability"] is None else 100.0 * n["stiction_probability"] for n in nights]
+    measured = [measured_probability(night) for night in nights]
+    probability = [None if value is None else 100.0 * value for value in measured]
     ends = Ends(x[0], x[-1], clock.short(nights[0]["audited_at"]), clock.short(nights[-1]["audited_at"]))
     lines = [
         Line("probability of stiction, %", probability, OP, dots=True),

@@ -17,6 +17,7 @@ from app.services.backend import Backend
 from app.services.digests import deliveries, mailing, webhooks
 from app.services.digests.digest import Digest, as_html, as_text, digest_of, newest_run, subject
 from app.services.digests.sending import NotSentError, shown
+from app.services.reports.documents import plant_report
 from app.services.upkeep import doctor
 from app.services.upkeep.operations import sweep
 from app.settings import Settings
@@ -59,10 +60,30 @@ def test_it_names_the_loops_that_were_not_auditable(backend: Backend, night: str
     told = "2 not auditable: PV never moves: stuck valve or dead transmitter (A2, B1)"
     found = digest_of(backend, night)
     worst = {one.loop: one for area in found.areas for one in area.loops}
-    assert {worst[tag].told for tag in named} == {"probability –, look today"}
+    assert {worst[tag].told for tag in named} == {"look today"}
     assert found.refused_loops == {"stuck_valve_or_dead_transmitter": named}
     assert told in as_text(found)
     assert told in as_html(found)
+
+
+def test_its_counts_add_up_once_a_loop_is_retired(backend: Backend, night: str, add_loops: AddLoops) -> None:
+    assert "\n4 of 4 loops have a verdict.\n" in as_text(digest_of(backend, night))
+    add_loops("A2", n=0, retired=True)
+    found = digest_of(backend, night)
+    assert sum(found.verdicts.values()) == 3
+    assert "\n3 of 3 loops have a verdict; 1 more has been retired since.\n" in as_text(found)
+    assert "3 of 3 loops have a verdict; 1 more has been retired since" in as_html(found)
+
+
+def test_a_prior_is_no_probability(backend: Backend, night: str, add_loops: AddLoops) -> None:
+    ids = add_loops("A2", n=0)
+    frozen = {"verdict": "inconclusive", "stiction_probability": 0.6, "likely_cause": "stuck_valve_or_dead_transmitter"}
+    with backend.database.write() as connection:
+        mine = (verdicts.c.audit_id == int(night), verdicts.c.loop_id == ids["A2"])
+        connection.execute(update(verdicts).where(*mine).values(**frozen, reasons="pv_does_not_answer;prior_only"))
+    assert "A2: cannot tell (look today)" in as_text(digest_of(backend, night))
+    assert "0.60" not in as_html(digest_of(backend, night))
+    assert "0.60" not in plant_report(backend)
 
 
 def test_a_later_run_changes_nothing_of_it(backend: Backend, night: str) -> None:
