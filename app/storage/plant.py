@@ -91,6 +91,17 @@ def last_whole_run(connection: Connection) -> Any:
     return asked_for if asked_for.created_at - night.created_at > A_DAY else night
 
 
+def last_night(connection: Connection) -> int | None:
+    """The newest ended run that was a night's, though it was the second of its date."""
+    ended = audits.c.state.in_(("done", "partial"))
+    return connection.scalar(select(func.max(audits.c.id)).where(ended, audits.c.trigger == "nightly"))
+
+
+def any_run_since(connection: Connection, audit_id: int) -> bool:
+    ended = audits.c.state.in_(("done", "partial"))
+    return connection.scalar(select(audits.c.id).where(audits.c.id > audit_id, ended).limit(1)) is not None
+
+
 def any_run_before(connection: Connection, audit_id: int) -> bool:
     return connection.scalar(select(audits.c.id).where(audits.c.id < audit_id, audits.c.total > 0).limit(1)) is not None
 

@@ -13,6 +13,7 @@ from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.nightly import nightly
 from app.services.backend import Backend
+from app.services.digests.digest import as_text, digest_of, newest_run
 from app.services.plant import glossary, groups, notes
 from app.services.plant import overview as plant
 from app.services.plant.groups import groups_of, plant_groups
@@ -150,6 +151,25 @@ def test_what_a_night_changed_is_news_though_somebody_audits_again(backend: Back
     told = plant.changes(backend)
     assert told.run_id == run.id
     assert [(change.loop, change.before, change.now) for change in told.rows] == [("B", other, now)]
+
+
+def test_what_came_since_the_first_run_is_news(backend: Backend, add_loops: AddLoops) -> None:
+    ids = add_loops("A", "B", n=600)
+    first = int(nightly(backend).id)
+    audit_chunk(backend, first, "test")
+    assert not plant.changes(backend).compared
+    assert newest_run(backend) == str(first)
+    now = loop_health(backend, "B")["verdict"]
+    other = "no_stiction" if now == "stiction" else "stiction"
+    rewrite(backend, first, ids["B"], verdict=other)
+    rewrite_newest(backend, ids["B"], verdict=other)
+    again = start_audit(backend, trigger="nightly")  # the second of this date
+    audit_chunk(backend, int(again.id), "test")
+    told = plant.changes(backend)
+    assert (told.run_id, told.first, told.compared) == (str(first), True, True)
+    assert [(change.loop, change.before, change.now) for change in told.rows] == [("B", other, now)]
+    assert newest_run(backend) == again.id
+    assert f"run {again.id}, " in as_text(digest_of(backend, again.id)).splitlines()[0]
 
 
 def test_what_is_started_days_after_the_last_night_takes_its_place(backend: Backend, add_loops: AddLoops) -> None:

@@ -91,13 +91,13 @@ class Digest:
 
 
 def newest_run(backend: Backend) -> str:
-    """The newest night that has ended, or a run of the plant that was asked for where no night began within the day
-    before it. Raises RequestError("no_run")."""
+    """The newest night that has ended, though it was the second of its date, or a run of the plant that was asked for
+    where no night began within the day before it. Raises RequestError("no_run")."""
     with backend.database.read() as connection:
-        found = plant.last_whole_run(connection)
+        found, night = plant.last_whole_run(connection), plant.last_night(connection)
     if found is None:
         raise RequestError("no_run", "no audit has ended yet; `loopaudit nightly` runs one")
-    return str(found.id)
+    return str(max(found.id, night or 0))
 
 
 def digest_of(backend: Backend, audit_id: str) -> Digest:
@@ -162,7 +162,7 @@ def subject(digest: Digest) -> str:
 def as_text(digest: Digest) -> str:
     run = digest.run
     lines = [
-        f"Audit of {_line(digest.plant)}, {digest.clock.told(run.created_at)}:",
+        f"Audit of {_line(digest.plant)}, run {run.id}, {digest.clock.told(run.created_at)}:",
         f"{_counted(digest)}.",
     ]
     for name in VERDICT_RANK:

@@ -50,7 +50,8 @@ class Overview:
 @dataclass(frozen=True)
 class Changes:
     """What became of verdicts in the newest whole run (and since then), against each loop's verdict before. to_manual:
-    loops that went to manual, whose verdict is the one of before."""
+    loops that went to manual, whose verdict is the one of before. first: the run is the plant's first, and what is told
+    is what came since."""
 
     run_id: str | None
     run_at: str | None
@@ -58,7 +59,7 @@ class Changes:
     more: bool
     compared: bool = True
     to_manual: Sequence[ToManual] = ()
-
+    first: bool = False
 
 def overview(backend: Backend) -> Overview:
     with backend.database.read() as connection:
@@ -85,14 +86,16 @@ def overview(backend: Backend) -> Overview:
 def changes(backend: Backend, limit: int = LISTED_CHANGES) -> Changes:
     with backend.database.read() as connection:
         run = plant.last_whole_run(connection)
-        # In a plant's first run every verdict is new: that is no news.
-        compared = run is not None and plant.any_run_before(connection, run.id)
-        found = plant.changes(connection, run.id, limit + 1) if compared else []
-    if run is None:
-        return Changes(None, None, [], False)
+        if run is None:
+            return Changes(None, None, [], False)
+        # In a plant's first run every verdict is new: that is no news, but what came since is.
+        first = not plant.any_run_before(connection, run.id)
+        since = run.id + 1 if first else run.id
+        compared = not first or plant.any_run_since(connection, run.id)
+        found = plant.changes(connection, since, limit + 1) if compared else []
     rows = [change_of(row) for row in found[:limit]]
-    manual = to_manual(backend, run.id, and_since=True) if compared else []
-    return Changes(str(run.id), iso_utc(run.created_at), rows, len(found) > limit, compared, manual)
+    manual = to_manual(backend, since, and_since=True) if compared else []
+    return Changes(str(run.id), iso_utc(run.created_at), rows, len(found) > limit, compared, manual, first)
 
 
 def look_today(backend: Backend, changed: Changes) -> list[dict[str, Any]]:
