@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from datetime import datetime
 from typing import Any
 
 from app.engine.episodes import BEGAN
 from app.engine.judgement import FOREIGN_CYCLE, HIDDEN_BAND, NO_ANSWER, PV_STANDS, UNCOUPLED, WOUND_UP
 from app.engine.verdict_config import VerdictConfig
 from app.services.auditing.hearing import MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR
-from app.services.auditing.repairs import BEFORE_REPAIR
+from app.services.auditing.repairs import of_before
 from app.services.wording import CAUSE_WORDS, codes_of
 
 STICKS = (
@@ -115,7 +114,6 @@ BEFORE_A_BAND = frozenset(
 """Causes whose step comes first where the valve may have a band besides."""
 
 BY_REASON = {
-    BEFORE_REPAIR: WAIT,
     MOVES_NO_VALVE: NO_VALVE,
     MOVES_SET_POINT: OUTER,
     SHAKEN_BY_NEIGHBOUR: SHAKEN,
@@ -130,18 +128,13 @@ BY_VERDICT = {"no_stiction": CLEARED, "inconclusive": CANNOT_TELL, "not_auditabl
 def next_step(row: Mapping[str, Any], repaired_at: str | None = None) -> str:
     """What to do about a loop whose row of the reliability table this is; `repaired_at`: when it was repaired last
     (ISO 8601)."""
-    if repaired_at is not None and _ends_before(row, repaired_at):
+    if of_before(row, repaired_at):
         return WAIT
     reasons = codes_of(row)
     step, period_s = _by_verdict(row, reasons), row.get("oscillation_period_s")
     if FEW_CYCLES not in reasons or row["reliability"] == "reliable" or period_s is None or step == WAIT:
         return step
     return f"{step} {LONGER}: {ENOUGH_CYCLES:g} swings of this one take {in_hours(ENOUGH_CYCLES * period_s)}."
-
-
-def _ends_before(row: Mapping[str, Any], repaired_at: str) -> bool:
-    end = row.get("window_end")
-    return end is not None and datetime.fromisoformat(end) < datetime.fromisoformat(repaired_at)
 
 
 def in_hours(seconds: float) -> str:

@@ -90,14 +90,32 @@ def looked_at_today(row: Mapping[str, Any]) -> bool:
     return row.get("likely_cause") == UNANSWERED and row["verdict"] in ("inconclusive", "not_auditable")
 
 
+def _of_before_repair(row: Mapping[str, Any]) -> bool:
+    """Rows that are shown say so by what is known of the loop's repair."""
+    return bool(row.get("of_before_repair"))
+
+
 def headline(row: Mapping[str, Any]) -> str:
     """What stands behind the verdict of a row, as a sentence would go on."""
+    if _of_before_repair(row):
+        return "of before the repair; wait for what is recorded since"
     return LOOK_TODAY_WORDS if looked_at_today(row) else RELIABILITY_WORDS[row["reliability"]]
 
 
 def brief(row: Mapping[str, Any]) -> str:
     """The same in two words."""
-    return "look today" if looked_at_today(row) else RELIABILITY_BRIEF[row["reliability"]]
+    return _short(row, RELIABILITY_BRIEF)
+
+
+def rely(row: Mapping[str, Any]) -> str:
+    """The same as the answer to whether it can be relied on."""
+    return _short(row, RELIABILITY_SHORT)
+
+
+def _short(row: Mapping[str, Any], words: Mapping[str, str]) -> str:
+    if _of_before_repair(row):
+        return "of before the repair"
+    return "look today" if looked_at_today(row) else words[row["reliability"]]
 
 
 def cause_words(code: str | None) -> str:

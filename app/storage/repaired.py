@@ -11,7 +11,7 @@ from app.storage.tables import loops, notes, verdicts
 
 def between(connection: Connection, since: datetime, until: datetime, audit_id: int | None, limit: int) -> list[Any]:
     """The loops with a repair in that time: tag, unit, repaired_at, the verdict before, and verdict, reliability,
-    reasons and input_start_ns of the run, for loops that it audited; without one of the loop's newest
+    and judged window of the run, for loops that it audited; without one of the loop's newest
     verdict, None where it has none. The weightiest first.
 
     Of each loop the note that was written last counts, as for the audit.
@@ -39,8 +39,8 @@ def between(connection: Connection, since: datetime, until: datetime, audit_id: 
             before.label("verdict_before"),
             verdicts.c.verdict,
             verdicts.c.reliability,
-            verdicts.c.reasons,
-            verdicts.c.input_start_ns,
+            verdicts.c.window_start,
+            verdicts.c.window_end,
         )
         .select_from(notes)
         .join(last, last.c.id == notes.c.id)

@@ -12,6 +12,7 @@ from app.http.backend import Caller, Identifier, Services
 from app.http.paths import LoopTag
 from app.services.addresses import tag_in_url
 from app.services.auditing.audits import LoopFilter, start_audit
+from app.services.auditing.repairs import of_before
 from app.services.auditing.rival_wording import why_first, worth_a_look
 from app.services.auditing.size_wording import size_in_words
 from app.services.moments import PlantClock
@@ -51,12 +52,13 @@ def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
         return page("loop.html", backend.clock, row=None, **told)
     detail = loops.verdict_detail(backend, tag)
     repair = notes.newest_repair(backend, tag)
+    repaired_at = None if repair is None else repair.repaired_at
     return page(
         "loop.html",
         backend.clock,
-        row=row,
+        row=row | {"of_before_repair": of_before(row, repaired_at)},
         detail=detail,
-        next_step=next_step(row, None if repair is None else repair.repaired_at),
+        next_step=next_step(row, repaired_at),
         size=size_in_words(row, detail),
         rivals=worth_a_look(detail.get("rivals", ())),
         why_first=why_first(detail.get("rivals", ()), row["rival_winner"]),

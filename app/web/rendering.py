@@ -22,8 +22,8 @@ from app.services.wording import (
     VERDICT_WORDS,
     cause_words,
     headline,
-    looked_at_today,
     measured_probability,
+    rely,
     starter_words,
 )
 
@@ -76,7 +76,7 @@ def environment() -> Environment:
         "first_reasons": first_reasons,
         "cause_words": cause_words,
         "headline": headline,
-        "looked_at_today": looked_at_today,
+        "rely": rely,
         "measured_probability": measured_probability,
         "starter_words": starter_words,
         "upload_words": upload_words,

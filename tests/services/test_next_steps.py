@@ -7,6 +7,7 @@ import pytest
 from app.engine.unanswered import CAUSE
 from app.services import next_steps
 from app.services.auditing.reason_wording import REASON_WORDS
+from app.services.auditing.repairs import BEFORE_REPAIR
 from app.services.next_steps import BY_CAUSE, next_step
 from app.services.wording import CAUSE_WORDS, UNANSWERED
 
@@ -40,7 +41,7 @@ def test_a_step_for_each(row, told):
 
 def test_a_verdict_of_before_a_repair_sends_nobody_out():
     row = row_of("stiction", "reliable", "stiction")
-    assert next_steps.BEFORE_REPAIR in REASON_WORDS
+    assert BEFORE_REPAIR in REASON_WORDS
     assert next_step(row | {"reasons": "before_repair;shape_sticking"}) == next_steps.WAIT
     assert next_step(row | {"verdict": "no_stiction", "reasons": "stiction_began"}) == next_steps.BEGAN_TO_STICK
     unsure = row | {"verdict": "stiction", "reliability": "not_reliable"}

@@ -5,17 +5,21 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
+from sqlalchemy import update
 
 from app.engine.simulate import LinearValve, LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
 from app.services.auditing import audits, chunks
 from app.services.backend import Backend
 from app.services.digests import digest
 from app.services.moments import ns_of
-from app.services.plant import loops, notes, repaired
+from app.services.next_steps import WAIT
+from app.services.plant import loops, notes, overview, repaired
+from app.services.wording import RELIABILITY_WORDS, headline, rely
 from app.storage import loops as stored_loops
 from app.storage import series
 from app.storage.samples import Samples
 from app.storage.series import Stretch
+from app.storage.tables import verdicts
 
 START = datetime(2026, 3, 1, 6, tzinfo=UTC)
 REPAIRED = START + timedelta(hours=2)
@@ -167,6 +171,29 @@ def test_a_run_before_a_repair_was_written_down_tells_of_it_where_all_its_sample
     assert fortnight(backend, monkeypatch) == [("FIC1", "waiting", None, None, False)]
     notes.add_note(backend, "FIC1", "it was an hour before", repaired_at=START - timedelta(hours=1))
     assert fortnight(backend, monkeypatch) == [("FIC1", "sticks", None, "stiction", True)]
+
+
+def test_plant_and_loop_page_part_a_record_by_what_was_judged_of_it(
+    backend: Backend, arrives, night: Night, monkeypatch
+) -> None:
+    arrives(1440)
+    night()
+    begins = START + timedelta(minutes=30)
+    with backend.database.write() as connection:
+        connection.execute(update(verdicts).values(window_start=begins))  # what came before it was not judged
+    notes.add_note(backend, "FIC1", "packing renewed", repaired_at=begins)
+    assert fortnight(backend, monkeypatch) == [("FIC1", "sticks", None, "stiction", True)]
+    assert notes.newest_repair(backend, "FIC1").after["verdict"] == "stiction"
+    (row,) = overview.table(backend, 1).rows
+    assert (row["of_before_repair"], headline(row)) == (False, RELIABILITY_WORDS["reliable"])
+    later = datetime.now(UTC)
+    notes.add_note(backend, "FIC1", "it was later", repaired_at=later)
+    assert fortnight(backend, monkeypatch) == [("FIC1", "waiting", "stiction", None, False)]
+    assert notes.newest_repair(backend, "FIC1").after is None
+    (row,) = overview.table(backend, 1).rows
+    assert row["next_step"] == WAIT
+    assert headline(row) == "of before the repair; wait for what is recorded since"
+    assert rely(row) == "of before the repair"
 
 
 def test_a_repair_that_did_not_help_is_told_as_such(backend: Backend, arrives, night: Night, monkeypatch) -> None:

@@ -5,9 +5,10 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from app.errors import NotFoundError, RequestError
+from app.services.auditing.repairs import side_of
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
-from app.services.moments import epoch_ms, iso_utc
+from app.services.moments import iso_utc
 from app.services.plant.loops import find, verdict_history
 from app.services.results import NoteView, Page
 from app.storage import notes
@@ -103,10 +104,8 @@ def newest_repair(backend: Backend, tag: str) -> Repair | None:
         at = notes.repairs_stated_last(connection, [row.id]).get(row.id)
     if at is None:
         return None
-    moment = epoch_ms(at) or 0
-    judged = [verdict for verdict in verdict_history(backend, tag, limit=1000).rows if _told(verdict)]
-    after = [verdict for verdict in judged if _ms(verdict["window_start"] or verdict["audited_at"]) >= moment]
-    before = [verdict for verdict in judged if _ms(verdict["window_end"] or verdict["audited_at"]) < moment]
+    sides = [(_side(verdict, at), verdict) for verdict in verdict_history(backend, tag, limit=1000).rows]
+    before, after = ([verdict for side, verdict in sides if side == wanted] for wanted in ("before", "after"))
     return Repair(iso_utc(at) or "", before[0] if before else None, after[0] if after else None)
 
 
@@ -118,12 +117,11 @@ def _in_utc(moment: datetime) -> datetime:
         raise RequestError("bad_time", f"{moment} is beyond the years that there are") from None
 
 
-def _told(verdict: dict[str, Any]) -> bool:
-    return bool(verdict["window_end"] or verdict["audited_at"])
-
-
-def _ms(iso: str) -> int:
-    return epoch_ms(datetime.fromisoformat(iso)) or 0
+def _side(verdict: dict[str, Any], repaired_at: datetime) -> str | None:
+    """One without a window is of before a repair where it was made before it, and else of neither side."""
+    names = ("window_start", "window_end" if verdict["window_end"] else "audited_at")
+    start, end = (datetime.fromisoformat(verdict[name]) if verdict[name] else None for name in names)
+    return side_of(start, end, repaired_at)
 
 
 def _view(note: NoteRow | None) -> NoteView:

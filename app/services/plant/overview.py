@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from app.engine.episodes import BEGAN
 from app.services.auditing.audits import get_audit
-from app.services.auditing.repairs import BEFORE_REPAIR, SINCE_REPAIR
+from app.services.auditing.repairs import BEFORE_REPAIR, SINCE_REPAIR, of_before
 from app.services.backend import Backend
 from app.services.moments import iso_utc
 from app.services.next_steps import next_step
@@ -60,6 +60,7 @@ class Changes:
     compared: bool = True
     to_manual: Sequence[ToManual] = ()
     first: bool = False
+
 
 def overview(backend: Backend) -> Overview:
     with backend.database.read() as connection:
@@ -130,7 +131,8 @@ def table(
 def _with_work(row: dict[str, Any], written: Standing) -> dict[str, Any]:
     repaired_at = iso_utc(written.repaired_at)
     step = next_step(row, repaired_at)
-    return row | {"next_step": step, "work_order": written.work_order, "repaired_at": repaired_at}
+    written_of = {"work_order": written.work_order, "repaired_at": repaired_at}
+    return row | written_of | {"next_step": step, "of_before_repair": of_before(row, repaired_at)}
 
 
 def tiles(backend: Backend) -> dict[str, list[Any]]:

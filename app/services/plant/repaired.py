@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any, Literal
 
-from app.services.auditing.repairs import BEFORE_REPAIR, SINCE_REPAIR
+from app.services.auditing.repairs import side_of
 from app.services.backend import Backend
-from app.services.moments import iso_utc, ns_of
+from app.services.moments import iso_utc
 from app.services.wording import RELIABILITY_BRIEF, VERDICT_WORDS
 from app.storage import repaired as stored
 
@@ -73,19 +73,10 @@ def repairs(backend: Backend, audit_id: int | None = None, at: datetime | None =
 
 
 def _view(row: Any) -> RepairView:
-    told = row.verdict is not None and _rests_on_what_came_after(row)
+    told = row.verdict is not None and side_of(row.window_start, row.window_end, row.repaired_at) == "after"
     now, reliability = (row.verdict, row.reliability) if told else (None, None)
     outcome = _outcome(row.verdict_before, now, reliability == "reliable")
     return RepairView(row.tag, row.unit, iso_utc(row.repaired_at) or "", outcome, row.verdict_before, now, reliability)
-
-
-def _rests_on_what_came_after(row: Any) -> bool:
-    codes = row.reasons.split(";")
-    if BEFORE_REPAIR in codes:
-        return False
-    if SINCE_REPAIR in codes:
-        return True
-    return row.input_start_ns is not None and row.input_start_ns >= ns_of(row.repaired_at)
 
 
 def _outcome(before: str | None, now: str | None, reliable: bool) -> Outcome:

@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from app.errors import NotFoundError
 from app.services.addresses import loop_address
+from app.services.auditing.repairs import of_before
 from app.services.auditing.rival_wording import why_first
 from app.services.auditing.rows import as_row
 from app.services.auditing.size_wording import size_in_words
@@ -47,15 +48,16 @@ def loop_report(backend: Backend, tag: str) -> str:
     row = loops.loop_health(backend, tag)
     detail = loops.verdict_detail(backend, tag)
     repair = notes.newest_repair(backend, tag)
+    repaired_at = None if repair is None else repair.repaired_at
     history = loops.verdict_history(backend, tag, limit=NIGHTS).rows
     drawn = charts(backend, tag)
     explained = explanations.newest(backend, tag)
     return document(
         "loop_report.html",
         it=found,
-        row=row,
+        row=row | {"of_before_repair": of_before(row, repaired_at)},
         detail=detail,
-        next_step=next_step(row, None if repair is None else repair.repaired_at),
+        next_step=next_step(row, repaired_at),
         size=size_in_words(row, detail),
         judged=judged(backend, [tag]).get(tag),
         why_first=why_first(detail.get("rivals", ()), row["rival_winner"]),
