@@ -57,6 +57,10 @@ HAS_BAND = (
     "it. A load that switches to and fro looks the same."
 )
 CANNOT_TELL = "Nothing, unless it stays like that for weeks; then a stroke test tells more than another night."
+OBJECTED = (
+    "Audit a longer record before the valve is left alone: this is not to be relied on, and the published rule, or its "
+    "fit, says that the valve sticks. If it stays like that, ask for a stroke test."
+)
 NOT_AUDITABLE = "Tell the control engineer what the checks say: better recording brings a verdict."
 UNRELATED = (
     "Find out whether PV and OP are tags of one loop, and recorded. If they are, see in the field whether the stem "
@@ -108,6 +112,12 @@ BY_CAUSE_UNSURE = {
 FEW_CYCLES, ENOUGH_CYCLES = "few_cycles", VerdictConfig().min_cycles
 LONGER = "A longer record tells more"
 
+OBJECTIONS = frozenset({"reference_disagrees", "yper_high_stiction"})
+"""Reasons of a verdict that is not stiction, for which the published rule says that it is."""
+
+FIT_OBJECTS = 0.9
+"""Where a fitted valve that sticks leaves this share, or less, of the RMSE that one that does not leaves."""
+
 BEFORE_A_BAND = frozenset(
     {"set_point_following", "quantised_sensor", "sensor_spikes", "sensor_sticking", "backlash", "saturated_op"}
 )
@@ -132,9 +142,18 @@ def next_step(row: Mapping[str, Any], repaired_at: str | None = None) -> str:
         return WAIT
     reasons = codes_of(row)
     step, period_s = _by_verdict(row, reasons), row.get("oscillation_period_s")
+    if step.startswith("Nothing") and row["reliability"] != "reliable" and _objected(row, reasons):
+        step = OBJECTED
     if FEW_CYCLES not in reasons or row["reliability"] == "reliable" or period_s is None or step == WAIT:
         return step
     return f"{step} {LONGER}: {ENOUGH_CYCLES:g} swings of this one take {in_hours(ENOUGH_CYCLES * period_s)}."
+
+
+def _objected(row: Mapping[str, Any], reasons: Sequence[str]) -> bool:
+    """Whether the published rule takes the valve of a row for one that sticks, or its fit does by much."""
+    with_, without = row.get("hammerstein_rmse"), row.get("hammerstein_rmse_without_stiction")
+    by_fit = with_ is not None and without is not None and with_ <= FIT_OBJECTS * without
+    return by_fit or not OBJECTIONS.isdisjoint(reasons)
 
 
 def in_hours(seconds: float) -> str:
@@ -182,6 +201,10 @@ def as_table() -> str:
         ("not auditable, and no cause is named", NOT_AUDITABLE),
         ("no stiction, rely on it, and no cause is named", CLEARED),
         ("no stiction, look before you act, and no cause is named", NOT_CLEARED),
+        (
+            "not to be relied on, and the step would be nothing, but the published rule or its fit says stiction",
+            OBJECTED,
+        ),
         ("no stiction, but PV shows no answer to OP", STANDS_FAST),
         ("no stiction, but PV goes as behind a valve with a band", HAS_BAND),
         *((f"not to be relied on, likely cause: {CAUSE_WORDS[code]}", step) for code, step in BY_CAUSE_UNSURE.items()),

@@ -128,3 +128,19 @@ def test_a_repair_counts_from_when_it_is_written_down():
     row["window_end"] = "2026-01-02T00:00:00.500Z"
     assert next_step(row, "2026-01-02T00:00:01Z") == next_steps.WAIT
     assert next_step(row, "2026-01-02T00:00:00Z") == next_steps.STICKS
+
+
+@pytest.mark.parametrize(
+    ("told", "objected"),
+    [
+        ({"reasons": "few_cycles;reference_disagrees"}, True),
+        ({"reasons": "yper_high_stiction", "likely_cause": "no_oscillation"}, True),
+        ({"hammerstein_rmse": 0.89, "hammerstein_rmse_without_stiction": 1.0}, True),
+        ({"hammerstein_rmse": 0.99, "hammerstein_rmse_without_stiction": 1.0}, False),
+        ({"reasons": "reference_disagrees", "likely_cause": "disturbance"}, False),
+        ({"reasons": "reference_disagrees", "reliability": "reliable"}, False),
+    ],
+)
+def test_nothing_is_no_step_where_the_published_rule_says_stiction(told, objected):
+    step = next_step(row_of("no_stiction", "not_reliable", None) | told)
+    assert step.startswith(next_steps.OBJECTED) is objected
