@@ -18,7 +18,7 @@ PRIOR_ONLY = "prior_only"
 """The reason that the record tells no probability, as the engine calls it."""
 
 RELIABILITY_WORDS = {
-    "reliable": "the evidence agrees; rely on it",
+    "reliable": "what must agree agrees; rely on it",
     "not_reliable": "the evidence does not suffice; look before you act",
 }
 

@@ -24,6 +24,7 @@ from app.services.plant.groups import groups_of, unnamed
 from app.services.plant.judged import judged
 from app.services.plant.loop_list import number
 from app.services.plant.nights import nights as nights_of
+from app.services.why_rely import UNTIL_THEY_AGREE, contradiction, points
 from app.web.explanation import newest_in_words
 from app.web.rendering import page
 
@@ -43,7 +44,7 @@ def charts(backend: Services, tag: LoopTag) -> JSONResponse:
 def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
     found = loops.get_loop(backend, tag)
     told = {"it": found, "tag": found.tag, "notes": notes.list_notes(backend, tag)}
-    told["explanation"] = newest_in_words(backend, tag)
+    explanation = told["explanation"] = newest_in_words(backend, tag)
     told["age"] = age_of(found.samples_to)
     told["failure"] = loops.newest_failure(backend, tag)
     try:
@@ -53,12 +54,15 @@ def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
     detail = loops.verdict_detail(backend, tag)
     repair = notes.newest_repair(backend, tag)
     repaired_at = None if repair is None else repair.repaired_at
+    disagrees = contradiction(row, explanation)
     return page(
         "loop.html",
         backend.clock,
         row=row | {"of_before_repair": of_before(row, repaired_at)},
         detail=detail,
-        next_step=next_step(row, repaired_at),
+        next_step=UNTIL_THEY_AGREE if disagrees else next_step(row, repaired_at),
+        disagrees=disagrees,
+        points=points(row, detail),
         size=size_in_words(row, detail),
         rivals=worth_a_look(detail.get("rivals", ())),
         why_first=why_first(detail.get("rivals", ()), row["rival_winner"]),

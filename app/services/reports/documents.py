@@ -27,6 +27,7 @@ from app.services.plant.groups import soon as groups_soon
 from app.services.plant.judged import judged
 from app.services.rendering import document
 from app.services.reports.svg import WIDTH, Ends, Line, chart
+from app.services.why_rely import UNTIL_THEY_AGREE, contradiction, points
 from app.services.wording import measured_probability
 from app.storage import loops as stored_loops
 from app.storage import plant as stored_plant
@@ -52,12 +53,15 @@ def loop_report(backend: Backend, tag: str) -> str:
     history = loops.verdict_history(backend, tag, limit=NIGHTS).rows
     drawn = charts(backend, tag)
     explained = explanations.newest(backend, tag)
+    disagrees = contradiction(row, explained)
     return document(
         "loop_report.html",
         it=found,
         row=row | {"of_before_repair": of_before(row, repaired_at)},
         detail=detail,
-        next_step=next_step(row, repaired_at),
+        next_step=UNTIL_THEY_AGREE if disagrees else next_step(row, repaired_at),
+        disagrees=disagrees,
+        points=points(row, detail),
         size=size_in_words(row, detail),
         judged=judged(backend, [tag]).get(tag),
         why_first=why_first(detail.get("rivals", ()), row["rival_winner"]),

@@ -1,0 +1,144 @@
+"""What a verdict rests on, point by point with a tick or a cross, and where another answer disagrees."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from app.services.explaining.wording import LIKELY
+from app.services.wording import cause_words, measured_probability
+
+Says = Literal["agrees", "otherwise", "nothing"]
+MARKS: dict[Says, str] = {"agrees": "✓", "otherwise": "✗", "nothing": "·"}
+JUDGED = ("stiction", "no_stiction")
+BESIDE = "does not move the verdict"
+
+UNCLEAR = ("evidence_not_clear", "not_cleared", "set_point_moves", "nearly_sinusoidal", "keeps_time")
+APART = ("uncoupled", "uncoupled_slowly", "same_signal", "no_answer", "foreign_cycle", "hidden_band", "pv_stands")
+DIVIDED = ("few_cycles", "windows_disagree", "stretches_disagree", "stiction_began", "short_lived_stiction")
+POOR = (
+    "filled_share",
+    "filled",
+    "mode_share",
+    "pv_quantised",
+    "pv_interpolated",
+    "stored_points",
+    "op_flat",
+    "pv_flat",
+)
+DOUBTED = ("moves_set_point", "moves_no_valve", "shaken_by_neighbour")
+"""Codes of reasons, by what they speak against."""
+
+FIT = re.compile(r"a sticky valve explains (-?\d+) % of PV, a linear one (-?\d+) %")
+VOTE = re.compile(r"(\d+|none) says? (no stiction|stiction)")
+"""As the engine words them; where it says otherwise the point is left out."""
+
+DISAGREES = (
+    "Two answers on this page disagree: by the shapes of PV and OP the valve does not stick, by the explanation below "
+    "it does (probability {probability:.2f})."
+)
+UNTIL_THEY_AGREE = (
+    "Touch neither valve nor tuning for either of them yet: audit and explain a longer record, and where they still "
+    "disagree, ask for a stroke test."
+)
+
+
+@dataclass(frozen=True)
+class Point:
+    """One thing that a verdict may rest on. moves: whether the verdict, or its reliability, depends on it."""
+
+    says: Says
+    text: str
+    moves: bool = True
+
+    @property
+    def mark(self) -> str:
+        return MARKS[self.says]
+
+    @property
+    def words(self) -> str:
+        return self.text if self.moves else f"{self.text} ({BESIDE})"
+
+
+def points(row: Mapping[str, Any], detail: Mapping[str, Any]) -> list[Point]:
+    """What speaks for a verdict and against it, the weightiest first; empty where the valve was not judged."""
+    if row["verdict"] not in JUDGED or measured_probability(row) is None:
+        return []
+    reasons = {reason["code"]: reason["text"] for reason in detail["reasons"]}
+    found = [
+        _kept("shapes", f"probability of stiction {row['stiction_probability']:.2f}", UNCLEAR, reasons),
+        _rivals(row, detail.get("rivals", ()), reasons),
+        _kept("PV and OP", "they have to do with each other, beyond chance", APART, reasons),
+        _kept("length", f"{row['cycles'] or 0.0:.1f} cycles, and its parts agree", DIVIDED, reasons),
+        _kept("record", _whole(row), POOR, reasons),
+        _kept("other loops", "none of them is known to move it", DOUBTED, reasons),
+        _fit(row, detail.get("rivals", ())),
+        _methods(row, reasons.get("published_methods", "")),
+        _published(row, reasons),
+    ]
+    return [point for point in found if point is not None]
+
+
+def contradiction(row: Mapping[str, Any], explanation: Mapping[str, Any] | None) -> str | None:
+    """Says so where a valve that is said not to stick is what the newest explanation names."""
+    if row["verdict"] != "no_stiction" or explanation is None or explanation["state"] != "done":
+        return None
+    likeliest = max(explanation["effects"], key=lambda effect: effect["probability"], default=None)
+    if likeliest is None or likeliest["effect"] != "valve.stiction" or likeliest["probability"] < LIKELY:
+        return None
+    return DISAGREES.format(probability=likeliest["probability"])
+
+
+def _kept(name: str, told: str, against: Sequence[str], reasons: Mapping[str, str]) -> Point:
+    """Agrees, unless a reason that speaks against it was given."""
+    doubts = [reasons[code] for code in against if code in reasons]
+    return Point("otherwise", f"{name}: {doubts[0]}") if doubts else Point("agrees", f"{name}: {told}")
+
+
+def _whole(row: Mapping[str, Any]) -> str:
+    automatic, filled = row["automatic_share"], row["filled_share"]
+    mode = "mode not recorded" if automatic is None else f"{100.0 * automatic:.0f} % in automatic"
+    return f"{mode}, {100.0 * (filled or 0.0):.0f} % filled in"
+
+
+def _rivals(row: Mapping[str, Any], rivals: Sequence[Mapping[str, Any]], reasons: Mapping[str, str]) -> Point:
+    counted = [rival["code"] for rival in rivals if rival["code"] in reasons and rival["code"] != "stiction"]
+    if row["verdict"] == "stiction":
+        if counted:
+            return Point("otherwise", f"other explanations: {cause_words(counted[0])}")
+        return Point("agrees", "other explanations: none that counts against it stands out")
+    if row["likely_cause"] is None:
+        return Point("nothing", "other explanations: none stands out")
+    return Point("agrees", f"other explanations: {cause_words(row['likely_cause'])}")
+
+
+def _fit(row: Mapping[str, Any], rivals: Sequence[Mapping[str, Any]]) -> Point | None:
+    told = next((FIT.search(rival["text"]) for rival in rivals if rival["code"] == "stiction"), None)
+    if told is None:
+        return None
+    sticky, linear = int(told[1]), int(told[2])
+    text = f"fit: a sticky valve explains {sticky} % of PV, a linear one {linear} %"
+    return Point(_side(row, sticky, linear), text, moves=False)
+
+
+def _methods(row: Mapping[str, Any], text: str) -> Point | None:
+    votes = {side: 0 if count == "none" else int(count) for count, side in VOTE.findall(text)}
+    if not votes:
+        return None
+    sticks, free = votes.get("stiction", 0), votes.get("no stiction", 0)
+    told = f"published methods: {sticks} say stiction, {free} say none"
+    return Point(_side(row, sticks, free), told, moves=False)
+
+
+def _side(row: Mapping[str, Any], sticks: float, free: float) -> Says:
+    if sticks == free:
+        return "nothing"
+    return "agrees" if (sticks > free) == (row["verdict"] == "stiction") else "otherwise"
+
+
+def _published(row: Mapping[str, Any], reasons: Mapping[str, str]) -> Point | None:
+    if row["table2_reading"] is None:
+        return None
+    otherwise = "reference_disagrees" in reasons
+    told = f"published rule: {'it says otherwise' if otherwise else 'it says the same'}"
+    return Point("otherwise" if otherwise else "agrees", told, moves=False)

@@ -1,0 +1,69 @@
+"""The points that a verdict rests on, and answers that disagree on one page."""
+
+import pytest
+
+from app.services.auditing.reason_wording import REASON_WORDS
+from app.services.why_rely import APART, BESIDE, DIVIDED, DOUBTED, POOR, UNCLEAR, contradiction, points
+
+FIT = "fitted on one half of each window a sticky valve explains 19 % of PV, a linear one 34 %: it is the shapes"
+METHODS = (
+    "of 9 published methods that apply, 3 say stiction (a, b, c), 6 say no stiction (d); they do not move the verdict"
+)
+
+
+def told(verdict="stiction", reasons=(), **changes):
+    row = {"verdict": verdict, "reliability": "reliable", "stiction_probability": 0.96, "likely_cause": verdict}
+    row |= {"cycles": 12.0, "automatic_share": 1.0, "filled_share": 0.0, "table2_reading": "high_stiction"}
+    given = {"published_methods": METHODS} | dict(reasons)
+    detail = {"reasons": [{"code": code, "text": text} for code, text in given.items()]}
+    detail["rivals"] = [{"code": "stiction", "text": FIT}, {"code": "disturbance", "text": "it drifts"}]
+    return row | {"reasons": ";".join(given)} | changes, detail
+
+
+def marks(row, detail):
+    return {point.text.partition(":")[0]: point.mark for point in points(row, detail)}
+
+
+def test_a_reliable_verdict_shows_what_agrees_and_what_does_not():
+    found = points(*told())
+    assert [point.mark for point in found] == ["✓"] * 6 + ["✗", "✗", "✓"]
+    assert [point.text for point in found if not point.moves][:2] == [
+        "fit: a sticky valve explains 19 % of PV, a linear one 34 %",
+        "published methods: 3 say stiction, 6 say none",
+    ]
+    assert all((BESIDE in point.words) is not point.moves for point in found)
+
+
+def test_the_same_figures_agree_with_a_valve_that_is_cleared():
+    found = marks(*told("no_stiction", [("reference_disagrees", "it says stiction")], likely_cause=None))
+    assert (found["fit"], found["published methods"], found["published rule"]) == ("✓", "✓", "✗")
+    assert found["other explanations"] == "·"
+
+
+@pytest.mark.parametrize(
+    ("code", "point"),
+    [("few_cycles", "length"), ("uncoupled", "PV and OP"), ("evidence_not_clear", "shapes"), ("filled_share", "record"),
+     ("shaken_by_neighbour", "other loops"), ("disturbance", "other explanations")],
+)  # fmt: skip
+def test_what_takes_the_reliability_is_crossed(code, point):
+    assert marks(*told(reasons=[(code, "told")]))[point] == "✗"
+
+
+def test_every_code_that_is_looked_for_is_one():
+    assert {*UNCLEAR, *APART, *DIVIDED, *POOR, *DOUBTED} <= set(REASON_WORDS)
+
+
+def test_what_was_not_judged_has_no_points():
+    assert points(*told("inconclusive")) == []
+
+
+def test_an_explanation_that_names_stiction_contradicts_a_cleared_valve():
+    row, _ = told("no_stiction")
+    found = {"state": "done", "effects": [{"effect": "valve.stiction", "probability": 0.7}]}
+    assert "by the explanation below it does (probability 0.70)" in contradiction(row, found)
+    assert contradiction(told()[0], found) is None
+    assert contradiction(row, None) is None
+    assert contradiction(row, {"state": "open", "effects": []}) is None
+    assert contradiction(row, {"state": "done", "effects": []}) is None
+    other = {"effect": "process.resonance", "probability": 0.9}
+    assert contradiction(row, {"state": "done", "effects": [*found["effects"], other]}) is None
