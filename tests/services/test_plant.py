@@ -105,6 +105,28 @@ def test_a_changed_verdict_says_why(
     assert change.kind == ("new" if now == "stiction" else "cured" if now == "no_stiction" else "flipped")
 
 
+def test_a_changed_verdict_names_the_evidence_that_moved_most(
+    backend: Backend, two_runs: tuple[dict[str, int], int]
+) -> None:
+    ids, first = two_runs
+    second = int(loop_health(backend, "B")["audit_id"])
+    rewrite_newest(backend, ids["B"], verdict="stiction")
+    reasons = {"reasons": "shape_op_triangle;shape_flat_eighth;few_cycles"}
+    now = "OP runs in triangles. 60 % of the travel of OP finds PV standing still. few"
+    rewrite(backend, second, ids["B"], verdict="stiction", stiction_probability=0.99, reasons_text=now, **reasons)
+    rewrite_newest(backend, ids["B"], verdict="stiction")
+    then = "PV hardly ever stands still while OP travels (8 %)"
+    before = {"verdict": "no_stiction", "stiction_probability": 0.1, "samples": 100}
+    rewrite(backend, first, ids["B"], **before, reasons="shape_flat_eighth", reasons_text=then)
+    (change,) = plant.changes(backend).rows
+    seen = "60 % of the travel of OP finds PV standing still (8 % before), probability 0.10 -> 0.99"
+    assert change.because == f"{seen}; more was recorded than before"
+    rewrite(backend, first, ids["B"], stiction_probability=0.95)
+    assert plant.changes(backend).rows[0].because == "more was recorded than before"
+    rewrite(backend, first, ids["B"], stiction_probability=0.1, reasons="few_cycles", reasons_text="few")
+    assert plant.changes(backend).rows[0].because.startswith("OP runs in triangles, probability 0.10 -> 0.99; ")
+
+
 def test_a_pv_that_does_not_answer_is_looked_at_today_and_news_of_it_first(
     backend: Backend, two_runs: tuple[dict[str, int], int]
 ) -> None:

@@ -11,6 +11,7 @@ from app.services.auditing.repairs import BEFORE_REPAIR, SINCE_REPAIR, of_before
 from app.services.backend import Backend
 from app.services.moments import iso_utc
 from app.services.next_steps import next_step
+from app.services.plant.evidence_moved import moved
 from app.services.plant.judged import ToManual, to_manual
 from app.services.plant.reliability import checked, following, place_of, with_loop
 from app.services.results import AuditView, ChangedBy, ChangeView, Page, UnitView
@@ -239,6 +240,12 @@ def _longer(row: Any) -> bool:
 
 
 def _because(why: ChangedBy, row: Any) -> str:
+    """Where the record is why, what of it moved most comes first: that more was recorded makes no valve stick."""
+    words, evidence = _cause(why, row), moved(row) if why in ("loop", "data") else ""
+    return f"{evidence}; {words}" if evidence else words
+
+
+def _cause(why: ChangedBy, row: Any) -> str:
     if why == "loop" and BEGAN in row.reasons.split(";"):
         return BEGAN_WORDS
     if why == "data" and _longer(row):
