@@ -15,16 +15,17 @@ _PRIORITY = loops.c.importance * (100.0 - this.c.health)
 _OF_RUN = loops.join(this, and_(this.c.loop_id == loops.c.id, IN_SERVICE))
 
 
-def worst_of_units(connection: Connection, audit_id: int, each: int) -> list[Any]:
+def worst_of_units(connection: Connection, audit_id: int, each: int, since_ns: int | None = None) -> list[Any]:
     """Of each unit the loops that `complains` tells of, at the head of its list by what is missing to health x
-    importance."""
+    importance. since_ns: only those that were given a sample as new as that."""
     place = func.row_number().over(partition_by=loops.c.unit, order_by=(_PRIORITY.desc().nulls_last(), loops.c.tag))
     shown = (
         *(loops.c.tag, loops.c.unit, loops.c.importance, this.c.verdict, this.c.reliability),
         *(this.c.stiction_probability, this.c.likely_cause, this.c.health, this.c.reasons, this.c.reasons_text),
     )
     placed = select(*shown, place.label("place")).select_from(_OF_RUN)
-    found = placed.where(this.c.audit_id == audit_id, complains(this)).subquery()
+    placed = placed.where(this.c.audit_id == audit_id, complains(this))
+    found = (placed if since_ns is None else placed.where(this.c.input_end_ns >= since_ns)).subquery()
     return list(connection.execute(select(found).where(found.c.place <= each).order_by(found.c.unit, found.c.place)))
 
 

@@ -50,11 +50,15 @@ def counts(connection: Connection) -> list[Any]:
     return list(connection.execute(select(*by, *figures).select_from(_NEWEST).group_by(*by)))
 
 
-def worst_of_units(connection: Connection, each: int, *, complaints: bool = False) -> list[Any]:
+def worst_of_units(
+    connection: Connection, each: int, *, complaints: bool = False, since_ns: int | None = None
+) -> list[Any]:
     """Of each unit the loops at the head of its list by what is missing to full health x importance: tag, unit,
-    importance, verdict, health. `complaints`: only those that `complains` tells of."""
+    importance, verdict, health. `complaints`: only those that `complains` tells of; since_ns: only
+    those with a sample as new as that."""
     place = func.row_number().over(partition_by=loops.c.unit, order_by=(_PRIORITY.desc().nulls_last(), loops.c.tag))
     tiles = _tiles().where(complains(rows)) if complaints else _tiles()
+    tiles = tiles if since_ns is None else tiles.where(loops.c.newest_ns >= since_ns)
     placed = tiles.add_columns(place.label("place")).subquery()
     query = select(placed.c.tag, placed.c.unit, placed.c.importance, placed.c.verdict, placed.c.health)
     return list(connection.execute(query.where(placed.c.place <= each).order_by(placed.c.unit, placed.c.place)))

@@ -42,7 +42,7 @@ LONGEST_DETAIL = 64 << 20
 @dataclass(frozen=True)
 class RowFilter:
     """Which rows of the table: all that are given must hold. retired: of loops that are retired, by default not; None:
-    of both."""
+    of both. recorded_from_ns, recorded_before_ns: by the loop's newest sample."""
 
     verdict: tuple[str, ...] | None = None
     reliability: str | None = None
@@ -54,6 +54,8 @@ class RowFilter:
     audit_id: int | None = None
     search: str | None = None
     retired: bool | None = False
+    recorded_from_ns: int | None = None
+    recorded_before_ns: int | None = None
 
 
 @dataclass(frozen=True)
@@ -418,6 +420,10 @@ def _conditions(wanted: RowFilter, columns: Mapping[str, Any] = SORTABLE) -> lis
             conditions.append(columns[name] == value)
     if wanted.min_probability is not None:
         conditions.append(columns["stiction_probability"] >= wanted.min_probability)
+    if wanted.recorded_from_ns is not None:
+        conditions.append(loops.c.newest_ns >= wanted.recorded_from_ns)
+    if wanted.recorded_before_ns is not None:
+        conditions.append(loops.c.newest_ns < wanted.recorded_before_ns)
     if wanted.search:
         conditions.append(loops.c.tag.icontains(wanted.search, autoescape=True))
     return conditions

@@ -11,7 +11,7 @@ from starlette.responses import FileResponse, JSONResponse
 from app.http.backend import Services
 from app.services.plant import groups as grouped
 from app.services.plant import overview as plants
-from app.services.plant.arrivals import arrivals, nothing_new, sentences
+from app.services.plant.arrivals import LATE, Arrivals, arrivals, nothing_new, sentences
 from app.services.plant.glossary import FIGURES
 from app.services.plant.judged import judged
 from app.services.plant.loops import RETIRED
@@ -63,19 +63,24 @@ class TableForm(BaseModel):
 def plant(backend: Services) -> HTMLResponse:
     seen = plants.overview(backend)
     changed = plants.changes(backend)
-    today = plants.look_today(backend, changed) if seen.audited else []
-    worst = plants.worst(backend, beside={row["loop"] for row in today}) if seen.audited else []
-    listed = [row["loop"] for row in [*today[:CHANGES], *worst]]
+    reach = arrivals(backend)
+    since_ns = reach.current_ns
+    today = plants.look_today(backend, changed, since_ns) if seen.audited else []
+    worst = plants.worst(backend, beside={row["loop"] for row in today}, since_ns=since_ns) if seen.audited else []
+    old = plants.worst_of_old(backend, since_ns) if seen.audited and reach.behind else []
+    listed = [row["loop"] for row in [*today[:CHANGES], *worst, *old]]
     return page(
         "plant.html",
         backend.clock,
         seen=seen,
         ranks=VERDICT_RANK,
         changed=changed,
-        arrivals=_arrivals(backend, changed) if seen.audited else [],
+        arrivals=_arrivals(backend, reach, changed) if seen.audited else [],
         repairs=repairs(backend) if seen.audited else None,
         today=today,
         worst=worst,
+        old=old,
+        late_days=LATE.days,
         last_nights=nights(backend, listed + [row.loop for row in changed.rows[:CHANGES]]),
         judged=judged(backend, listed),
         most_changes=CHANGES,
@@ -83,9 +88,9 @@ def plant(backend: Services) -> HTMLResponse:
     )
 
 
-def _arrivals(backend: Services, changed: plants.Changes) -> list[str]:
+def _arrivals(backend: Services, reach: Arrivals, changed: plants.Changes) -> list[str]:
     news = nothing_new(backend, int(changed.run_id)) if changed.run_id else []
-    return [*sentences(arrivals(backend), backend.clock), *news]
+    return [*sentences(reach, backend.clock), *news]
 
 
 @router.get("/plant/tiles")

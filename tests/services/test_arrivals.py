@@ -5,12 +5,14 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
-from sqlalchemy import update
+from sqlalchemy import select, update
 
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
+from app.services.digests.digest import digest_of
 from app.services.moments import UTC_CLOCK, iso_utc, moment_of, ns_of
+from app.services.plant import overview
 from app.services.plant.arrivals import (
     LATE,
     NAMED,
@@ -22,10 +24,11 @@ from app.services.plant.arrivals import (
     of_run,
 )
 from app.services.plant.arrivals import sentences as sentences_by
+from app.services.reports import documents
 from app.storage import series
 from app.storage.samples import Samples
 from app.storage.series import Stretch
-from app.storage.tables import loops
+from app.storage.tables import loops, newest_rows, verdicts
 from tests.services.conftest import MINUTE, START_NS
 
 AddLoops = Callable[..., dict[str, int]]
@@ -139,3 +142,28 @@ def test_the_age_of_one_loop() -> None:
     assert age_of(None) == ""
     assert age_of(ago(timedelta(days=1))) == ""
     assert age_of(ago(LATE + timedelta(hours=1))) == ", 2 days ago"
+
+
+def test_loops_whose_records_are_old_have_a_list_of_their_own(
+    backend: Backend, add_loops: AddLoops
+) -> None:
+    add_loops("A", "B", "C", "D")
+    run = start_audit(backend)
+    audit_chunk(backend, int(run.id), "test")
+    with backend.database.write() as connection:
+        for tag, days in (("A", 0.5), ("B", 40), ("C", 1.9), ("D", 2.6)):
+            end_ns = ns_of(NOON - timedelta(days=days))
+            connection.execute(update(loops).where(loops.c.tag == tag).values(newest_ns=end_ns))
+    since_ns = arrivals(backend, at=NOON).current_ns
+    assert {row["loop"] for row in overview.worst(backend, since_ns=since_ns)} == {"A", "C"}
+    assert {row["loop"] for row in overview.worst_of_old(backend, since_ns)} == {"B", "D"}
+    assert overview.worst_of_old(backend, None) == []
+    with backend.database.write() as connection:
+        for row in connection.execute(select(loops.c.id, loops.c.newest_ns)).all():
+            mine = update(verdicts).where(verdicts.c.loop_id == row.id)
+            connection.execute(mine.values(input_end_ns=row.newest_ns, verdict="stiction"))
+        connection.execute(update(newest_rows).values(verdict="stiction"))
+    (area,) = digest_of(backend, run.id).areas
+    assert {one.loop for one in area.loops} == {"A", "C"}
+    ((_, rows),) = documents._worst(backend, since_ns)
+    assert {row["loop"] for row in rows} == {"A", "C"}

@@ -12,7 +12,7 @@ from app.services.auditing.audits import get_audit
 from app.services.backend import Backend
 from app.services.cursors import identifier
 from app.services.moments import PlantClock
-from app.services.plant.arrivals import of_run
+from app.services.plant.arrivals import arrivals, of_run
 from app.services.plant.judged import judged, to_manual
 from app.services.plant.overview import change_of
 from app.services.plant.repaired import RepairView, repairs
@@ -105,10 +105,11 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
     run = get_audit(backend, audit_id)
     if not run.ended:
         raise RequestError("run_goes_on", f"the run {run.id} has not ended yet: {run.open} loops are open")
-    number = identifier(audit_id)
+    number, began = identifier(audit_id), datetime.fromisoformat(run.created_at)
+    since_ns = arrivals(backend, number, began).current_ns
     with backend.database.read() as connection:
         counted = digests.counts_of(connection, number)
-        worst = digests.worst_of_units(connection, number, TOP)
+        worst = digests.worst_of_units(connection, number, TOP, since_ns)
         retired = digests.retired_since(connection, number)
         not_auditable = digests.refused_of(connection, number, TOP)
         # In a plant's first run every verdict is new: that is no news.
@@ -122,7 +123,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
     refused_loops: dict[str, list[str]] = {}
     for row in not_auditable:
         refused_loops.setdefault(row.likely_cause or "data", []).append(row.tag)
-    repaired = repairs(backend, number, datetime.fromisoformat(run.created_at))
+    repaired = repairs(backend, number, began)
     url = backend.settings.public_url
     of_time = judged(backend, [row.tag for row in worst], number)
 
@@ -136,7 +137,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         verdicts=dict(verdicts),
         refused=dict(refused.most_common()),
         refused_loops=refused_loops,
-        arrivals=of_run(backend, number, datetime.fromisoformat(run.created_at)),
+        arrivals=of_run(backend, number, began),
         areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
         changes=[change_of(row) for row in changed[:CHANGES]],
         more_changes=len(changed) > CHANGES,

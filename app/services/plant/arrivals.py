@@ -29,6 +29,11 @@ class Arrivals:
     named: tuple[tuple[str, str], ...]
 
     @property
+    def current_ns(self) -> int | None:
+        """Loops that end before it are behind the others; None where there is no sample."""
+        return None if self.recorded_to is None else ns_of(datetime.fromisoformat(self.recorded_to) - LATE)
+
+    @property
     def late(self) -> bool:
         return self.recorded_to is not None and self.age >= LATE
 

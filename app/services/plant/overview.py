@@ -100,18 +100,26 @@ def changes(backend: Backend, limit: int = LISTED_CHANGES) -> Changes:
     return Changes(str(run.id), iso_utc(run.created_at), rows, len(found) > limit, compared, manual, first)
 
 
-def look_today(backend: Backend, changed: Changes) -> list[dict[str, Any]]:
-    """The loops in which PV does not answer OP, those first of which that is news."""
-    asked = RowFilter(verdict=("inconclusive", "not_auditable"), likely_cause=UNANSWERED)
+def look_today(backend: Backend, changed: Changes, since_ns: int | None = None) -> list[dict[str, Any]]:
+    """The loops in which PV does not answer OP, those first of which that is news; since_ns: as of `worst`."""
+    refused = ("inconclusive", "not_auditable")
+    asked = RowFilter(verdict=refused, likely_cause=UNANSWERED, recorded_from_ns=since_ns)
     news = {row.loop for row in changed.rows}
     return sorted(table(backend, LISTED_CHANGES, filters=asked).rows, key=lambda row: row["loop"] not in news)
 
 
-def worst(backend: Backend, limit: int = WORST, beside: Collection[str] = ()) -> list[dict[str, Any]]:
+def worst(
+    backend: Backend, limit: int = WORST, beside: Collection[str] = (), since_ns: int | None = None
+) -> list[dict[str, Any]]:
     """The loops at the head of the list by what is missing to full health x importance; `beside`: tags of those that
-    are listed elsewhere."""
-    rows = table(backend, limit + len(beside), sort="-priority").rows
+    are listed elsewhere; since_ns: only loops with a sample as new as that."""
+    rows = table(backend, limit + len(beside), filters=RowFilter(recorded_from_ns=since_ns)).rows
     return [row for row in rows if row["loop"] not in beside][:limit]
+
+
+def worst_of_old(backend: Backend, since_ns: int | None, limit: int = WORST) -> list[dict[str, Any]]:
+    """The same of the loops that are left out there: what is said of them is of an old record."""
+    return [] if since_ns is None else table(backend, limit, filters=RowFilter(recorded_before_ns=since_ns)).rows
 
 
 def table(

@@ -84,14 +84,15 @@ def plant_report(backend: Backend) -> str:
     seen = plant.overview(backend)
     if not seen.audited:
         raise NotFoundError("not_audited", "no loop of the plant has been audited yet")
-    worst = _worst(backend)
+    reach = arrivals(backend)
+    worst = _worst(backend, reach.current_ns)
     refused = plant.table(backend, REFUSED, sort="loop", filters=RowFilter(verdict=("not_auditable",)))
     return document(
         "plant_report.html",
         seen=seen,
         bars={unit.unit: _bar(unit.verdicts) for unit in seen.units},
         changed=plant.changes(backend),
-        arrivals=sentences(arrivals(backend), backend.clock),
+        arrivals=sentences(reach, backend.clock),
         worst=worst,
         judged=judged(backend, [row["loop"] for _, rows in worst for row in rows]),
         refused=refused.rows,
@@ -106,10 +107,10 @@ def _made(backend: Backend) -> dict[str, Any]:
     return {"plant_name": backend.settings.plant, "made_at": iso_utc(datetime.now(UTC)), "clock": backend.clock}
 
 
-def _worst(backend: Backend) -> list[tuple[str | None, list[dict[str, Any]]]]:
+def _worst(backend: Backend, since_ns: int | None) -> list[tuple[str | None, list[dict[str, Any]]]]:
     """Of each unit the worst loops that stick, may, or show no answer of PV to OP, with what their row says."""
     with backend.database.read() as connection:
-        placed = stored_plant.worst_of_units(connection, WORST_OF_UNIT, complaints=True)
+        placed = stored_plant.worst_of_units(connection, WORST_OF_UNIT, complaints=True, since_ns=since_ns)
         ids = stored_loops.ids_of(connection, [row.tag for row in placed])
         rows = verdicts.newest_of(connection, list(ids.values()))
     told = [(row.unit, as_row(rows[row.tag]) | {"importance": row.importance}) for row in placed if row.tag in rows]
