@@ -135,6 +135,10 @@ BY_REASON = {
 BY_VERDICT = {"no_stiction": CLEARED, "inconclusive": CANNOT_TELL, "not_auditable": NOT_AUDITABLE}
 
 
+AT_ONCE = frozenset({WAIT, BY_CAUSE["stuck_valve_or_dead_transmitter"]})
+"""Steps that a longer record adds nothing to."""
+
+
 def next_step(row: Mapping[str, Any], repaired_at: str | None = None) -> str:
     """What to do about a loop whose row of the reliability table this is; `repaired_at`: when it was repaired last
     (ISO 8601)."""
@@ -144,7 +148,7 @@ def next_step(row: Mapping[str, Any], repaired_at: str | None = None) -> str:
     step, period_s = _by_verdict(row, reasons), row.get("oscillation_period_s")
     if step.startswith("Nothing") and row["reliability"] != "reliable" and _objected(row, reasons):
         step = OBJECTED
-    if FEW_CYCLES not in reasons or row["reliability"] == "reliable" or period_s is None or step == WAIT:
+    if FEW_CYCLES not in reasons or row["reliability"] == "reliable" or period_s is None or step in AT_ONCE:
         return step
     return f"{step} {LONGER}: {ENOUGH_CYCLES:g} swings of this one take {in_hours(ENOUGH_CYCLES * period_s)}."
 

@@ -3,7 +3,7 @@ since are not told of."""
 
 from typing import Any
 
-from sqlalchemy import Connection, and_, func, or_, select
+from sqlalchemy import Connection, Select, and_, func, or_, select
 
 from app.storage.loops import IN_SERVICE
 from app.storage.plant import complains, told_of_both
@@ -19,14 +19,25 @@ def worst_of_units(connection: Connection, audit_id: int, each: int, since_ns: i
     """Of each unit the loops that `complains` tells of, at the head of its list by what is missing to health x
     importance. since_ns: only those that were given a sample as new as that."""
     place = func.row_number().over(partition_by=loops.c.unit, order_by=(_PRIORITY.desc().nulls_last(), loops.c.tag))
+    placed = _complaints(audit_id).add_columns(place.label("place"))
+    found = (placed if since_ns is None else placed.where(this.c.input_end_ns >= since_ns)).subquery()
+    return list(connection.execute(select(found).where(found.c.place <= each).order_by(found.c.unit, found.c.place)))
+
+
+def worst_of_old(connection: Connection, audit_id: int, most: int, since_ns: int | None) -> list[Any]:
+    """Of all units those that are left out there."""
+    if since_ns is None:
+        return []
+    old = _complaints(audit_id).where(this.c.input_end_ns < since_ns)
+    return list(connection.execute(old.order_by(_PRIORITY.desc().nulls_last(), loops.c.tag).limit(most)))
+
+
+def _complaints(audit_id: int) -> Select[Any]:
     shown = (
         *(loops.c.tag, loops.c.unit, loops.c.importance, this.c.verdict, this.c.reliability),
         *(this.c.stiction_probability, this.c.likely_cause, this.c.health, this.c.reasons, this.c.reasons_text),
     )
-    placed = select(*shown, place.label("place")).select_from(_OF_RUN)
-    placed = placed.where(this.c.audit_id == audit_id, complains(this))
-    found = (placed if since_ns is None else placed.where(this.c.input_end_ns >= since_ns)).subquery()
-    return list(connection.execute(select(found).where(found.c.place <= each).order_by(found.c.unit, found.c.place)))
+    return select(*shown).select_from(_OF_RUN).where(this.c.audit_id == audit_id, complains(this))
 
 
 def refused_of(connection: Connection, audit_id: int, each: int) -> list[Any]:

@@ -10,15 +10,16 @@ from app.storage.tables import loops, verdicts
 TOLD = ("audited_at", "verdict", "reliability", "input_end_ns", "window_end")
 
 
-def recent(connection: Connection, tags: Sequence[str], each: int) -> list[Any]:
+def recent(connection: Connection, tags: Sequence[str], each: int, until: int | None = None) -> list[Any]:
     """The newest verdicts of these loops, `each` at most, the oldest first: tag, when audited, verdict, reliability,
-    the last sample that it was made of, and the end of the window that was judged.
+    the last sample that it was made of, and the end of the window that was judged. until: the
+    last run that counts.
     """
     # Places are found in the key alone: a year of whole rows would be read for the newest ones else.
     place = func.row_number().over(partition_by=verdicts.c.loop_id, order_by=verdicts.c.audit_id.desc())
     keys = select(loops.c.tag, verdicts.c.loop_id, verdicts.c.audit_id, place.label("place"))
     keys = keys.join(verdicts, verdicts.c.loop_id == loops.c.id).where(loops.c.tag.in_(tags))
-    kept = keys.subquery()
+    kept = (keys if until is None else keys.where(verdicts.c.audit_id <= until)).subquery()
     mine = and_(verdicts.c.loop_id == kept.c.loop_id, verdicts.c.audit_id == kept.c.audit_id)
     query = select(kept.c.tag, *(verdicts.c[name] for name in TOLD)).join(kept, mine)
     return list(connection.execute(query.where(kept.c.place <= each).order_by(kept.c.tag, kept.c.audit_id)))

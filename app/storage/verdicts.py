@@ -420,13 +420,17 @@ def _conditions(wanted: RowFilter, columns: Mapping[str, Any] = SORTABLE) -> lis
             conditions.append(columns[name] == value)
     if wanted.min_probability is not None:
         conditions.append(columns["stiction_probability"] >= wanted.min_probability)
-    if wanted.recorded_from_ns is not None:
-        conditions.append(loops.c.newest_ns >= wanted.recorded_from_ns)
-    if wanted.recorded_before_ns is not None:
-        conditions.append(loops.c.newest_ns < wanted.recorded_before_ns)
+    conditions += _by_newest_sample(wanted)
     if wanted.search:
         conditions.append(loops.c.tag.icontains(wanted.search, autoescape=True))
     return conditions
+
+
+def _by_newest_sample(wanted: RowFilter) -> list[ColumnElement[bool]]:
+    """Of a run the newest that it was given, so that it answers the same once newer ones have come."""
+    end = loops.c.newest_ns if wanted.audit_id is None else verdicts.c.input_end_ns
+    since, before = wanted.recorded_from_ns, wanted.recorded_before_ns
+    return [*([] if since is None else [end >= since]), *([] if before is None else [end < before])]
 
 
 def _beyond(column: ColumnElement[Any], descending: bool, after: After) -> ColumnElement[bool]:

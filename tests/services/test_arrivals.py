@@ -10,7 +10,7 @@ from sqlalchemy import select, update
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
-from app.services.digests.digest import digest_of
+from app.services.digests.digest import as_html, as_text, digest_of
 from app.services.moments import UTC_CLOCK, iso_utc, moment_of, ns_of
 from app.services.plant import overview
 from app.services.plant.arrivals import (
@@ -144,9 +144,7 @@ def test_the_age_of_one_loop() -> None:
     assert age_of(ago(LATE + timedelta(hours=1))) == ", 2 days ago"
 
 
-def test_loops_whose_records_are_old_have_a_list_of_their_own(
-    backend: Backend, add_loops: AddLoops
-) -> None:
+def test_loops_whose_records_are_old_have_a_list_of_their_own(backend: Backend, add_loops: AddLoops) -> None:
     add_loops("A", "B", "C", "D")
     run = start_audit(backend)
     audit_chunk(backend, int(run.id), "test")
@@ -163,7 +161,10 @@ def test_loops_whose_records_are_old_have_a_list_of_their_own(
             mine = update(verdicts).where(verdicts.c.loop_id == row.id)
             connection.execute(mine.values(input_end_ns=row.newest_ns, verdict="stiction"))
         connection.execute(update(newest_rows).values(verdict="stiction"))
-    (area,) = digest_of(backend, run.id).areas
-    assert {one.loop for one in area.loops} == {"A", "C"}
+    found = digest_of(backend, run.id)
+    assert {one.loop for area in found.areas for one in area.loops} == {"A", "C"}
+    assert {one.loop for one in found.old} == {"B", "D"}
+    assert "WORST OF OLD RECORDS" in as_text(found)
+    assert "Worst of old records" in as_html(found)
     ((_, rows),) = documents._worst(backend, since_ns)
     assert {row["loop"] for row in rows} == {"A", "C"}

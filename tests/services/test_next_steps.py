@@ -144,3 +144,8 @@ def test_a_repair_counts_from_when_it_is_written_down():
 def test_nothing_is_no_step_where_the_published_rule_says_stiction(told, objected):
     step = next_step(row_of("no_stiction", "not_reliable", None) | told)
     assert step.startswith(next_steps.OBJECTED) is objected
+
+
+def test_a_longer_record_is_not_waited_for_where_a_look_is_due_today():
+    row = row_of("inconclusive", "not_reliable", CAUSE) | {"reasons": "pv_stands;few_cycles"}
+    assert next_step(row | {"oscillation_period_s": 600.0}) == BY_CAUSE[CAUSE]

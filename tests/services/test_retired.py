@@ -112,7 +112,7 @@ ASKED: dict[str, Callable[[Backend], float]] = {
     "loops of the summary": lambda b: plant_summary(b).loops,
     "audited loops of the summary": lambda b: plant_summary(b).audited,
     "verdicts of the digest": lambda b: sum(digest(b).verdicts.values()),
-    "worst of the digest": lambda b: named(one.loop for area in digest(b).areas for one in area.loops),
+    "worst of the digest": lambda b: named(one.loop for one in digest(b).old),
     "changes of the digest": lambda b: named(change.loop for change in digest(b).changes),
     "repairs of the digest": lambda b: named(repair.loop for repair in digest(b).repairs),
     "text of the digest": lambda b: int(GONE in as_text(digest(b))),

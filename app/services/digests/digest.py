@@ -1,6 +1,7 @@
 """The digest of a run: the worst loops of each unit, and what changed, in words, for a mail or a webhook."""
 
 from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from itertools import groupby
@@ -16,6 +17,7 @@ from app.services.plant.arrivals import arrivals, of_run
 from app.services.plant.judged import judged, to_manual
 from app.services.plant.overview import change_of
 from app.services.plant.repaired import RepairView, repairs
+from app.services.plant.work_list import Work, work_list
 from app.services.rendering import document, figure
 from app.services.results import AuditView, ChangeView
 from app.services.wording import (
@@ -69,8 +71,10 @@ class Area:
 @dataclass(frozen=True)
 class Digest:
     """What one run came to; the same whenever it is asked for, but for loops that were retired since. `refused`: how
-    many loops were not auditable, by likely cause; `refused_loops`: the most important of each. `to_manual`: loops that
-    went to manual, and what is still said of them. `retired`: how many of the run's loops are retired and left out."""
+    many loops were not auditable, by likely cause; `refused_loops`: the most important of each. `to_manual`: loops
+    that went to manual, and what is still said of them. `old`: the worst of those without a newer sample. `work`: what
+    to do first in the plant. `reliable`: how many of the valves that stick can be relied on. `retired`: how many of
+    the run's loops are retired and left out."""
 
     plant: str
     run: AuditView
@@ -78,7 +82,9 @@ class Digest:
     refused: dict[str, int]
     refused_loops: dict[str, list[str]]
     arrivals: list[str]
+    work: list[Work]
     areas: list[Area]
+    old: list[DigestLoop]
     changes: list[ChangeView]
     more_changes: bool
     to_manual: list[str]
@@ -88,6 +94,7 @@ class Digest:
     public_url: str
     clock: PlantClock
     retired: int = 0
+    reliable: int = 0
 
 
 def newest_run(backend: Backend) -> str:
@@ -110,6 +117,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
     with backend.database.read() as connection:
         counted = digests.counts_of(connection, number)
         worst = digests.worst_of_units(connection, number, TOP, since_ns)
+        old = digests.worst_of_old(connection, number, TOP, since_ns)
         retired = digests.retired_since(connection, number)
         not_auditable = digests.refused_of(connection, number, TOP)
         # In a plant's first run every verdict is new: that is no news.
@@ -125,7 +133,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         refused_loops.setdefault(row.likely_cause or "data", []).append(row.tag)
     repaired = repairs(backend, number, began)
     url = backend.settings.public_url
-    of_time = judged(backend, [row.tag for row in worst], number)
+    of_time = judged(backend, [row.tag for row in [*worst, *old]], number)
 
     def loop_of(row: Any) -> DigestLoop:
         told = of_time.get(row.tag)
@@ -138,7 +146,9 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         refused=dict(refused.most_common()),
         refused_loops=refused_loops,
         arrivals=of_run(backend, number, began),
+        work=work_list(backend, number, since_ns),
         areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
+        old=[loop_of(row) for row in old],
         changes=[change_of(row) for row in changed[:CHANGES]],
         more_changes=len(changed) > CHANGES,
         to_manual=_to_manual(backend, number) if compared else [],
@@ -148,16 +158,20 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         public_url=url,
         clock=backend.clock,
         retired=retired,
+        reliable=sum(row.loops for row in counted if (row.verdict, row.reliability) == ("stiction", "reliable")),
     )
 
 
 def subject(digest: Digest) -> str:
     """One line whatever the plant is called: it becomes the head of a mail."""
     words = _line(digest.plant)
-    new = sum(change.kind == "new" for change in digest.changes)
-    news = f", {new}{'+' if digest.more_changes else ''} new" if new else ""
+    sticking = digest.verdicts.get("stiction", 0)
+    relied = f" ({digest.reliable} can be relied on)" if sticking else ""
+    new = [change.reliability == "reliable" for change in digest.changes if change.kind == "new"]
+    of_them = "" if all(new) else f" ({sum(new)} can be relied on)"
+    news = f", {len(new)}{'+' if digest.more_changes else ''} new{of_them}" if new else ""
     day = digest.clock.date(datetime.fromisoformat(digest.run.created_at))
-    return f"{words}: {digest.verdicts.get('stiction', 0)} valves stick{news} ({day})"
+    return f"{words}: {sticking} valves stick{relied}{news} ({day})"
 
 
 def as_text(digest: Digest) -> str:
@@ -172,6 +186,7 @@ def as_text(digest: Digest) -> str:
             lines += [f"         {told}" for told in _refused(digest)]
     lines += [f"  {run.failed:6d} failed"] if run.failed else []
     lines += digest.arrivals
+    lines += _listed("WHAT TO DO FIRST", _work_lines, digest.work)
     lines += ["", "WHAT CHANGED SINCE THE RUN BEFORE", ""]
     lines += _change_lines(digest) or [_no_change(digest)]
     lines += ["  ... and more"] if digest.more_changes else []
@@ -180,9 +195,9 @@ def as_text(digest: Digest) -> str:
         lines += [_repair_line(repair, digest.clock) for repair in digest.repairs]
         lines += ["  ... and more"] if digest.more_repairs else []
     for area in digest.areas:
-        lines += ["", f"WORST OF {_line(area.unit) if area.unit else 'THE LOOPS WITHOUT A UNIT'}", ""]
-        for place, loop in enumerate(area.loops, 1):
-            lines += _loop_lines(place, loop)
+        title = f"WORST OF {_line(area.unit) if area.unit else 'THE LOOPS WITHOUT A UNIT'}"
+        lines += _listed(title, _loop_lines, area.loops)
+    lines += _listed("WORST OF OLD RECORDS", _loop_lines, digest.old)
     if not digest.areas:
         lines += ["", "No valve sticks, as far as the records tell."]
     lines += ["", f"The whole plant: {digest.public_url}/" if digest.public_url else "", "", HOW_TO_READ]
@@ -265,6 +280,20 @@ def _counted(digest: Digest) -> str:
     return f"{digest.run.done - gone} of {digest.run.total - gone} loops have a verdict{retired}"
 
 
+def _listed(title: str, told: Callable[[int, Any], list[str]], found: Sequence[Any]) -> list[str]:
+    """Each under its title, with its place; nothing where there is none."""
+    lines = ["", title, ""] if found else []
+    for place, one in enumerate(found, 1):
+        lines += told(place, one)
+    return lines
+
+
+def _work_lines(place: int, work: Work) -> list[str]:
+    unit = f" ({_line(work.unit)})" if work.unit else ""
+    facts = [f"     {_line(work.facts)}"] if work.facts else []
+    return [f"  {place}. {_line(work.loop)}{unit}: {work.told}", *facts, f"     {work.step}"]
+
+
 def _change_lines(digest: Digest) -> list[str]:
     return [_change_line(change) for change in digest.changes] + [f"  {told}" for told in digest.to_manual]
 
@@ -288,7 +317,11 @@ def _no_change(digest: Digest) -> str:
 
 
 def _addresses(digest: Digest) -> dict[str, str]:
-    named = [change.loop for change in digest.changes] + [repair.loop for repair in digest.repairs]
+    named = (
+        [one.loop for one in digest.work]
+        + [change.loop for change in digest.changes]
+        + [repair.loop for repair in digest.repairs]
+    )
     return {tag: loop_address(digest.public_url, tag) for tag in named}
 
 

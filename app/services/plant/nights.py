@@ -35,10 +35,11 @@ class Night:
         return f"{self.date} {VERDICT_WORDS[self.verdict]} ({RELIABILITY_BRIEF[self.reliability]}{again})"
 
 
-def nights(backend: Backend, tags: Sequence[str]) -> dict[str, tuple[Night, ...]]:
-    """Of each loop the last verdict of each of its newest dates, the oldest first; a loop without one is left out."""
+def nights(backend: Backend, tags: Sequence[str], until: int | None = None) -> dict[str, tuple[Night, ...]]:
+    """Of each loop the last verdict of each of its newest dates, the oldest first; a loop without one is left out.
+    until: the last run that counts."""
     with backend.database.read() as connection:
-        rows = stored.recent(connection, tags, AUDITS)
+        rows = stored.recent(connection, tags, AUDITS, until)
     found: dict[str, dict[str, Any]] = {}
     for row in rows:
         found.setdefault(row.tag, {})[backend.clock.date(row.audited_at)] = row

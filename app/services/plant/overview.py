@@ -254,6 +254,8 @@ def _because(why: ChangedBy, row: Any) -> str:
 
 
 def _cause(why: ChangedBy, row: Any) -> str:
+    if why in ("loop", "data") and row.likely_cause == UNANSWERED != row.likely_cause_before:
+        return cause_words(UNANSWERED)
     if why == "loop" and BEGAN in row.reasons.split(";"):
         return BEGAN_WORDS
     if why == "data" and _longer(row):

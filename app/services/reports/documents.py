@@ -25,6 +25,7 @@ from app.services.plant.charts import charts
 from app.services.plant.groups import groups_of
 from app.services.plant.groups import soon as groups_soon
 from app.services.plant.judged import judged
+from app.services.plant.work_list import work_list
 from app.services.rendering import document
 from app.services.reports.svg import WIDTH, Ends, Line, chart
 from app.services.why_rely import UNTIL_THEY_AGREE, contradiction, points
@@ -93,6 +94,7 @@ def plant_report(backend: Backend) -> str:
         bars={unit.unit: _bar(unit.verdicts) for unit in seen.units},
         changed=plant.changes(backend),
         arrivals=sentences(reach, backend.clock),
+        work=work_list(backend, since_ns=reach.current_ns),
         worst=worst,
         judged=judged(backend, [row["loop"] for _, rows in worst for row in rows]),
         refused=refused.rows,

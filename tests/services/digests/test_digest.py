@@ -17,11 +17,12 @@ from app.services.backend import Backend
 from app.services.digests import deliveries, mailing, webhooks
 from app.services.digests.digest import Digest, as_html, as_text, digest_of, newest_run, subject
 from app.services.digests.sending import NotSentError, shown
+from app.services.plant.notes import add_note
 from app.services.reports.documents import plant_report
 from app.services.upkeep import doctor
 from app.services.upkeep.operations import sweep
 from app.settings import Settings
-from app.storage.tables import audits, verdicts
+from app.storage.tables import audits, newest_rows, verdicts
 from tests.services.digests.conftest import (
     HOSTILE,
     SIGNED_WITH,
@@ -43,7 +44,7 @@ def test_it_tells_the_worst_of_each_unit_and_what_changed(backend: Backend, nigh
     assert "1. A1: valve sticks (probability 0.90, rely on it)" in text
     assert "A1: newly said to stick (no stiction -> valve sticks)" in text
     assert "https://loops.example/loops/A1" in text
-    assert subject(found).startswith("North: 2 valves stick, ")
+    assert subject(found).startswith("North: 2 valves stick (2 can be relied on), ")
 
 
 def test_it_names_the_loops_that_were_not_auditable(backend: Backend, night: str, add_loops: AddLoops) -> None:
@@ -64,6 +65,34 @@ def test_it_names_the_loops_that_were_not_auditable(backend: Backend, night: str
     assert found.refused_loops == {"stuck_valve_or_dead_transmitter": named}
     assert told in as_text(found)
     assert told in as_html(found)
+
+
+def test_it_says_what_to_do_first_in_the_whole_plant(backend: Backend, night: str, add_loops: AddLoops) -> None:
+    ids = add_loops("A1", "A2", "B1", n=0)
+    dead = {
+        "verdict": "not_auditable",
+        "likely_cause": "stuck_valve_or_dead_transmitter",
+        "reliability": "not_reliable",
+    }
+    unsure = {"verdict": "stiction", "reliability": "not_reliable", "likely_cause": "stiction", "health": 1.0}
+    with backend.database.write() as connection:
+        for tag, told in (("A1", {"health": 2.0}), ("A2", unsure), ("B1", dead)):
+            mine = (verdicts.c.audit_id == int(night), verdicts.c.loop_id == ids[tag])
+            connection.execute(update(verdicts).where(*mine).values(**told))
+        mine = (verdicts.c.audit_id == int(night), verdicts.c.loop_id != ids["B1"])
+        connection.execute(update(verdicts).where(*mine).values(likely_cause="stiction"))
+        connection.execute(update(newest_rows).values(verdict="stiction", reliability="reliable"))
+    add_note(backend, "A1", "ordered", "WO-17")
+    found = digest_of(backend, night)
+    assert [one.loop for one in found.work] == ["B1", "A1", HOSTILE, "A2"]
+    text = as_text(found)
+    assert "1. B1 (U2): not auditable, look today\n" in text
+    assert "2. A1 (U1): valve sticks, rely on it\n     since " in text
+    assert "; work order WO-17\n     Ask for a stroke test" in text
+    assert "WO-17" in as_html(found)
+    assert "<script>" not in as_html(found)
+    assert subject(found).startswith("North: 3 valves stick (2 can be relied on), ")
+    assert "What to do first" in plant_report(backend)
 
 
 def test_its_counts_add_up_once_a_loop_is_retired(backend: Backend, night: str, add_loops: AddLoops) -> None:

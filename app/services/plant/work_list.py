@@ -1,0 +1,91 @@
+"""What to do first in the plant: one list over all units, with what wants a look today at its head."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+from typing import Any
+
+from app.engine.episodes import BEGAN
+from app.services.backend import Backend
+from app.services.moments import PlantClock
+from app.services.plant.nights import NIGHTS, Night, nights
+from app.services.plant.overview import table
+from app.services.wording import UNANSWERED, VERDICT_WORDS, brief, codes_of, looked_at_today
+from app.storage.verdicts import RowFilter
+
+MOST, MOST_TODAY = 10, 5
+LOOKED_AT = 200
+
+
+@dataclass(frozen=True)
+class Work:
+    """A loop and what to do about it. size: the slip-jump S, empty where it is not measured; since: how long the same
+    was said of it; written: its work order and repair."""
+
+    loop: str
+    unit: str | None
+    verdict: str
+    told: str
+    step: str
+    size: str
+    since: str
+    written: str
+
+    @property
+    def facts(self) -> str:
+        """All but the step, in one line."""
+        return "; ".join(one for one in (self.size, self.since, self.written) if one)
+
+
+def work_list(
+    backend: Backend, audit_id: int | None = None, since_ns: int | None = None, most: int = MOST
+) -> list[Work]:
+    """By the newest verdicts, or those of a run; since_ns: only loops with a sample as new as that. What wants a look
+    today begins with the newest; in the other parts those come first that lack most to full health, times their
+    importance."""
+
+    def listed(limit: int, **asked: Any) -> list[Work]:
+        wanted = RowFilter(**asked, audit_id=audit_id, recorded_from_ns=since_ns)
+        rows = table(backend, limit, filters=wanted).rows if limit else []
+        told = nights(backend, [row["loop"] for row in rows], audit_id)
+        return [_work(row, told.get(row["loop"], ()), backend.clock) for row in rows]
+
+    today = listed(LOOKED_AT, verdict=("inconclusive", "not_auditable"), likely_cause=UNANSWERED)
+    work = sorted(today, key=lambda one: one.since, reverse=True)[: min(MOST_TODAY, most)]
+    for reliability in ("reliable", "not_reliable"):
+        work += listed(most - len(work), verdict=("stiction",), reliability=reliability)
+    return work
+
+
+def _work(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock) -> Work:
+    written = [f"work order {row['work_order']}"] if row["work_order"] else []
+    written += [f"repaired {clock.short(row['repaired_at'])}"] if row["repaired_at"] else []
+    return Work(
+        loop=row["loop"],
+        unit=row["unit"],
+        verdict=row["verdict"],
+        told=f"{VERDICT_WORDS[row['verdict']]}, {brief(row)}",
+        step=row["next_step"],
+        size=_size(row),
+        since=_since(row, last, clock),
+        written=", ".join(written),
+    )
+
+
+def _size(row: Mapping[str, Any]) -> str:
+    size, of_span = row["stiction_S"], row["stiction_S_pct_of_span"]
+    if size is None or row["verdict"] != "stiction":
+        return ""
+    return f"S {size:.3g}" if of_span is None else f"S {of_span:.1f} % of OP's span"
+
+
+def _since(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock) -> str:
+    """Of a valve that began to stick within the record, when; else the first of the nights that said the same."""
+    if BEGAN in codes_of(row) and row["episode_start"]:
+        return f"since {clock.short(row['episode_start'])}"
+    alike = ("inconclusive", "not_auditable") if looked_at_today(row) else (row["verdict"],)
+    same = list(takewhile(lambda night: night.verdict in alike, reversed(last)))
+    if not same:
+        return ""
+    longer = " or longer" if len(same) in (len(last), NIGHTS) and len(last) > 1 else ""
+    return f"since {same[-1].date}{longer}"
