@@ -8,6 +8,7 @@ from typing import Any
 from app.engine.episodes import BEGAN
 from app.services.backend import Backend
 from app.services.moments import PlantClock
+from app.services.plant.judged import Judged, judged
 from app.services.plant.nights import NIGHTS, Night, nights
 from app.services.plant.overview import table
 from app.services.wording import UNANSWERED, VERDICT_WORDS, brief, codes_of, looked_at_today
@@ -20,7 +21,8 @@ LOOKED_AT = 200
 @dataclass(frozen=True)
 class Work:
     """A loop and what to do about it. size: the slip-jump S, empty where it is not measured; since: how long the same
-    was said of it; written: its work order and repair."""
+    was said of it; judged: of which time its verdict is, where not up to its newest samples; written: its work
+    order and repair."""
 
     loop: str
     unit: str | None
@@ -30,11 +32,12 @@ class Work:
     size: str
     since: str
     written: str
+    judged: str = ""
 
     @property
     def facts(self) -> str:
         """All but the step, in one line."""
-        return "; ".join(one for one in (self.size, self.since, self.written) if one)
+        return "; ".join(one for one in (self.size, self.since, self.judged, self.written) if one)
 
 
 def work_list(
@@ -47,8 +50,9 @@ def work_list(
     def listed(limit: int, **asked: Any) -> list[Work]:
         wanted = RowFilter(**asked, audit_id=audit_id, recorded_from_ns=since_ns)
         rows = table(backend, limit, filters=wanted).rows if limit else []
-        told = nights(backend, [row["loop"] for row in rows], audit_id)
-        return [_work(row, told.get(row["loop"], ()), backend.clock) for row in rows]
+        tags = [row["loop"] for row in rows]
+        last, of_time = nights(backend, tags, audit_id), judged(backend, tags, audit_id)
+        return [_work(row, last.get(row["loop"], ()), of_time.get(row["loop"]), backend.clock) for row in rows]
 
     today = listed(LOOKED_AT, verdict=("inconclusive", "not_auditable"), likely_cause=UNANSWERED)
     work = sorted(today, key=lambda one: one.since, reverse=True)[: min(MOST_TODAY, most)]
@@ -57,7 +61,7 @@ def work_list(
     return work
 
 
-def _work(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock) -> Work:
+def _work(row: Mapping[str, Any], last: Sequence[Night], of_time: Judged | None, clock: PlantClock) -> Work:
     written = [f"work order {row['work_order']}"] if row["work_order"] else []
     written += [f"repaired {clock.short(row['repaired_at'])}"] if row["repaired_at"] else []
     return Work(
@@ -69,6 +73,7 @@ def _work(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock) -> W
         size=_size(row),
         since=_since(row, last, clock),
         written=", ".join(written),
+        judged=of_time.words(clock) if of_time else "",
     )
 
 
