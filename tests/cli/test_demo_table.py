@@ -15,6 +15,7 @@ ROW = {
     "unit": "CRUDE",
     "stiction_probability": 0.99,
     "reliability": "not_reliable",
+    "reasons": "",
     "health": 38.0,
     "stiction_S": 5.9,
     "stiction_S_low": 3.5,
