@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Form
+from fastapi import APIRouter, Form, Query
 from fastapi.responses import HTMLResponse
 from starlette.responses import JSONResponse, RedirectResponse
 
@@ -20,6 +20,7 @@ from app.services.next_steps import next_step
 from app.services.plant import glossary, loops, notes
 from app.services.plant.arrivals import age_of
 from app.services.plant.charts import charts as charts_of
+from app.services.plant.charts import closer
 from app.services.plant.groups import groups_of, unnamed
 from app.services.plant.judged import judged
 from app.services.plant.loop_list import number
@@ -36,8 +37,16 @@ router = APIRouter()
 
 
 @router.get("/loops/{tag:path}/charts")
-def charts(backend: Services, tag: LoopTag) -> JSONResponse:
-    return JSONResponse(charts_of(backend, tag))
+def charts(
+    backend: Services,
+    tag: LoopTag,
+    start: Annotated[datetime | None, Query(alias="from")] = None,
+    end: Annotated[datetime | None, Query(alias="to")] = None,
+) -> JSONResponse:
+    """All charts; from `from` to `to`: the trend alone, as finely as it is stored."""
+    if start is None or end is None:
+        return JSONResponse(charts_of(backend, tag))
+    return JSONResponse(closer(backend, tag, start, end))
 
 
 @router.get("/loops/{tag:path}")

@@ -1,6 +1,7 @@
 """What the charts of a loop show where its record holds what cannot be drawn."""
 
 from collections.abc import Callable
+from datetime import timedelta
 
 import numpy as np
 import pytest
@@ -9,8 +10,9 @@ from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.spectra import STORED_FREQUENCIES
 from app.services.backend import Backend
+from app.services.moments import iso_utc, moment_of
 from app.services.plant import charts as charts_module
-from app.services.plant.charts import charts
+from app.services.plant.charts import charts, closer
 from app.services.plant.loops import verdict_detail
 from app.storage import loops, series
 from app.storage.samples import Samples
@@ -126,3 +128,25 @@ def test_the_valve_is_shown_with_the_size_that_is_stored(
     detail_with({"rungs": [{"one_parameter": one, "two_parameter": two}], "stiction_size": None} | size)
     told = charts_of(20 + np.sin(STEPS / 6 - 0.8), np.full(300, 20.0))
     assert told["valve"] == ({"S": 3.0, "J": 0.0} if size.get("stiction_size") else {"S": 2.0, "J": 1.5})
+
+
+def test_a_part_of_the_trend_has_all_samples_of_it_and_one_beyond_either_end(
+    backend: Backend, charts_of: Callable[..., dict], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pv = 20 + np.sin(STEPS / 6 - 0.8)
+    monkeypatch.setattr(charts_module, "POINTS", 40)
+    whole = charts_of(pv, np.full(300, 20.0))["trend"]
+    assert (whole["samples"], whole["shown"]) == (300, len(whole["time"]))
+    assert whole["shown"] <= 42
+    at = [moment_of(START_NS + k * MINUTE) for k in (100, 120)]
+    part = closer(backend, "FIC1", *at)["trend"]
+    assert (part["samples"], part["shown"]) == (23, 23)
+    assert part["pv"] == pytest.approx(pv[99:122])
+    assert part["time"][1] == iso_utc(at[0])
+
+
+@pytest.mark.parametrize("days", [-400, 400])
+def test_a_part_without_samples_has_none(backend: Backend, charts_of: Callable[..., dict], days: int) -> None:
+    charts_of(20 + np.sin(STEPS / 6), np.full(300, 20.0))
+    at = moment_of(START_NS) + timedelta(days=days)
+    assert len(closer(backend, "FIC1", at, at + timedelta(hours=1))["trend"]["time"]) <= 1

@@ -1,6 +1,7 @@
 """What the charts of a loop show: made from the stored samples and the stored verdict when somebody looks."""
 
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from app.services.auditing.spectra import spectra
 from app.services.backend import Backend
 from app.services.moments import iso_utc, moment_of
 from app.services.plant.loops import find, verdict_detail
-from app.services.plant.trend import extremes, numbers
+from app.services.plant.trend import extremes, instant_ns, numbers
 from app.storage import series, verdicts
 from app.storage.samples import FloatArray, Samples
 
@@ -58,6 +59,18 @@ def charts(backend: Backend, tag: str, audit_id: str | None = None) -> dict[str,
         "errors": _errors(record),
         "spectra": detail.get("spectra") or _spectra(record),
     }
+
+
+def closer(backend: Backend, tag: str, start: datetime, end: datetime) -> dict[str, Any]:
+    """The trend of `charts` from `start` to `end` alone, with a sample beyond either end: of an hour out of a day all
+    samples, where the day is thinned to what a screen shows."""
+    record, _ = _record(backend, tag, None)
+    if record is None:
+        return {"trend": None}
+    first = int(np.searchsorted(record.samples.time_ns, instant_ns(start)))
+    last = int(np.searchsorted(record.samples.time_ns, instant_ns(end), side="right"))
+    part = slice(max(first - 1, 0), last + 1)
+    return {"trend": _trend(record, _valve(verdict_detail(backend, tag)), part)}
 
 
 def _record(backend: Backend, tag: str, audit_id: str | None) -> tuple[_Record | None, list[str] | None]:
@@ -115,23 +128,28 @@ def _valve(detail: dict[str, Any]) -> dict[str, float] | None:
     return {"S": S, "J": J} if S else None
 
 
-def _trend(record: _Record, valve: dict[str, float] | None) -> dict[str, Any]:
+def _trend(record: _Record, valve: dict[str, float] | None, part: slice = slice(None)) -> dict[str, Any]:
+    """shown of samples: how many are drawn of how many there are."""
+    # The valve's position hangs on where OP has been before: it is worked out for the whole, whatever is shown of it.
     position = None if valve is None else _position(record.op, valve)
-    shown = {"pv": record.pv, "op": record.op, "sp": record.sp, "valve": position}
-    given = {name: signal for name, signal in shown.items() if signal is not None}
-    n = len(record.samples)
+    drawn = {"pv": record.pv, "op": record.op, "sp": record.sp, "valve": position}
+    given = {name: signal[part] for name, signal in drawn.items() if signal is not None}
+    time_ns = record.samples.time_ns[part]
+    n = len(time_ns)
     kept = np.arange(n) if n <= POINTS else extremes(list(given.values()), n, POINTS)
-    time_ns = record.samples.time_ns
     holes = _holes(time_ns)
     # A moment without values within each hole breaks the lines there.
     where, at = np.searchsorted(kept, holes, side="right"), (time_ns[holes] + time_ns[holes + 1]) // 2
     time = [iso_utc(moment_of(int(t))) for t in np.insert(time_ns[kept], where, at)]
-    return {"time": time, **{name: numbers(np.insert(signal[kept], where, np.nan)) for name, signal in given.items()}}
+    lines = {name: numbers(np.insert(signal[kept], where, np.nan)) for name, signal in given.items()}
+    return {"samples": n, "shown": len(kept), "time": time, **lines}
 
 
 def _holes(time_ns: np.ndarray) -> np.ndarray:
     """The samples (H,) behind which the audit sees a hole that is wide enough to be seen in a chart."""
     steps = np.diff(time_ns)
+    if not len(steps):
+        return np.empty(0, np.int64)
     least = max(_FITNESS.max_gap_intervals * float(np.median(steps)), float(time_ns[-1] - time_ns[0]) / MOST_HOLES)
     return np.flatnonzero(steps > least)
 

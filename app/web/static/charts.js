@@ -24,6 +24,7 @@ const clockAt = (newest, oldest = newest) => {
   const changed = aheadAt(oldest) === told ? "" : ", as after the clock was changed";
   return {
     shown: (at) => new Date(instant(at) + ahead).toISOString().slice(0, -1),
+    instant: (text) => new Date(Date.parse(`${text.replace(" ", "T").slice(0, 23)}Z`) - ahead).toISOString(), // of what an axis of the library says
     title: zone === "UTC" || told === null ? "time, UTC" : `time in ${zone}, ${offset}${changed}`,
   };
 };
@@ -35,8 +36,8 @@ const draw = (id, traces, more, without) => {
   if (!traces) tell(chart, without);
   else Plotly.newPlot(chart, traces, layout(more), options);
 };
-const load = async (url) => {
-  const answer = await fetch(url, { headers: { Accept: "application/json" } });
+const load = async (url, more) => {
+  const answer = await fetch(url, { headers: { Accept: "application/json" }, ...more });
   if (!answer.ok) throw new Error(`the service answered ${answer.status}`);
   return answer.json();
 };

@@ -2,19 +2,64 @@
 "use strict";
 const line = (x, y, name, colour, more) => ({ x, y, name, type: "scatter", mode: "lines", line: { color: paint(colour), width: 1.4 }, ...more });
 
-function drawTrend({ trend, window: shown, valve }) {
-  if (!trend) return draw("trend", null, {}, "No samples of the audited stretch are kept.");
-  const clock = clockAt(trend.time.at(-1), trend.time[0]);
+const WAIT_MS = 200; // a wheel or a drag asks once, when it has come to rest
+const valvesNote = (valve) => `The valve's position is estimated with S ${valve.S.toPrecision(3)} and J ${valve.J.toPrecision(3)} (units of OP). J, how far it jumps when it lets go, is only what this picture is drawn with: PV and OP do not tell it.`;
+const countNote = ({ samples, shown }, back = "") => (shown < samples
+  ? `${shown} of ${samples} samples shown, of each stretch the least and the greatest: the lines between them were not recorded. Drag over a part to see all of its samples.${back}`
+  : `All ${samples} samples shown.${back}`);
+const BACK = " A double click shows the whole again.";
+
+function trendLines(trend, clock) {
   const x = trend.time.map(clock.shown);
   const traces = [line(x, trend.pv, "PV", "--pv", { yaxis: "y2" }), line(x, trend.op, "OP", "--op")];
   if (trend.sp) traces.splice(1, 0, line(x, trend.sp, "SP", "--sp", { yaxis: "y2" }));
   if (trend.valve) traces.push(line(x, trend.valve, "valve, estimated", "--valve"));
-  if (valve) document.getElementById("valve-note").textContent = `The valve's position is estimated with S ${valve.S.toPrecision(3)} and J ${valve.J.toPrecision(3)} (units of OP). J, how far it jumps when it lets go, is only what this picture is drawn with: PV and OP do not tell it.`;
+  return traces;
+}
+
+function drawTrend({ trend, window: shown, valve }) {
+  if (!trend) return draw("trend", null, {}, "No samples of the audited stretch are kept.");
+  const clock = clockAt(trend.time.at(-1), trend.time[0]);
+  if (valve) document.getElementById("valve-note").textContent = valvesNote(valve);
   const shapes = shown ? [{ type: "rect", xref: "x", yref: "paper", x0: clock.shown(shown[0]), x1: clock.shown(shown[1]), y0: 0, y1: 1, fillcolor: paint("--link"), opacity: 0.06, line: { width: 0 }, layer: "below" }] : [];
-  draw("trend", traces, {
+  draw("trend", trendLines(trend, clock), {
     height: 480, xaxis: axis(clock.title), hovermode: "x", shapes,
     yaxis: axis("OP", { domain: [0, 0.46] }), yaxis2: axis("PV and SP", { domain: [0.54, 1] }),
   });
+  comeCloser(document.getElementById("trend"), trend, clock);
+}
+
+// Of a long record the trend draws extremes, and lines between them are shapes that were never recorded: of the part
+// that is looked at more closely the samples themselves are fetched, and the whole comes back with a double click.
+function comeCloser(chart, whole, clock) {
+  const note = document.getElementById("trend-note");
+  let waiting, asking;
+  const show = (trend) => {
+    const lines = trendLines(trend, clock);
+    note.textContent = countNote(trend, trend === whole ? "" : BACK);
+    return Plotly.restyle(chart, { x: lines.map((one) => one.x), y: lines.map((one) => one.y) });
+  };
+  const fetchPart = async (from, to) => {
+    asking = new AbortController();
+    const { signal } = asking;
+    chart.dataset.zoom = "asked";
+    try {
+      const { trend } = await load(`${charts.dataset.url}?${new URLSearchParams({ from: clock.instant(from), to: clock.instant(to) })}`, { signal });
+      if (signal.aborted || !trend) return;
+      await show(trend);
+      chart.dataset.zoom = "part";
+    } catch (error) { if (!signal.aborted) note.textContent = `The samples of this part could not be loaded: ${error.message}. ${countNote(whole)}`; }
+  };
+  chart.on("plotly_relayout", (changed) => {
+    const [from, to] = changed["xaxis.range"] ?? [changed["xaxis.range[0]"], changed["xaxis.range[1]"]];
+    const back = changed["xaxis.autorange"];
+    if (!back && !(from && to)) return;
+    clearTimeout(waiting);
+    asking?.abort();
+    if (back) show(whole).then(() => { chart.dataset.zoom = "whole"; });
+    else if (whole.shown < whole.samples) waiting = setTimeout(fetchPart, WAIT_MS, String(from), String(to));
+  });
+  note.textContent = countNote(whole);
 }
 
 function drawRmse({ rmse_d: curve, rmse_sj: surface }) {
