@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.engine.features import NAMES, extract, shape_windows
+from app.engine.features import NAMES, extract, shape_windows, standing
 from app.engine.features.shape import bicoherence, harmonic_shares, triangle_index
 from app.engine.oscillation import detect
 from app.engine.recording import UniformRecord
@@ -131,3 +131,16 @@ def test_moving_average_is_shorter_at_the_ends():
 
 def test_a_straight_line_has_no_deviation_left():
     np.testing.assert_allclose(without_drift(3.0 + 2.0 * np.arange(50.0), 100), 0.0, atol=1e-9)
+
+
+def test_where_op_travels_and_pv_stands_is_what_the_share_counts():
+    loop = sticky()
+    marked = standing(loop.pv, loop.op, PERIOD)
+    travel = np.abs(np.diff(loop.op))
+    assert travel[marked[1:]].sum() / travel.sum() == pytest.approx(named(loop)["flat_eighth"], abs=0.1)
+    assert not marked[np.flatnonzero(np.abs(np.diff(loop.pv)) > 1.0)].any()
+
+
+@pytest.mark.parametrize(("pv", "op"), [(np.zeros(N), triangle()), (triangle(), np.zeros(N)), (triangle(), triangle())])
+def test_nothing_stands_where_pv_or_op_never_varies_or_pv_follows(pv, op):
+    assert np.mean(standing(pv, op, PERIOD)) < 0.01

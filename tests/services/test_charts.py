@@ -1,7 +1,7 @@
 """What the charts of a loop show where its record holds what cannot be drawn."""
 
 from collections.abc import Callable
-from datetime import timedelta
+from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
@@ -48,7 +48,8 @@ def test_a_marker_of_bad_values_is_missing(charts_of: Callable[..., dict], far: 
 
 def test_nothing_but_markers(charts_of: Callable[..., dict]) -> None:
     told = charts_of(np.where(STEPS % 2, 1e308, -1e308), np.full(300, 20.0))
-    assert (told["errors"], told["spectra"], told["pv_op"]) == (None, None, {"op": [], "pv": []})
+    assert (told["errors"], told["spectra"]) == (None, None)
+    assert told["pv_op"] == {"samples": 0, "shown": 0, "op": [], "pv": [], "standing": []}
 
 
 def test_an_error_of_a_rounding_has_no_distribution(charts_of: Callable[..., dict]) -> None:
@@ -150,3 +151,46 @@ def test_a_part_without_samples_has_none(backend: Backend, charts_of: Callable[.
     charts_of(20 + np.sin(STEPS / 6), np.full(300, 20.0))
     at = moment_of(START_NS) + timedelta(days=days)
     assert len(closer(backend, "FIC1", at, at + timedelta(hours=1))["trend"]["time"]) <= 1
+
+
+def swinging(samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """PV stands at 30 or 10 while OP (a triangle of 40 samples) travels, and jumps where OP has come far enough."""
+    step = np.arange(samples)
+    op = 50 + 5 * np.abs(step % 40 / 10 - 2) - 5
+    return np.where(step % 40 // 20, 30.0, 10.0) + 0.01 * np.sin(step), op
+
+
+def audited_charts(backend: Backend, pv: np.ndarray, op: np.ndarray) -> dict:
+    times = START_NS + np.arange(len(pv)).astype(np.int64) * MINUTE
+    with backend.database.write() as connection:
+        loop = loops.ensure(connection, ["FIC1"])["FIC1"]
+        series.add(connection, [Stretch(loop, Samples(times, {"pv": pv, "op": op}))], None)
+    audit_chunk(backend, int(start_audit(backend).id), "test")
+    return charts(backend, "FIC1")
+
+
+def test_where_op_travels_and_pv_stands_is_marked_in_both_charts(backend: Backend, warm_kernels: None) -> None:
+    pv, op = swinging(800)
+    told = audited_charts(backend, pv, op)
+    for chart in (told["trend"], told["pv_op"]):
+        marked = np.array(chart["standing"], bool)
+        assert 0.4 < marked.mean() < 0.9
+        jumps = np.flatnonzero(np.abs(np.diff(chart["pv"])) > 10)
+        assert not marked[jumps].any()
+    assert told["judged"] is None
+
+
+def test_nothing_is_marked_where_pv_follows(backend: Backend, warm_kernels: None) -> None:
+    op = 50 + 5 * np.sin(np.arange(800) / 6)
+    told = audited_charts(backend, 0.5 * op, op)
+    assert np.mean(told["trend"]["standing"]) < 0.05
+
+
+def test_of_a_long_record_the_stretch_that_speaks_for_it_is_told_and_drawn(
+    backend: Backend, warm_kernels: None
+) -> None:
+    told = audited_charts(backend, *swinging(6000))
+    first, last = (datetime.fromisoformat(at).timestamp() for at in told["judged"])
+    assert told["pv_op"]["samples"] == pytest.approx((last - first) / 60 + 1, abs=1)
+    assert told["pv_op"]["samples"] < told["trend"]["samples"] == 6000
+    assert told["pv_op"]["shown"] == len(told["pv_op"]["pv"])

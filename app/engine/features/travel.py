@@ -1,17 +1,19 @@
 """Whether PV stands still while OP travels: what a stuck valve looks like from outside."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numba import njit
 
-from app.engine.features.window import PER_CYCLE, ShapeWindow
+from app.engine.features.window import CYCLES, PER_CYCLE, ShapeWindow, window_of
 from app.engine.patterns import rho_3
 from app.engine.recording import BoolArray, FloatArray, IntArray
 from app.engine.sampled import ROUNDING, burstiness, correlation, quantiles
 
 REVERSAL = 0.7
 _STILL_BAND = 0.3
+_EIGHTH = PER_CYCLE // 8
 _FEWEST_LEG_SAMPLES = 4
 _STRIDE = PER_CYCLE // 10
 
@@ -52,7 +54,7 @@ class Travel:
 def travel(window: ShapeWindow) -> Travel:
     """The features of `Travel` for one window."""
     pv, op = window.pv_smooth, window.op_smooth
-    op_eighth, pv_eighth = _pieces(pv, op, PER_CYCLE // 8)
+    op_eighth, pv_eighth = _pieces(pv, op, _EIGHTH)
     op_quarter, pv_quarter = _pieces(pv, op, PER_CYCLE // 4)
     legs = _legs(pv, op, REVERSAL * float(np.std(op)), _STILL_BAND * float(np.std(pv)))
     some = len(legs) >= 2
@@ -73,6 +75,28 @@ def travel(window: ShapeWindow) -> Travel:
     )
 
 
+def standing(pv: FloatArray, op: FloatArray, per_cycle: float) -> BoolArray:
+    """(N,) where OP travels and PV stands: of the eighths of a cycle that `flat_eighth` counts those in which OP does
+    travel, by the same measure, as a picture marks them.
+
+    pv, op: (N,) of an even record, finite, `per_cycle` samples a cycle. They are looked at by some fifteen cycles at a
+    time, as the features look at them; nothing is marked where PV or OP does not vary.
+    """
+    n = len(pv)
+    edges = np.linspace(0, n, max(1, round(n / (CYCLES * per_cycle))) + 1).astype(int)
+    return np.concatenate([_standing(pv[a:b], op[a:b], per_cycle) for a, b in pairwise(edges)])
+
+
+def _standing(pv: FloatArray, op: FloatArray, per_cycle: float) -> BoolArray:
+    window = window_of(pv, op, per_cycle)
+    if window is None:
+        return np.zeros(len(pv), np.bool_)
+    op_travel, pv_range = _pieces(window.pv_smooth, window.op_smooth, _EIGHTH)
+    found = _flat(pv_range) & ~_flat(op_travel)
+    piece = np.arange(len(pv)) * len(window.pv) // (len(pv) * _EIGHTH)
+    return np.append(found, False)[np.minimum(piece, len(found))]  # what is left over after the last piece is not told
+
+
 def _pieces(pv: FloatArray, op: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
     """Net OP travel and PV range, (n // size,) each, of the pieces of `size` samples."""
     count = len(pv) // size
@@ -81,7 +105,11 @@ def _pieces(pv: FloatArray, op: FloatArray, size: int) -> tuple[FloatArray, Floa
 
 
 def _flat_share(op_travel: FloatArray, pv_range: FloatArray) -> float:
-    return _share(op_travel, pv_range < 0.3 * quantiles(pv_range, (0.9,))[0])
+    return _share(op_travel, _flat(pv_range))
+
+
+def _flat(moved: FloatArray) -> BoolArray:
+    return moved < 0.3 * quantiles(moved, (0.9,))[0]
 
 
 def _share(amount: FloatArray, where: BoolArray) -> float:

@@ -57,7 +57,7 @@ def shape_windows(record: UniformRecord, oscillation: Oscillation, most: int = M
     eighth of the record instead of the period.
     """
     per_cycle = cycle_samples(record, oscillation)
-    windows = (_window(record.pv[part], record.op[part], per_cycle) for part in spans(record, per_cycle, most))
+    windows = (window_of(record.pv[part], record.op[part], per_cycle) for part in spans(record, per_cycle, most))
     return [window for window in windows if window is not None]
 
 
@@ -86,7 +86,8 @@ def _fast_share(x: FloatArray, half: int) -> float:
     return float(np.var(x - moving_average(x, half))) / total if total > 0.0 else 1.0
 
 
-def _window(raw_pv: FloatArray, raw_op: FloatArray, per_cycle: float) -> ShapeWindow | None:
+def window_of(raw_pv: FloatArray, raw_op: FloatArray, per_cycle: float) -> ShapeWindow | None:
+    """raw_pv, raw_op: (m,) as recorded, per_cycle samples a cycle. None where PV or OP does not vary."""
     even_pv, even_op = resample(raw_pv, per_cycle, PER_CYCLE), resample(raw_op, per_cycle, PER_CYCLE)
     pv, op = _unit(even_pv), _unit(even_op)
     if pv is None or op is None:

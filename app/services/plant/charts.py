@@ -1,7 +1,7 @@
 """What the charts of a loop show: made from the stored samples and the stored verdict when somebody looks."""
 
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from app.services.auditing.spectra import spectra
 from app.services.backend import Backend
 from app.services.moments import iso_utc, moment_of
 from app.services.plant.loops import find, verdict_detail
+from app.services.plant.standing import judged_part, where_pv_stands
 from app.services.plant.trend import extremes, instant_ns, numbers
 from app.storage import series, verdicts
 from app.storage.samples import FloatArray, Samples
@@ -36,21 +37,25 @@ _FITNESS = FitnessConfig()
 
 @dataclass(frozen=True, eq=False)
 class _Record:
-    """Stored samples about the audited window; inside: (n,) True in the window."""
+    """Stored samples about the audited window. inside: (n,) True in the window; judged: in the stretch of it that
+    speaks for it, which is all of it unless the record is long; standing: where OP travels and PV stands."""
 
     samples: Samples
     pv: FloatArray
     op: FloatArray
     sp: FloatArray | None
     inside: np.ndarray
+    judged: np.ndarray
+    standing: np.ndarray
 
 
 def charts(backend: Backend, tag: str, audit_id: str | None = None) -> dict[str, Any]:
     """Trend with the valve's estimated position, PV over OP, control errors, spectra, RMSE over d and over (S, J)."""
     detail = verdict_detail(backend, tag, audit_id)
-    record, window = _record(backend, tag, audit_id)
+    record, window = _record(backend, tag, audit_id, detail)
     valve = _valve(detail)
     told: dict[str, Any] = {"window": window, "rmse_d": _curve(detail), "rmse_sj": _surface(detail), "valve": valve}
+    told |= {"judged": _judged_stretch(window, detail), "size": _size(detail)}
     if record is None:
         return told | {"trend": None, "pv_op": None, "errors": None, "spectra": detail.get("spectra")}
     return told | {
@@ -64,16 +69,19 @@ def charts(backend: Backend, tag: str, audit_id: str | None = None) -> dict[str,
 def closer(backend: Backend, tag: str, start: datetime, end: datetime) -> dict[str, Any]:
     """The trend of `charts` from `start` to `end` alone, with a sample beyond either end: of an hour out of a day all
     samples, where the day is thinned to what a screen shows."""
-    record, _ = _record(backend, tag, None)
+    detail = verdict_detail(backend, tag)
+    record, _ = _record(backend, tag, None, detail)
     if record is None:
         return {"trend": None}
     first = int(np.searchsorted(record.samples.time_ns, instant_ns(start)))
     last = int(np.searchsorted(record.samples.time_ns, instant_ns(end), side="right"))
     part = slice(max(first - 1, 0), last + 1)
-    return {"trend": _trend(record, _valve(verdict_detail(backend, tag)), part)}
+    return {"trend": _trend(record, _valve(detail), part)}
 
 
-def _record(backend: Backend, tag: str, audit_id: str | None) -> tuple[_Record | None, list[str] | None]:
+def _record(
+    backend: Backend, tag: str, audit_id: str | None, detail: dict[str, Any]
+) -> tuple[_Record | None, list[str] | None]:
     row = find(backend, tag)
     with backend.database.read() as connection:
         given = verdicts.input_of(connection, row.id, int(audit_id) if audit_id else row.newest_audit_id or 0)
@@ -87,10 +95,28 @@ def _record(backend: Backend, tag: str, audit_id: str | None) -> tuple[_Record |
         window = [iso_utc(given.window_start) or "", iso_utc(given.window_end) or ""]
     if samples is None or len(samples) < 2:
         return None, window
-    return _together(samples, given), window
+    return _together(samples, given, detail, _judged_stretch(window, detail)), window
 
 
-def _together(samples: Samples, given: Any) -> _Record:
+def _judged_stretch(window: list[str] | None, detail: dict[str, Any]) -> list[str] | None:
+    """From when to when the stretch is that speaks for a long record; None where the window is judged as a whole."""
+    part = judged_part(detail)
+    if window is None or part is None:
+        return None
+    origin = datetime.fromisoformat(window[0]) - timedelta(seconds=detail["window"]["start_s"])
+    return [iso_utc(origin + timedelta(seconds=part[name])) or "" for name in ("start_s", "end_s")]
+
+
+def _size(detail: dict[str, Any]) -> dict[str, float] | None:
+    """S with its interval (units of OP), where the record tells it."""
+    size = detail.get("stiction_size") or {}
+    if not size.get("identifiable"):
+        return None
+    widest = size["S_intervals"][-1]
+    return {"S": size["S"], "low": widest["low"], "high": widest["high"]}
+
+
+def _together(samples: Samples, given: Any, detail: dict[str, Any], stretch: list[str] | None) -> _Record:
     """The samples with PV and OP side by side, also where they came at times of their own."""
     pv, op, sp = (_usable(samples.signals.get(name)) for name in ("pv", "op", "sp"))
     missing = np.full(len(samples), np.nan)
@@ -101,7 +127,14 @@ def _together(samples: Samples, given: Any) -> _Record:
     shown = joined.both if joined.interpolated else np.full(len(samples), True)
     times = samples.part(shown)
     sp = None if sp is None else sp[shown]
-    return _Record(times, joined.pv[shown], joined.op[shown], sp, _inside(times, given))
+    pv, op, inside = joined.pv[shown], joined.op[shown], _inside(times, given)
+    judged = inside if stretch is None else inside & _between(times.time_ns, stretch)
+    return _Record(times, pv, op, sp, inside, judged, where_pv_stands(times.time_ns, pv, op, judged, detail))
+
+
+def _between(time_ns: np.ndarray, stretch: list[str]) -> np.ndarray:
+    first, last = (instant_ns(datetime.fromisoformat(moment)) for moment in stretch)
+    return (time_ns >= first) & (time_ns <= last)
 
 
 def _usable(signal: FloatArray | None) -> FloatArray | None:
@@ -142,7 +175,8 @@ def _trend(record: _Record, valve: dict[str, float] | None, part: slice = slice(
     where, at = np.searchsorted(kept, holes, side="right"), (time_ns[holes] + time_ns[holes + 1]) // 2
     time = [iso_utc(moment_of(int(t))) for t in np.insert(time_ns[kept], where, at)]
     lines = {name: numbers(np.insert(signal[kept], where, np.nan)) for name, signal in given.items()}
-    return {"samples": n, "shown": len(kept), "time": time, **lines}
+    standing = np.insert(record.standing[part][kept], where, False).astype(int).tolist()
+    return {"samples": n, "shown": len(kept), "time": time, **lines, "standing": standing}
 
 
 def _holes(time_ns: np.ndarray) -> np.ndarray:
@@ -163,10 +197,14 @@ def _position(op: FloatArray, valve: dict[str, float]) -> FloatArray | None:
 
 
 def _scatter(record: _Record) -> dict[str, Any]:
-    places = np.flatnonzero(record.inside & np.isfinite(record.pv) & np.isfinite(record.op))
+    """Of what was judged: shown of samples, the newest ones in a row."""
+    places = np.flatnonzero(record.judged & np.isfinite(record.pv) & np.isfinite(record.op))
+    samples = len(places)
     # The newest ones in a row, not every tenth: it is the path from point to point that shows a sticking valve.
     places = places[-SCATTERED:]
-    return {"op": numbers(record.op[places]), "pv": numbers(record.pv[places])}
+    path = {"op": numbers(record.op[places]), "pv": numbers(record.pv[places])}
+    standing = record.standing[places].astype(int).tolist()
+    return {"samples": samples, "shown": len(places), **path, "standing": standing}
 
 
 def _errors(record: _Record) -> dict[str, Any] | None:

@@ -74,6 +74,7 @@ def loop_report(backend: Backend, tag: str) -> str:
         explanation=in_words(explained) if explained and explained["state"] == "done" else None,
         trend=_trend(drawn, backend.clock),
         path=_path(drawn),
+        path_of=_path_of(drawn),
         course=_course(history, backend.clock),
         address=loop_address(backend.settings.public_url, tag),
         **_made(backend),
@@ -146,6 +147,14 @@ def _path(drawn: Mapping[str, Any]) -> Markup | None:
     return chart(
         path["op"], [Line("PV over OP", path["pv"], PV)], ends, title="PV over OP", height=320, width=WIDTH // 2
     )
+
+
+def _path_of(drawn: Mapping[str, Any]) -> str:
+    path = drawn["pv_op"] or {"samples": 0, "shown": 0}
+    of = "the stretch that speaks for the record" if drawn["judged"] else "the audited window"
+    whole = path["shown"] == path["samples"]
+    count = f"All {path['samples']}" if whole else f"The newest {path['shown']} of the {path['samples']}"
+    return f"{count} samples of {of}."
 
 
 def _course(history: Sequence[Mapping[str, Any]], clock: PlantClock) -> Markup | None:

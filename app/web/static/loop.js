@@ -9,19 +9,28 @@ const countNote = ({ samples, shown }, back = "") => (shown < samples
   : `All ${samples} samples shown.${back}`);
 const BACK = " A double click shows the whole again.";
 
+// Where OP travels and PV stands still: under the lines, as with a marker pen.
+const marked = (values, standing) => values.map((value, k) => (standing[k] ? value : null));
+const pen = (x, y, standing, more) => line(x, marked(y, standing), "OP travels, PV stands", "--stands", { line: { color: paint("--stands"), width: 7 }, hoverinfo: "skip", legendgroup: "stands", ...more });
+
 function trendLines(trend, clock) {
   const x = trend.time.map(clock.shown);
   const traces = [line(x, trend.pv, "PV", "--pv", { yaxis: "y2" }), line(x, trend.op, "OP", "--op")];
   if (trend.sp) traces.splice(1, 0, line(x, trend.sp, "SP", "--sp", { yaxis: "y2" }));
   if (trend.valve) traces.push(line(x, trend.valve, "valve, estimated", "--valve"));
-  return traces;
+  return [pen(x, trend.op, trend.standing, { showlegend: trend.standing.includes(1), legendrank: 2000 }), pen(x, trend.pv, trend.standing, { yaxis: "y2", showlegend: false }), ...traces];
 }
 
-function drawTrend({ trend, window: shown, valve }) {
+function drawTrend({ trend, window: shown, judged, valve }) {
   if (!trend) return draw("trend", null, {}, "No samples of the audited stretch are kept.");
   const clock = clockAt(trend.time.at(-1), trend.time[0]);
   if (valve) document.getElementById("valve-note").textContent = valvesNote(valve);
-  const shapes = shown ? [{ type: "rect", xref: "x", yref: "paper", x0: clock.shown(shown[0]), x1: clock.shown(shown[1]), y0: 0, y1: 1, fillcolor: paint("--link"), opacity: 0.06, line: { width: 0 }, layer: "below" }] : [];
+  const stretch = ([from, to], look) => ({ type: "rect", xref: "x", yref: "paper", x0: clock.shown(from), x1: clock.shown(to), y0: 0, y1: 1, layer: "below", ...look });
+  const shapes = shown ? [stretch(shown, { fillcolor: paint("--link"), opacity: 0.06, line: { width: 0 } })] : [];
+  if (judged) {
+    shapes.push(stretch(judged, { line: { width: 2, color: paint("--ink"), dash: "dot" } }));
+    document.getElementById("judged-note").textContent = `The stretch that speaks for the record, ${judged.map((at) => clock.shown(at).slice(0, 16).replace("T", " ")).join(" to ")}, is framed with dots; the size, the shapes and PV against OP are of it.`;
+  }
   draw("trend", trendLines(trend, clock), {
     height: 480, xaxis: axis(clock.title), hovermode: "x", shapes,
     yaxis: axis("OP", { domain: [0, 0.46] }), yaxis2: axis("PV and SP", { domain: [0.54, 1] }),
@@ -87,9 +96,18 @@ function drawSpectra({ spectra }) {
   ], { height: 340, xaxis: axis("frequency, Hz", { type: "log", exponentformat: "power" }), yaxis: axis("amplitude, scaled") });
 }
 
-function drawRest({ pv_op: path, errors }) {
-  draw("pv-op", path && [line(path.op, path.pv, "PV over OP", "--pv", { line: { color: paint("--pv"), width: 0.8 } })],
-    { height: 320, showlegend: false, xaxis: axis("OP"), yaxis: axis("PV") }, "No samples of the audited stretch are kept.");
+const pathNote = ({ samples, shown, standing }, judged) => {
+  const of = judged ? "the stretch that speaks for the record" : "the audited window";
+  return `${shown < samples ? `The newest ${shown} of the ${samples}` : `All ${samples}`} samples of ${of}${standing.includes(1) ? "; where OP travels and PV stands is marked" : ""}.`;
+};
+
+function drawRest({ pv_op: path, errors, judged, size }) {
+  if (path) document.getElementById("pv-op-note").textContent = pathNote(path, judged);
+  const middle = path && path.op.length ? (Math.min(...path.op) + Math.max(...path.op)) / 2 : 0;
+  const wide = size && path ? [{ type: "rect", xref: "x", yref: "paper", x0: middle - size.S / 2, x1: middle + size.S / 2, y0: 0, y1: 1, layer: "below", fillcolor: paint("--valve"), opacity: 0.12, line: { width: 0 } }] : [];
+  const sign = wide.map(() => ({ x: middle, y: 1, yref: "paper", yanchor: "bottom", showarrow: false, text: `as wide as S = ${size.S.toPrecision(3)} (${size.low.toPrecision(3)} to ${size.high.toPrecision(3)})`, font: { color: paint("--valve"), size: 12 } }));
+  draw("pv-op", path && [pen(path.op, path.pv, path.standing), line(path.op, path.pv, "PV over OP", "--pv", { line: { color: paint("--pv"), width: 0.8 } })],
+    { height: 320, showlegend: false, shapes: wide, annotations: sign, margin: { l: 58, r: 16, t: 24, b: 44 }, xaxis: axis("OP"), yaxis: axis("PV") }, "No samples of the audited stretch are kept.");
   draw("errors", errors && [{ x: errors.middle, y: errors.share_pct, type: "bar", name: "share", marker: { color: paint("--pv") } }],
     { height: 320, showlegend: false, bargap: 0.05, xaxis: axis("SP - PV, units of PV"), yaxis: axis("% of the samples") }, "No spread to show: no set point was recorded, or the control error is one value.");
 }
