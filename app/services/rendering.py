@@ -24,11 +24,19 @@ def figure(value: float | None, digits: int) -> str:
     return "–" if value is None else f"{value:z.{digits}f}"
 
 
+def probability(value: float | None) -> str:
+    """To two digits, and never certain: 0.9956 is not 1.00."""
+    if value is None:
+        return "–"
+    return "over 0.99" if value >= 0.995 else "under 0.01" if value < 0.005 else f"{value:.2f}"
+
+
 def _environment() -> Environment:
     folder = Path(__file__).parent / "templates"
     templates = Environment(loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined)
     templates.trim_blocks = templates.lstrip_blocks = True
-    templates.filters |= {"figure": figure, "cause_words": cause_words, "measured_probability": measured_probability}
+    templates.filters |= {"figure": figure, "probability": probability}
+    templates.filters |= {"cause_words": cause_words, "measured_probability": measured_probability}
     templates.filters |= {"headline": headline, "brief": brief}
     templates.globals |= {
         "verdict_words": VERDICT_WORDS,

@@ -19,12 +19,14 @@ from app.services.moments import PlantClock
 from app.services.next_steps import next_step
 from app.services.plant import glossary, loops, notes
 from app.services.plant.arrivals import age_of
+from app.services.plant.before_after import compared
 from app.services.plant.charts import charts as charts_of
 from app.services.plant.charts import closer
 from app.services.plant.groups import groups_of, unnamed
 from app.services.plant.judged import judged
 from app.services.plant.loop_list import number
 from app.services.plant.nights import nights as nights_of
+from app.services.plant.periods import periods
 from app.services.why_rely import UNTIL_THEY_AGREE, contradiction, points
 from app.web.explanation import newest_in_words
 from app.web.rendering import page
@@ -42,10 +44,12 @@ def charts(
     tag: LoopTag,
     start: Annotated[datetime | None, Query(alias="from")] = None,
     end: Annotated[datetime | None, Query(alias="to")] = None,
+    audit: Annotated[str | None, Query(max_length=20)] = None,
 ) -> JSONResponse:
-    """All charts; from `from` to `to`: the trend alone, as finely as it is stored."""
+    """All charts, of the newest verdict or that of an audit; from `from` to `to`: the newest trend alone, as finely as
+    it is stored."""
     if start is None or end is None:
-        return JSONResponse(charts_of(backend, tag))
+        return JSONResponse(charts_of(backend, tag, audit))
     return JSONResponse(closer(backend, tag, start, end))
 
 
@@ -73,6 +77,7 @@ def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
         disagrees=disagrees,
         points=points(row, detail),
         size=size_in_words(row, detail),
+        periods=periods(backend, tag, row, detail),
         rivals=worth_a_look(detail.get("rivals", ())),
         why_first=why_first(detail.get("rivals", ()), row["rival_winner"]),
         figures=[told for told in glossary.figures(row, found.pv_unit) if told[1] is not None],
@@ -82,7 +87,7 @@ def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
         groups=groups_of(backend, tag),
         unnamed=unnamed,
         repair=repair,
-        compared=notes.COMPARED,
+        compared=compared(backend, tag, repair, found.pv_unit),
         **told,
     )
 

@@ -11,7 +11,7 @@ from starlette.responses import HTMLResponse
 from app.services.access.identity import Identity, Role, current
 from app.services.addresses import tag_in_url
 from app.services.moments import PlantClock
-from app.services.rendering import figure
+from app.services.rendering import figure, probability
 from app.services.results import UploadView
 from app.services.wording import (
     CHANGE_WORDS,
@@ -43,13 +43,6 @@ def words(code: str) -> str:
     return code.replace("_", " ")
 
 
-def shown(value: Any) -> str:
-    """A figure of a verdict, whatever it is."""
-    if value is None:
-        return "–"
-    return f"{value:.3g}" if isinstance(value, float) else words(str(value))
-
-
 def other_way(sort: str) -> str:
     return sort.removeprefix("-") if sort.startswith("-") else f"-{sort}"
 
@@ -72,6 +65,7 @@ def environment() -> Environment:
     templates = Environment(loader=FileSystemLoader(HERE / "templates"), autoescape=True, undefined=StrictUndefined)
     templates.filters |= {
         "figure": figure,
+        "probability": probability,
         "tag_in_url": tag_in_url,
         "first_reasons": first_reasons,
         "cause_words": cause_words,
@@ -81,7 +75,6 @@ def environment() -> Environment:
         "starter_words": starter_words,
         "upload_words": upload_words,
         "words": words,
-        "shown": shown,
         "other_way": other_way,
         "as_tags": as_tags,
     }

@@ -16,6 +16,7 @@ from app.services.backend import Backend
 from app.services.digests.digest import as_text, digest_of, newest_run
 from app.services.plant import glossary, groups, notes
 from app.services.plant import overview as plant
+from app.services.plant.before_after import compared
 from app.services.plant.groups import groups_of, plant_groups
 from app.services.plant.loops import loop_health, newest_failure, patch_loop, verdict_history
 from app.services.wording import headline
@@ -357,6 +358,14 @@ def test_a_repair_parts_the_verdicts(backend: Backend, two_runs: tuple[dict[str,
     assert repair.before is not None
     assert repair.after is not None
     assert (repair.before["verdict"], repair.after["verdict"]) == ("stiction", "no_stiction")
+    told = {label: (before, after) for label, before, after in compared(backend, "A", repair, "bar")}
+    assert told["Verdict"] == ("valve sticks", "no stiction")
+    assert told["Size of stiction S, units of OP (95 % interval)"][1] == "none to state"
+    assert "Control error SP - PV, standard deviation, bar" in told
+    assert all(float(value) > 0.0 for value in told["Travel of OP an hour, units of OP"])
+    assert not any("band" in label for label in told)
+    assert compared(backend, "A", notes.Repair(repair.repaired_at, None, repair.after), None)[0][1] == "–"
+    assert compared(backend, "A", notes.Repair(repair.repaired_at, repair.before, None), None) == []
     (note,) = notes.list_notes(backend, "A")
     assert (note.text, note.work_order, note.written_by) == ("packing renewed", "WO-1", "somebody")
     assert abs(datetime.fromisoformat(note.written_at) - datetime.now(UTC)) < timedelta(minutes=1)

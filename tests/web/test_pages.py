@@ -11,7 +11,9 @@ from app.services.intake.reading import read_upload
 from app.services.intake.uploads import list_uploads, receive
 from app.services.next_steps import next_step
 from app.services.plant import loops
+from app.services.plant.loops import loop_health, verdict_detail
 from app.services.plant.nights import Night
+from app.services.plant.periods import periods
 from app.storage import uploads as stored_uploads
 from app.web import loop as loop_page
 from app.web import pages
@@ -157,7 +159,32 @@ def test_before_and_after_a_repair(client):
     client.post("/loops/LIC7/notes", data={"repaired_at": "2025-12-31T00:00"})
     texts = seen(client, "/loops/LIC7").texts
     assert "Before and after the repair of 2025-12-31 00:00" in texts
-    assert "stiction probability" in texts
+    assert "Probability of stiction" in texts
+    assert "Reversals of OP an hour" in texts
+    assert not any(text.startswith("stiction band") for text in texts)
+
+
+def test_the_period_of_each_figure_is_told(client, web_backend):
+    for path in ("/loops/LIC7", "/v1/loops/LIC7/report"):
+        texts = seen(client, path).texts
+        assert any(
+            text.startswith("Record: 600 samples every 5.0 s, 2026-01-01 00:00 to 2026-01-01 00:49") for text in texts
+        )
+        assert any("of the whole record, 2026-01-01 00:00 to 2026-01-01 00:49" in text for text in texts)
+    row, detail = loop_health(web_backend, "LIC7"), verdict_detail(web_backend, "LIC7")
+    assert periods(web_backend, "LIC7", row, detail).lines[1:] == ("All of it was audited.",)
+    part = {"start_s": 0.0, "end_s": 995.0, "samples": 200}
+    detail |= {
+        "window": part | {"end_s": 1995.0, "samples": 400},
+        "identified": part,
+        "reasons": [{"code": "stretches"}],
+    }
+    told = periods(web_backend, "LIC7", row | {"window_end": "2026-01-01T00:33:15Z"}, detail)
+    assert told.lines[1:] == (
+        "Audited window: 400 samples, 2026-01-01 00:00 to 2026-01-01 00:33.",
+        "The stretch that speaks for it: 200 samples, 2026-01-01 00:00 to 2026-01-01 00:16.",
+    )
+    assert told.of_figures.endswith("oscillation, Yper and band d are of what was judged")
 
 
 def test_a_repair_is_withdrawn_on_the_page_and_the_trail_keeps_it(client):

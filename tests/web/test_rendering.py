@@ -4,10 +4,10 @@ import pytest
 
 from app.cli.tables import verdict_cells
 from app.services.auditing.audit_models import ReliabilityRow
-from app.services.rendering import figure
+from app.services.rendering import figure, probability
 from app.services.wording import measured_probability, worst_first
 from app.web.columns import query_without
-from app.web.rendering import as_tags, cause_words, first_reasons, other_way, shown
+from app.web.rendering import as_tags, cause_words, first_reasons, other_way
 
 
 def row(**changes) -> dict:
@@ -65,9 +65,12 @@ def test_the_table_shows_the_weightiest_reasons_only():
     assert first_reasons("A. B") == "A. B"
 
 
-@pytest.mark.parametrize(("value", "text"), [(None, "–"), (0.12345, "0.123"), ("no_stiction", "no stiction"), (3, "3")])
-def test_any_figure_is_shown(value, text):
-    assert shown(value) == text
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(None, "–"), (0.9956, "over 0.99"), (0.9949, "0.99"), (0.7, "0.70"), (0.0049, "under 0.01"), (0.0, "under 0.01")],
+)
+def test_no_probability_is_told_as_certain(value, text):
+    assert probability(value) == text
 
 
 def test_a_second_click_turns_the_order_round():

@@ -1,5 +1,6 @@
 """What the charts of a loop show: made from the stored samples and the stored verdict when somebody looks."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
@@ -55,7 +56,7 @@ def charts(backend: Backend, tag: str, audit_id: str | None = None) -> dict[str,
     record, window = _record(backend, tag, audit_id, detail)
     valve = _valve(detail)
     told: dict[str, Any] = {"window": window, "rmse_d": _curve(detail), "rmse_sj": _surface(detail), "valve": valve}
-    told |= {"judged": _judged_stretch(window, detail), "size": _size(detail)}
+    told |= {"judged": judged_stretch(window, detail), "size": _size(detail)}
     if record is None:
         return told | {"trend": None, "pv_op": None, "errors": None, "spectra": detail.get("spectra")}
     return told | {
@@ -95,10 +96,10 @@ def _record(
         window = [iso_utc(given.window_start) or "", iso_utc(given.window_end) or ""]
     if samples is None or len(samples) < 2:
         return None, window
-    return _together(samples, given, detail, _judged_stretch(window, detail)), window
+    return _together(samples, given, detail, judged_stretch(window, detail)), window
 
 
-def _judged_stretch(window: list[str] | None, detail: dict[str, Any]) -> list[str] | None:
+def judged_stretch(window: list[str] | None, detail: Mapping[str, Any]) -> list[str] | None:
     """From when to when the stretch is that speaks for a long record; None where the window is judged as a whole."""
     part = judged_part(detail)
     if window is None or part is None:

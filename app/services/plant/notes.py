@@ -19,16 +19,6 @@ LONGEST_WORK_ORDER = 100
 SHOWN = 50
 CLOCKS_DIFFER = timedelta(minutes=5)
 """A repair may be ahead of our clock by so much: the clock of who writes it may be fast."""
-COMPARED = (
-    "verdict",
-    "reliability",
-    "stiction_probability",
-    "health",
-    "oscillation_period_s",
-    "oscillation_strength",
-    "stiction_band_pct_of_op_range",
-    "yper_pct",
-)
 
 
 @dataclass(frozen=True)

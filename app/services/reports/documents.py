@@ -21,10 +21,12 @@ from app.services.next_steps import next_step
 from app.services.plant import glossary, loops, notes
 from app.services.plant import overview as plant
 from app.services.plant.arrivals import arrivals, sentences
+from app.services.plant.before_after import compared
 from app.services.plant.charts import charts
 from app.services.plant.groups import groups_of
 from app.services.plant.groups import soon as groups_soon
 from app.services.plant.judged import judged
+from app.services.plant.periods import periods
 from app.services.plant.work_list import work_list
 from app.services.rendering import document
 from app.services.reports.svg import WIDTH, Ends, Line, chart
@@ -65,11 +67,13 @@ def loop_report(backend: Backend, tag: str) -> str:
         points=points(row, detail),
         size=size_in_words(row, detail),
         judged=judged(backend, [tag]).get(tag),
+        periods=periods(backend, tag, row, detail),
         why_first=why_first(detail.get("rivals", ()), row["rival_winner"]),
         figures=[told for told in glossary.figures(row, found.pv_unit) if told[1] is not None],
         history=history,
         groups=groups_of(backend, tag),
         repair=repair,
+        compared=compared(backend, tag, repair, found.pv_unit),
         notes=notes.list_notes(backend, tag)[:NOTES],
         explanation=in_words(explained) if explained and explained["state"] == "done" else None,
         trend=_trend(drawn, backend.clock),

@@ -1,0 +1,75 @@
+"""What a repair changed, in words and units: the last verdict before it beside the newest one after it."""
+
+from typing import Any
+
+from app.errors import NotFoundError
+from app.services.auditing.rows import KEY_FIGURES
+from app.services.backend import Backend
+from app.services.moments import PlantClock
+from app.services.plant.loops import verdict_detail
+from app.services.plant.notes import Repair
+from app.services.rendering import figure, probability
+from app.services.wording import RELIABILITY_SHORT, VERDICT_WORDS
+
+NONE = "–"
+NOT_TOLD = "the record does not tell"
+
+Told = dict[str, Any]
+Line = tuple[str, str, str]
+
+
+def compared(backend: Backend, tag: str, repair: Repair | None, pv_unit: str | None) -> list[Line]:
+    """Rows of what, before, after; empty where there is no verdict since the repair. The published band d is none of
+    them: it is not the size of stiction, and reads as if some of it were left."""
+    if repair is None or repair.after is None:
+        return []
+    sides = [_with_figures(backend, tag, side) for side in (repair.before, repair.after)]
+    before, after = (_told(side, backend.clock, pv_unit or "unit of PV") for side in sides)
+    return [(label, before.get(label, NONE), text) for label, text in after.items()]
+
+
+def _with_figures(backend: Backend, tag: str, row: Told | None) -> Told | None:
+    """A row of the history with the key figures that were stored beside it, as far as they are still kept."""
+    if row is None:
+        return None
+    try:
+        figures = verdict_detail(backend, tag, row["audit_id"]).get(KEY_FIGURES) or {}
+    except NotFoundError:
+        figures = {}
+    return row | figures
+
+
+def _told(row: Told | None, clock: PlantClock, pv_unit: str) -> dict[str, str]:
+    if row is None:
+        return {}
+    return {
+        "Verdict": VERDICT_WORDS[row["verdict"]],
+        "Rely on it?": RELIABILITY_SHORT[row["reliability"]],
+        "Audited window": _window(row, clock),
+        "Probability of stiction": probability(row["stiction_probability"]),
+        "Size of stiction S, units of OP (95 % interval)": _size(row),
+        "Health, of 100": figure(row["health"], 0),
+        f"Control error SP - PV, standard deviation, {pv_unit}": _three(row.get("error_std")),
+        "Travel of OP an hour, units of OP": figure(row.get("op_travel_per_h"), 1),
+        "Reversals of OP an hour": figure(row.get("op_reversals_per_h"), 1),
+        "Period of the oscillation, s": figure(row["oscillation_period_s"], 0),
+        "Strength of the oscillation (0 none, 1 strongest)": figure(row["oscillation_strength"], 2),
+    }
+
+
+def _window(row: Told, clock: PlantClock) -> str:
+    if row["window_start"] is None or row["window_end"] is None:
+        return NONE
+    return f"{clock.short(row['window_start'])} to {clock.short(row['window_end'])}"
+
+
+def _size(row: Told) -> str:
+    if row["verdict"] == "no_stiction":
+        return "none to state"
+    if row["stiction_S"] is None:
+        return NOT_TOLD
+    return f"{row['stiction_S']:.3g} ({row['stiction_S_low']:.3g} to {row['stiction_S_high']:.3g})"
+
+
+def _three(value: float | None) -> str:
+    return NONE if value is None else f"{value:.3g}"
