@@ -1,11 +1,12 @@
 """The page of a loop, and what can be done on it."""
 
+from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Form, Query
 from fastapi.responses import HTMLResponse
-from starlette.responses import JSONResponse, RedirectResponse
+from starlette.responses import JSONResponse, RedirectResponse, Response
 
 from app.errors import NotFoundError, RequestError
 from app.http.backend import Caller, Identifier, Services
@@ -15,6 +16,7 @@ from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.repairs import of_before
 from app.services.auditing.rival_wording import why_first, worth_a_look
 from app.services.auditing.size_wording import size_in_words
+from app.services.backend import Backend
 from app.services.moments import PlantClock
 from app.services.next_steps import next_step
 from app.services.plant import glossary, loops, notes
@@ -32,8 +34,21 @@ from app.web.explanation import newest_in_words
 from app.web.rendering import page
 
 HISTORY_NIGHTS = 60
-SEE_OTHER = 303
+SEE_OTHER, BAD_REQUEST = 303, 400
 ANSWERS = {"": None, "yes": True, "no": False}
+
+
+@dataclass(frozen=True)
+class Typed:
+    """What stands in the form of a note, and why it was not taken."""
+
+    text: str = ""
+    work_order: str = ""
+    repaired_at: str = ""
+    refused: str | None = None
+
+
+NOTHING_TYPED = Typed()
 
 router = APIRouter()
 
@@ -55,8 +70,12 @@ def charts(
 
 @router.get("/loops/{tag:path}")
 def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
+    return _loop_page(backend, tag, NOTHING_TYPED)
+
+
+def _loop_page(backend: Backend, tag: str, typed: Typed) -> HTMLResponse:
     found = loops.get_loop(backend, tag)
-    told = {"it": found, "tag": found.tag, "notes": notes.list_notes(backend, tag)}
+    told: dict[str, Any] = {"it": found, "tag": found.tag, "notes": notes.list_notes(backend, tag), "typed": typed}
     explanation = told["explanation"] = newest_in_words(backend, tag)
     told["age"] = age_of(found.samples_to)
     told["failure"] = loops.newest_failure(backend, tag)
@@ -107,8 +126,13 @@ def note(
     text: Annotated[str, Form(max_length=2 * notes.LONGEST_TEXT)] = "",
     work_order: Annotated[str, Form(max_length=2 * notes.LONGEST_WORK_ORDER)] = "",
     repaired_at: Annotated[str, Form(max_length=40)] = "",
-) -> RedirectResponse:
-    notes.add_note(backend, tag, text, work_order, instant(backend.clock, repaired_at), caller.who)
+) -> Response:
+    try:
+        notes.add_note(backend, tag, text, work_order, instant(backend.clock, repaired_at), caller.who)
+    except RequestError as error:
+        page_again = _loop_page(backend, tag, Typed(text, work_order, repaired_at, error.message))
+        page_again.status_code = BAD_REQUEST
+        return page_again
     return back_to(tag, "notes")
 
 

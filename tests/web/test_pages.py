@@ -3,6 +3,7 @@
 import re
 
 import pytest
+from markupsafe import escape
 
 from app.services.auditing.audits import cancel_audit, list_audits
 from app.services.auditing.chunks import audit_chunk
@@ -18,7 +19,7 @@ from app.storage import uploads as stored_uploads
 from app.web import loop as loop_page
 from app.web import pages
 from app.web.columns import COLUMNS, OF_PAGES
-from tests.web.conftest import HOSTILE, HOSTILE_PAGE, PAGES, seen, wide
+from tests.web.conftest import HOSTILE, HOSTILE_PAGE, PAGES, Seen, seen, wide
 
 
 @pytest.mark.parametrize("path", PAGES)
@@ -228,6 +229,23 @@ def test_notes_are_written_and_repairs_withdrawn_over_the_api(client):
 )
 def test_notes_that_say_nothing_or_too_much_are_refused(client, note):
     assert client.post("/loops/FIC101/notes", data=note).status_code == 400
+
+
+@pytest.mark.parametrize(
+    ("note", "why"),
+    [
+        ({"work_order": " "}, "a note needs a text, a work order or the time of a repair"),
+        ({"text": "<b-evil>x</b-evil>", "work_order": 'W"7', "repaired_at": "2126-01-01T06:00"}, "is still to come"),
+        ({"text": "<b-evil>x</b-evil>", "repaired_at": "yesterday"}, "like 2026-01-31T12:00"),
+    ],
+)
+def test_a_refused_note_says_why_at_its_form_and_keeps_what_was_typed(client, note, why):
+    answer = client.post(f"{HOSTILE_PAGE}/notes", data=note)
+    found = Seen(answer.text)
+    assert any(text.startswith("Not written down:") and why in text for text in found.texts)
+    assert found.forbidden == []
+    for typed in note.values():
+        assert str(escape(typed)) in answer.text
 
 
 def test_audit_again_starts_a_run_of_this_loop(client, web_backend):
