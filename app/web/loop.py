@@ -19,7 +19,7 @@ from app.services.auditing.size_wording import size_in_words
 from app.services.backend import Backend
 from app.services.moments import PlantClock
 from app.services.next_steps import next_step
-from app.services.plant import glossary, loops, notes
+from app.services.plant import glossary, loops, notes, overview
 from app.services.plant.arrivals import age_of
 from app.services.plant.before_after import compared
 from app.services.plant.charts import charts as charts_of
@@ -102,6 +102,7 @@ def _loop_page(backend: Backend, tag: str, typed: Typed) -> HTMLResponse:
         figures=[told for told in glossary.figures(row, found.pv_unit) if told[1] is not None],
         last_nights=nights_of(backend, [tag]).get(tag, ()),
         judged=judged(backend, [tag]).get(tag),
+        beside=_beside(backend, found.tag),
         history=loops.verdict_history(backend, tag, limit=HISTORY_NIGHTS).rows,
         groups=groups_of(backend, tag),
         unnamed=unnamed,
@@ -109,6 +110,15 @@ def _loop_page(backend: Backend, tag: str, typed: Typed) -> HTMLResponse:
         compared=compared(backend, tag, repair, found.pv_unit),
         **told,
     )
+
+
+def _beside(backend: Backend, tag: str) -> tuple[str | None, str | None]:
+    """The loops before and after this one among the worst that the plant's page lists; None where there is none."""
+    tags = [row["loop"] for row in overview.worst(backend)]
+    if tag not in tags:
+        return None, None
+    at = tags.index(tag)
+    return (tags[at - 1] if at else None), (tags[at + 1] if at + 1 < len(tags) else None)
 
 
 @router.post("/loops/{tag:path}/audit")

@@ -34,6 +34,17 @@ def test_hostile_names_stay_text(client, path):
     assert any(HOSTILE in text for text in seen(client, path).texts)
 
 
+def test_a_loop_s_page_leads_to_its_parts_and_to_the_loops_beside_it(client):
+    page = client.get("/loops/LIC7").text
+    for place in re.findall(r'href="#([^"]+)"', page):
+        assert f'id="{place}"' in page
+    worst = [link for link in seen(client, "/").links if link.startswith("/loops/")][:3]
+    for at, path in enumerate(worst):
+        text = client.get(path).text
+        assert re.findall(r'rel="prev" href="([^"]+)"', text) == worst[:at][-1:]
+        assert re.findall(r'rel="next" href="([^"]+)"', text) == worst[at + 1 : at + 2]
+
+
 def test_a_loop_says_how_large_its_stiction_is_or_why_not(client):
     assert "How large is the stiction" in seen(client, "/loops/LIC7").texts
 
