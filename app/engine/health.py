@@ -90,12 +90,17 @@ def _stiction(judgement: Judgement) -> HealthPart:
     if probability is None or judgement.shows_no_valve:
         return _part("stiction", NOT_JUDGED, "the valve could not be judged")
     if judgement.reliability == "reliable":
-        return _part("stiction", probability, f"probability of stiction {probability:.2f}")
+        return _part("stiction", probability, f"probability of stiction {_told(probability)}")
     return _unsure(probability)
 
 
 def _unsure(probability: float) -> HealthPart:
-    return _part("stiction", UNSURE * probability, f"probability of stiction {probability:.2f}, not reliable")
+    return _part("stiction", UNSURE * probability, f"probability of stiction {_told(probability)}, not reliable")
+
+
+def _told(probability: float) -> str:
+    """To two digits, and never certain."""
+    return "over 0.99" if probability >= 0.995 else f"{probability:.2f}"
 
 
 def _oscillation(oscillation: Oscillation | None) -> HealthPart:
@@ -133,7 +138,8 @@ def _saturation(figures: KeyFigures) -> HealthPart:
 def _tracking(figures: KeyFigures) -> HealthPart:
     error_pct = figures.error_abs_mean_pct_of_span
     if error_pct is None:
-        return _part("tracking", 0.0, _unknown("set point or span of PV not known", figures))
+        because = "no set point was recorded" if figures.error_abs_mean is None else "the span of PV is not known"
+        return _part("tracking", 0.0, _unknown(because, figures))
     return _part("tracking", error_pct / FULL_ERROR_PCT, f"mean control error {error_pct:.2g} % of the span of PV")
 
 

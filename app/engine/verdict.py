@@ -416,16 +416,21 @@ def methods_reason(methods: tuple[Corroboration, ...]) -> Reason:
         return Reason("published_methods", "none of the published methods applies to this record")
     votes = [(words, [m.method for m in said if m.says == side]) for side, words in _SAID.items()]
     told = [_vote(words, names) for words, names in votes if names or words == _SAID["stiction"]]
-    which = (
-        "of the one published method that applies" if len(said) == 1 else f"of {len(said)} published methods that apply"
-    )
+    if len(said) == 1:
+        text = f"the one published method that applies says {_SAID[said[0].says]} ({_named([said[0].method])})"
+        return Reason("published_methods", f"{text}; it does not move the verdict")
+    which = f"of {len(said)} published methods that apply"
     return Reason("published_methods", f"{which}, {', '.join(told)}; they do not move the verdict")
 
 
 def _vote(words: str, methods: list[str]) -> str:
-    named = ", ".join(method.replace("_", " ") for method in methods)
+    named = _named(methods)
     count = str(len(methods)) if methods else "none"
     return f"{count} {'say' if len(methods) > 1 else 'says'} {words}{f' ({named})' if named else ''}"
+
+
+def _named(methods: list[str]) -> str:
+    return ", ".join(method.replace("_", " ") for method in methods)
 
 
 def reference_reason(reference: Reference, verdict: Verdict) -> tuple[Reason, ...]:

@@ -21,15 +21,15 @@ _FOR = {
     "held_sticky": "a sticky valve explains {percent:.0f} % of PV on halves that were not fitted",
     "op_kurtosis": "OP has the spread of a triangle or sine, not of noise",
     "op_fundamental": "{percent:.0f} % of the power of OP is in one oscillation",
-    "op_fast": "OP is smooth",
+    "op_fast": "OP has little fast movement",
     "op_roughness": "OP is smooth",
     "op_triangle": "OP runs in triangles",
     "pv_bicoherence": "PV has phase-coupled harmonics, as a nonlinear element makes them ({value:.2f})",
     "oscillation_strength": "the oscillation is strong ({value:.2f})",
     "oscillation_regularity": "the oscillation is regular",
-    "S_share": "of the few bands tried {percent:.0f} % of OP's swing explains PV best, which is not the size",
+    "S_share": "a valve with a band of {percent:.0f} % of OP's swing explains PV best of the few tried (not the size)",
     "integral_share": "the controller mostly integrates, as it does against a stuck valve",
-    "together_quarter": "PV moves where OP does not, and stands where OP travels",
+    "together_quarter": "over a quarter of a swing PV moves where OP does not, and stands where OP travels",
     "together_eighth": "PV moves where OP does not, and stands where OP travels",
 }
 _AGAINST = {
@@ -55,7 +55,7 @@ _AGAINST = {
     "op_roughness": "OP is rough",
     "pv_roughness": "PV is rough",
     "op_triangle": "OP does not run in triangles",
-    "op_bursts": "OP moves in bursts, not in ramps",
+    "op_bursts": "OP makes most of its movement in a small part of the time",
     "op_slope_kurtosis": "OP moves in bursts, not in ramps",
     "oscillation_strength": "there is hardly an oscillation ({value:.2f})",
     "oscillation_regularity": "the oscillation is irregular",
@@ -63,7 +63,7 @@ _AGAINST = {
     "op_at_limit": "OP stands at an extreme for {percent:.0f} % of the time",
     "pv_moves_at_limit": "PV moves while OP stands at an extreme ({percent:.0f} % of its movement)",
     "integral_share": "the controller mostly follows PV in proportion",
-    "together_quarter": "PV moves when OP moves",
+    "together_quarter": "over a quarter of a swing PV moves when OP moves",
     "together_eighth": "PV moves when OP moves",
 }
 

@@ -28,7 +28,7 @@ from app.engine.simulate import (
 from app.engine.verdict import conclude, judge, methods_reason, weigh
 from app.engine.verdict_config import VerdictConfig
 from app.engine.verdict_reference import READINGS
-from app.engine.verdict_wording import WORDED
+from app.engine.verdict_wording import WORDED, is_spoken, sentence_without_value
 
 
 def simulated(seed: int = 1, length_s: float = 1200.0, **changes) -> Recording:
@@ -341,6 +341,12 @@ def test_probabilities_of_a_reliable_verdict_that_are_out_of_order_are_refused(s
     assert VerdictConfig(reliable_cycling_from=0.85).reliable_stiction_from == 0.85
 
 
+def test_no_two_features_have_one_sentence():
+    for side in (True, False):
+        told = [sentence_without_value(name, side) for name in sorted(WORDED) if is_spoken(name, side)]
+        assert len(told) == len(set(told))
+
+
 def vote(method: str, says: str | None, applies: bool = True) -> Corroboration:
     return Corroboration(method, applies, "", 1.0 if applies else None, 0.5, says, "", "", None)
 
@@ -350,6 +356,10 @@ def vote(method: str, says: str | None, applies: bool = True) -> Corroboration:
     [
         ([], "none of the published methods applies to this record"),
         ([vote("a", None, applies=False)], "none of the published methods applies to this record"),
+        (
+            [vote("area_ratio", "stiction"), vote("b", None, applies=False)],
+            "the one published method that applies says stiction (area ratio); it does not move the verdict",
+        ),
         (
             [vote("cross_correlation", "no_stiction"), vote("b", "no_stiction")],
             "of 2 published methods that apply, none says stiction, 2 say no stiction (cross correlation, b); they do "

@@ -27,10 +27,16 @@ def finding(code: str, outcome: str = "fail") -> dict:
 def test_a_size_has_its_interval_and_a_check_in_the_field():
     told = size_in_words(ROW, {})
     assert told.headline == (
-        "S = 10 units of OP, with 95 % certainty between 5.7 and 12.8; that is 80 % of the range that OP covers."
+        "S = 10.0 units of OP, with 95 % certainty between 5.7 and 12.8; that is 80 % of the range that OP covers "
+        "(45 to 102 %)."
     )
-    assert "by less than 5.7" in told.lines[1]
+    assert "by less than 5.7 units" in told.lines[1]
     assert "by more than 12.8" in told.lines[1]
+
+
+def test_size_and_interval_have_equal_digits():
+    row = ROW | {"stiction_S": 9.4, "stiction_S_low": 5.81, "stiction_S_high": 13.0}
+    assert "S = 9.40 units of OP, with 95 % certainty between 5.81 and 13.00;" in size_in_words(row, {}).headline
 
 
 def test_the_span_of_op_is_named_where_it_is_known():

@@ -1,5 +1,6 @@
 """How large stiction is, in words that an operator understands, or why the record cannot tell."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -48,21 +49,29 @@ def size_in_words(row: Mapping[str, Any], detail: Mapping[str, Any]) -> SizeWord
 
 
 def stated(row: Mapping[str, Any]) -> str:
-    low, high = row["stiction_S_low"], row["stiction_S_high"]
+    size, low, high = equal_digits(row["stiction_S"], row["stiction_S_low"], row["stiction_S_high"])
     share = row["stiction_S_pct_of_span"]
     of = "OP's span" if share is not None else "the range that OP covers"
     share = share if share is not None else row["stiction_S_pct_of_op_range"]
-    told = "" if share is None else f"; that is {share:.0f} % of {of}"
-    return f"S = {row['stiction_S']:.3g} units of OP, with 95 % certainty between {low:.3g} and {high:.3g}{told}."
+    told = ""
+    if share is not None:
+        least, most = (share * row[name] / row["stiction_S"] for name in ("stiction_S_low", "stiction_S_high"))
+        told = f"; that is {share:.0f} % of {of} ({least:.0f} to {most:.0f} %)"
+    return f"S = {size} units of OP, with 95 % certainty between {low} and {high}{told}."
+
+
+def equal_digits(size: float, *others: float) -> tuple[str, ...]:
+    """`size` to three digits, the others with as many behind the point: 9.40, 5.81 and 13.00."""
+    digits = max(0, 2 - math.floor(math.log10(size))) if size > 0.0 else 2
+    return tuple(f"{value:.{digits}f}" for value in (size, *others))
 
 
 def meaning(row: Mapping[str, Any]) -> tuple[str, ...]:
-    low, high = row["stiction_S_low"], row["stiction_S_high"]
+    size, low, high = equal_digits(row["stiction_S"], row["stiction_S_low"], row["stiction_S_high"])
     return (
-        f"After OP turns round it must travel about {row['stiction_S']:.3g} before the stem moves; "
-        "until then PV does not answer.",
-        f"To see it in the field: with the controller in manual, move OP by less than {low:.3g} against the last move, "
-        f"and PV should stand; by more than {high:.3g}, and it should follow.",
+        f"After OP turns round it must travel about {size} units before the stem moves; until then PV does not answer.",
+        f"To see it in the field: with the controller in manual, move OP by less than {low} units against the last "
+        f"move, and PV should stand; by more than {high}, and it should follow.",
     )
 
 

@@ -4,6 +4,7 @@ from typing import Any
 
 from app.errors import NotFoundError
 from app.services.auditing.rows import KEY_FIGURES
+from app.services.auditing.size_wording import equal_digits
 from app.services.backend import Backend
 from app.services.moments import PlantClock
 from app.services.plant.loops import verdict_detail
@@ -68,7 +69,8 @@ def _size(row: Told) -> str:
         return "none to state"
     if row["stiction_S"] is None:
         return NOT_TOLD
-    return f"{row['stiction_S']:.3g} ({row['stiction_S_low']:.3g} to {row['stiction_S_high']:.3g})"
+    size, low, high = equal_digits(row["stiction_S"], row["stiction_S_low"], row["stiction_S_high"])
+    return f"{size} ({low} to {high})"
 
 
 def _three(value: float | None) -> str:

@@ -72,7 +72,8 @@ function comeCloser(chart, whole, clock) {
 }
 
 function drawRmse({ rmse_d: curve, rmse_sj: surface }) {
-  const notIdentified = "The published identification was not needed for this verdict.";
+  const notIdentified = charts.dataset.verdict === "not_auditable"
+    ? "The published identification could not be made: the record could not be audited." : "The published identification was not made for this verdict, which rests on other evidence.";
   draw("rmse-d", curve && [
     line(curve.d, curve.rmse, "RMSE", "--pv", { mode: "lines+markers", marker: { size: 5 } }),
     { x: [curve.d[curve.best]], y: [curve.rmse[curve.best]], name: "chosen", mode: "markers", marker: { size: 11, color: paint("--op") } },
@@ -105,7 +106,8 @@ function drawRest({ pv_op: path, errors, judged, size }) {
   if (path) document.getElementById("pv-op-note").textContent = pathNote(path, judged);
   const middle = path && path.op.length ? (Math.min(...path.op) + Math.max(...path.op)) / 2 : 0;
   const wide = size && path ? [{ type: "rect", xref: "x", yref: "paper", x0: middle - size.S / 2, x1: middle + size.S / 2, y0: 0, y1: 1, layer: "below", fillcolor: paint("--valve"), opacity: 0.12, line: { width: 0 } }] : [];
-  const sign = wide.map(() => ({ x: middle, y: 1, yref: "paper", yanchor: "bottom", showarrow: false, text: `as wide as S = ${size.S.toPrecision(3)} (${size.low.toPrecision(3)} to ${size.high.toPrecision(3)})`, font: { color: paint("--valve"), size: 12 } }));
+  const [wideAs, low, high] = size ? [size.S, size.low, size.high].map((value) => value.toFixed(Math.max(0, 2 - Math.floor(Math.log10(size.S))))) : [];
+  const sign = wide.map(() => ({ x: middle, y: 1, yref: "paper", yanchor: "bottom", showarrow: false, text: `as wide as S = ${wideAs} (${low} to ${high})`, font: { color: paint("--valve"), size: 12 } }));
   draw("pv-op", path && [pen(path.op, path.pv, path.standing), line(path.op, path.pv, "PV over OP", "--pv", { line: { color: paint("--pv"), width: 0.8 } })],
     { height: 320, showlegend: false, shapes: wide, annotations: sign, margin: { l: 58, r: 16, t: 24, b: 44 }, xaxis: axis("OP"), yaxis: axis("PV") }, "No samples of the audited stretch are kept.");
   draw("errors", errors && [{ x: errors.middle, y: errors.share_pct, type: "bar", name: "share", marker: { color: paint("--pv") } }],
