@@ -29,6 +29,15 @@ const clockAt = (newest, oldest = newest) => {
   };
 };
 const options = { responsive: true, displaylogo: false, displayModeBar: "hover" };
+// A title of an axis goes on in a second line where the chart is too narrow for it, instead of being cut off.
+const folded = (text, chart) => {
+  const most = Math.max(16, Math.floor((chart.clientWidth - 80) / 8)), lines = [""];
+  for (const word of text.split(" ")) {
+    if (lines.at(-1) && lines.at(-1).length + word.length >= most) lines.push(word);
+    else lines.push(`${lines.pop()} ${word}`.trim());
+  }
+  return lines.join("<br>");
+};
 const tell = (chart, text) => { chart.textContent = text; chart.classList.add("empty"); };
 const draw = (id, traces, more, without) => {
   const chart = document.getElementById(id);

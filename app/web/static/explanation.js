@@ -19,14 +19,14 @@
     const shapes = told.windows.map(([from, to]) => band(at(from), at(to), { fillcolor: MARK, opacity: 0.14, line: { width: 0 } }));
     for (const [from, to] of told.held_out) shapes.push(band(at(from), at(to), { fillcolor: "rgba(0,0,0,0)", line: { dash: "dot", width: 1, color: COLOURS.given } }));
     Plotly.newPlot(chart, traces, layout({
-      height: 480, hovermode: "x", shapes, xaxis: axis(`${clock.title} (yellow: where they differ; dotted: seen by no fit)`), yaxis: axis("PV, unit of PV"),
+      height: 480, hovermode: "x", shapes, xaxis: axis(folded(clock.title, chart)), yaxis: axis("PV, unit of PV"),
     }), options);
   }
 
   function drawResiduals(chart, told) {
     const dots = (name, y, colour) => ({ x: told.trigger, y, name, type: "scatter", mode: "markers", marker: { color: colour, size: 4, opacity: 0.5 } });
     const traces = [dots("before", told.residual_before, COLOURS.refitted), dots("after", told.residual_after, COLOURS.explained)];
-    Plotly.newPlot(chart, traces, layout({ height: 340, xaxis: axis(told.trigger_label), yaxis: axis("recording − simulation, unit of PV") }), options);
+    Plotly.newPlot(chart, traces, layout({ height: 340, xaxis: axis(folded(told.trigger_label, chart)), yaxis: axis("recording − simulation, unit of PV") }), options);
   }
 
   async function draw() {

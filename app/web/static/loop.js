@@ -32,7 +32,7 @@ function drawTrend({ trend, window: shown, judged, valve }) {
     document.getElementById("judged-note").textContent = `The stretch that speaks for the record, ${judged.map((at) => clock.shown(at).slice(0, 16).replace("T", " ")).join(" to ")}, is framed with dots; the size, the shapes and PV against OP are of it.`;
   }
   draw("trend", trendLines(trend, clock), {
-    height: 480, xaxis: axis(clock.title), hovermode: "x", shapes,
+    height: 480, xaxis: axis(folded(clock.title, document.getElementById("trend"))), hovermode: "x", shapes,
     yaxis: axis("OP", { domain: [0, 0.46] }), yaxis2: axis("PV and SP", { domain: [0.54, 1] }),
   });
   comeCloser(document.getElementById("trend"), trend, clock);
