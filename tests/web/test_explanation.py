@@ -86,7 +86,7 @@ def test_tests_of_the_residuals_and_the_loop_closed_again_are_shown() -> None:
     html = re.sub(r"\s+", " ", part(DONE))
     assert "What is left is noise alone" in html
     assert "no (p &lt; 0.001)" in html
-    assert 'simulation as given</td><td class="number">none</td>' in html
+    assert 'simulation as given</td><td class="number" data-label="Period, s">none</td>' in html
     assert "Loop closed again" not in part(DONE | {"loops": []})
 
 
