@@ -110,6 +110,7 @@ ROUTES: dict[tuple[str, str], Permission] = {
     ("POST", "/uploads"): uploads("upload.receive", page=True),
     ("GET", "/uploads/{upload_id}"): PAGE,
     ("POST", "/uploads/{upload_id}/mapping"): uploads("upload.receive", page=True),
+    ("POST", "/uploads/kept/forget"): uploads("tag.forget", page=True),
     ("POST", "/uploads/{upload_id}/audit"): audits("audit.start", page=True),
     ("GET", "/login"): OPEN_PAGE,
     ("POST", "/login"): LOGIN,

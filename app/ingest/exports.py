@@ -246,7 +246,7 @@ class TableExport(Export):
 
 def mapping_notes(mapping: TagMapping | None, tags: Collection[str]) -> tuple[str, ...]:
     """What of a mapping is not in a file of these tags."""
-    if mapping is None:
+    if mapping is None or not mapping.entries:
         return ()
     come = {tag.casefold() for tag in tags}
     loops = {entry.loop for entry in mapping.entries.values()}

@@ -81,9 +81,13 @@ class MappedTag:
 
 @dataclass(frozen=True)
 class TagMapping:
-    """Tags that a plant has mapped to loops; a tag that is not named here is grouped by its name."""
+    """Tags that a plant has mapped to loops; a tag that is not named here is grouped by its name.
+
+    kept: what was said of tags once for later files too; `entries`, said of this file, go before it.
+    """
 
     entries: Mapping[str, MappedTag]
+    kept: Mapping[str, MappedTag] = field(default_factory=lambda: MappingProxyType({}))
 
     @classmethod
     def from_bytes(cls, data: bytes) -> "TagMapping":
@@ -106,8 +110,20 @@ class TagMapping:
             entries[entry.tag.casefold()] = entry
         return cls(MappingProxyType(entries))
 
+    def with_kept(self, kept: Iterable[MappedTag]) -> "TagMapping":
+        """A kept place that `entries` give to another tag is not used: that tag's word is the newer one."""
+        given = {(entry.loop.casefold(), entry.signal) for entry in self.entries.values() if entry.signal != "OTHER"}
+        used = {entry.tag.casefold(): entry for entry in kept if (entry.loop.casefold(), entry.signal) not in given}
+        return TagMapping(self.entries, MappingProxyType(used))
+
     def find(self, tag: str) -> MappedTag | None:
-        return self.entries.get(tag.casefold())
+        name = tag.casefold()
+        return self.entries.get(name) or self.kept.get(name)
+
+    def is_kept(self, tag: str) -> bool:
+        """Whether its place is one that was kept."""
+        name = tag.casefold()
+        return name not in self.entries and name in self.kept
 
 
 def mapping_text(data: bytes) -> str:
@@ -185,6 +201,11 @@ def place(tag: str, stem: str) -> Place:
     return _by_ending(tag, name) or _by_letters(tag, name) or _by_start(tag, name) or Place(tag, tag, "OTHER")
 
 
+def names_its_loop(tag: str) -> bool:
+    """Whether a tag means the same in every file, and is no bare `PV` that belongs to the loop of its file."""
+    return place(tag, "").loop != ""
+
+
 def _bare(name: str) -> Signal | None:
     """The signal that a name without a loop tells. A loop may be called by a number, or in other letters: 4711.PV."""
     name = name.translate(_SPELLED_OUT)
@@ -226,7 +247,7 @@ def _by_start(tag: str, name: str) -> Place | None:
 
 def _number(tag: str) -> str:
     """The number of a name without a loop: `2` of Mode2, nothing of Mode and of FIC101.MODE."""
-    if place(tag, "").loop != "":
+    if names_its_loop(tag):
         return ""
     found = _NUMBERED.fullmatch(_BRACKET.sub("", _SERVER.sub("", tag.strip())))
     return found[1] if found else ""
@@ -261,8 +282,10 @@ class Grouping:
         for tag in sorted(tags, key=self._rank):
             self.place(tag, in_order=True)
 
-    def _rank(self, tag: str) -> tuple[bool, tuple[int, int]]:
-        return not (self._mapping and self._mapping.find(tag)), _precedence(tag)
+    def _rank(self, tag: str) -> tuple[int, tuple[int, int]]:
+        if self._mapping is None or self._mapping.find(tag) is None:
+            return 2, _precedence(tag)
+        return int(self._mapping.is_kept(tag)), _precedence(tag)
 
     def place(self, tag: str, in_order: bool = False) -> Place:
         """Of a tag, as far as it is known: a later one may take its signal, unless they come in order."""
@@ -294,7 +317,7 @@ class Grouping:
         self._others.setdefault(loop, []).append(tag)
         return Place(tag, loop, "OTHER")
 
-    def _equal_less(self, tag: str) -> tuple[tuple[bool, tuple[int, int]], int, str]:
+    def _equal_less(self, tag: str) -> tuple[tuple[int, tuple[int, int]], int, str]:
         """Rank by which no two tags are equal."""
         return self._rank(tag), len(tag), tag
 

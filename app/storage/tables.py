@@ -80,6 +80,30 @@ rejects = Table(
     Column("tag", Text, nullable=False, server_default=""),
 )
 
+kept_tags = Table(
+    "kept_tags",
+    metadata,
+    Column("file", Text, primary_key=True),  # its stem, casefolded, of a tag that names no loop by itself; else empty
+    Column("name", Text, primary_key=True),  # the tag, casefolded
+    Column("tag", Text, nullable=False),
+    Column("loop", Text, nullable=False),
+    Column("signal", Text, nullable=False),
+    Column("kept_at", UtcDateTime, nullable=False),
+    Column("kept_by", Text, nullable=False, server_default=""),
+)
+"""Where somebody said that a tag belongs, in later files too."""
+
+read_tags = Table(
+    "read_tags",
+    metadata,
+    Column("file", Text, primary_key=True),
+    Column("name", Text, primary_key=True),
+    Column("loop", Text, nullable=False),
+    Column("signal", Text, nullable=False),
+    Column("receipt_number", BigInteger, nullable=False),  # of the upload that was the first to have it so
+)
+"""As what each tag was read last; `file` and `name` as above."""
+
 loops = Table(
     "loops",
     metadata,

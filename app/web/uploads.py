@@ -3,8 +3,9 @@ and the audit of what came."""
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from typing import Annotated
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Form, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse
@@ -15,6 +16,7 @@ from app.http.backend import Caller, Identifier, Services
 from app.http.receiving import LARGEST_MAPPING, MULTIPART, is_empty, mapping_of, store
 from app.http.spooling import FORM_OVERHEAD_BYTES, spooled
 from app.services.auditing.audits import LoopFilter, start_audit
+from app.services.intake import places
 from app.services.intake import uploads as service
 from app.web.rendering import page
 
@@ -26,7 +28,8 @@ router = APIRouter()
 
 @router.get("/uploads")
 def uploads(backend: Services, cursor: str = "") -> HTMLResponse:
-    return page("uploads.html", backend.clock, found=service.list_uploads(backend, SHOWN, cursor or None))
+    found = service.list_uploads(backend, SHOWN, cursor or None)
+    return page("uploads.html", backend.clock, found=found, kept=[] if cursor else places.kept_by_loop(backend))
 
 
 @router.post("/uploads")
@@ -49,8 +52,17 @@ async def read_again(request: Request, backend: Services, caller: Caller, upload
         if given is None or is_empty(given):
             raise RequestValidationError([{"loc": ("body", "mapping"), "msg": "Field required"}])
         mapping = await mapping_of(given)
-        receipt = await run_in_threadpool(service.read_again, backend, upload_id, mapping, caller.who)
+        keep = bool(form.get("keep"))
+        receipt = await run_in_threadpool(service.read_again, backend, upload_id, mapping, caller.who, keep)
     return RedirectResponse(f"/uploads/{receipt.upload.id}", 303)
+
+
+@router.post("/uploads/kept/forget")
+def forget(
+    backend: Services, loop: Annotated[str, Form(max_length=1000)], file: Annotated[str, Form(max_length=1000)] = ""
+) -> RedirectResponse:
+    places.forget(backend, file, loop)
+    return RedirectResponse("/uploads", 303)
 
 
 @router.post("/uploads/{upload_id}/audit")

@@ -374,6 +374,18 @@ def test_a_file_is_read_again_with_another_mapping(client, web_backend):
     assert client.post("/uploads/1/mapping", data={"mapping": "tag,loop,signal\nX,Y,Z\n"}).status_code == 422
 
 
+def test_a_mapping_is_kept_for_later_files_where_the_box_is_ticked_and_taken_back(client, web_backend):
+    mapping = "tag,loop,signal\nLIC7.PV,LIC9,PV\nLIC7.OP,LIC9,OP\n"
+    assert "For later files too" in client.get("/uploads/1").text
+    client.post("/uploads/1/mapping", data={"mapping": mapping})
+    assert "LIC7.PV as PV" not in client.get("/uploads").text
+    client.post("/uploads/1/mapping", data={"mapping": mapping, "keep": "1"})
+    assert "LIC7.OP as OP, LIC7.PV as PV" in client.get("/uploads").text
+    assert client.post("/uploads/kept/forget", data={"loop": "LIC9", "file": ""}).status_code == 303
+    assert "LIC7.PV as PV" not in client.get("/uploads").text
+    assert client.post("/uploads/kept/forget", data={"loop": "LIC9", "file": ""}).status_code == 404
+
+
 def test_a_file_can_be_sent_without_scripts(client, web_backend):
     answer = client.post("/uploads", files={"file": ("more.csv", b"time,PV,OP\n0,1,2\n1,2,3\n", "text/csv")})
     assert answer.status_code == 303

@@ -14,6 +14,7 @@ from app.ingest import Export, IngestOptions, LoopSamples, LoopTags, Rejects, Ta
 from app.ingest import warm_up as warm_up_ingest
 from app.services.backend import DATABASE_AWAY, Backend, no_room
 from app.services.heartbeat import Heartbeat
+from app.services.intake.places import TagPlace, kept_notes, note_read, places_of, with_kept
 from app.services.intake.uploads import path_of
 from app.services.patience import patiently
 from app.storage import loops, receipts, series, uploads
@@ -44,11 +45,12 @@ class ClaimLostError(Exception):
 
 @dataclass(frozen=True)
 class Read:
-    """What reading a file came to."""
+    """What reading a file came to. places: where its tags belong."""
 
     summary: dict[str, Any]
     tags: list[dict[str, Any]]
     rejects: Rejects
+    places: list[TagPlace]
 
 
 def warm_up() -> None:
@@ -73,8 +75,7 @@ def _read_claimed(backend: Backend, row: UploadRow, claim: ReadingClaim) -> None
     try:
         with Heartbeat(backend, lambda connection, lease_s: uploads.renew(connection, claim, lease_s)):
             result = _read_file(backend, row, claim)
-        told = {"summary_json": json.dumps(result.summary), "tags_json": json.dumps(result.tags)}
-        _end(backend, claim, "done", told, result.rejects)
+        _end_read(backend, claim, result)
     except ClaimLostError:
         return
     except LoopauditError as error:
@@ -89,21 +90,23 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
         reading = uploads.reading_of(connection, row.id)
     mapping = TagMapping.from_bytes(reading["mapping"].encode()) if reading.get("mapping") else None
     options = _options(backend, reading, row)
-    export = read_export(path_of(backend, row.fingerprint), filename=row.filename, mapping=mapping, options=options)
+    placing = with_kept(backend, mapping, row.filename)
+    export = read_export(path_of(backend, row.fingerprint), filename=row.filename, mapping=placing, options=options)
     with closing(_batches(export)) as batches:
         added = _stored(backend, claim, batches, mapping)
     with backend.database.read() as connection:
         retired = uploads.retired_of(connection, row.id)
     summary, refused = export.summary(), export.rejects()
+    places = places_of(summary.loops, row.filename)
     told = {
         "layout": summary.layout,
         "rows_kept": summary.rows_kept,
         "samples_added": added,
         "reject_counts": dict(refused.counts),
-        "notes": [*summary.notes, *_of_retired(retired)],
+        "notes": [*kept_notes(placing, places), *summary.notes, *_of_retired(retired)],
         "tags_found": summary.tags,
     }
-    return Read(told, [_tags(loop) for loop in summary.loops[:LISTED_LOOPS]], refused)
+    return Read(told, [_tags(loop) for loop in summary.loops[:LISTED_LOOPS]], refused, places)
 
 
 def _of_retired(tags: list[str]) -> Iterator[str]:
@@ -224,15 +227,26 @@ def _attributes(mapping: TagMapping) -> dict[str, dict[str, Any]]:
     }
 
 
-def _end(
-    backend: Backend, claim: ReadingClaim, state: str, values: dict[str, Any], refused: Rejects | None = None
-) -> None:
+def _end_read(backend: Backend, claim: ReadingClaim, result: Read) -> None:
+    """What changed of its tags is told and kept at once, however many files end now."""
+    listed = [RejectRow(reject.line, reject.code, reject.text, reject.tag) for reject in result.rejects.listed]
+
     def write() -> None:
         with backend.database.write() as connection:
-            held = uploads.end(connection, claim, state, values)
-            if held and refused is not None:
-                listed = [RejectRow(reject.line, reject.code, reject.text, reject.tag) for reject in refused.listed]
-                uploads.replace_rejects(connection, claim.upload_id, listed)
+            changed = note_read(connection, claim.receipt_number, result.places)
+            summary = {**result.summary, "notes": [*changed, *result.summary["notes"]]}
+            told = {"summary_json": json.dumps(summary), "tags_json": json.dumps(result.tags)}
+            if not uploads.end(connection, claim, "done", told):
+                raise ClaimLostError
+            uploads.replace_rejects(connection, claim.upload_id, listed)
+
+    patiently(write, backend.settings.lease_s)
+
+
+def _end(backend: Backend, claim: ReadingClaim, state: str, values: dict[str, Any]) -> None:
+    def write() -> None:
+        with backend.database.write() as connection:
+            uploads.end(connection, claim, state, values)
 
     patiently(write, backend.settings.lease_s)
 

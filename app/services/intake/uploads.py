@@ -16,6 +16,7 @@ from app.errors import NotFoundError, RequestError
 from app.ingest import TagMapping, mapping_text, stem_of, takes_its_name
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
+from app.services.intake import places
 from app.services.intake.synced import SyncedFile
 from app.services.moments import iso_utc
 from app.services.results import Page, Receipt, RejectView, UploadView
@@ -159,8 +160,11 @@ def receive_file(backend: Backend, path: Path, reading: ReadingOptions | None = 
         return receiving.commit()
 
 
-def read_again(backend: Backend, upload_id: str, mapping: bytes, received_by: str | None = None) -> Receipt:
-    """The bytes of an upload once more, with its tags mapped as `mapping` (CSV or JSON) says: an upload of its own."""
+def read_again(
+    backend: Backend, upload_id: str, mapping: bytes, received_by: str | None = None, keep: bool = False
+) -> Receipt:
+    """The bytes of an upload once more, with its tags mapped as `mapping` (CSV or JSON) says: an upload of its own.
+    keep: whether that holds for later files too."""
     with backend.database.read() as connection:
         row = uploads.by_id(connection, identifier(upload_id))
         if row is None:
@@ -174,6 +178,8 @@ def read_again(backend: Backend, upload_id: str, mapping: bytes, received_by: st
         with path.open("rb") as file:
             while part := file.read(COPY_BYTES):
                 receiving.write(part)
+        if keep:
+            places.keep(backend, mapping, row.filename, received_by or "")
         return receiving.commit()
 
 

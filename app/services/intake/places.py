@@ -1,0 +1,127 @@
+"""Where the tags of a file belong: a correction that holds for later files, and a tag that was read otherwise before.
+
+A tag that names its loop means the same in every file. One that does not (a bare `PV`) is meant as that of files of its
+file's name.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby, islice
+from operator import attrgetter
+from types import MappingProxyType
+from typing import cast
+
+from sqlalchemy import Connection
+
+from app.errors import NotFoundError
+from app.ingest import IngestOptions, LoopTags, MappedTag, Signal, TagMapping, names_its_loop, stem_of
+from app.services.backend import Backend
+from app.storage import tags as stored
+from app.storage.tags import OTHER, KeptTag, Key, ReadTag
+from app.storage.types import now, storable
+
+NAMED = 5
+LONGEST_TAG = IngestOptions().max_name
+
+
+@dataclass(frozen=True)
+class TagPlace:
+    """As what a file has a tag."""
+
+    key: Key
+    tag: str
+    loop: str
+    signal: str
+
+
+def key_of(tag: str, filename: str) -> Key:
+    file = "" if names_its_loop(tag) else storable(stem_of(filename)).casefold()
+    return file, storable(tag).casefold()
+
+
+def with_kept(backend: Backend, mapping: TagMapping | None, filename: str) -> TagMapping | None:
+    """The mapping of an upload with what was said of tags for later files."""
+    with backend.database.read() as connection:
+        rows = stored.kept(connection, storable(stem_of(filename)).casefold())
+    if not rows:
+        return mapping
+    kept = [MappedTag(row.tag, row.loop, cast(Signal, row.signal)) for row in rows]
+    return (mapping or TagMapping(MappingProxyType({}))).with_kept(kept)
+
+
+def keep(backend: Backend, mapping: bytes, filename: str, who: str) -> None:
+    """What a mapping says of tags holds for later files too. Raises DataError("bad_mapping")."""
+    entries = TagMapping.from_bytes(mapping).entries.values()
+    at = now()
+    rows = {
+        key: KeptTag(*key, storable(entry.tag), storable(entry.loop), entry.signal, at, who)
+        for entry in entries
+        if len(entry.tag) <= LONGEST_TAG  # no file has longer ones
+        for key in [key_of(entry.tag, filename)]
+    }
+    if rows:
+        with backend.database.write() as connection:
+            stored.keep(connection, list(rows.values()))
+
+
+def kept_by_loop(backend: Backend) -> list[list[KeptTag]]:
+    """What holds for later files, by loop and the files that it holds for."""
+    with backend.database.read() as connection:
+        rows = stored.kept(connection)
+    return [list(some) for _, some in groupby(rows, attrgetter("loop", "file"))]
+
+
+def forget(backend: Backend, file: str, loop: str) -> None:
+    """What was said of the tags of a loop holds for no later file. Raises NotFoundError("nothing_kept")."""
+    with backend.database.write() as connection:
+        if not stored.forget(connection, storable(file), storable(loop)):
+            raise NotFoundError("nothing_kept", f"nothing is said of tags of {loop!r} for later files")
+
+
+def places_of(loops: Iterable[LoopTags], filename: str) -> list[TagPlace]:
+    """Each tag once: the first has it where a workbook has several of one name."""
+    found: dict[Key, TagPlace] = {}
+    for loop in loops:
+        own = [(loop.pv, "PV"), (loop.op, "OP"), (loop.sp, "SP"), (loop.mode, "MODE")]
+        for tag, signal in [*own, *((other, OTHER) for other in loop.others)]:
+            if tag is not None:
+                key = key_of(tag, filename)
+                found.setdefault(key, TagPlace(key, tag, storable(loop.loop), signal))
+    return list(found.values())
+
+
+def kept_notes(mapping: TagMapping | None, places: Sequence[TagPlace]) -> Iterator[str]:
+    """Which tags of the file are read as was said once, and where to take that back."""
+    used = [place for place in places if mapping is not None and mapping.is_kept(place.tag)]
+    if used:
+        shown = _some(used, lambda place: f"{place.tag} as {place.signal} of {place.loop}")
+        yield f"read as was said of an earlier file, for later ones too (Uploads lists it, to be taken back): {shown}"
+
+
+def note_read(connection: Connection, receipt_number: int, places: Sequence[TagPlace]) -> list[str]:
+    """Keeps as what the tags were read, and says which of them were another signal, or another loop's, before."""
+    stored.lock(connection)
+    before = stored.last_read(connection, (place.key for place in places))
+    new = {it.key: ReadTag(it.loop, it.signal, receipt_number) for it in places if it.key not in before}
+    moved = [it for it in places if it.key in before and _place(it) != _place(before[it.key])]
+    newest = [it for it in moved if before[it.key].receipt_number <= receipt_number]
+    stored.note_read(connection, new, {it.key: ReadTag(it.loop, it.signal, receipt_number) for it in newest})
+    told = [it for it in moved if {it.signal, before[it.key].signal} != {OTHER}]
+    if not told:
+        return []
+    shown = _some(told, lambda it: f"{it.tag} is {_said(it)} here and was {_said(before[it.key])}")
+    return [f"check this first, tags are not what they were in other files: {shown}. What was read of those stays."]
+
+
+def _place(place: TagPlace | ReadTag) -> tuple[str, str]:
+    return place.loop, place.signal
+
+
+def _said(place: TagPlace | ReadTag) -> str:
+    what = "a further signal" if place.signal == OTHER else place.signal
+    return f"{what} of {place.loop}"
+
+
+def _some(places: Sequence[TagPlace], said: Callable[[TagPlace], str]) -> str:
+    more = f" and {len(places) - NAMED} more" if len(places) > NAMED else ""
+    return ", ".join(" ".join(said(place).split()) for place in islice(places, NAMED)) + more

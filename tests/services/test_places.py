@@ -1,0 +1,99 @@
+"""A correction of tags holds for later files, and a tag that is read otherwise than before is told."""
+
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+from app.errors import NotFoundError
+from app.services.backend import Backend
+from app.services.intake import places, uploads
+from app.services.intake.uploads import ReadingOptions
+from app.services.plant.trend import trend
+from app.services.results import UploadView
+from tests.services.sent_uploads import read, send
+
+SWAPPED = b"tag,loop,signal\nFIC900.PV,FIC900,OP\nFIC900.OP,FIC900,PV\n"
+START = datetime(2026, 3, 1, tzinfo=UTC)
+
+
+def hour(number: int, names: str = "FIC900.PV,FIC900.OP") -> bytes:
+    """PV and OP of one hour in each other's columns: PV is about 100, OP about 40."""
+    times = (START + timedelta(hours=number, minutes=minute) for minute in range(60))
+    rows = (f"{at:%Y-%m-%d %H:%M:%S},{40 + at.minute % 3},{100 + at.minute % 7}" for at in times)
+    return "\n".join([f"time,{names}", *rows, ""]).encode()
+
+
+def sent(backend: Backend, number: int, name: str = "", mapping: bytes | None = None, **told: str) -> UploadView:
+    return read(backend, send(backend, hour(number, **told), name or f"{number}.csv", ReadingOptions(mapping=mapping)))
+
+
+def corrected(backend: Backend, upload: UploadView, mapping: bytes = SWAPPED, keep: bool = True) -> UploadView:
+    return read(backend, uploads.read_again(backend, upload.id, mapping, "somebody", keep).upload)
+
+
+def smallest_pv(backend: Backend) -> float:
+    return min(value for value in trend(backend, "FIC900").pv if value is not None)
+
+
+def warned(upload: UploadView) -> bool:
+    return bool(upload.notes) and upload.notes[0].startswith("check this first")
+
+
+def test_a_correction_holds_for_later_files_and_says_so(backend: Backend) -> None:
+    corrected(backend, sent(backend, 0))
+    later = sent(backend, 1)
+    assert (later.tags[0]["pv"], later.tags[0]["op"]) == ("FIC900.OP", "FIC900.PV")
+    assert len(later.notes) == 1
+    assert "FIC900.PV as OP of FIC900" in later.notes[0]
+    assert smallest_pv(backend) == 100.0
+
+
+def test_a_correction_of_one_file_alone_is_no_later_ones_and_the_change_is_told(backend: Backend) -> None:
+    again = corrected(backend, sent(backend, 0), keep=False)
+    assert warned(again)
+    later = sent(backend, 1)
+    assert later.tags[0]["pv"] == "FIC900.PV"
+    assert warned(later)
+    assert "FIC900.PV is PV of FIC900 here and was OP of FIC900" in later.notes[0]
+    assert not warned(sent(backend, 2))
+
+
+def test_what_holds_for_later_files_can_be_taken_back(backend: Backend) -> None:
+    corrected(backend, sent(backend, 0))
+    ((first, second),) = places.kept_by_loop(backend)
+    assert (first.tag, first.signal, first.kept_by, second.signal) == ("FIC900.OP", "PV", "somebody", "OP")
+    places.forget(backend, "", "FIC900")
+    assert places.kept_by_loop(backend) == []
+    later = sent(backend, 1)
+    assert later.tags[0]["pv"] == "FIC900.PV"
+    assert warned(later)
+    with pytest.raises(NotFoundError):
+        places.forget(backend, "", "FIC900")
+
+
+def test_a_files_own_mapping_goes_before_what_was_kept(backend: Backend) -> None:
+    corrected(backend, sent(backend, 0))
+    own = sent(backend, 1, mapping=b"tag,loop,signal\nFIC900.PV,FIC900,PV\n")
+    assert (own.tags[0]["pv"], own.tags[0]["op"]) == ("FIC900.PV", "FIC900.OP")
+
+
+def test_a_later_word_of_a_tag_takes_the_place_of_an_earlier_one(backend: Backend) -> None:
+    first = sent(backend, 0)
+    corrected(backend, first)
+    corrected(backend, first, b"tag,loop,signal\nFIC900.PV,fic900,PV\n")
+    ((only,),) = places.kept_by_loop(backend)
+    assert (only.tag, only.signal) == ("FIC900.PV", "PV")
+    assert sent(backend, 1).tags[0]["op"] == "FIC900.OP"
+
+
+def test_what_is_said_of_a_bare_column_holds_for_files_of_that_name_alone(backend: Backend) -> None:
+    first = sent(backend, 0, name="FIC900.csv", names="PV,OP")
+    corrected(backend, first, b"tag,loop,signal\nPV,FIC900,OP\nOP,FIC900,PV\n")
+    assert sent(backend, 1, name="fic900.csv", names="PV,OP").tags[0]["pv"] == "OP"
+    other = sent(backend, 2, name="FIC901.csv", names="PV,OP")
+    assert (other.tags[0]["loop"], other.tags[0]["pv"], other.notes) == ("FIC901", "PV", [])
+
+
+def test_a_tag_that_goes_to_another_loop_is_told(backend: Backend) -> None:
+    sent(backend, 0, mapping=b"tag,loop,signal\nFIC900.PV,FIC-900,PV\nFIC900.OP,FIC-900,OP\n")
+    assert "FIC900.PV is PV of FIC900 here and was PV of FIC-900" in sent(backend, 1).notes[0]
