@@ -9,7 +9,6 @@ import polars as pl
 
 from app.errors import DataError
 from app.ingest.align import stretches
-from app.ingest.date_order import CLOCKS_APART_NS
 from app.ingest.frames import UNREADABLE, RowReader, in_short
 from app.ingest.grouping import Grouping, TagMapping, group
 from app.ingest.head import Head
@@ -24,6 +23,9 @@ from app.ingest.tally import Tally
 from app.ingest.wide_table import WideTable
 from app.ingest.writing import Writing
 from app.nanoseconds import NS_PER_S
+
+CLOCKS_APART_NS = 15 * 60 * NS_PER_S
+"""Of a historian and of this machine. Zones lie as far apart at least, but for what a file's last rows are old."""
 
 
 class Source(Protocol):
@@ -241,7 +243,16 @@ class TableExport(Export):
         if relative or now_ns is None or last_ns is None or last_ns <= now_ns + CLOCKS_APART_NS:
             return []
         last, now = (f"{datetime.fromtimestamp(at // NS_PER_S, UTC):%Y-%m-%d %H:%M}" for at in (last_ns, now_ns))
-        return [f"times go on until {last} UTC, ahead of the clock ({now} UTC): are date, year and zone right?"]
+        by = _how_long(last_ns - now_ns)
+        return [f"times go on until {last} UTC, ahead of the clock ({now} UTC) by {by}: are date, year and zone right?"]
+
+
+def _how_long(time_ns: int) -> str:
+    minutes = round(time_ns / (60 * NS_PER_S))
+    if minutes < 90:
+        return f"{minutes} minutes"
+    hours = round(minutes / 60)
+    return f"{hours} hours" if hours < 2 * 24 else f"{round(hours / 24)} days"
 
 
 def mapping_notes(mapping: TagMapping | None, tags: Collection[str]) -> tuple[str, ...]:

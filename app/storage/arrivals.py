@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from sqlalchemy import Connection, Subquery, func, or_, select
+from sqlalchemy import ColumnElement, Connection, Subquery, func, or_, select
 
 from app.storage.loops import IN_SERVICE
 from app.storage.tables import loops, verdicts
@@ -22,11 +22,24 @@ def behind(
 ) -> tuple[int, list[tuple[str, int]]]:
     """How many loops have their newest sample before `before_ns`, and tag and time of the weightiest of them."""
     ends = _ends(audit_id)
-    late = ends.c.end_ns < before_ns
-    count = connection.scalar(select(func.count()).select_from(ends).where(late)) or 0
+    return _counted(connection, ends, ends.c.end_ns < before_ns, limit)
+
+
+def ahead(
+    connection: Connection, after_ns: int, limit: int, audit_id: int | None = None
+) -> tuple[int, list[tuple[str, int]]]:
+    """The same of loops that have their newest sample after `after_ns`."""
+    ends = _ends(audit_id)
+    return _counted(connection, ends, ends.c.end_ns > after_ns, limit)
+
+
+def _counted(
+    connection: Connection, ends: Subquery, such: ColumnElement[bool], limit: int
+) -> tuple[int, list[tuple[str, int]]]:
+    count = connection.scalar(select(func.count()).select_from(ends).where(such)) or 0
     if not count:
         return 0, []
-    query = select(ends.c.tag, ends.c.end_ns).where(late).order_by(ends.c.importance.desc(), ends.c.tag).limit(limit)
+    query = select(ends.c.tag, ends.c.end_ns).where(such).order_by(ends.c.importance.desc(), ends.c.tag).limit(limit)
     return count, [(tag, end_ns) for tag, end_ns in connection.execute(query)]
 
 

@@ -63,8 +63,15 @@ def test_times_ahead_of_the_clock_in_every_order_are_kept_and_told(read: Read, s
     assert "times go on until 2027-12-11 05:59 UTC, ahead of the clock (2026-11-23 04:00 UTC)" in notes[-1]
 
 
-def test_a_day_ahead_may_be_another_clock(read: Read) -> None:
-    assert first_day(read, night("2026-11-23"), CLOCK) == ("2026-11-23", ())
+def test_hours_ahead_of_the_clock_are_another_zone_and_told(read: Read) -> None:
+    found, (note,) = first_day(read, night("2026-11-23"), CLOCK)
+    assert found == "2026-11-23"
+    assert "ahead of the clock (2026-11-23 04:00 UTC) by 2 hours" in note
+
+
+def test_minutes_ahead_of_the_clock_are_no_other_zone(read: Read) -> None:
+    just_before = IngestOptions(now_ns=NOW + 110 * 60 * 1_000_000_000)
+    assert first_day(read, night("2026-11-23"), just_before) == ("2026-11-23", ())
 
 
 @pytest.mark.parametrize(("day_first", "day"), [(True, "2026-12-11"), (False, "2026-11-12")])

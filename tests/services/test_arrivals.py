@@ -93,6 +93,16 @@ def test_a_clock_that_is_ahead_makes_no_other_loop_late(backend: Backend, ends: 
     ends(A=-300, B=0.5)
     found = arrivals(backend, at=NOON)
     assert (found.recorded_to, found.behind) == ("2026-03-01T00:00:00Z", 0)
+    told = "One loop has samples ahead of the clock, is their time zone right? A (2026-12-26 12:00)."
+    assert sentences(found)[1] == told
+
+
+def test_a_plant_that_is_all_ahead_of_the_clock_is_told(backend: Backend, ends: Callable[..., None]) -> None:
+    ends(A=-1, B=-1)
+    (told,) = sentences(arrivals(backend, at=NOON))
+    assert told == (
+        "2 loops have samples ahead of the clock, is their time zone right? A (2026-03-02 12:00), B (2026-03-02 12:00)."
+    )
 
 
 def test_a_run_is_told_by_what_it_was_given(backend: Backend, add_loops: AddLoops) -> None:
@@ -142,6 +152,7 @@ def test_the_age_of_one_loop() -> None:
     assert age_of(None) == ""
     assert age_of(ago(timedelta(days=1))) == ""
     assert age_of(ago(LATE + timedelta(hours=1))) == ", 2 days ago"
+    assert age_of(ago(timedelta(hours=-24))) == ", ahead of the clock: is its time zone right?"
 
 
 def test_loops_whose_records_are_old_have_a_list_of_their_own(backend: Backend, add_loops: AddLoops) -> None:

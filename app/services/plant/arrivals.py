@@ -21,12 +21,14 @@ NOTHING_NEW = "Nothing was recorded since the run before: what is said is of the
 class Arrivals:
     """recorded_to: the newest sample of all, ISO 8601, UTC; None where there is none. age: from it to when it was asked
     for, or to the run. behind: how many loops end two days or more before it. named: some of them, tag and newest
-    sample, the weightiest first."""
+    sample, the weightiest first. ahead, named_ahead: the same of loops that end ahead of the clock."""
 
     recorded_to: str | None
     age: timedelta
     behind: int
     named: tuple[tuple[str, str], ...]
+    ahead: int = 0
+    named_ahead: tuple[tuple[str, str], ...] = ()
 
     @property
     def current_ns(self) -> int | None:
@@ -43,24 +45,38 @@ def arrivals(backend: Backend, audit_id: int | None = None, at: datetime | None 
     at = at or datetime.now(UTC)
     with backend.database.read() as connection:
         newest_ns = stored.newest(connection, ns_of(at + AHEAD), audit_id)
+        ahead, leading = stored.ahead(connection, ns_of(at + AHEAD), NAMED, audit_id)
         if newest_ns is None:
-            return Arrivals(None, timedelta(0), 0, ())
+            return Arrivals(None, timedelta(0), 0, (), ahead, _told(leading))
         behind, named = stored.behind(connection, newest_ns - ns_of(EPOCH + LATE), NAMED, audit_id)
-    told = tuple((tag, iso_utc(moment_of(end_ns)) or "") for tag, end_ns in named)
-    return Arrivals(iso_utc(moment_of(newest_ns)), at - moment_of(newest_ns), behind, told)
+    recorded_to = moment_of(newest_ns)
+    return Arrivals(iso_utc(recorded_to), at - recorded_to, behind, _told(named), ahead, _told(leading))
+
+
+def _told(named: list[tuple[str, int]]) -> tuple[tuple[str, str], ...]:
+    return tuple((tag, iso_utc(moment_of(end_ns)) or "") for tag, end_ns in named)
 
 
 def sentences(found: Arrivals, clock: PlantClock, since: str = "ago") -> list[str]:
-    """What an engineer is told of it; the second only where loops are behind the others. since: to what the age is."""
-    if found.recorded_to is None:
-        return []
-    told = f"Recorded up to {clock.told(found.recorded_to)}"
-    lines = [f"{told}{old(found.age, since)}: no newer export has come." if found.late else f"{told}."]
+    """What an engineer is told of it, and of loops that are behind the others or ahead of the clock. since: to what the
+    age is."""
+    lines = []
+    if found.recorded_to is not None:
+        told = f"Recorded up to {clock.told(found.recorded_to)}"
+        lines.append(f"{told}{old(found.age, since)}: no newer export has come." if found.late else f"{told}.")
     if found.behind:
-        named = ", ".join(f"{' '.join(tag.split())} ({clock.short(end)})" for tag, end in found.named)
-        more = f" and {found.behind - len(found.named)} more" if found.behind > len(found.named) else ""
-        lines.append(f"{_loops(found.behind)} no samples for two days or more before that: {named}{more}.")
+        named = _listed(found.named, found.behind, clock)
+        lines.append(f"{_loops(found.behind)} no samples for two days or more before that: {named}.")
+    if found.ahead:
+        have = f"{found.ahead} loops have" if found.ahead > 1 else "One loop has"
+        named = _listed(found.named_ahead, found.ahead, clock)
+        lines.append(f"{have} samples ahead of the clock, is their time zone right? {named}.")
     return lines
+
+
+def _listed(named: tuple[tuple[str, str], ...], count: int, clock: PlantClock) -> str:
+    shown = ", ".join(f"{' '.join(tag.split())} ({clock.short(end)})" for tag, end in named)
+    return f"{shown} and {count - len(named)} more" if count > len(named) else shown
 
 
 def of_run(backend: Backend, audit_id: int, at: datetime) -> list[str]:
@@ -76,8 +92,11 @@ def nothing_new(backend: Backend, audit_id: int) -> list[str]:
 
 
 def age_of(samples_to: str | None) -> str:
-    """How old a loop's newest sample is now, where it is too old to pass over."""
-    return "" if samples_to is None else old(datetime.now(UTC) - datetime.fromisoformat(samples_to))
+    """How old a loop's newest sample is now, where it is too old to pass over, or that it cannot be."""
+    if samples_to is None:
+        return ""
+    age = datetime.now(UTC) - datetime.fromisoformat(samples_to)
+    return ", ahead of the clock: is its time zone right?" if age < -AHEAD else old(age)
 
 
 def old(age: timedelta, since: str = "ago") -> str:
