@@ -5,6 +5,9 @@ from datetime import UTC, datetime, timedelta
 from zoneinfo import ZoneInfo
 
 EPOCH = datetime.fromtimestamp(0, UTC)
+FIRST_DATED = datetime(1971, 1, 1, tzinfo=UTC)
+"""No export is read to have dates before it: what stands there counts from a start that nobody told, each loop from its
+own."""
 
 
 def epoch_ms(moment: datetime | None) -> int | None:

@@ -2,40 +2,28 @@
 
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, Subquery, func, or_, select
+from sqlalchemy import Connection, Subquery, and_, func, or_, select
 
 from app.storage.loops import IN_SERVICE
 from app.storage.tables import loops, verdicts
 
 
-def newest(connection: Connection, not_after_ns: int, audit_id: int | None = None) -> int | None:
-    """Time of the newest sample of all loops, of those that are not ahead of `not_after_ns`; None where there is none.
+def newest(connection: Connection, since_ns: int, until_ns: int, audit_id: int | None = None) -> int | None:
+    """Time of the newest sample of all loops, of those between the two, both included; None where there is none.
 
     audit_id: of what this run was given; None: of all that is stored.
     """
     ends = _ends(audit_id)
-    return connection.scalar(select(func.max(ends.c.end_ns)).where(ends.c.end_ns <= not_after_ns))
+    return connection.scalar(select(func.max(ends.c.end_ns)).where(ends.c.end_ns.between(since_ns, until_ns)))
 
 
-def behind(
-    connection: Connection, before_ns: int, limit: int, audit_id: int | None = None
+def ending(
+    connection: Connection, since_ns: int, before_ns: int, limit: int, audit_id: int | None = None
 ) -> tuple[int, list[tuple[str, int]]]:
-    """How many loops have their newest sample before `before_ns`, and tag and time of the weightiest of them."""
+    """How many loops have their newest sample from `since_ns` on and before `before_ns`, and tag and time of the
+    weightiest of them."""
     ends = _ends(audit_id)
-    return _counted(connection, ends, ends.c.end_ns < before_ns, limit)
-
-
-def ahead(
-    connection: Connection, after_ns: int, limit: int, audit_id: int | None = None
-) -> tuple[int, list[tuple[str, int]]]:
-    """The same of loops that have their newest sample after `after_ns`."""
-    ends = _ends(audit_id)
-    return _counted(connection, ends, ends.c.end_ns > after_ns, limit)
-
-
-def _counted(
-    connection: Connection, ends: Subquery, such: ColumnElement[bool], limit: int
-) -> tuple[int, list[tuple[str, int]]]:
+    such = and_(ends.c.end_ns >= since_ns, ends.c.end_ns < before_ns)
     count = connection.scalar(select(func.count()).select_from(ends).where(such)) or 0
     if not count:
         return 0, []

@@ -20,7 +20,7 @@ from app.services.backend import Backend
 from app.services.moments import PlantClock
 from app.services.next_steps import next_step
 from app.services.plant import glossary, loops, notes, overview
-from app.services.plant.arrivals import age_of
+from app.services.plant.arrivals import newest_in_words as newest_sample_in_words
 from app.services.plant.before_after import compared
 from app.services.plant.charts import charts as charts_of
 from app.services.plant.charts import closer
@@ -77,7 +77,7 @@ def _loop_page(backend: Backend, tag: str, typed: Typed) -> HTMLResponse:
     found = loops.get_loop(backend, tag)
     told: dict[str, Any] = {"it": found, "tag": found.tag, "notes": notes.list_notes(backend, tag), "typed": typed}
     explanation = told["explanation"] = newest_in_words(backend, tag)
-    told["age"] = age_of(found.samples_to)
+    told["newest"] = newest_sample_in_words(found.samples_to, backend.clock)
     told["failure"] = loops.newest_failure(backend, tag)
     try:
         row = loops.loop_health(backend, tag)

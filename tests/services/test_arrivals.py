@@ -18,8 +18,8 @@ from app.services.plant.arrivals import (
     NAMED,
     NOTHING_NEW,
     Arrivals,
-    age_of,
     arrivals,
+    newest_in_words,
     nothing_new,
     of_run,
 )
@@ -149,10 +149,28 @@ def test_the_age_of_one_loop() -> None:
     def ago(age: timedelta) -> str:
         return iso_utc(moment_of(ns_of(datetime.now(UTC) - age))) or ""
 
-    assert age_of(None) == ""
-    assert age_of(ago(timedelta(days=1))) == ""
-    assert age_of(ago(LATE + timedelta(hours=1))) == ", 2 days ago"
-    assert age_of(ago(timedelta(hours=-24))) == ", ahead of the clock: is its time zone right?"
+    def told(age: timedelta) -> str:
+        return newest_in_words(ago(age), UTC_CLOCK).removeprefix(f"newest sample {UTC_CLOCK.short(ago(age))}")
+
+    assert newest_in_words(None, UTC_CLOCK) == ""
+    assert told(timedelta(days=1)) == ""
+    assert told(LATE + timedelta(hours=1)) == ", 2 days ago"
+    assert told(timedelta(hours=-24)) == ", ahead of the clock: is its time zone right?"
+    assert newest_in_words("1970-01-01T00:16:39Z", UTC_CLOCK).startswith("time of day not known")
+
+
+def test_a_loop_without_a_date_is_neither_late_nor_what_the_plant_is_recorded_to(
+    backend: Backend, add_loops: AddLoops
+) -> None:
+    ids = add_loops("A", "B")
+    with backend.database.write() as connection:
+        connection.execute(update(loops).where(loops.c.id == ids["A"]).values(newest_ns=999 * 10**9))
+        connection.execute(update(loops).where(loops.c.id == ids["B"]).values(newest_ns=ns_of(NOON)))
+    told = "Without a date, because their files tell no start: A. No other loop is compared with them."
+    assert sentences(arrivals(backend, at=NOON)) == ["Recorded up to 2026-03-01 12:00 UTC.", told]
+    with backend.database.write() as connection:
+        connection.execute(update(loops).values(newest_ns=999 * 10**9))
+    assert arrivals(backend, at=NOON).recorded_to is None
 
 
 def test_loops_whose_records_are_old_have_a_list_of_their_own(backend: Backend, add_loops: AddLoops) -> None:

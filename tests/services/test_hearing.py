@@ -3,14 +3,18 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from app.engine.audit import audit
-from app.engine.plant_wide import Candidate, Suspect
+from app.engine.excerpts import Excerpts
+from app.engine.plant_wide import Candidate, Suspect, groups
 from app.services.auditing import swings
 from app.services.auditing.audit_line import audit_line
+from app.services.auditing.excerpts import as_json, by_tag
 from app.services.auditing.hearing import SHAKEN_BY_NEIGHBOUR, heard_together, neighbour_text
 from app.services.testbench import neighbours
 from app.services.testbench.neighbours import SOURCE
@@ -87,3 +91,19 @@ def test_a_source_that_swung_sooner_is_not_called_likelier() -> None:
         shaken, replace(source, stiction_probability=0.98)
     )
     assert "whose swing began sooner (0.85 against 0.95)" in neighbour_text(shaken, source)
+
+
+@pytest.mark.parametrize(("start_s", "together"), [(0.0, False), (1_750_000_000.0, True)])
+def test_records_without_a_date_are_in_step_with_nobody(start_s: float, together: bool) -> None:
+    """Files that begin at second 0 all get 1970-01-01, whatever plant they are of."""
+    rows = [
+        SimpleNamespace(tag=one.tag, unit=None, stiction_probability=0.9, swing_json=swings.as_json(one.swing, start_s))
+        for one in audited()[1]
+    ]
+    assert bool(groups(swings.candidates(rows))) == together
+
+
+@pytest.mark.parametrize(("number", "kept"), [(0, []), (3_000_000, ["FIC1"])])
+def test_no_set_point_is_looked_for_in_records_without_a_date(number: int, kept: list[str]) -> None:
+    told = Excerpts(10.0, np.array([number]), np.arange(64.0)[None, :], None)
+    assert list(by_tag([SimpleNamespace(tag="FIC1", excerpts_json=as_json(told))])) == kept

@@ -8,6 +8,7 @@ import numpy as np
 
 from app.engine.excerpts import LENGTH, Excerpts
 from app.engine.recording import FloatArray, Steps
+from app.services.moments import FIRST_DATED
 from app.storage.json_texts import short_json
 
 STEPS = 60_000
@@ -31,11 +32,14 @@ def from_json(text: str) -> Excerpts:
 
 
 def by_tag(rows: list[Any]) -> dict[str, Excerpts]:
-    """Of rows of `verdicts.excerpts`, each let go as it is read: the texts of a plant take more than what they tell."""
+    """Of rows of `verdicts.excerpts`, each let go as it is read: the texts of a plant take more than what they tell.
+    Those of records without a date have no clock that others share."""
     found = {}
     while rows:
         row = rows.pop()
-        found[row.tag] = from_json(row.excerpts_json)
+        kept = from_json(row.excerpts_json)
+        if kept.numbers[0] * LENGTH * kept.interval_s >= FIRST_DATED.timestamp():
+            found[row.tag] = kept
     return found
 
 

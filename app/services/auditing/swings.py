@@ -8,6 +8,7 @@ import numpy as np
 
 from app.engine.plant_wide import Candidate
 from app.engine.swing import Swing
+from app.services.moments import FIRST_DATED
 from app.storage.json_texts import short_json
 
 STEPS = 999
@@ -43,8 +44,10 @@ def candidate(tag: str, swing: Swing, stiction_probability: float | None, start_
 
 
 def candidates(rows: Iterable[Any]) -> list[Candidate]:
-    """Of rows of `verdicts.swings`."""
-    return [Candidate(row.tag, from_json(row.swing_json), row.stiction_probability, row.unit) for row in rows]
+    """Of rows of `verdicts.swings`, those on the clock of all: records without a date are in step with others by
+    nothing but the start that they were given."""
+    found = [Candidate(row.tag, from_json(row.swing_json), row.stiction_probability, row.unit) for row in rows]
+    return [one for one in found if one.swing.start_s >= FIRST_DATED.timestamp()]
 
 
 def _steps(values: Any) -> list[int]:

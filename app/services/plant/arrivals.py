@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 from app.services.backend import Backend
-from app.services.moments import EPOCH, PlantClock, iso_utc, moment_of, ns_of
+from app.services.moments import EPOCH, FIRST_DATED, PlantClock, iso_utc, moment_of, ns_of
 from app.storage import arrivals as stored
 
 LATE = timedelta(days=2)
@@ -13,6 +13,8 @@ LATE = timedelta(days=2)
 AHEAD = timedelta(hours=1)
 """Samples farther ahead of the clock than this are not the newest ones: their clock is wrong."""
 
+DATED_NS = ns_of(FIRST_DATED)
+EVER_NS = (1 << 63) - 1
 NAMED = 5
 NOTHING_NEW = "Nothing was recorded since the run before: what is said is of the same records."
 
@@ -21,7 +23,8 @@ NOTHING_NEW = "Nothing was recorded since the run before: what is said is of the
 class Arrivals:
     """recorded_to: the newest sample of all, ISO 8601, UTC; None where there is none. age: from it to when it was asked
     for, or to the run. behind: how many loops end two days or more before it. named: some of them, tag and newest
-    sample, the weightiest first. ahead, named_ahead: the same of loops that end ahead of the clock."""
+    sample, the weightiest first. ahead, named_ahead: the same of loops that end ahead of the clock. undated,
+    named_undated: of loops whose times have no date; they count in nothing else."""
 
     recorded_to: str | None
     age: timedelta
@@ -29,6 +32,8 @@ class Arrivals:
     named: tuple[tuple[str, str], ...]
     ahead: int = 0
     named_ahead: tuple[tuple[str, str], ...] = ()
+    undated: int = 0
+    named_undated: tuple[tuple[str, str], ...] = ()
 
     @property
     def current_ns(self) -> int | None:
@@ -44,17 +49,17 @@ def arrivals(backend: Backend, audit_id: int | None = None, at: datetime | None 
     """Of all that is stored, as it is now; or of what a run was given that began `at`."""
     at = at or datetime.now(UTC)
     with backend.database.read() as connection:
-        newest_ns = stored.newest(connection, ns_of(at + AHEAD), audit_id)
-        ahead, leading = stored.ahead(connection, ns_of(at + AHEAD), NAMED, audit_id)
+        newest_ns = stored.newest(connection, DATED_NS, ns_of(at + AHEAD), audit_id)
+
+        def ending(since_ns: int, before_ns: int) -> tuple[int, tuple[tuple[str, str], ...]]:
+            count, named = stored.ending(connection, since_ns, before_ns, NAMED, audit_id)
+            return count, tuple((tag, iso_utc(moment_of(end_ns)) or "") for tag, end_ns in named)
+
+        beside = (*ending(ns_of(at + AHEAD) + 1, EVER_NS), *ending(-EVER_NS, DATED_NS))
         if newest_ns is None:
-            return Arrivals(None, timedelta(0), 0, (), ahead, _told(leading))
-        behind, named = stored.behind(connection, newest_ns - ns_of(EPOCH + LATE), NAMED, audit_id)
-    recorded_to = moment_of(newest_ns)
-    return Arrivals(iso_utc(recorded_to), at - recorded_to, behind, _told(named), ahead, _told(leading))
-
-
-def _told(named: list[tuple[str, int]]) -> tuple[tuple[str, str], ...]:
-    return tuple((tag, iso_utc(moment_of(end_ns)) or "") for tag, end_ns in named)
+            return Arrivals(None, timedelta(0), 0, (), *beside)
+        behind = ending(DATED_NS, newest_ns - ns_of(EPOCH + LATE))
+    return Arrivals(iso_utc(moment_of(newest_ns)), at - moment_of(newest_ns), *behind, *beside)
 
 
 def sentences(found: Arrivals, clock: PlantClock, since: str = "ago") -> list[str]:
@@ -71,11 +76,17 @@ def sentences(found: Arrivals, clock: PlantClock, since: str = "ago") -> list[st
         have = f"{found.ahead} loops have" if found.ahead > 1 else "One loop has"
         named = _listed(found.named_ahead, found.ahead, clock)
         lines.append(f"{have} samples ahead of the clock, is their time zone right? {named}.")
+    if found.undated:
+        named = _listed(found.named_undated, found.undated)
+        lines.append(
+            f"Without a date, because their files tell no start: {named}. No other loop is compared with them."
+        )
     return lines
 
 
-def _listed(named: tuple[tuple[str, str], ...], count: int, clock: PlantClock) -> str:
-    shown = ", ".join(f"{' '.join(tag.split())} ({clock.short(end)})" for tag, end in named)
+def _listed(named: tuple[tuple[str, str], ...], count: int, clock: PlantClock | None = None) -> str:
+    """With their newest samples, where times are told by a clock."""
+    shown = ", ".join(f"{' '.join(tag.split())}{f' ({clock.short(end)})' if clock else ''}" for tag, end in named)
     return f"{shown} and {count - len(named)} more" if count > len(named) else shown
 
 
@@ -91,12 +102,16 @@ def nothing_new(backend: Backend, audit_id: int) -> list[str]:
         return [] if stored.anything_new(connection, audit_id) else [NOTHING_NEW]
 
 
-def age_of(samples_to: str | None) -> str:
-    """How old a loop's newest sample is now, where it is too old to pass over, or that it cannot be."""
+def newest_in_words(samples_to: str | None, clock: PlantClock) -> str:
+    """Of when a loop's newest sample is; how old, where it is too old to pass over, or that it cannot be."""
     if samples_to is None:
         return ""
-    age = datetime.now(UTC) - datetime.fromisoformat(samples_to)
-    return ", ahead of the clock: is its time zone right?" if age < -AHEAD else old(age)
+    moment = datetime.fromisoformat(samples_to)
+    if moment < FIRST_DATED:
+        return "time of day not known: its file tells no start, for which 1970-01-01 stands below"
+    age = datetime.now(UTC) - moment
+    said = ", ahead of the clock: is its time zone right?" if age < -AHEAD else old(age)
+    return f"newest sample {clock.short(samples_to)}{said}"
 
 
 def old(age: timedelta, since: str = "ago") -> str:
