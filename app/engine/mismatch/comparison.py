@@ -126,15 +126,17 @@ def check_moves(comparison: Comparison) -> None:
                 "signal_constant", f"{name} is constant or not finite: there is nothing to compare a simulation with"
             )
         check_size(name, signal)
-    moves = int(np.count_nonzero(np.diff(comparison.pv)))
+    if comparison.known is not None and not np.any(comparison.known):
+        raise DataError("nothing_known", "no sample of PV is known: there is nothing to compare a simulation with")
+    # What a gap of a PV that is frozen was bridged with moves, too.
+    pv = comparison.pv if comparison.known is None else comparison.pv[comparison.known]
+    moves = int(np.count_nonzero(np.diff(pv)))
     if moves < LEAST_MOVES:
         raise DataError(
             "signal_constant",
-            f"PV changes {moves} times in {len(comparison.pv)} samples, at least {LEAST_MOVES} are needed: there is "
+            f"PV changes {moves} times in {len(pv)} samples, at least {LEAST_MOVES} are needed: there is "
             "nothing to compare a simulation with",
         )
-    if comparison.known is not None and not np.any(comparison.known):
-        raise DataError("nothing_known", "no sample of PV is known: there is nothing to compare a simulation with")
 
 
 def check_trace(comparison: Comparison) -> None:

@@ -231,7 +231,7 @@ def how_compressed(record: Experiment, kept: IntArray) -> Part:
         return Part(INTERPOLATED, np.array([usual * record.sampling_interval_s]))
     moves = np.abs(np.diff(record.pv))[record.usable[1:] & record.usable[:-1]]
     still = moves <= 1e-9 * record.pv_span
-    if still.mean() > HOLDS:
+    if not still.all() and still.mean() > HOLDS:
         return Part(HELD, np.array([float(np.quantile(moves[~still], 0.02))]))
     return Part(COMPRESSION, np.array([door_width(record, len(kept))]))
 

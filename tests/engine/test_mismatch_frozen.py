@@ -1,0 +1,36 @@
+"""A PV that stands still wherever it is known is refused, and not explained by what its gaps were bridged with."""
+
+import numpy as np
+import pytest
+
+from app.engine.mismatch import Comparison, explain, locate
+from app.engine.mismatch.comparison import record_of
+from app.engine.mismatch.patterns import find_patterns
+from app.engine.recording import BoolArray, FloatArray
+from app.errors import DataError
+
+N = 600
+AT = np.arange(N)
+OP = 50.0 + 5.0 * np.sin(AT / 9.0)
+
+
+def compared(pv: FloatArray, known: BoolArray | None) -> Comparison:
+    return Comparison("FIC1", 1.0, OP, pv, known=known)
+
+
+@pytest.mark.parametrize("answer", [explain, locate])
+@pytest.mark.parametrize("gap", [1, 6])
+def test_a_pv_that_moves_in_its_gaps_alone_is_refused(answer, gap: int) -> None:
+    known = gap <= AT % 40
+    pv = np.where(known, 30.0, 30.0 + 0.1 * (AT % 7))
+    with pytest.raises(DataError) as raised:
+        answer(compared(pv, known))
+    assert raised.value.code == "signal_constant"
+    assert "PV changes 0 times" in raised.value.message
+
+
+def test_levels_between_gaps_are_no_fault() -> None:
+    """PV stands within each stretch that is known, and is another one in each: nothing tells how far it moves."""
+    known = AT % 20 < 15
+    level = np.random.default_rng(1).normal(size=N // 20)[AT // 20]
+    find_patterns(record_of(compared(30.0 + level, known)))
