@@ -25,6 +25,7 @@ from app.storage.leases import Reopened, take_back
 from app.storage.loops import IN_SERVICE
 from app.storage.tables import audit_items, audits, explanations, loops, verdicts
 from app.storage.types import clock_s, long_ago, now
+from app.storage.verdicts import SORTABLE
 
 WITH_A_VERDICT = ("stiction", "no_stiction", "inconclusive")
 REGULAR = 1.0
@@ -74,7 +75,8 @@ def ask(connection: Connection, values: Mapping[str, Any]) -> int:
 def plan_for_run(connection: Connection, audit_id: int, count: int) -> int:
     """Asks for an explanation of the run's worst loops, once; returns how many were asked for.
 
-    Worst: probability of stiction times the loop's importance, among those that stick or oscillate.
+    Worst: in the order in which lists have them, among those that stick or oscillate and of which no run asked for an
+    explanation of the same input before.
     """
     if connection.scalar(select(exists().where(explanations.c.audit_id == audit_id))):
         return 0
@@ -90,13 +92,24 @@ def plan_for_run(connection: Connection, audit_id: int, count: int) -> int:
         )
         .join(loops, loops.c.id == verdicts.c.loop_id)
         .where(verdicts.c.audit_id == audit_id, verdicts.c.verdict.in_(WITH_A_VERDICT), suspicious)
-        .where(verdicts.c.stiction_probability.is_not(None), IN_SERVICE)
-        .order_by((verdicts.c.stiction_probability * loops.c.importance).desc(), verdicts.c.loop_id)
+        .where(verdicts.c.stiction_probability.is_not(None), IN_SERVICE, ~_asked_before())
+        .order_by(SORTABLE["priority"].desc().nulls_last(), loops.c.tag)
         .limit(count)
     )
     columns = ["loop_id", "audit_id", "asked_at", "window_start_ns", "window_end_ns", "as_judged"]
     asked = insert_new(connection, explanations).from_select(columns, worst).returning(explanations.c.id)
     return len(connection.scalars(asked).all())
+
+
+def _asked_before() -> ColumnElement[bool]:
+    """Whether an earlier run asked for an explanation of what this verdict was given."""
+    earlier = verdicts.alias("earlier")
+    same_loop = and_(earlier.c.loop_id == verdicts.c.loop_id, earlier.c.audit_id < verdicts.c.audit_id)
+    given = ("input_start_ns", "input_end_ns", "input_fingerprint", "engine_version")
+    same_input = (earlier.c[name] == verdicts.c[name] for name in given)
+    asked = and_(explanations.c.loop_id == earlier.c.loop_id, explanations.c.audit_id == earlier.c.audit_id)
+    joined = explanations.join(earlier, asked)
+    return exists(select(explanations.c.id).select_from(joined).where(same_loop, *same_input).correlate(verdicts))
 
 
 def newest_nightly(connection: Connection) -> int | None:

@@ -1,5 +1,7 @@
 """A PV that stands still wherever it is known is refused, and not explained by what its gaps were bridged with."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -20,7 +22,7 @@ def compared(pv: FloatArray, known: BoolArray | None) -> Comparison:
 
 @pytest.mark.parametrize("answer", [explain, locate])
 @pytest.mark.parametrize("gap", [1, 6])
-def test_a_pv_that_moves_in_its_gaps_alone_is_refused(answer, gap: int) -> None:
+def test_a_pv_that_moves_in_its_gaps_alone_is_refused(answer: Callable[[Comparison], object], gap: int) -> None:
     known = gap <= AT % 40
     pv = np.where(known, 30.0, 30.0 + 0.1 * (AT % 7))
     with pytest.raises(DataError) as raised:

@@ -57,30 +57,36 @@ def newest(database: Database, loop_id: int) -> ExplanationRow:
         return explanations.page(connection, loop_id, 1)[0]
 
 
-def run_with_verdicts(database: Database, ids: dict[str, int], told: dict[str, tuple[str, float, float | None]]) -> int:
-    """An ended nightly run; told: verdict, probability and regularity by tag."""
+def run_with_verdicts(
+    database: Database, ids: dict[str, int], told: dict[str, tuple[str, float, float | None]], **values: object
+) -> int:
+    """An ended nightly run; told: verdict, probability and regularity by tag; health is what that leaves of 100."""
     with database.write() as connection:
         audit_id = audits.plan(connection, RUN, LoopFilter(tags=tuple(told)))
         items.finish(connection, items.claim(connection, audit_id, "a", 20, 60.0))
         for tag, (verdict, probability, regularity) in told.items():
             connection.execute(
                 insert(verdicts).values(
-                    loop_id=ids[tag],
-                    audit_id=audit_id,
-                    audited_at=now(),
-                    input_start_ns=10,
-                    input_end_ns=20,
-                    samples=100,
-                    verdict=verdict,
-                    stiction_probability=probability,
-                    oscillation_regularity=regularity,
-                    reliability="reliable",
-                    engine_version="1",
-                    elapsed_s=0.1,
-                    input_fingerprint="f",
-                    config_fingerprint="c",
-                    reasons="",
-                    reasons_text="",
+                    {
+                        "loop_id": ids[tag],
+                        "audit_id": audit_id,
+                        "audited_at": now(),
+                        "input_start_ns": 10,
+                        "input_end_ns": 20,
+                        "samples": 100,
+                        "verdict": verdict,
+                        "stiction_probability": probability,
+                        "oscillation_regularity": regularity,
+                        "reliability": "reliable",
+                        "health": None if probability is None else 100.0 * (1.0 - probability),
+                        "engine_version": "1",
+                        "elapsed_s": 0.1,
+                        "input_fingerprint": "f",
+                        "config_fingerprint": "c",
+                        "reasons": "",
+                        "reasons_text": "",
+                        **values,
+                    }
                 )
             )
         audits.end_if_complete(connection, audit_id)
@@ -180,6 +186,32 @@ def test_the_worst_loops_of_a_night_are_asked_for_once(database: Database, ids: 
         query = select(explanations_table.c.loop_id, explanations_table.c.window_start_ns)
         planned = connection.execute(query.order_by(explanations_table.c.id)).all()
     assert [tuple(row) for row in planned] == [(ids["FIC3"], 10), (ids["FIC0"], 10)]
+
+
+def planned(database: Database, run: int, count: int) -> list[int]:
+    """The loops of which a run asks for an explanation."""
+    with database.write() as connection:
+        explanations.plan_for_run(connection, run, count)
+        query = select(explanations_table.c.loop_id).where(explanations_table.c.audit_id == run)
+        return list(connection.scalars(query.order_by(explanations_table.c.id)))
+
+
+def test_a_night_asks_in_the_order_in_which_lists_have_the_worst_first(database: Database, ids: dict[str, int]) -> None:
+    run = run_with_verdicts(database, ids, {"FIC0": ("stiction", 0.6, None), "FIC1": ("stiction", 0.9, None)})
+    with database.write() as connection:
+        connection.execute(update(verdicts).where(verdicts.c.loop_id == ids["FIC0"]).values(health=5.0))
+    assert planned(database, run, 1) == [ids["FIC0"]]
+
+
+@pytest.mark.parametrize("news", [{"input_end_ns": 30}, {"input_fingerprint": "g"}, {"engine_version": "2"}])
+def test_what_a_night_asked_for_is_asked_again_only_where_something_is_new(
+    database: Database, ids: dict[str, int], news: dict[str, object]
+) -> None:
+    told = {"FIC0": ("stiction", 0.9, None), "FIC1": ("stiction", 0.8, None), "FIC2": ("stiction", 0.7, None)}
+    assert planned(database, run_with_verdicts(database, ids, told), 2) == [ids["FIC0"], ids["FIC1"]]
+    assert planned(database, run_with_verdicts(database, ids, told), 2) == [ids["FIC2"]]
+    assert planned(database, run_with_verdicts(database, ids, told), 2) == []
+    assert planned(database, run_with_verdicts(database, ids, told, **news), 2) == [ids["FIC0"], ids["FIC1"]]
 
 
 def test_a_night_asks_only_where_something_sticks_or_swings(database: Database, ids: dict[str, int]) -> None:
