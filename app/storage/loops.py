@@ -62,14 +62,22 @@ COLUMNS = [loops.c[name] for name in LoopRow.__dataclass_fields__]
 
 
 def ensure(connection: Connection, tags: Iterable[str]) -> dict[str, int]:
-    """The ids of the loops with these tags; loops that are not there yet are created."""
+    """The ids of the loops with these tags; loops that are not there yet are created, unless one is that is spelled in
+    other letters, great or small: as in one file, it is the same."""
     wanted = sorted(set(tags))
     ids = ids_of(connection, wanted)
-    missing = [tag for tag in wanted if tag not in ids]
+    if missing := [tag for tag in wanted if tag not in ids]:
+        ids |= _spelled_otherwise(connection, missing)
+    missing = [tag for tag in missing if tag not in ids]
     if missing:
         insert_new_rows(connection, loops, [{"tag": tag, "created_at": now()} for tag in missing])
         ids |= ids_of(connection, missing)
     return ids
+
+
+def _spelled_otherwise(connection: Connection, tags: Sequence[str]) -> dict[str, int]:
+    known = {row.tag.casefold(): row.id for row in connection.execute(select(loops.c.tag, loops.c.id))}
+    return {tag: known[tag.casefold()] for tag in tags if tag.casefold() in known}
 
 
 def ids_of(connection: Connection, tags: Sequence[str]) -> dict[str, int]:

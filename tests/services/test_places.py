@@ -94,6 +94,13 @@ def test_what_is_said_of_a_bare_column_holds_for_files_of_that_name_alone(backen
     assert (other.tags[0]["loop"], other.tags[0]["pv"], other.notes) == ("FIC901", "PV", [])
 
 
+def test_a_loop_in_other_letters_is_the_loop_that_is_there(backend: Backend) -> None:
+    sent(backend, 0)
+    later = sent(backend, 1, names="fic900.pv,Fic900.OP")
+    assert (later.loops, later.notes) == (["FIC900"], [])
+    assert len(trend(backend, "FIC900", 2000).pv) == 120
+
+
 def test_a_tag_that_goes_to_another_loop_is_told(backend: Backend) -> None:
     sent(backend, 0, mapping=b"tag,loop,signal\nFIC900.PV,FIC-900,PV\nFIC900.OP,FIC-900,OP\n")
     assert "FIC900.PV is PV of FIC900 here and was PV of FIC-900" in sent(backend, 1).notes[0]

@@ -114,7 +114,7 @@ def note_read(connection: Connection, receipt_number: int, places: Sequence[TagP
 
 
 def _place(place: TagPlace | ReadTag) -> tuple[str, str]:
-    return place.loop, place.signal
+    return place.loop.casefold(), place.signal
 
 
 def _said(place: TagPlace | ReadTag) -> str:
