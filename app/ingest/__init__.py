@@ -31,7 +31,7 @@ whose columns are asked for by name.
 from app.ingest.align import align, carried
 from app.ingest.export import is_export_name, read_export, stem_of, takes_its_name
 from app.ingest.exports import Export
-from app.ingest.grouping import MappedTag, TagMapping, group, mapping_text, names_its_loop
+from app.ingest.grouping import MappedTag, TagMapping, group, mapping_text, names_its_loop, unit_of
 from app.ingest.inspection import InspectReport, LoopReport, inspect
 from app.ingest.lists import BEYOND, Listed, list_rows, list_text
 from app.ingest.model import (
@@ -87,5 +87,6 @@ __all__ = [
     "stem_of",
     "takes_its_name",
     "to_recording",
+    "unit_of",
     "warm_up",
 ]

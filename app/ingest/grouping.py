@@ -206,6 +206,14 @@ def names_its_loop(tag: str) -> bool:
     return place(tag, "").loop != ""
 
 
+def unit_of(tag: str) -> str:
+    """The unit that a name tells behind it, as `degC` of `TIC5.PV (degC)`; empty where it tells none. A number there
+    tells columns of one name apart."""
+    found = _UNIT.search(tag.strip())
+    told = found[1][1:-1].strip() if found else ""
+    return "" if told.isdigit() else told
+
+
 def _bare(name: str) -> Signal | None:
     """The signal that a name without a loop tells. A loop may be called by a number, or in other letters: 4711.PV."""
     name = name.translate(_SPELLED_OUT)

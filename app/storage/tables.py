@@ -100,6 +100,7 @@ read_tags = Table(
     Column("name", Text, primary_key=True),
     Column("loop", Text, nullable=False),
     Column("signal", Text, nullable=False),
+    Column("unit", Text, nullable=False, server_default=""),  # as the tag tells it; `name` is without it
     Column("receipt_number", BigInteger, nullable=False),  # of the upload that was the first to have it so
 )
 """As what each tag was read last; `file` and `name` as above."""

@@ -33,6 +33,7 @@ class KeptTag:
 class ReadTag:
     loop: str
     signal: str
+    unit: str
     receipt_number: int
 
 
@@ -83,7 +84,7 @@ def last_read(connection: Connection, keys: Iterable[Key]) -> dict[Key, ReadTag]
     names: dict[str, list[str]] = {}
     for file, name in keys:
         names.setdefault(file, []).append(name)
-    columns = [read_tags.c[name] for name in ("name", "loop", "signal", "receipt_number")]
+    columns = [read_tags.c[name] for name in ("name", "loop", "signal", "unit", "receipt_number")]
     found: dict[Key, ReadTag] = {}
     for file, named in names.items():
         for start in range(0, len(named), TAGS_AT_ONCE):

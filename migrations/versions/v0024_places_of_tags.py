@@ -23,6 +23,7 @@ def upgrade() -> None:
         "read_tags",
         *_tag(),
         *_place(),
+        sa.Column("unit", sa.Text(), server_default="", nullable=False),
         sa.Column("receipt_number", sa.BigInteger(), nullable=False),
         sa.PrimaryKeyConstraint("file", "name", name=op.f("pk_read_tags")),
     )

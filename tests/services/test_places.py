@@ -101,6 +101,19 @@ def test_a_loop_in_other_letters_is_the_loop_that_is_there(backend: Backend) -> 
     assert len(trend(backend, "FIC900", 2000).pv) == 120
 
 
+def test_a_signal_in_another_unit_is_told(backend: Backend) -> None:
+    assert sent(backend, 0, names="TIC5.PV,TIC5.OP (%)").notes == []
+    assert sent(backend, 1, names="TIC5.PV (degC),TIC5.OP (%)").notes == []
+    assert sent(backend, 2, names="TIC5.PV,TIC5.OP").notes == []
+    other = sent(backend, 3, names="TIC5.PV [degF],TIC5.OP (%)")
+    assert warned(other)
+    assert "PV of TIC5 is in degF here, was in degC" in other.notes[0]
+
+
+def test_columns_of_one_name_are_no_units(backend: Backend) -> None:
+    assert not any("units" in note for number in (0, 1) for note in sent(backend, number, names="A.PV,A.PV").notes)
+
+
 def test_a_tag_that_goes_to_another_loop_is_told(backend: Backend) -> None:
     sent(backend, 0, mapping=b"tag,loop,signal\nFIC900.PV,FIC-900,PV\nFIC900.OP,FIC-900,OP\n")
     assert "FIC900.PV is PV of FIC900 here and was PV of FIC-900" in sent(backend, 1).notes[0]

@@ -4,7 +4,7 @@ A tag that names its loop means the same in every file. One that does not (a bar
 file's name.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby, islice
 from operator import attrgetter
@@ -14,7 +14,7 @@ from typing import cast
 from sqlalchemy import Connection
 
 from app.errors import NotFoundError
-from app.ingest import IngestOptions, LoopTags, MappedTag, Signal, TagMapping, names_its_loop, stem_of
+from app.ingest import IngestOptions, LoopTags, MappedTag, Signal, TagMapping, names_its_loop, stem_of, unit_of
 from app.services.backend import Backend
 from app.storage import tags as stored
 from app.storage.tags import OTHER, KeptTag, Key, ReadTag
@@ -26,12 +26,16 @@ LONGEST_TAG = IngestOptions().max_name
 
 @dataclass(frozen=True)
 class TagPlace:
-    """As what a file has a tag."""
+    """As what a file has a tag. unit: that the tag tells, empty where it tells none; the key is without it."""
 
     key: Key
     tag: str
     loop: str
     signal: str
+    unit: str
+
+    def as_read(self, receipt_number: int) -> ReadTag:
+        return ReadTag(self.loop, self.signal, self.unit, receipt_number)
 
 
 def key_of(tag: str, filename: str) -> Key:
@@ -85,8 +89,9 @@ def places_of(loops: Iterable[LoopTags], filename: str) -> list[TagPlace]:
         own = [(loop.pv, "PV"), (loop.op, "OP"), (loop.sp, "SP"), (loop.mode, "MODE")]
         for tag, signal in [*own, *((other, OTHER) for other in loop.others)]:
             if tag is not None:
-                key = key_of(tag, filename)
-                found.setdefault(key, TagPlace(key, tag, storable(loop.loop), signal))
+                unit = unit_of(tag)
+                key = key_of(tag.strip()[: -len(unit) - 2].rstrip() if unit else tag, filename)
+                found.setdefault(key, TagPlace(key, tag, storable(loop.loop), signal, storable(unit)))
     return list(found.values())
 
 
@@ -99,18 +104,28 @@ def kept_notes(mapping: TagMapping | None, places: Sequence[TagPlace]) -> Iterat
 
 
 def note_read(connection: Connection, receipt_number: int, places: Sequence[TagPlace]) -> list[str]:
-    """Keeps as what the tags were read, and says which of them were another signal, or another loop's, before."""
+    """Keeps as what the tags were read, and says which of them were another signal, or another loop's, or had another
+    unit before."""
     stored.lock(connection)
     before = stored.last_read(connection, (place.key for place in places))
-    new = {it.key: ReadTag(it.loop, it.signal, receipt_number) for it in places if it.key not in before}
-    moved = [it for it in places if it.key in before and _place(it) != _place(before[it.key])]
-    newest = [it for it in moved if before[it.key].receipt_number <= receipt_number]
-    stored.note_read(connection, new, {it.key: ReadTag(it.loop, it.signal, receipt_number) for it in newest})
-    told = [it for it in moved if {it.signal, before[it.key].signal} != {OTHER}]
-    if not told:
-        return []
-    shown = _some(told, lambda it: f"{it.tag} is {_said(it)} here and was {_said(before[it.key])}")
-    return [f"check this first, tags are not what they were in other files: {shown}. What was read of those stays."]
+    new = {it.key: it.as_read(receipt_number) for it in places if it.key not in before}
+    known = [it for it in places if it.key in before]
+    moved = [it for it in known if _place(it) != _place(before[it.key])]
+    otherwise = [it for it in known if it.unit and it.unit != before[it.key].unit]
+    newest = [it for it in (*moved, *otherwise) if before[it.key].receipt_number <= receipt_number]
+    stored.note_read(connection, new, {it.key: it.as_read(receipt_number) for it in newest})
+    return list(_changes(moved, otherwise, before))
+
+
+def _changes(moved: Sequence[TagPlace], otherwise: Sequence[TagPlace], before: Mapping[Key, ReadTag]) -> Iterator[str]:
+    if told := [it for it in moved if {it.signal, before[it.key].signal} != {OTHER}]:
+        shown = _some(told, lambda it: f"{it.tag} is {_said(it)} here and was {_said(before[it.key])}")
+        yield f"check this first, tags are not what they were in other files: {shown}. What was read of those stays."
+    if told := [it for it in otherwise if before[it.key].unit and it.signal != OTHER]:
+        shown = _some(
+            told, lambda it: f"{it.signal} of {it.loop} is in {it.unit} here and was in {before[it.key].unit}"
+        )
+        yield f"check this first, units are not what they were in other files: {shown}. Values are stored as they came."
 
 
 def _place(place: TagPlace | ReadTag) -> tuple[str, str]:
