@@ -15,6 +15,7 @@ from app.ingest import warm_up as warm_up_ingest
 from app.services.backend import DATABASE_AWAY, Backend, no_room
 from app.services.heartbeat import Heartbeat
 from app.services.intake.places import TagPlace, kept_notes, note_read, places_of, with_kept
+from app.services.intake.swapped import SetPoints
 from app.services.intake.uploads import path_of
 from app.services.patience import patiently
 from app.storage import loops, receipts, series, uploads
@@ -92,7 +93,8 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
     options = _options(backend, reading, row)
     placing = with_kept(backend, mapping, row.filename)
     export = read_export(path_of(backend, row.fingerprint), filename=row.filename, mapping=placing, options=options)
-    with closing(_batches(export)) as batches:
+    set_points = SetPoints()
+    with closing(_batches(export, set_points)) as batches:
         added = _stored(backend, claim, batches, mapping)
     with backend.database.read() as connection:
         retired = uploads.retired_of(connection, row.id)
@@ -103,7 +105,7 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
         "rows_kept": summary.rows_kept,
         "samples_added": added,
         "reject_counts": dict(refused.counts),
-        "notes": [*kept_notes(placing, places), *summary.notes, *_of_retired(retired)],
+        "notes": [*kept_notes(placing, places), *set_points.notes(), *summary.notes, *_of_retired(retired)],
         "tags_found": summary.tags,
     }
     return Read(told, [_tags(loop) for loop in summary.loops[:LISTED_LOOPS]], refused, places)
@@ -134,7 +136,7 @@ def _options(backend: Backend, reading: dict[str, Any], row: UploadRow) -> Inges
     )
 
 
-def _batches(export: Export) -> Generator[list[LoopSamples]]:
+def _batches(export: Export, set_points: SetPoints) -> Generator[list[LoopSamples]]:
     """Stretches with a signal of a loop, so many at a time as one transaction should write."""
     batch: list[LoopSamples] = []
     values = 0
@@ -142,6 +144,7 @@ def _batches(export: Export) -> Generator[list[LoopSamples]]:
         own = (stretch.pv, stretch.op, stretch.sp, stretch.automatic)
         if all(signal is None for signal in own) or stretch.samples == 0:
             continue
+        set_points.look(stretch)
         batch.append(stretch)
         values += 4 * stretch.samples
         if len(batch) >= BATCH_LOOPS or values >= BATCH_VALUES:
