@@ -54,6 +54,13 @@ class UploadListed(Read):
     reject_counts: dict[str, int] = Field(description="How many rows and values were refused, by code.")
     notes: list[str] = Field(description="What was found out about the file, in words.")
     tags_found: int = Field(0, description="How many tags the file has.")
+    times_from: str | None = Field(
+        None, description="Time of the first row, ISO 8601, UTC; null where its times have no date."
+    )
+    times_to: str | None = Field(None, description="Time of the last row.")
+    time_zone: str | None = Field(
+        None, description="The zone in which times were read that tell none; `in the file` where they do."
+    )
 
 
 class UploadOut(UploadListed):

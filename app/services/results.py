@@ -50,6 +50,9 @@ class UploadView:
     rejects: list[RejectView]
     notes: list[str]
     tags_found: int = 0
+    times_from: str | None = None
+    times_to: str | None = None
+    time_zone: str | None = None
     tags: list[dict[str, Any]] = field(default_factory=list)
 
 

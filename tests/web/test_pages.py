@@ -374,6 +374,28 @@ def test_a_file_is_read_again_with_another_mapping(client, web_backend):
     assert client.post("/uploads/1/mapping", data={"mapping": "tag,loop,signal\nX,Y,Z\n"}).status_code == 422
 
 
+@pytest.mark.parametrize(
+    ("first", "said"),
+    [
+        (
+            "2026-03-01 12:00:00",
+            "from 2026-03-01 12:00 to 2026-03-01 12:01; their times were read as those of UTC.",
+        ),
+        (
+            "2026-03-01T12:00:00+01:00",
+            "from 2026-03-01 11:00 to 2026-03-01 11:01; the file tells their time zone.",
+        ),
+        ("0", "Its times have no date."),
+    ],
+)
+def test_an_upload_says_from_when_it_is_and_by_which_clock(client, web_backend, first, said):
+    second = first.replace("12:00:", "12:01:") if ":" in first else "60"
+    rows = f"time,T1.PV,T1.OP\n{first},1,2\n{second},2,3\n"
+    number = client.post("/v1/uploads?filename=when.csv", content=rows).json()["id"]
+    read_upload(web_backend, int(number), "test")
+    assert said in client.get(f"/uploads/{number}").text
+
+
 def test_a_mapping_is_kept_for_later_files_where_the_box_is_ticked_and_taken_back(client, web_backend):
     mapping = "tag,loop,signal\nLIC7.PV,LIC9,PV\nLIC7.OP,LIC9,OP\n"
     assert "For later files too" in client.get("/uploads/1").text

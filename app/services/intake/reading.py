@@ -10,13 +10,14 @@ from functools import partial
 from typing import Any
 
 from app.errors import LoopauditError
-from app.ingest import Export, IngestOptions, LoopSamples, LoopTags, Rejects, TagMapping, read_export
+from app.ingest import Export, FileSummary, IngestOptions, LoopSamples, LoopTags, Rejects, TagMapping, read_export
 from app.ingest import warm_up as warm_up_ingest
 from app.services.backend import DATABASE_AWAY, Backend, no_room
 from app.services.heartbeat import Heartbeat
 from app.services.intake.places import TagPlace, kept_notes, note_read, places_of, with_kept
 from app.services.intake.swapped import SetPoints
 from app.services.intake.uploads import path_of
+from app.services.moments import FIRST_DATED, iso_utc, moment_of
 from app.services.patience import patiently
 from app.storage import loops, receipts, series, uploads
 from app.storage.samples import Samples, prepare
@@ -107,8 +108,17 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
         "reject_counts": dict(refused.counts),
         "notes": [*kept_notes(placing, places), *set_points.notes(), *summary.notes, *_of_retired(retired)],
         "tags_found": summary.tags,
+        **_times(summary),
     }
     return Read(told, [_tags(loop) for loop in summary.loops[:LISTED_LOOPS]], refused, places)
+
+
+def _times(summary: FileSummary) -> dict[str, str | None]:
+    """From when to when the rows are, where they have dates, and by which clock those were written."""
+    ends = {"times_from": summary.first_time_ns, "times_to": summary.last_time_ns}
+    told = {name: None if at_ns is None else moment_of(at_ns) for name, at_ns in ends.items()}
+    dated = {name: at if at is not None and at >= FIRST_DATED else None for name, at in told.items()}
+    return {"time_zone": summary.time_zone, **{name: iso_utc(at) for name, at in dated.items()}}
 
 
 def _of_retired(tags: list[str]) -> Iterator[str]:

@@ -247,4 +247,7 @@ def _view(row: UploadRow, loops_found: int) -> UploadView:
         rejects=[],
         notes=summary.get("notes", []),
         tags_found=summary.get("tags_found", 0),
+        times_from=summary.get("times_from"),
+        times_to=summary.get("times_to"),
+        time_zone=summary.get("time_zone"),
     )
