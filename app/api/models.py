@@ -34,7 +34,9 @@ class UploadListed(Read):
     state: UploadState = Field(description="received -> reading -> done or failed.")
     filename: str = Field(description="Name under which it was sent.")
     size_bytes: int = Field(description="Size as it came, in bytes.")
-    fingerprint: str = Field(description="SHA-256 of the bytes as they came.")
+    fingerprint: str = Field(
+        description="SHA-256 of the content: of the bytes as they came, without their gzip where they have one."
+    )
     received_at: str = Field(description="When it was received, ISO 8601, UTC.")
     sent_again_at: str | None = Field(
         None, description="When the same content came last, from which on it is kept, ISO 8601, UTC; null: once only."

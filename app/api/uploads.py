@@ -66,8 +66,8 @@ async def receive(
     """Takes an export as raw body, or as multipart `file` (with the plant's tag `mapping`, where there is one).
 
     gzip is told by the content. 202 means that the bytes are stored.
-    The same content again, read in the same way, is the same upload; under another name it is another one only where
-    the file does not name its loops, which are called by its name then.
+    The same content again, packed or not, read in the same way, is the same upload; under another name it is another
+    one only where the file does not name its loops, which are called by its name then.
     """
     refuse_encodings(request)
     receipt = await store(request, backend, filename, service.ReadingOptions(time_zone, date_order=date_order))

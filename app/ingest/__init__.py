@@ -29,7 +29,7 @@ whose columns are asked for by name.
 """
 
 from app.ingest.align import align, carried
-from app.ingest.export import is_export_name, read_export, stem_of, takes_its_name
+from app.ingest.export import is_export_name, is_read_packed, read_export, stem_of, takes_its_name
 from app.ingest.exports import Export
 from app.ingest.grouping import MappedTag, TagMapping, group, mapping_text, names_its_loop, unit_of
 from app.ingest.inspection import InspectReport, LoopReport, inspect
@@ -48,9 +48,11 @@ from app.ingest.named_columns import NamedTable, parse_named, read_instants, rea
 from app.ingest.recordings import RecordingsRead, read_recordings, second_zero_ns, to_recording
 from app.ingest.scanning import warm_up
 from app.ingest.stamps import NO_TIME, check_time_zone
+from app.ingest.unpacking import GZIP, Unpacking
 
 __all__ = [
     "BEYOND",
+    "GZIP",
     "NO_TIME",
     "Export",
     "FileSummary",
@@ -68,12 +70,14 @@ __all__ = [
     "Signal",
     "SignalBlock",
     "TagMapping",
+    "Unpacking",
     "align",
     "carried",
     "check_time_zone",
     "group",
     "inspect",
     "is_export_name",
+    "is_read_packed",
     "list_rows",
     "list_text",
     "mapping_text",

@@ -11,6 +11,7 @@ from app.ingest.grouping import TagMapping
 from app.ingest.head import Head, look, with_tail
 from app.ingest.layouts import not_recognised, recognise
 from app.ingest.matlab import open_matlab
+from app.ingest.matlab_values import is_matlab
 from app.ingest.model import IngestOptions
 from app.ingest.opening import TextFile
 from app.ingest.plans import Plan
@@ -18,8 +19,10 @@ from app.ingest.rejecting import RejectLog
 from app.ingest.sheets import SheetsExport
 from app.ingest.stamps import check_time_zone
 from app.ingest.tables_in import open_parquet
+from app.ingest.unpacking import GZIP
 from app.ingest.workbooks import open_workbook
 
+_NO_TEXT = (GZIP, b"PK\x03\x04", b"PAR1")
 _NO_NAME = "\ue000\ue001"  # of private letters
 SUFFIXES = (".csv", ".tsv", ".txt", ".tab", ".dat", ".parquet", ".pq", ".xlsx", ".xlsm", ".mat", ".gz")
 
@@ -65,6 +68,12 @@ def _open_text(path: Path, stem: str, options: IngestOptions) -> TextSource:
 def is_export_name(name: str) -> bool:
     """Whether a file of a folder is taken for an export by its name; hidden ones never are."""
     return name.lower().removesuffix(".gz").endswith(SUFFIXES) and not name.startswith(".")
+
+
+def is_read_packed(start: bytes) -> bool:
+    """Whether a file that begins so, by its first 128 bytes, is read in the same way inside of a gzip file: text alone
+    is looked for there."""
+    return not start.startswith(_NO_TEXT) and not is_matlab(start)
 
 
 def stem_of(name: str) -> str:

@@ -14,15 +14,14 @@ import numpy as np
 from app.errors import DataError
 from app.ingest.heading import after_lines, whole_heading
 from app.ingest.model import IngestOptions
+from app.ingest.unpacking import GZIP, STEP_BYTES, Unpacking
 
 HEAD_BYTES = 1 << 18
 HEAD_LINES = 12  # a row of 50,000 columns is half a megabyte
 HEAD_LIMIT = 1 << 24
-STEP_BYTES = 1 << 18
 TAIL_BYTES = 1 << 16
 PROBED_BYTES = 1 << 18
 COUNTED_BYTES = 1 << 18
-RATIO_FREE_BYTES = 64 << 20  # below this a high ratio is a quiet plant, not a bomb
 _BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 _DOUBLE_BYTES = re.compile(rb"[\x80-\xff]{2,}")
 _CHINESE = re.compile(r"[\u4e00-\u9fff]+")
@@ -61,7 +60,7 @@ class TextFile:
     @property
     def compressed(self) -> bool:
         with self._path.open("rb") as stream:
-            return stream.read(2) == b"\x1f\x8b"
+            return stream.read(2) == GZIP
 
     def _first_bytes(self) -> bytes:
         taken = bytearray()
@@ -158,7 +157,7 @@ class TextFile:
 
     def _bytes(self, step: int = STEP_BYTES) -> Iterator[bytes]:
         with self._path.open("rb") as stream:
-            packed = stream.read(2) == b"\x1f\x8b"
+            packed = stream.read(2) == GZIP
             stream.seek(0)
             if packed:
                 yield from self._unpacked(iter(lambda: stream.read(STEP_BYTES), b""))
@@ -167,26 +166,15 @@ class TextFile:
 
     def _unpacked(self, raw: Iterator[bytes]) -> Iterator[bytes]:
         """Members of a gzip file one after the other; a damaged end keeps what came before it."""
-        packed = unpacked = 0
-        unzip, complete = zlib.decompressobj(31), False
-        for piece in raw:
-            packed += len(piece)
-            waiting = piece
-            while waiting:
-                try:
-                    out = unzip.decompress(waiting, STEP_BYTES)
-                except zlib.error:
-                    self._damaged(unpacked)
-                    return
-                unpacked += len(out)
-                self._check_size(packed, unpacked)
-                yield out
-                waiting, complete = unzip.unconsumed_tail, unzip.eof
-                if complete:  # another member may follow, or padding
-                    waiting = unzip.unused_data if unzip.unused_data.startswith(b"\x1f\x8b") else b""
-                    unzip = zlib.decompressobj(31)
-        if not complete:
-            self._damaged(unpacked)
+        unpacking = Unpacking(self._options)
+        try:
+            for piece in raw:
+                yield from unpacking.steps(piece)
+        except zlib.error:
+            self._damaged(unpacking.unpacked)
+            return
+        if not unpacking.complete:
+            self._damaged(unpacking.unpacked)
 
     def _damaged(self, unpacked: int) -> None:
         if unpacked == 0:
@@ -194,17 +182,6 @@ class TextFile:
         note = f"the gzip file is damaged after {unpacked} bytes; what came before is kept"
         if note not in self.notes:
             self.notes.append(note)
-
-    def _check_size(self, packed: int, unpacked: int) -> None:
-        if unpacked > self._options.max_bytes:
-            raise DataError(
-                "decompressed_too_large", f"unpacks to more than {self._options.max_bytes} bytes; send it in parts"
-            )
-        if unpacked > RATIO_FREE_BYTES and unpacked > packed * self._options.max_ratio:
-            raise DataError(
-                "decompressed_too_large",
-                f"unpacks to more than {self._options.max_ratio:g} times its size; no export does",
-            )
 
 
 def count_lines(data: bytes) -> int:

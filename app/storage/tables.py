@@ -44,7 +44,7 @@ uploads = Table(
     metadata,
     Column("id", Id, primary_key=True),
     Column("content_key", Text, nullable=False, unique=True),  # of bytes, name and how to read them
-    Column("fingerprint", Text, nullable=False),  # SHA-256 of the bytes as they came
+    Column("fingerprint", Text, nullable=False),  # SHA-256 of the content: of the bytes, unpacked where they are gzip
     Column("filename", Text, nullable=False),
     Column("content_type", Text),
     Column("size_bytes", BigInteger, nullable=False),

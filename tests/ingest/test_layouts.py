@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from app.ingest import IngestOptions
+from app.ingest import IngestOptions, Unpacking
 from app.ingest.stamps import NO_TIME, TimeForm, TimeReader
 
 from .conftest import Read
@@ -229,6 +229,18 @@ def test_gzip_gives_the_same_as_the_text(read: Read) -> None:
     content = read(packed, name="dcs.txt.gz")
     assert content.summary.compressed
     assert content.loops["FIC7"].op.tolist() == [72.3, 72.1, 72.0]
+
+
+@pytest.mark.parametrize("first_bytes", [1, 2, 300])
+def test_members_of_gzip_are_unpacked_wherever_the_pieces_part(first_bytes: int) -> None:
+    first, second = (gzip.compress(half.encode()) for half in (DCS_TAB[:300], DCS_TAB[300:]))
+    unpacking = Unpacking(IngestOptions())
+    at = len(first) + first_bytes - 1  # 1: between them, 2: within the two bytes by which the second one is told
+    pieces = [(first + second)[:at], (first + second)[at:]]
+    assert b"".join(out for piece in pieces for out in unpacking.steps(piece)).decode() == DCS_TAB
+    assert unpacking.is_whole
+    assert not list(unpacking.steps(bytes(7)))
+    assert (unpacking.complete, unpacking.is_whole) == (True, False)
 
 
 def test_recording_in_seconds_is_anchored_so_that_sending_again_gives_the_same(read: Read) -> None:

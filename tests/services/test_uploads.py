@@ -1,6 +1,7 @@
 """Uploads: acknowledged only when stored, the same content once, read with the same effect however often."""
 
 import gzip
+import hashlib
 import threading
 import time
 from collections.abc import Sequence
@@ -16,7 +17,7 @@ from app.engine.recording import Recording
 from app.errors import LoopauditError, NotFoundError
 from app.services.auditing import audits, chunks
 from app.services.backend import Backend
-from app.services.intake import reading, uploads
+from app.services.intake import content, reading, uploads
 from app.services.intake.uploads import ReadingOptions
 from app.services.plant import loops
 from app.services.plant.trend import trend
@@ -205,8 +206,60 @@ def test_a_loop_of_which_only_the_mode_was_sent_is_not_auditable(backend: Backen
 
 def test_the_same_samples_in_other_bytes_change_nothing(backend: Backend) -> None:
     read(backend, send(backend, export()))
-    again = read(backend, send(backend, gzip.compress(export()), name="night.csv.gz"))
+    again = read(backend, send(backend, export().replace(b"\n", b"\r\n"), name="night.csv"))
     assert (again.state, again.samples_added) == ("done", 0)
+
+
+def packed(data: bytes, at_s: int = 1) -> bytes:
+    """gzip stamps the time, so that whoever packs once more sends other bytes."""
+    return gzip.compress(data, mtime=at_s)
+
+
+@pytest.mark.parametrize("name", ["", "night.csv"])
+def test_the_same_content_packed_otherwise_is_the_same_upload(backend: Backend, name: str) -> None:
+    data = export().replace(b"LIC2.", b"X").replace(b"FIC1.", b"")
+    halves = packed(data[:3000]) + packed(data[3000:])
+    first = send(backend, packed(data), name=name)
+    for again in (packed(data, 2), data, halves, packed(data, 3)):
+        assert send(backend, again, name=name).id == first.id
+    assert first.fingerprint == hashlib.sha256(data).hexdigest()
+    assert [file.name for file in backend.settings.uploads_dir.iterdir()] == [first.fingerprint]
+    assert read(backend, first).loops == [name.removesuffix(".csv") or f"upload-{first.fingerprint[:12]}"]
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [
+        packed(export())[:-20],
+        packed(export()) + b"and more",
+        packed(packed(export())),
+        packed(b"PAR1" + export()),
+        packed(b"PK\x03\x04" + export()),
+    ],
+    ids=["cut", "followed", "twice", "parquet", "workbook"],
+)
+def test_what_is_no_whole_text_in_gzip_is_known_by_its_bytes(backend: Backend, sent: bytes) -> None:
+    """A parquet file is read, and packed it is not: one answer cannot do for both."""
+    assert send(backend, sent).fingerprint == hashlib.sha256(sent).hexdigest()
+
+
+def test_what_unpacks_beyond_the_caps_is_known_by_its_bytes(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+    sent = packed(export())
+    monkeypatch.setattr(content, "LARGEST_CONTENT_BYTES", 3000)
+    assert send(backend, sent).fingerprint == hashlib.sha256(sent).hexdigest()
+
+
+@pytest.mark.parametrize("name", ["", "night.csv.gz"])
+def test_an_upload_that_is_known_by_its_packed_bytes_stays_the_same(backend: Backend, name: str) -> None:
+    """Before, fingerprints were of the bytes as they came."""
+    sent = packed(export())
+    monkey = pytest.MonkeyPatch()
+    with monkey.context() as before:
+        before.setattr(content.ContentDigest, "hexdigest", lambda self: None)
+        first = send(backend, sent, name=name)
+    assert first.fingerprint == hashlib.sha256(sent).hexdigest()
+    assert send(backend, sent, name=name).id == first.id
+    assert send(backend, packed(export(), 2), name=name).id != first.id
 
 
 def test_an_upload_that_breaks_off_leaves_nothing(backend: Backend) -> None:

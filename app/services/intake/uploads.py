@@ -75,32 +75,36 @@ class Receiving:
         """Bytes and row are on disk when this returns. Raises RequestError("empty_upload") without any bytes."""
         if self._file.size == 0:
             raise RequestError("empty_upload", "the upload has no bytes")
-        fingerprint = self._file.sync()
+        of_bytes = self._file.sync()
         self._file.close()
-        name = self._values["filename"] or f"upload-{fingerprint[:NAMELESS_DIGITS]}"
-        key = _content_key(fingerprint, self._values["reading_json"], name)
-        values = {**self._values, "filename": name, "fingerprint": fingerprint, "size_bytes": self._file.size}
+        fingerprints = [of_bytes] if self._file.content is None else [self._file.content, of_bytes]
         named: bool | None = None
-        while (registered := self._register(values, key, named)) is None:
+        while (registered := self._register(fingerprints, named)) is None:
             named = self._takes_its_name()
         receipt, unread = registered
         if unread:
             self._backend.queue.read_upload(int(receipt.upload.id))
         return receipt
 
-    def _register(self, values: dict[str, Any], key: str, named: bool | None) -> tuple[Receipt, bool] | None:
-        """What is answered, and whether it is to be read. named: whether the name belongs to the content; where that
-        has to be known and is not (None), nothing is done."""
-        fingerprint = values["fingerprint"]
+    def _register(self, fingerprints: list[str], named: bool | None) -> tuple[Receipt, bool] | None:
+        """What is answered, and whether it is to be read. fingerprints: of the content, then those by which it may be
+        known from earlier. named: whether the name belongs to the content; where that has to be known and is not
+        (None), nothing is done."""
+        reading_json = self._values["reading_json"]
         with self._backend.database.write() as connection:
-            uploads.lock_bytes(connection, fingerprint)  # retention may be about to drop old bytes of that name
-            keys = uploads.keys_of(connection, fingerprint, values["reading_json"])
+            for fingerprint in sorted(fingerprints):
+                uploads.lock_bytes(connection, fingerprint)  # retention may be about to drop old bytes of that name
+            known = {it: uploads.keys_of(connection, it, reading_json) for it in fingerprints}
+            fingerprint = next((it for it in fingerprints if known[it]), fingerprints[0])
+            name = self._values["filename"] or f"upload-{fingerprint[:NAMELESS_DIGITS]}"
+            key, keys = _content_key(fingerprint, reading_json, name), known[fingerprint]
             if keys and key not in keys:
                 if named is None:
                     return None
                 key = key if named else keys[0]
             self._keep(fingerprint)
-            row, created = uploads.receive(connection, {**values, "content_key": key})
+            values = {"filename": name, "fingerprint": fingerprint, "size_bytes": self._file.size, "content_key": key}
+            row, created = uploads.receive(connection, {**self._values, **values})
             again = uploads.try_again(connection, row.id)
             return Receipt(_whole(connection, str(row.id)), created), created or again
 
