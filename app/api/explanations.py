@@ -1,8 +1,8 @@
 """Explanations of a loop: asked for, looked up, their traces."""
 
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Response
+from fastapi import APIRouter, Body, Depends, Response
 from starlette.responses import PlainTextResponse
 
 from app.api.explanation_models import ExplanationIn, ExplanationOut, ExplanationPage, PlotOut
@@ -18,6 +18,9 @@ from app.services.explaining.simulations import GivenSimulation, GivenTrace
 
 CSV: dict[int | str, dict[str, Any]] = {200: {"content": {"text/csv": {"schema": {"type": "string"}}}}}
 
+WITHOUT_SIMULATION = ExplanationIn()
+Wanted = Annotated[ExplanationIn, Body()]
+
 router = APIRouter(tags=["explanations"])
 
 
@@ -29,8 +32,11 @@ router = APIRouter(tags=["explanations"])
     dependencies=[Depends(json_alone)],
     summary="Compare a loop's recording with a simulation",
 )
-def ask(response: Response, backend: Services, tag: LoopTag, caller: Caller, wanted: ExplanationIn) -> Any:
-    """Where they differ, and which physics is missing. 202: the request is stored; a worker does it."""
+def ask(
+    response: Response, backend: Services, tag: LoopTag, caller: Caller, wanted: Wanted = WITHOUT_SIMULATION
+) -> Any:
+    """Where they differ, and which physics is missing; without a body the recorded simulation or our own is taken.
+    202: the request is stored; a worker does it."""
     asked = service.ask(backend, tag, meant(wanted), asked_by=caller.who)
     response.headers["Location"] = f"/v1/loops/{tag_in_url(tag)}/explanations/{asked['id']}"
     return asked

@@ -106,6 +106,13 @@ def test_what_cannot_be_compared_is_a_problem_with_a_code(client, tag, body, sta
     assert answer.headers["content-type"] == "application/problem+json"
 
 
+@pytest.mark.parametrize("sent", [{}, {"json": {}}, {"headers": {"Content-Type": "application/json"}}])
+def test_no_body_asks_for_what_an_empty_one_does(client, tag, sent):
+    answer = client.post(URL, **sent)
+    assert answer.status_code == 202, answer.text
+    assert (answer.json()["loop"], answer.json()["simulation"]) == (tag, client.post(URL, json={}).json()["simulation"])
+
+
 def test_unknown_loops_and_explanations(client, tag):
     assert client.post("/v1/loops/NOBODY/explanations", json={}).json()["code"] == "unknown_loop"
     assert client.get("/v1/loops/NOBODY/explanations").json()["code"] == "unknown_loop"
