@@ -4,7 +4,7 @@ from enum import StrEnum
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, BeforeValidator, Field
 from starlette.requests import Request
 
 from app.api.etags import NOT_MODIFIED, tagged, versioned
@@ -38,6 +38,13 @@ class Format(StrEnum):
     csv = "csv"
 
 
+def parted(given: Any) -> Any:
+    """Values given one by one, with commas between, or both."""
+    if not isinstance(given, list) or not all(isinstance(one, str) for one in given):
+        return given
+    return [value.strip() for one in given for value in one.split(",")]
+
+
 class TableQuery(BaseModel):
     """Which rows, in which order; all filters that are given must hold."""
 
@@ -51,7 +58,9 @@ class TableQuery(BaseModel):
         description="Columns in the order wanted, with commas between: the fields of a row and "
         f"{', '.join(service.OF_LOOP)}; none: all fields. As JSON, rows then have these alone.",
     )
-    verdict: list[VerdictName] = Field([], description="Only these verdicts; may be given several times.")
+    verdict: Annotated[list[VerdictName], BeforeValidator(parted)] = Field(
+        [], description="Only these verdicts; may be given several times, or several with commas between."
+    )
     reliability: ReliabilityName | None = Field(None, description="Only verdicts of this reliability.")
     table2_reading: ReadingName | None = Field(None, description="Only this reading of table 2.")
     unit: str | None = Field(None, max_length=200, description="Only loops of this plant unit.")

@@ -44,6 +44,13 @@ def test_filters(client, plant):
     for verdict in verdicts:
         found = client.get("/v1/reliability", params={"verdict": verdict}).json()["rows"]
         assert [row["loop"] for row in found] == [row["loop"] for row in rows if row["verdict"] == verdict]
+    everything = [row["loop"] for row in rows]
+    for several in ("stiction,no_stiction", "stiction, no_stiction,inconclusive,not_auditable"):
+        wanted = [verdict.strip() for verdict in several.split(",")]
+        found = client.get("/v1/reliability", params={"verdict": several}).json()["rows"]
+        assert [row["loop"] for row in found] == [row["loop"] for row in rows if row["verdict"] in wanted]
+    one_by_one = {"verdict": ["stiction,no_stiction", "inconclusive", "not_auditable"]}
+    assert [row["loop"] for row in client.get("/v1/reliability", params=one_by_one).json()["rows"]] == everything
     assert client.get("/v1/reliability", params={"search": "lic"}).json()["rows"][0]["loop"] == "LIC7"
     assert client.get("/v1/reliability", params={"unit": "NOWHERE"}).json() == {"rows": [], "next_cursor": None}
     assert len(client.get("/v1/reliability", params={"audit_id": plant["id"]}).json()["rows"]) == 3
@@ -72,6 +79,8 @@ def test_the_table_as_csv_opens_safely(client, plant):
         ({"cursor": "nonsense"}, 400, "bad_cursor"),
         ({"cursor": "A" * 4500}, 400, "bad_cursor"),
         ({"verdict": "perhaps"}, 422, "invalid_request"),
+        ({"verdict": "stiction,perhaps"}, 422, "invalid_request"),
+        ({"verdict": "stiction,"}, 422, "invalid_request"),
         ({"format": "xml"}, 422, "invalid_request"),
         ({"colour": "red"}, 422, "invalid_request"),
     ],
