@@ -29,9 +29,9 @@ async def decoded_tag(tag: Annotated[str, Path(description="Tag of the loop, per
     try:
         decoded = unquote(tag, errors="strict")
     except UnicodeDecodeError:
-        raise NotFoundError("no_such_loop", "the tag is not UTF-8, percent-encoded") from None
+        raise NotFoundError("unknown_loop", "the tag is not UTF-8, percent-encoded") from None
     if "\x00" in decoded or len(decoded) > LONGEST_TAG:
-        raise NotFoundError("no_such_loop", f"no tag has a zero byte or more than {LONGEST_TAG} characters")
+        raise NotFoundError("unknown_loop", f"no tag has a zero byte or more than {LONGEST_TAG} characters")
     return decoded
 
 

@@ -121,7 +121,7 @@ def test_slashes_that_are_not_encoded_work_too(client):
 def test_what_no_tag_can_be_is_not_found(client, path):
     answer = client.get(f"/v1/loops/{path}")
     assert answer.status_code == 404
-    assert answer.json()["code"] == "no_such_loop"
+    assert answer.json()["code"] == "unknown_loop"
 
 
 def test_security_headers_are_on_every_answer(client):
