@@ -43,6 +43,7 @@ class UploadListed(Read):
     )
     ended_at: str | None = Field(description="When reading ended, ISO 8601, UTC; null before.")
     reason: str | None = Field(description="Why it failed; null otherwise.")
+    error_code: str | None = Field(None, description="Stable code of why it failed; null otherwise.")
     waits_for_room_since: str | None = Field(
         None,
         description="Since when there is no room on the disk to read it, ISO 8601, UTC; it is tried again every five "

@@ -79,6 +79,7 @@ class Upload(Answer):
     size_bytes: int
     fingerprint: str
     reason: str | None
+    error_code: str | None
     waits_for_room_since: str | None
     layout: str | None
     loops: list[str]

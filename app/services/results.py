@@ -39,6 +39,7 @@ class UploadView:
     sent_again_at: str | None
     ended_at: str | None
     reason: str | None
+    error_code: str | None
     waits_for_room_since: str | None
     layout: str | None
     loops: list[str]

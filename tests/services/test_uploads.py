@@ -287,6 +287,7 @@ def test_a_file_that_is_no_export_fails_with_its_reason(backend: Backend) -> Non
     failed = read(backend, send(backend, b"\x00\x01\x02 nothing at all"))
     assert failed.state == "failed"
     assert failed.reason
+    assert failed.error_code == "not_an_export"
     assert failed.ended_at
 
 

@@ -240,6 +240,7 @@ def _view(row: UploadRow, loops_found: int) -> UploadView:
         sent_again_at=iso_utc(row.sent_again_at),
         ended_at=iso_utc(row.ended_at),
         reason=row.error_text,
+        error_code=row.error_code,
         waits_for_room_since=iso_utc(row.waits_since) if row.state == "received" else None,
         layout=summary.get("layout"),
         loops=[],
