@@ -37,7 +37,9 @@ class RejectLog:
             self._listed.append(Reject(number, code, printable(text), printable(tag or "")))
 
     def result(self) -> Rejects:
-        return Rejects(MappingProxyType(dict(self._counts)), tuple(self._listed))
+        """Listed in the order of the lines, those without one last: each step of reading finds its own."""
+        in_order = sorted(self._listed, key=lambda reject: (reject.line is None, reject.line or 0))
+        return Rejects(MappingProxyType(dict(self._counts)), tuple(in_order))
 
 
 def printable(text: str) -> str:

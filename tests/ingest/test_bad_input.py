@@ -101,6 +101,7 @@ def test_odd_values_are_counted_with_their_lines(read: Read) -> None:
         (3, "not_a_number"), (4, "not_finite"), (5, "sentinel"), (6, "not_finite"), (6, "sentinel"), (7, "bad_time"),
         (8, "bad_time"),
     }  # fmt: skip
+    assert [reject.line for reject in content.rejects.listed] == [3, 4, 5, 6, 6, 7, 8]
     assert content.rejects.total == 7
 
 
