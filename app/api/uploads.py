@@ -38,7 +38,11 @@ router = APIRouter(tags=["uploads"])
 
 Filename = Annotated[
     str | None,
-    Query(max_length=255, description="Name of the file, for a raw body: its loop's name where the content has none."),
+    Query(
+        max_length=255,
+        description="Name of the file, for a raw body: its loop's name where the content has none. Without it the name "
+        "in Content-Disposition is taken.",
+    ),
 ]
 DateOrder = Annotated[
     Literal["day", "month"] | None,

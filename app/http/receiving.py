@@ -1,7 +1,9 @@
 """An export on its way in, as a raw body or as a multipart form: written in blocks as it arrives."""
 
+import re
 from collections.abc import AsyncIterator
 from dataclasses import dataclass, replace
+from urllib.parse import unquote
 
 from fastapi import Request
 from fastapi.concurrency import run_in_threadpool
@@ -18,6 +20,8 @@ LARGEST_MAPPING = 16 << 20  # 14,000 loops of four tags each: 5 MiB as CSV with 
 MAPPINGS_AT_ONCE = 2  # taken apart, a mapping has up to twenty times its size
 MULTIPART = "multipart/form-data"
 PARTS = ("file", "mapping")
+NAMED = re.compile(r""";\s*filename\s*=\s*(?:"((?:[^"\\]|\\.)*)"|([^\s;"]+))""", re.IGNORECASE)
+NAMED_IN_UTF8 = re.compile(r";\s*filename\*\s*=\s*utf-8'[^']*'([^\s;]+)", re.IGNORECASE)
 MOST_FILES = 8  # more than are taken, so that the refusal names the part that there is too often
 
 
@@ -33,7 +37,7 @@ class Description:
 async def store(request: Request, backend: Services, filename: str | None, reading: service.ReadingOptions) -> Receipt:
     content_type = request.headers.get("content-type", "application/octet-stream")
     if not content_type.lower().startswith(MULTIPART):
-        described = Description(filename, content_type, reading)
+        described = Description(filename or told_name(request), content_type, reading)
         return await received(backend, described, request.stream())
     async with spooled(
         request, backend.settings.uploads_dir, max_files=MOST_FILES, max_fields=10, like_files=("mapping",)
@@ -48,6 +52,18 @@ async def store(request: Request, backend: Services, filename: str | None, readi
         async with request.app.state.mapping_places:
             mapped = replace(reading, mapping=await mapping_of(mapping))
             return await received(backend, Description(name, part.content_type, mapped), blocks(part))
+
+
+def told_name(request: Request) -> str | None:
+    """The file's name in the header of a raw body, RFC 6266: in UTF-8 where it has both."""
+    told = request.headers.get("content-disposition", "")
+    if found := NAMED_IN_UTF8.search(told):
+        return unquote(found[1])
+    found = NAMED.search(told)
+    if found is None:
+        return None
+    name = found[2] or re.sub(r"\\(.)", r"\1", found[1])
+    return name.encode("latin-1").decode("utf-8", "replace") if not name.isascii() else name
 
 
 def refuse_several(form: FormData) -> None:

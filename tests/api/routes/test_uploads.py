@@ -2,6 +2,7 @@
 
 import gzip
 import re
+import zlib
 
 import pytest
 
@@ -46,6 +47,28 @@ def test_two_exports_without_any_name_are_two_loops(client, backend):
 def test_a_name_that_names_nothing_is_none(client, name):
     sent_as = client.post(f"/v1/uploads?filename={name}", content=b"time,PV,OP\n0,1,2\n").json()
     assert sent_as["filename"] == f"upload-{sent_as['fingerprint'][:12]}"
+
+
+@pytest.mark.parametrize(
+    ("told", "name"),
+    [
+        ('attachment; filename="FIC 7.csv"', "FIC 7.csv"),
+        ("attachment; filename=FIC7.csv; size=3", "FIC7.csv"),
+        ("attachment; filename=x.csv; filename*=UTF-8''T%C3%A4nk%207.csv", "Tänk 7.csv"),
+        ('attachment; filename="Tänk 7.csv"', "Tänk 7.csv"),
+        (r'attachment; FileName="a \"b\"\\c.csv"', "c.csv"),
+        ("attachment", None),
+        ("; filename*=UTF-8''%00%FF", "\ufffd"),
+        ('attachment; filename="' + "x" * 300 + '"', "x" * 255),
+    ],
+)
+def test_a_raw_body_has_the_name_of_its_header(client, told, name):
+    headers = {"Content-Disposition": told.encode()}
+    body = f"time,PV,OP\n0,1,{zlib.crc32(told.encode())}\n".encode()
+    upload = client.post("/v1/uploads", content=body, headers=headers).json()
+    assert upload["filename"] == (name or f"upload-{upload['fingerprint'][:12]}")
+    asked = client.post("/v1/uploads?filename=own.csv", content=body + b"1,2,3\n", headers=headers).json()
+    assert asked["filename"] == "own.csv"
 
 
 def test_gzip_is_read(client, backend):
