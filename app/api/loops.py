@@ -74,7 +74,9 @@ def verdicts(backend: Services, tag: LoopTag, limit: Limit = 100, cursor: Cursor
     return service.verdict_history(backend, tag, limit, cursor)
 
 
-@router.get("/loops/{tag:path}/trend", response_model=TrendOut, responses=responses(404, 422), summary="PV, OP and SP")
+@router.get(
+    "/loops/{tag:path}/trend", response_model=TrendOut, responses=responses(404, 422), summary="PV, OP, SP and mode"
+)
 def trend(
     backend: Services,
     tag: LoopTag,

@@ -199,6 +199,11 @@ class TrendOut(Read):
         description="When the set point at the first time was stated, where that was before it; else null."
     )
     mode_held_since: str | None = Field(description="The same of the mode.")
+    automatic: list[int | None] | None = Field(
+        None,
+        description="The mode as it holds: 1 automatic or cascade, 0 manual, null where it is not known; null in all "
+        "where it is not recorded.",
+    )
 
 
 class AuditIn(BaseModel):

@@ -118,3 +118,4 @@ class Trend(Answer):
     pv: list[float | None]
     op: list[float | None]
     sp: list[float | None] | None
+    automatic: list[int | None] | None

@@ -136,7 +136,8 @@ class AuditView:
 class TrendView:
     """A loop's series for a screen: of each stretch its least and greatest value. NaN became None.
 
-    sp_held_since, mode_held_since: when what holds at the first sample was stated, where that was before it."""
+    sp_held_since, mode_held_since: when what holds at the first sample was stated, where that was before it. automatic:
+    1, 0, None where the mode is not known."""
 
     tag: str
     samples: int
@@ -147,6 +148,7 @@ class TrendView:
     time_ms: list[int] = field(default_factory=list)
     sp_held_since: str | None = None
     mode_held_since: str | None = None
+    automatic: list[int | None] | None = None
 
 
 @dataclass(frozen=True)

@@ -362,6 +362,37 @@ def test_a_trend_keeps_the_extremes(backend: Backend, add_loops: AddLoops) -> No
     assert np.isfinite(part.pv).all()
 
 
+def test_a_trend_has_the_mode_as_it_holds(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In manual for a moment, then in a mode of which nobody knows what it means; stored when it changes."""
+    n = 1400
+    mode = np.full(n, np.nan)
+    mode[[3, 700, 701, 1300]] = 1.0, 0.0, 1.0, -1.0
+    seconds = 1_750_000_000 + np.arange(n)
+    signals = {"pv": np.sin(seconds / 9), "op": np.cos(seconds / 9), "automatic": mode}
+    with backend.database.write() as connection:
+        loop_id = stored_loops.ensure(connection, ["FIC1"])["FIC1"]
+        for part in (slice(0, 500), slice(500, n)):
+            cut = {name: values[part] for name, values in signals.items()}
+            series.add(connection, [Stretch(loop_id, Samples(seconds[part] * 10**9, cut))], None)
+    shown = trend(backend, "FIC1", points=5000)
+    assert shown.automatic == [None] * 3 + [1] * 697 + [0] + [1] * 599 + [None] * 100
+    assert 0 in trend(backend, "FIC1", points=60).automatic
+    monkeypatch.setattr(trends, "PIECE_SAMPLES", 600)
+    assert trend(backend, "FIC1", points=5000) == shown
+
+
+def test_a_mode_that_stays_takes_no_points_from_the_others(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("FIC1", n=1400)
+    alone = trend(backend, "FIC1", points=100)
+    assert alone.automatic is None
+    with backend.database.write() as connection:
+        loop_id = stored_loops.ensure(connection, ["FIC1"])["FIC1"]
+        stamps = series.between(connection, loop_id, 0, 2**62).time_ns
+        series.add(connection, [Stretch(loop_id, Samples(stamps, {"automatic": np.ones(1400)}))], None)
+    found = trend(backend, "FIC1", points=100)
+    assert (found.time, found.automatic) == (alone.time, [1] * len(alone.time))
+
+
 def long_record(backend: Backend, days: int = 5, lines: int = 200) -> None:
     """A loop whose stretches overlap, with values that were corrected, and whose SP was stated once."""
     with backend.database.write() as connection:

@@ -1,5 +1,6 @@
 """A loop's series, thinned to what a screen shows."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 
@@ -14,6 +15,7 @@ from app.services.plant.loops import find
 from app.services.results import TrendView
 from app.storage import series
 from app.storage.samples import FloatArray, Samples, merged
+from app.storage.steps import HOLDING
 
 MOST_POINTS = 10_000
 PIECE_SAMPLES = 1_000_000  # that are read at once: some 200 MB
@@ -26,7 +28,7 @@ FARTHEST_S = 9_000_000_000  # the years 1684 to 2255: nanoseconds of them, and D
 def trend(
     backend: Backend, tag: str, points: int = 1000, start: datetime | None = None, end: datetime | None = None
 ) -> TrendView:
-    """PV, OP and SP between `start` and `end`, by default the newest 24 hours; about `points` times.
+    """PV, OP, SP and mode between `start` and `end`, by default the newest 24 hours; about `points` times.
 
     Of each stretch the least and the greatest value of each signal are kept, so that no peak is lost.
     """
@@ -48,43 +50,66 @@ def _stretch(backend: Backend, loop_id: int, start_ns: int, end_ns: int, points:
     with backend.database.read() as connection:
         bounds = series.pieces(connection, loop_id, start_ns, end_ns, PIECE_SAMPLES)
     kept: list[Samples] = []
-    n, set_point = 0, np.nan
+    n, held = 0, dict.fromkeys(HOLDING, np.nan)
     for first_ns, last_ns in bounds:
         with backend.database.read() as connection:
             samples = series.between(connection, loop_id, first_ns, last_ns, hold_days)
         if samples is None or not len(samples):
             continue
-        shown = _shown(samples, set_point)
-        n, set_point = n + len(shown), shown.signals["sp"][-1] if "sp" in shown.signals else np.nan
+        shown = _shown(samples, held)
+        n, held = n + len(shown), {name: _last(shown, name) for name in HOLDING}
         finer = max(points, FINER * points * len(shown) // PIECE_SAMPLES)
         kept.append(shown if len(bounds) == 1 else _thinned(shown, finer))
     return (replace(merged(kept), held_ns=kept[0].held_ns), n) if kept else None
 
 
-def _shown(samples: Samples, set_point: float) -> Samples:
-    """PV, OP, and SP as it holds; set_point: the last one before, NaN where none is known."""
-    shown = {name: samples.signals[name] for name in ("pv", "op", "sp") if name in samples.signals}
-    if "sp" in shown or np.isfinite(set_point):
-        stated = shown.get("sp", np.full(len(samples), np.nan))
-        shown["sp"] = carried(np.append(set_point, stated))[1:]
+def _shown(samples: Samples, held: Mapping[str, float]) -> Samples:
+    """PV, OP, and SP and mode as they hold; held: the last ones before, NaN where none is known."""
+    shown = {name: samples.signals[name] for name in ("pv", "op", *HOLDING) if name in samples.signals}
+    for name, last in held.items():
+        if name in shown or np.isfinite(last):
+            stated = shown.get(name, np.full(len(samples), np.nan))
+            shown[name] = carried(np.append(last, stated))[1:]
     return replace(samples, signals=shown)
 
 
+def _last(samples: Samples, name: str) -> float:
+    return float(samples.signals[name][-1]) if name in samples.signals else np.nan
+
+
 def _thinned(samples: Samples, points: int) -> Samples:
+    """A mode that stays takes no points from the other signals."""
     n = len(samples)
-    return samples if n <= points else samples.part(extremes(list(samples.signals.values()), n, points))
+    drawn = [values for name, values in samples.signals.items() if name != "automatic" or np.ptp(values) != 0]
+    return samples if n <= points else samples.part(extremes(drawn, n, points))
 
 
 def _view(tag: str, samples: Samples, n: int, points: int) -> TrendView:
     shown = _thinned(samples, points)
     time = [iso_utc(moment_of(int(t))) or "" for t in shown.time_ns]
-    pv, op, set_point = (numbers(shown.signals[name]) if name in shown.signals else None for name in ("pv", "op", "sp"))
+    signals = {name: numbers(values) for name, values in shown.signals.items()}
     missing: list[float | None] = [None] * len(shown)
     time_ms: list[int] = (shown.time_ns // 1_000_000).tolist()
     held = {name: iso_utc(moment_of(samples.held_ns[name])) for name in samples.held_ns}
     return TrendView(
-        tag, n, time, pv or missing, op or missing, set_point, time_ms, held.get("sp"), held.get("automatic")
+        tag,
+        n,
+        time,
+        signals.get("pv", missing),
+        signals.get("op", missing),
+        signals.get("sp"),
+        time_ms,
+        held.get("sp"),
+        held.get("automatic"),
+        _known_modes(signals.get("automatic")),
     )
+
+
+def _known_modes(modes: list[float | None] | None) -> list[int | None] | None:
+    """1 and 0; -1 is a mode that was not understood."""
+    if modes is None:
+        return None
+    return [None if mode is None or mode < 0 else int(mode) for mode in modes]
 
 
 def extremes(signals: list[FloatArray], n: int, points: int) -> NDArray[np.int64]:
