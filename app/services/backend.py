@@ -44,9 +44,11 @@ class Backend:
     row_texts: RowTexts = field(default_factory=RowTexts)
 
     @classmethod
-    def open(cls, settings: Settings, *, worker: bool = False) -> "Backend":
-        """`worker`: statements may take longer than those of an API."""
-        settings.prepare_folders()
+    def open(cls, settings: Settings, *, worker: bool = False, looks_only: bool = False) -> "Backend":
+        """`worker`: statements may take longer than those of an API. `looks_only`: folders that are missing are not
+        made."""
+        if not looks_only:
+            settings.prepare_folders()
         limit_s = settings.worker_statement_timeout_s if worker else settings.statement_timeout_s
         database = Database(settings.resolved_database_url, statement_timeout_s=limit_s, pool_size=settings.pool_size)
         return cls(settings, database, Queue(settings))

@@ -201,6 +201,34 @@ def test_the_command_ends_with_1_where_something_is_wrong(tmp_path, monkeypatch)
     assert CliRunner().invoke(cli, ["doctor"]).exit_code == 1
 
 
+def test_an_installation_that_is_not_set_up_is_no_problem_and_nothing_is_made(tmp_path, monkeypatch):
+    from typer.testing import CliRunner
+
+    from app.cli.main import cli
+
+    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path))
+    tmp_path.chmod(0o700)
+    done = CliRunner().invoke(cli, ["doctor", "--json"])
+    assert done.exit_code == 0, done.output
+    rows = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [row["name"] for row in rows if "not set up yet" in row["found"]] == ["data base"]
+    assert "serve" in rows[-1]["advice"]
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "loopaudit.db").touch()
+    assert of("data base", Settings(data_dir=tmp_path)).state == "warning"
+
+
+@pytest.mark.postgres
+def test_without_a_data_folder_the_data_base_is_looked_at(tmp_path, postgres_url):
+    settings = Settings(data_dir=tmp_path / "nowhere", database_url=postgres_url)
+    checks = doctor.examine(settings)
+    found = states(checks)
+    assert {found[name] for name in ("data folder", "exports", "broker")} == {"problem"}
+    assert {found[name] for name in ("data base", "tables", "keys", "workers")} == {"ok"}
+    assert any("No such file" in check.found for check in checks if check.name == "exports")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_data_folder_that_is_a_file_is_told_as_one(tmp_path):
     (tmp_path / "data").write_text("")
     check = doctor.data_folder(Settings(data_dir=tmp_path / "data"))

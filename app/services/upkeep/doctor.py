@@ -27,7 +27,7 @@ from app.services.upkeep.operations import LEAST_FREE_BYTES
 from app.services.upkeep.retention import oldest_export
 from app.settings import Settings, misspelt
 from app.storage import figures, retention, schema, uploads
-from app.storage.database import WAL_SAFE_FROM
+from app.storage.database import WAL_SAFE_FROM, parsed
 from app.storage.types import clock_s
 
 State = Literal["ok", "warning", "problem"]
@@ -37,6 +37,7 @@ SLOW_DATABASE_S = 0.5
 OLD_WORK_S = 6 * 3600
 LONGEST_REASON = 400
 SOON = timedelta(days=14)
+NO_TABLES = "there are none"
 OTHERS = stat.S_IRWXG | stat.S_IRWXO
 
 
@@ -54,17 +55,42 @@ def examine(settings: Settings) -> list[Check]:
     """Every check that can be made; where the data base is away, those that need it say so."""
     checks = [data_folder(settings), disk(settings), kernel_cache(), openness(settings), variables()]
     checks.append(sqlite_version(settings))
-    if any(check.name == "data folder" and check.state == "problem" for check in checks):
+    file = _sqlite_file(settings)
+    if file is not None and not _is_begun(file):
+        return [*checks, not_set_up(file)]
+    if file is not None and any(check.name == "data folder" and check.state == "problem" for check in checks):
         return checks
-    backend = Backend.open(settings)
+    backend = Backend.open(settings, looks_only=True)
     try:
-        checks.append(reachable(backend))
-        if checks[-1].state != "problem":
-            checks += [_guarded(name, check, backend) for name, check in OF_THE_DATABASE]
-        checks += [broker(backend), rate_limits(settings)]
+        return [*checks, *_of_the_database(backend), broker(backend), rate_limits(settings)]
     finally:
         backend.close()
-    return checks
+
+
+def _of_the_database(backend: Backend) -> Iterator[Check]:
+    """No further than to what makes all that follows fail."""
+    yield (found := reachable(backend))
+    if found.state == "problem":
+        return
+    for name, check in OF_THE_DATABASE:
+        yield (found := _guarded(name, check, backend))
+        if found.found.startswith(NO_TABLES):
+            return
+
+
+def _sqlite_file(settings: Settings) -> Path | None:
+    url = parsed(settings.resolved_database_url)
+    return Path(url.database or "") if url.get_backend_name() == "sqlite" else None
+
+
+def _is_begun(file: Path) -> bool:
+    return file.is_file() and file.stat().st_size > 0
+
+
+def not_set_up(file: Path) -> Check:
+    return Check(
+        "data base", "warning", f"not set up yet: there is no {file}", "`loopaudit serve` or `migrate` does it"
+    )
 
 
 def data_folder(settings: Settings) -> Check:
@@ -161,7 +187,7 @@ def tables(backend: Backend) -> Check:
         return Check("tables", "ok", f"version {found}")
     newer = found is not None and not schema.is_known(found)
     advice = "a newer loopaudit made them: run that one" if newer else "run `loopaudit migrate`"
-    there = "there are none" if found is None else f"version {found}"
+    there = NO_TABLES if found is None else f"version {found}"
     return Check("tables", "problem", f"{there}, this program needs version {newest}", advice)
 
 
@@ -250,6 +276,8 @@ def keys_of_the_plant(backend: Backend) -> Check:
 
 
 def broker(backend: Backend) -> Check:
+    if backend.settings.embedded and not backend.settings.data_dir.is_dir():
+        return Check("broker", "problem", "it is in the data folder, which is not there", "see the data folder")
     if backend.queue.reachable():
         return Check("broker", "ok", "answers")
     advice = "start it, or correct LOOPAUDIT_BROKER_URL; uploads are kept, and audits wait until then"
@@ -261,7 +289,11 @@ def exports(backend: Backend) -> Check:
     with backend.database.read() as connection:
         unread = uploads.unread_fingerprints(connection)
         needed = retention.fingerprints_to_keep(connection, oldest_export(backend.settings))
-    there = {file.name for file in backend.settings.uploads_dir.iterdir()}
+    try:
+        there = {file.name for file in backend.settings.uploads_dir.iterdir()}
+    except OSError as error:
+        found = f"{backend.settings.uploads_dir} cannot be looked into: {error.strerror}"
+        return Check("exports", "problem", found, "see the data folder")
     advice = "look whether all processes have the same data folder; restore a backup, or send the exports again"
     if lost := unread - there:
         found = f"{len(lost)} exports that are still to be read are gone, such as {min(lost)[:12]}"
