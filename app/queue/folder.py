@@ -94,8 +94,10 @@ class Channel(filesystem.Channel):
             yield
 
     def _folder(self, part: str) -> Path:
-        folder = Path(self.transport_options["folder"]) / part
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        whole = Path(self.transport_options["folder"])
+        whole.mkdir(mode=0o700, parents=True, exist_ok=True)  # by itself: the mode is not that of folders above
+        folder = whole / part
+        folder.mkdir(mode=0o700, exist_ok=True)
         return folder
 
 

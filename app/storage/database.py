@@ -1,8 +1,9 @@
 """Opens the data base: one engine to write with, one to read with."""
 
+import os
 import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from sqlalchemy import Connection, Engine, create_engine, event, make_url
@@ -102,6 +103,10 @@ def journal_mode() -> str:
 def _sqlite(url: URL, *, writes: bool) -> Engine:
     engine = create_engine(url, connect_args={"timeout": BUSY_TIMEOUT_MS / 1000, "check_same_thread": False})
 
+    @event.listens_for(engine, "do_connect")
+    def begin_private(*_: Any) -> None:
+        _make_private(url.database or "")
+
     @event.listens_for(engine, "connect")
     def prepare(connection: Any, _: Any) -> None:
         # The driver must not begin transactions by itself: see `begin`.
@@ -120,6 +125,14 @@ def _sqlite(url: URL, *, writes: bool) -> Engine:
         connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
 
     return engine
+
+
+def _make_private(name: str) -> None:
+    """A new file is for its owner alone, and so are its journals, which SQLite gives its mode. One that is there is not
+    opened: closing it would end the locks that this process has on it. SQLite says what is wrong with a path."""
+    if name and name != ":memory:" and not name.startswith("file:"):
+        with suppress(OSError):
+            os.close(os.open(name, os.O_CREAT | os.O_EXCL, 0o600))
 
 
 def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes: bool) -> Engine:
@@ -147,6 +160,10 @@ def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes:
             "client_encoding": "utf8",  # rows are sent on as they come, whatever a data base stores them in
         },
     )
+
+    @event.listens_for(engine, "do_connect")
+    def begin_private(*_: Any) -> None:
+        _make_private(url.database or "")
 
     @event.listens_for(engine, "connect")
     def prepare(connection: Any, _: Any) -> None:

@@ -60,6 +60,7 @@ def test_a_backup_comes_back_whole(plant, tmp_path):
     plant.database.close()
     backups.restore(plant.settings, tmp_path / "kept" / "monday")
     again = Backend.open(plant.settings)
+    assert {file.stat().st_mode & 0o077 for file in plant.settings.data_dir.glob("*.db")} <= {0}
     try:
         assert contents(again) == before
         assert (again.settings.uploads_dir / before["uploads"][0][2]).read_bytes() == EXPORT

@@ -31,6 +31,15 @@ def test_migrating_twice_changes_nothing(database: Database) -> None:
     assert schema.current_revision(database) == schema.newest_revision()
 
 
+def test_a_new_file_and_its_journal_are_for_their_owner_alone(tmp_path: Path) -> None:
+    database = Database(f"sqlite:///{tmp_path / 'plant.db'}")
+    schema.migrate(database)
+    with database.write() as connection:
+        connection.execute(text("INSERT INTO loops (tag, created_at) VALUES ('FIC1', 0)"))
+        assert {path.stat().st_mode & 0o777 for path in tmp_path.iterdir()} == {0o600}
+    database.close()
+
+
 def test_down_and_up_again(tmp_path: Path) -> None:
     database = Database(f"sqlite:///{tmp_path / 'plant.db'}")
     schema.migrate(database)

@@ -40,6 +40,12 @@ def test_messages_come_in_order_and_once(channel: folder.Channel) -> None:
     assert channel._size("audit") == 0
 
 
+def test_its_folders_are_for_their_owner_alone(channel: folder.Channel) -> None:
+    taken(channel, "audit")
+    whole = Path(channel.transport_options["folder"])
+    assert {path.stat().st_mode & 0o777 for path in (whole, *whole.iterdir())} == {0o700}
+
+
 def test_queues_are_apart(channel: folder.Channel) -> None:
     channel._put("audit", message(1))
     channel._put("control", message(2))

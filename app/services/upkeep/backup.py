@@ -179,6 +179,7 @@ def _put_sqlite(source: Path, target: Path) -> None:
     if found != "ok":
         raise RequestError("backup_broken", f"the data base in the backup is damaged: {found}")
     draft = _drafted(source, target)
+    draft.chmod(0o600)
     _settle(target)
     for rest in ("-wal", "-shm", "-journal"):
         Path(f"{target}{rest}").unlink(missing_ok=True)
