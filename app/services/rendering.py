@@ -16,19 +16,13 @@ from app.services.wording import (
     cause_words,
     headline,
     measured_probability,
+    probability,
 )
 
 
 def figure(value: float | None, digits: int) -> str:
     """A number for people; a dash where there is none."""
     return "–" if value is None else f"{value:z.{digits}f}"
-
-
-def probability(value: float | None) -> str:
-    """To two digits, and never certain: 0.9956 is not 1.00."""
-    if value is None:
-        return "–"
-    return "over 0.99" if value >= 0.995 else "under 0.01" if value < 0.005 else f"{value:.2f}"
 
 
 def _environment() -> Environment:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from app.services.explaining.wording import LIKELY
-from app.services.wording import cause_words, measured_probability
+from app.services.wording import cause_words, measured_probability, probability
 
 Says = Literal["agrees", "otherwise", "nothing"]
 MARKS: dict[Says, str] = {"agrees": "✓", "otherwise": "✗", "nothing": "·"}
@@ -66,7 +66,7 @@ def points(row: Mapping[str, Any], detail: Mapping[str, Any]) -> list[Point]:
         return []
     reasons = {reason["code"]: reason["text"] for reason in detail["reasons"]}
     found = [
-        _kept("shapes", f"probability of stiction {row['stiction_probability']:.2f}", UNCLEAR, reasons),
+        _kept("shapes", f"probability of stiction {probability(row['stiction_probability'])}", UNCLEAR, reasons),
         _rivals(row, detail.get("rivals", ()), reasons),
         _kept("PV and OP", "they have to do with each other, beyond chance", APART, reasons),
         _kept("length", f"{row['cycles'] or 0.0:.1f} cycles, and its parts agree", DIVIDED, reasons),

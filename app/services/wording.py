@@ -128,6 +128,13 @@ def codes_of(row: Mapping[str, Any]) -> list[str]:
     return reasons.split(";") if isinstance(reasons, str) else [reason["code"] for reason in reasons]
 
 
+def probability(value: float | None) -> str:
+    """To two digits, and never certain: 0.9956 is not 1.00."""
+    if value is None:
+        return "–"
+    return "over 0.99" if value >= 0.995 else "under 0.01" if value < 0.005 else f"{value:.2f}"
+
+
 def measured_probability(row: Mapping[str, Any]) -> float | None:
     """None where a row's probability is a prior, not a measurement."""
     return None if PRIOR_ONLY in codes_of(row) else row["stiction_probability"]

@@ -161,10 +161,6 @@ def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes:
         },
     )
 
-    @event.listens_for(engine, "do_connect")
-    def begin_private(*_: Any) -> None:
-        _make_private(url.database or "")
-
     @event.listens_for(engine, "connect")
     def prepare(connection: Any, _: Any) -> None:
         # Bytes as text are two digits each, escaped twice in an array: a twentieth of the time without that.

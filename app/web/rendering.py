@@ -11,7 +11,7 @@ from starlette.responses import HTMLResponse
 from app.services.access.identity import Identity, Role, current
 from app.services.addresses import tag_in_url
 from app.services.moments import PlantClock
-from app.services.rendering import figure, probability
+from app.services.rendering import figure
 from app.services.results import UploadView
 from app.services.wording import (
     CHANGE_WORDS,
@@ -23,6 +23,7 @@ from app.services.wording import (
     cause_words,
     headline,
     measured_probability,
+    probability,
     rely,
     starter_words,
 )

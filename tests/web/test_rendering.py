@@ -4,8 +4,8 @@ import pytest
 
 from app.cli.tables import verdict_cells
 from app.services.auditing.audit_models import ReliabilityRow
-from app.services.rendering import figure, probability
-from app.services.wording import measured_probability, worst_first
+from app.services.rendering import figure
+from app.services.wording import measured_probability, probability, worst_first
 from app.web.columns import query_without
 from app.web.rendering import as_tags, cause_words, first_reasons, other_way
 

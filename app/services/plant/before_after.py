@@ -9,8 +9,8 @@ from app.services.backend import Backend
 from app.services.moments import PlantClock
 from app.services.plant.loops import verdict_detail
 from app.services.plant.notes import Repair
-from app.services.rendering import figure, probability
-from app.services.wording import RELIABILITY_SHORT, VERDICT_WORDS
+from app.services.rendering import figure
+from app.services.wording import RELIABILITY_SHORT, VERDICT_WORDS, probability
 
 NONE = "–"
 NOT_TOLD = "the record does not tell"

@@ -77,6 +77,19 @@ def test_gzip_is_read(client, backend):
     assert client.get(f"/v1/uploads/{upload['id']}").json()["loops"] == ["FIC_Z"]
 
 
+def test_packed_in_any_way_it_is_the_same_upload(client):
+    body = wide("FIC_Y")
+    plain = sent(client, body, filename="y.csv")
+    packed = [gzip.compress(body, mtime=at) for at in range(1, 4)]
+    again = [
+        client.post("/v1/uploads?filename=y.csv", content=packed[0], headers={"Content-Encoding": "gzip"}),
+        client.post("/v1/uploads?filename=y.csv.gz", content=packed[1], headers={"Content-Type": "application/gzip"}),
+        client.post("/v1/uploads", files={"file": ("y.csv.gz", packed[2], "application/gzip")}),
+    ]
+    assert {(answer.status_code, answer.json()["id"]) for answer in again} == {(202, plain["id"])}
+    assert again[0].json()["fingerprint"] == plain["fingerprint"]
+
+
 def test_the_list_of_uploads_counts_the_loops_and_leaves_naming_them_to_each(client, backend):
     body = re.sub(rb"(00:00:05Z),[^,]+", rb"\1,Bad Input", wide("FIC_L1", "FIC_L2"))
     upload = sent(client, body, filename="listed.csv")
