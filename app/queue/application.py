@@ -14,6 +14,7 @@ FOLDER = "folder://"
 DELIVERY_HARD_LIMIT_S = 120
 READING_HARD_LIMIT_S = 4 * 3600
 VISIBILITY_TIMEOUT_S = 900
+"""Shorter than reading may take: who is given the message once more finds the upload claimed, and leaves."""
 SWEEP_EXPIRES_S = 3600.0
 """By the clocks of two machines, which may differ: an hour's sweeps that nobody took are soon done."""
 
