@@ -153,7 +153,7 @@ NO_ROOM = [
 
 @pytest.mark.parametrize(
     ("error", "at"),
-    list(zip(NO_ROOM, ["_read_file", "_store", "_end"], strict=True)),
+    list(zip(NO_ROOM, ["_read_file", "_store", "_end_read"], strict=True)),
     ids=["spilling", "sqlite", "postgresql"],
 )
 def test_a_full_disk_is_no_fault_of_the_file(
