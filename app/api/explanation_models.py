@@ -88,7 +88,9 @@ class EffectOut(Told):
     probability: float = Field(description="That `effect` or one of its alternatives is right, 0 to 1.")
     block: str = Field(description="valve, process, sensor or disturbance.")
     parameters: dict[str, EstimateOut] = Field(description="Parameters by name, with 95 % intervals.")
-    windows: list[Span] = Field(description="Where it acts: start and end in seconds from the start of the recording.")
+    windows: list[Span] = Field(
+        description="Where it acts: from start up to, not at, end, in seconds from the start of the recording."
+    )
     condition: str = Field(description="When it acts, in words.")
     evidence: list[EvidenceOut] = Field(description="Why it is believed.")
 
@@ -97,7 +99,9 @@ class LocatedOut(Told):
     """Where the two differ."""
 
     block: str | None = Field(description="valve, process, sensor, disturbance or controller; null: nowhere.")
-    windows: list[Span] = Field(description="Start and end in seconds from the start of the recording.")
+    windows: list[Span] = Field(
+        description="From start up to, not at, end, in seconds from the start of the recording."
+    )
     condition: str = Field(description="When they differ, in words.")
     frequency_hz: float | None = Field(description="Where they differ at one frequency, in Hz.")
 
@@ -137,7 +141,9 @@ class FitOut(Told):
     fit_pct_given: float | None = Field(description="Fit in per cent; null where no simulation was given.")
     fit_pct_refitted: float | None = Field(description="Fit in per cent.")
     fit_pct_explained: float | None = Field(description="Fit in per cent.")
-    held_out: list[Span] = Field(description="Start and end in seconds from the start of the recording.")
+    held_out: list[Span] = Field(
+        description="From start up to, not at, end, in seconds from the start of the recording."
+    )
     residuals: ResidualsOut | None = Field(
         None, description="Whiteness and independence of OP; null in answers of an engine before they were tested."
     )
@@ -211,5 +217,5 @@ class PlotOut(BaseModel):
     trigger: list[float | None] = Field(description="Its values at some of the samples.")
     residual_before: list[float | None] = Field(description="Recording minus refitted simulation at these samples.")
     residual_after: list[float | None] = Field(description="Recording minus explained simulation at these samples.")
-    windows: list[Span] = Field(description="Where the two differ, seconds from the start.")
-    held_out: list[Span] = Field(description="What no fit has seen, seconds from the start.")
+    windows: list[Span] = Field(description="Where the two differ: from start up to, not at, end, s from the start.")
+    held_out: list[Span] = Field(description="What no fit has seen: from start up to, not at, end, s from the start.")

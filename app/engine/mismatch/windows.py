@@ -1,4 +1,4 @@
-"""Masks as windows: [start, end] in seconds from the start of the record."""
+"""Masks as windows: from a start up to, not at, an end, in seconds from the start of the record."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from app.engine.recording import BoolArray
 
 @dataclass(frozen=True)
 class Window:
-    """A stretch of the record, s from its start; the end is that of the last sample's interval."""
+    """A stretch of the record, s from its start, up to, not at, its end: that of the last sample's interval."""
 
     start_s: float
     end_s: float

@@ -58,6 +58,7 @@ def rounded(value: float | None) -> float | None:
 
 
 def windows(found: tuple[Window, ...]) -> list[list[float | None]]:
+    """[start, end] of each, s from the start of the record: from `start` up to, not at, `end`."""
     return [[rounded(w.start_s), rounded(w.end_s)] for w in found]
 
 
