@@ -32,7 +32,8 @@ def explain(
         typer.Option(
             "--sim-model",
             help='The simulation as JSON, or a file: {"gain": 1.2, "time_constants_s": [30], "dead_time_s": 4}; '
-            'perhaps "integrating": true, "controller": {"gain": 0.5, "integral_time_s": 40}.',
+            'perhaps "integrating": true, "controller": {"gain": 0.5, "integral_time_s": 40}. Or a model that explain '
+            "wrote.",
         ),
     ] = None,
     validate: Annotated[Path | None, typer.Option("--validate", help="A second recording, unseen in the fit.")] = None,
@@ -69,15 +70,14 @@ def explain(
       loopaudit explain tanks.csv --op uEst --pv yEst --validate tanks.csv --validate-op uVal --validate-pv yVal --plot
       tanks.html
     """
-    from dataclasses import replace
     from time import perf_counter
 
     from app.engine.mismatch import explain as explain_comparison
     from app.engine.mismatch import locate
     from app.engine.stretches import LONG_SAMPLES
     from app.services.explaining.comparisons import Columns, read_comparison, recording_of_export
-    from app.services.explaining.given_model import simulation_from_json
     from app.services.explaining.line import explanation_line, located_line
+    from app.services.explaining.models import with_model
     from app.services.explaining.narrowing import narrowed
 
     started, options = perf_counter(), read_in(time_zone, date_order)
@@ -89,7 +89,7 @@ def explain(
     refuse_outputs([trace, plot, model], files_read(file, validate, sim, sim_model))
     comparison = read_comparison(file, Columns(op, pv, sp, loop), sim, options)
     if sim_model is not None:
-        comparison = replace(comparison, trace=None, simulation=simulation_from_json(sim_model))
+        comparison = with_model(comparison, sim_model)
     simulated = comparison.trace is not None or comparison.simulation is not None
     if judged and simulated:
         raise RequestError("judged_alone", "--judged takes part of the record; a simulation is compared with all of it")

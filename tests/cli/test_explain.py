@@ -61,6 +61,7 @@ def test_json_has_the_form_of_the_contract(recording: Path, tmp_path: Path) -> N
         (["--quick", "--validate", "other.csv"], "quick_alone"),
         (["--sim", "PV_sim", "--judged"], "judged_alone"),
         (["--sim-model", "{}"], "model_invalid"),
+        (["--sim-model", '{"plant": {"K": 1}}'], "model_invalid"),
         (["--sim-model", '{"gain": NaN}'], "model_invalid"),
         (["--sim-model", '{"gain": 1, "time_constants_s": [-5]}'], "model_invalid"),
         (["--sim-model", '{"gain": 1, "time_constants_s": [Infinity]}'], "model_invalid"),
@@ -88,6 +89,21 @@ def test_a_model_that_was_written_is_simulated_to_the_same_trace(recording: Path
     explained = np.genfromtxt(trace, delimiter=",", names=True)["PV_explained"]
     assert np.genfromtxt(again, delimiter=",", names=True)["PV"] == pytest.approx(explained, rel=1e-6)
     assert (tmp_path / "p.svg").read_text(encoding="utf-8").startswith("<svg")
+
+
+def test_a_model_that_was_written_may_be_the_simulation(recording: Path, tmp_path: Path) -> None:
+    """Its own trace is what it is compared by, at once from the answer that holds it too."""
+    model, answer, trace = tmp_path / "model.json", tmp_path / "answer.json", tmp_path / "trace.csv"
+    first = ["--sim", "PV_sim", "--format", "json", "--model", str(model), "--trace", str(trace)]
+    answered = runner.invoke(cli, ["explain", str(recording), *first])
+    answer.write_text(answered.stdout)
+    explained = np.genfromtxt(trace, delimiter=",", names=True)["PV_explained"]
+    for written in (model, answer):
+        options = ["--sim-model", str(written), "--format", "json", "--trace", str(trace)]
+        result = runner.invoke(cli, ["explain", str(recording), *options])
+        assert result.exit_code == 0, result.output
+        given = np.genfromtxt(trace, delimiter=",", names=True)["PV_given"]
+        assert given == pytest.approx(explained, rel=1e-6)
 
 
 def test_a_model_is_simulated_along_local_times(recording: Path, tmp_path: Path) -> None:

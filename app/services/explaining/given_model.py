@@ -32,8 +32,20 @@ def simulation_from_json(text: str) -> LinearSimulation:
 
     Raises DataError("model_invalid") where it is no such JSON.
     """
+    return linear_model(json_of(text))
+
+
+def json_of(text: str) -> object:
+    """JSON, or what a file of that name holds. Raises DataError("model_invalid") where it is none."""
     try:
-        found = json.loads(Path(text).read_text(encoding="utf-8") if not text.lstrip().startswith("{") else text)
+        return json.loads(Path(text).read_text(encoding="utf-8") if not text.lstrip().startswith("{") else text)
+    except (OSError, ValueError, RecursionError) as error:
+        raise not_understood(error) from error
+
+
+def linear_model(found: object) -> LinearSimulation:
+    """The model as `simulation_from_json` takes it. Raises DataError("model_invalid")."""
+    try:
         told = understood(found, MODEL, "the model")
         integrating = told.get("integrating", False)
         if integrating not in (True, False):
@@ -46,10 +58,12 @@ def simulation_from_json(text: str) -> LinearSimulation:
             bool(integrating),
             None if told.get("controller") is None else controller_from(told["controller"]),
         )
-    except (OSError, ValueError, OverflowError, RecursionError) as error:
-        raise DataError(
-            "model_invalid", f"the model is not JSON with gain, time_constants_s, dead_time_s: {error}"
-        ) from error
+    except (ValueError, OverflowError) as error:
+        raise not_understood(error) from error
+
+
+def not_understood(error: Exception) -> DataError:
+    return DataError("model_invalid", f"the model is not JSON with gain, time_constants_s, dead_time_s: {error}")
 
 
 def controller_from(found: object) -> Controller:

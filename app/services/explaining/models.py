@@ -1,7 +1,9 @@
-"""Explained models simulated again: a model that `explain` wrote, driven by the OP of a recording."""
+"""Explained models simulated again: a model that `explain` wrote, driven by the OP of a recording, and compared with
+it.
+"""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +14,12 @@ from app.engine.recording import FloatArray
 from app.errors import DataError, RequestError
 from app.ingest import IngestOptions
 from app.services.explaining.comparisons import Columns, read_comparison
+from app.services.explaining.given_model import json_of, linear_model
 from app.services.explaining.line import model_from_line
 
 CLOSE = 0.01
+# What tells a model that `explain` wrote, or a whole answer with it, from a linear one that somebody wrote down.
+OF_EXPLAIN = {"plant", "parts", "model"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,14 +45,33 @@ def simulate_model(model: ExplainedModel, comparison: Comparison) -> SimulatedRe
     Raises DataError("interval_differs") where the recording is not sampled as the model's, or a whole number of times
     faster.
     """
+    driven = as_fitted(model, comparison)
+    pv = simulate_again(model, driven.op, driven.measured)
+    return SimulatedRecord(np.arange(len(pv), dtype=np.float64) * model.sampling_interval_s, driven.op, pv)
+
+
+def as_fitted(model: ExplainedModel, comparison: Comparison) -> Comparison:
+    """The comparison at the interval of the model's own record. Raises DataError("interval_differs")."""
     ratio = model.sampling_interval_s / comparison.sampling_interval_s
     factor = max(round(ratio), 1)
     if abs(ratio / factor - 1.0) > CLOSE:
         fitted, got = model.sampling_interval_s, comparison.sampling_interval_s
         raise DataError("interval_differs", f"the model was fitted at {fitted:g} s, the recording has {got:g} s")
-    driven = at_interval(comparison, factor)
-    pv = simulate_again(model, driven.op, driven.measured)
-    return SimulatedRecord(np.arange(len(pv), dtype=np.float64) * model.sampling_interval_s, driven.op, pv)
+    return at_interval(comparison, factor)
+
+
+def with_model(comparison: Comparison, text: str) -> Comparison:
+    """The comparison with a model as its simulation, JSON or a file with it: a linear one, or one that `explain` wrote,
+    simulated along its OP at the interval that it was fitted at.
+
+    Raises DataError with the codes of `simulation_from_json` and of `simulate_model`.
+    """
+    found = json_of(text)
+    if not (isinstance(found, dict) and OF_EXPLAIN & set(found)):
+        return replace(comparison, trace=None, simulation=linear_model(found))
+    model = model_from_line(found)
+    driven = as_fitted(model, comparison)
+    return replace(driven, trace=simulate_again(model, driven.op, driven.measured), simulation=None)
 
 
 def simulate_files(model: Path, recording: Path, columns: Columns, options: IngestOptions) -> SimulatedRecord:

@@ -51,7 +51,7 @@ class GivenSimulation:
     """At most one of them. None of them: a column of the recording with a usual name, or else our own linear loop.
 
     csv: a table with a simulated PV and perhaps its times; column: a signal that was recorded with the loop; model:
-    gain, time constants, dead time, as `loopaudit explain --sim-model` takes it.
+    gain, time constants, dead time, as `loopaudit explain --sim-model` takes a linear one.
     """
 
     trace: GivenTrace | None = None
