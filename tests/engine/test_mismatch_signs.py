@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain
-from app.engine.mismatch.experiment import Experiment, experiment
-from app.engine.mismatch.fitting import Fit, descend, fit_linear, polish, quiet_noise, slopes
+from app.engine.mismatch.experiment import Experiment, experiment, span
+from app.engine.mismatch.fitting import Fit, descend, finish, fit_linear, polish, quiet_noise, slopes
 from app.engine.mismatch.fitting import residual_rows as rows_at
 from app.engine.mismatch.given import behind_trace
 from app.engine.mismatch.physics import by_name
-from app.engine.mismatch.scan import task_with
+from app.engine.mismatch.scan import ground, scan, task_with
 from app.engine.mismatch.task import Task, start_at
 from app.engine.recording import FloatArray
 from tests.engine.plain_loop import GIVEN, TS, moves, recorded
@@ -79,6 +79,26 @@ def test_slopes_are_the_same_upside_down() -> None:
         noise = quiet_noise(task.record, task.given)
         found.append(slopes(task, x, noise, rows_at(task, x, noise), [len(x) - 1]))
     assert found[1] == pytest.approx(found[0], rel=1e-6, abs=1e-9)
+
+
+def test_a_load_that_goes_down_is_looked_for_behind_friction_as_one_that_goes_up() -> None:
+    """Friction lets go to one side only: what a load does upwards says nothing of what it does downwards."""
+    ends = []
+    for sign in (1.0, -1.0):
+        found = linear(sign)
+        blocks = by_name(found.record)
+        task = task_with(found, blocks["process.friction/before-the-lag"])
+        noise = quiet_noise(found.record, found.given)
+        rubbing = finish(task, start_at(task, found.plant, np.array([2.0, 1.0])), noise)
+        best = scan(blocks["disturbance.step"], (ground(rubbing, noise),))[0][0]
+        ends.append((best.values[0], sign * best.values[1], best.gain))
+    assert ends[1] == pytest.approx(ends[0], rel=1e-6)
+
+
+def test_a_span_is_that_of_the_signal_upside_down_to_the_last_bit() -> None:
+    for seed in range(20):
+        signal = np.random.default_rng(seed).normal(size=777)
+        assert span(-signal) == span(signal)
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1e6])

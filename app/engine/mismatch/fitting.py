@@ -78,11 +78,18 @@ def slopes(
     """(rows, P) numerical derivatives of the whitened residuals by all coordinates, or by those `along` which."""
     along = range(len(x)) if along is None else along
     columns = np.empty((len(along), len(at.rows)))
+
+    def moved(k: int, step: float) -> FloatArray:
+        there = x.copy()
+        there[k] += step
+        return residual_rows(task, there, noise).rows
+
     for column, k in zip(columns, along, strict=True):
         step = step_from(task.free[k], float(x[k]))
-        moved = x.copy()
-        moved[k] += step
-        column[:] = (residual_rows(task, moved, noise).rows - at.rows) / step
+        if x[k] == 0.0 and task.low[k] < 0.0 and not task.log[k]:
+            column[:] = (moved(k, step) - moved(k, -step)) / (2.0 * step)  # to both sides: there is no way from zero
+        else:
+            column[:] = (moved(k, step) - at.rows) / step
     return columns.T
 
 
