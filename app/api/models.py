@@ -134,7 +134,7 @@ class LoopPatch(BaseModel):
 
 
 class NoteIn(BaseModel):
-    """What to write about a loop: at least one of the three."""
+    """What to write about a loop: at least one of these, and with `shelved_until` a text or a work order."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -142,6 +142,11 @@ class NoteIn(BaseModel):
     work_order: Annotated[str, Field(max_length=100)] = Field("", description="Number of the work order.")
     repaired_at: IsoTime | None = Field(
         None, description="When the loop was repaired; ISO 8601, without an offset it is UTC."
+    )
+    shelved_until: IsoTime | None = Field(
+        None,
+        description="Until then the loop is left out of what to look at first, unless it is worse in kind than now; in "
+        "the future, at most a year ahead, and not with `repaired_at`. ISO 8601, without an offset it is UTC.",
     )
 
 
@@ -154,7 +159,13 @@ class NoteOut(Read):
     text: str = Field(description="What was said.")
     work_order: str = Field(description="Number of the work order; empty: none.")
     repaired_at: str | None = Field(description="The repair that it states; verdicts before and after are compared.")
-    withdrawn_at: str | None = Field(description="Since when that repair counts no longer; null: it stands.")
+    shelved_until: str | None = Field(
+        description="Until when it leaves the loop out of what to look at first: the newest such note counts, until a "
+        "repair is stated after it."
+    )
+    withdrawn_at: str | None = Field(
+        description="Since when that repair, or that shelving, counts no longer; null: it was not withdrawn."
+    )
     withdrawn_by: str | None = Field(description="Who withdrew it.")
 
 

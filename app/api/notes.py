@@ -1,4 +1,4 @@
-"""What people write about a loop: notes, work orders, repairs, and repairs withdrawn."""
+"""What people write about a loop: notes, work orders, repairs, shelvings, and what of it is withdrawn."""
 
 from typing import Any
 
@@ -27,10 +27,11 @@ def notes(backend: Services, tag: LoopTag, limit: Limit = 100, cursor: Cursor = 
     response_model=NoteOut,
     responses=responses(400, 404, 415, 422),
     dependencies=[Depends(json_alone)],
-    summary="Write a note, a work order or a repair",
+    summary="Write a note, a work order or a repair, or shelve the loop",
 )
 def write(backend: Services, caller: Caller, tag: LoopTag, said: NoteIn) -> Any:
-    return service.add_note(backend, tag, said.text, said.work_order, said.repaired_at, caller.who)
+    written = (said.text, said.work_order, said.repaired_at, caller.who, said.shelved_until)
+    return service.add_note(backend, tag, *written)
 
 
 @router.delete(
@@ -42,3 +43,14 @@ def write(backend: Services, caller: Caller, tag: LoopTag, said: NoteIn) -> Any:
 def withdraw(backend: Services, caller: Caller, tag: LoopTag, note_id: Identifier) -> Any:
     """The repair that this note states counts no longer; the note stays and says who withdrew it."""
     return service.withdraw_repair(backend, tag, note_id, caller.who)
+
+
+@router.delete(
+    "/loops/{tag:path}/notes/{note_id}/shelving",
+    response_model=NoteOut,
+    responses=responses(404),
+    summary="End a shelving",
+)
+def unshelve(backend: Services, caller: Caller, tag: LoopTag, note_id: Identifier) -> Any:
+    """The loop is shelved no longer, by this note or one before it; the note stays and says who ended it."""
+    return service.withdraw_shelving(backend, tag, note_id, caller.who)

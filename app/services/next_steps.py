@@ -217,6 +217,7 @@ def as_table() -> str:
         ("anything, but OP is the set point of another loop", OUTER),
         ("anything, but the loop's settings say that OP moves no valve", NO_VALVE),
         ("repaired, and too little recorded since", WAIT),
+        ("shelved, and nothing got worse in kind since", "Wait, until the time that is named."),
         ("anything that is not to be relied on, for too few swings", f"the step for it. {LONGER}: so many hours."),
         ("anything that is not to be relied on, but the valve sticks up to the end of the record", BEGAN_TO_STICK),
     ]

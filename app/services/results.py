@@ -244,7 +244,8 @@ class GroupView:
 
 @dataclass(frozen=True)
 class NoteView:
-    """What people wrote about a loop; `repaired_at` parts its verdicts into before and after, until it is withdrawn."""
+    """What people wrote about a loop; `repaired_at` parts its verdicts into before and after, until it is withdrawn;
+    until `shelved_until` it leads no list of what to look at first."""
 
     id: str
     written_at: str
@@ -252,6 +253,7 @@ class NoteView:
     text: str
     work_order: str
     repaired_at: str | None
+    shelved_until: str | None = None
     withdrawn_at: str | None = None
     withdrawn_by: str | None = None
 

@@ -1,6 +1,7 @@
 """What a digest tells of one run, whenever it is asked: later runs change nothing of it. Loops that have been retired
 since are not told of."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from sqlalchemy import Connection, Select, and_, func, or_, select
@@ -15,36 +16,43 @@ _PRIORITY = loops.c.importance * (100.0 - this.c.health)
 _OF_RUN = loops.join(this, and_(this.c.loop_id == loops.c.id, IN_SERVICE))
 
 
-def worst_of_units(connection: Connection, audit_id: int, each: int, since_ns: int | None = None) -> list[Any]:
+def worst_of_units(
+    connection: Connection, audit_id: int, each: int, since_ns: int | None = None, left_out: Sequence[int] = ()
+) -> list[Any]:
     """Of each unit the loops that `complains` tells of, at the head of its list by what is missing to health x
-    importance. since_ns: only those that were given a sample as new as that."""
+    importance; without those `left_out`, by id. since_ns: only those that were given a sample as new as that."""
     place = func.row_number().over(partition_by=loops.c.unit, order_by=(_PRIORITY.desc().nulls_last(), loops.c.tag))
-    placed = _complaints(audit_id).add_columns(place.label("place"))
+    placed = _complaints(audit_id, left_out).add_columns(place.label("place"))
     found = (placed if since_ns is None else placed.where(this.c.input_end_ns >= since_ns)).subquery()
     return list(connection.execute(select(found).where(found.c.place <= each).order_by(found.c.unit, found.c.place)))
 
 
-def worst_of_old(connection: Connection, audit_id: int, most: int, since_ns: int | None) -> list[Any]:
-    """Of all units those that are left out there."""
+def worst_of_old(
+    connection: Connection, audit_id: int, most: int, since_ns: int | None, left_out: Sequence[int] = ()
+) -> list[Any]:
+    """Of all units those whose samples are older."""
     if since_ns is None:
         return []
-    old = _complaints(audit_id).where(this.c.input_end_ns < since_ns)
+    old = _complaints(audit_id, left_out).where(this.c.input_end_ns < since_ns)
     return list(connection.execute(old.order_by(_PRIORITY.desc().nulls_last(), loops.c.tag).limit(most)))
 
 
-def _complaints(audit_id: int) -> Select[Any]:
+def _complaints(audit_id: int, left_out: Sequence[int]) -> Select[Any]:
     shown = (
         *(loops.c.tag, loops.c.unit, loops.c.importance, this.c.verdict, this.c.reliability),
         *(this.c.stiction_probability, this.c.likely_cause, this.c.health, this.c.reasons, this.c.reasons_text),
     )
-    return select(*shown).select_from(_OF_RUN).where(this.c.audit_id == audit_id, complains(this))
+    complaints = select(*shown).select_from(_OF_RUN).where(this.c.audit_id == audit_id, complains(this))
+    return complaints.where(loops.c.id.not_in(left_out))
 
 
-def refused_of(connection: Connection, audit_id: int, each: int) -> list[Any]:
-    """Of each likely cause the first loops that were not auditable, the most important first."""
+def refused_of(connection: Connection, audit_id: int, each: int, left_out: Sequence[int] = ()) -> list[Any]:
+    """Of each likely cause the first loops that were not auditable, the most important first; without those
+    `left_out`, by id."""
     place = func.row_number().over(partition_by=this.c.likely_cause, order_by=(loops.c.importance.desc(), loops.c.tag))
     placed = select(loops.c.tag, this.c.likely_cause, place.label("place")).select_from(_OF_RUN)
-    found = placed.where(this.c.audit_id == audit_id, this.c.verdict == "not_auditable").subquery()
+    listed = placed.where(this.c.audit_id == audit_id, this.c.verdict == "not_auditable")
+    found = listed.where(loops.c.id.not_in(left_out)).subquery()
     return list(connection.execute(select(found).where(found.c.place <= each).order_by(found.c.place)))
 
 

@@ -18,6 +18,7 @@ class NoteRow:
     text: str
     work_order: str
     repaired_at: datetime | None
+    shelved_until: datetime | None
     withdrawn_at: datetime | None
     withdrawn_by: str
 
@@ -26,9 +27,17 @@ COLUMNS = [notes.c[name] for name in NoteRow.__dataclass_fields__]
 
 
 def add(
-    connection: Connection, loop_id: int, written_by: str, text: str, work_order: str, repaired_at: datetime | None
+    connection: Connection,
+    loop_id: int,
+    written_by: str,
+    text: str,
+    work_order: str,
+    repaired_at: datetime | None,
+    shelved_until: datetime | None = None,
+    shelved_as: str | None = None,
 ) -> int:
     values = {"text": text, "work_order": work_order, "repaired_at": repaired_at, "written_by": written_by}
+    values |= {"shelved_until": shelved_until, "shelved_as": shelved_as}
     writing = insert(notes).values(loop_id=loop_id, written_at=now(), **values).returning(notes.c.id)
     return connection.scalar(writing) or 0
 

@@ -1,5 +1,6 @@
 """The plant as a whole: what its units come to, and whose verdict is another one than in the run before."""
 
+from collections.abc import Sequence
 from datetime import timedelta
 from typing import Any
 
@@ -51,14 +52,20 @@ def counts(connection: Connection) -> list[Any]:
 
 
 def worst_of_units(
-    connection: Connection, each: int, *, complaints: bool = False, since_ns: int | None = None
+    connection: Connection,
+    each: int,
+    *,
+    complaints: bool = False,
+    since_ns: int | None = None,
+    left_out: Sequence[int] = (),
 ) -> list[Any]:
     """Of each unit the loops at the head of its list by what is missing to full health x importance: tag, unit,
     importance, verdict, health. `complaints`: only those that `complains` tells of; since_ns: only
-    those with a sample as new as that."""
+    those with a sample as new as that; `left_out`: not these loops, by id."""
     place = func.row_number().over(partition_by=loops.c.unit, order_by=(_PRIORITY.desc().nulls_last(), loops.c.tag))
     tiles = _tiles().where(complains(rows)) if complaints else _tiles()
     tiles = tiles if since_ns is None else tiles.where(loops.c.newest_ns >= since_ns)
+    tiles = tiles.where(loops.c.id.not_in(left_out)) if left_out else tiles
     placed = tiles.add_columns(place.label("place")).subquery()
     query = select(placed.c.tag, placed.c.unit, placed.c.importance, placed.c.verdict, placed.c.health)
     return list(connection.execute(query.where(placed.c.place <= each).order_by(placed.c.unit, placed.c.place)))

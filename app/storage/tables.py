@@ -380,7 +380,9 @@ notes = Table(
     Column("text", Text, nullable=False, server_default=""),
     Column("work_order", Text, nullable=False, server_default=""),
     Column("repaired_at", UtcDateTime),  # verdicts before and after it are compared
-    Column("withdrawn_at", UtcDateTime),  # since when the repair does not count
+    Column("shelved_until", UtcDateTime),  # until then its loop leads no list of what to look at first
+    Column("shelved_as", Text),  # what was wrong with the loop then, so that it is seen when something worse is
+    Column("withdrawn_at", UtcDateTime),  # since when the repair, or the shelving, does not count
     Column("withdrawn_by", Text, nullable=False, server_default=""),
     Index("ix_notes_loop", "loop_id", "id"),
 )

@@ -42,7 +42,7 @@ LONGEST_DETAIL = 64 << 20
 @dataclass(frozen=True)
 class RowFilter:
     """Which rows of the table: all that are given must hold. retired: of loops that are retired, by default not; None:
-    of both. recorded_from_ns, recorded_before_ns: by the loop's newest sample."""
+    of both. recorded_from_ns, recorded_before_ns: by the loop's newest sample. left_out: not of these loops, by id."""
 
     verdict: tuple[str, ...] | None = None
     reliability: str | None = None
@@ -56,6 +56,7 @@ class RowFilter:
     retired: bool | None = False
     recorded_from_ns: int | None = None
     recorded_before_ns: int | None = None
+    left_out: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -421,6 +422,8 @@ def _conditions(wanted: RowFilter, columns: Mapping[str, Any] = SORTABLE) -> lis
     if wanted.min_probability is not None:
         conditions.append(columns["stiction_probability"] >= wanted.min_probability)
     conditions += _by_newest_sample(wanted)
+    if wanted.left_out:
+        conditions.append(loops.c.id.not_in(wanted.left_out))
     if wanted.search:
         conditions.append(loops.c.tag.icontains(wanted.search, autoescape=True))
     return conditions

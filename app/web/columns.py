@@ -47,8 +47,9 @@ COLUMNS: Mapping[str, Column] = {
     "next_step": Column("What to do", "text", 1, None),
     "work_order": Column("Work order", "text", 1, None),
     "repaired_at": Column("Repaired", "time", 1, None),
+    "shelved_until": Column("Shelved until", "time", 1, None),
 }
-OF_PAGES = frozenset({"next_step", "work_order", "repaired_at"})
+OF_PAGES = frozenset({"next_step", "work_order", "repaired_at", "shelved_until"})
 """Columns that the table has on its page alone."""
 
 USUAL = ("unit", "verdict", "reliability", "health", "stiction_probability", "likely_cause", "reasons_text")

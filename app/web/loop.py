@@ -18,7 +18,6 @@ from app.services.auditing.rival_wording import why_first, worth_a_look
 from app.services.auditing.size_wording import size_in_words
 from app.services.backend import Backend
 from app.services.moments import PlantClock
-from app.services.next_steps import next_step
 from app.services.plant import glossary, loops, notes, overview
 from app.services.plant.arrivals import newest_in_words as newest_sample_in_words
 from app.services.plant.before_after import compared
@@ -29,6 +28,7 @@ from app.services.plant.judged import judged
 from app.services.plant.loop_list import number
 from app.services.plant.nights import nights as nights_of
 from app.services.plant.periods import periods
+from app.services.plant.shelving import shelf, step_of
 from app.services.why_rely import UNTIL_THEY_AGREE, contradiction, points
 from app.web.explanation import newest_in_words
 from app.web.rendering import page
@@ -45,6 +45,7 @@ class Typed:
     text: str = ""
     work_order: str = ""
     repaired_at: str = ""
+    shelved_until: str = ""
     refused: str | None = None
 
 
@@ -78,6 +79,7 @@ def _loop_page(backend: Backend, tag: str, typed: Typed) -> HTMLResponse:
     told: dict[str, Any] = {"it": found, "tag": found.tag, "notes": notes.list_notes(backend, tag), "typed": typed}
     explanation = told["explanation"] = newest_in_words(backend, tag)
     told["newest"] = newest_sample_in_words(found.samples_to, backend.clock)
+    shelved = told["shelved"] = shelf(backend).of(found.tag)
     told["failure"] = loops.newest_failure(backend, tag)
     try:
         row = loops.loop_health(backend, tag)
@@ -87,12 +89,13 @@ def _loop_page(backend: Backend, tag: str, typed: Typed) -> HTMLResponse:
     repair = notes.newest_repair(backend, tag)
     repaired_at = None if repair is None else repair.repaired_at
     disagrees = contradiction(row, explanation)
+    instead = UNTIL_THEY_AGREE if disagrees else None
     return page(
         "loop.html",
         backend.clock,
         row=row | {"of_before_repair": of_before(row, repaired_at)},
         detail=detail,
-        next_step=UNTIL_THEY_AGREE if disagrees else next_step(row, repaired_at),
+        next_step=step_of(row, repaired_at, shelved, backend.clock, instead=instead),
         disagrees=disagrees,
         points=points(row, detail),
         size=size_in_words(row, detail),
@@ -136,11 +139,13 @@ def note(
     text: Annotated[str, Form(max_length=2 * notes.LONGEST_TEXT)] = "",
     work_order: Annotated[str, Form(max_length=2 * notes.LONGEST_WORK_ORDER)] = "",
     repaired_at: Annotated[str, Form(max_length=40)] = "",
+    shelved_until: Annotated[str, Form(max_length=40)] = "",
 ) -> Response:
     try:
-        notes.add_note(backend, tag, text, work_order, instant(backend.clock, repaired_at), caller.who)
+        until = instant(backend.clock, shelved_until, "until which the loop is shelved")
+        notes.add_note(backend, tag, text, work_order, instant(backend.clock, repaired_at), caller.who, until)
     except RequestError as error:
-        page_again = _loop_page(backend, tag, Typed(text, work_order, repaired_at, error.message))
+        page_again = _loop_page(backend, tag, Typed(text, work_order, repaired_at, shelved_until, error.message))
         page_again.status_code = BAD_REQUEST
         return page_again
     return back_to(tag, "notes")
@@ -149,6 +154,12 @@ def note(
 @router.post("/loops/{tag:path}/notes/{note_id}/withdraw")
 def withdraw(backend: Services, caller: Caller, tag: LoopTag, note_id: Identifier) -> RedirectResponse:
     notes.withdraw_repair(backend, tag, note_id, caller.who)
+    return back_to(tag, "notes")
+
+
+@router.post("/loops/{tag:path}/notes/{note_id}/unshelve")
+def unshelve(backend: Services, caller: Caller, tag: LoopTag, note_id: Identifier) -> RedirectResponse:
+    notes.withdraw_shelving(backend, tag, note_id, caller.who)
     return back_to(tag, "notes")
 
 
@@ -180,11 +191,11 @@ def back_to(tag: str, place: str) -> RedirectResponse:
     return RedirectResponse(f"/loops/{tag_in_url(tag)}#{place}", SEE_OTHER)
 
 
-def instant(clock: PlantClock, text: str) -> datetime | None:
+def instant(clock: PlantClock, text: str, which: str = "of the repair") -> datetime | None:
     """What a date field of a browser sends, read off a clock of the plant."""
     if not text.strip():
         return None
     try:
         return clock.instant(datetime.fromisoformat(text.strip()))
     except (ValueError, OverflowError):
-        raise RequestError("bad_time", f"the time of the repair must be like 2026-01-31T12:00, got {text!r}") from None
+        raise RequestError("bad_time", f"the time {which} must be like 2026-01-31T12:00, got {text!r}") from None

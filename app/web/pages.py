@@ -18,6 +18,7 @@ from app.services.plant.loops import RETIRED
 from app.services.plant.nights import nights
 from app.services.plant.reliability import RowFilter
 from app.services.plant.repaired import repairs
+from app.services.plant.shelving import shelf
 from app.services.wording import VERDICT_RANK
 from app.web import loop, loop_list, runs, uploads
 from app.web.columns import COLUMNS, OF_PAGES, USUAL, query_without
@@ -83,6 +84,7 @@ def plant(backend: Services) -> HTMLResponse:
         late_days=LATE.days,
         last_nights=nights(backend, listed + [row.loop for row in changed.rows[:CHANGES]]),
         judged=judged(backend, listed),
+        shelf=shelf(backend),
         most_changes=CHANGES,
         groups=[found for found in grouped.soon(backend) or () if not found.by_chance][:5],
     )

@@ -16,6 +16,7 @@ from app.services.results import UploadView
 from app.services.wording import (
     CHANGE_WORDS,
     NO_ROOM_YET,
+    RELIABILITY_BRIEF,
     RELIABILITY_SHORT,
     RELIABILITY_WORDS,
     STATE_WORDS,
@@ -81,7 +82,7 @@ def environment() -> Environment:
     }
     templates.globals |= {"verdict_words": VERDICT_WORDS, "reliability_words": RELIABILITY_WORDS}
     templates.globals |= {"reliability_short": RELIABILITY_SHORT, "state_words": STATE_WORDS}
-    templates.globals |= {"change_words": CHANGE_WORDS}
+    templates.globals |= {"change_words": CHANGE_WORDS, "reliability_brief": RELIABILITY_BRIEF}
     templates.globals |= {"csrf_field": csrf_field, "csrf_token": csrf_token, "may": may, "logged_in": logged_in}
     return templates
 

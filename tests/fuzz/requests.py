@@ -14,7 +14,19 @@ from tests.fuzz.seeds import seeds
 # Fields of forms and queries of the pages, which no schema lists.
 PAGES_QUERY = ("search", "unit", "verdict", "reliability", "likely_cause", "sort", "cursor", "column", "next")
 PAGES_FORM = (
-    *("key", "next", "text", "work_order", "repaired_at", "importance", "unit", "type", "description", "pv_unit"),
+    *(
+        "key",
+        "next",
+        "text",
+        "work_order",
+        "repaired_at",
+        "shelved_until",
+        "importance",
+        "unit",
+        "type",
+        "description",
+        "pv_unit",
+    ),
     *("pv_low", "pv_high", "op_low", "op_high", "mapping", "file"),
 )
 COLUMNS = ("loop", "priority", "-priority", "stiction_probability", "-yper_pct", "hammerstein_d", "health", "unit")

@@ -24,6 +24,7 @@ from app.services.plant.arrivals import (
     of_run,
 )
 from app.services.plant.arrivals import sentences as sentences_by
+from app.services.plant.shelving import shelf
 from app.services.reports import documents
 from app.storage import series
 from app.storage.samples import Samples
@@ -195,5 +196,5 @@ def test_loops_whose_records_are_old_have_a_list_of_their_own(backend: Backend, 
     assert {one.loop for one in found.old} == {"B", "D"}
     assert "WORST OF OLD RECORDS" in as_text(found)
     assert "Worst of old records" in as_html(found)
-    ((_, rows),) = documents._worst(backend, since_ns)
+    ((_, rows),) = documents._worst(backend, shelf(backend), since_ns)
     assert {row["loop"] for row in rows} == {"A", "C"}

@@ -1,6 +1,7 @@
 """The pages on a real plant: what a plant sends stays text, forms do what they say, nothing runs that is not ours."""
 
 import re
+from datetime import UTC, datetime, timedelta
 
 import pytest
 from markupsafe import escape
@@ -228,10 +229,61 @@ def test_notes_are_written_and_repairs_withdrawn_over_the_api(client):
     assert (far.status_code, far.json()["code"]) == (400, "bad_time")
 
 
+def test_a_loop_is_shelved_on_its_page_left_out_of_the_worst_and_listed_again(client):
+    day = (datetime.now(UTC) + timedelta(days=30)).strftime("%Y-%m-%d")
+    worst = re.compile(r"Worst first.*?</table>", re.DOTALL)
+    href = 'href="/loops/LIC7"'
+    assert href in worst.search(client.get("/").text)[0]
+    note = {"text": "<b-evil>until</b-evil> the turnaround", "work_order": "WO-17", "shelved_until": f"{day}T06:00"}
+    answer = client.post("/loops/LIC7/notes", data=note)
+    assert (answer.status_code, answer.headers["location"]) == (303, "/loops/LIC7#notes")
+    plant = client.get("/").text
+    assert href not in worst.search(plant)[0]
+    assert "<summary>1 shelved</summary>" in plant
+    assert href in plant.partition("<summary>1 shelved</summary>")[2]
+    assert seen(client, "/").forbidden == []
+    found = seen(client, "/loops/LIC7")
+    assert found.forbidden == []
+    words = " ".join(" ".join(found.texts).split())
+    assert f"Shelved until {day} 06:00" in words
+    assert f"Wait: shelved until {day} 06:00 (work order WO-17)." in words
+    assert any(f"{day} 06:00" in text for text in seen(client, "/table?column=shelved_until").texts)
+    note_id = client.get("/v1/loops/LIC7/notes").json()["rows"][0]["id"]
+    form = f"/loops/LIC7/notes/{note_id}/unshelve"
+    assert form in client.get("/loops/LIC7").text
+    answer = client.post(form)
+    assert (answer.status_code, answer.headers["location"]) == (303, "/loops/LIC7#notes")
+    page = client.get("/loops/LIC7").text
+    assert form not in page
+    assert "by anyone on this machine" in page
+    assert href in worst.search(client.get("/").text)[0]
+    row = client.get("/v1/trail?action=shelving.withdraw").json()["rows"][0]
+    assert (row["who"], row["outcome"]) == ("anyone on this machine", "done")
+
+
+def test_a_loop_is_shelved_over_the_api(client):
+    path = "/v1/loops/FIC101/notes"
+    moment = (datetime.now(UTC) + timedelta(days=30)).strftime("%Y-%m-%dT06:00:00")
+    wrote = client.post(path, json={"text": "spare part", "shelved_until": moment})
+    assert (wrote.status_code, wrote.json()["shelved_until"]) == (201, f"{moment}Z")
+    assert client.delete(f"{path}/{wrote.json()['id']}/repair").json()["code"] == "no_such_repair"
+    ended = client.delete(f"{path}/{wrote.json()['id']}/shelving").json()
+    assert ended["withdrawn_by"] == "anyone on this machine"
+    assert client.get(path).json()["rows"][0] == ended
+    assert client.delete(f"{path}/nonsense/shelving").json()["code"] == "no_such_shelving"
+    refused = client.post(path, json={"shelved_until": moment})
+    assert (refused.status_code, refused.json()["code"]) == (400, "no_reason_to_shelve")
+    late = client.post(path, json={"text": "x", "shelved_until": "2020-01-01"})
+    assert (late.status_code, late.json()["code"]) == (400, "bad_shelving_time")
+
+
 @pytest.mark.parametrize(
     "note",
     [
         {},
+        {"shelved_until": "2126-01-01T06:00"},
+        {"text": "x", "shelved_until": "2126-01-01T06:00"},
+        {"text": "x", "shelved_until": "tomorrow"},
         {"text": "x" * 5000},
         {"text": "x", "repaired_at": "yesterday"},
         {"repaired_at": "9999-12-31T23:59:59-14:00"},
@@ -248,6 +300,8 @@ def test_notes_that_say_nothing_or_too_much_are_refused(client, note):
         ({"work_order": " "}, "a note needs a text, a work order or the time of a repair"),
         ({"text": "<b-evil>x</b-evil>", "work_order": 'W"7', "repaired_at": "2126-01-01T06:00"}, "is still to come"),
         ({"text": "<b-evil>x</b-evil>", "repaired_at": "yesterday"}, "like 2026-01-31T12:00"),
+        ({"shelved_until": "2126-01-01T06:00"}, "to shelve a loop takes a reason"),
+        ({"text": "<b-evil>x</b-evil>", "shelved_until": '"tomorrow'}, "the time until which the loop is shelved"),
     ],
 )
 def test_a_refused_note_says_why_at_its_form_and_keeps_what_was_typed(client, note, why):

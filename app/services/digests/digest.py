@@ -17,6 +17,7 @@ from app.services.plant.arrivals import arrivals, of_run
 from app.services.plant.judged import judged, to_manual
 from app.services.plant.overview import change_of
 from app.services.plant.repaired import RepairView, repairs
+from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.work_list import Work, work_list
 from app.services.rendering import document, figure
 from app.services.results import AuditView, ChangeView
@@ -41,7 +42,7 @@ LONGEST_WHY = 200
 class DigestLoop:
     """A loop to look at; `why` is the weightiest reason, `address` its page (empty: not known how people reach it),
     `judged` of which time its verdict is, where that is not up to its newest samples. `measured`: whether its
-    probability is, and not a prior."""
+    probability is, and not a prior. `shelved` until when it is shelved, and why it is listed all the same."""
 
     loop: str
     verdict: str
@@ -54,6 +55,7 @@ class DigestLoop:
     address: str
     judged: str = ""
     measured: bool = True
+    shelved: str = ""
 
     @property
     def told(self) -> str:
@@ -73,7 +75,8 @@ class Digest:
     """What one run came to; the same whenever it is asked for, but for loops that were retired since. `refused`: how
     many loops were not auditable, by likely cause; `refused_loops`: the most important of each. `to_manual`: loops
     that went to manual, and what is still said of them. `old`: the worst of those without a newer sample. `work`: what
-    to do first in the plant. `reliable`: how many of the valves that stick can be relied on. `retired`: how many of
+    to do first in the plant. `shelf`: the loops that were shelved when the run began, which `work`, `areas`, `old` and
+    `refused_loops` leave out. `reliable`: how many of the valves that stick can be relied on. `retired`: how many of
     the run's loops are retired and left out."""
 
     plant: str
@@ -90,6 +93,7 @@ class Digest:
     to_manual: list[str]
     repairs: list[RepairView]
     more_repairs: bool
+    shelf: Shelf
     compared: bool
     public_url: str
     clock: PlantClock
@@ -114,12 +118,13 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         raise RequestError("run_goes_on", f"the run {run.id} has not ended yet: {run.open} loops are open")
     number, began = identifier(audit_id), datetime.fromisoformat(run.created_at)
     since_ns = arrivals(backend, number, began).current_ns
+    shelved = shelf(backend, number, began)
     with backend.database.read() as connection:
         counted = digests.counts_of(connection, number)
-        worst = digests.worst_of_units(connection, number, TOP, since_ns)
-        old = digests.worst_of_old(connection, number, TOP, since_ns)
+        worst = digests.worst_of_units(connection, number, TOP, since_ns, shelved.left_out)
+        old = digests.worst_of_old(connection, number, TOP, since_ns, shelved.left_out)
         retired = digests.retired_since(connection, number)
-        not_auditable = digests.refused_of(connection, number, TOP)
+        not_auditable = digests.refused_of(connection, number, TOP, shelved.left_out)
         # In a plant's first run every verdict is new: that is no news.
         compared = plant.any_run_before(connection, number)
         changed = digests.changes_of(connection, number, CHANGES + 1) if compared else []
@@ -133,11 +138,11 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         refused_loops.setdefault(row.likely_cause or "data", []).append(row.tag)
     repaired = repairs(backend, number, began)
     url = backend.settings.public_url
-    of_time = judged(backend, [row.tag for row in [*worst, *old]], number)
+    of_time, all_the_same = judged(backend, [row.tag for row in [*worst, *old]], number), shelved.by_tag()
 
     def loop_of(row: Any) -> DigestLoop:
-        told = of_time.get(row.tag)
-        return _loop(row, url, told.words(backend.clock) if told else "")
+        found = (of_time.get(row.tag), all_the_same.get(row.tag))
+        return _loop(row, url, *(one.words(backend.clock) if one else "" for one in found))
 
     return Digest(
         plant=backend.settings.plant,
@@ -146,7 +151,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         refused=dict(refused.most_common()),
         refused_loops=refused_loops,
         arrivals=of_run(backend, number, began),
-        work=work_list(backend, number, since_ns),
+        work=work_list(backend, shelved, number, since_ns),
         areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
         old=[loop_of(row) for row in old],
         changes=[change_of(row) for row in changed[:CHANGES]],
@@ -154,6 +159,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         to_manual=_to_manual(backend, number) if compared else [],
         repairs=repaired.listed,
         more_repairs=repaired.more,
+        shelf=shelved,
         compared=compared,
         public_url=url,
         clock=backend.clock,
@@ -199,7 +205,8 @@ def as_text(digest: Digest) -> str:
         lines += _listed(title, _loop_lines, area.loops)
     lines += _listed("WORST OF OLD RECORDS", _loop_lines, digest.old)
     if not digest.areas:
-        lines += ["", "No valve sticks, as far as the records tell."]
+        lines += ["", _nothing_worst(digest)]
+    lines += _shelved_lines(digest)
     lines += ["", f"The whole plant: {digest.public_url}/" if digest.public_url else "", "", HOW_TO_READ]
     return "\n".join(lines) + "\n"
 
@@ -211,6 +218,7 @@ def as_html(digest: Digest) -> str:
         counted=_counted(digest),
         refused=_refused(digest),
         no_change=_no_change(digest),
+        nothing_worst=_nothing_worst(digest),
         how_to_read=HOW_TO_READ,
         addresses=_addresses(digest),
     )
@@ -219,7 +227,7 @@ def as_html(digest: Digest) -> str:
 def as_json(digest: Digest) -> dict[str, Any]:
     """What a webhook gets, flat where it can be."""
     told = asdict(digest)
-    run = told.pop("run")
+    run, shelved = told.pop("run"), told.pop("shelf")["listed"]
     del told["public_url"], told["clock"]
     return (
         {"type": "loopaudit.digest", "subject": subject(digest), "text": as_text(digest)}
@@ -230,6 +238,7 @@ def as_json(digest: Digest) -> dict[str, Any]:
             "loops": run["total"],
             "failed": run["failed"],
             "address": digest.public_url,
+            "shelved": shelved,
         }
     )
 
@@ -248,12 +257,11 @@ def _to_manual(backend: Backend, number: int) -> list[str]:
     ]
 
 
-def _loop(row: Any, url: str, of_time: str) -> DigestLoop:
+def _loop(row: Any, url: str, of_time: str, shelved: str) -> DigestLoop:
     why = row.reasons_text.split(". ")[0][:LONGEST_WHY]
     shown = (row.verdict, row.reliability, row.stiction_probability, row.likely_cause, row.health, row.importance)
-    return DigestLoop(
-        row.tag, *shown, why, loop_address(url, row.tag), of_time, PRIOR_ONLY not in codes_of(row._mapping)
-    )
+    measured = PRIOR_ONLY not in codes_of(row._mapping)
+    return DigestLoop(row.tag, *shown, why, loop_address(url, row.tag), of_time, measured, shelved)
 
 
 def _refused(digest: Digest) -> list[str]:
@@ -262,7 +270,8 @@ def _refused(digest: Digest) -> list[str]:
     for cause, count in digest.refused.items():
         named = [_line(tag) for tag in digest.refused_loops.get(cause, ())]
         more = ", ..." if count > len(named) else ""
-        told.append(f"{count} not auditable: {cause_words(cause)} ({', '.join(named)}{more})")
+        listed = f"{', '.join(named)}{more}" if named else "shelved"
+        told.append(f"{count} not auditable: {cause_words(cause)} ({listed})")
     return told
 
 
@@ -270,7 +279,8 @@ def _loop_lines(place: int, loop: DigestLoop) -> list[str]:
     told = f"{VERDICT_WORDS[loop.verdict]} ({loop.told})"
     head = f"  {place}. {_line(loop.loop)}: {told}, health {figure(loop.health, 0)}"
     of_time = [f"     {loop.judged}"] if loop.judged else []
-    return [head, *of_time, f"     {_line(loop.why)}", *([f"     {loop.address}"] if loop.address else [])]
+    shelved = [f"     {loop.shelved}"] if loop.shelved else []
+    return [head, *of_time, *shelved, f"     {_line(loop.why)}", *([f"     {loop.address}"] if loop.address else [])]
 
 
 def _counted(digest: Digest) -> str:
@@ -316,11 +326,26 @@ def _no_change(digest: Digest) -> str:
     return "No verdict is another one than in the run before."
 
 
+def _nothing_worst(digest: Digest) -> str:
+    return f"No {'other ' if digest.shelf.left_out else ''}valve sticks, as far as the records tell."
+
+
+def _shelved_lines(digest: Digest) -> list[str]:
+    if not digest.shelf.listed:
+        return []
+    told = [
+        f"  {_line(one.loop)}, {one.words(digest.clock)}; by {_line(one.by)}; now: {one.said}"
+        for one in digest.shelf.listed
+    ]
+    return ["", digest.shelf.count_words.upper(), "", *told]
+
+
 def _addresses(digest: Digest) -> dict[str, str]:
     named = (
         [one.loop for one in digest.work]
         + [change.loop for change in digest.changes]
         + [repair.loop for repair in digest.repairs]
+        + [one.loop for one in digest.shelf.listed]
     )
     return {tag: loop_address(digest.public_url, tag) for tag in named}
 

@@ -10,6 +10,8 @@ from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.moments import iso_utc
 from app.services.plant.loops import find, verdict_history
+from app.services.plant.shelving import check_shelving, kind_at
+from app.services.plant.shelving import withdraw_shelving as withdraw_from_shelf
 from app.services.results import NoteView, Page
 from app.storage import notes
 from app.storage.notes import NoteRow
@@ -37,10 +39,12 @@ def add_note(
     work_order: str = "",
     repaired_at: datetime | None = None,
     written_by: str = "",
+    shelved_until: datetime | None = None,
 ) -> NoteView:
-    """Raises RequestError where nothing is said, too much, or a repair that is still to come."""
+    """Raises RequestError where nothing is said, too much, a repair that is still to come, or a shelving that cannot
+    be."""
     text, work_order = text.replace("\x00", "").strip(), work_order.replace("\x00", "").strip()
-    if not text and not work_order and repaired_at is None:
+    if not text and not work_order and repaired_at is None and shelved_until is None:
         raise RequestError("empty_note", "a note needs a text, a work order or the time of a repair")
     if len(text) > LONGEST_TEXT or len(work_order) > LONGEST_WORK_ORDER:
         most = f"{LONGEST_TEXT} characters, a work order {LONGEST_WORK_ORDER}"
@@ -49,9 +53,13 @@ def add_note(
     if repaired_at is not None and repaired_at > datetime.now(UTC) + CLOCKS_DIFFER:
         told = backend.clock.told_at(repaired_at)
         raise RequestError("bad_repair_time", f"{told} is still to come; a repair is written down once it is done")
+    shelved_until = None if shelved_until is None else _in_utc(shelved_until)
+    check_shelving(backend, shelved_until, repaired_at, text or work_order)
     row = find(backend, tag)
     with backend.database.write() as connection:
-        note_id = notes.add(connection, row.id, written_by, text, work_order, repaired_at)
+        shelved_as = None if shelved_until is None else kind_at(connection, row.id)
+        said = (written_by, text, work_order, repaired_at, shelved_until, shelved_as)
+        note_id = notes.add(connection, row.id, *said)
         return _view(notes.by_id(connection, row.id, note_id))
 
 
@@ -67,6 +75,18 @@ def withdraw_repair(backend: Backend, tag: str, note_id: str, withdrawn_by: str 
         if note is None or note.repaired_at is None:
             raise NotFoundError("no_such_repair", f"no note {note_id[:40]!r} of loop {tag!r} states a repair")
         notes.withdraw(connection, key, withdrawn_by)
+        return _view(notes.by_id(connection, row.id, key))
+
+
+def withdraw_shelving(backend: Backend, tag: str, note_id: str, withdrawn_by: str = "") -> NoteView:
+    """The loop is shelved no longer, by this note or one before it; what was written stays.
+
+    Withdrawn once more, nothing changes. Raises NotFoundError where the loop has no such note, or it does not shelve.
+    """
+    row = find(backend, tag)
+    key = identifier(note_id)
+    withdraw_from_shelf(backend, row.id, tag, key, withdrawn_by)
+    with backend.database.read() as connection:
         return _view(notes.by_id(connection, row.id, key))
 
 
@@ -124,6 +144,7 @@ def _view(note: NoteRow | None) -> NoteView:
         text=note.text,
         work_order=note.work_order,
         repaired_at=iso_utc(note.repaired_at),
+        shelved_until=iso_utc(note.shelved_until),
         withdrawn_at=iso_utc(note.withdrawn_at),
         withdrawn_by=note.withdrawn_by or None,
     )

@@ -2,18 +2,18 @@
 
 from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from app.engine.episodes import BEGAN
 from app.services.auditing.audits import get_audit
 from app.services.auditing.repairs import BEFORE_REPAIR, SINCE_REPAIR, of_before
 from app.services.backend import Backend
-from app.services.moments import iso_utc
-from app.services.next_steps import next_step
+from app.services.moments import PlantClock, iso_utc
 from app.services.plant.evidence_moved import moved
 from app.services.plant.judged import ToManual, to_manual
 from app.services.plant.reliability import checked, following, place_of, with_loop
+from app.services.plant.shelving import Shelf, Shelved, shelf, step_of
 from app.services.results import AuditView, ChangedBy, ChangeView, Page, UnitView
 from app.services.wording import UNANSWERED, WHY_WORDS, cause_words
 from app.storage import notes, plant, verdicts
@@ -101,32 +101,45 @@ def changes(backend: Backend, limit: int = LISTED_CHANGES) -> Changes:
 
 
 def look_today(backend: Backend, changed: Changes, since_ns: int | None = None) -> list[dict[str, Any]]:
-    """The loops in which PV does not answer OP, those first of which that is news; since_ns: as of `worst`."""
+    """The loops in which PV does not answer OP, those first of which that is news, without those that are shelved;
+    since_ns: as of `worst`."""
     refused = ("inconclusive", "not_auditable")
     asked = RowFilter(verdict=refused, likely_cause=UNANSWERED, recorded_from_ns=since_ns)
     news = {row.loop for row in changed.rows}
-    return sorted(table(backend, LISTED_CHANGES, filters=asked).rows, key=lambda row: row["loop"] not in news)
+    return sorted(not_shelved(backend, LISTED_CHANGES, asked), key=lambda row: row["loop"] not in news)
 
 
 def worst(
     backend: Backend, limit: int = WORST, beside: Collection[str] = (), since_ns: int | None = None
 ) -> list[dict[str, Any]]:
-    """The loops at the head of the list by what is missing to full health x importance; `beside`: tags of those that
-    are listed elsewhere; since_ns: only loops with a sample as new as that."""
-    rows = table(backend, limit + len(beside), filters=RowFilter(recorded_from_ns=since_ns)).rows
+    """The loops at the head of the list by what is missing to full health x importance, without those that are
+    shelved; `beside`: tags of those that are listed elsewhere; since_ns: only loops with a sample as new as that."""
+    rows = not_shelved(backend, limit + len(beside), RowFilter(recorded_from_ns=since_ns))
     return [row for row in rows if row["loop"] not in beside][:limit]
 
 
 def worst_of_old(backend: Backend, since_ns: int | None, limit: int = WORST) -> list[dict[str, Any]]:
     """The same of the loops that are left out there: what is said of them is of an old record."""
-    return [] if since_ns is None else table(backend, limit, filters=RowFilter(recorded_before_ns=since_ns)).rows
+    return [] if since_ns is None else not_shelved(backend, limit, RowFilter(recorded_before_ns=since_ns))
+
+
+def not_shelved(backend: Backend, limit: int, asked: RowFilter, shelved: Shelf | None = None) -> list[dict[str, Any]]:
+    """Rows of `table`, the weightiest first, without loops that are shelved; one that is worse than when it was shelved
+    is among them, and says so (`shelved`)."""
+    known = shelf(backend) if shelved is None else shelved
+    return table(backend, limit, filters=replace(asked, left_out=known.left_out), shelved=known).rows
 
 
 def table(
-    backend: Backend, limit: int, cursor: str | None = None, sort: str = "-priority", filters: RowFilter | None = None
+    backend: Backend,
+    limit: int,
+    cursor: str | None = None,
+    sort: str = "-priority",
+    filters: RowFilter | None = None,
+    shelved: Shelf | None = None,
 ) -> Page[dict[str, Any]]:
     """Rows of the reliability table with what a page shows besides: importance and priority, what to do, and what is
-    written of an order or a repair."""
+    written of an order, a repair or a shelving (as of `shelved`; None: of now)."""
     name = checked(limit, sort)
     asked = place_of(cursor)
     with backend.database.read() as connection:
@@ -134,14 +147,28 @@ def table(
         found = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), place)
         shown = [with_loop(row) for row in found[:limit]]
         written = notes.standing(connection, [row["loop"] for row in shown])
-    return Page([_with_work(row, written.get(row["loop"], Standing())) for row in shown], following(found, limit, sort))
+    work = WrittenWork(written, (shelved or shelf(backend)).by_tag(), backend.clock)
+    return Page([_with_work(row, work) for row in shown], following(found, limit, sort))
 
 
-def _with_work(row: dict[str, Any], written: Standing) -> dict[str, Any]:
+@dataclass(frozen=True)
+class WrittenWork:
+    """What notes say of the loops of a page, by tag."""
+
+    standing: dict[str, Standing]
+    shelved: dict[str, Shelved]
+    clock: PlantClock
+
+
+def _with_work(row: dict[str, Any], work: WrittenWork) -> dict[str, Any]:
+    written, shelved = work.standing.get(row["loop"], Standing()), work.shelved.get(row["loop"])
     repaired_at = iso_utc(written.repaired_at)
-    step = next_step(row, repaired_at)
+    step = step_of(row, repaired_at, shelved, work.clock)
     written_of = {"work_order": written.work_order, "repaired_at": repaired_at}
-    return row | written_of | {"next_step": step, "of_before_repair": of_before(row, repaired_at)}
+    told = written_of | {"next_step": step, "of_before_repair": of_before(row, repaired_at)}
+    if shelved is None:
+        return row | told | {"shelved_until": None, "shelved": None}
+    return row | told | {"shelved_until": shelved.until, "shelved": shelved.words(work.clock)}
 
 
 def tiles(backend: Backend) -> dict[str, list[Any]]:

@@ -10,7 +10,8 @@ from app.services.backend import Backend
 from app.services.moments import PlantClock
 from app.services.plant.judged import Judged, judged
 from app.services.plant.nights import NIGHTS, Night, nights
-from app.services.plant.overview import table
+from app.services.plant.overview import not_shelved
+from app.services.plant.shelving import Shelf
 from app.services.wording import UNANSWERED, VERDICT_WORDS, brief, codes_of, looked_at_today
 from app.storage.verdicts import RowFilter
 
@@ -21,8 +22,8 @@ LOOKED_AT = 200
 @dataclass(frozen=True)
 class Work:
     """A loop and what to do about it. size: the slip-jump S, empty where it is not measured; since: how long the same
-    was said of it; judged: of which time its verdict is, where not up to its newest samples; written: its work
-    order and repair."""
+    was said of it; judged: of which time its verdict is, where not up to its newest samples; shelved: until when it is
+    shelved, and why it is listed all the same; written: its work order and repair."""
 
     loop: str
     unit: str | None
@@ -33,23 +34,24 @@ class Work:
     since: str
     written: str
     judged: str = ""
+    shelved: str = ""
 
     @property
     def facts(self) -> str:
         """All but the step, in one line."""
-        return "; ".join(one for one in (self.size, self.since, self.judged, self.written) if one)
+        return "; ".join(one for one in (self.size, self.since, self.judged, self.shelved, self.written) if one)
 
 
 def work_list(
-    backend: Backend, audit_id: int | None = None, since_ns: int | None = None, most: int = MOST
+    backend: Backend, shelved: Shelf, audit_id: int | None = None, since_ns: int | None = None, most: int = MOST
 ) -> list[Work]:
-    """By the newest verdicts, or those of a run; since_ns: only loops with a sample as new as that. What wants a look
-    today begins with the newest; in the other parts those come first that lack most to full health, times their
-    importance."""
+    """By the newest verdicts, or those of a run, without the loops that are `shelved`; since_ns: only loops with a
+    sample as new as that. What wants a look today begins with the newest; in the other parts those come first that lack
+    most to full health, times their importance."""
 
     def listed(limit: int, **asked: Any) -> list[Work]:
         wanted = RowFilter(**asked, audit_id=audit_id, recorded_from_ns=since_ns)
-        rows = table(backend, limit, filters=wanted).rows if limit else []
+        rows = not_shelved(backend, limit, wanted, shelved) if limit else []
         tags = [row["loop"] for row in rows]
         last, of_time = nights(backend, tags, audit_id), judged(backend, tags, audit_id)
         return [_work(row, last.get(row["loop"], ()), of_time.get(row["loop"]), backend.clock) for row in rows]
@@ -74,6 +76,7 @@ def _work(row: Mapping[str, Any], last: Sequence[Night], of_time: Judged | None,
         since=_since(row, last, clock),
         written=", ".join(written),
         judged=of_time.words(clock) if of_time else "",
+        shelved=row["shelved"] or "",
     )
 
 

@@ -17,7 +17,6 @@ from app.services.backend import Backend
 from app.services.explaining import explanations
 from app.services.explaining.wording import in_words
 from app.services.moments import PlantClock, iso_utc
-from app.services.next_steps import next_step
 from app.services.plant import glossary, loops, notes
 from app.services.plant import overview as plant
 from app.services.plant.arrivals import arrivals, sentences
@@ -27,6 +26,7 @@ from app.services.plant.groups import groups_of
 from app.services.plant.groups import soon as groups_soon
 from app.services.plant.judged import judged
 from app.services.plant.periods import periods
+from app.services.plant.shelving import Shelf, shelf, step_of
 from app.services.plant.work_list import work_list
 from app.services.rendering import document
 from app.services.reports.svg import WIDTH, Ends, Line, chart
@@ -57,12 +57,13 @@ def loop_report(backend: Backend, tag: str) -> str:
     drawn = charts(backend, tag)
     explained = explanations.newest(backend, tag)
     disagrees = contradiction(row, explained)
+    instead = UNTIL_THEY_AGREE if disagrees else None
     return document(
         "loop_report.html",
         it=found,
         row=row | {"of_before_repair": of_before(row, repaired_at)},
         detail=detail,
-        next_step=UNTIL_THEY_AGREE if disagrees else next_step(row, repaired_at),
+        next_step=step_of(row, repaired_at, shelf(backend).of(tag), backend.clock, instead=instead),
         disagrees=disagrees,
         points=points(row, detail),
         size=size_in_words(row, detail),
@@ -90,8 +91,8 @@ def plant_report(backend: Backend) -> str:
     seen = plant.overview(backend)
     if not seen.audited:
         raise NotFoundError("not_audited", "no loop of the plant has been audited yet")
-    reach = arrivals(backend)
-    worst = _worst(backend, reach.current_ns)
+    reach, shelved = arrivals(backend), shelf(backend)
+    worst = _worst(backend, shelved, reach.current_ns)
     refused = plant.table(backend, REFUSED, sort="loop", filters=RowFilter(verdict=("not_auditable",)))
     return document(
         "plant_report.html",
@@ -99,9 +100,10 @@ def plant_report(backend: Backend) -> str:
         bars={unit.unit: _bar(unit.verdicts) for unit in seen.units},
         changed=plant.changes(backend),
         arrivals=sentences(reach, backend.clock),
-        work=work_list(backend, since_ns=reach.current_ns),
+        work=work_list(backend, shelved, since_ns=reach.current_ns),
         worst=worst,
         judged=judged(backend, [row["loop"] for _, rows in worst for row in rows]),
+        shelf=shelved,
         refused=refused.rows,
         groups=[group for group in groups_soon(backend) or () if not group.by_chance],
         public_url=backend.settings.public_url,
@@ -114,13 +116,20 @@ def _made(backend: Backend) -> dict[str, Any]:
     return {"plant_name": backend.settings.plant, "made_at": iso_utc(datetime.now(UTC)), "clock": backend.clock}
 
 
-def _worst(backend: Backend, since_ns: int | None) -> list[tuple[str | None, list[dict[str, Any]]]]:
+def _worst(backend: Backend, shelved: Shelf, since_ns: int | None) -> list[tuple[str | None, list[dict[str, Any]]]]:
     """Of each unit the worst loops that stick, may, or show no answer of PV to OP, with what their row says."""
     with backend.database.read() as connection:
-        placed = stored_plant.worst_of_units(connection, WORST_OF_UNIT, complaints=True, since_ns=since_ns)
+        placed = stored_plant.worst_of_units(
+            connection, WORST_OF_UNIT, complaints=True, since_ns=since_ns, left_out=shelved.left_out
+        )
         ids = stored_loops.ids_of(connection, [row.tag for row in placed])
         rows = verdicts.newest_of(connection, list(ids.values()))
-    told = [(row.unit, as_row(rows[row.tag]) | {"importance": row.importance}) for row in placed if row.tag in rows]
+    all_the_same = shelved.by_tag()
+    told = [
+        (row.unit, as_row(rows[row.tag]) | {"importance": row.importance, "shelved": all_the_same.get(row.tag)})
+        for row in placed
+        if row.tag in rows
+    ]
     return [(unit, [row for _, row in some]) for unit, some in groupby(told, lambda pair: pair[0])]
 
 

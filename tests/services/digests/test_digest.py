@@ -2,7 +2,7 @@
 
 import json
 import socket
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import httpx
@@ -15,14 +15,14 @@ from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.digests import deliveries, mailing, webhooks
-from app.services.digests.digest import Digest, as_html, as_text, digest_of, newest_run, subject
+from app.services.digests.digest import Digest, as_html, as_json, as_text, digest_of, newest_run, subject
 from app.services.digests.sending import NotSentError, shown
 from app.services.plant.notes import add_note
 from app.services.reports.documents import plant_report
 from app.services.upkeep import doctor
 from app.services.upkeep.operations import sweep
 from app.settings import Settings
-from app.storage.tables import audits, newest_rows, verdicts
+from app.storage.tables import audits, newest_rows, notes, verdicts
 from tests.services.digests.conftest import (
     HOSTILE,
     SIGNED_WITH,
@@ -113,6 +113,65 @@ def test_a_prior_is_no_probability(backend: Backend, night: str, add_loops: AddL
     assert "A2: cannot tell (look today)" in as_text(digest_of(backend, night))
     assert "0.60" not in as_html(digest_of(backend, night))
     assert "0.60" not in plant_report(backend)
+
+
+def shelved_before(backend: Backend, audit_id: str, tag: str, **then: object) -> None:
+    """As if the loop had been shelved on the day before the run, when what was wrong with it was another thing."""
+    note = add_note(backend, tag, "until the turnaround", "WO-9", None, "anna", datetime.now(UTC) + timedelta(days=90))
+    created_at = datetime.fromisoformat(digest_of(backend, audit_id).run.created_at)
+    earlier = {"written_at": created_at - timedelta(days=1), **then}
+    with backend.database.write() as connection:
+        connection.execute(update(notes).where(notes.c.id == int(note.id)).values(**earlier))
+
+
+def test_it_leaves_out_what_was_shelved_when_the_run_began_and_names_it(backend: Backend, night: str) -> None:
+    before = digest_of(backend, night)
+    add_note(backend, "A1", "tomorrow's digest knows", shelved_until=datetime.now(UTC) + timedelta(days=9))
+    assert digest_of(backend, night) == before
+    shelved_before(backend, night, "A1", shelved_as="sticks")
+    shelved_before(backend, night, HOSTILE, shelved_as="sticks")
+    found = digest_of(backend, night)
+    assert found.verdicts == before.verdicts
+    assert {loop.loop for area in found.areas for loop in area.loops}.isdisjoint({"A1", HOSTILE})
+    text, html = as_text(found), as_html(found)
+    until = backend.clock.short(found.shelf.listed[0].until)
+    assert "2 SHELVED" in text
+    assert f"  A1, shelved until {until} (work order WO-9); by anna; now: valve sticks (rely on it)" in text
+    assert not [line for line in text.splitlines() if line.startswith("Bcc")]
+    assert "<summary" in html
+    assert "2 shelved" in html
+    assert "<script>" not in html
+    told = as_json(found)
+    assert [one["loop"] for one in told["shelved"]] == [one.loop for one in found.shelf.listed]
+    assert "shelf" not in told
+
+
+def test_what_got_worse_since_it_was_shelved_is_listed_all_the_same(backend: Backend, night: str) -> None:
+    shelved_before(backend, night, "A1", shelved_as="")
+    found = digest_of(backend, night)
+    first = found.areas[0].loops[0]
+    words = "(work order WO-9), but by now the valve sticks, and that is to be relied on"
+    assert first.loop == "A1"
+    assert first.shelved.endswith(words)
+    assert f"     {first.shelved}" in as_text(found)
+    assert first.shelved in as_html(found)
+    assert "1 SHELVED, 1 OF THEM LISTED ALL THE SAME" in as_text(found)
+
+
+def test_without_any_other_loop_that_sticks_it_says_other(backend: Backend, night: str, add_loops: AddLoops) -> None:
+    refused = {"verdict": "not_auditable", "likely_cause": "data"}
+    others = list(add_loops("A2", "B1").values())
+    with backend.database.write() as connection:
+        connection.execute(
+            update(verdicts).where(verdicts.c.audit_id == int(night), verdicts.c.loop_id.in_(others)).values(**refused)
+        )
+    for tag in ("A1", HOSTILE):
+        shelved_before(backend, night, tag, shelved_as="sticks")
+    shelved_before(backend, night, "A2")
+    assert "No other valve sticks, as far as the records tell." in as_text(digest_of(backend, night))
+    assert "2 not auditable: too little usable data (B1, ...)" in as_text(digest_of(backend, night))
+    shelved_before(backend, night, "B1")
+    assert "2 not auditable: too little usable data (shelved)" in as_text(digest_of(backend, night))
 
 
 def test_a_later_run_changes_nothing_of_it(backend: Backend, night: str) -> None:

@@ -1,0 +1,279 @@
+"""A shelved loop leads no list of what to look at first, until its time, a repair, or something worse; nothing else of
+it changes."""
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+
+import pytest
+from sqlalchemy import update
+
+from app.errors import NotFoundError, RequestError
+from app.services.auditing.audits import start_audit
+from app.services.auditing.chunks import audit_chunk
+from app.services.backend import Backend
+from app.services.next_steps import BY_CAUSE, STICKS, next_step
+from app.services.plant import notes
+from app.services.plant import overview as plant
+from app.services.plant.loops import loop_health, patch_loop
+from app.services.plant.shelving import LONGEST, Shelf, shelf, step_of
+from app.services.plant.work_list import work_list
+from app.services.reports.documents import loop_report, plant_report
+from app.services.wording import UNANSWERED
+from app.storage.tables import loops, newest_rows, verdicts
+from app.storage.tables import notes as notes_table
+
+AddLoops = Callable[..., dict[str, int]]
+DAY = timedelta(days=1)
+UNSURE = {
+    "verdict": "stiction",
+    "reliability": "not_reliable",
+    "likely_cause": "stiction",
+    "health": 20.0,
+    "reasons": "",
+}
+SURE = UNSURE | {"reliability": "reliable"}
+DEAD = UNSURE | {"verdict": "inconclusive", "likely_cause": UNANSWERED}
+
+
+def say(backend: Backend, tag: str, **values: object) -> None:
+    """The loop's newest verdict as if it had been another one."""
+    with backend.database.write() as connection:
+        for table in (verdicts, newest_rows):
+            of_loop = table.c.loop_id.in_(loops.select().with_only_columns(loops.c.id).where(loops.c.tag == tag))
+            told = {name: value for name, value in values.items() if name in table.c}
+            connection.execute(update(table).where(of_loop).values(**told))
+
+
+def until(days: float = 30.0) -> datetime:
+    return datetime.now(UTC) + days * DAY
+
+
+def shelve(backend: Backend, tag: str, days: float = 30.0, by: str = "anna") -> str:
+    return notes.add_note(backend, tag, "packing is ordered", "WO-17", None, by, until(days)).id
+
+
+def wait(backend: Backend, note_id: str, past: timedelta) -> None:
+    """As if the note had been written so much earlier, and its time had been so much earlier too."""
+    with backend.database.write() as connection:
+        mine = notes_table.c.id == int(note_id)
+        found = connection.execute(notes_table.select().where(mine)).one()
+        moved = {"written_at": found.written_at - past, "shelved_until": found.shelved_until - past}
+        connection.execute(update(notes_table).where(mine).values(**moved))
+
+
+def worst(backend: Backend) -> list[str]:
+    return [row["loop"] for row in plant.worst(backend)]
+
+
+@pytest.fixture
+def judged(backend: Backend, add_loops: AddLoops) -> Backend:
+    """Three loops whose valves may stick; A is the worst of them."""
+    add_loops("A", "B", "C", n=600, unit="U1")
+    audit_chunk(backend, int(start_audit(backend).id), "test")
+    for number, tag in enumerate("ABC"):
+        say(backend, tag, **UNSURE | {"health": 20.0 + number})
+    return backend
+
+
+def test_a_shelved_loop_is_left_out_of_the_worst_and_of_nothing_else(judged: Backend) -> None:
+    before = plant.overview(judged)
+    shelve(judged, "A")
+    assert worst(judged) == ["B", "C"]
+    assert plant.overview(judged) == before
+    rows = {row["loop"]: row for row in plant.table(judged, 10).rows}
+    assert set(rows) == {"A", "B", "C"}
+    (one,) = shelf(judged).listed
+    assert (one.loop, one.by, one.work_order, one.text) == ("A", "anna", "WO-17", "packing is ordered")
+    assert one.said == "valve sticks (look first)"
+    assert rows["A"]["shelved_until"] == one.until
+    assert rows["B"]["shelved_until"] is None
+    told = judged.clock.short(one.until)
+    assert rows["A"]["next_step"] == f"Wait: shelved until {told} (work order WO-17)."
+    assert rows["B"]["next_step"] == next_step(rows["B"])
+    assert rows["A"]["next_step"] in loop_report(judged, "A")
+    assert start_audit(judged).total == 3
+
+
+def test_the_report_of_the_plant_leaves_it_out_and_names_it(judged: Backend) -> None:
+    shelve(judged, "A")
+    head, _, rest = plant_report(judged).partition("1 shelved</summary>")
+    assert '<td class="tag">A</td>' not in head.partition("Worst of each unit")[2]
+    assert '<td class="tag">A</td>' in rest
+    for tag in ("B", "C"):
+        shelve(judged, tag)
+    assert "No other valve sticks, as far as the records tell." in plant_report(judged)
+
+
+def test_it_is_not_in_the_work_list_until_it_is_worse(judged: Backend) -> None:
+    shelve(judged, "A")
+    assert [one.loop for one in work_list(judged, shelf(judged))] == ["B", "C"]
+    assert '<td class="tag">A</td>' not in plant_report(judged).partition("1 shelved</summary>")[0]
+    say(judged, "A", **SURE)
+    first = work_list(judged, shelf(judged))[0]
+    assert (first.loop, first.step.startswith(STICKS)) == ("A", True)
+    assert "(work order WO-17), but by now the valve sticks, and that is to be relied on" in first.facts
+    assert first.shelved in plant_report(judged)
+
+
+def test_the_work_of_a_run_goes_by_what_was_shelved_when_it_began(judged: Backend) -> None:
+    shelve(judged, "A")
+    (run,) = {int(row["audit_id"]) for row in plant.table(judged, 10).rows}
+    as_it_began = work_list(judged, Shelf([], ()), run)
+    assert [one.loop for one in as_it_began] == ["A", "B", "C"]
+    assert not as_it_began[0].step.startswith("Wait")
+
+
+def test_it_is_neither_looked_at_today_nor_among_old_records(judged: Backend) -> None:
+    def listed() -> list[list[str]]:
+        found = (plant.look_today(judged, plant.changes(judged)), plant.worst_of_old(judged, 1 << 62))
+        return [sorted(row["loop"] for row in rows) for rows in found]
+
+    for tag in "AB":
+        say(judged, tag, **DEAD)
+    assert listed() == [["A", "B"], ["A", "B", "C"]]
+    shelve(judged, "A")
+    assert listed() == [["B"], ["B", "C"]]
+
+
+def test_to_wait_comes_before_what_to_do_until_two_answers_agree(judged: Backend) -> None:
+    row = loop_health(judged, "A")
+    assert step_of(row, None, None, judged.clock, instead="Explain it.") == "Explain it."
+    shelve(judged, "A")
+    assert step_of(row, None, shelf(judged).of("A"), judged.clock, instead="Explain it.").startswith("Wait: ")
+
+
+def test_it_ends_by_itself(judged: Backend) -> None:
+    note_id = shelve(judged, "A", 2)
+    wait(judged, note_id, DAY)
+    assert worst(judged) == ["B", "C"]
+    wait(judged, note_id, DAY)
+    assert worst(judged) == ["A", "B", "C"]
+    assert plant.table(judged, 10).rows[0]["shelved_until"] is None
+    assert notes.list_notes(judged, "A")[0].shelved_until is not None
+
+
+def test_the_newest_counts_though_it_ends_earlier(judged: Backend) -> None:
+    shelve(judged, "A", 30)
+    shorter = shelve(judged, "A", 2)
+    wait(judged, shorter, 2 * DAY)
+    assert shelf(judged).listed == []
+
+
+def test_it_is_ended_by_hand_whatever_was_written_before(judged: Backend) -> None:
+    first, newest = shelve(judged, "A", 30), shelve(judged, "A", 60)
+    done = notes.withdraw_shelving(judged, "A", newest, "bert")
+    assert done.withdrawn_by == "bert"
+    assert notes.withdraw_shelving(judged, "A", newest, "carl") == done
+    assert [(note.id, note.withdrawn_by) for note in notes.list_notes(judged, "A")] == [
+        (newest, "bert"),
+        (first, "bert"),
+    ]
+    assert worst(judged) == ["A", "B", "C"]
+
+
+def test_to_end_one_that_was_replaced_leaves_the_newest(judged: Backend) -> None:
+    first, newest = shelve(judged, "A", 30), shelve(judged, "A", 60)
+    notes.withdraw_shelving(judged, "A", first)
+    assert [one.note_id for one in shelf(judged).listed] == [newest]
+
+
+def test_only_a_shelving_of_that_loop_can_be_ended(judged: Backend) -> None:
+    shelving, plain = shelve(judged, "A"), notes.add_note(judged, "A", "runs well").id
+    repair = notes.add_note(judged, "C", "packing", repaired_at=datetime.now(UTC) - DAY).id
+    for tag, note_id in (("B", shelving), ("A", plain), ("C", repair), ("A", "nonsense"), ("NOWHERE", shelving)):
+        with pytest.raises(NotFoundError):
+            notes.withdraw_shelving(judged, tag, note_id)
+    with pytest.raises(NotFoundError):
+        notes.withdraw_repair(judged, "A", shelving)
+    assert [one.loop for one in shelf(judged).listed] == ["A"]
+
+
+def test_a_repair_that_is_stated_after_it_ends_it_as_long_as_it_stands(judged: Backend) -> None:
+    earlier = datetime.now(UTC) - 40 * DAY
+    notes.add_note(judged, "A", "packing", repaired_at=earlier)
+    shelve(judged, "A")
+    assert shelf(judged).left_out != ()
+    repair = notes.add_note(judged, "A", "done at last", repaired_at=earlier)
+    assert shelf(judged).listed == []
+    notes.withdraw_repair(judged, "A", repair.id)
+    assert [one.loop for one in shelf(judged).listed] == ["A"]
+
+
+@pytest.mark.parametrize(
+    ("then", "now", "words", "step"),
+    [
+        (UNSURE, SURE, "by now the valve sticks, and that is to be relied on", STICKS),
+        (UNSURE, DEAD, "by now PV never answers OP: look today", BY_CAUSE[UNANSWERED]),
+        (SURE, DEAD, "by now PV never answers OP: look today", BY_CAUSE[UNANSWERED]),
+    ],
+)
+def test_what_got_worse_in_kind_is_listed_all_the_same(
+    judged: Backend, then: dict[str, object], now: dict[str, object], words: str, step: str
+) -> None:
+    say(judged, "B", **then)
+    shelve(judged, "B")
+    shelve(judged, "C")
+    say(judged, "B", **now)
+    seen = shelf(judged)
+    assert [(one.loop, one.worse) for one in seen.listed] == [("B", words), ("C", "")]
+    assert seen.count_words == "2 shelved, 1 of them listed all the same"
+    row = next(row for row in plant.worst(judged) if row["loop"] == "B")
+    assert row["next_step"].startswith(step)
+    told = f"shelved until {judged.clock.short(row['shelved_until'])} (work order WO-17), but {words}"
+    assert row["shelved"] == told
+    assert "C" not in worst(judged)
+    shelve(judged, "B")  # somebody has seen it, and shelves it as it is now
+    assert worst(judged) == ["A"]
+
+
+@pytest.mark.parametrize(("then", "now"), [(SURE, UNSURE), (SURE, SURE), (DEAD, DEAD), (DEAD, UNSURE)])
+def test_what_is_as_bad_as_it_was_stays_left_out(
+    judged: Backend, then: dict[str, object], now: dict[str, object]
+) -> None:
+    say(judged, "A", **then)
+    shelve(judged, "A")
+    say(judged, "A", **now)
+    assert worst(judged) == ["B", "C"]
+
+
+def test_a_loop_that_was_never_audited_can_be_shelved_until_it_is_known_to_stick(
+    judged: Backend, add_loops: AddLoops
+) -> None:
+    add_loops("D", n=600)
+    shelve(judged, "D")
+    assert [(one.loop, one.said) for one in shelf(judged).listed] == [("D", "not audited")]
+    audit_chunk(judged, int(start_audit(judged).id), "test")
+    say(judged, "D", **SURE)
+    assert "D" in worst(judged)
+
+
+def test_a_retired_loop_is_not_shelved(judged: Backend) -> None:
+    shelve(judged, "A")
+    patch_loop(judged, "A", {"retired": True})
+    assert shelf(judged).listed == []
+
+
+@pytest.mark.parametrize(
+    ("note", "code"),
+    [
+        ({"text": ""}, "no_reason_to_shelve"),
+        ({"shelved_until": datetime(2026, 1, 1, tzinfo=UTC)}, "bad_shelving_time"),
+        ({"shelved_until": datetime.now(UTC) + LONGEST + DAY}, "bad_shelving_time"),
+        ({"shelved_until": datetime.max}, "bad_shelving_time"),
+        ({"repaired_at": datetime(2026, 1, 1, tzinfo=UTC)}, "repaired_and_shelved"),
+    ],
+)
+def test_a_shelving_needs_a_reason_and_a_time_within_a_year(
+    judged: Backend, note: dict[str, object], code: str
+) -> None:
+    given = {"text": "spare part", "shelved_until": until()} | note
+    with pytest.raises(RequestError) as refused:
+        notes.add_note(judged, "A", **given)  # type: ignore[arg-type]
+    assert refused.value.code == code
+    assert notes.list_notes(judged, "A") == []
+
+
+def test_a_work_order_is_reason_enough(judged: Backend) -> None:
+    notes.add_note(judged, "A", "", "WO-3", shelved_until=datetime.now(UTC) + LONGEST - DAY)
+    assert worst(judged) == ["B", "C"]
+    assert loop_health(judged, "A")["verdict"] == "stiction"
