@@ -101,7 +101,8 @@ def test_two_values_of_op_and_a_line_of_pv_do_no_harm(sticking: list[UniformReco
 
 def test_a_level_whose_valve_has_a_band_is_not_cleared_reliably() -> None:
     judged = [audit(level(seed, S)).judgement for seed in range(4)]
-    assert {(one.verdict, one.reliability) for one in judged} == {("no_stiction", "not_reliable")}
+    assert {one.verdict for one in judged} <= {"no_stiction", "inconclusive"}
+    assert {one.reliability for one in judged} == {"not_reliable"}
     assert sum("hidden_band" in [reason.code for reason in one.reasons] for one in judged) >= 3
 
 

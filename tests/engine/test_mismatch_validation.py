@@ -79,11 +79,11 @@ def test_the_beginning_is_a_tenth_of_what_is_compared() -> None:
     assert beginning(np.ones(1000, dtype=np.bool_)).sum() == 100
 
 
-def test_nothing_known_beyond_the_start_is_refused(first: Comparison, second: Comparison) -> None:
+def test_a_second_recording_of_which_next_to_nothing_is_known_is_refused(first: Comparison, second: Comparison) -> None:
     known = np.arange(N) < 5
-    with pytest.raises(DataError, match="beyond its start") as refused:
+    with pytest.raises(DataError, match="PV changes 4 times in 5 samples") as refused:
         explain(first, replace(second, known=known))
-    assert refused.value.code == "nothing_known"
+    assert refused.value.code == "signal_constant"
 
 
 def test_only_states_that_a_record_began_with_begin_anew() -> None:

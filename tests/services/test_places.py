@@ -107,7 +107,7 @@ def test_a_signal_in_another_unit_is_told(backend: Backend) -> None:
     assert sent(backend, 2, names="TIC5.PV,TIC5.OP").notes == []
     other = sent(backend, 3, names="TIC5.PV [degF],TIC5.OP (%)")
     assert warned(other)
-    assert "PV of TIC5 is in degF here, was in degC" in other.notes[0]
+    assert "PV of TIC5 is in degF here and was in degC" in other.notes[0]
 
 
 def test_columns_of_one_name_are_no_units(backend: Backend) -> None:
