@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from app.errors import DataError
 
@@ -33,6 +33,25 @@ def known_span(span: Span | None) -> Span | None:
     return (low, high) if math.isfinite(high - low) and low < high else None
 
 
+def _floats(name: str, signal: ArrayLike) -> FloatArray:
+    """Times of a calendar would become nanoseconds, and texts whatever they look like."""
+    values = np.asarray(signal)
+    if values.dtype.kind not in "biuf":
+        raise DataError("signal_type", f"{name} must be numbers, got {values.dtype}")
+    return values.astype(np.float64, copy=False)
+
+
+def _flags(automatic: ArrayLike) -> BoolArray:
+    """Anything but 0 would become True, a mode that is not known too."""
+    values = np.asarray(automatic)
+    if values.dtype == np.bool_:
+        return values
+    numbers = _floats("automatic", values)
+    if not np.all((numbers == 0) | (numbers == 1)):
+        raise DataError("signal_type", "automatic must be True or False, or 1 or 0, at each sample")
+    return numbers == 1
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
     """One loop's record as it was sampled: possibly irregular, with gaps (NaN) and flat stretches.
@@ -47,8 +66,8 @@ class Recording:
     integrating: whether the process integrates (a level), or None where it is not known.
     others: further measured signals, (N,) each, by name.
     Signals of other types are made float64, the mode bool; those that are so already are not copied.
-    Raises DataError("signal_length") where the signals' lengths differ and DataError("time_order") where time does not
-    increase.
+    Raises DataError("signal_type") where a signal is not of numbers or the mode not of 1 and 0, "signal_length" where
+    the signals' lengths differ and "time_order" where time does not increase.
     """
 
     name: str
@@ -75,13 +94,14 @@ class Recording:
 
     def _make_floats(self) -> None:
         """Integers without a sign, as some systems export them, would wrap where SP - PV is below zero."""
-        kinds = {"time_s": np.float64, "pv": np.float64, "op": np.float64, "sp": np.float64, "automatic": np.bool_}
-        for name, kind in kinds.items():
+        for name in ("time_s", "pv", "op", "sp"):
             signal = getattr(self, name)
             if signal is not None:
-                object.__setattr__(self, name, np.asarray(signal, dtype=kind))
-        if any(signal.dtype != np.float64 for signal in self.others.values()):
-            others = {name: np.asarray(signal, dtype=np.float64) for name, signal in self.others.items()}
+                object.__setattr__(self, name, _floats(name, signal))
+        if self.automatic is not None:
+            object.__setattr__(self, "automatic", _flags(self.automatic))
+        others = {name: _floats(name, signal) for name, signal in self.others.items()}
+        if any(others[name] is not signal for name, signal in self.others.items()):
             object.__setattr__(self, "others", others)
 
     @property

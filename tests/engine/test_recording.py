@@ -45,6 +45,31 @@ def test_signals_of_any_type_are_numbers_with_a_sign(kind):
     assert compute(made).error_std == pytest.approx(np.sqrt(200.0 / 3.0))
 
 
+@pytest.mark.parametrize("automatic", [[1.0, np.nan, 0.0], [1.0, -1.0, 0.0], [0, 1, 2], ["AUTO", "MAN", "MAN"]])
+def test_a_mode_that_is_neither_is_not_automatic(automatic):
+    with pytest.raises(DataError, match="automatic must be") as error:
+        a_recording(automatic=np.array(automatic))
+    assert error.value.code == "signal_type"
+
+
+def test_a_mode_may_be_numbers():
+    assert a_recording(automatic=np.array([1.0, 0.0, 1.0])).automatic.tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize("name", ["time_s", "pv", "op", "sp"])
+@pytest.mark.parametrize("kind", ["datetime64[ns]", "timedelta64[s]", "U3", "S3", object, complex])
+def test_signals_that_are_no_numbers_are_refused(name, kind):
+    with pytest.raises(DataError, match=f"{name} must be numbers") as error:
+        a_recording(**{name: np.arange(3).astype(kind)})
+    assert error.value.code == "signal_type"
+
+
+def test_other_signals_may_be_lists_and_must_be_numbers():
+    assert a_recording(others={"flow": [1, 2, 3]}).others["flow"].dtype == np.float64
+    with pytest.raises(DataError, match="flow must be numbers"):
+        a_recording(others={"flow": ["1", "2", "3"]})
+
+
 def test_signals_that_are_floats_are_not_copied():
     signal, others = np.array([1.0, 2.0, 3.0]), {"flow": np.ones(3)}
     made = a_recording(pv=signal, others=others)
