@@ -167,9 +167,15 @@ def fill_in(connection: Connection, told: Mapping[int, Mapping[str, Any]]) -> No
 
 
 def _unset(row: LoopRow, told: Mapping[str, Any]) -> dict[str, Any]:
-    """Of what is told, what the loop does not have; nothing of a span of which it has an end."""
-    begun = {name for span in SPANS if any(getattr(row, end) is not None for end in span) for name in span}
-    return {name: value for name, value in told.items() if name not in begun and getattr(row, name) is None}
+    """Of what is told, what the loop does not have; of a span of which it has an end, the other only where the end that
+    it has is told as well."""
+    held = [{end: value for end in span if (value := getattr(row, end)) is not None} for span in SPANS]
+    other = {name for span, ends in zip(SPANS, held, strict=True) if _differs(ends, told) for name in span}
+    return {name: value for name, value in told.items() if name not in other and getattr(row, name) is None}
+
+
+def _differs(ends: Mapping[str, float], told: Mapping[str, Any]) -> bool:
+    return any(told.get(name) != value for name, value in ends.items())
 
 
 def count(connection: Connection) -> int:

@@ -39,6 +39,9 @@ def test_what_is_set_while_a_file_is_stored_stands(database: Database) -> None:
         ((None, 30.0), {"op_low": 40.0, "op_high": 80.0}, (None, 30.0)),
         ((0.0, 100.0), {"op_low": 4.0, "op_high": 20.0}, (0.0, 100.0)),
         ((None, None), {"op_low": 4.0}, (4.0, None)),
+        ((None, 100.0), {"op_low": 0.0, "op_high": 100.0}, (0.0, 100.0)),
+        ((0.0, None), {"op_low": 0.0, "op_high": 100.0}, (0.0, 100.0)),
+        ((0.0, None), {"op_high": 100.0}, (0.0, None)),
     ],
 )
 def test_a_span_is_filled_in_whole_or_not_at_all(database: Database, held: tuple, told: dict, stored: tuple) -> None:
