@@ -300,6 +300,14 @@ def test_a_mapping_names_loops_and_fills_in_what_is_not_set(backend: Backend) ->
     assert (loop.type, loop.unit, loop.pv_unit, loop.pv_high, loop.op_low) == ("flow", "U9", "t/h", 120.0, 0.0)
 
 
+def test_a_mapping_may_spell_a_loop_in_two_ways(backend: Backend) -> None:
+    mapping = b"tag,loop,signal,low,high\nA1,sic1,PV,0,100\nA2,SIC1,OP,0,50\n"
+    done = read(backend, send(backend, b"time,A1,A2\n0,1,2\n60,2,3\n", options=ReadingOptions(mapping=mapping)))
+    (tag,) = done.loops
+    loop = loops.get_loop(backend, tag)
+    assert (loop.pv_low, loop.pv_high, loop.op_low, loop.op_high) == (0.0, 100.0, 0.0, 50.0)
+
+
 def test_options_that_cannot_be_used_are_refused_at_once(backend: Backend) -> None:
     for options in (ReadingOptions(mapping=b"tag,loop\na,b\n"), ReadingOptions(time_zone="Mars/Base")):
         with pytest.raises(LoopauditError):

@@ -209,7 +209,8 @@ def _store(backend: Backend, claim: ReadingClaim, batch: list[Prepared], mapping
         added = series.add(connection, stretches, claim.upload_id, place)
         uploads.note_loops(connection, claim.upload_id, ids.values())
         if mapping is not None:
-            loops.fill_in(connection, {ids[tag]: found for tag, found in _attributes(mapping).items() if tag in ids})
+            found = _attributes(mapping)
+            loops.fill_in(connection, {ids[tag]: found[key] for tag in ids if (key := tag.casefold()) in found})
     return added.samples
 
 
@@ -224,10 +225,11 @@ OF_LOOP = {"type": "loop_type", "unit": "area", "description": "description"}
 
 
 def _attributes(mapping: TagMapping) -> dict[str, dict[str, Any]]:
-    """What a mapping says about loops, by tag: the spans and the unit of their signals, their type and plant unit."""
+    """What a mapping says about loops, by casefolded tag, as a loop may be spelled in two ways: the spans and the unit
+    of their signals, their type and plant unit."""
     found: dict[str, dict[str, Any]] = {}
     for entry in mapping.entries.values():
-        told = found.setdefault(entry.loop, {})
+        told = found.setdefault(entry.loop.casefold(), {})
         if entry.signal in ("PV", "OP"):
             name = entry.signal.lower()
             told[f"{name}_low"], told[f"{name}_high"] = entry.number("low"), entry.number("high")
