@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Connection, Select, bindparam, func, select, update
+from sqlalchemy import Connection, Select, bindparam, func, select, text, update
 
 from app.storage.bulk import among, from_arrays, insert_new_rows
 from app.storage.tables import loops
@@ -66,17 +66,30 @@ def ensure(connection: Connection, tags: Iterable[str]) -> dict[str, int]:
     other letters, great or small: as in one file, it is the same."""
     wanted = sorted(set(tags))
     ids = ids_of(connection, wanted)
+    ids |= _spelled_otherwise(connection, [tag for tag in wanted if tag not in ids])
+    if any(tag not in ids for tag in wanted):
+        _lock_new(connection)
+        ids |= _spelled_otherwise(connection, [tag for tag in wanted if tag not in ids])
     if missing := [tag for tag in wanted if tag not in ids]:
-        ids |= _spelled_otherwise(connection, missing)
-    missing = [tag for tag in missing if tag not in ids]
-    if missing:
         insert_new_rows(connection, loops, [{"tag": tag, "created_at": now()} for tag in missing])
         ids |= ids_of(connection, missing)
     return ids
 
 
+def _lock_new(connection: Connection) -> None:
+    """Whoever creates loops waits for whoever does so now: of two spellings of a tag the second sees the first. On
+    SQLite every transaction that writes waits already."""
+    if connection.dialect.name == "postgresql":
+        connection.execute(text("SELECT pg_advisory_xact_lock(705163)"))
+
+
 def _spelled_otherwise(connection: Connection, tags: Sequence[str]) -> dict[str, int]:
-    known = {row.tag.casefold(): row.id for row in connection.execute(select(loops.c.tag, loops.c.id))}
+    """Where an older version left several spellings of a tag, it is the one that was there first."""
+    if not tags:
+        return {}
+    known: dict[str, int] = {}
+    for row in connection.execute(select(loops.c.tag, loops.c.id).order_by(loops.c.id)):
+        known.setdefault(row.tag.casefold(), row.id)
     return {tag: known[tag.casefold()] for tag in tags if tag.casefold() in known}
 
 

@@ -4,8 +4,11 @@ import threading
 import time
 
 import pytest
+from sqlalchemy import insert
 
 from app.storage import Database, loops
+from app.storage.tables import loops as loops_table
+from app.storage.types import now
 
 
 def test_what_is_set_while_a_file_is_stored_stands(database: Database) -> None:
@@ -51,3 +54,32 @@ def test_a_span_is_filled_in_whole_or_not_at_all(database: Database, held: tuple
         loops.fill_in(connection, {loop_id: {"type": "flow", **told}})
         row = loops.by_ids(connection, [loop_id])[loop_id]
     assert ((row.op_low, row.op_high), row.type) == (stored, "flow")
+
+
+def test_one_loop_is_made_where_two_files_spell_it_in_two_ways_at_once(database: Database) -> None:
+    """The second file's transaction begins before the first one's is committed."""
+    begun = threading.Event()
+    second: dict[str, int] = {}
+
+    def store() -> None:
+        begun.set()
+        with database.write() as connection:
+            second.update(loops.ensure(connection, ["tt8"]))
+
+    storing = threading.Thread(target=store)
+    with database.write() as connection:
+        first = loops.ensure(connection, ["TT8"])
+        storing.start()
+        begun.wait()
+        time.sleep(0.3)
+    storing.join()
+    assert second == {"tt8": first["TT8"]}
+
+
+def test_of_two_spellings_that_are_there_it_is_the_first(database: Database) -> None:
+    with database.write() as connection:
+        for tag in ("FIC1", "fic1"):
+            connection.execute(insert(loops_table).values(tag=tag, created_at=now()))
+        there = loops.ids_of(connection, ["FIC1", "fic1"])
+        assert loops.ensure(connection, ["Fic1"]) == {"Fic1": there["FIC1"]}
+        assert loops.ensure(connection, ["fic1"]) == {"fic1": there["fic1"]}
