@@ -1,5 +1,6 @@
 """Stretches of samples: written so that sending again changes nothing, read for many loops at once."""
 
+import logging
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
@@ -13,9 +14,11 @@ from sqlalchemy import ColumnElement, Connection, and_, bindparam, func, select,
 
 from app.nanoseconds import NS_PER_H
 from app.storage.bulk import among, columns_of, from_arrays, insert_new_rows
-from app.storage.samples import Samples, merged, news, unpack_stored
+from app.storage.samples import DamagedStretchError, Samples, merged, news, unpack_stored
 from app.storage.steps import known_before, last_known, led_in
 from app.storage.tables import AS_RECEIVED, loops, series
+
+log = logging.getLogger("loopaudit.series")
 
 LOOPS_AT_ONCE = 8
 """Loops whose stretches are taken from the data base together: a week at a value a second has some megabytes."""
@@ -180,7 +183,10 @@ def _known(connection: Connection, keys: list[Key]) -> dict[Key, tuple[int | Non
 
 
 def _overlapped(connection: Connection, stretches: list[Stretch]) -> dict[int, list[Stored]]:
-    """What is stored of the loops in the time that the stretches cover, in the order in which it was received."""
+    """What is stored of the loops in the time that the stretches cover, in the order in which it was received.
+
+    A damaged stretch is taken for absent: what is sent is stored, and so is what came of other loops with it.
+    """
     if not stretches:
         return {}
     first = min(int(s.samples.time_ns[0]) for s in stretches)
@@ -193,7 +199,10 @@ def _overlapped(connection: Connection, stretches: list[Stretch]) -> dict[int, l
     )
     found: dict[int, list[Stored]] = defaultdict(list)
     for row in connection.execute(query).all():
-        found[row.loop_id].append(Stored(row.receipt_number, unpack_stored(row.id, row.packed)))
+        try:
+            found[row.loop_id].append(Stored(row.receipt_number, unpack_stored(row.id, row.packed)))
+        except DamagedStretchError:
+            log.exception("samples of loop %s are damaged; what is sent of that time is stored anew", row.loop_id)
     return found
 
 

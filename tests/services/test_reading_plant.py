@@ -12,7 +12,7 @@ import pytest
 from sqlalchemy import Connection, select, update
 
 from app.api.models import HealthOut
-from app.errors import NotFoundError, RequestError
+from app.errors import DataError, NotFoundError, RequestError
 from app.services.auditing import audits, chunks
 from app.services.auditing.audit_models import ReliabilityRow
 from app.services.auditing.rows import COLUMNS
@@ -31,6 +31,7 @@ from app.storage.samples import Samples
 from app.storage.series import Stretch
 from app.storage.tables import audits as stored_audits
 from app.storage.tables import newest_rows, verdicts
+from app.storage.tables import series as stored_series
 from tests.services.upkeep_plant import with_settings
 
 AddLoops = Callable[..., dict[str, int]]
@@ -360,6 +361,15 @@ def test_a_trend_keeps_the_extremes(backend: Backend, add_loops: AddLoops) -> No
     part = trend(backend, "FIC1", start=start, end=datetime(2025, 6, 15, 15, 20, tzinfo=UTC))
     assert part.samples == 10
     assert np.isfinite(part.pv).all()
+
+
+def test_a_trend_of_damaged_samples_is_refused_with_a_code(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("FIC1", n=150)
+    with backend.database.write() as connection:
+        connection.execute(update(stored_series).values(packed=b"damaged"))
+    with pytest.raises(DataError, match="cannot be read") as refused:
+        trend(backend, "FIC1")
+    assert refused.value.code == "damaged_samples"
 
 
 def test_a_trend_has_the_mode_as_it_holds(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from psycopg.adapt import PyFormat, Transformer
 from psycopg.pq import Format
-from sqlalchemy import func, insert, select, text
+from sqlalchemy import func, insert, select, text, update
 
 from app.settings import Settings
 from app.storage import Database, loops, retention, series
@@ -259,3 +259,16 @@ def test_bytes_go_to_postgresql_as_bytes(settings: Settings) -> None:
             assert connection.execute(sent, given).one() == told
     finally:
         database.close()
+
+
+def test_a_damaged_stretch_keeps_nothing_else_from_being_stored(
+    database: Database, caplog: pytest.LogCaptureFixture
+) -> None:
+    add(database, "FIC1", ramp(0, 100))
+    with database.write() as connection:
+        connection.execute(update(series_table).values(packed=b"damaged"))
+        ids = loops.ensure(connection, ["FIC1", "FIC2"])
+        added = series.add(connection, [Stretch(loop_id, ramp(50, 150)) for loop_id in ids.values()], None)
+    assert added == series.Added(2, 200)
+    assert "are damaged" in caplog.text
+    assert len(window(database, "FIC2")) == 100

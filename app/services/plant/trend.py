@@ -1,5 +1,6 @@
 """A loop's series, thinned to what a screen shows."""
 
+import logging
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -7,15 +8,17 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from app.errors import RequestError
+from app.errors import DataError, RequestError
 from app.ingest import carried
 from app.services.backend import Backend
 from app.services.moments import iso_utc, moment_of
 from app.services.plant.loops import find
 from app.services.results import TrendView
 from app.storage import series
-from app.storage.samples import FloatArray, Samples, merged
+from app.storage.samples import DamagedStretchError, FloatArray, Samples, merged
 from app.storage.steps import HOLDING
+
+log = logging.getLogger("loopaudit.trend")
 
 MOST_POINTS = 10_000
 PIECE_SAMPLES = 1_000_000  # that are read at once: some 200 MB
@@ -30,7 +33,8 @@ def trend(
 ) -> TrendView:
     """PV, OP, SP and mode between `start` and `end`, by default the newest 24 hours; about `points` times.
 
-    Of each stretch the least and the greatest value of each signal are kept, so that no peak is lost.
+    Of each stretch the least and the greatest value of each signal are kept, so that no peak is lost. Raises
+    DataError("damaged_samples") where what is stored cannot be read.
     """
     if not 2 <= points <= MOST_POINTS:
         raise RequestError("bad_points", f"points must be from 2 to {MOST_POINTS}, got {points}")
@@ -39,7 +43,11 @@ def trend(
         return TrendView(tag, 0, [], [], [], None)
     end_ns = row.newest_ns if end is None else instant_ns(end)
     start_ns = end_ns - DEFAULT_S * NS_PER_S if start is None else instant_ns(start)
-    found = _stretch(backend, row.id, start_ns, end_ns, points)
+    try:
+        found = _stretch(backend, row.id, start_ns, end_ns, points)
+    except DamagedStretchError as error:
+        log.exception("the trend of %r cannot be drawn", tag)
+        raise DataError("damaged_samples", f"{error}; ask for a time before or after it") from error
     return TrendView(tag, 0, [], [], [], None) if found is None else _view(tag, *found, points)
 
 
