@@ -23,7 +23,7 @@ FORMATS = (1, FORMAT)  # of format 1 the head is a list of names, and each signa
 LEVEL = 3
 HEADER = struct.Struct("<BII")  # format, samples, length of the head
 LONGEST_NAMES = 1 << 20
-DAMAGED = (ValueError, TypeError, AttributeError, OverflowError, struct.error, zstandard.ZstdError)
+DAMAGED = (ValueError, TypeError, AttributeError, OverflowError, MemoryError, struct.error, zstandard.ZstdError)
 """What unpacking raises where bytes are missing or others than were written."""
 _own = threading.local()
 
@@ -107,9 +107,9 @@ def _times(time_ns: TimeArray) -> _Times:
 
 
 def _compressor() -> zstandard.ZstdCompressor:
-    """One a thread: making it costs as much as it takes to press a day."""
+    """One a thread: making it costs as much as it takes to press a day. Without a checksum damage is mostly unseen."""
     if not hasattr(_own, "compressor"):
-        _own.compressor = zstandard.ZstdCompressor(LEVEL)
+        _own.compressor = zstandard.ZstdCompressor(LEVEL, write_checksum=True)
     return _own.compressor
 
 

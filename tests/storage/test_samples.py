@@ -71,6 +71,33 @@ def test_a_damaged_stretch_is_told_by_its_number() -> None:
             unpack_stored(7, damaged)
 
 
+def test_a_byte_of_the_samples_that_is_another_is_noticed() -> None:
+    pv = np.random.default_rng(1).normal(size=50)  # which cannot be pressed: the frame has the bytes as they are
+    packed = samples(list(range(50)), pv=list(pv)).packed
+    start = HEADER.size + HEADER.unpack_from(packed)[2]
+    for place in range(start, len(packed)):
+        other = bytearray(packed)
+        other[place] ^= 1
+        with pytest.raises(DamagedStretchError):
+            unpack_stored(7, bytes(other))
+
+
+def test_a_size_beyond_all_memory_is_damage(monkeypatch: pytest.MonkeyPatch) -> None:
+    def exhausted(packed: bytes) -> Samples:
+        raise MemoryError
+
+    monkeypatch.setattr("app.storage.samples.unpack", exhausted)
+    with pytest.raises(DamagedStretchError, match="stretch 7"):
+        unpack_stored(7, b"")
+
+
+def test_a_frame_without_a_checksum_is_read() -> None:
+    whole = samples([1, 2, 3], pv=[1, 2, 3])
+    start = HEADER.size + HEADER.unpack_from(whole.packed)[2]
+    body = zstandard.ZstdDecompressor().decompress(whole.packed[start:])
+    assert same(unpack(whole.packed[:start] + zstandard.ZstdCompressor().compress(body)), whole)
+
+
 def test_the_later_value_holds_and_a_missing_one_hides_nothing() -> None:
     first = samples([1, 2, 3], pv=[1, 2, 3], op=[10, 20, 30])
     second = samples([2, 3, 4], pv=[2.5, np.nan, 4], sp=[5, 5, 5])
