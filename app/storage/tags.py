@@ -42,6 +42,7 @@ KEPT = [kept_tags.c[name] for name in KeptTag.__dataclass_fields__]
 
 def keep(connection: Connection, rows: Sequence[KeptTag]) -> None:
     """In place of what was kept of these tags, and of what others were said to be that these are now."""
+    lock(connection)
     own = {(row.file, row.name) for row in rows}
     given = {_place(row) for row in rows if row.signal != OTHER}
     _drop(connection, [row for row in kept(connection) if (row.file, row.name) in own or _place(row) in given])
@@ -73,8 +74,8 @@ def _drop(connection: Connection, rows: Sequence[KeptTag]) -> int:
 
 
 def lock(connection: Connection) -> None:
-    """Of two uploads that end at once the second sees what the first one was read as. On SQLite every transaction that
-    writes waits already."""
+    """Of two that read or say at once what tags are, the second sees what the first one left. On SQLite every
+    transaction that writes waits already."""
     if connection.dialect.name == "postgresql":
         connection.execute(text("SELECT pg_advisory_xact_lock(705162)"))
 
