@@ -143,7 +143,14 @@ def _json_rows(text: str) -> list[dict[str, str]]:
     rows = rows.get("tags", []) if isinstance(rows, dict) else rows
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise DataError("bad_mapping", "the mapping must be a list of objects with tag, loop and signal")
-    return [{name.strip().lower(): str(cell).strip() for name, cell in row.items() if cell is not None} for row in rows]
+    return [
+        {_json_text(name).lower(): _json_text(cell) for name, cell in row.items() if cell is not None} for row in rows
+    ]
+
+
+def _json_text(cell: object) -> str:
+    """Without half of a letter, which JSON can spell and no data base takes in a text."""
+    return str(cell).encode("utf-8", "replace").decode("utf-8").strip()
 
 
 def _mapped(number: int, row: Mapping[str, str]) -> MappedTag:

@@ -105,6 +105,12 @@ def test_a_mapping_that_is_no_text_is_refused(data: bytes) -> None:
     assert refused.value.code == "bad_mapping"
 
 
+def test_half_of_a_letter_in_a_mapping_is_stored_as_none() -> None:
+    mapping = TagMapping.from_bytes(rb'[{"tag": "T\ud800", "loop": "F\udc00", "signal": "PV", "u\ud800": "\ud800"}]')
+    (entry,) = mapping.entries.values()
+    assert (entry.tag, entry.loop, dict(entry.attributes)) == ("T?", "F?", {"u?": "?"})
+
+
 def test_a_row_that_stands_twice_in_a_mapping_is_no_fault() -> None:
     mapping = TagMapping.from_bytes(b"tag,loop,signal,low,high\nT1,F,PV,,\nT1,F,PV,-5,12\n")
     assert mapping.find("T1").number("low") == -5.0
