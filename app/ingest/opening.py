@@ -78,14 +78,30 @@ class TextFile:
         return text.replace("\r\n", "\n").replace("\r", "\n" if self._bare_returns else " ")
 
     def tail(self) -> str:
-        """Whole lines from the file's end; nothing where it is packed, in another encoding than UTF-8 or short."""
-        size = self._path.stat().st_size
-        if self.compressed or self._bare_returns or not self.encoding.startswith("utf-8") or size < 2 * TAIL_BYTES:
+        """Whole lines from the file's end; nothing where it is in another encoding than UTF-8 or short. A packed file
+        is unpacked for it, to its end."""
+        if self._bare_returns or not self.encoding.startswith("utf-8"):
             return ""
-        with self._path.open("rb") as stream:
-            stream.seek(size - TAIL_BYTES)
-            text = stream.read(TAIL_BYTES).decode("utf-8", "replace")
+        size, last = self._last_unpacked() if self.compressed else self._last_bytes()
+        if size < 2 * TAIL_BYTES:
+            return ""
+        text = last.decode("utf-8", "replace")
         return text.replace("\r\r\n", "\n").replace("\r\n", "\n").partition("\n")[2]
+
+    def _last_bytes(self) -> tuple[int, bytes]:
+        """The size of the file, and the last `TAIL_BYTES` of it."""
+        size = self._path.stat().st_size
+        with self._path.open("rb") as stream:
+            stream.seek(max(0, size - TAIL_BYTES))
+            return size, stream.read(TAIL_BYTES)
+
+    def _last_unpacked(self) -> tuple[int, bytes]:
+        """The same of what is packed: no more than a step of it is in memory at once."""
+        size, last = 0, b""
+        for piece in self._bytes():
+            size += len(piece)
+            last = (last + piece)[-TAIL_BYTES:]
+        return size, last
 
     def chunks(self) -> Iterator[Lines]:
         """The whole file; memory is bounded by the chunk size and the longest line allowed."""

@@ -1,5 +1,6 @@
 """Dates that can be read in two orders: which one is taken, and what is said of it."""
 
+import gzip
 from pathlib import Path
 
 import numpy as np
@@ -96,3 +97,14 @@ def test_recordings_tell_the_order_too(tmp_path: Path) -> None:
     path = tmp_path / "us.csv"
     path.write_text(night("11/12/2026"))
     assert "ahead of the clock" in read_recordings(path, options=CLOCK).notes[0]
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_the_last_day_tells_the_order_of_a_packed_file_too(read: Read, packed: bool) -> None:
+    days = (f"05/{day:02d}/2026 {at // 60:02d}:{at % 60:02d}:00" for day in range(1, 17) for at in range(1440))
+    data = (
+        "Time,A.PV,A.OP\n" + "".join(f"{stamp},{50 + k % 7},{40 + k % 5}\n" for k, stamp in enumerate(days))
+    ).encode()
+    content = read(gzip.compress(data) if packed else data, options=CLOCK)
+    days_read = content.loops["A"].time_ns[[0, -1]].astype("datetime64[ns]").astype("datetime64[D]").astype(str)
+    assert days_read.tolist() == ["2026-05-01", "2026-05-16"]
