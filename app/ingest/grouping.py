@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -83,11 +84,13 @@ class MappedTag:
 class TagMapping:
     """Tags that a plant has mapped to loops; a tag that is not named here is grouped by its name.
 
-    kept: what was said of tags once for later files too; `entries`, said of this file, go before it.
+    kept: what was said of tags once for later files too; `entries`, said of this file, go before it. without_units: the
+    same by names without units, of those that have one such name alone.
     """
 
     entries: Mapping[str, MappedTag]
     kept: Mapping[str, MappedTag] = field(default_factory=lambda: MappingProxyType({}))
+    without_units: Mapping[str, MappedTag] = field(default_factory=lambda: MappingProxyType({}))
 
     @classmethod
     def from_bytes(cls, data: bytes) -> "TagMapping":
@@ -114,16 +117,26 @@ class TagMapping:
         """A kept place that `entries` give to another tag is not used: that tag's word is the newer one."""
         given = {(entry.loop.casefold(), entry.signal) for entry in self.entries.values() if entry.signal != "OTHER"}
         used = {entry.tag.casefold(): entry for entry in kept if (entry.loop.casefold(), entry.signal) not in given}
-        return TagMapping(self.entries, MappingProxyType(used))
+        names = Counter(without_unit(name) for name in used)
+        plain = {name: entry for told, entry in used.items() if names[name := without_unit(told)] == 1}
+        return TagMapping(self.entries, MappingProxyType(used), MappingProxyType(plain))
 
     def find(self, tag: str) -> MappedTag | None:
         name = tag.casefold()
-        return self.entries.get(name) or self.kept.get(name)
+        return self.entries.get(name) or self.kept.get(name) or self._in_any_unit(name)
+
+    def _in_any_unit(self, name: str) -> MappedTag | None:
+        return self.without_units.get(without_unit(name)) if self.without_units else None
 
     def is_kept(self, tag: str) -> bool:
         """Whether its place is one that was kept."""
+        return tag.casefold() not in self.entries and self.find(tag) is not None
+
+    def rank(self, tag: str) -> int:
+        """0 of what is said of this file, 1 of what was kept, 2 of that in another unit, 3 of other tags."""
         name = tag.casefold()
-        return name not in self.entries and name in self.kept
+        known = (name in self.entries, name in self.kept, self._in_any_unit(name) is not None)
+        return known.index(True) if any(known) else len(known)
 
 
 def mapping_text(data: bytes) -> str:
@@ -221,6 +234,13 @@ def unit_of(tag: str) -> str:
     return "" if told.isdigit() else told
 
 
+def without_unit(tag: str) -> str:
+    """The name before the unit that it tells; all of it where it tells none."""
+    if len(tag) > LONGEST_NAME or not unit_of(tag):
+        return tag
+    return _UNIT.sub("", tag.strip()) or tag
+
+
 def _bare(name: str) -> Signal | None:
     """The signal that a name without a loop tells. A loop may be called by a number, or in other letters: 4711.PV."""
     name = name.translate(_SPELLED_OUT)
@@ -298,9 +318,7 @@ class Grouping:
             self.place(tag, in_order=True)
 
     def _rank(self, tag: str) -> tuple[int, tuple[int, int]]:
-        if self._mapping is None or self._mapping.find(tag) is None:
-            return 2, _precedence(tag)
-        return int(self._mapping.is_kept(tag)), _precedence(tag)
+        return (0 if self._mapping is None else self._mapping.rank(tag)), _precedence(tag)
 
     def place(self, tag: str, in_order: bool = False) -> Place:
         """Of a tag, as far as it is known: a later one may take its signal, unless they come in order."""

@@ -117,3 +117,19 @@ def test_columns_of_one_name_are_no_units(backend: Backend) -> None:
 def test_a_tag_that_goes_to_another_loop_is_told(backend: Backend) -> None:
     sent(backend, 0, mapping=b"tag,loop,signal\nFIC900.PV,FIC-900,PV\nFIC900.OP,FIC-900,OP\n")
     assert "FIC900.PV is PV of FIC900 here and was PV of FIC-900" in sent(backend, 1).notes[0]
+
+
+def test_a_correction_holds_for_files_that_tell_other_units(backend: Backend) -> None:
+    first = sent(backend, 0, names="PIC5.PV (bar),PIC5.OP")
+    corrected(backend, first, b"tag,loop,signal\nPIC5.PV (bar),PIC5,OP\nPIC5.OP,PIC5,PV\n")
+    for number, names in enumerate(("PIC5.PV,PIC5.OP (%)", "PIC5.PV [psi],PIC5.OP", "PIC5.PV (bar),PIC5.OP"), 1):
+        later = sent(backend, number, names=names)
+        pv, op = names.split(",")
+        assert (later.tags[0]["pv"], later.tags[0]["op"]) == (op, pv)
+
+
+def test_tags_of_one_name_in_two_units_keep_their_own_places(backend: Backend) -> None:
+    first = sent(backend, 0, names="FIC5 (m3/h),FIC5 (%)")
+    corrected(backend, first, b"tag,loop,signal\nFIC5 (m3/h),FIC5,PV\nFIC5 (%),FIC5,OP\n")
+    later = sent(backend, 1, names="FIC5 (%),FIC5 (m3/h)")
+    assert (later.tags[0]["pv"], later.tags[0]["op"]) == ("FIC5 (m3/h)", "FIC5 (%)")
