@@ -31,7 +31,7 @@ whose columns are asked for by name.
 from app.ingest.align import align, carried
 from app.ingest.export import is_export_name, is_read_packed, read_export, stem_of, takes_its_name
 from app.ingest.exports import Export
-from app.ingest.grouping import MappedTag, TagMapping, group, mapping_text, names_its_loop, unit_of
+from app.ingest.grouping import MappedTag, TagMapping, group, loop_of, mapping_text, names_its_loop, unit_of
 from app.ingest.inspection import InspectReport, LoopReport, inspect
 from app.ingest.lists import BEYOND, Listed, list_rows, list_text
 from app.ingest.model import (
@@ -80,6 +80,7 @@ __all__ = [
     "is_read_packed",
     "list_rows",
     "list_text",
+    "loop_of",
     "mapping_text",
     "names_its_loop",
     "parse_named",

@@ -221,6 +221,11 @@ def place(tag: str, stem: str) -> Place:
     return _by_ending(tag, name) or _by_letters(tag, name) or _by_start(tag, name) or Place(tag, tag, "OTHER")
 
 
+def loop_of(tag: str, stem: str) -> str:
+    """The loop of a tag by its name alone, in a file of this stem."""
+    return place(tag, stem).loop
+
+
 def names_its_loop(tag: str) -> bool:
     """Whether a tag means the same in every file, and is no bare `PV` that belongs to the loop of its file."""
     return place(tag, "").loop != ""

@@ -45,7 +45,7 @@ def keep(connection: Connection, rows: Sequence[KeptTag]) -> None:
     lock(connection)
     own = {(row.file, row.name) for row in rows}
     given = {_place(row) for row in rows if row.signal != OTHER}
-    _drop(connection, [row for row in kept(connection) if (row.file, row.name) in own or _place(row) in given])
+    drop(connection, [row for row in kept(connection) if (row.file, row.name) in own or _place(row) in given])
     insert_new_rows(connection, kept_tags, [vars(row) for row in rows])
 
 
@@ -61,16 +61,11 @@ def kept(connection: Connection, file: str | None = None) -> list[KeptTag]:
     return [KeptTag(*row) for row in connection.execute(query)]
 
 
-def forget(connection: Connection, file: str, loop: str) -> int:
-    """How many tags of a loop were kept, and are no longer: half of what was said of two that are swapped is wrong."""
-    return _drop(connection, [row for row in kept(connection) if (row.file, row.loop) == (file, loop)])
-
-
-def _drop(connection: Connection, rows: Sequence[KeptTag]) -> int:
+def drop(connection: Connection, rows: Sequence[KeptTag]) -> None:
+    """These hold for no later file."""
     if rows:
         this = (kept_tags.c.file == bindparam("of_file"), kept_tags.c.name == bindparam("of_name"))
         connection.execute(delete(kept_tags).where(*this), [{"of_file": it.file, "of_name": it.name} for it in rows])
-    return len(rows)
 
 
 def lock(connection: Connection) -> None:

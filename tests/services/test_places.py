@@ -133,3 +133,17 @@ def test_tags_of_one_name_in_two_units_keep_their_own_places(backend: Backend) -
     corrected(backend, first, b"tag,loop,signal\nFIC5 (m3/h),FIC5,PV\nFIC5 (%),FIC5,OP\n")
     later = sent(backend, 1, names="FIC5 (%),FIC5 (m3/h)")
     assert (later.tags[0]["pv"], later.tags[0]["op"]) == ("FIC5 (m3/h)", "FIC5 (%)")
+
+
+def test_a_loop_in_other_letters_is_taken_back_as_one(backend: Backend) -> None:
+    corrected(backend, sent(backend, 0), SWAPPED.replace(b",FIC900,PV", b",Fic900,PV"))
+    assert [len(rows) for rows in places.kept_by_loop(backend)] == [2]
+    places.forget(backend, "", "FIC900")
+    assert places.kept_by_loop(backend) == []
+
+
+def test_what_was_exchanged_between_loops_is_taken_back_together(backend: Backend) -> None:
+    mapping = b"tag,loop,signal\nFA1.PV,FA2,PV\nFA2.PV,FA1,PV\nX7,FA3,PV\n"
+    corrected(backend, sent(backend, 0, names="FA1.PV,FA2.PV"), mapping)
+    places.forget(backend, "", "FA1")
+    assert [[row.tag for row in rows] for rows in places.kept_by_loop(backend)] == [["X7"]]

@@ -7,14 +7,13 @@ file's name.
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby, islice
-from operator import attrgetter
 from types import MappingProxyType
 from typing import cast
 
 from sqlalchemy import Connection
 
 from app.errors import NotFoundError
-from app.ingest import IngestOptions, LoopTags, MappedTag, Signal, TagMapping, names_its_loop, stem_of, unit_of
+from app.ingest import IngestOptions, LoopTags, MappedTag, Signal, TagMapping, loop_of, names_its_loop, stem_of, unit_of
 from app.services.backend import Backend
 from app.storage import tags as stored
 from app.storage.tags import OTHER, KeptTag, Key, ReadTag
@@ -72,14 +71,43 @@ def kept_by_loop(backend: Backend) -> list[list[KeptTag]]:
     """What holds for later files, by loop and the files that it holds for."""
     with backend.database.read() as connection:
         rows = stored.kept(connection)
-    return [list(some) for _, some in groupby(rows, attrgetter("loop", "file"))]
+    return [list(some) for _, some in groupby(sorted(rows, key=_listed_under), _listed_under)]
+
+
+def _listed_under(row: KeptTag) -> tuple[str, str]:
+    return row.loop.casefold(), row.file
 
 
 def forget(backend: Backend, file: str, loop: str) -> None:
-    """What was said of the tags of a loop holds for no later file. Raises NotFoundError("nothing_kept")."""
+    """What was said of the tags of a loop holds for no later file, nor what was said with it of tags that it was
+    exchanged with. Raises NotFoundError("nothing_kept")."""
     with backend.database.write() as connection:
-        if not stored.forget(connection, storable(file), storable(loop)):
+        stored.lock(connection)
+        rows = stored.kept(connection)
+        own = [row for row in rows if _listed_under(row) == (storable(loop).casefold(), storable(file))]
+        if not own:
             raise NotFoundError("nothing_kept", f"nothing is said of tags of {loop!r} for later files")
+        stored.drop(connection, _with_exchanged(own, rows))
+
+
+def _with_exchanged(own: Sequence[KeptTag], rows: Sequence[KeptTag]) -> list[KeptTag]:
+    """Half of what was said at once of two loops that are exchanged is wrong: a tag that goes back to the loop of its
+    name finds another in its place."""
+    said = {(row.kept_at, row.kept_by) for row in own}
+    found = list(own)
+    rest = [row for row in set(rows) - set(own) if (row.kept_at, row.kept_by) in said]
+    more = list(own)
+    while more:
+        touched = {loop for row in more for loop in _loops_of(row)}
+        more = [row for row in rest if not touched.isdisjoint(_loops_of(row))]
+        rest = [row for row in rest if touched.isdisjoint(_loops_of(row))]
+        found += more
+    return found
+
+
+def _loops_of(row: KeptTag) -> set[str]:
+    """That it was said to be of, and that its name tells."""
+    return {row.loop.casefold(), loop_of(row.tag, row.file).casefold()}
 
 
 def places_of(loops: Iterable[LoopTags], filename: str) -> list[TagPlace]:
