@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from app.errors import DataError
 from app.ingest.lists import list_rows, list_text
-from app.ingest.model import SIGNALS, LoopTags, Signal
+from app.ingest.model import SIGNALS, IngestOptions, LoopTags, Signal
 
 _MAPPING = ("the mapping", "bad_mapping")
 """What it is called, and the code of all that is wrong with it."""
@@ -39,6 +39,7 @@ _ATTRIBUTES = frozenset(
     {"CV", "VALUE", "ACTUAL", "ACT", "VAL", "F"}
 )  # DeltaV writes FIC101/PV.CV and FIC101/MODE.ACTUAL
 LONGEST_NAME = 1000  # the patterns cost the square of a name's length
+LONGEST_LOOP = IngestOptions().max_name
 _SEPARATORS = "._-/:|\\ "
 _ENDING = re.compile(r"^(?P<loop>.+)[._\-/:|\\ ]+(?P<word>[A-Za-z]+)$")
 _START = re.compile(r"^(?P<word>[A-Za-z]+)[._\-/:|\\ ]+(?P<loop>.+)$")
@@ -176,6 +177,11 @@ def _mapped(number: int, row: Mapping[str, str]) -> MappedTag:
         raise DataError(
             "bad_mapping",
             f"row {number} of the mapping has tag {tag!r}, loop {loop!r}, signal {word!r}; it needs {need}",
+        )
+    if len(loop) > LONGEST_LOOP:
+        raise DataError(
+            "bad_mapping",
+            f"row {number} of the mapping has a loop of more than {LONGEST_LOOP} characters: {loop[:60]!r}",
         )
     mapped = MappedTag(tag, loop, signal, MappingProxyType(cells))
     _check_span(number, mapped)

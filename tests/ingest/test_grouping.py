@@ -105,6 +105,10 @@ def test_a_mapping_that_is_no_text_is_refused(data: bytes) -> None:
     assert refused.value.code == "bad_mapping"
 
 
+def test_a_loop_of_a_mapping_may_be_as_long_as_a_tag() -> None:
+    assert TagMapping.from_bytes(b"tag,loop,signal\nT1," + 256 * b"F" + b",PV\n").find("T1").loop == 256 * "F"
+
+
 def test_half_of_a_letter_in_a_mapping_is_stored_as_none() -> None:
     mapping = TagMapping.from_bytes(rb'[{"tag": "T\ud800", "loop": "F\udc00", "signal": "PV", "u\ud800": "\ud800"}]')
     (entry,) = mapping.entries.values()
@@ -123,6 +127,7 @@ def test_a_row_that_stands_twice_in_a_mapping_is_no_fault() -> None:
         b"[]",
         b"tag,loop,signal\n",
         b"tag,loop,signal\nT1,,PV\n",
+        b"tag,loop,signal\nT1," + 257 * b"F" + b",PV\n",
         b"tag,loop,signal\nT1,F,what\n",
         b"[1]",
         b"{",
