@@ -122,6 +122,17 @@ class TagMapping:
         plain = {name: entry for told, entry in used.items() if names[name := without_unit(told)] == 1}
         return TagMapping(self.entries, MappingProxyType(used), MappingProxyType(plain))
 
+    def over(self, earlier: "TagMapping") -> "TagMapping":
+        """With what an earlier one says of the same file, but of tags named again and of places given to others."""
+        given = {(entry.loop.casefold(), entry.signal) for entry in self.entries.values() if entry.signal != "OTHER"}
+        kept = {name: it for name, it in earlier.entries.items() if (it.loop.casefold(), it.signal) not in given}
+        return TagMapping(MappingProxyType({**kept, **self.entries}))
+
+    def as_bytes(self) -> bytes:
+        """As `from_bytes` takes it."""
+        rows = [{**it.attributes, "tag": it.tag, "loop": it.loop, "signal": it.signal} for it in self.entries.values()]
+        return json.dumps(rows).encode()
+
     def find(self, tag: str) -> MappedTag | None:
         name = tag.casefold()
         return self.entries.get(name) or self.kept.get(name) or self._in_any_unit(name)

@@ -147,3 +147,12 @@ def test_what_was_exchanged_between_loops_is_taken_back_together(backend: Backen
     corrected(backend, sent(backend, 0, names="FA1.PV,FA2.PV"), mapping)
     places.forget(backend, "", "FA1")
     assert [[row.tag for row in rows] for rows in places.kept_by_loop(backend)] == [["X7"]]
+
+
+def test_a_correction_leaves_what_the_file_was_sent_with_of_other_tags(backend: Backend) -> None:
+    sent_with = b"tag,loop,signal,unit\nT1,FIC900,PV,bar\nT2,FIC900,OP,\nT3,FIC900,SP,\n"
+    first = sent(backend, 0, mapping=sent_with, names="T1,T2")
+    again = corrected(backend, first, b"tag,loop,signal\nt1,FIC901,PV\n", keep=False)
+    assert [(it["loop"], it["pv"], it["op"]) for it in again.tags] == [("FIC901", "T1", None), ("FIC900", None, "T2")]
+    other = corrected(backend, again, b"tag,loop,signal\nT2,FIC901,PV\n", keep=False)
+    assert [(it["loop"], it["pv"]) for it in other.tags if it["pv"]] == [("FIC901", "T2")]

@@ -167,8 +167,8 @@ def receive_file(backend: Backend, path: Path, reading: ReadingOptions | None = 
 def read_again(
     backend: Backend, upload_id: str, mapping: bytes, received_by: str | None = None, keep: bool = False
 ) -> Receipt:
-    """The bytes of an upload once more, with its tags mapped as `mapping` (CSV or JSON) says: an upload of its own.
-    keep: whether that holds for later files too."""
+    """The bytes of an upload once more, with its tags mapped as `mapping` (CSV or JSON) says, and others as it was sent
+    with: an upload of its own. keep: whether what `mapping` says holds for later files too."""
     with backend.database.read() as connection:
         row = uploads.by_id(connection, identifier(upload_id))
         if row is None:
@@ -177,7 +177,7 @@ def read_again(
     path = path_of(backend, row.fingerprint)
     if not path.is_file():
         raise NotFoundError("bytes_gone", "the file of this upload is no longer kept; send it again with its mapping")
-    reading = ReadingOptions(told.get("time_zone"), mapping, told.get("date_order"))
+    reading = ReadingOptions(told.get("time_zone"), _over(mapping, told.get("mapping")), told.get("date_order"))
     with receive(backend, filename=row.filename, reading=reading, received_by=received_by) as receiving:
         with path.open("rb") as file:
             while part := file.read(COPY_BYTES):
@@ -185,6 +185,13 @@ def read_again(
         if keep:
             places.keep(backend, mapping, row.filename, received_by or "")
         return receiving.commit()
+
+
+def _over(mapping: bytes, earlier: str | None) -> bytes:
+    """Raises DataError("bad_mapping")."""
+    if earlier is None:
+        return mapping
+    return TagMapping.from_bytes(mapping).over(TagMapping.from_bytes(earlier.encode())).as_bytes()
 
 
 def loops_in_service(backend: Backend, upload: UploadView) -> list[str]:
