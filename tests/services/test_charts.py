@@ -71,6 +71,11 @@ def test_lines_break_where_nothing_was_recorded(backend: Backend, charts_of: Cal
     assert [trend[name][300] for name in ("op", "sp")] == [None, None]
     assert trend["time"] == sorted(trend["time"])
     assert len(trend["time"]) == 601
+    # However close one looks: what is shown of the time around the hole may be the two samples beside it alone.
+    for first, last, broken in ((310, 390, 1), (299, 400, 2), (295, 310, 6)):
+        at = (moment_of(START_NS + k * MINUTE) for k in (first, last))
+        part = closer(backend, "FIC1", *at)["trend"]
+        assert [k for k, value in enumerate(part["pv"]) if value is None] == [broken]
 
 
 def test_signals_of_two_files_that_share_no_times_are_drawn_over_one_another(

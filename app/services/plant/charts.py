@@ -171,7 +171,7 @@ def _trend(record: _Record, valve: dict[str, float] | None, part: slice = slice(
     time_ns = record.samples.time_ns[part]
     n = len(time_ns)
     kept = np.arange(n) if n <= POINTS else extremes(list(given.values()), n, POINTS)
-    holes = _holes(time_ns)
+    holes = _holes(time_ns, float(np.median(np.diff(record.samples.time_ns))))
     # A moment without values within each hole breaks the lines there.
     where, at = np.searchsorted(kept, holes, side="right"), (time_ns[holes] + time_ns[holes + 1]) // 2
     time = [iso_utc(moment_of(int(t))) for t in np.insert(time_ns[kept], where, at)]
@@ -180,12 +180,13 @@ def _trend(record: _Record, valve: dict[str, float] | None, part: slice = slice(
     return {"samples": n, "shown": len(kept), "time": time, **lines, "standing": standing}
 
 
-def _holes(time_ns: np.ndarray) -> np.ndarray:
-    """The samples (H,) behind which the audit sees a hole that is wide enough to be seen in a chart."""
+def _holes(time_ns: np.ndarray, interval_ns: float) -> np.ndarray:
+    """The samples (H,) behind which the audit sees a hole that is wide enough to be seen in a chart. interval_ns: the
+    usual one of the whole record, because a part may be little else than a hole."""
     steps = np.diff(time_ns)
     if not len(steps):
         return np.empty(0, np.int64)
-    least = max(_FITNESS.max_gap_intervals * float(np.median(steps)), float(time_ns[-1] - time_ns[0]) / MOST_HOLES)
+    least = max(_FITNESS.max_gap_intervals * interval_ns, float(time_ns[-1] - time_ns[0]) / MOST_HOLES)
     return np.flatnonzero(steps > least)
 
 
