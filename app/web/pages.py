@@ -66,8 +66,7 @@ def plant(backend: Services) -> HTMLResponse:
     changed = plants.changes(backend)
     reach = arrivals(backend)
     since_ns = reach.current_ns
-    today = plants.look_today(backend, changed, since_ns) if seen.audited else []
-    worst = plants.worst(backend, beside={row["loop"] for row in today}, since_ns=since_ns) if seen.audited else []
+    today, worst = plants.listed_first(backend, since_ns, changed) if seen.audited else ([], [])
     old = plants.worst_of_old(backend, since_ns) if seen.audited and (reach.behind or reach.undated) else []
     listed = [row["loop"] for row in [*today[:CHANGES], *worst, *old]]
     return page(

@@ -5,6 +5,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 from markupsafe import escape
+from sqlalchemy import func, select, update
 
 from app.services.auditing.audits import cancel_audit, list_audits
 from app.services.auditing.chunks import audit_chunk
@@ -12,11 +13,14 @@ from app.services.auditing.nightly import nightly
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import list_uploads, receive
 from app.services.next_steps import next_step
-from app.services.plant import loops
+from app.services.plant import loops, overview
 from app.services.plant.loops import loop_health, verdict_detail
 from app.services.plant.nights import Night
 from app.services.plant.periods import periods
+from app.services.wording import UNANSWERED
 from app.storage import uploads as stored_uploads
+from app.storage.tables import loops as stored_loops
+from app.storage.tables import newest_rows
 from app.web import loop as loop_page
 from app.web import pages
 from app.web.columns import COLUMNS, OF_PAGES
@@ -44,6 +48,29 @@ def test_a_loop_s_page_leads_to_its_parts_and_to_the_loops_beside_it(client):
         text = client.get(path).text
         assert re.findall(r'rel="prev" href="([^"]+)"', text) == worst[:at][-1:]
         assert re.findall(r'rel="next" href="([^"]+)"', text) == worst[at + 1 : at + 2]
+
+
+def test_the_loops_beside_a_loop_are_those_of_the_list_that_the_plant_s_page_shows(client, web_backend):
+    """Neither what is to be looked at today is among them nor a loop whose record is old."""
+    worst = [row["loop"] for row in overview.worst(web_backend)]
+    assert loop_page._beside(web_backend, worst[1]) == (worst[0], worst[2])
+    with web_backend.database.read() as connection:
+        newest_ns = connection.scalar(select(func.max(stored_loops.c.newest_ns)))
+    of_loop = {tag: stored_loops.c.tag == tag for tag in worst}
+    mine = newest_rows.c.loop_id == select(stored_loops.c.id).where(of_loop[worst[2]]).scalar_subquery()
+    with web_backend.database.read() as connection:
+        (was,) = connection.execute(select(newest_rows.c.verdict, newest_rows.c.likely_cause).where(mine)).all()
+
+    def store(end_ns, **told):
+        with web_backend.database.write() as connection:
+            connection.execute(update(stored_loops).where(of_loop[worst[0]]).values(newest_ns=end_ns))
+            connection.execute(update(newest_rows).where(mine).values(**told))
+
+    store(newest_ns - 40 * 86_400 * 10**9, verdict="inconclusive", likely_cause=UNANSWERED)
+    try:
+        assert [loop_page._beside(web_backend, tag) for tag in worst] == [(None, None)] * 3
+    finally:
+        store(newest_ns, **was._mapping)
 
 
 def test_a_loop_says_how_large_its_stiction_is_or_why_not(client):

@@ -100,12 +100,20 @@ def changes(backend: Backend, limit: int = LISTED_CHANGES) -> Changes:
     return Changes(str(run.id), iso_utc(run.created_at), rows, len(found) > limit, compared, manual, first)
 
 
-def look_today(backend: Backend, changed: Changes, since_ns: int | None = None) -> list[dict[str, Any]]:
+def listed_first(
+    backend: Backend, since_ns: int | None, changed: Changes | None = None
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """What the plant's page lists at its head: the loops to look at today, and the worst of the others."""
+    today = look_today(backend, changed, since_ns)
+    return today, worst(backend, beside={row["loop"] for row in today}, since_ns=since_ns)
+
+
+def look_today(backend: Backend, changed: Changes | None, since_ns: int | None = None) -> list[dict[str, Any]]:
     """The loops in which PV does not answer OP, those first of which that is news, without those that are shelved;
     since_ns: as of `worst`."""
     refused = ("inconclusive", "not_auditable")
     asked = RowFilter(verdict=refused, likely_cause=UNANSWERED, recorded_from_ns=since_ns)
-    news = {row.loop for row in changed.rows}
+    news = {row.loop for row in changed.rows} if changed else set()
     return sorted(not_shelved(backend, LISTED_CHANGES, asked), key=lambda row: row["loop"] not in news)
 
 
