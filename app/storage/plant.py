@@ -71,6 +71,12 @@ def worst_of_units(
     return list(connection.execute(query.where(placed.c.place <= each).order_by(placed.c.unit, placed.c.place)))
 
 
+def worst_of_old(connection: Connection, most: int, before_ns: int, left_out: Sequence[int] = ()) -> list[Any]:
+    """The same of the loops of all units that `complains` tells of and whose newest sample is older than that."""
+    old = _tiles().where(complains(rows), loops.c.newest_ns < before_ns, loops.c.id.not_in(left_out))
+    return list(connection.execute(old.order_by(_PRIORITY.desc().nulls_last(), loops.c.tag).limit(most)))
+
+
 def worst_of_unit(connection: Connection, unit: str | None, limit: int) -> list[Any]:
     """The same of one unit (None: of the loops that name none)."""
     mine = loops.c.unit.is_(None) if unit is None else loops.c.unit == unit

@@ -198,3 +198,33 @@ def test_loops_whose_records_are_old_have_a_list_of_their_own(backend: Backend, 
     assert "Worst of old records" in as_html(found)
     ((_, rows),) = documents._worst(backend, shelf(backend), since_ns)
     assert {row["loop"] for row in rows} == {"A", "C"}
+
+
+def test_that_no_valve_sticks_is_not_said_where_one_of_an_old_record_does(
+    backend: Backend, add_loops: AddLoops
+) -> None:
+    """Neither in a digest nor in the report of the plant, which lists it."""
+    add_loops("A", "B")
+    run = start_audit(backend)
+    audit_chunk(backend, int(run.id), "test")
+
+    def told(**verdict_of: str) -> tuple[str, str, str]:
+        with backend.database.write() as connection:
+            for tag, days in (("A", 0.5), ("B", 40)):
+                end_ns = ns_of(NOON - timedelta(days=days))
+                connection.execute(update(loops).where(loops.c.tag == tag).values(newest_ns=end_ns))
+                loop_id = select(loops.c.id).where(loops.c.tag == tag).scalar_subquery()
+                for table in (verdicts, newest_rows):
+                    said = {"verdict": verdict_of[tag], "likely_cause": None}
+                    told = said | ({"input_end_ns": end_ns} if table is verdicts else {})
+                    connection.execute(update(table).where(table.c.loop_id == loop_id).values(**told))
+        found = digest_of(backend, run.id)
+        return as_text(found), as_html(found), documents.plant_report(backend)
+
+    for text in told(A="no_stiction", B="stiction"):
+        assert "No other valve sticks, of those with newest records." in text
+        assert "No valve sticks" not in text
+        assert "B" in text.lower().partition("worst of old records")[2].upper()
+    for text in told(A="no_stiction", B="no_stiction"):
+        assert "No valve sticks, as far as the records tell." in text
+        assert "worst of old records" not in text.lower()

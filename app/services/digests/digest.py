@@ -15,7 +15,7 @@ from app.services.cursors import identifier
 from app.services.moments import PlantClock
 from app.services.plant.arrivals import arrivals, of_run
 from app.services.plant.judged import judged, to_manual
-from app.services.plant.overview import change_of
+from app.services.plant.overview import change_of, nothing_worst
 from app.services.plant.repaired import RepairView, repairs
 from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.work_list import Work, work_list
@@ -203,9 +203,9 @@ def as_text(digest: Digest) -> str:
     for area in digest.areas:
         title = f"WORST OF {_line(area.unit) if area.unit else 'THE LOOPS WITHOUT A UNIT'}"
         lines += _listed(title, _loop_lines, area.loops)
-    lines += _listed("WORST OF OLD RECORDS", _loop_lines, digest.old)
     if not digest.areas:
         lines += ["", _nothing_worst(digest)]
+    lines += _listed("WORST OF OLD RECORDS", _loop_lines, digest.old)
     lines += _shelved_lines(digest)
     lines += ["", f"The whole plant: {digest.public_url}/" if digest.public_url else "", "", HOW_TO_READ]
     return "\n".join(lines) + "\n"
@@ -327,7 +327,7 @@ def _no_change(digest: Digest) -> str:
 
 
 def _nothing_worst(digest: Digest) -> str:
-    return f"No {'other ' if digest.shelf.left_out else ''}valve sticks, as far as the records tell."
+    return nothing_worst(digest.verdicts.get("stiction", 0), bool(digest.old))
 
 
 def _shelved_lines(digest: Digest) -> list[str]:

@@ -131,6 +131,14 @@ def worst_of_old(backend: Backend, since_ns: int | None, limit: int = WORST) -> 
     return [] if since_ns is None else not_shelved(backend, limit, RowFilter(recorded_before_ns=since_ns))
 
 
+def nothing_worst(sticking: int, old: bool) -> str:
+    """What is said where no loop is listed as a worst one. sticking: how many verdicts say that the valve sticks; those
+    are shelved, or of old records, which have a list of their own (`old`)."""
+    if not sticking:
+        return "No valve sticks, as far as the records tell."
+    return f"No other valve sticks, {'of those with newest records' if old else 'as far as the records tell'}."
+
+
 def not_shelved(backend: Backend, limit: int, asked: RowFilter, shelved: Shelf | None = None) -> list[dict[str, Any]]:
     """Rows of `table`, the weightiest first, without loops that are shelved; one that is worse than when it was shelved
     is among them, and says so (`shelved`)."""

@@ -6,6 +6,7 @@ from itertools import groupby
 from typing import Any
 
 from markupsafe import Markup
+from sqlalchemy import Connection
 
 from app.errors import NotFoundError
 from app.services.addresses import loop_address
@@ -19,7 +20,7 @@ from app.services.explaining.wording import in_words
 from app.services.moments import PlantClock, iso_utc
 from app.services.plant import glossary, loops, notes
 from app.services.plant import overview as plant
-from app.services.plant.arrivals import arrivals, sentences
+from app.services.plant.arrivals import LATE, arrivals, sentences
 from app.services.plant.before_after import compared
 from app.services.plant.charts import charts
 from app.services.plant.groups import groups_of
@@ -92,7 +93,8 @@ def plant_report(backend: Backend) -> str:
     if not seen.audited:
         raise NotFoundError("not_audited", "no loop of the plant has been audited yet")
     reach, shelved = arrivals(backend), shelf(backend)
-    worst = _worst(backend, shelved, reach.current_ns)
+    worst, old = _worst(backend, shelved, reach.current_ns), _worst_of_old(backend, shelved, reach.current_ns)
+    listed = [row["loop"] for rows in (*(rows for _, rows in worst), old) for row in rows]
     refused = plant.table(backend, REFUSED, sort="loop", filters=RowFilter(verdict=("not_auditable",)))
     return document(
         "plant_report.html",
@@ -102,7 +104,10 @@ def plant_report(backend: Backend) -> str:
         arrivals=sentences(reach, backend.clock),
         work=work_list(backend, shelved, since_ns=reach.current_ns),
         worst=worst,
-        judged=judged(backend, [row["loop"] for _, rows in worst for row in rows]),
+        nothing_worst=plant.nothing_worst(seen.verdicts.get("stiction", 0), bool(old)),
+        old=old,
+        late_days=LATE.days,
+        judged=judged(backend, listed),
         shelf=shelved,
         refused=refused.rows,
         groups=[group for group in groups_soon(backend) or () if not group.by_chance],
@@ -122,15 +127,28 @@ def _worst(backend: Backend, shelved: Shelf, since_ns: int | None) -> list[tuple
         placed = stored_plant.worst_of_units(
             connection, WORST_OF_UNIT, complaints=True, since_ns=since_ns, left_out=shelved.left_out
         )
-        ids = stored_loops.ids_of(connection, [row.tag for row in placed])
-        rows = verdicts.newest_of(connection, list(ids.values()))
-    all_the_same = shelved.by_tag()
-    told = [
+        told = _told(connection, placed, shelved)
+    return [(unit, [row for _, row in some]) for unit, some in groupby(told, lambda pair: pair[0])]
+
+
+def _worst_of_old(backend: Backend, shelved: Shelf, since_ns: int | None) -> list[dict[str, Any]]:
+    """Of all units the same of those that have no newer sample."""
+    if since_ns is None:
+        return []
+    with backend.database.read() as connection:
+        placed = stored_plant.worst_of_old(connection, plant.WORST, since_ns, shelved.left_out)
+        return [row for _, row in _told(connection, placed, shelved)]
+
+
+def _told(connection: Connection, placed: Sequence[Any], shelved: Shelf) -> list[tuple[str | None, dict[str, Any]]]:
+    """Each loop's unit, and what its row says."""
+    ids = stored_loops.ids_of(connection, [row.tag for row in placed])
+    rows, all_the_same = verdicts.newest_of(connection, list(ids.values())), shelved.by_tag()
+    return [
         (row.unit, as_row(rows[row.tag]) | {"importance": row.importance, "shelved": all_the_same.get(row.tag)})
         for row in placed
         if row.tag in rows
     ]
-    return [(unit, [row for _, row in some]) for unit, some in groupby(told, lambda pair: pair[0])]
 
 
 def _trend(drawn: Mapping[str, Any], clock: PlantClock) -> list[Markup]:
