@@ -1,5 +1,6 @@
 """Verdicts of last night may rest on records of months ago: the plant says how far they reach, and who is behind."""
 
+import re
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
@@ -224,7 +225,7 @@ def test_that_no_valve_sticks_is_not_said_where_one_of_an_old_record_does(
     for text in told(A="no_stiction", B="stiction"):
         assert "No other valve sticks, of those with newest records." in text
         assert "No valve sticks" not in text
-        assert "B" in text.lower().partition("worst of old records")[2].upper()
+        assert re.search(r"\bB\b", re.split("worst of old records", text, flags=re.IGNORECASE)[1])
     for text in told(A="no_stiction", B="no_stiction"):
         assert "No valve sticks, as far as the records tell." in text
         assert "worst of old records" not in text.lower()

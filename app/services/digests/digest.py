@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from itertools import groupby
 from typing import Any
@@ -10,9 +10,10 @@ from typing import Any
 from app.errors import RequestError
 from app.services.addresses import loop_address
 from app.services.auditing.audits import get_audit
+from app.services.auditing.repairs import of_before
 from app.services.backend import Backend
 from app.services.cursors import identifier
-from app.services.moments import PlantClock
+from app.services.moments import PlantClock, iso_utc
 from app.services.plant.arrivals import arrivals, of_run
 from app.services.plant.judged import judged, to_manual
 from app.services.plant.overview import change_of, nothing_worst
@@ -31,7 +32,8 @@ from app.services.wording import (
     cause_words,
     codes_of,
 )
-from app.storage import digests, plant
+from app.storage import digests, notes, plant
+from app.storage.notes import Standing
 
 TOP = 5
 CHANGES = 30
@@ -42,7 +44,8 @@ LONGEST_WHY = 200
 class DigestLoop:
     """A loop to look at; `why` is the weightiest reason, `address` its page (empty: not known how people reach it),
     `judged` of which time its verdict is, where that is not up to its newest samples. `measured`: whether its
-    probability is, and not a prior. `shelved` until when it is shelved, and why it is listed all the same."""
+    probability is, and not a prior. `shelved` until when it is shelved, and why it is listed all the same.
+    `of_before_repair`: whether its verdict is of before a repair that is stated by now."""
 
     loop: str
     verdict: str
@@ -56,6 +59,7 @@ class DigestLoop:
     judged: str = ""
     measured: bool = True
     shelved: str = ""
+    of_before_repair: bool = False
 
     @property
     def told(self) -> str:
@@ -128,6 +132,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         # In a plant's first run every verdict is new: that is no news.
         compared = plant.any_run_before(connection, number)
         changed = digests.changes_of(connection, number, CHANGES + 1) if compared else []
+        written = notes.standing(connection, [row.tag for row in [*worst, *old]])
     verdicts, refused = Counter[str](), Counter[str]()
     for row in counted:
         verdicts[row.verdict] += row.loops
@@ -142,7 +147,10 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
 
     def loop_of(row: Any) -> DigestLoop:
         found = (of_time.get(row.tag), all_the_same.get(row.tag))
-        return _loop(row, url, *(one.words(backend.clock) if one else "" for one in found))
+        words = [one.words(backend.clock) if one else "" for one in found]
+        window = {name: iso_utc(row._mapping[name]) for name in ("window_start", "window_end")}
+        before = of_before({**row._mapping, **window}, iso_utc(written.get(row.tag, Standing()).repaired_at))
+        return replace(_loop(row, url, *words), of_before_repair=before)
 
     return Digest(
         plant=backend.settings.plant,

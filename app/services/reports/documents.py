@@ -34,8 +34,10 @@ from app.services.reports.svg import WIDTH, Ends, Line, chart
 from app.services.why_rely import UNTIL_THEY_AGREE, contradiction, points
 from app.services.wording import measured_probability
 from app.storage import loops as stored_loops
+from app.storage import notes as stored_notes
 from app.storage import plant as stored_plant
 from app.storage import verdicts
+from app.storage.notes import Standing
 from app.storage.verdicts import RowFilter
 
 NIGHTS = 60
@@ -144,11 +146,14 @@ def _told(connection: Connection, placed: Sequence[Any], shelved: Shelf) -> list
     """Each loop's unit, and what its row says."""
     ids = stored_loops.ids_of(connection, [row.tag for row in placed])
     rows, all_the_same = verdicts.newest_of(connection, list(ids.values())), shelved.by_tag()
-    return [
-        (row.unit, as_row(rows[row.tag]) | {"importance": row.importance, "shelved": all_the_same.get(row.tag)})
-        for row in placed
-        if row.tag in rows
-    ]
+    written = stored_notes.standing(connection, ids)
+    told = []
+    for row in (row for row in placed if row.tag in rows):
+        said = as_row(rows[row.tag])
+        before = of_before(said, iso_utc(written.get(row.tag, Standing()).repaired_at))
+        more = {"importance": row.importance, "shelved": all_the_same.get(row.tag), "of_before_repair": before}
+        told.append((row.unit, said | more))
+    return told
 
 
 def _trend(drawn: Mapping[str, Any], clock: PlantClock) -> list[Markup]:

@@ -1,6 +1,7 @@
 """The nightly digest: what it says, that it arrives, once a receiver, and what becomes of receivers that are away."""
 
 import json
+import re
 import socket
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -93,6 +94,21 @@ def test_it_says_what_to_do_first_in_the_whole_plant(backend: Backend, night: st
     assert "<script>" not in as_html(found)
     assert subject(found).startswith("North: 3 valves stick (2 can be relied on), ")
     assert "What to do first" in plant_report(backend)
+
+
+def test_a_repair_that_was_written_after_the_run_is_told_in_all_its_lists(backend: Backend, night: str) -> None:
+    with backend.database.write() as connection:
+        connection.execute(update(newest_rows).values(verdict="stiction", reliability="reliable"))
+    add_note(backend, "A1", "packing", repaired_at=datetime.now(UTC) - timedelta(minutes=1))
+    found = digest_of(backend, night)
+    assert {one.loop: one.of_before_repair for area in found.areas for one in area.loops}["A1"]
+    text = as_text(found)
+    assert "A1 (U1): valve sticks, of before the repair" in text
+    assert "A1: valve sticks (probability 0.90, of before the repair)" in text
+    assert "probability 0.90, of before the repair" in as_html(found)
+    assert "evil@example.com: valve sticks (probability 0.90, rely on it)" in text
+    (row,) = re.findall(r"A1</a></td><td><span.*?</tr>", plant_report(backend))
+    assert "of before the repair" in row
 
 
 def test_its_counts_add_up_once_a_loop_is_retired(backend: Backend, night: str, add_loops: AddLoops) -> None:
