@@ -65,10 +65,11 @@ def newest_said(connection: Connection, loop_id: int) -> Any:
 
 def withdraw(connection: Connection, loop_id: int, note_id: int, withdrawn_by: str) -> None:
     """Neither this note's shelving counts any longer nor one before it, whose place it took: the loop is listed again.
-    Who withdrew one first stays."""
-    mine = (notes.c.loop_id == loop_id, notes.c.id <= note_id, notes.c.shelved_until.is_not(None))
+    Who withdrew one first stays, and so does one that ended by itself."""
+    at = now()
+    mine = (notes.c.loop_id == loop_id, notes.c.id <= note_id, notes.c.shelved_until > at)
     standing = update(notes).where(*mine, notes.c.withdrawn_at.is_(None))
-    connection.execute(standing.values(withdrawn_at=now(), withdrawn_by=withdrawn_by))
+    connection.execute(standing.values(withdrawn_at=at, withdrawn_by=withdrawn_by))
 
 
 def _stands(table: FromClause, at: datetime) -> tuple[ColumnElement[bool], ...]:

@@ -171,6 +171,17 @@ def test_it_is_ended_by_hand_whatever_was_written_before(judged: Backend) -> Non
     assert worst(judged) == ["A", "B", "C"]
 
 
+def test_to_end_one_leaves_those_before_it_that_ended_by_themselves(judged: Backend) -> None:
+    expired, newest = shelve(judged, "A", 2), shelve(judged, "A", 60)
+    wait(judged, expired, 3 * DAY)
+    notes.withdraw_shelving(judged, "A", newest, "bert")
+    assert [(note.id, note.withdrawn_by) for note in notes.list_notes(judged, "A")] == [
+        (newest, "bert"),
+        (expired, None),
+    ]
+    assert notes.withdraw_shelving(judged, "A", expired, "bert").withdrawn_at is None
+
+
 def test_to_end_one_that_was_replaced_leaves_the_newest(judged: Backend) -> None:
     first, newest = shelve(judged, "A", 30), shelve(judged, "A", 60)
     notes.withdraw_shelving(judged, "A", first)
