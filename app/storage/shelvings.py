@@ -4,13 +4,14 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, FromClause, and_, exists, func, literal, or_, select, update
+from sqlalchemy import ColumnElement, Connection, FromClause, ScalarSelect, and_, exists, func, or_, select, update
 
 from app.storage.loops import IN_SERVICE
 from app.storage.tables import loops, newest_rows, notes, verdicts
 from app.storage.types import now
 
 repairs = notes.alias("repairs")
+of_loop = verdicts.alias("of_loop")
 _SAID = ("verdict", "reliability", "likely_cause")
 
 
@@ -40,20 +41,25 @@ OF_NOTE = [notes.c.id.label("note_id"), *(notes.c[name] for name in _WRITTEN)]
 
 
 def shelved(connection: Connection, at: datetime, audit_id: int | None = None) -> list[ShelvedRow]:
-    """The loops that are shelved `at` a time, by what was written until then, with what a run says of them; without one
-    with their newest verdict. That which was written last counts, until a repair is stated after it. Those that end
-    first come first."""
+    """The loops that are shelved `at` a time, by what was written until then, with their last verdict up to a run, be
+    it of a run before; without one with their newest verdict. That which was written last counts, until a repair is
+    stated after it. Those that end first come first."""
     shelves = and_(notes.c.shelved_until.is_not(None), *_stands(notes, at))
     last = select(func.max(notes.c.id).label("id")).where(shelves).group_by(notes.c.loop_id).subquery()
     later = (repairs.c.loop_id == notes.c.loop_id, repairs.c.id > notes.c.id, repairs.c.repaired_at.is_not(None))
     repaired = exists().where(*later, *_stands(repairs, at))
     said = newest_rows if audit_id is None else verdicts
-    run = loops.c.newest_audit_id if audit_id is None else literal(audit_id)
+    run = loops.c.newest_audit_id if audit_id is None else _last_until(audit_id)
     source = notes.join(last, last.c.id == notes.c.id).join(loops, loops.c.id == notes.c.loop_id)
     source = source.outerjoin(said, and_(said.c.loop_id == loops.c.id, said.c.audit_id == run))
     query = select(*OF_LOOP, *OF_NOTE, *(said.c[name] for name in _SAID)).select_from(source)
     query = query.where(notes.c.shelved_until > at, ~repaired, IN_SERVICE)
     return [ShelvedRow(*row) for row in connection.execute(query.order_by(notes.c.shelved_until, loops.c.tag))]
+
+
+def _last_until(audit_id: int) -> ScalarSelect[Any]:
+    mine = (of_loop.c.loop_id == loops.c.id, of_loop.c.audit_id <= audit_id)
+    return select(func.max(of_loop.c.audit_id)).where(*mine).correlate(loops).scalar_subquery()
 
 
 def newest_said(connection: Connection, loop_id: int) -> Any:

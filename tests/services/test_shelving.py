@@ -8,7 +8,7 @@ import pytest
 from sqlalchemy import update
 
 from app.errors import NotFoundError, RequestError
-from app.services.auditing.audits import start_audit
+from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.next_steps import BY_CAUSE, STICKS, next_step
@@ -121,6 +121,23 @@ def test_the_work_of_a_run_goes_by_what_was_shelved_when_it_began(judged: Backen
     as_it_began = work_list(judged, Shelf([], ()), run)
     assert [one.loop for one in as_it_began] == ["A", "B", "C"]
     assert not as_it_began[0].step.startswith("Wait")
+
+
+def test_of_a_loop_that_a_run_left_out_its_shelf_tells_the_verdict_before(judged: Backend) -> None:
+    say(judged, "A", **SURE)
+    shelve(judged, "B")
+    kept = shelve(judged, "A")
+    with judged.database.write() as connection:
+        connection.execute(update(notes_table).where(notes_table.c.id == int(kept)).values(shelved_as=""))
+    first = int(plant.table(judged, 10).rows[0]["audit_id"])
+    run = start_audit(judged, LoopFilter(tags=("C",)))
+    audit_chunk(judged, int(run.id), "test")
+    assert shelf(judged, int(run.id)) == shelf(judged, first) == shelf(judged)
+    assert [(one.loop, one.said, bool(one.worse)) for one in shelf(judged, int(run.id)).listed] == [
+        ("A", "valve sticks (rely on it)", True),
+        ("B", "valve sticks (look first)", False),
+    ]
+    assert [one.said for one in shelf(judged, first - 1).listed] == ["not audited", "not audited"]
 
 
 def test_it_is_neither_looked_at_today_nor_among_old_records(judged: Backend) -> None:
