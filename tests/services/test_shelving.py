@@ -301,6 +301,13 @@ def test_a_shelving_needs_a_reason_and_a_time_within_a_year(
     assert notes.list_notes(judged, "A") == []
 
 
+def test_the_end_of_a_line_counts_once_however_a_browser_sends_it(judged: Backend) -> None:
+    lines = ["x" * (notes.LONGEST_TEXT - 20), *"123456789", "y"]
+    assert notes.add_note(judged, "A", "\r\n".join(lines)).text == "\n".join(lines)
+    with pytest.raises(RequestError):
+        notes.add_note(judged, "A", "\r\n".join([*lines, "z"]))
+
+
 def test_a_work_order_is_reason_enough(judged: Backend) -> None:
     notes.add_note(judged, "A", "", "WO-3", shelved_until=datetime.now(UTC) + LONGEST - DAY)
     assert worst(judged) == ["B", "C"]

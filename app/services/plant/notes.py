@@ -43,7 +43,8 @@ def add_note(
 ) -> NoteView:
     """Raises RequestError where nothing is said, too much, a repair that is still to come, or a shelving that cannot
     be."""
-    text, work_order = text.replace("\x00", "").strip(), work_order.replace("\x00", "").strip()
+    # Forms send two characters for the end of a line, where whoever types counts one.
+    text, work_order = text.replace("\x00", "").replace("\r\n", "\n").strip(), work_order.replace("\x00", "").strip()
     if not text and not work_order and repaired_at is None and shelved_until is None:
         raise RequestError("empty_note", "a note needs a text, a work order or the time of a repair")
     if len(text) > LONGEST_TEXT or len(work_order) > LONGEST_WORK_ORDER:
