@@ -136,7 +136,7 @@ def nothing_worst(sticking: int, old: bool) -> str:
     are shelved, or of old records, which have a list of their own (`old`)."""
     if not sticking:
         return "No valve sticks, as far as the records tell."
-    return f"No other valve sticks, {'of those with newest records' if old else 'as far as the records tell'}."
+    return f"No other valve sticks, as far as the {'newest ' if old else ''}records tell."
 
 
 def not_shelved(backend: Backend, limit: int, asked: RowFilter, shelved: Shelf | None = None) -> list[dict[str, Any]]:
