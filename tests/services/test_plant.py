@@ -122,6 +122,10 @@ def test_a_changed_verdict_names_the_evidence_that_moved_most(
     (change,) = plant.changes(backend).rows
     seen = "60 % of the travel of OP finds PV standing still (8 % before), probability 0.10 -> 0.99"
     assert change.because == f"{seen}; more was recorded than before"
+    rewrite(backend, first, ids["B"], stiction_probability=0.0004)
+    rewrite(backend, second, ids["B"], stiction_probability=0.9996)
+    assert "probability under 0.01 -> over 0.99; " in plant.changes(backend).rows[0].because
+    rewrite(backend, second, ids["B"], stiction_probability=0.99)
     rewrite(backend, first, ids["B"], stiction_probability=0.95)
     assert plant.changes(backend).rows[0].because == "more was recorded than before"
     rewrite(backend, first, ids["B"], stiction_probability=0.1, reasons="few_cycles", reasons_text="few")

@@ -31,6 +31,7 @@ from app.services.wording import (
     brief,
     cause_words,
     codes_of,
+    probability,
 )
 from app.storage import digests, notes, plant
 from app.storage.notes import Standing
@@ -65,7 +66,7 @@ class DigestLoop:
     def told(self) -> str:
         """What stands behind the verdict."""
         known = self.measured and self.stiction_probability is not None
-        return f"{f'probability {figure(self.stiction_probability, 2)}, ' if known else ''}{brief(vars(self))}"
+        return f"{f'probability {probability(self.stiction_probability)}, ' if known else ''}{brief(vars(self))}"
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 import re
 from typing import Any
 
-from app.services.wording import PRIOR_ONLY
+from app.services.wording import PRIOR_ONLY, probability
 
 LEAST_MOVE = 0.1
 """Of the probability; where it moved less, the verdict's edge is what changed."""
@@ -20,7 +20,7 @@ def moved(row: Any) -> str:
     if prior or now is None or before is None or abs(now - before) < LEAST_MOVE:
         return ""
     seen = _seen(_shapes(row.reasons, row.reasons_text), _shapes(row.reasons_before, row.reasons_text_before))
-    return f"{seen}probability {before:.2f} -> {now:.2f}"
+    return f"{seen}probability {probability(before)} -> {probability(now)}"
 
 
 def _shapes(codes: str | None, text: str | None) -> dict[str, str]:

@@ -131,6 +131,17 @@ def test_a_prior_is_no_probability(backend: Backend, night: str, add_loops: AddL
     assert "0.60" not in plant_report(backend)
 
 
+def test_no_probability_is_told_as_certain(backend: Backend, night: str) -> None:
+    with backend.database.write() as connection:
+        connection.execute(
+            update(verdicts).where(verdicts.c.audit_id == int(night)).values(stiction_probability=0.9996)
+        )
+    found = digest_of(backend, night)
+    assert "valve sticks (probability over 0.99, rely on it)" in as_text(found)
+    assert "probability over 0.99, " in as_html(found)
+    assert "1.00" not in as_text(found) + as_html(found)
+
+
 def shelved_before(backend: Backend, audit_id: str, tag: str, **then: object) -> None:
     """As if the loop had been shelved on the day before the run, when what was wrong with it was another thing."""
     note = add_note(backend, tag, "until the turnaround", "WO-9", None, "anna", datetime.now(UTC) + timedelta(days=90))
