@@ -1,8 +1,13 @@
 """What stands in a table has room: at the width of a desk and of a telephone."""
 
+from datetime import UTC, datetime, timedelta
+
 import pytest
 from playwright.sync_api import Page, expect
 
+from app.services.auditing.audits import list_audits
+from app.services.digests.digest import as_html, digest_of
+from app.services.plant.notes import add_note
 from tests.web.test_browser import NARROW, narrow, opened, settled, width
 
 __all__ = ["narrow", "opened"]
@@ -39,3 +44,37 @@ def test_words_of_the_plant_report_are_not_parted(opened: Page, client, wide: in
     badges = opened.locator("table .badge").all()
     assert badges
     assert all(badge.bounding_box()["height"] < 40 for badge in badges)
+
+
+@pytest.fixture
+def long_words(web_backend) -> str:
+    """A loop that is shelved with a work order and a note that have no space."""
+    until = datetime.now(UTC) + timedelta(days=2)
+    add_note(web_backend, "LIC7", "n" * 4000, "W" * 100, None, "anna", until)
+    return "LIC7"
+
+
+@pytest.mark.parametrize("wide", [420, 1400])
+def test_long_words_of_a_note_leave_pages_reports_and_mails_as_wide_as_the_screen(
+    opened: Page, client, web_backend, long_words: str, wide: int
+):
+    opened.set_viewport_size({"width": wide, "height": 900})
+    widths = {}
+    for path in (f"/loops/{long_words}", "/"):
+        settled(opened, path)
+        opened.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true })")
+        opened.wait_for_function(f"document.documentElement.scrollWidth <= {wide}", timeout=5_000)
+        shelved = opened.locator("#shelved .wide")
+        if shelved.count():
+            widths[path] = shelved.evaluate("part => part.scrollWidth - part.clientWidth") + wide
+    number = list_audits(web_backend, 1).rows[0].id
+    documents = {
+        "plant": client.get("/v1/report").text,
+        "loop": client.get(f"/v1/loops/{long_words}/report").text,
+        "digest": as_html(digest_of(web_backend, number)).replace("LIC7", "LIC7" + "W" * 100),
+    }
+    for name, html in documents.items():
+        opened.set_content(html)
+        opened.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true })")
+        widths[name] = width(opened)
+    assert max(widths.values()) <= wide, widths
