@@ -17,6 +17,7 @@ from app.services.wording import (
     headline,
     measured_probability,
     probability,
+    rely,
 )
 
 
@@ -31,7 +32,7 @@ def _environment() -> Environment:
     templates.trim_blocks = templates.lstrip_blocks = True
     templates.filters |= {"figure": figure, "probability": probability}
     templates.filters |= {"cause_words": cause_words, "measured_probability": measured_probability}
-    templates.filters |= {"headline": headline, "brief": brief}
+    templates.filters |= {"headline": headline, "brief": brief, "rely": rely}
     templates.globals |= {
         "verdict_words": VERDICT_WORDS,
         "reliability_words": RELIABILITY_WORDS,

@@ -275,6 +275,12 @@ class ChangeView:
     reasons_text: str
     health: float | None
     reliability: str
+    likely_cause: str | None
+
+    @property
+    def said(self) -> dict[str, str | None]:
+        """The verdict as a row, for the words on what stands behind it."""
+        return {"verdict": self.now, "reliability": self.reliability, "likely_cause": self.likely_cause}
 
 
 @dataclass(frozen=True)

@@ -150,6 +150,7 @@ def test_it_is_neither_looked_at_today_nor_among_old_records(judged: Backend) ->
     assert listed() == [["A", "B"], ["A", "B", "C"]]
     shelve(judged, "A")
     assert listed() == [["B"], ["B", "C"]]
+    assert shelf(judged).of("A").said == "cannot tell (look today)"
 
 
 def test_to_wait_comes_before_what_to_do_until_two_answers_agree(judged: Backend) -> None:

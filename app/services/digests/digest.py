@@ -25,7 +25,6 @@ from app.services.results import AuditView, ChangeView
 from app.services.wording import (
     CHANGE_WORDS,
     PRIOR_ONLY,
-    RELIABILITY_BRIEF,
     VERDICT_RANK,
     VERDICT_WORDS,
     brief,
@@ -320,7 +319,7 @@ def _change_lines(digest: Digest) -> list[str]:
 def _change_line(change: ChangeView) -> str:
     before = VERDICT_WORDS[change.before] if change.before else "not audited"
     words = f"{CHANGE_WORDS[change.kind]} ({before} -> {VERDICT_WORDS[change.now]})"
-    sure = "" if change.reliability == "reliable" else f", {RELIABILITY_BRIEF[change.reliability]}"
+    sure = "" if change.reliability == "reliable" else f", {brief(change.said)}"
     return f"  {_line(change.loop)}: {words}{sure}; {change.because}"
 
 

@@ -257,7 +257,8 @@ def _mean_health(rows: list[Any]) -> float | None:
 def change_of(row: Any) -> ChangeView:
     kind, why = _kind(row.verdict_before, row.verdict), _why(row)
     verdicts_told = (row.verdict_before, row.verdict, why, _because(why, row))
-    return ChangeView(row.tag, row.unit, kind, *verdicts_told, row.reasons_text, row.health, row.reliability)
+    of_now = (row.reasons_text, row.health, row.reliability, row.likely_cause)
+    return ChangeView(row.tag, row.unit, kind, *verdicts_told, *of_now)
 
 
 def _kind(before: str | None, now: str) -> Literal["new", "cured", "flipped"]:

@@ -14,7 +14,7 @@ from app.errors import NotFoundError, RequestError
 from app.services.backend import Backend
 from app.services.moments import PlantClock, iso_utc
 from app.services.next_steps import next_step
-from app.services.wording import RELIABILITY_BRIEF, UNANSWERED, VERDICT_WORDS
+from app.services.wording import UNANSWERED, VERDICT_WORDS, brief
 from app.storage import notes, shelvings
 from app.storage.shelvings import ShelvedRow
 
@@ -42,6 +42,7 @@ class Shelved:
     text: str
     verdict: str | None
     reliability: str | None
+    likely_cause: str | None
     worse: str
 
     @property
@@ -49,7 +50,12 @@ class Shelved:
         """ "valve sticks (rely on it)"."""
         if self.verdict is None:
             return "not audited"
-        return f"{VERDICT_WORDS[self.verdict]} ({RELIABILITY_BRIEF[self.reliability or '']})"
+        return f"{VERDICT_WORDS[self.verdict]} ({self.stands})"
+
+    @property
+    def stands(self) -> str:
+        """What stands behind the verdict that is said of it, in two words; empty: not audited."""
+        return brief(vars(self)) if self.verdict is not None else ""
 
     def words(self, clock: PlantClock) -> str:
         """ "shelved until 2026-10-01 06:00 (work order WO-17)", and what is worse since."""
@@ -152,5 +158,6 @@ def _view(row: ShelvedRow) -> Shelved:
         text=row.text,
         verdict=row.verdict,
         reliability=row.reliability,
+        likely_cause=row.likely_cause,
         worse=WORSE_WORDS[kind] if kind and kind != row.shelved_as else "",
     )

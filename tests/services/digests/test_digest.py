@@ -131,6 +131,23 @@ def test_a_prior_is_no_probability(backend: Backend, night: str, add_loops: AddL
     assert "0.60" not in plant_report(backend)
 
 
+def test_what_changed_to_a_pv_that_does_not_answer_is_looked_at_today(backend: Backend, night: str) -> None:
+    frozen = {
+        "verdict": "inconclusive",
+        "reliability": "not_reliable",
+        "likely_cause": "stuck_valve_or_dead_transmitter",
+    }
+    with backend.database.write() as connection:
+        for table in (verdicts, newest_rows):
+            mine = (table.c.audit_id == int(night), table.c.loop_id == 1)
+            connection.execute(update(table).where(*mine).values(**frozen))
+    found = digest_of(backend, night)
+    change = next(change for change in found.changes if change.now == "inconclusive")
+    line = next(line for line in as_text(found).splitlines() if f"{change.loop}: " in line and "->" in line)
+    assert ", look today; " in line
+    assert "(look today)" in as_html(found).partition("What changed")[2].partition("<h2")[0]
+
+
 def test_no_probability_is_told_as_certain(backend: Backend, night: str) -> None:
     with backend.database.write() as connection:
         connection.execute(
