@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from app.services.explaining.wording import LIKELY
@@ -27,6 +27,7 @@ POOR = (
     "pv_flat",
 )
 DOUBTED = ("moves_set_point", "moves_no_valve", "shaken_by_neighbour")
+OLDER = ("before_repair",)
 """Codes of reasons, by what they speak against."""
 
 FIT = re.compile(r"a sticky valve explains (-?\d+) % of PV, a linear one (-?\d+) %")
@@ -72,11 +73,13 @@ def points(row: Mapping[str, Any], detail: Mapping[str, Any]) -> list[Point]:
         _kept("length", f"{row['cycles'] or 0.0:.1f} cycles, and its parts agree", DIVIDED, reasons),
         _kept("record", _whole(row), POOR, reasons),
         _kept("other loops", "none of them is known to move it", DOUBTED, reasons),
+        _time(reasons),
         _fit(row, detail.get("rivals", ())),
         _methods(row, reasons.get("published_methods", "")),
         _published(row, reasons),
     ]
-    return [point for point in found if point is not None]
+    reliable = row["reliability"] == "reliable"
+    return [_beside(point) if reliable else point for point in found if point is not None]
 
 
 def contradiction(row: Mapping[str, Any], explanation: Mapping[str, Any] | None) -> str | None:
@@ -93,6 +96,17 @@ def _kept(name: str, told: str, against: Sequence[str], reasons: Mapping[str, st
     """Agrees, unless a reason that speaks against it was given."""
     doubts = [reasons[code] for code in against if code in reasons]
     return Point("otherwise", f"{name}: {doubts[0]}") if doubts else Point("agrees", f"{name}: {told}")
+
+
+def _time(reasons: Mapping[str, str]) -> Point | None:
+    """Only where it speaks against: most loops were never repaired."""
+    doubts = [reasons[code] for code in OLDER if code in reasons]
+    return Point("otherwise", f"time: {doubts[0]}") if doubts else None
+
+
+def _beside(point: Point) -> Point:
+    """What speaks against a verdict that can be relied on all the same did not move it."""
+    return replace(point, moves=False) if point.says == "otherwise" else point
 
 
 def _whole(row: Mapping[str, Any]) -> str:

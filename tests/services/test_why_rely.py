@@ -3,7 +3,7 @@
 import pytest
 
 from app.services.auditing.reason_wording import REASON_WORDS
-from app.services.why_rely import APART, BESIDE, DIVIDED, DOUBTED, POOR, UNCLEAR, contradiction, points
+from app.services.why_rely import APART, BESIDE, DIVIDED, DOUBTED, OLDER, POOR, UNCLEAR, contradiction, points
 
 FIT = "fitted on one half of each window a sticky valve explains 19 % of PV, a linear one 34 %: it is the shapes"
 METHODS = (
@@ -43,14 +43,23 @@ def test_the_same_figures_agree_with_a_valve_that_is_cleared():
 @pytest.mark.parametrize(
     ("code", "point"),
     [("few_cycles", "length"), ("uncoupled", "PV and OP"), ("evidence_not_clear", "shapes"), ("filled_share", "record"),
-     ("shaken_by_neighbour", "other loops"), ("disturbance", "other explanations")],
+     ("shaken_by_neighbour", "other loops"), ("before_repair", "time"), ("disturbance", "other explanations")],
 )  # fmt: skip
 def test_what_takes_the_reliability_is_crossed(code, point):
     assert marks(*told(reasons=[(code, "told")]))[point] == "✗"
 
 
+def test_a_cross_beside_a_reliable_verdict_says_that_it_does_not_move_it():
+    quantised = [("pv_quantised", "PV moves in steps")]
+    (crossed,) = (point for point in points(*told(reasons=quantised)) if point.text.startswith("record"))
+    assert crossed.words == f"record: PV moves in steps ({BESIDE})"
+    unsure = told(reasons=quantised, reliability="not_reliable")
+    (crossed,) = (point for point in points(*unsure) if point.text.startswith("record"))
+    assert crossed.words == "record: PV moves in steps"
+
+
 def test_every_code_that_is_looked_for_is_one():
-    assert {*UNCLEAR, *APART, *DIVIDED, *POOR, *DOUBTED} <= set(REASON_WORDS)
+    assert {*UNCLEAR, *APART, *DIVIDED, *POOR, *DOUBTED, *OLDER} <= set(REASON_WORDS)
 
 
 def test_what_was_not_judged_has_no_points():
