@@ -47,6 +47,13 @@ class PlantClock:
         none."""
         return self.at(datetime.fromisoformat(iso)).isoformat(" ", "minutes")[:16] if iso else "–"
 
+    def day(self, iso: str | None) -> str:
+        """The day alone; "no date" where nobody told it, nothing where there is no time."""
+        if iso is None:
+            return ""
+        moment = datetime.fromisoformat(iso)
+        return self.date(moment) if moment >= FIRST_DATED else "no date"
+
     def told(self, iso: str) -> str:
         """The same with what the clock is ahead of UTC, for sentences that go elsewhere: 2026-01-31 04:00 UTC+01:00.
 

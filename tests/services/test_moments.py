@@ -60,3 +60,10 @@ def test_the_ends_of_the_calendar_are_told_as_they_are_and_not_read(zone):
 def test_what_no_calendar_has_is_no_instant():
     with pytest.raises(OverflowError):
         PlantClock("America/New_York").instant(datetime(9999, 12, 31, 23, 59))
+
+
+def test_a_day_that_nobody_told_is_no_date() -> None:
+    clock = PlantClock("Europe/Berlin")
+    assert clock.day("2026-01-31T23:30:00Z") == "2026-02-01"
+    assert clock.day("1970-01-01T00:49:55Z") == "no date"
+    assert clock.day(None) == ""
