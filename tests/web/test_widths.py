@@ -78,3 +78,12 @@ def test_long_words_of_a_note_leave_pages_reports_and_mails_as_wide_as_the_scree
         opened.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true })")
         widths[name] = width(opened)
     assert max(widths.values()) <= wide, widths
+
+
+def test_history_and_repairs_fold_on_a_narrow_screen(narrow: Page, web_backend):
+    add_note(web_backend, "FIC101", "new packing", "WO-3", datetime.now(UTC) - timedelta(days=1), "anna")
+    for path, part in (("/loops/FIC101", "#history-part .wide"), ("/", "section:has(#repairs-head) .wide")):
+        settled(narrow, path)
+        folded = narrow.locator(part)
+        assert folded.evaluate("part => part.scrollWidth <= part.clientWidth")
+        expect(folded.locator("td[data-label]:not(:empty)").first).to_be_visible()
