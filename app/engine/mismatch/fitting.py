@@ -78,28 +78,13 @@ def slopes(
     """(rows, P) numerical derivatives of the whitened residuals by all coordinates, or by those `along` which."""
     along = range(len(x)) if along is None else along
     columns = np.empty((len(along), len(at.rows)))
-
-    def moved(k: int, step: float) -> FloatArray:
-        there = x.copy()
-        there[k] += step
-        return residual_rows(task, there, noise).rows
-
     for column, k in zip(columns, along, strict=True):
-        step = step_from(task.free[k], float(x[k]))
-        if x[k] == 0.0 and task.low[k] < 0.0 and not task.log[k]:
-            column[:] = (moved(k, step) - moved(k, -step)) / (2.0 * step)  # to both sides: there is no way from zero
-        else:
-            column[:] = (moved(k, step) - at.rows) / step
+        f = task.free[k]
+        step = f.step if x[k] + f.step <= f.high else -f.step
+        moved = x.copy()
+        moved[k] += step
+        column[:] = (residual_rows(task, moved, noise).rows - at.rows) / step
     return columns.T
-
-
-def step_from(f: Free, x: float) -> float:
-    """The step for a derivative at x within the bounds: away from zero where x is of either sign, so that a record
-    upside down has the same slopes.
-    """
-    if not f.log and x < 0.0:
-        return -f.step if x - f.step >= f.low else f.step
-    return f.step if x + f.step <= f.high else -f.step
 
 
 def descend(task: Task, x: FloatArray, noise: NoiseModel, steps: int) -> FloatArray:
@@ -131,8 +116,7 @@ def polish(task: Task, x: FloatArray, noise: NoiseModel) -> FloatArray:
     """A pattern search over the blocks' non-linear parameters, all others following along their slopes.
 
     The noise model is held. Where the simulation jumps with a parameter (a threshold, a moment) its slope misleads, and
-    descents end where they began. Of both ways the better one is gone: the first that is better would be another one
-    for a record upside down.
+    descents end where they began.
     """
     searched = [k for k, f in enumerate(task.free) if "." in f.name and not f.linear]
     if not searched:
@@ -144,9 +128,8 @@ def polish(task: Task, x: FloatArray, noise: NoiseModel) -> FloatArray:
     asked = {x.tobytes()}  # the cost only falls, so that no place is ever better when it is asked again
     for share in POLISHING_STEPS:
         for k in searched * 2:
-            before = x
             for sign in (1.0, -1.0):
-                moved = before.copy()
+                moved = x.copy()
                 moved[k] += sign * share * (task.high[k] - task.low[k])
                 moved = clipped(task, moved)
                 if moved.tobytes() in asked:
@@ -155,6 +138,7 @@ def polish(task: Task, x: FloatArray, noise: NoiseModel) -> FloatArray:
                 there = projected_cost(residual_rows(task, moved, noise).rows, basis)
                 if there < cost - 1e-6:
                     x, cost = moved, there
+                    break
     return x
 
 

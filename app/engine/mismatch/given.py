@@ -124,15 +124,12 @@ def project(record: Experiment, y: FloatArray, structure: Structure, z: FloatArr
 
 
 def descend_trace(record: Experiment, y: FloatArray, structure: Structure, start: FloatArray) -> Plant:
-    """Variable projection: gain, offset and start are linear; time constants and dead time are searched.
-
-    The search ends where gradients are small: as shares of the trace, for in its unit they would be small at once.
-    """
-    ts, unit = record.sampling_interval_s, max(float(np.std(y)), 1e-300)
+    """Variable projection: gain, offset and start are linear; time constants and dead time are searched."""
+    ts = record.sampling_interval_s
     low = [0.0, np.log(0.05 * ts), np.log(0.05 * ts)]
     high = [0.2 * record.samples, np.log(record.duration_s), np.log(record.duration_s)]
     z = scipy.optimize.least_squares(
-        lambda z: project(record, y, structure, z)[0] / unit,
+        lambda z: project(record, y, structure, z)[0],
         np.clip(start, low, high),
         bounds=(low, high),
         max_nfev=40,

@@ -14,8 +14,6 @@ from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.task import Task, make_task
 from app.engine.recording import FloatArray
 
-BEFORE_PROCESS = ("valve", "input", "load")
-
 
 @dataclass(frozen=True, eq=False)
 class Ground:
@@ -74,32 +72,19 @@ def scan(block: Block, grounds: tuple[Ground, ...]) -> tuple[tuple[Start, ...], 
     parameters = block.parameters(context)
     linear = [k for k, p in enumerate(parameters) if p.linear]
     grids = [{values.tobytes(): values for values in block.starts(context, ground_.innovations)} for ground_ in grounds]
-    sides = (1.0, -1.0) if linear and bent_behind(block, fit) else (1.0,)
-    known: list[dict[tuple[bytes, float], Moved]] = [{} for _ in grounds]
+    known: list[dict[bytes, Moved]] = [{} for _ in grounds]
     rows, recent = np.zeros((max(len(linear), 1), len(grounds[0].rows))), Recent()
     for key, values in {key: values for points in grids for key, values in points.items()}.items():
-        for side in sides:
-            simulated = simulations(block, values, linear, parameters, grounds[0], recent, side)
-            for ground_, points, moved in zip(grounds, grids, known, strict=True):
-                if key in points:
-                    move(ground_, simulated, rows)
-                    moved[key, side] = inner_products(ground_, rows)
+        simulated = simulations(block, values, linear, parameters, grounds[0], recent)
+        for ground_, points, moved in zip(grounds, grids, known, strict=True):
+            if key in points:
+                move(ground_, simulated, rows)
+                moved[key] = inner_products(ground_, rows)
     found = []
     for ground_, points, moved in zip(grounds, grids, known, strict=True):
-        tried = np.array(list(points.values()))
-        both = [
-            solved(tried, linear, parameters, ground_, [moved[key, side] for key in points], side) for side in sides
-        ]
-        starts = [max(same, key=lambda start: start.gain) for same in zip(*both, strict=True)]
+        starts = solved(np.array(list(points.values())), linear, parameters, ground_, [moved[key] for key in points])
         found.append(tuple(sorted(starts, key=lambda start: -start.gain)))
     return tuple(found)
-
-
-def bent_behind(block: Block, fit: Fit) -> bool:
-    """Whether what a block makes passes a part of the fit that may answer up and down differently: friction lets go to
-    one side, a limit stops one. A scan that moved a load up alone would pass over one that went down.
-    """
-    return block.stage in BEFORE_PROCESS and any(part.block.stage not in BEFORE_PROCESS for part in fit.parts)
 
 
 def inner_products(ground_: Ground, rows: FloatArray) -> Moved:
@@ -130,16 +115,15 @@ def simulations(
     parameters: tuple[Parameter, ...],
     ground_: Ground,
     recent: Recent,
-    side: float = 1.0,
 ) -> FloatArray:
     """The simulations (L, N) with the block at one point of the grid: one for each linear parameter moved by its scale,
-    up or down (`side` 1 or -1), one in all where none is linear.
+    one in all where none is linear.
     """
     if not linear:
         return with_block(ground_, block, values, recent)[None, :]
     moved = np.repeat(values[None, :], len(linear), axis=0)
     for row, k in zip(moved, linear, strict=True):
-        row[k] += side * parameters[k].scale
+        row[k] += parameters[k].scale
     return np.stack([with_block(ground_, block, row, recent) for row in moved])
 
 
@@ -149,10 +133,9 @@ def solved(
     parameters: tuple[Parameter, ...],
     ground_: Ground,
     moved: list[Moved],
-    side: float = 1.0,
 ) -> list[Start]:
     """The points (M, P) of a grid, their linear parameters by least squares; the linear model follows by inner products
-    with its directions alone. moved: by what the simulations of each point, to one `side`, move the residual.
+    with its directions alone. moved: by what the simulations of each point move the residual.
     """
     if len(points) == 0:
         return []
@@ -165,7 +148,7 @@ def solved(
     change = -np.linalg.solve(gram + ridge, slope[:, :, None])[:, :, 0]
     curve = np.einsum("mi,mij,mj->m", change, gram, change)
     energies = ground_.energy + 2.0 * np.sum(change * slope, axis=1) + curve
-    scales = side * np.array([parameters[k].scale for k in linear])
+    scales = np.array([parameters[k].scale for k in linear])
     low, high = (np.array([getattr(parameters[k], side) for k in linear]) for side in ("low", "high"))
     best = points.copy()
     best[:, linear] = np.clip(points[:, linear] + change * scales, low, high)

@@ -90,8 +90,8 @@ def started(record: Experiment, begun: BoolArray, plant: Plant, parts: tuple[Par
         return simulate(record, plant.changed(x0=float(states[0])), told)
 
     start = np.array([np.mean(record.pv_deviation[begun][:FIRST_SAMPLES]), *np.zeros(len(begins))])
-    found = scipy.optimize.least_squares(  # it ends by gradients, which have no unit then
-        lambda states: (run(states) - record.pv_deviation)[begun] / record.pv_span, start, x_scale=record.pv_span
+    found = scipy.optimize.least_squares(
+        lambda states: (run(states) - record.pv_deviation)[begun], start, x_scale=record.pv_span
     )
     return run(found.x)
 
