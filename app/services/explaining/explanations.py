@@ -10,13 +10,14 @@ from sqlalchemy import Connection
 from app.engine.mismatch.comparison import LEAST_SAMPLES
 from app.engine.stretches import LONG_SAMPLES
 from app.errors import DataError, NotFoundError, RequestError
+from app.nanoseconds import NS_PER_H
 from app.services.auditing.recordings import recording_of
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.explaining.simulations import GivenSimulation, comparison_with, kept, kind_of
 from app.services.moments import iso_utc, moment_of, ns_of
 from app.services.plant.loops import find
-from app.services.plant.trend import NS_PER_S, instant_ns
+from app.services.plant.trend import instant_ns
 from app.services.results import Page
 from app.storage import explanations, notes, series, verdicts
 from app.storage.documents import Document, pack_document, unpack_document
@@ -24,7 +25,6 @@ from app.storage.explanations import ExplanationRow
 from app.storage.loops import LoopRow
 from app.storage.samples import Samples
 
-NS_PER_H = 3600 * NS_PER_S
 EARLIEST_NS = -(1 << 63)  # that a time of a sample can hold
 LONGEST_WINDOW_H = 10 * 365 * 24.0
 MOST_UNPACKED = 5_000_000

@@ -15,6 +15,7 @@ from app.engine.mismatch.comparison import LEAST_SAMPLES, check
 from app.engine.recording import FloatArray, Recording
 from app.errors import DataError, RequestError
 from app.ingest import NO_TIME, IngestOptions, parse_named, read_instants
+from app.nanoseconds import NS_PER_S
 from app.services.auditing.recordings import origin_ns, recording_of
 from app.services.explaining.aligning import Aligned, onto
 from app.services.explaining.comparisons import (
@@ -26,7 +27,6 @@ from app.services.explaining.comparisons import (
     in_doubt,
 )
 from app.services.explaining.given_model import simulation_from_json
-from app.services.plant.trend import NS_PER_S
 from app.storage.documents import Document
 from app.storage.loops import LoopRow
 from app.storage.samples import Samples, TimeArray

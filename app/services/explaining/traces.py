@@ -5,11 +5,12 @@ from typing import Any
 import numpy as np
 
 from app.engine.recording import FloatArray
+from app.nanoseconds import NS_PER_S
 from app.services.backend import Backend
 from app.services.explaining.explanations import stored_answer
 from app.services.explaining.trace_table import as_csv
 from app.services.moments import iso_utc, moment_of
-from app.services.plant.trend import NS_PER_S, extremes
+from app.services.plant.trend import extremes
 from app.storage.samples import Samples
 
 SHOWN_WINDOWS = 200

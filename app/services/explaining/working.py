@@ -12,6 +12,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from app.engine.mismatch import Comparison, Explanation, explain, locate
 from app.engine.mismatch.result import Location
 from app.errors import DataError, LoopauditError
+from app.nanoseconds import NS_PER_S
 from app.services.auditing.limits import TimeLimitError, time_limit
 from app.services.auditing.recordings import origin_ns, recording_of
 from app.services.backend import DATABASE_AWAY, Backend
@@ -23,7 +24,6 @@ from app.services.explaining.trace_table import trace_rows
 from app.services.explaining.trigger import trigger_of
 from app.services.heartbeat import Heartbeat
 from app.services.patience import patiently
-from app.services.plant.trend import NS_PER_S
 from app.storage import explanations, loops, series
 from app.storage.documents import Document, pack_document, unpack_document
 from app.storage.explanations import ExplanationClaim

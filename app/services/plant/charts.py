@@ -16,6 +16,7 @@ from app.engine.freerun import valve_position
 from app.engine.recording import Recording, UniformRecord
 from app.errors import DataError
 from app.ingest import carried
+from app.nanoseconds import NS_PER_S
 from app.services.auditing.spectra import spectra
 from app.services.backend import Backend
 from app.services.moments import iso_utc, moment_of
@@ -31,7 +32,6 @@ BINS = 41
 MARGIN = 0.05
 LEAST_OF_SPECTRUM = 16
 MOST_HOLES = 500
-NS_PER_S = 1_000_000_000
 
 _FITNESS = FitnessConfig()
 

@@ -6,6 +6,7 @@ from concurrent.futures import Future, wait
 from typing import Any
 
 from app.engine.plant_wide import IN_STEP, UNNAMED, Group, groups
+from app.nanoseconds import NS_PER_S
 from app.services.auditing.swings import candidates
 from app.services.backend import Backend
 from app.services.moments import iso_utc, moment_of
@@ -107,4 +108,4 @@ def _view(number: int, group: Group, units: dict[str, str | None]) -> GroupView:
 
 
 def _moment(seconds: float | None) -> str | None:
-    return None if seconds is None else iso_utc(moment_of(round(seconds) * 1_000_000_000))
+    return None if seconds is None else iso_utc(moment_of(round(seconds) * NS_PER_S))

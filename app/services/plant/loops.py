@@ -12,7 +12,7 @@ from app.services.cursors import decode, encode, identifier
 from app.services.moments import iso_utc, moment_of
 from app.services.results import FailureView, LoopsChanged, LoopView, Page
 from app.storage import items, loops, verdicts
-from app.storage.loops import SETTABLE, ListFilter, LoopRow
+from app.storage.loops import SETTABLE, SPANS, ListFilter, LoopRow
 from app.storage.types import storable
 
 __all__ = [
@@ -39,7 +39,6 @@ RETIRED: dict[str, bool | None] = {"true": True, "false": False, "any": None}
 """Which loops are asked for: those that are retired, those that are not, or both."""
 USUAL = {"importance": 1.0, "retired": False}
 """What a loop is where nobody says otherwise, of what it cannot be without."""
-SPANS = (("pv_low", "pv_high"), ("op_low", "op_high"))
 
 
 def list_loops(

@@ -8,9 +8,9 @@ import numpy as np
 from app.engine.features import cycle_samples, standing
 from app.engine.oscillation import Oscillation
 from app.engine.recording import UniformRecord
+from app.nanoseconds import NS_PER_S
 from app.storage.samples import FloatArray
 
-NS_PER_S = 1_000_000_000
 FEWEST = 16
 OF_STRETCHES = "stretches"
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from app.errors import DataError, RequestError
 from app.ingest import carried
+from app.nanoseconds import NS_PER_S
 from app.services.backend import Backend
 from app.services.moments import iso_utc, moment_of
 from app.services.plant.loops import find
@@ -23,7 +24,6 @@ log = logging.getLogger("loopaudit.trend")
 MOST_POINTS = 10_000
 PIECE_SAMPLES = 1_000_000  # that are read at once: some 200 MB
 FINER = 4
-NS_PER_S = 1_000_000_000
 DEFAULT_S = 24 * 3600
 FARTHEST_S = 9_000_000_000  # the years 1684 to 2255: nanoseconds of them, and DEFAULT_S before them, fit into 64 bits
 
