@@ -368,7 +368,7 @@ def misspelt(environment: Mapping[str, str]) -> list[str]:
         if not variable.upper().startswith(PREFIX) or name in known or _read_elsewhere(variable, value):
             continue
         meant = difflib.get_close_matches(name, known, n=1, cutoff=CLOSE)
-        instead = f"did you mean {PREFIX}{meant[0]}?" if meant else "README.md lists them, under Settings"
+        instead = f"did you mean {PREFIX}{meant[0]}?" if meant else "docs/SETTINGS.md lists them"
         told.append(f"{variable} is no setting; {instead}")
     return told
 

@@ -70,7 +70,7 @@ def test_a_plant_has_a_name(name: str) -> None:
         ("LOOPAUDIT_REQUIRE_KEY", "did you mean LOOPAUDIT_REQUIRE_KEYS?"),
         ("LOOPAUDIT_NIGHTLYAT", "did you mean LOOPAUDIT_NIGHTLY_AT?"),
         ("loopaudit_allowed_host", "did you mean LOOPAUDIT_ALLOWED_HOSTS?"),
-        ("LOOPAUDIT_PORT", "README.md lists them"),
+        ("LOOPAUDIT_PORT", "docs/SETTINGS.md lists them"),
     ],
 )
 def test_a_variable_that_is_no_setting_is_told_with_what_may_be_meant(variable: str, meant: str) -> None:

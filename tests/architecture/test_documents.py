@@ -1,4 +1,4 @@
-"""What the README says can be found, and what can be set stands in it."""
+"""What README and pages of docs name can be found, and every setting stands in its table."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,9 @@ from app.settings import Settings
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-ROWS = re.findall(r"^\| `(LOOPAUDIT_\w+)` \| (?:`(.*?)`)? *\| (.+?) \|$", README, re.MULTILINE)
+SETTINGS = (ROOT / "docs" / "SETTINGS.md").read_text(encoding="utf-8")
+ROWS = re.findall(r"^\| `(LOOPAUDIT_\w+)` \| (?:`(.*?)`)? *\| (.+?) \|$", SETTINGS, re.MULTILINE)
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 OF_THE_CLIENT = {"LOOPAUDIT_URL", "LOOPAUDIT_KEY"}
 
 
@@ -32,9 +34,18 @@ def test_the_defaults_in_the_table_are_the_defaults(monkeypatch, variable, defau
     assert getattr(Settings(), field) == own
 
 
-@pytest.mark.parametrize("link", re.findall(r"\]\((?!http)([^)#]+)\)", README))
-def test_links_lead_to_files(link):
-    assert (ROOT / link).exists()
+def _anchors(page: Path) -> set[str]:
+    """What a link may name in a page: its headings in small letters, without signs, hyphens for blanks."""
+    headings = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", DOCUMENTS, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_to_files_and_to_headings_in_them(page):
+    for path, anchor in re.findall(r"\]\((?!http)([^)#\s]*)(?:#([^)]*))?\)", page.read_text(encoding="utf-8")):
+        target = page.parent / path if path else page
+        assert target.exists(), path
+        assert not anchor or anchor in _anchors(target), f"{path}#{anchor}"
 
 
 @pytest.mark.parametrize("path", sorted(set(re.findall(r"`((?:app|tests|workers|migrations)/[\w/.]*)`", README))))
