@@ -50,8 +50,8 @@ class AuditConfig:
     """The configuration of an audit, each part as its room defines it; ladder and grids of the reference are laid for
     time, with `YPER_THRESHOLD_PCT`.
 
-    doubt_above: up to this probability of stiction, from the shapes, nothing dear is run: the reference stays in its
-    first search space and without the two-parameter model.
+    doubt_above: up to this probability of stiction, from the shapes, the reference stays in its first search space and
+    without the two-parameter model. Zero, so that the reference stands beside every verdict as published.
 
     max_samples: identification uses the newest samples of the stretch up to this number: the time of an audit grows
     with them, and the newest say most about the valve as it is.
@@ -65,7 +65,7 @@ class AuditConfig:
     quantification: QuantificationConfig = field(default_factory=QuantificationConfig)
     max_samples: int = NEWEST_SAMPLES
     episodes: EpisodeConfig = field(default_factory=EpisodeConfig)
-    doubt_above: float = 0.25
+    doubt_above: float = 0.0
 
     def canonical_json(self) -> str:
         """The configuration as JSON, the same text for the same configuration on any machine."""

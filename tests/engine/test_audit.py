@@ -255,7 +255,16 @@ def test_an_audit_calls_yper_high_above_the_calibrated_threshold():
     assert LadderConfig().yper_threshold_pct == 0.5
 
 
-def test_the_dear_part_of_the_reference_is_run_only_where_the_shapes_leave_doubt(answer):
+def test_the_reference_is_run_whole_also_where_the_shapes_clear_the_valve():
+    load, noise = Signal(noise_sd=2.0, noise_tau_s=400.0), Signal(noise_sd=0.2)
+    spec = LoopSpec(first_order(1.0, 20.0, 5.0), Pid(0.8, 25.0), load=load, noise=noise, pv_start=50.0, op_start=50.0)
+    cleared = audit(simulate_loop(spec, 4000.0, 4.0, 1).recording("healthy"))
+    assert cleared.judgement.stiction_probability < 0.25
+    assert cleared.reference.last.two is not None
+    assert cleared.reference.ending != "not_widened"
+
+
+def test_the_dear_part_of_the_reference_may_be_left_out_where_the_shapes_leave_no_doubt(answer):
     p = answer.judgement.stiction_probability
     wide = audit(sticky_loop(), AuditConfig(doubt_above=p / 2))
     narrow = audit(sticky_loop(), AuditConfig(doubt_above=p))
