@@ -171,7 +171,7 @@ def test_a_recording_over_http_gets_the_answer_of_the_command_line(client, backe
         pass
     found = client.get(f"/v1/loops/{loop}/explanations/{asked['id']}").json()
     comparison = read_comparison(path, Columns(), "PV_sim")
-    expected = json.loads(as_json(explanation_line(explain(comparison))))
+    expected = json.loads(as_json(explanation_line(explain(comparison), simulation="column")))
     assert {name: found[name] for name in expected if name != "elapsed_s"} == {
         name: value for name, value in expected.items() if name != "elapsed_s"
     }

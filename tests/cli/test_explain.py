@@ -180,3 +180,64 @@ def test_a_first_look_says_that_numbers_may_be_read_in_two_ways(recording: Path,
     assert said["code"] == "numbers_in_doubt"
     assert said["text"].endswith("read as decimals: OP, PV")
     assert said["text"] in runner.invoke(cli, ["explain", str(path), "--quick"]).stdout
+
+
+LAGGED = '{"gain": 0.8, "time_constants_s": [9.5]}'
+
+
+def other_recording(recording: Path, tmp_path: Path, *, columns: int = 5, every: int = 1) -> Path:
+    """A later hour of the same loop, its first columns alone, and so many samples a sample."""
+    names = recording.read_text().splitlines()[0].split(",")
+    rows = np.loadtxt(recording, delimiter=",", skiprows=1)
+    rows[:, 3] += np.random.default_rng(4).normal(scale=0.05, size=len(rows))
+    path = tmp_path / "second.csv"
+    kept = rows[::every, :columns]
+    np.savetxt(path, kept, fmt="%.5f", delimiter=",", header=",".join(names[:columns]), comments="")
+    return path
+
+
+@pytest.mark.parametrize("every", [1, 2])
+def test_a_given_model_is_simulated_on_the_second_recording_too(recording: Path, tmp_path: Path, every: int) -> None:
+    options = ["--sim-model", LAGGED, "--validate", str(other_recording(recording, tmp_path, columns=4, every=every))]
+    result = runner.invoke(cli, ["explain", str(recording), *options, "--format", "json"])
+    assert result.exit_code == 0, result.output
+    line = json.loads(result.stdout)
+    assert line["simulation"] == "model"
+    assert line["figures_of"]["given"] == "the given model"
+    assert line["figures_of"]["refitted"] == "the given model, its parameters fitted to FIC1"
+    assert line["validation"]["recording"] == "second"
+    assert line["validation"]["given_of"] == "the given model"
+    assert line["validation"]["rmse_given"] == pytest.approx(line["validation"]["rmse_refitted"], rel=0.2)
+
+
+def test_a_model_that_was_written_is_simulated_on_the_second_recording_too(recording: Path, tmp_path: Path) -> None:
+    model, second = tmp_path / "model.json", other_recording(recording, tmp_path, columns=4)
+    runner.invoke(cli, ["explain", str(recording), "--sim-model", LAGGED, "--model", str(model)])
+    options = ["--sim-model", str(model), "--validate", str(second), "--format", "json"]
+    line = json.loads(runner.invoke(cli, ["explain", str(recording), *options]).stdout)
+    assert line["simulation"] == "model"
+    assert line["validation"]["rmse_given"] == pytest.approx(0.11, abs=0.02)  # the noise of PV
+
+
+def test_the_text_says_whose_figures_it_has_and_none_that_there_are_not(recording: Path, tmp_path: Path) -> None:
+    second = other_recording(recording, tmp_path)
+    by_model = runner.invoke(cli, ["explain", str(recording), "--sim-model", LAGGED, "--validate", str(second)]).stdout
+    assert "  given: the given model\n  refitted: the given model, its parameters fitted to FIC1\n" in by_model
+    assert "\nvalidation     given 0." in by_model
+    assert "  on second, seen by no fit; given there: the given model\n" in by_model
+    assert "None" not in by_model
+    without = other_recording(recording, tmp_path, columns=4)
+    by_column = runner.invoke(cli, ["explain", str(recording), "--validate", str(without)]).stdout
+    assert "\nvalidation     refitted 0." in by_column
+    assert "there is a simulation of the first recording and none of the second" in by_column
+    assert "None" not in by_column
+
+
+def test_what_is_wrong_with_the_second_recording_is_said_of_it(recording: Path, tmp_path: Path) -> None:
+    second = other_recording(recording, tmp_path, columns=4)
+    second.write_text(second.read_text().replace("PV", "PX"))
+    result = runner.invoke(cli, ["explain", str(recording), "--op", "OP", "--pv", "PV", "--validate", str(second)])
+    assert isinstance(result.exception, LoopauditError)
+    assert result.exception.code == "no_such_column"
+    assert result.exception.message.startswith("in the second recording, ")
+    assert "there is no column PV" in result.exception.message

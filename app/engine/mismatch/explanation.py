@@ -44,18 +44,20 @@ from app.engine.mismatch.selection import Selection
 from app.engine.mismatch.validation import lasting, validate
 from app.engine.mismatch.windows import windows_of
 from app.engine.recording import BoolArray, FloatArray
+from app.errors import DataError
 
 
 def explain(comparison: Comparison, validation: Comparison | None = None) -> Explanation:
     """Where a recording and a simulation differ, which physics was left out, and how much better it fits with it.
 
-    `validation`: a second recording, simulated only, with the model of the first; bad samples are left out of either.
+    `validation`: a second recording, simulated only, with the models of the first; bad samples are left out of either.
+    A given model is simulated there too; of a given trace there has to be one along the second recording (its `trace`).
     Raises DataError("too_short", "interval_invalid", "signal_constant", "signal_length", "signal_not_finite",
     "simulation_length", "simulation_not_finite", "simulation_constant", "nothing_known", "signal_too_large",
     "model_invalid").
     Misleads where OP hardly moves: then little can be told, and the answer is `consistent`.
     """
-    second = None if validation is None else mended(validation)
+    second = None if validation is None else mended_second(validation)
     comparison = without_read_backs(mended(comparison))
     taken, acted = taken_of(comparison), record_of(comparison)
     comparison = as_compared(comparison, taken)
@@ -68,7 +70,9 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     if doubts:
         selection = Selection(prepared.base, (), selection.ranking)
     explanation = assemble(comparison, prepared, selection, doubts)
-    return explanation if second is None else validated(explanation, prepared, selection, second)
+    if second is None:
+        return explanation
+    return validated(explanation, prepared, selection, second, by_model=comparison.simulation is not None)
 
 
 def as_compared(comparison: Comparison, taken: Taken | None) -> Comparison:
@@ -76,8 +80,19 @@ def as_compared(comparison: Comparison, taken: Taken | None) -> Comparison:
     return shortened(comparison if taken is None else taken.comparison)
 
 
-def validated(explanation: Explanation, prepared: Prepared, selection: Selection, second: Comparison) -> Explanation:
-    """The explanation with its figures on a second recording, and what was left out of that.
+def mended_second(validation: Comparison) -> Comparison:
+    """As `mended`; what it raises says that it is of the second recording."""
+    try:
+        return mended(validation)
+    except DataError as error:
+        raise DataError(error.code, f"in the second recording: {error.message}") from error
+
+
+def validated(
+    explanation: Explanation, prepared: Prepared, selection: Selection, second: Comparison, *, by_model: bool
+) -> Explanation:
+    """The explanation with its figures on a second recording, and what was left out of that. by_model: whether the
+    given simulation is a model, which is simulated there like the others.
 
     Its further signals all stay: a read-back among them moves nothing, for no part of the first record is driven by it.
     A limit of PV that the model has too is simulated, and compared like the rest.
@@ -88,9 +103,20 @@ def validated(explanation: Explanation, prepared: Prepared, selection: Selection
     simulated = {part.block.name for part in lasting(sensors)}
     hidden = tuple(pattern for pattern in find_patterns(record) if pattern.part.block.name not in simulated)
     record = without_hidden(record, hidden)
-    judged = validate(prepared.base, selection.fit, sensors, record, second.trace)
+    given = prepared.given if by_model else second.trace if prepared.given_trace is not None else None
+    judged = validate(prepared.base, selection.fit, sensors, record, given)
     said = tuple(Reason(note.code, f"in the second recording: {note.text}") for note in second.notes)
+    said += given_on_one_alone(prepared.given_trace is not None, given is not None or second.trace is not None)
     return replace(explanation, validation=judged, evidence=(*explanation.evidence, *said))
+
+
+def given_on_one_alone(first: bool, second: bool) -> tuple[Reason, ...]:
+    """Why nothing is said of a simulation as it came on the second recording, where it is there of one alone."""
+    if first == second:
+        return ()
+    has, lacks = ("first", "second") if first else ("second", "first")
+    text = f"there is a simulation of the {has} recording and none of the {lacks}: it is not judged on the second"
+    return (Reason("given_not_validated", text),)
 
 
 def assemble(

@@ -32,13 +32,14 @@ OF_ONE_RECORD = (
 
 
 def validate(
-    base: Fit, final: Fit, sensors: tuple[Part, ...], second: Experiment, given: FloatArray | None
+    base: Fit, final: Fit, sensors: tuple[Part, ...], second: Experiment, given: Plant | FloatArray | None
 ) -> Improvement:
     """Free runs over the second record, only their initial state estimated, from the first tenth of what is compared of
     it; judged over all that is compared, as benchmarks are, the first tenth too.
 
-    sensors: the parts that PV showed by itself. given: the given simulation's trace (N,) over the second record, or
-    None. What belongs to moments of the first record (a step, a stuck stretch) is left out.
+    sensors: the parts that PV showed by itself. given: the given simulation as a model at the level of the first
+    record, or its trace (N,) over the second one, or None. What belongs to moments of the first record (a step, a stuck
+    stretch) is left out.
     Raises DataError("nothing_known") where nothing is compared beyond the start, DataError("signal_missing").
     """
     record = alike(base.record, second)
@@ -47,6 +48,8 @@ def validate(
         raise DataError("nothing_known", "no sample of the second recording's PV is known beyond its start")
     refitted = started(record, begun, base.plant, transferred(record, base.parts))
     explained = started(record, begun, final.plant, transferred(record, lasting((*final.parts, *sensors))))
+    if isinstance(given, Plant):
+        given = started(record, begun, given, ()) + record.pv_mid
     return Improvement(
         None if given is None else judge(record.pv, given, record.usable),
         judge(record.pv, refitted + record.pv_mid, record.usable),

@@ -31,6 +31,7 @@ MOST_UNPACKED = 5_000_000
 """Samples of stretches that a window touches, at most: they are unpacked to find those inside."""
 LINE_FIELDS = (
     "recording",
+    "figures_of",
     "verdict",
     "effects",
     "located",

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta, tzinfo
-from typing import Any, Literal
+from typing import Any
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -27,11 +27,10 @@ from app.services.explaining.comparisons import (
     in_doubt,
 )
 from app.services.explaining.given_model import simulation_from_json
+from app.services.explaining.line import Kind
 from app.storage.documents import Document
 from app.storage.loops import LoopRow
 from app.storage.samples import Samples, TimeArray
-
-Kind = Literal["trace", "column", "model", "identified"]
 
 LARGEST_TRACE = 200_000
 EPOCH = datetime.fromtimestamp(0, UTC)

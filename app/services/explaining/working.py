@@ -19,7 +19,7 @@ from app.services.backend import DATABASE_AWAY, Backend
 from app.services.explaining.explanations import newest_samples
 from app.services.explaining.line import explanation_line, rounded, windows
 from app.services.explaining.narrowing import span_to_explain
-from app.services.explaining.simulations import comparison_with
+from app.services.explaining.simulations import comparison_with, kind_of
 from app.services.explaining.trace_table import trace_rows
 from app.services.explaining.trigger import trigger_of
 from app.services.heartbeat import Heartbeat
@@ -128,7 +128,8 @@ def _explained(backend: Backend, task: Task, limit_s: float, watchdog: bool) -> 
     _tell_first(backend, task.claim, first)
     with time_limit(limit_s, watchdog=watchdog):
         explanation = explain(comparison)
-    answer = answer_of(explanation, comparison, time.perf_counter() - started, _start_ns(samples))
+    line = explanation_line(explanation, time.perf_counter() - started, kind_of(task.simulation))
+    answer = answer_of(explanation, comparison, line, _start_ns(samples))
     codes = ";".join(effect.code for effect in explanation.effects)
     values = {"verdict": explanation.verdict, "effects": codes, "packed": pack_document(answer)}
     window = {"window_start_ns": int(samples.time_ns[0]), "window_end_ns": int(samples.time_ns[-1])}
@@ -159,14 +160,14 @@ def _tell_first(backend: Backend, claim: ExplanationClaim, first: Location) -> N
         explanations.note_first(connection, claim, packed)
 
 
-def answer_of(explanation: Explanation, comparison: Comparison, elapsed_s: float, start_ns: int) -> Document:
+def answer_of(explanation: Explanation, comparison: Comparison, line: dict[str, Any], start_ns: int) -> Document:
     """The line, what the residual depends on, and the traces; residuals are left out, they are differences."""
     header, rows = trace_rows(explanation)
     columns = {name: rows[:, k] for k, name in enumerate(header) if name != "time" and not name.startswith(RESIDUAL)}
     trigger = trigger_of(explanation, comparison)
     time_ns = np.round(explanation.traces.time_s * NS_PER_S).astype(np.int64)
     told = {
-        "line": explanation_line(explanation, elapsed_s),
+        "line": line,
         "header": header,
         "start_ns": start_ns,
         "trigger": trigger.label,
