@@ -10,6 +10,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 import polars as pl
 
+from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison
 from app.engine.mismatch.comparison import LEAST_SAMPLES, check
 from app.engine.recording import FloatArray, Recording
@@ -84,8 +85,11 @@ def kept(given: GivenSimulation, samples: Samples, recording: Recording, zone: s
     return None if column is None else Document({"kind": "column", "column": column})
 
 
-def comparison_with(loop: LoopRow, samples: Samples, simulation: Document | None) -> Comparison:
-    """A loop's stored samples against the simulation that was kept; checked, so that the engine can take it.
+def comparison_with(
+    loop: LoopRow, samples: Samples, simulation: Document | None, said: tuple[Reason, ...] = ()
+) -> Comparison:
+    """A loop's stored samples against the simulation that was kept; checked, so that the engine can take it. said: of
+    the samples, before what else is noted.
 
     Raises DataError with the codes of the engine ("too_short", "signal_constant", ...) and of times that do not meet
     ("no_overlap", "simulation_length").
@@ -102,7 +106,7 @@ def comparison_with(loop: LoopRow, samples: Samples, simulation: Document | None
     model = simulation_from_json(json.dumps(told["model"])) if told.get("kind") == "model" else None
     found = comparison_of(measured, None if laid is None else laid.trace, model)
     check(found)
-    notes = (*in_doubt(told.get("doubts", ())), *found.notes, *(() if laid is None else laid.notes))
+    notes = (*said, *in_doubt(told.get("doubts", ())), *found.notes, *(() if laid is None else laid.notes))
     return replace(found, notes=notes)
 
 

@@ -81,6 +81,7 @@ def loop_report(backend: Backend, tag: str) -> str:
         notes=notes.list_notes(backend, tag)[:NOTES],
         explanation=in_words(explained) if explained and explained["state"] == "done" else None,
         trend=_trend(drawn, backend.clock),
+        damage=drawn["damage"],
         path=_path(drawn),
         path_of=_path_of(drawn),
         course=_course(history, backend.clock),
