@@ -3,7 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-LEAST_P, LIKELY = 0.001, 0.5
+from app.services.wording import LIKELY
+
+LEAST_P = 0.001
 VERDICT_WORDS = {
     "missing_physics": "physics is missing from the simulation",
     "consistent": "nothing is missing",
