@@ -10,8 +10,9 @@ import numpy as np
 from app.engine import yper
 from app.engine.fitness import FitnessConfig
 from app.engine.fitness.align import align
-from app.engine.fitness.resample import to_uniform, typical_interval
-from app.engine.fitness.signals import newest_long, resolution, usable_values
+from app.engine.fitness.holes import newest_without_hole
+from app.engine.fitness.resample import to_uniform
+from app.engine.fitness.signals import resolution, usable_values
 from app.engine.freerun import valve_position
 from app.engine.recording import Recording, UniformRecord
 from app.errors import DataError
@@ -250,9 +251,7 @@ def _evenly(record: _Record) -> UniformRecord | None:
     if len(known) < LEAST_OF_SPECTRUM:
         return None
     time_s = (record.samples.time_ns[known] - record.samples.time_ns[known[0]]) / NS_PER_S
-    holes = np.flatnonzero(np.diff(time_s) > _FITNESS.max_gap_intervals * typical_interval(time_s))
-    edges = np.concatenate(([0], holes + 1, [len(known)]))
-    whole = newest_long(edges[:-1], edges[1:], _FITNESS.newest_share, _FITNESS.min_samples)
+    whole = newest_without_hole(time_s, _FITNESS).samples
     time_s, known = time_s[whole], known[whole]
     if len(known) < LEAST_OF_SPECTRUM:
         return None
