@@ -17,7 +17,7 @@ from app.engine.mismatch.conclude import (
 )
 from app.engine.mismatch.controller import at_the_controller, controller_evidence, yper_evidence
 from app.engine.mismatch.doubting import reviewed
-from app.engine.mismatch.experiment import Experiment
+from app.engine.mismatch.experiment import Experiment, span
 from app.engine.mismatch.fitting import Fit
 from app.engine.mismatch.free_run import settle
 from app.engine.mismatch.holdout import (
@@ -34,7 +34,7 @@ from app.engine.mismatch.holdout import (
 )
 from app.engine.mismatch.missing import compete
 from app.engine.mismatch.patterns import Pattern, find_patterns
-from app.engine.mismatch.preparing import Prepared, prepare, without_hidden
+from app.engine.mismatch.preparing import OTHER_UNIT, Prepared, prepare, without_hidden
 from app.engine.mismatch.read_back import without_read_backs
 from app.engine.mismatch.report import effects_of, export, location_of, pattern_effect, refit_estimates
 from app.engine.mismatch.residuals import residual_tests
@@ -106,8 +106,32 @@ def validated(
     given = prepared.given if by_model else second.trace if prepared.given_trace is not None else None
     judged = validate(prepared.base, selection.fit, sensors, record, given)
     said = tuple(Reason(note.code, f"in the second recording: {note.text}") for note in second.notes)
+    said += far_apart(prepared.record, record)
     said += given_on_one_alone(prepared.given_trace is not None, given is not None or second.trace is not None)
     return replace(explanation, validation=judged, evidence=(*explanation.evidence, *said))
+
+
+def far_apart(first: Experiment, second: Experiment) -> tuple[Reason, ...]:
+    """That a second recording is hardly of the same loop in the same units, by its OP and PV."""
+    sides = (("OP", first.op, second.op), ("PV", first.pv, second.pv))
+    said = [
+        f"{name} is {in_range(two)}, in the first {in_range(one)}" for name, one, two in sides if elsewhere(one, two)
+    ]
+    if not said:
+        return ()
+    text = f"the second recording is far from the first: {'; '.join(said)}; is it of the same loop, in the same units?"
+    return (Reason("second_elsewhere", text),)
+
+
+def elsewhere(one: FloatArray, other: FloatArray) -> bool:
+    """Whether two signals go OTHER_UNIT times as far as each other, or are farther apart than that."""
+    wide, narrow = sorted((span(one), span(other)), reverse=True)
+    return wide > OTHER_UNIT * narrow or abs(float(np.median(one) - np.median(other))) > OTHER_UNIT * wide
+
+
+def in_range(signal: FloatArray) -> str:
+    low, high = np.quantile(signal, (0.01, 0.99))
+    return f"from {low:.4g} to {high:.4g}"
 
 
 def given_on_one_alone(first: bool, second: bool) -> tuple[Reason, ...]:

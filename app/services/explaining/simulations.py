@@ -116,7 +116,11 @@ def kind_of(simulation: Document | None) -> Kind:
 
 def checked_model(model: Mapping[str, Any]) -> dict[str, Any]:
     """The model as JSON, its figures not looked at. Raises DataError("model_invalid") where it is no model."""
-    simulation_from_json(json.dumps(dict(model)))
+    try:
+        text = json.dumps(dict(model), allow_nan=False)
+    except ValueError as error:
+        raise DataError("model_invalid", f"the model has a number that is none: {error}") from error
+    simulation_from_json(text)
     return dict(model)
 
 

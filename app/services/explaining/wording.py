@@ -75,6 +75,8 @@ EVIDENCE_WORDS = {
     "too_little_excitation": "OP explains too little of PV to judge a simulation by",
     "simulation_unrelated": "the simulated trace does not answer the recorded OP",
     "simulation_shifted": "the simulation is early or late and was shifted before it was compared",
+    "simulation_bridged": "samples of the simulation without a value are bridged",
+    "second_elsewhere": "the second recording is far from the first: another unit, loop or operating point",
     "simulation_cut": "samples of the simulation outside the recording are not compared",
     "controller_cleared": "a PID law explains OP: the controller does its part",
     "controller_not_evaluated": "no PID law explains OP: the controller is not judged",
