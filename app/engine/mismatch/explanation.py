@@ -156,7 +156,7 @@ def assemble(
     traces = Traces(
         np.arange(prepared.record.samples, dtype=np.float64) * comparison.sampling_interval_s,
         comparison.pv,
-        prepared.given_trace,
+        given_run(comparison, prepared, held),
         seen.refitted,
         seen.explained,
         held,
@@ -202,6 +202,17 @@ def assemble(
         closed_loop=closed,
         engine_version=ENGINE_VERSION,
     )
+
+
+def given_run(comparison: Comparison, prepared: Prepared, held: BoolArray) -> FloatArray | None:
+    """The given simulation (N,), a trace as it came; a model, which says how PV moves and not where it stands, at the
+    level of PV in the samples that are not `held` (N,) out.
+    """
+    run = prepared.given_trace
+    if run is None or comparison.simulation is None or comparison.simulation.integrating:
+        return run
+    seen = prepared.record.usable & ~held
+    return run + float(np.mean((comparison.pv - run)[seen])) if seen.any() else run
 
 
 def sensors_of(found: Fit, patterns: tuple[Pattern, ...]) -> tuple[Part, ...]:
