@@ -188,7 +188,12 @@ class ExplanationOut(RequestOut):
     effects: list[EffectOut] = Field(description="What is missing, the strongest first; empty where nothing is.")
     located: LocatedOut | None = Field(description="Where the two differ.")
     fit: FitOut | None = Field(description="How much better the explained simulation is.")
-    validation: dict[str, Any] | None = Field(description="The same on a second recording; null where none was given.")
+    figures_of: dict[str, str | None] | None = Field(
+        None, description="Whose free runs given, refitted and explained are, in words; null in older answers."
+    )
+    validation: dict[str, Any] | None = Field(
+        description="The same on a second recording; null where none was given: over HTTP none is."
+    )
     refit: dict[str, EstimateOut] | None = Field(description="The simulation's own parameters, fitted.")
     evidence: list[EvidenceOut] = Field(description="What else was found.")
     closed_loop: dict[str, Any] | None = Field(

@@ -4,6 +4,7 @@ with it.
 
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,10 +14,14 @@ import typer
 from app.cli.messages import say
 from app.cli.outputs import refuse_outputs, written
 from app.cli.stamps import DateOrderOption, TimeZoneOption, read_in
-from app.errors import RequestError
+from app.errors import LoopauditError, RequestError
 
 if TYPE_CHECKING:
     from app.engine.mismatch import Comparison, Explanation
+    from app.services.explaining.line import Kind
+
+
+FIGURES = ("given", "refitted", "explained")
 
 
 class Form(StrEnum):
@@ -76,7 +81,7 @@ def explain(
     from app.engine.mismatch import locate
     from app.engine.stretches import LONG_SAMPLES
     from app.services.explaining.comparisons import Columns, read_comparison, recording_of_export
-    from app.services.explaining.line import explanation_line, located_line
+    from app.services.explaining.line import Second, explanation_line, located_line
     from app.services.explaining.models import with_model
     from app.services.explaining.narrowing import narrowed
 
@@ -104,14 +109,36 @@ def explain(
     second = None
     if validate is not None:
         columns = Columns(validate_op or op, validate_pv or pv, sp, loop)
-        second = read_comparison(validate, columns, None if sim is None or Path(sim).is_file() else sim, options)
+        with of_the_second(validate):
+            column = None if sim is None or Path(sim).is_file() else sim
+            second = read_comparison(validate, columns, column, options)
+            second = second if sim_model is None else with_model(second, sim_model)
     explanation = explain_comparison(comparison, second)
-    line = explanation_line(explanation, perf_counter() - started)
+    told = None if second is None else Second(second.name, kind_of(second, None, sim_model))
+    line = explanation_line(explanation, perf_counter() - started, kind_of(comparison, sim, sim_model), told)
     for path, text in files_to_write(explanation, comparison, line, (trace, plot, model)):
         with written(path) as stream:
             stream.write(text)
         say(f"wrote {path}")
     sys.stdout.write(as_json(line) if format_ is Form.json else as_text(line))
+
+
+@contextmanager
+def of_the_second(path: Path) -> Iterator[None]:
+    """What is wrong with the second recording is not taken for the first one's."""
+    try:
+        yield
+    except LoopauditError as error:
+        raise type(error)(error.code, f"in the second recording, {path}: {error.message}") from error
+
+
+def kind_of(comparison: "Comparison", sim: str | None, sim_model: str | None) -> "Kind":
+    """What a recording is compared with."""
+    if sim_model is not None:
+        return "model"
+    if comparison.trace is None:
+        return "identified"
+    return "trace" if sim is not None and Path(sim).is_file() else "column"
 
 
 def as_json(line: dict[str, Any]) -> str:
@@ -167,16 +194,27 @@ def as_text(line: dict[str, Any]) -> str:
     for effect in line["effects"]:
         said += effect_in_words(effect)
     fit = line["fit"]
-    known = [(k, fit["rmse_" + k]) for k in ("given", "refitted", "explained")]
-    said.append("held-out RMSE  " + ", ".join(f"{k} {rmse}" for k, rmse in known if rmse is not None))
-    tests = [(k, residuals_in_words(fit, k)) for k, _ in known if (fit["residuals"] or {}).get(k)]
+    said.append(f"held-out RMSE  {errors_in_words(fit)}")
+    said += [f"  {figure}: {of}" for figure, of in line["figures_of"].items() if of is not None]
+    tests = [(k, residuals_in_words(fit, k)) for k in FIGURES if (fit["residuals"] or {}).get(k)]
     said += [f"  {k} leaves: noise alone {white}; unrelated to OP {free}" for k, (white, free) in tests]
     if line["validation"] is not None:
-        said.append("validation     " + ", ".join(f"{k[5:]} {v}" for k, v in line["validation"].items()))
+        said += validation_in_words(line["validation"])
     if line["closed_loop"] is not None:
         said += loop_in_words(line["closed_loop"])
     said += [f"  {reason['text']}" for reason in line["evidence"]]
     return "\n".join(said) + "\n"
+
+
+def errors_in_words(errors: dict[str, Any]) -> str:
+    known = [(figure, errors[f"rmse_{figure}"]) for figure in FIGURES]
+    return ", ".join(f"{figure} {rmse}" for figure, rmse in known if rmse is not None) or "no sample could be judged"
+
+
+def validation_in_words(validation: dict[str, Any]) -> list[str]:
+    given = validation["given_of"]
+    of = f"; given there: {given}" if given else ""
+    return [f"validation     {errors_in_words(validation)}", f"  on {validation['recording']}, seen by no fit{of}"]
 
 
 def loop_in_words(closed: dict[str, Any]) -> list[str]:

@@ -67,6 +67,10 @@ UNRELATED = (
     "moves when OP does: behind a valve that is stuck PV owes nothing to OP."
 )
 WAIT = "Wait until enough is recorded since the repair: what is said here is of before it."
+UNTIL_THEY_AGREE = (
+    "Touch neither valve nor tuning yet, because the audit clears the valve and the newest explanation says that it "
+    "sticks: audit and explain a longer record, and where they still disagree, ask for a stroke test."
+)
 
 AT_LIMIT = (
     "Find out why OP stands at its limit: a valve that does not move, its size, a bypass, a set point out of reach; "
@@ -214,6 +218,7 @@ def as_table() -> str:
         *((f"not to be relied on, likely cause: {CAUSE_WORDS[code]}", step) for code, step in BY_CAUSE_UNSURE.items()),
         *((f"else, likely cause: {CAUSE_WORDS[code]}", step) for code, step in BY_CAUSE.items()),
         ("valve sticks, but a neighbour may shake it", SHAKEN),
+        ("no stiction, but the newest explanation says, likelier than not, that the valve sticks", UNTIL_THEY_AGREE),
         ("anything, but OP is the set point of another loop", OUTER),
         ("anything, but the loop's settings say that OP moves no valve", NO_VALVE),
         ("repaired, and too little recorded since", WAIT),

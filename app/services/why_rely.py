@@ -5,8 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from app.services.explaining.wording import LIKELY
-from app.services.wording import cause_words, measured_probability, probability
+from app.services.wording import LIKELY, STICKS, cause_words, measured_probability, probability
 
 Says = Literal["agrees", "otherwise", "nothing"]
 MARKS: dict[Says, str] = {"agrees": "✓", "otherwise": "✗", "nothing": "·"}
@@ -37,10 +36,6 @@ VOTE = re.compile(r"(\d+|none) says? (no stiction|stiction)")
 DISAGREES = (
     "Two answers on this page disagree: by the shapes of PV and OP the valve does not stick, by the explanation below "
     "it does (probability {probability:.2f})."
-)
-UNTIL_THEY_AGREE = (
-    "Touch neither valve nor tuning for either of them yet: audit and explain a longer record, and where they still "
-    "disagree, ask for a stroke test."
 )
 
 
@@ -87,7 +82,7 @@ def contradiction(row: Mapping[str, Any], explanation: Mapping[str, Any] | None)
     if row["verdict"] != "no_stiction" or explanation is None or explanation["state"] != "done":
         return None
     likeliest = max(explanation["effects"], key=lambda effect: effect["probability"], default=None)
-    if likeliest is None or likeliest["effect"] != "valve.stiction" or likeliest["probability"] < LIKELY:
+    if likeliest is None or likeliest["effect"] != STICKS or likeliest["probability"] < LIKELY:
         return None
     return DISAGREES.format(probability=likeliest["probability"])
 

@@ -14,6 +14,10 @@ VERDICT_RANK = ("stiction", "inconclusive", "not_auditable", "no_stiction")
 UNANSWERED = "stuck_valve_or_dead_transmitter"
 """The likely cause where PV never answers OP, as the engine calls it."""
 
+STICKS, LIKELY = "valve.stiction", 0.5
+"""The effect that an explanation names where the valve sticks, and from which probability on it is more than one of
+several that the record hardly tells apart."""
+
 PRIOR_ONLY = "prior_only"
 """The reason that the record tells no probability, as the engine calls it."""
 

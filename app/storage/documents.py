@@ -30,11 +30,22 @@ def pack_document(document: Document) -> bytes:
     return HEADER.pack(FORMAT, len(told)) + told + signals
 
 
+def told_of(packed: bytes) -> Mapping[str, Any]:
+    """What a packed document tells, its signals left packed. Raises as `unpack_document` does."""
+    told: Mapping[str, Any] = json.loads(_told(packed)[0])
+    return told
+
+
 def unpack_document(packed: bytes) -> Document:
     """What `pack_document` was given. Raises ValueError where the bytes are not of a format this version knows."""
+    text, start = _told(packed)
+    return Document(json.loads(text), unpack(packed[start:]) if len(packed) > start else None)
+
+
+def _told(packed: bytes) -> tuple[bytes, int]:
+    """The JSON, and where the signals begin."""
     version, length = HEADER.unpack_from(packed)
     if version != FORMAT:
         raise ValueError(f"packed document of format {version}, this version knows {FORMAT}")
     start = HEADER.size + length
-    text = zstandard.ZstdDecompressor().decompress(packed[HEADER.size : start], max_output_size=LONGEST_JSON)
-    return Document(json.loads(text), unpack(packed[start:]) if len(packed) > start else None)
+    return zstandard.ZstdDecompressor().decompress(packed[HEADER.size : start], max_output_size=LONGEST_JSON), start

@@ -1,6 +1,6 @@
 """Explanations: asked for, claimed for a time by a worker, then done or failed; given to another where it is lost."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -130,6 +130,18 @@ def page(connection: Connection, loop_id: int, limit: int, before_id: int | None
     if before_id is not None:
         query = query.where(explanations.c.id < before_id)
     return [ExplanationRow(*row) for row in connection.execute(query)]
+
+
+def newest_naming(connection: Connection, tags: Iterable[str], code: str) -> dict[str, bytes]:
+    """The answers, as they were stored, of those loops whose newest explanation is done and has an effect of this code;
+    by tag."""
+    of_loops = select(loops.c.id).where(loops.c.tag.in_(list(tags)))
+    newest = select(func.max(explanations.c.id)).where(explanations.c.loop_id.in_(of_loops))
+    query = select(loops.c.tag, explanations.c.packed).join(loops, loops.c.id == explanations.c.loop_id)
+    query = query.where(explanations.c.id.in_(newest.group_by(explanations.c.loop_id)))
+    named = explanations.c.effects.contains(code, autoescape=True)
+    found = connection.execute(query.where(explanations.c.state == "done", named))
+    return {row.tag: row.packed for row in found}
 
 
 def packed_answer(connection: Connection, explanation_id: int) -> bytes | None:

@@ -45,6 +45,15 @@ class Place:
     unread_before: int = 0
 
 
+@dataclass(frozen=True, eq=False)
+class Readable:
+    """What can be read of a time; None: no stretch of it. damaged: from when to when (ns, both included) the stretches
+    reach that cannot be, cut to that time, in order."""
+
+    samples: Samples | None
+    damaged: tuple[tuple[int, int], ...] = ()
+
+
 class Stored(NamedTuple):
     """A stretch that is stored, and the number of the upload that brought it."""
 
@@ -105,14 +114,57 @@ def between(
 
     A set point and a mode that were stated up to `hold_days` before are given to the first sample.
     """
-    query = select(series.c.id, series.c.packed).where(*_touches(loop_id, start_ns, end_ns)).order_by(*AS_RECEIVED)
-    parts = [unpack_stored(row.id, row.packed) for row in connection.execute(query).all()]
+    parts = [unpack_stored(row.id, row.packed) for row in _packed(connection, loop_id, start_ns, end_ns)]
     if not parts:
         return None
     samples = merged(parts)
-    inside = samples.part((samples.time_ns >= start_ns) & (samples.time_ns <= end_ns))
+    inside = _inside(samples, start_ns, end_ns)
     known = known_before(samples, inside)
     return led_in(connection, {loop_id: inside}, {loop_id: known}, start_ns, hold_days)[loop_id]
+
+
+def readable(connection: Connection, loop_id: int, start_ns: int, end_ns: int, hold_days: float = math.inf) -> Readable:
+    """As `between`, for those who look: a stretch that is damaged is left out and told, the others are given.
+
+    A damaged one is not told where as many samples with PV and OP are there all the same, because it was sent again.
+    """
+    parts, damaged = [], []
+    for row in _packed(connection, loop_id, start_ns, end_ns):
+        try:
+            parts.append(unpack_stored(row.id, row.packed))
+        except DamagedStretchError:
+            log.exception("samples of loop %s are damaged and left out", loop_id)
+            damaged.append(row)
+    whole = merged(parts) if parts else None
+    lost = [row for row in damaged if whole is None or _both(whole, row.start_ns, row.end_ns) < row.samples]
+    told = sorted((max(row.start_ns, start_ns), min(row.end_ns, end_ns)) for row in lost)
+    if whole is None:
+        return Readable(None, tuple(told))
+    inside = _inside(whole, start_ns, end_ns)
+    known = {loop_id: known_before(whole, inside)}
+    try:
+        inside = led_in(connection, {loop_id: inside}, known, start_ns, hold_days)[loop_id]
+    except DamagedStretchError:
+        log.exception("what held before is damaged and left out")
+    return Readable(inside, tuple(told))
+
+
+def _packed(connection: Connection, loop_id: int, start_ns: int, end_ns: int) -> Sequence[Any]:
+    columns = (series.c.id, series.c.start_ns, series.c.end_ns, series.c.samples, series.c.packed)
+    query = select(*columns).where(*_touches(loop_id, start_ns, end_ns)).order_by(*AS_RECEIVED)
+    return connection.execute(query).all()
+
+
+def _inside(samples: Samples, start_ns: int, end_ns: int) -> Samples:
+    return samples.part((samples.time_ns >= start_ns) & (samples.time_ns <= end_ns))
+
+
+def _both(samples: Samples, start_ns: int, end_ns: int) -> int:
+    """How many samples from `start_ns` to `end_ns` have PV and OP."""
+    inside = _inside(samples, start_ns, end_ns)
+    missing = np.full(len(inside), np.nan)
+    pv, op = (inside.signals.get(name, missing) for name in ("pv", "op"))
+    return int(np.count_nonzero(np.isfinite(pv) & np.isfinite(op)))
 
 
 def count_between(connection: Connection, loop_id: int, start_ns: int, end_ns: int) -> int:

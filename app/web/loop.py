@@ -30,7 +30,7 @@ from app.services.plant.loop_list import number
 from app.services.plant.nights import nights as nights_of
 from app.services.plant.periods import periods
 from app.services.plant.shelving import shelf, step_of
-from app.services.why_rely import UNTIL_THEY_AGREE, contradiction, points
+from app.services.why_rely import contradiction, points
 from app.web.explanation import newest_in_words
 from app.web.rendering import page
 
@@ -90,13 +90,12 @@ def _loop_page(backend: Backend, tag: str, typed: Typed) -> HTMLResponse:
     repair = notes.newest_repair(backend, tag)
     repaired_at = None if repair is None else repair.repaired_at
     disagrees = contradiction(row, explanation)
-    instead = UNTIL_THEY_AGREE if disagrees else None
     return page(
         "loop.html",
         backend.clock,
         row=row | {"of_before_repair": of_before(row, repaired_at)},
         detail=detail,
-        next_step=step_of(row, repaired_at, shelved, backend.clock, instead=instead),
+        next_step=step_of(row, repaired_at, shelved, backend.clock, disagrees=bool(disagrees)),
         disagrees=disagrees,
         points=points(row, detail),
         size=size_in_words(row, detail),

@@ -3,6 +3,7 @@
 import json
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -180,3 +181,99 @@ def test_a_first_look_says_that_numbers_may_be_read_in_two_ways(recording: Path,
     assert said["code"] == "numbers_in_doubt"
     assert said["text"].endswith("read as decimals: OP, PV")
     assert said["text"] in runner.invoke(cli, ["explain", str(path), "--quick"]).stdout
+
+
+LAGGED = '{"gain": 0.8, "time_constants_s": [9.5]}'
+
+
+def other_recording(recording: Path, tmp_path: Path, *, columns: int = 5, every: int = 1, scale: float = 1.0) -> Path:
+    """A later hour of the same loop, its first columns alone, so many samples a sample, PV in another unit."""
+    names = recording.read_text().splitlines()[0].split(",")
+    rows = np.loadtxt(recording, delimiter=",", skiprows=1)
+    rows[:, 3] = scale * (rows[:, 3] + np.random.default_rng(4).normal(scale=0.05, size=len(rows)))
+    path = tmp_path / "second.csv"
+    kept = rows[::every, :columns]
+    np.savetxt(path, kept, fmt="%.5f", delimiter=",", header=",".join(names[:columns]), comments="")
+    return path
+
+
+@pytest.mark.parametrize("every", [1, 2])
+def test_a_given_model_is_simulated_on_the_second_recording_too(recording: Path, tmp_path: Path, every: int) -> None:
+    options = ["--sim-model", LAGGED, "--validate", str(other_recording(recording, tmp_path, columns=4, every=every))]
+    result = runner.invoke(cli, ["explain", str(recording), *options, "--format", "json"])
+    assert result.exit_code == 0, result.output
+    line = json.loads(result.stdout)
+    assert line["simulation"] == "model"
+    assert line["figures_of"]["given"] == "the given model"
+    assert line["figures_of"]["refitted"] == "the given model, its parameters fitted to FIC1"
+    assert line["validation"]["recording"] == "second"
+    assert line["validation"]["given_of"] == "the given model"
+    assert line["validation"]["rmse_given"] == pytest.approx(line["validation"]["rmse_refitted"], rel=0.2)
+
+
+def test_a_model_that_was_written_is_simulated_on_the_second_recording_too(recording: Path, tmp_path: Path) -> None:
+    model, second = tmp_path / "model.json", other_recording(recording, tmp_path, columns=4)
+    runner.invoke(cli, ["explain", str(recording), "--sim-model", LAGGED, "--model", str(model)])
+    options = ["--sim-model", str(model), "--validate", str(second), "--format", "json"]
+    line = json.loads(runner.invoke(cli, ["explain", str(recording), *options]).stdout)
+    assert line["simulation"] == "model"
+    assert line["validation"]["rmse_given"] == pytest.approx(0.11, abs=0.02)  # the noise of PV
+
+
+def test_the_text_says_whose_figures_it_has_and_none_that_there_are_not(recording: Path, tmp_path: Path) -> None:
+    second = other_recording(recording, tmp_path)
+    by_model = runner.invoke(cli, ["explain", str(recording), "--sim-model", LAGGED, "--validate", str(second)]).stdout
+    assert "  given: the given model\n  refitted: the given model, its parameters fitted to FIC1\n" in by_model
+    assert "\nvalidation     given 0." in by_model
+    assert "  on second, seen by no fit; given there: the given model\n" in by_model
+    assert "None" not in by_model
+    without = other_recording(recording, tmp_path, columns=4)
+    by_column = runner.invoke(cli, ["explain", str(recording), "--validate", str(without)]).stdout
+    assert "\nvalidation     refitted 0." in by_column
+    assert "there is a simulation of the first recording and none of the second" in by_column
+    assert "None" not in by_column
+
+
+def test_what_is_wrong_with_the_second_recording_is_said_of_it(recording: Path, tmp_path: Path) -> None:
+    second = other_recording(recording, tmp_path, columns=4)
+    second.write_text(second.read_text().replace("PV", "PX"))
+    result = runner.invoke(cli, ["explain", str(recording), "--op", "OP", "--pv", "PV", "--validate", str(second)])
+    assert isinstance(result.exception, LoopauditError)
+    assert result.exception.code == "no_such_column"
+    assert result.exception.message.startswith("in the second recording, ")
+    assert "there is no column PV" in result.exception.message
+
+
+def written_model(recording: Path, tmp_path: Path) -> dict[str, Any]:
+    path = tmp_path / "written.json"
+    runner.invoke(cli, ["explain", str(recording), "--sim-model", LAGGED, "--model", str(path)])
+    told: dict[str, Any] = json.loads(path.read_text())
+    return told
+
+
+def test_a_model_that_was_changed_by_hand_is_refused_and_no_fault(recording: Path, tmp_path: Path) -> None:
+    model = written_model(recording, tmp_path)
+    changes: dict[str, dict[str, Any]] = {
+        "its plant has X": {"plant": {**model["plant"], "X": 1.0}},
+        "its plant lacks K": {"plant": {"tau": 9.0, "theta": 0.0}},
+        "tau must be more than 0": {"plant": {**model["plant"], "tau": 0.0}},
+        "theta must not be less than 0": {"plant": {**model["plant"], "theta": -5.0}},
+        "its dead time of 1e+18 s": {"plant": {**model["plant"], "theta": 1e18}},
+        "op_mid are no finite numbers": {"op_mid": float("nan")},
+        "op_span must be more than 0": {"op_span": 0.0},
+        "fitted at 0 s": {"sampling_interval_s": 0.0},
+        "fitted at nan s": {"sampling_interval_s": float("nan")},
+    }
+    for told, changed in changes.items():
+        result = runner.invoke(cli, ["explain", str(recording), "--sim-model", json.dumps(model | changed)])
+        assert isinstance(result.exception, LoopauditError), (told, result.exception)
+        assert (result.exception.code, told in result.exception.message) == ("model_invalid", True), told
+
+
+def test_a_second_recording_in_another_unit_is_said_to_be_far_off(recording: Path, tmp_path: Path) -> None:
+    second = other_recording(recording, tmp_path, columns=4, scale=1000.0)
+    options = ["--sim-model", LAGGED, "--validate", str(second)]
+    shown = runner.invoke(cli, ["explain", str(recording), *options]).stdout
+    assert "the second recording is far from the first: PV is from 4" in shown
+    alike = ["--sim-model", LAGGED, "--validate", str(other_recording(recording, tmp_path))]
+    assert "far from the first" not in runner.invoke(cli, ["explain", str(recording), *alike]).stdout

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.engine.fitness import Fitness, FitnessConfig, assess, with_cycles
+from app.engine.fitness.holes import newest_without_hole
 from app.engine.fitness.signals import (
     newest_long_run,
     on_line_share,
@@ -476,3 +477,12 @@ def test_the_period_of_noise_is_no_reason_to_refuse():
     noise = Oscillation(2.0, 0.5, 0.1, 2.0, 200.0, "pv", 0.0)
     assert outcomes(with_cycles(fitness, noise))["samples_per_cycle"] == "not_evaluated"
     assert outcomes(with_cycles(fitness, replace(noise, regularity=1.5)))["samples_per_cycle"] == "fail"
+
+
+def test_the_newest_long_stretch_between_two_holes_is_taken():
+    config = FitnessConfig(max_gap_intervals=3.0, newest_share=0.5, min_samples=4)
+    time_s = np.array([0.0, 1, 2, 3, 4, 5, 6, 7, 20, 21, 22, 23, 40, 41])
+    found = newest_without_hole(time_s, config)
+    assert (found.samples, found.holes) == (slice(8, 12), 2)
+    whole = newest_without_hole(time_s[:8], config)
+    assert (whole.samples, whole.holes) == (slice(0, 8), 0)

@@ -2,10 +2,17 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
+from app.engine.mismatch import Comparison
+from app.engine.mismatch.comparison import given_of, record_of
 from app.engine.mismatch.conclude import held_out_worse
-from app.engine.mismatch.holdout import FitMeasures, Unseen, judge
+from app.engine.mismatch.explanation import given_run
+from app.engine.mismatch.fitting import fit_linear
+from app.engine.mismatch.holdout import FitMeasures, Unseen, judge, refit_without, stretches
+from app.engine.mismatch.preparing import prepare
 from app.engine.mismatch.result import Effect, Improvement
+from tests.engine.plain_loop import GIVEN, TS, N, moves, noise, recorded
 
 NAMED = Effect("valve.deadband", ("valve.stiction",), 0.9, "valve", (), (), "after OP reversals", (), 40.0)
 
@@ -47,3 +54,34 @@ def test_a_pv_that_stands_has_no_fit(level: float) -> None:
     found = judge(pv, pv + 0.01, np.ones(450, dtype=np.bool_))
     assert found.rmse == pytest.approx(0.01)
     assert np.isnan(found.fit_pct)
+
+
+def wandering(seed: int, later: float = 0.0) -> Comparison:
+    """A loop under slow noise, whose last 30 % stand higher."""
+    rng = np.random.default_rng(seed)
+    slow = lfilter([0.15], [1.0, -0.995], rng.normal(size=N))
+    pv = recorded(moves(), slow - noise()) + later * (np.arange(N) >= 0.7 * N)
+    return Comparison("wandering", TS, 40.0 + moves(), pv, simulation=GIVEN)
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_refit_owes_nothing_to_the_samples_held_out(seed: int) -> None:
+    """Under slow noise a descent that began at the fit of all samples gained nothing, and stayed there."""
+    gains = []
+    for later in (0.0, 4.0):
+        record = record_of(wandering(seed, later))
+        found = fit_linear(record, given_of(GIVEN, record))
+        held = stretches(record.usable)[0]
+        gains.append(refit_without(found, held).plant.K)
+    assert gains[0] == pytest.approx(gains[1], rel=5e-3)
+
+
+def test_a_given_model_stands_at_the_level_of_the_samples_not_held_out() -> None:
+    comparison = wandering(1, later=5.0)
+    prepared = prepare(comparison)
+    held = stretches(prepared.record.usable)[0]
+    run = given_run(comparison, prepared, held)
+    assert run is not None
+    left = comparison.pv - run
+    assert np.mean(left[prepared.record.usable & ~held]) == pytest.approx(0.0, abs=1e-9)
+    assert np.mean(left[held]) > 3.0

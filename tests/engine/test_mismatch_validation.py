@@ -92,3 +92,22 @@ def test_only_states_that_a_record_began_with_begin_anew() -> None:
     parts = [Part(block, block.starts(context, u)[0]) for block in library(context.record)]
     begin = {p.name for part in parts for p in part.block.parameters(context) if p.begins}
     assert begin == {"stem_start", "upper_start"}
+
+
+def test_a_given_model_is_simulated_on_the_second_recording(first: Comparison, judged: Improvement) -> None:
+    """It runs there a little farther off than its refit does: only the start is fitted to it."""
+    assert judged.given is not None
+    assert judged.refitted.rmse < judged.given.rmse < 1.5 * judged.refitted.rmse
+
+
+def test_a_simulation_of_one_recording_alone_is_not_judged_on_the_other(first: Comparison, second: Comparison) -> None:
+    alone = replace(first, simulation=None)
+    said = explain(alone, replace(second, trace=second.pv))
+    assert said.validation is not None
+    assert said.validation.given is None
+    assert "given_not_validated" in [reason.code for reason in said.evidence]
+
+
+def test_what_the_second_recording_lacks_is_said_of_it(first: Comparison, second: Comparison) -> None:
+    with pytest.raises(DataError, match="in the second recording: PV is constant"):
+        explain(first, replace(second, pv=np.full(N, 50.0)))

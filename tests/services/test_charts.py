@@ -14,9 +14,11 @@ from app.services.moments import iso_utc, moment_of
 from app.services.plant import charts as charts_module
 from app.services.plant.charts import charts, closer
 from app.services.plant.loops import verdict_detail
+from app.services.reports.documents import loop_report
 from app.storage import loops, series
 from app.storage.samples import Samples
 from app.storage.series import Stretch
+from tests.services.spoiled import loop_id_of, spoil
 
 START_NS, MINUTE = 1_750_000_000_000_000_000, 60_000_000_000
 STEPS = np.arange(300)
@@ -199,3 +201,21 @@ def test_of_a_long_record_the_stretch_that_speaks_for_it_is_told_and_drawn(
     assert told["pv_op"]["samples"] == pytest.approx((last - first) / 60 + 1, abs=1)
     assert told["pv_op"]["samples"] < told["trend"]["samples"] == 6000
     assert told["pv_op"]["shown"] == len(told["pv_op"]["pv"])
+
+
+def test_a_damaged_stretch_is_told_and_the_rest_is_drawn(backend: Backend, charts_of: Callable[..., dict]) -> None:
+    whole = charts_of(20 + np.sin(STEPS / 6 - 0.8), np.full(300, 20.0))
+    assert whole["damage"] is None
+    loop_id = loop_id_of(backend, "FIC1")
+    later = START_NS + (300 + STEPS[:10].astype(np.int64)) * MINUTE
+    with backend.database.write() as connection:
+        series.add(connection, [Stretch(loop_id, Samples(later, {"pv": np.ones(10), "op": np.ones(10)}))], None)
+    spoil(backend, loop_id, int(later[0]))
+    told = charts(backend, "FIC1")
+    assert told["trend"]["samples"] == 300
+    assert told["damage"].startswith("What was stored from 2025-06-15 20:06 to 2025-06-15 20:15 cannot be read")
+    assert "send its export again" in told["damage"]
+    spoil(backend, loop_id, START_NS)
+    told = charts(backend, "FIC1")
+    assert (told["trend"], told["pv_op"], "cannot be read" in told["damage"]) == (None, None, True)
+    assert "cannot be read" in loop_report(backend, "FIC1")

@@ -13,7 +13,7 @@ from app.engine.mismatch import Comparison, Controller, simulate_again
 from app.engine.mismatch.comparison import LEAST_SAMPLES
 from app.engine.mismatch.result import ExplainedModel, PartModel
 from app.engine.recording import Recording
-from app.errors import DataError, LoopauditError
+from app.errors import DataError, LoopauditError, RequestError
 from app.ingest import IngestOptions, NamedTable
 from app.services.explaining.comparisons import (
     Columns,
@@ -302,3 +302,36 @@ def test_numbers_of_an_export_that_may_be_read_in_two_ways_are_told(tmp_path: Pa
     found = read_comparison(write(tmp_path / "F1.csv", "time;PV;OP\n" + lines), Columns(), None)
     assert found.pv[:2].tolist() == [999, 1000]
     assert [note.code for note in found.notes] == ["numbers_in_doubt"]
+
+
+def simulated_rows(simulated: list[str]) -> str:
+    lines = [f"{line},{cell}" for line, cell in zip(rows(len(simulated)).split("\n"), simulated, strict=True)]
+    return "time,PV,OP,PV_sim\n" + "\n".join(lines)
+
+
+@pytest.mark.parametrize("columns", [Columns(), Columns(op="OP", pv="PV")])
+def test_a_recorded_simulation_that_ends_early_is_refused_and_one_with_a_hole_is_bridged(
+    tmp_path: Path, columns: Columns
+) -> None:
+    simulated = [str(40 + k % 5) for k in range(200)]
+    ends = write(tmp_path / "F1.csv", simulated_rows(simulated[:120] + [""] * 80))
+    with pytest.raises(DataError, match=r"the simulation covers 0 to 238 s .* the recording 0 to 398 s") as raised:
+        read_comparison(ends, columns, None)
+    assert raised.value.code == "simulation_length"
+    hole = write(tmp_path / "F2.csv", simulated_rows([*simulated[:60], *[""] * 20, *simulated[80:199], ""]))
+    found = read_comparison(hole, columns, None)
+    assert [note.code for note in found.notes] == ["simulation_bridged"]
+    assert "20 samples of the simulation have no value" in found.notes[0].text
+
+
+def test_one_column_is_not_two_signals(tmp_path: Path) -> None:
+    path = write(tmp_path / "F1.csv", simulated_rows([str(40 + k % 5) for k in range(200)]))
+    for columns, simulated in [
+        (Columns(op="PV"), None),
+        (Columns(op="OP", sp="OP"), None),
+        (Columns(op="PV_sim"), "PV_sim"),
+    ]:
+        with pytest.raises(RequestError, match="both taken from the column") as raised:
+            read_comparison(path, columns, simulated)
+        assert raised.value.code == "same_column"
+    assert read_comparison(path, Columns(op="PV_sim"), None).trace is None

@@ -33,6 +33,7 @@ from tests.services.explained_loops import (
     GAIN,
     INTERVAL_S,
     START,
+    START_NS,
     TAU_S,
     N,
     keep,
@@ -40,6 +41,7 @@ from tests.services.explained_loops import (
     model,
     record,
 )
+from tests.services.spoiled import loop_id_of, spoil
 
 
 def instants(n: int = N) -> list[datetime]:
@@ -411,3 +413,33 @@ def test_the_watchdog_ends_before_the_task_does() -> None:
 
     longest = next(m.le for m in Settings.model_fields["explanation_limit_s"].metadata if hasattr(m, "le"))
     assert WATCHDOG_AFTER * longest < TASK_LIMIT_S
+
+
+def test_of_a_window_with_a_damaged_stretch_the_rest_is_explained(backend: Backend) -> None:
+    signals = record(step=5.0, n=500)
+    keep(backend, "TIC1", {name: values[:400] for name, values in signals.items()})
+    later_ns = START_NS + 400 * INTERVAL_S * 1_000_000_000
+    keep(backend, "TIC1", {name: values[400:] for name, values in signals.items()}, later_ns)
+    spoil(backend, loop_id_of(backend, "TIC1"), later_ns)
+    asked = explanations.ask(backend, "TIC1", model(gain=GAIN, time_constants_s=[TAU_S]))
+    while explaining.explain_next(backend, "test"):
+        pass
+    found = explanations.get_explanation(backend, "TIC1", asked["id"])
+    assert (found["state"], found["verdict"]) == ("done", "missing_physics")
+    told = {reason["code"]: reason["text"] for reason in found["evidence"]}
+    assert told["samples_damaged"].startswith("What was stored from 2026-03-01 01:06 to 2026-03-01 01:2")
+    spoil(backend, loop_id_of(backend, "TIC1"), START_NS)
+    assert code_of(lambda: explanations.ask(backend, "TIC1")) == "damaged_samples"
+    again = explanations.get_explanation(backend, "TIC1", asked["id"])
+    assert again["state"] == "done"
+
+
+def test_samples_that_are_damaged_after_the_request_end_it_with_a_reason(backend: Backend) -> None:
+    keep(backend, "TIC1", record())
+    asked = explanations.ask(backend, "TIC1")
+    spoil(backend, loop_id_of(backend, "TIC1"), START_NS)
+    while explaining.explain_next(backend, "test"):
+        pass
+    found = explanations.get_explanation(backend, "TIC1", asked["id"])
+    assert (found["state"], found["error_code"]) == ("failed", "damaged_samples")
+    assert "cannot be read" in found["error_text"]

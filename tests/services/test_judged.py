@@ -21,6 +21,7 @@ from app.storage.samples import Samples
 from app.storage.series import Stretch
 from app.storage.tables import loops, verdicts
 from tests.services.conftest import MINUTE, START_NS
+from tests.services.spoiled import loop_id_of, spoil
 
 AddLoops = Callable[..., dict[str, int]]
 TOLD = "judged 2025-06-15 15:06 to 20:05; in manual since"
@@ -88,3 +89,18 @@ def test_digest_and_report_tell_it(backend: Backend, left: tuple[int, int]) -> N
         assert "A: went to manual" in told
         assert told.count(TOLD) == 3  # among what to do first, what changed, and the worst
     assert TOLD in plant_report(backend)
+
+
+def test_where_what_came_since_is_damaged_the_rest_tells(backend: Backend, left: tuple[int, int]) -> None:
+    """The manual hours in two stretches, of which the second cannot be read."""
+    ids = {"A": loop_id_of(backend, "A")}
+    record(backend, ids["A"], 500, 100, 0.0)
+    run(backend, start_audit(backend).id)
+    spoil(backend, ids["A"], START_NS + 500 * MINUTE)
+    found = judged(backend, ["A"])["A"]
+    assert found.manual
+    words = found.words(backend.clock)
+    assert words.startswith(f"{TOLD}. What was stored from 2025-06-15 23:26 to 2025-06-16 01:05 cannot be read")
+    assert f"{TOLD}. What was stored" in plant_report(backend)
+    spoil(backend, ids["A"], START_NS + 300 * MINUTE)
+    assert "what was recorded since cannot be judged" in judged(backend, ["A"])["A"].words(backend.clock)

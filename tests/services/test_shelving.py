@@ -11,7 +11,7 @@ from app.errors import NotFoundError, RequestError
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
-from app.services.next_steps import BY_CAUSE, STICKS, next_step
+from app.services.next_steps import BY_CAUSE, STICKS, UNTIL_THEY_AGREE, next_step
 from app.services.plant import notes
 from app.services.plant import overview as plant
 from app.services.plant.loops import loop_health, patch_loop
@@ -155,9 +155,9 @@ def test_it_is_neither_looked_at_today_nor_among_old_records(judged: Backend) ->
 
 def test_to_wait_comes_before_what_to_do_until_two_answers_agree(judged: Backend) -> None:
     row = loop_health(judged, "A")
-    assert step_of(row, None, None, judged.clock, instead="Explain it.") == "Explain it."
+    assert step_of(row, None, None, judged.clock, disagrees=True) == UNTIL_THEY_AGREE
     shelve(judged, "A")
-    assert step_of(row, None, shelf(judged).of("A"), judged.clock, instead="Explain it.").startswith("Wait: ")
+    assert step_of(row, None, shelf(judged).of("A"), judged.clock, disagrees=True).startswith("Wait: ")
 
 
 def test_it_ends_by_itself(judged: Backend) -> None:

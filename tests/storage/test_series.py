@@ -10,7 +10,7 @@ from sqlalchemy import func, insert, select, text, update
 
 from app.settings import Settings
 from app.storage import Database, loops, retention, series
-from app.storage.samples import Samples, merged, news
+from app.storage.samples import DamagedStretchError, Samples, merged, news
 from app.storage.series import Place, Stretch
 from app.storage.steps import last_known
 from app.storage.tables import series as series_table
@@ -272,3 +272,41 @@ def test_a_damaged_stretch_keeps_nothing_else_from_being_stored(
     assert added == series.Added(2, 200)
     assert "are damaged" in caplog.text
     assert len(window(database, "FIC2")) == 100
+
+
+def damage(database: Database, tag: str, start_ns: int) -> None:
+    """Turns bytes of the stretches that begin then."""
+    with database.write() as connection:
+        at = series_table.c.start_ns == start_ns
+        packed = connection.scalars(select(series_table.c.packed).where(at)).all()[0]
+        turned = packed[:-9] + bytes(255 - byte for byte in packed[-9:])
+        connection.execute(update(series_table).where(at).values(packed=turned))
+
+
+def test_what_is_not_damaged_is_read_and_the_rest_told(database: Database) -> None:
+    add(database, "TIC1", ramp(0, 60))
+    add(database, "TIC1", ramp(60, 120))
+    damage(database, "TIC1", (START + 60) * SECOND)
+    with database.read() as connection:
+        loop_id = loops.ids_of(connection, ["TIC1"])["TIC1"]
+        asked = (loop_id, (START + 30) * SECOND, (START + 99) * SECOND)
+        with pytest.raises(DamagedStretchError):
+            series.between(connection, *asked)
+        found = series.readable(connection, *asked)
+        alone = series.readable(connection, loop_id, (START + 60) * SECOND, (START + 99) * SECOND)
+    assert found.samples is not None
+    assert found.samples.signals["pv"].tolist() == list(range(30, 60))
+    assert found.damaged == (((START + 60) * SECOND, (START + 99) * SECOND),)
+    assert (alone.samples, alone.damaged) == (None, found.damaged)
+
+
+def test_what_was_sent_again_is_not_told_as_damaged(database: Database) -> None:
+    add(database, "TIC1", ramp(0, 60))
+    damage(database, "TIC1", START * SECOND)
+    with database.write() as connection:
+        loop_id = loops.ids_of(connection, ["TIC1"])["TIC1"]
+        series.add(connection, [Stretch(loop_id, ramp(0, 60))], None, Place(7))
+    with database.read() as connection:
+        found = series.readable(connection, loop_id, START * SECOND, (START + 59) * SECOND)
+    assert found.samples is not None
+    assert (len(found.samples), found.damaged) == (60, ())

@@ -8,8 +8,9 @@ from app.engine.evidence import Finding
 from app.engine.fitness import checks
 from app.engine.fitness.align import Aligned, align
 from app.engine.fitness.config import FitnessConfig
-from app.engine.fitness.resample import is_regular, to_uniform, typical_interval
-from app.engine.fitness.signals import newest_long, newest_long_run, run_lengths, still_at_its_end, usable_values
+from app.engine.fitness.holes import newest_without_hole
+from app.engine.fitness.resample import is_regular, to_uniform
+from app.engine.fitness.signals import newest_long_run, run_lengths, still_at_its_end, usable_values
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, Recording, UniformRecord
 from app.engine.sampled import blocks
@@ -171,10 +172,10 @@ def _assess_stretches(recording: Recording, samples: _Samples, fitness: Fitness,
     found = (*fitness.findings, checks.check_automatic(samples.automatic, len(in_automatic), after, config))
     if len(in_automatic) < config.min_samples:
         return _stopped(fitness, found, LATER_CHECKS[1:])
-    stretch, gaps = _newest_without_gap(in_automatic, config)
-    whole, later = in_automatic.part(stretch), len(in_automatic) - stretch.stop
-    found = (*found, checks.check_gaps(gaps, len(whole), len(in_automatic), later, config))
-    fitness = replace(fitness, gaps=gaps)
+    unbroken = newest_without_hole(in_automatic.time_s, config)
+    whole, later = in_automatic.part(unbroken.samples), len(in_automatic) - unbroken.samples.stop
+    found = (*found, checks.check_gaps(unbroken.holes, len(whole), len(in_automatic), later, config))
+    fitness = replace(fitness, gaps=unbroken.holes)
     if len(whole) and whole.time_s[-1] == samples.time_s[-1]:
         fitness = replace(fitness, pv_dead_s=_dead_s(whole, config), wound_up_s=_wound_up_s(whole, config))
     if len(whole) < config.min_samples:
@@ -211,13 +212,6 @@ def _newest_automatic(samples: _Samples, config: FitnessConfig) -> slice:
     if samples.automatic is None:
         return slice(0, len(samples))
     return newest_long_run(samples.automatic, config.newest_share, config.min_samples)
-
-
-def _newest_without_gap(samples: _Samples, config: FitnessConfig) -> tuple[slice, int]:
-    intervals = np.diff(samples.time_s)
-    holes = np.flatnonzero(intervals > config.max_gap_intervals * typical_interval(samples.time_s))
-    edges = np.concatenate(([0], holes + 1, [len(samples)]))
-    return newest_long(edges[:-1], edges[1:], config.newest_share, config.min_samples), len(holes)
 
 
 def _dead_s(samples: _Samples, config: FitnessConfig) -> float | None:

@@ -17,7 +17,7 @@ from app.engine.mismatch.conclude import (
 )
 from app.engine.mismatch.controller import at_the_controller, controller_evidence, yper_evidence
 from app.engine.mismatch.doubting import reviewed
-from app.engine.mismatch.experiment import Experiment
+from app.engine.mismatch.experiment import Experiment, span
 from app.engine.mismatch.fitting import Fit
 from app.engine.mismatch.free_run import settle
 from app.engine.mismatch.holdout import (
@@ -34,7 +34,7 @@ from app.engine.mismatch.holdout import (
 )
 from app.engine.mismatch.missing import compete
 from app.engine.mismatch.patterns import Pattern, find_patterns
-from app.engine.mismatch.preparing import Prepared, prepare, without_hidden
+from app.engine.mismatch.preparing import OTHER_UNIT, Prepared, prepare, without_hidden
 from app.engine.mismatch.read_back import without_read_backs
 from app.engine.mismatch.report import effects_of, export, location_of, pattern_effect, refit_estimates
 from app.engine.mismatch.residuals import residual_tests
@@ -44,18 +44,20 @@ from app.engine.mismatch.selection import Selection
 from app.engine.mismatch.validation import lasting, validate
 from app.engine.mismatch.windows import windows_of
 from app.engine.recording import BoolArray, FloatArray
+from app.errors import DataError
 
 
 def explain(comparison: Comparison, validation: Comparison | None = None) -> Explanation:
     """Where a recording and a simulation differ, which physics was left out, and how much better it fits with it.
 
-    `validation`: a second recording, simulated only, with the model of the first; bad samples are left out of either.
+    `validation`: a second recording, simulated only, with the models of the first; bad samples are left out of either.
+    A given model is simulated there too; of a given trace there has to be one along the second recording (its `trace`).
     Raises DataError("too_short", "interval_invalid", "signal_constant", "signal_length", "signal_not_finite",
     "simulation_length", "simulation_not_finite", "simulation_constant", "nothing_known", "signal_too_large",
     "model_invalid").
     Misleads where OP hardly moves: then little can be told, and the answer is `consistent`.
     """
-    second = None if validation is None else mended(validation)
+    second = None if validation is None else mended_second(validation)
     comparison = without_read_backs(mended(comparison))
     taken, acted = taken_of(comparison), record_of(comparison)
     comparison = as_compared(comparison, taken)
@@ -68,7 +70,9 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     if doubts:
         selection = Selection(prepared.base, (), selection.ranking)
     explanation = assemble(comparison, prepared, selection, doubts)
-    return explanation if second is None else validated(explanation, prepared, selection, second)
+    if second is None:
+        return explanation
+    return validated(explanation, prepared, selection, second, by_model=comparison.simulation is not None)
 
 
 def as_compared(comparison: Comparison, taken: Taken | None) -> Comparison:
@@ -76,8 +80,19 @@ def as_compared(comparison: Comparison, taken: Taken | None) -> Comparison:
     return shortened(comparison if taken is None else taken.comparison)
 
 
-def validated(explanation: Explanation, prepared: Prepared, selection: Selection, second: Comparison) -> Explanation:
-    """The explanation with its figures on a second recording, and what was left out of that.
+def mended_second(validation: Comparison) -> Comparison:
+    """As `mended`; what it raises says that it is of the second recording."""
+    try:
+        return mended(validation)
+    except DataError as error:
+        raise DataError(error.code, f"in the second recording: {error.message}") from error
+
+
+def validated(
+    explanation: Explanation, prepared: Prepared, selection: Selection, second: Comparison, *, by_model: bool
+) -> Explanation:
+    """The explanation with its figures on a second recording, and what was left out of that. by_model: whether the
+    given simulation is a model, which is simulated there like the others.
 
     Its further signals all stay: a read-back among them moves nothing, for no part of the first record is driven by it.
     A limit of PV that the model has too is simulated, and compared like the rest.
@@ -88,9 +103,44 @@ def validated(explanation: Explanation, prepared: Prepared, selection: Selection
     simulated = {part.block.name for part in lasting(sensors)}
     hidden = tuple(pattern for pattern in find_patterns(record) if pattern.part.block.name not in simulated)
     record = without_hidden(record, hidden)
-    judged = validate(prepared.base, selection.fit, sensors, record, second.trace)
+    given = prepared.given if by_model else second.trace if prepared.given_trace is not None else None
+    judged = validate(prepared.base, selection.fit, sensors, record, given)
     said = tuple(Reason(note.code, f"in the second recording: {note.text}") for note in second.notes)
+    said += far_apart(prepared.record, record)
+    said += given_on_one_alone(prepared.given_trace is not None, given is not None or second.trace is not None)
     return replace(explanation, validation=judged, evidence=(*explanation.evidence, *said))
+
+
+def far_apart(first: Experiment, second: Experiment) -> tuple[Reason, ...]:
+    """That a second recording is hardly of the same loop in the same units, by its OP and PV."""
+    sides = (("OP", first.op, second.op), ("PV", first.pv, second.pv))
+    said = [
+        f"{name} is {in_range(two)}, in the first {in_range(one)}" for name, one, two in sides if elsewhere(one, two)
+    ]
+    if not said:
+        return ()
+    text = f"the second recording is far from the first: {'; '.join(said)}; is it of the same loop, in the same units?"
+    return (Reason("second_elsewhere", text),)
+
+
+def elsewhere(one: FloatArray, other: FloatArray) -> bool:
+    """Whether two signals go OTHER_UNIT times as far as each other, or are farther apart than that."""
+    wide, narrow = sorted((span(one), span(other)), reverse=True)
+    return wide > OTHER_UNIT * narrow or abs(float(np.median(one) - np.median(other))) > OTHER_UNIT * wide
+
+
+def in_range(signal: FloatArray) -> str:
+    low, high = np.quantile(signal, (0.01, 0.99))
+    return f"from {low:.4g} to {high:.4g}"
+
+
+def given_on_one_alone(first: bool, second: bool) -> tuple[Reason, ...]:
+    """Why nothing is said of a simulation as it came on the second recording, where it is there of one alone."""
+    if first == second:
+        return ()
+    has, lacks = ("first", "second") if first else ("second", "first")
+    text = f"there is a simulation of the {has} recording and none of the {lacks}: it is not judged on the second"
+    return (Reason("given_not_validated", text),)
 
 
 def assemble(
@@ -106,7 +156,7 @@ def assemble(
     traces = Traces(
         np.arange(prepared.record.samples, dtype=np.float64) * comparison.sampling_interval_s,
         comparison.pv,
-        prepared.given_trace,
+        given_run(comparison, prepared, held),
         seen.refitted,
         seen.explained,
         held,
@@ -152,6 +202,17 @@ def assemble(
         closed_loop=closed,
         engine_version=ENGINE_VERSION,
     )
+
+
+def given_run(comparison: Comparison, prepared: Prepared, held: BoolArray) -> FloatArray | None:
+    """The given simulation (N,), a trace as it came; a model, which says how PV moves and not where it stands, at the
+    level of PV in the samples that are not `held` (N,) out.
+    """
+    run = prepared.given_trace
+    if run is None or comparison.simulation is None or comparison.simulation.integrating:
+        return run
+    seen = prepared.record.usable & ~held
+    return run + float(np.mean((comparison.pv - run)[seen])) if seen.any() else run
 
 
 def sensors_of(found: Fit, patterns: tuple[Pattern, ...]) -> tuple[Part, ...]:

@@ -87,17 +87,20 @@ def slopes(
     return columns.T
 
 
-def descend(task: Task, x: FloatArray, noise: NoiseModel, steps: int) -> FloatArray:
-    """Levenberg-Marquardt within the bounds, the noise model held."""
+def descend(task: Task, x: FloatArray, noise: NoiseModel, steps: int, along: Sequence[int] | None = None) -> FloatArray:
+    """Levenberg-Marquardt within the bounds, the noise model held. along: which coordinates move; None: all."""
     at = residual_rows(task, x, noise)
+    moving = np.arange(len(x)) if along is None else np.asarray(along)
     damping = 1e-2
     for _ in range(steps):
-        jacobian = slopes(task, x, noise, at)
+        jacobian = slopes(task, x, noise, at, along)
         normal, gradient = jacobian.T @ jacobian, jacobian.T @ at.rows
         gained = 0.0
         for _ in range(5):
             lifted = normal + damping * np.diag(np.diag(normal) + 1e-9)
-            trial = clipped(task, x - np.linalg.solve(lifted, gradient))
+            trial = x.copy()
+            trial[moving] -= np.linalg.solve(lifted, gradient)
+            trial = clipped(task, trial)
             there = residual_rows(task, trial, noise)
             if there.cost < at.cost:
                 gained = at.cost - there.cost

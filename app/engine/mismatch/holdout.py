@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.mismatch.block import Part
-from app.engine.mismatch.fitting import Fit, fit
+from app.engine.mismatch.compete import descended
+from app.engine.mismatch.fitting import Fit, descend, fit, fit_linear
 from app.engine.mismatch.free_run import beside_load, settle, stem_swing
-from app.engine.mismatch.noise import whiten
+from app.engine.mismatch.noise import fit_noise, whiten
 from app.engine.mismatch.residuals import ResidualTests
 from app.engine.mismatch.task import make_task
 from app.engine.mismatch.windows import active_mask
@@ -19,6 +20,7 @@ SHARE = 0.3
 WORSE_UNSEEN, MUCH_WORSE = 1.05, 1.3
 SEEN_AT_LEAST = 0.35
 STANDS = 1e-12
+ROUNDS, STEPS = 2, 6
 PLACES = (0.7, 0.0, 0.35, 0.5, 0.2)
 
 
@@ -155,7 +157,19 @@ def unseen_likelihood(found: Fit, held: BoolArray) -> float:
 
 
 def refit_without(found: Fit, held: BoolArray) -> Fit:
-    """The same model with all its numbers fitted again, the held-out samples not compared."""
+    """The same model with all its numbers fitted again, the held-out samples not compared.
+
+    A fit that gains nothing stays where it began, and that must not be what has seen the held-out samples: a linear
+    model is fitted from the given one again. One with blocks first goes downhill, under the noise of the other samples,
+    from where the fit of all ended: without the numbers along which the simulation jumps, because their slopes mislead
+    and a descent of all at once may not move; what was held out still tells in which valley of several it lies, as it
+    does which blocks it has.
+    """
     record = found.record.comparing(found.record.usable & ~held)
+    if not found.parts:
+        return fit_linear(record, found.given)
     task = make_task(record, found.given, tuple(part.block for part in found.parts))
-    return settle(fit(task, found.x, found.noise, 2, 6))
+    noise = fit_noise(record.pv_deviation - task.simulated(found.x), record.usable, found.noise)
+    smooth = [k for k, free in enumerate(task.free) if "." not in free.name or free.linear]
+    begun = descended(task, descend(task, found.x, noise, STEPS, smooth), STEPS)
+    return settle(fit(task, begun.x, begun.noise, ROUNDS, STEPS))

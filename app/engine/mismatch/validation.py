@@ -20,6 +20,7 @@ from app.engine.recording import BoolArray, FloatArray
 from app.errors import DataError
 
 START_SHARE, LEAST_START = 0.1, 5
+LONGEST_DEAD_TIME = 1.0  # of the record: beyond, nothing of OP is seen in it
 OF_ONE_RECORD = (
     "disturbance.step",
     "disturbance.ramp",
@@ -32,13 +33,14 @@ OF_ONE_RECORD = (
 
 
 def validate(
-    base: Fit, final: Fit, sensors: tuple[Part, ...], second: Experiment, given: FloatArray | None
+    base: Fit, final: Fit, sensors: tuple[Part, ...], second: Experiment, given: Plant | FloatArray | None
 ) -> Improvement:
     """Free runs over the second record, only their initial state estimated, from the first tenth of what is compared of
     it; judged over all that is compared, as benchmarks are, the first tenth too.
 
-    sensors: the parts that PV showed by itself. given: the given simulation's trace (N,) over the second record, or
-    None. What belongs to moments of the first record (a step, a stuck stretch) is left out.
+    sensors: the parts that PV showed by itself. given: the given simulation as a model at the level of the first
+    record, or its trace (N,) over the second one, or None. What belongs to moments of the first record (a step, a stuck
+    stretch) is left out.
     Raises DataError("nothing_known") where nothing is compared beyond the start, DataError("signal_missing").
     """
     record = alike(base.record, second)
@@ -47,6 +49,8 @@ def validate(
         raise DataError("nothing_known", "no sample of the second recording's PV is known beyond its start")
     refitted = started(record, begun, base.plant, transferred(record, base.parts))
     explained = started(record, begun, final.plant, transferred(record, lasting((*final.parts, *sensors))))
+    if isinstance(given, Plant):
+        given = started(record, begun, given, ()) + record.pv_mid
     return Improvement(
         None if given is None else judge(record.pv, given, record.usable),
         judge(record.pv, refitted + record.pv_mid, record.usable),
@@ -116,6 +120,38 @@ def values_of(part: PartModel, block: Block, record: Experiment) -> FloatArray:
     return values
 
 
+def plant_of(model: ExplainedModel, duration_s: float) -> Plant:
+    """The plant of an exported model. Raises DataError("model_invalid") where it cannot be simulated along a record of
+    this length (s): JSON is easily changed by hand.
+    """
+    numbers = dict(model.plant)
+    strange = [name for name in numbers if name not in Plant.__dataclass_fields__]
+    lacking = [name for name in ("K", "tau", "theta") if name not in numbers]
+    others = {name: getattr(model, name) for name in ("sampling_interval_s", "op_mid", "pv_mid", "op_span", "pv_span")}
+    loose = [name for name, value in (*numbers.items(), *others.items()) if not np.isfinite(value)]
+    faults = [f"its plant has {', '.join(strange)}"] if strange else []
+    faults += [f"its plant lacks {', '.join(lacking)}"] if lacking else []
+    faults += [f"{', '.join(loose)} are no finite numbers"] if loose else []
+    if not faults:
+        faults = out_of_bounds(numbers, others, duration_s)
+    if faults:
+        raise DataError("model_invalid", f"the model cannot be simulated: {'; '.join(faults)}")
+    return Plant(**numbers)
+
+
+def out_of_bounds(plant: dict[str, float], others: dict[str, float], duration_s: float) -> list[str]:
+    """Times and spans of a model that no process has."""
+    above = [name for name in ("sampling_interval_s", "op_span", "pv_span") if others[name] <= 0.0]
+    above += ["tau"] if plant["tau"] <= 0.0 else []
+    below = [name for name in ("theta", "tau2", "tau3", "leak") if plant.get(name, 0.0) < 0.0]
+    late = plant["theta"] > LONGEST_DEAD_TIME * duration_s
+    return [
+        *([f"{', '.join(above)} must be more than 0"] if above else []),
+        *([f"{', '.join(below)} must not be less than 0"] if below else []),
+        *([f"its dead time of {plant['theta']:g} s is as long as the record, {duration_s:g} s"] if late else []),
+    ]
+
+
 def simulate_again(
     model: ExplainedModel, op: FloatArray, measured: tuple[tuple[str, FloatArray], ...] = ()
 ) -> FloatArray:
@@ -135,9 +171,10 @@ def simulate_again(
         pv_span=model.pv_span,
         rest=rest_of(model, len(op)),
     )
+    plant = plant_of(model, len(op) * model.sampling_interval_s)
     known = named(record, (part.name for part in model.parts))
     missing = [part.name for part in model.parts if part.name not in known]
     if missing:
         raise DataError("signal_missing", f"the model needs signals for {', '.join(missing)}")
     parts = tuple(Part(known[part.name], values_of(part, known[part.name], record)) for part in model.parts)
-    return simulate(record, Plant(**dict(model.plant)), parts) + model.pv_mid
+    return simulate(record, plant, parts) + model.pv_mid

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison, LinearSimulation
@@ -14,7 +15,7 @@ from app.engine.recording import FloatArray, Recording
 from app.engine.sampled import held
 from app.errors import DataError, RequestError
 from app.ingest import IngestOptions, NamedTable, RecordingsRead, read_named, read_recordings
-from app.services.explaining.aligning import Aligned, beyond, onto, sample_by_sample
+from app.services.explaining.aligning import Aligned, beyond, covering, onto, sample_by_sample
 
 SYNONYMS = {
     "time": ("time", "t", "timestamp", "time_s", "datetime", "date", "ts"),
@@ -164,11 +165,11 @@ def of_table(path: Path, columns: Columns, simulated: str | None, options: Inges
             "no_pv_op",
             f"{path} has no column for {missing}; name it with --op or --pv; it has {', '.join(table.names)}",
         )
-    if op == pv:
-        raise RequestError("same_column", f"OP and PV are both taken from the column {op}; they must be two")
     sp = find(table, columns.sp, SYNONYMS["sp"])
+    sp = None if columns.sp is None and sp in (op, pv) else sp
     time = seconds(table)
-    trace_column, laid = simulated_trace(table, simulated, options)
+    trace_column, laid = simulated_trace(table, simulated, options, (op, pv))
+    check_apart({"OP": op, "PV": pv, "SP": sp, "the simulation": trace_column})
     used = {op, pv, sp, trace_column, find(table, None, SYNONYMS["time"])}
     others = {
         c: table.numbers(c)
@@ -180,6 +181,18 @@ def of_table(path: Path, columns: Columns, simulated: str | None, options: Inges
     signals |= {"trace": laid.trace} if laid is not None else {}
     found = uniform(path.name.partition(".")[0] if path.suffix == ".gz" else path.stem, time, signals, others)
     return replace(found, notes=(*in_doubt(table.doubts()), *found.notes, *(() if laid is None else laid.notes)))
+
+
+def check_apart(columns: dict[str, str | None]) -> None:
+    """Raises RequestError("same_column") where one column is taken for two signals."""
+    taken: dict[str, str] = {}
+    for signal, column in columns.items():
+        if column is None:
+            continue
+        if column in taken:
+            text = f"{taken[column]} and {signal} are both taken from the column {column}; they must be two"
+            raise RequestError("same_column", text)
+        taken[column] = signal
 
 
 def in_doubt(doubts: Iterable[str]) -> tuple[Reason, ...]:
@@ -209,14 +222,16 @@ def comparison_of(
 
 
 def simulated_trace(
-    table: NamedTable, simulated: str | None, options: IngestOptions
+    table: NamedTable, simulated: str | None, options: IngestOptions, taken: tuple[str, ...] = ()
 ) -> tuple[str | None, Aligned | None]:
     """The column of the recording's table that holds the simulation, and the simulation; or that of a file, laid onto
-    the recording's times where both tell them, else sample by sample.
+    the recording's times where both tell them, else sample by sample. taken: columns that are OP or PV already, and
+    none where no simulation is named.
     """
     path = None if simulated is None else Path(simulated)
     if path is None or not path.is_file():
         column = find(table, simulated, SIMULATED)
+        column = None if simulated is None and column in taken else column
         return column, None if column is None else Aligned(table.numbers(column))
     other = read_table(path, options)
     column = find(other, None, (*SIMULATED, *SYNONYMS["pv"])) or other.names[-1]
@@ -243,8 +258,7 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
     notes = faults_of_the_clock(time[present], int(np.sum(~kept)))
     order = order[kept]
     if "trace" in signals:
-        simulated = np.isfinite(time) & np.isfinite(signals["trace"])
-        notes += beyond(float(time[order[0]]), float(time[order[-1]]), time[simulated])
+        notes += whole_trace(time, order, signals["trace"])
     at = time[order] - time[order[0]]
     interval = float(np.median(np.diff(at)))
     # Samples that came on change: a grid as fine as their usual distance would be mostly invented.
@@ -277,6 +291,26 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
         trace=resampled(signals["trace"]) if "trace" in signals else None,
         notes=notes,
     )
+
+
+def whole_trace(time: FloatArray, order: NDArray[np.int64], trace: FloatArray) -> tuple[Reason, ...]:
+    """What is to be said of a simulation (N,) recorded at the times (N,) s, of which the samples `order` are compared.
+
+    Raises DataError("simulation_length") where it does not cover them: as a line from its last value on it would be
+    compared with what it has not simulated.
+    """
+    simulated = np.isfinite(time) & np.isfinite(trace)
+    if simulated.sum() < 2:
+        return ()  # refused as a simulation without values
+    at = time[simulated]
+    covering(time[order], np.sort(at))
+    said = beyond(float(time[order[0]]), float(time[order[-1]]), at)
+    within = order[(time[order] >= np.min(at)) & (time[order] <= np.max(at))]
+    holes = int(np.sum(~np.isfinite(trace[within])))
+    if not holes:
+        return said
+    text = f"{holes} samples of the simulation have no value and are bridged by straight lines"
+    return (*said, Reason("simulation_bridged", text))
 
 
 def faults_of_the_clock(time: FloatArray, repeated: int) -> tuple[Reason, ...]:

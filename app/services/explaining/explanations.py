@@ -14,6 +14,7 @@ from app.nanoseconds import NS_PER_H
 from app.services.auditing.recordings import recording_of
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
+from app.services.damage import damage_in_words
 from app.services.explaining.simulations import GivenSimulation, comparison_with, kept, kind_of
 from app.services.moments import iso_utc, moment_of, ns_of
 from app.services.plant.loops import find
@@ -31,6 +32,7 @@ MOST_UNPACKED = 5_000_000
 """Samples of stretches that a window touches, at most: they are unpacked to find those inside."""
 LINE_FIELDS = (
     "recording",
+    "figures_of",
     "verdict",
     "effects",
     "located",
@@ -66,7 +68,8 @@ def ask(backend: Backend, tag: str, wanted: Wanted | None = None, asked_by: str 
     """Asks for an explanation and wakes a worker. What can be known to be wrong with the request is told at once."""
     wanted = wanted or Wanted()
     loop = find(backend, tag)
-    window = _audited(backend, loop, wanted) or _window(backend, loop, wanted)
+    asked = _audited(backend, loop, wanted) or _window(backend, loop, wanted)
+    window = asked.samples
     samples = newest_samples(window, backend.settings.explanation_samples)
     recording = recording_of(loop, samples)
     simulation = kept(wanted.simulation, samples, recording, backend.settings.time_zone)
@@ -76,8 +79,8 @@ def ask(backend: Backend, tag: str, wanted: Wanted | None = None, asked_by: str 
     values = {
         "loop_id": loop.id,
         "asked_by": asked_by,
-        "window_start_ns": int(explained.time_ns[0]),
-        "window_end_ns": int(explained.time_ns[-1]),
+        "window_start_ns": asked.first_ns if explained is window else int(explained.time_ns[0]),
+        "window_end_ns": asked.last_ns,
         "as_judged": as_judged,
         "simulation_packed": None if simulation is None else pack_document(simulation),
     }
@@ -186,9 +189,26 @@ def _line(answer: Mapping[str, Any]) -> dict[str, Any]:
     return first | {"effects": [], "evidence": []} | dict(line)
 
 
-def _audited(backend: Backend, loop: LoopRow, wanted: Wanted) -> Samples | None:
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """The samples that are asked for, one at least, and which of that time cannot be read."""
+
+    samples: Samples
+    damaged: tuple[tuple[int, int], ...]
+
+    @property
+    def first_ns(self) -> int:
+        """With what is damaged before the samples: the worker, which reads them again, is to tell it too."""
+        return min([int(self.samples.time_ns[0]), *(first for first, _ in self.damaged)])
+
+    @property
+    def last_ns(self) -> int:
+        return max([int(self.samples.time_ns[-1]), *(last for _, last in self.damaged)])
+
+
+def _audited(backend: Backend, loop: LoopRow, wanted: Wanted) -> _Asked | None:
     """What the loop's newest verdict rests on, where neither a window nor a simulation is stated; None without
-    one, or where too few samples of it are left to be explained.
+    one, or where too few samples of it are left to be explained. A damaged stretch is left out, as by the worker.
     """
     if wanted.states_a_window or wanted.simulation.stated:
         return None
@@ -197,11 +217,13 @@ def _audited(backend: Backend, loop: LoopRow, wanted: Wanted) -> Samples | None:
         if made is None or made.input_start_ns is None:
             return None
         window_ns = (made.input_start_ns, made.input_end_ns)
-        samples = series.between(connection, loop.id, *window_ns, backend.settings.hold_days)
-    return samples if samples is not None and len(samples) >= LEAST_SAMPLES else None
+        found = series.readable(connection, loop.id, *window_ns, backend.settings.hold_days)
+    if found.samples is None or len(found.samples) < LEAST_SAMPLES:
+        return None
+    return _Asked(found.samples, found.damaged)
 
 
-def _window(backend: Backend, loop: LoopRow, wanted: Wanted) -> Samples:
+def _window(backend: Backend, loop: LoopRow, wanted: Wanted) -> _Asked:
     """The samples that are asked for. Raises where there are none, or more than are explained at a time."""
     if loop.newest_ns is None:
         raise DataError("no_samples", f"loop {loop.tag!r} has no samples")
@@ -209,10 +231,13 @@ def _window(backend: Backend, loop: LoopRow, wanted: Wanted) -> Samples:
     hold_days = backend.settings.hold_days
     with backend.database.read() as connection:
         stored = series.count_between(connection, loop.id, start_ns, end_ns)
-        samples = series.between(connection, loop.id, start_ns, end_ns, hold_days) if stored <= MOST_UNPACKED else None
-    if stored > MOST_UNPACKED:
-        raise DataError("window_too_large", f"the window touches {stored} samples; take a shorter one")
+        if stored > MOST_UNPACKED:
+            raise DataError("window_too_large", f"the window touches {stored} samples; take a shorter one")
+        found = series.readable(connection, loop.id, start_ns, end_ns, hold_days)
+    samples = found.samples
     if samples is None or not len(samples):
+        if found.damaged:
+            raise DataError("damaged_samples", damage_in_words(found.damaged, backend.clock))
         raise DataError("no_samples", f"loop {loop.tag!r} has no samples from {_iso(start_ns)} to {_iso(end_ns)}")
     most = backend.settings.explanation_samples
     if len(samples) > most and (wanted.start or wanted.window_h):
@@ -220,7 +245,7 @@ def _window(backend: Backend, loop: LoopRow, wanted: Wanted) -> Samples:
             "window_too_large",
             f"the window has {len(samples)} samples, at most {most} are explained; take a shorter one",
         )
-    return samples
+    return _Asked(samples, found.damaged)
 
 
 def _bounds(newest_ns: int, wanted: Wanted, window_h: float) -> tuple[int, int]:

@@ -2,7 +2,9 @@
 made.
 """
 
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
 
 from app.engine.mismatch.closed_loop import ClosedLoop, LoopFigures
 from app.engine.mismatch.holdout import FitMeasures
@@ -12,15 +14,39 @@ from app.engine.mismatch.result import Effect, ExplainedModel, Explanation, Impr
 from app.engine.mismatch.windows import Window
 from app.errors import DataError
 
+Kind = Literal["trace", "column", "model", "identified"]
+"""What a recording is compared with; identified: our own linear loop."""
 
-def explanation_line(explanation: Explanation, elapsed_s: float | None = None) -> dict[str, Any]:
+GIVEN_WORDS: dict[Kind, str] = {
+    "trace": "the given simulation",
+    "column": "the simulation recorded with it",
+    "model": "the given model",
+}
+
+
+@dataclass(frozen=True)
+class Second:
+    """The recording that an explanation was validated on, and what simulation there was of it."""
+
+    name: str
+    simulation: Kind
+
+
+def explanation_line(
+    explanation: Explanation,
+    elapsed_s: float | None = None,
+    simulation: Kind = "identified",
+    second: Second | None = None,
+) -> dict[str, Any]:
     return {
         "recording": explanation.name,
+        "simulation": simulation,
+        "figures_of": figures_of(explanation.name, simulation, [effect.code for effect in explanation.effects]),
         "verdict": explanation.verdict,
         "effects": [effect_line(effect) for effect in explanation.effects],
         "located": location_line(explanation.located),
         "fit": fit_line(explanation.fit),
-        "validation": None if explanation.validation is None else validation_line(explanation.validation),
+        "validation": None if explanation.validation is None else validation_line(explanation.validation, second),
         "refit": {
             e.name: {"value": rounded(e.value), "low": rounded(e.low), "high": rounded(e.high), "unit": e.unit}
             for e in explanation.refit
@@ -31,6 +57,15 @@ def explanation_line(explanation: Explanation, elapsed_s: float | None = None) -
         "engine_version": explanation.engine_version,
         "elapsed_s": None if elapsed_s is None else round(elapsed_s, 3),
     }
+
+
+def figures_of(recording: str, simulation: Kind, codes: Sequence[str]) -> dict[str, str | None]:
+    """Whose free runs the figures called given, refitted and explained are of."""
+    given = GIVEN_WORDS.get(simulation)
+    behind = f"the linear model behind {given}" if simulation in ("trace", "column") else given
+    refitted = f"{behind}, its parameters fitted to {recording}" if behind else f"our own linear loop of {recording}"
+    named = f"{refitted}, with {' and '.join(dict.fromkeys(codes))}" if codes else f"{refitted}, nothing added"
+    return {"given": given, "refitted": refitted, "explained": named}
 
 
 def location_line(located: Location) -> dict[str, Any]:
@@ -118,8 +153,12 @@ def test_line(test: LagsTest | None) -> dict[str, float | int | None] | None:
     return {"statistic": rounded(test.statistic), "limit": rounded(test.limit), "p": p, "lags": test.lags}
 
 
-def validation_line(validation: Improvement) -> dict[str, Any]:
+def validation_line(validation: Improvement, second: Second | None) -> dict[str, Any]:
+    """On a second recording; `given` there is a model's own run, or the simulation that was recorded with it."""
+    given = None if second is None or validation.given is None else GIVEN_WORDS.get(second.simulation)
     return {
+        "recording": None if second is None else second.name,
+        "given_of": given,
         "rmse_given": rmse(validation.given),
         "rmse_refitted": rmse(validation.refitted),
         "rmse_explained": rmse(validation.explained),

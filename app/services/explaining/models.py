@@ -52,6 +52,10 @@ def simulate_model(model: ExplainedModel, comparison: Comparison) -> SimulatedRe
 
 def as_fitted(model: ExplainedModel, comparison: Comparison) -> Comparison:
     """The comparison at the interval of the model's own record. Raises DataError("interval_differs")."""
+    if not (np.isfinite(model.sampling_interval_s) and model.sampling_interval_s > 0.0):
+        raise DataError(
+            "model_invalid", f"the model was fitted at {model.sampling_interval_s:g} s, more than 0 is needed"
+        )
     ratio = model.sampling_interval_s / comparison.sampling_interval_s
     factor = max(round(ratio), 1)
     if abs(ratio / factor - 1.0) > CLOSE:

@@ -4,12 +4,13 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta, tzinfo
-from typing import Any, Literal
+from typing import Any
 from zoneinfo import ZoneInfo
 
 import numpy as np
 import polars as pl
 
+from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison
 from app.engine.mismatch.comparison import LEAST_SAMPLES, check
 from app.engine.recording import FloatArray, Recording
@@ -27,11 +28,10 @@ from app.services.explaining.comparisons import (
     in_doubt,
 )
 from app.services.explaining.given_model import simulation_from_json
+from app.services.explaining.line import Kind
 from app.storage.documents import Document
 from app.storage.loops import LoopRow
 from app.storage.samples import Samples, TimeArray
-
-Kind = Literal["trace", "column", "model", "identified"]
 
 LARGEST_TRACE = 200_000
 EPOCH = datetime.fromtimestamp(0, UTC)
@@ -85,8 +85,11 @@ def kept(given: GivenSimulation, samples: Samples, recording: Recording, zone: s
     return None if column is None else Document({"kind": "column", "column": column})
 
 
-def comparison_with(loop: LoopRow, samples: Samples, simulation: Document | None) -> Comparison:
-    """A loop's stored samples against the simulation that was kept; checked, so that the engine can take it.
+def comparison_with(
+    loop: LoopRow, samples: Samples, simulation: Document | None, said: tuple[Reason, ...] = ()
+) -> Comparison:
+    """A loop's stored samples against the simulation that was kept; checked, so that the engine can take it. said: of
+    the samples, before what else is noted.
 
     Raises DataError with the codes of the engine ("too_short", "signal_constant", ...) and of times that do not meet
     ("no_overlap", "simulation_length").
@@ -103,7 +106,7 @@ def comparison_with(loop: LoopRow, samples: Samples, simulation: Document | None
     model = simulation_from_json(json.dumps(told["model"])) if told.get("kind") == "model" else None
     found = comparison_of(measured, None if laid is None else laid.trace, model)
     check(found)
-    notes = (*in_doubt(told.get("doubts", ())), *found.notes, *(() if laid is None else laid.notes))
+    notes = (*said, *in_doubt(told.get("doubts", ())), *found.notes, *(() if laid is None else laid.notes))
     return replace(found, notes=notes)
 
 
@@ -113,7 +116,11 @@ def kind_of(simulation: Document | None) -> Kind:
 
 def checked_model(model: Mapping[str, Any]) -> dict[str, Any]:
     """The model as JSON, its figures not looked at. Raises DataError("model_invalid") where it is no model."""
-    simulation_from_json(json.dumps(dict(model)))
+    try:
+        text = json.dumps(dict(model), allow_nan=False)
+    except ValueError as error:
+        raise DataError("model_invalid", f"the model has a number that is none: {error}") from error
+    simulation_from_json(text)
     return dict(model)
 
 

@@ -3,7 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-LEAST_P, LIKELY = 0.001, 0.5
+from app.services.wording import LIKELY
+
+LEAST_P = 0.001
 VERDICT_WORDS = {
     "missing_physics": "physics is missing from the simulation",
     "consistent": "nothing is missing",
@@ -73,6 +75,8 @@ EVIDENCE_WORDS = {
     "too_little_excitation": "OP explains too little of PV to judge a simulation by",
     "simulation_unrelated": "the simulated trace does not answer the recorded OP",
     "simulation_shifted": "the simulation is early or late and was shifted before it was compared",
+    "simulation_bridged": "samples of the simulation without a value are bridged",
+    "second_elsewhere": "the second recording is far from the first: another unit, loop or operating point",
     "simulation_cut": "samples of the simulation outside the recording are not compared",
     "controller_cleared": "a PID law explains OP: the controller does its part",
     "controller_not_evaluated": "no PID law explains OP: the controller is not judged",
@@ -84,6 +88,8 @@ EVIDENCE_WORDS = {
     "pv_repeats": "PV repeats one value while the loop moves",
     "pv_straight": "PV lies on straight lines between few samples",
     "read_back": "a measured signal is the valve's own position",
+    "given_not_validated": "of a given simulation there is one of the first or of the second recording alone",
+    "samples_damaged": "a part of the stored samples cannot be read and is left out",
     "wild_samples": "samples of PV far outside of all others are left out",
     "time_runs_back": "times run back in the file",
     "part_explained": "of a long record only what its audit judges is explained",

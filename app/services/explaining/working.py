@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from sqlalchemy.exc import SQLAlchemyError
 
+from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison, Explanation, explain, locate
 from app.engine.mismatch.result import Location
 from app.errors import DataError, LoopauditError
@@ -16,10 +17,11 @@ from app.nanoseconds import NS_PER_S
 from app.services.auditing.limits import TimeLimitError, time_limit
 from app.services.auditing.recordings import origin_ns, recording_of
 from app.services.backend import DATABASE_AWAY, Backend
+from app.services.damage import damage_in_words
 from app.services.explaining.explanations import newest_samples
 from app.services.explaining.line import explanation_line, rounded, windows
 from app.services.explaining.narrowing import span_to_explain
-from app.services.explaining.simulations import comparison_with
+from app.services.explaining.simulations import comparison_with, kind_of
 from app.services.explaining.trace_table import trace_rows
 from app.services.explaining.trigger import trigger_of
 from app.services.heartbeat import Heartbeat
@@ -40,7 +42,8 @@ log = logging.getLogger("loopaudit.explaining")
 class Task:
     """A claimed explanation with what the engine needs; `simulation` is None for our own linear loop.
 
-    as_judged: whether only what an audit judges of a long record is explained.
+    as_judged: whether only what an audit judges of a long record is explained. damage: what of the stored samples
+    cannot be read, in words.
     """
 
     claim: ExplanationClaim
@@ -48,6 +51,7 @@ class Task:
     samples: Samples | None
     simulation: Document | None
     as_judged: bool
+    damage: str = ""
 
 
 @dataclass(frozen=True)
@@ -89,10 +93,11 @@ def _load(backend: Backend, claim: ExplanationClaim) -> Task:
         row = explanations.claimed(connection, claim)
         loop = loops.by_ids(connection, [row.loop_id])[row.loop_id]
         start_ns, end_ns = row.window_start_ns or 0, row.window_end_ns or 0
-        samples = series.between(connection, loop.id, start_ns, end_ns, backend.settings.hold_days)
+        found = series.readable(connection, loop.id, start_ns, end_ns, backend.settings.hold_days)
         packed = explanations.packed_simulation(connection, row.id)
     simulation = None if packed is None else unpack_document(packed)
-    return Task(claim, loop, samples, simulation, row.as_judged)
+    damage = damage_in_words(found.damaged, backend.clock)
+    return Task(claim, loop, found.samples, simulation, row.as_judged, damage)
 
 
 def _isolated(backend: Backend, claim: ExplanationClaim, watchdog: bool) -> Ending:
@@ -118,17 +123,21 @@ def _isolated(backend: Backend, claim: ExplanationClaim, watchdog: bool) -> Endi
 
 def _explained(backend: Backend, task: Task, limit_s: float, watchdog: bool) -> Ending:
     if task.samples is None or not len(task.samples):
+        if task.damage:
+            raise DataError("damaged_samples", task.damage)
         raise DataError("no_samples", "the loop has no samples in the window")
     started = time.perf_counter()
     with time_limit(limit_s, watchdog=watchdog):
         judged = _judged(task, task.samples)
         samples = newest_samples(judged, backend.settings.explanation_samples)
-        comparison = comparison_with(task.loop, samples, task.simulation)
+        said = (Reason("samples_damaged", task.damage),) if task.damage else ()
+        comparison = comparison_with(task.loop, samples, task.simulation, said)
         first = locate(comparison)
     _tell_first(backend, task.claim, first)
     with time_limit(limit_s, watchdog=watchdog):
         explanation = explain(comparison)
-    answer = answer_of(explanation, comparison, time.perf_counter() - started, _start_ns(samples))
+    line = explanation_line(explanation, time.perf_counter() - started, kind_of(task.simulation))
+    answer = answer_of(explanation, comparison, line, _start_ns(samples))
     codes = ";".join(effect.code for effect in explanation.effects)
     values = {"verdict": explanation.verdict, "effects": codes, "packed": pack_document(answer)}
     window = {"window_start_ns": int(samples.time_ns[0]), "window_end_ns": int(samples.time_ns[-1])}
@@ -159,14 +168,14 @@ def _tell_first(backend: Backend, claim: ExplanationClaim, first: Location) -> N
         explanations.note_first(connection, claim, packed)
 
 
-def answer_of(explanation: Explanation, comparison: Comparison, elapsed_s: float, start_ns: int) -> Document:
+def answer_of(explanation: Explanation, comparison: Comparison, line: dict[str, Any], start_ns: int) -> Document:
     """The line, what the residual depends on, and the traces; residuals are left out, they are differences."""
     header, rows = trace_rows(explanation)
     columns = {name: rows[:, k] for k, name in enumerate(header) if name != "time" and not name.startswith(RESIDUAL)}
     trigger = trigger_of(explanation, comparison)
     time_ns = np.round(explanation.traces.time_s * NS_PER_S).astype(np.int64)
     told = {
-        "line": explanation_line(explanation, elapsed_s),
+        "line": line,
         "header": header,
         "start_ns": start_ns,
         "trigger": trigger.label,

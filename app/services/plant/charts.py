@@ -10,8 +10,9 @@ import numpy as np
 from app.engine import yper
 from app.engine.fitness import FitnessConfig
 from app.engine.fitness.align import align
-from app.engine.fitness.resample import to_uniform, typical_interval
-from app.engine.fitness.signals import newest_long, resolution, usable_values
+from app.engine.fitness.holes import newest_without_hole
+from app.engine.fitness.resample import to_uniform
+from app.engine.fitness.signals import resolution, usable_values
 from app.engine.freerun import valve_position
 from app.engine.recording import Recording, UniformRecord
 from app.errors import DataError
@@ -19,6 +20,7 @@ from app.ingest import carried
 from app.nanoseconds import NS_PER_S
 from app.services.auditing.spectra import spectra
 from app.services.backend import Backend
+from app.services.damage import damage_in_words
 from app.services.moments import iso_utc, moment_of
 from app.services.plant.loops import find, verdict_detail
 from app.services.plant.standing import judged_part, where_pv_stands
@@ -50,13 +52,24 @@ class _Record:
     standing: np.ndarray
 
 
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """What is drawn of a verdict's samples; None: nothing of them is there. window: ISO 8601 from and to."""
+
+    record: _Record | None
+    window: list[str] | None
+    damage: str | None = None
+
+
 def charts(backend: Backend, tag: str, audit_id: str | None = None) -> dict[str, Any]:
-    """Trend with the valve's estimated position, PV over OP, control errors, spectra, RMSE over d and over (S, J)."""
+    """Trend with the valve's estimated position, PV over OP, control errors, spectra, RMSE over d and over (S, J).
+
+    damage: what of the stored samples cannot be read, in words; the rest is drawn."""
     detail = verdict_detail(backend, tag, audit_id)
-    record, window = _record(backend, tag, audit_id, detail)
-    valve = _valve(detail)
+    drawn = _drawn(backend, tag, audit_id, detail)
+    record, window, valve = drawn.record, drawn.window, _valve(detail)
     told: dict[str, Any] = {"window": window, "rmse_d": _curve(detail), "rmse_sj": _surface(detail), "valve": valve}
-    told |= {"judged": judged_stretch(window, detail), "size": _size(detail)}
+    told |= {"judged": judged_stretch(window, detail), "size": _size(detail), "damage": drawn.damage}
     if record is None:
         return told | {"trend": None, "pv_op": None, "errors": None, "spectra": detail.get("spectra")}
     return told | {
@@ -71,7 +84,7 @@ def closer(backend: Backend, tag: str, start: datetime, end: datetime) -> dict[s
     """The trend of `charts` from `start` to `end` alone, with a sample beyond either end: of an hour out of a day all
     samples, where the day is thinned to what a screen shows."""
     detail = verdict_detail(backend, tag)
-    record, _ = _record(backend, tag, None, detail)
+    record = _drawn(backend, tag, None, detail).record
     if record is None:
         return {"trend": None}
     first = int(np.searchsorted(record.samples.time_ns, instant_ns(start)))
@@ -80,23 +93,22 @@ def closer(backend: Backend, tag: str, start: datetime, end: datetime) -> dict[s
     return {"trend": _trend(record, _valve(detail), part)}
 
 
-def _record(
-    backend: Backend, tag: str, audit_id: str | None, detail: dict[str, Any]
-) -> tuple[_Record | None, list[str] | None]:
+def _drawn(backend: Backend, tag: str, audit_id: str | None, detail: dict[str, Any]) -> _Drawn:
     row = find(backend, tag)
     with backend.database.read() as connection:
         given = verdicts.input_of(connection, row.id, int(audit_id) if audit_id else row.newest_audit_id or 0)
         if given is None or given.input_start_ns is None:
-            return None, None
+            return _Drawn(None, None)
         margin = int(MARGIN * (given.input_end_ns - given.input_start_ns))
         start_ns, end_ns = given.input_start_ns - margin, given.input_end_ns + margin
-        samples = series.between(connection, row.id, start_ns, end_ns, backend.settings.hold_days)
-    window = None
+        found = series.readable(connection, row.id, start_ns, end_ns, backend.settings.hold_days)
+    samples, damage = found.samples, damage_in_words(found.damaged, backend.clock) or None
+    window: list[str] | None = None
     if given.window_start is not None:
         window = [iso_utc(given.window_start) or "", iso_utc(given.window_end) or ""]
     if samples is None or len(samples) < 2:
-        return None, window
-    return _together(samples, given, detail, judged_stretch(window, detail)), window
+        return _Drawn(None, window, damage)
+    return _Drawn(_together(samples, given, detail, judged_stretch(window, detail)), window, damage)
 
 
 def judged_stretch(window: list[str] | None, detail: Mapping[str, Any]) -> list[str] | None:
@@ -239,9 +251,7 @@ def _evenly(record: _Record) -> UniformRecord | None:
     if len(known) < LEAST_OF_SPECTRUM:
         return None
     time_s = (record.samples.time_ns[known] - record.samples.time_ns[known[0]]) / NS_PER_S
-    holes = np.flatnonzero(np.diff(time_s) > _FITNESS.max_gap_intervals * typical_interval(time_s))
-    edges = np.concatenate(([0], holes + 1, [len(known)]))
-    whole = newest_long(edges[:-1], edges[1:], _FITNESS.newest_share, _FITNESS.min_samples)
+    whole = newest_without_hole(time_s, _FITNESS).samples
     time_s, known = time_s[whole], known[whole]
     if len(known) < LEAST_OF_SPECTRUM:
         return None

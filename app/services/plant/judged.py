@@ -9,6 +9,7 @@ import numpy as np
 from sqlalchemy import Connection
 
 from app.services.backend import Backend
+from app.services.damage import damage_in_words
 from app.services.moments import PlantClock, iso_utc, moment_of, ns_of
 from app.storage import judged as stored
 from app.storage import series
@@ -23,18 +24,21 @@ LOOKED_AT = 200
 @dataclass(frozen=True)
 class Judged:
     """A judged window (ISO 8601, UTC) that ends well before the newest sample that the engine was given. manual:
-    whether the loop was in manual for most of the time since, by its recorded mode."""
+    whether the loop was in manual for most of the time since, by its recorded mode. damaged: from when to when (ns)
+    what was recorded since cannot be read."""
 
     start: str
     end: str
     manual: bool
+    damaged: tuple[tuple[int, int], ...] = ()
 
     def words(self, clock: PlantClock) -> str:
         """ "judged 2026-11-24 22:00 to 23:59; in manual since"."""
         start, end = clock.short(self.start), clock.short(self.end)
         until = end.removeprefix(f"{start.partition(' ')[0]} ")
         since = "in manual since" if self.manual else "what was recorded since cannot be judged"
-        return f"judged {start} to {until}; {since}"
+        damage = damage_in_words(self.damaged, clock).removesuffix(".")
+        return f"judged {start} to {until}; {since}{f'. {damage}' if damage else ''}"
 
 
 @dataclass(frozen=True)
@@ -72,8 +76,8 @@ def _left_out(window_end: datetime | None, given_to_ns: int | None) -> bool:
 
 
 def _judged(connection: Connection, row: Any, hold_days: float) -> Judged:
-    later = series.between(connection, row.loop_id, ns_of(row.window_end) + 1, row.input_end_ns, hold_days)
-    mode = None if later is None else later.signals.get("automatic")
+    later = series.readable(connection, row.loop_id, ns_of(row.window_end) + 1, row.input_end_ns, hold_days)
+    mode = None if later.samples is None else later.samples.signals.get("automatic")
     known = np.array([]) if mode is None else mode[np.isfinite(mode)]
     manual = bool(len(known)) and float(np.mean(known)) < 0.5
-    return Judged(iso_utc(row.window_start) or "", iso_utc(row.window_end) or "", manual)
+    return Judged(iso_utc(row.window_start) or "", iso_utc(row.window_end) or "", manual, later.damaged)

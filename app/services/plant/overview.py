@@ -10,6 +10,7 @@ from app.services.auditing.audits import get_audit
 from app.services.auditing.repairs import BEFORE_REPAIR, SINCE_REPAIR, of_before
 from app.services.backend import Backend
 from app.services.moments import PlantClock, iso_utc
+from app.services.plant.contradicted import contradicted
 from app.services.plant.evidence_moved import moved
 from app.services.plant.judged import ToManual, to_manual
 from app.services.plant.reliability import checked, following, place_of, with_loop
@@ -163,23 +164,25 @@ def table(
         found = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), place)
         shown = [with_loop(row) for row in found[:limit]]
         written = notes.standing(connection, [row["loop"] for row in shown])
-    work = WrittenWork(written, (shelved or shelf(backend)).by_tag(), backend.clock)
+        disagree = contradicted(connection, shown)
+    work = WrittenWork(written, (shelved or shelf(backend)).by_tag(), disagree, backend.clock)
     return Page([_with_work(row, work) for row in shown], following(found, limit, sort))
 
 
 @dataclass(frozen=True)
 class WrittenWork:
-    """What notes say of the loops of a page, by tag."""
+    """What notes say of the loops of a page, by tag, and which of them their newest explanation contradicts."""
 
     standing: dict[str, Standing]
     shelved: dict[str, Shelved]
+    disagree: frozenset[str]
     clock: PlantClock
 
 
 def _with_work(row: dict[str, Any], work: WrittenWork) -> dict[str, Any]:
     written, shelved = work.standing.get(row["loop"], Standing()), work.shelved.get(row["loop"])
     repaired_at = iso_utc(written.repaired_at)
-    step = step_of(row, repaired_at, shelved, work.clock)
+    step = step_of(row, repaired_at, shelved, work.clock, disagrees=row["loop"] in work.disagree)
     written_of = {"work_order": written.work_order, "repaired_at": repaired_at}
     told = written_of | {"next_step": step, "of_before_repair": of_before(row, repaired_at)}
     if shelved is None:

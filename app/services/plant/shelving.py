@@ -13,7 +13,7 @@ from sqlalchemy import Connection
 from app.errors import NotFoundError, RequestError
 from app.services.backend import Backend
 from app.services.moments import PlantClock, iso_utc
-from app.services.next_steps import next_step
+from app.services.next_steps import UNTIL_THEY_AGREE, next_step
 from app.services.wording import UNANSWERED, VERDICT_WORDS, brief
 from app.storage import notes, shelvings
 from app.storage.shelvings import ShelvedRow
@@ -130,13 +130,13 @@ def step_of(
     shelved: Shelved | None,
     clock: PlantClock,
     *,
-    instead: str | None = None,
+    disagrees: bool,
 ) -> str:
-    """What to do about a loop: to wait, as long as it is shelved and nothing got worse. instead: what takes the place
-    of the step that its verdict asks for."""
+    """What to do about a loop: to wait, as long as it is shelved and nothing got worse. disagrees: whether its newest
+    explanation contradicts its verdict."""
     if shelved is not None and not shelved.worse:
         return f"Wait: {shelved.words(clock)}."
-    return instead or next_step(row, repaired_at)
+    return UNTIL_THEY_AGREE if disagrees else next_step(row, repaired_at)
 
 
 def _kind(verdict: str | None, reliability: str | None, likely_cause: str | None) -> str:

@@ -31,7 +31,7 @@ from app.services.plant.shelving import Shelf, shelf, step_of
 from app.services.plant.work_list import work_list
 from app.services.rendering import document
 from app.services.reports.svg import WIDTH, Ends, Line, chart
-from app.services.why_rely import UNTIL_THEY_AGREE, contradiction, points
+from app.services.why_rely import contradiction, points
 from app.services.wording import measured_probability
 from app.storage import loops as stored_loops
 from app.storage import notes as stored_notes
@@ -60,13 +60,12 @@ def loop_report(backend: Backend, tag: str) -> str:
     drawn = charts(backend, tag)
     explained = explanations.newest(backend, tag)
     disagrees = contradiction(row, explained)
-    instead = UNTIL_THEY_AGREE if disagrees else None
     return document(
         "loop_report.html",
         it=found,
         row=row | {"of_before_repair": of_before(row, repaired_at)},
         detail=detail,
-        next_step=step_of(row, repaired_at, shelf(backend).of(tag), backend.clock, instead=instead),
+        next_step=step_of(row, repaired_at, shelf(backend).of(tag), backend.clock, disagrees=bool(disagrees)),
         disagrees=disagrees,
         points=points(row, detail),
         size=size_in_words(row, detail),
@@ -81,6 +80,7 @@ def loop_report(backend: Backend, tag: str) -> str:
         notes=notes.list_notes(backend, tag)[:NOTES],
         explanation=in_words(explained) if explained and explained["state"] == "done" else None,
         trend=_trend(drawn, backend.clock),
+        damage=drawn["damage"],
         path=_path(drawn),
         path_of=_path_of(drawn),
         course=_course(history, backend.clock),

@@ -21,7 +21,8 @@ function trendLines(trend, clock) {
   return [pen(x, trend.op, trend.standing, { showlegend: trend.standing.includes(1), legendrank: 2000 }), pen(x, trend.pv, trend.standing, { yaxis: "y2", showlegend: false }), ...traces];
 }
 
-function drawTrend({ trend, window: shown, judged, valve }) {
+function drawTrend({ trend, window: shown, judged, valve, damage }) {
+  document.getElementById("damage-note").textContent = damage ?? "";
   if (!trend) return draw("trend", null, {}, "No samples of the audited stretch are kept.");
   const clock = clockAt(trend.time.at(-1), trend.time[0]);
   if (valve) document.getElementById("valve-note").textContent = valvesNote(valve);

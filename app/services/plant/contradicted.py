@@ -1,0 +1,33 @@
+"""Verdicts that the newest explanation of their loop contradicts, of many loops at once."""
+
+import logging
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from sqlalchemy import Connection
+
+from app.services.why_rely import contradiction
+from app.services.wording import STICKS
+from app.storage import explanations
+from app.storage.documents import told_of
+from app.storage.samples import DAMAGED
+
+log = logging.getLogger("loopaudit.contradicted")
+
+
+def contradicted(connection: Connection, rows: Sequence[Mapping[str, Any]]) -> frozenset[str]:
+    """The tags of those rows of the reliability table whose verdict is not what `contradiction` lets stand."""
+    tags = [row["loop"] for row in rows if row["verdict"] == "no_stiction"]
+    packed = explanations.newest_naming(connection, tags, STICKS) if tags else {}
+    told = {tag: {"state": "done", "effects": _effects(tag, answer)} for tag, answer in packed.items()}
+    return frozenset(row["loop"] for row in rows if contradiction(row, told.get(row["loop"])))
+
+
+def _effects(tag: str, packed: bytes) -> Sequence[Mapping[str, Any]]:
+    """None of an answer that is damaged: a list of loops is told all the same."""
+    try:
+        effects: Sequence[Mapping[str, Any]] = told_of(packed)["line"]["effects"]
+    except (*DAMAGED, KeyError):
+        log.exception("the explanation of %r cannot be read", tag)
+        return ()
+    return effects

@@ -1,0 +1,93 @@
+"""What to do about a loop whose newest explanation contradicts its verdict: one answer on every page and list."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from sqlalchemy import Engine, event, update
+
+from app.services.auditing.audits import start_audit
+from app.services.auditing.chunks import audit_chunk
+from app.services.backend import Backend
+from app.services.next_steps import UNTIL_THEY_AGREE
+from app.services.plant import overview as plant
+from app.storage import explanations
+from app.storage.documents import Document, pack_document
+from app.storage.tables import explanations as explanations_table
+from app.storage.tables import verdicts
+
+AddLoops = Callable[..., dict[str, int]]
+CLEARED = {"verdict": "no_stiction", "reliability": "reliable", "likely_cause": "no_oscillation", "reasons": ""}
+
+
+def explain(backend: Backend, loop_id: int, *effects: tuple[str, float], state: str = "done") -> int:
+    """As a worker leaves it."""
+    told = [{"effect": code, "alternatives": [], "probability": probability} for code, probability in effects]
+    packed = pack_document(Document({"line": {"effects": told}}))
+    with backend.database.write() as connection:
+        explanation_id = explanations.ask(connection, {"loop_id": loop_id})
+        values = {"state": state, "packed": packed, "effects": ";".join(code for code, _ in effects)}
+        one = explanations_table.c.id == explanation_id
+        connection.execute(update(explanations_table).where(one).values(**values))
+    return explanation_id
+
+
+@pytest.fixture
+def ids(backend: Backend, add_loops: AddLoops) -> dict[str, int]:
+    found = add_loops("A", "B", "C", "D")
+    audit_chunk(backend, int(start_audit(backend).id), "test")
+    with backend.database.write() as connection:
+        connection.execute(update(verdicts).values(**CLEARED))
+    return found
+
+
+def contradicted(backend: Backend) -> list[str]:
+    return [row["loop"] for row in plant.table(backend, 10, sort="loop").rows if row["next_step"] == UNTIL_THEY_AGREE]
+
+
+def test_the_table_knows_what_the_page_knows(backend: Backend, ids: dict[str, int]) -> None:
+    explain(backend, ids["A"], ("sensor.step", 0.3), ("valve.stiction", 0.7))
+    explain(backend, ids["B"], ("sensor.step", 0.9), ("valve.stiction", 0.7))
+    explain(backend, ids["C"], ("valve.stiction", 0.4))
+    assert contradicted(backend) == ["A"]
+    with backend.database.write() as connection:
+        connection.execute(update(verdicts).where(verdicts.c.loop_id == ids["A"]).values(verdict="stiction"))
+    assert contradicted(backend) == []
+
+
+@pytest.mark.parametrize(("effects", "state"), [((), "done"), ((("valve.stiction", 0.9),), "open")])
+def test_only_the_newest_explanation_counts(
+    backend: Backend, ids: dict[str, int], effects: tuple[tuple[str, float], ...], state: str
+) -> None:
+    explain(backend, ids["A"], ("valve.stiction", 0.7))
+    explain(backend, ids["A"], *effects, state=state)
+    assert contradicted(backend) == []
+
+
+def test_a_damaged_explanation_takes_no_list_with_it(backend: Backend, ids: dict[str, int]) -> None:
+    explain(backend, ids["A"], ("valve.stiction", 0.7))
+    damaged = explain(backend, ids["B"], ("valve.stiction", 0.7))
+    with backend.database.write() as connection:
+        one = explanations_table.c.id == damaged
+        connection.execute(update(explanations_table).where(one).values(packed=b"\x01damaged"))
+    assert contradicted(backend) == ["A"]
+
+
+def test_as_many_loops_as_there_are_take_one_query(backend: Backend, ids: dict[str, int]) -> None:
+    asked: list[str] = []
+
+    def note(*told: Any) -> None:
+        asked.append(told[2])
+
+    event.listen(Engine, "before_cursor_execute", note)
+    try:
+        plant.table(backend, 10)
+        without = len(asked)
+        asked.clear()
+        for loop_id in ids.values():
+            explain(backend, loop_id, ("valve.stiction", 0.7))
+        asked.clear()
+        plant.table(backend, 10)
+    finally:
+        event.remove(Engine, "before_cursor_execute", note)
+    assert len(asked) == without
