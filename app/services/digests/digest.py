@@ -8,6 +8,8 @@ from itertools import groupby
 from typing import Any
 
 from app.errors import RequestError
+from sqlalchemy import Connection
+
 from app.services.addresses import loop_address
 from app.services.auditing.audits import get_audit
 from app.services.auditing.repairs import of_before
@@ -76,10 +78,11 @@ class Area:
 
 @dataclass(frozen=True)
 class Digest:
-    """What one run came to; the same whenever it is asked for, but for loops that were retired since. `refused`: how
-    many loops were not auditable, by likely cause; `refused_loops`: the most important of each. `to_manual`: loops
-    that went to manual, and what is still said of them. `old`: the worst of those without a newer sample. `work`: what
-    to do first in the plant. `shelf`: the loops that were shelved when the run began, which `work`, `areas`, `old` and
+    """What one run came to; the same whenever it is asked for, but for loops that were retired since and, as long as it
+    is the newest run, for notes that were written since. `refused`: how many loops were not auditable, by likely cause;
+    `refused_loops`: the most important of each. `to_manual`: loops that went to manual, and what is still said of them.
+    `old`: the worst of those without a newer sample, `why_old` what that is, and why they stand apart. `work`: what to
+    do first in the plant. `shelf`: the loops that were shelved when the run began, which `work`, `areas`, `old` and
     `refused_loops` leave out. `reliable`: how many of the valves that stick can be relied on. `retired`: how many of
     the run's loops are retired and left out."""
 
@@ -109,10 +112,24 @@ def newest_run(backend: Backend) -> str:
     """The newest night that has ended, though it was the second of its date, or a run of the plant that was asked for
     where no night began within the day before it. Raises RequestError("no_run")."""
     with backend.database.read() as connection:
-        found, night = plant.last_whole_run(connection), plant.last_night(connection)
-    if found is None:
+        number = _newest(connection)
+    if number is None:
         raise RequestError("no_run", "no audit has ended yet; `loopaudit nightly` runs one")
-    return str(max(found.id, night or 0))
+    return str(number)
+
+
+def _newest(connection: Connection) -> int | None:
+    found = plant.last_whole_run(connection)
+    return None if found is None else max(found.id, plant.last_night(connection) or 0)
+
+
+def _notes_until(connection: Connection, run: AuditView) -> datetime | None:
+    """Of the plant's newest run a digest knows the notes of now (None), as whoever works by it writes them; of an older
+    one those that its own morning knew."""
+    newest = _newest(connection)
+    if newest is None or int(run.id) >= newest or run.ended_at is None:
+        return None
+    return datetime.fromisoformat(run.ended_at)
 
 
 def digest_of(backend: Backend, audit_id: str) -> Digest:
@@ -132,7 +149,8 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         # In a plant's first run every verdict is new: that is no news.
         compared = plant.any_run_before(connection, number)
         changed = digests.changes_of(connection, number, CHANGES + 1) if compared else []
-        written = notes.standing(connection, [row.tag for row in [*worst, *old]])
+        notes_until = _notes_until(connection, run)
+        written = notes.standing(connection, [row.tag for row in [*worst, *old]], notes_until)
     verdicts, refused = Counter[str](), Counter[str]()
     for row in counted:
         verdicts[row.verdict] += row.loops
@@ -159,7 +177,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         refused=dict(refused.most_common()),
         refused_loops=refused_loops,
         arrivals=of_run(backend, number, began),
-        work=work_list(backend, shelved, number, since_ns),
+        work=work_list(backend, shelved, number, since_ns, notes_until=notes_until),
         areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
         old=[loop_of(row) for row in old],
         changes=[change_of(row) for row in changed[:CHANGES]],
