@@ -138,6 +138,20 @@ def test_a_plant_says_how_old_its_records_are(client):
 
 
 @pytest.mark.parametrize("path", ["/", "/table", "/loops/FIC101"])
+def test_the_table_says_of_an_undated_record_that_it_has_no_date(client, web_backend):
+    of_it = update(stored_loops).where(stored_loops.c.tag == "LIC7")
+    with web_backend.database.write() as connection:
+        known = connection.scalar(select(stored_loops.c.newest_ns).where(stored_loops.c.tag == "LIC7"))
+        connection.execute(of_it.values(newest_ns=2_995 * 10**9))
+    try:
+        page = client.get("/table?column=recorded_to&search=LIC7").text
+    finally:
+        with web_backend.database.write() as connection:
+            connection.execute(of_it.values(newest_ns=known))
+    assert 'data-label="Recorded until">no date' in page
+    assert "1970" not in page
+
+
 def test_the_last_nights_stand_behind_a_verdict(client, monkeypatch, path):
     assert 'class="nights"' not in client.get(path).text  # of one night there is no course
     told = (Night("2026-03-01", "no_stiction", "reliable"), Night("2026-03-02", "stiction", "not_reliable"))
