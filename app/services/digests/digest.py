@@ -4,19 +4,20 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
+from functools import partial
 from itertools import groupby
 from typing import Any
 
-from app.errors import RequestError
 from sqlalchemy import Connection
 
+from app.errors import RequestError
 from app.services.addresses import loop_address
 from app.services.auditing.audits import get_audit
 from app.services.auditing.repairs import of_before
 from app.services.backend import Backend
 from app.services.cursors import identifier
-from app.services.moments import PlantClock, iso_utc
-from app.services.plant.arrivals import arrivals, of_run
+from app.services.moments import PlantClock, iso_utc, moment_of
+from app.services.plant.arrivals import LATE, arrivals, of_run
 from app.services.plant.judged import judged, to_manual
 from app.services.plant.overview import change_of, nothing_worst
 from app.services.plant.repaired import RepairView, repairs
@@ -47,7 +48,8 @@ class DigestLoop:
     """A loop to look at; `why` is the weightiest reason, `address` its page (empty: not known how people reach it),
     `judged` of which time its verdict is, where that is not up to its newest samples. `measured`: whether its
     probability is, and not a prior. `shelved` until when it is shelved, and why it is listed all the same.
-    `of_before_repair`: whether its verdict is of before a repair that is stated by now."""
+    `of_before_repair`: whether its verdict is of before a repair that is stated by now. `recorded_to`: its newest
+    sample (ISO 8601, UTC), of those that are listed for an old one."""
 
     loop: str
     verdict: str
@@ -62,6 +64,7 @@ class DigestLoop:
     measured: bool = True
     shelved: str = ""
     of_before_repair: bool = False
+    recorded_to: str | None = None
 
     @property
     def told(self) -> str:
@@ -106,6 +109,11 @@ class Digest:
     clock: PlantClock
     retired: int = 0
     reliable: int = 0
+    why_old: str = ""
+
+    def recorded(self, loop: DigestLoop) -> str:
+        """ "newest sample 2026-01-31 04:00", for the list of old records."""
+        return f"newest sample {self.clock.recorded(loop.recorded_to)}" if loop.recorded_to else ""
 
 
 def newest_run(backend: Backend) -> str:
@@ -179,7 +187,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         arrivals=of_run(backend, number, began),
         work=work_list(backend, shelved, number, since_ns, notes_until=notes_until),
         areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
-        old=[loop_of(row) for row in old],
+        old=[replace(loop_of(row), recorded_to=iso_utc(moment_of(row.input_end_ns))) for row in old],
         changes=[change_of(row) for row in changed[:CHANGES]],
         more_changes=len(changed) > CHANGES,
         to_manual=_to_manual(backend, number) if compared else [],
@@ -190,6 +198,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         public_url=url,
         clock=backend.clock,
         retired=retired,
+        why_old=_why_old(since_ns, backend.clock) if old else "",
         reliable=sum(row.loops for row in counted if (row.verdict, row.reliability) == ("stiction", "reliable")),
     )
 
@@ -231,7 +240,7 @@ def as_text(digest: Digest) -> str:
         lines += _listed(title, _loop_lines, area.loops)
     if not digest.areas:
         lines += ["", _nothing_worst(digest)]
-    lines += _listed("WORST OF OLD RECORDS", _loop_lines, digest.old)
+    lines += _listed(f"WORST OF OLD RECORDS: {digest.why_old}", partial(_old_lines, digest), digest.old)
     lines += _shelved_lines(digest)
     lines += ["", f"The whole plant: {digest.public_url}/" if digest.public_url else "", "", HOW_TO_READ]
     return "\n".join(lines) + "\n"
@@ -307,6 +316,21 @@ def _loop_lines(place: int, loop: DigestLoop) -> list[str]:
     of_time = [f"     {loop.judged}"] if loop.judged else []
     shelved = [f"     {loop.shelved}"] if loop.shelved else []
     return [head, *of_time, *shelved, f"     {_line(loop.why)}", *([f"     {loop.address}"] if loop.address else [])]
+
+
+def _old_lines(digest: Digest, place: int, loop: DigestLoop) -> list[str]:
+    head, *others = _loop_lines(place, loop)
+    return [f"{head}, {digest.recorded(loop)}", *others]
+
+
+def _why_old(since_ns: int | None, clock: PlantClock) -> str:
+    """Since when they are old, and why they have a list of their own."""
+    if since_ns is None:
+        return ""
+    return (
+        f"no sample since {clock.told_at(moment_of(since_ns))}, {LATE.days} days before the newest of the plant, or "
+        "without a date; what is said of them is of then"
+    )
 
 
 def _counted(digest: Digest) -> str:
