@@ -14,7 +14,7 @@ class LoopauditError(Exception):
         self.code = code
         self.message = message
 
-    def __reduce__(self) -> tuple[type, tuple[str, str]]:
+    def __reduce__(self) -> tuple[type, tuple[str, ...]]:
         return type(self), (self.code, self.message)
 
 
@@ -24,6 +24,17 @@ class DataError(LoopauditError):
 
 class RequestError(LoopauditError):
     """A request that cannot be served as it was made (unknown parameter, wrong state)."""
+
+
+class FieldError(RequestError):
+    """One field of a form, or of a row, cannot be taken as it is; `field` is its name."""
+
+    def __init__(self, code: str, message: str, field: str) -> None:
+        super().__init__(code, message)
+        self.field = field
+
+    def __reduce__(self) -> tuple[type, tuple[str, ...]]:
+        return type(self), (self.code, self.message, self.field)
 
 
 class NotFoundError(RequestError):

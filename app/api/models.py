@@ -274,7 +274,9 @@ class TrailRowOut(Read):
     who: str = Field(description="Name of the key, `command line`, `schedule`, or `anyone on this machine`.")
     action: str = Field(description="What was done: upload.receive, audit.start, loop.change, key.create, ...")
     subject: str = Field(description="To what: an address of this service, or the id of a key.")
-    outcome: Literal["done", "refused", "failed"] = Field(description="Whether it was done.")
+    outcome: Literal["done", "refused", "failed", "not_known"] = Field(
+        description="Whether it was done; not_known: the data base went away while it was written."
+    )
     request_id: str | None = Field(description="As in the answer's X-Request-Id and in the log.")
     detail: dict[str, Any] = Field(description="How it was known who asked, from which address, the status.")
 

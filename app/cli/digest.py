@@ -16,6 +16,7 @@ from app.errors import RequestError
 if TYPE_CHECKING:
     from app.services.backend import Backend
     from app.services.digests.deliveries import DeliveryView
+    from app.services.moments import PlantClock
 
 
 class Form(StrEnum):
@@ -85,14 +86,15 @@ def sent(backend: "Backend", run: str, *, again: bool = False) -> ExitCode:
         )
     found = send_now(backend, f"digest:{socket.gethostname()}:{os.getpid()}", run, again=again)
     for one in found:
-        sys.stdout.write(f"{one.receiver}: {outcome(one)}\n")
+        sys.stdout.write(f"{one.receiver}: {outcome(one, backend.clock)}\n")
     undone = sum(one.state != "done" for one in found)
     say(f"loopaudit: the digest of run {run} is with {len(found) - undone} of {len(found)} receivers")
     return ExitCode.SOME_FAILED if undone else ExitCode.DONE
 
 
-def outcome(one: "DeliveryView") -> str:
+def outcome(one: "DeliveryView", clock: "PlantClock") -> str:
     if one.before:
-        return f"already delivered at {one.ended_at}; --again sends it once more"
+        at = f" at {clock.told(one.ended_at)}" if one.ended_at else ""
+        return f"already delivered{at}; --again sends it once more"
     later = " (is tried again later)" if one.state == "open" else ""
     return f"{one.state}{later}{f': {one.reason}' if one.reason else ''}"

@@ -15,6 +15,7 @@ from app.services.access.identity import Role
 if TYPE_CHECKING:
     from app.services.access.keys import NewKey
     from app.services.backend import Backend
+    from app.services.moments import PlantClock
 
 cli = typer.Typer(no_args_is_help=True, help="Keys of the service: create, list, revoke, rotate.")
 
@@ -50,13 +51,15 @@ def create(
     from app.services.access import keys
 
     with opened(new=True) as backend:
-        show(keys.create_key(backend, name, role, lifetime=timedelta(days=days), requests_per_minute=per_minute))
+        made = keys.create_key(backend, name, role, lifetime=timedelta(days=days), requests_per_minute=per_minute)
+        show(made, backend.clock)
     raise typer.Exit(ExitCode.DONE)
 
 
 @cli.command("list")
 def list_(as_json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False) -> None:
-    """Show all keys, without their secrets.
+    """Show all keys, without their secrets. Times are those of LOOPAUDIT_TIME_ZONE, as on the pages; with --json they
+    are UTC.
 
     [bold]Examples[/bold]
 
@@ -68,15 +71,15 @@ def list_(as_json: Annotated[bool, typer.Option("--json", help="One JSON object 
     from app.services.access import keys
 
     with opened() as backend:
-        found = keys.list_keys(backend)
+        found, clock = keys.list_keys(backend), backend.clock
     if as_json:
         for key in found:
             typer.echo(json.dumps(vars(key)))
         raise typer.Exit(ExitCode.DONE)
-    table = Table("Id", "Name", "Role", "State", "Created, UTC", "Expires", "Last used", "A minute")
+    table = Table("Id", "Name", "Role", "State", f"Created, {clock.name}", "Expires", "Last used", "A minute")
     for key in found:
-        times = (key.created_at, key.expires_at or "never", key.last_used_at or "never")
-        cells = (key.id, key.name, key.role, key.state, *(time[:16].replace("T", " ") for time in times))
+        times = (clock.short(at) if at else "never" for at in (key.created_at, key.expires_at, key.last_used_at))
+        cells = (key.id, key.name, key.role, key.state, *times)
         table.add_row(*(Text(cell) for cell in cells), str(key.requests_per_minute))
     stdout_console().print(table)
     raise typer.Exit(ExitCode.DONE)
@@ -115,14 +118,14 @@ def rotate(
     from app.services.access import keys
 
     with opened() as backend:
-        show(keys.rotate_key(backend, key_id, timedelta(hours=overlap_h)))
+        show(keys.rotate_key(backend, key_id, timedelta(hours=overlap_h)), backend.clock)
     say(f"loopaudit: the key {key_id} ends in {overlap_h:g} h at the latest")
     raise typer.Exit(ExitCode.DONE)
 
 
-def show(made: "NewKey") -> None:
+def show(made: "NewKey", clock: "PlantClock") -> None:
     """The key alone on stdout, so that it can be piped to where it is kept."""
-    until = made.key.expires_at or "it is revoked"
+    until = clock.told(made.key.expires_at) if made.key.expires_at else "it is revoked"
     say(f"loopaudit: key {made.key.id} of {made.key.name}, role {made.key.role}, good until {until}. Shown this once:")
     typer.echo(made.text)
 

@@ -3,6 +3,7 @@
 import signal
 import socket
 import sys
+from contextlib import AbstractContextManager, nullcontext
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated
 
@@ -29,7 +30,8 @@ def serve(
     """Serve API and pages; on the embedded default (SQLite, no broker server) worker and schedule run beside it.
 
     With LOOPAUDIT_DATABASE_URL and LOOPAUDIT_BROKER_URL set, only API and pages: start `loopaudit worker` and
-    `loopaudit beat` for themselves. SIGTERM or Ctrl-C stops everything that was started.
+    `loopaudit beat` for themselves. SIGTERM or Ctrl-C stops everything that was started. On the embedded default a data
+    folder has one server: a second one is refused, and further `loopaudit worker` may run beside it.
 
     [bold]Examples[/bold]
 
@@ -41,7 +43,11 @@ def serve(
     keys_required = asks_for_keys(host, settings)
     warn_of_openness(host, keys_required)
     signal.signal(signal.SIGTERM, stop_quietly)
-    with listen(host, port) as listening, ready_to_work(settings, until_parent_ends, migrates=settings.embedded):
+    with (
+        listen(host, port) as listening,
+        only_one(settings, listening),
+        ready_to_work(settings, until_parent_ends, migrates=settings.embedded),
+    ):
         run(settings, listening, keys_required)
     raise typer.Exit(ExitCode.DONE)
 
@@ -59,6 +65,18 @@ def warn_of_openness(host: str, keys_required: bool) -> None:
     if not (keys_required or is_loopback(host)):
         text = f"no key is asked for on {host} (LOOPAUDIT_ALLOW_OPEN): who reaches it may read and change everything"
         say(f"loopaudit: warning: {text}")
+
+
+def only_one(settings: "Settings", listening: socket.socket) -> AbstractContextManager[None]:
+    """With servers of its own for data base and broker any number of processes may serve."""
+    from app.services.upkeep.presence import only_server
+
+    return only_server(settings, address_of(listening)) if settings.embedded else nullcontext()
+
+
+def address_of(listening: socket.socket) -> str:
+    host, port = listening.getsockname()[:2]
+    return f"http://{f'[{host}]' if ':' in host else host}:{port}"
 
 
 def stop_quietly(signum: int, frame: FrameType | None) -> None:
@@ -104,10 +122,9 @@ def run(settings: "Settings", listening: socket.socket, keys_required: bool) -> 
     )
     names = ("worker", "beat") if settings.embedded else ()
     supervisor = Supervisor([Child(name, (name, "--until-parent-ends")) for name in names], CHILDREN_GRACE_S)
-    host, port = listening.getsockname()[:2]
     supervisor.start()
     try:
-        say(f"loopaudit: serving on http://{f'[{host}]' if ':' in host else host}:{port}" + beside(names))
+        say(f"loopaudit: serving on {address_of(listening)}" + beside(names))
         uvicorn.Server(config).run(sockets=[listening])
     except KeyboardInterrupt:
         pass

@@ -9,6 +9,7 @@ from app.cli.keys import opened
 from app.cli.messages import ExitCode, stdout_console
 
 if TYPE_CHECKING:
+    from app.services.moments import PlantClock
     from app.services.results import TrailView
 
 
@@ -20,6 +21,8 @@ def trail(
 ) -> None:
     """Show who did what: uploads, audits, changes, keys, logins, and what was refused.
 
+    Times are those of LOOPAUDIT_TIME_ZONE, as on the pages; with --json they are UTC.
+
     [bold]Examples[/bold]
 
       loopaudit trail --who historian
@@ -29,21 +32,22 @@ def trail(
     from app.services.access.trail import list_trail
 
     with opened() as backend:
-        rows = list_trail(backend, limit, who=who, action=action).rows
+        rows, clock = list_trail(backend, limit, who=who, action=action).rows, backend.clock
     if as_json:
         for row in rows:
             typer.echo(json.dumps(vars(row)))
     else:
-        show(rows)
+        show(rows, clock)
     raise typer.Exit(ExitCode.DONE)
 
 
-def show(rows: "list[TrailView]") -> None:
+def show(rows: "list[TrailView]", clock: "PlantClock") -> None:
     from rich.table import Table
     from rich.text import Text
 
-    table = Table("When, UTC", "Who", "Action", "Subject", "Outcome", "Request")
+    table = Table(f"When, {clock.name}", "Who", "Action", "Subject", "Outcome", "Request")
     for row in rows:
-        cells = (row.at[:19].replace("T", " "), row.who, row.action, row.subject, row.outcome, row.request_id or "")
+        outcome = row.outcome.replace("_", " ")
+        cells = (clock.to_the_second(row.at), row.who, row.action, row.subject, outcome, row.request_id or "")
         table.add_row(*(Text(cell) for cell in cells))
     stdout_console().print(table)

@@ -8,16 +8,19 @@ Each answer is a frozen dataclass of the fields that are used most; `raw` is all
 newer service adds is there too.
 """
 
-from app.client.answers import Answer, Audit, Loop, LoopsChanged, Row, Trend, Upload
+from app.client.answers import Answer, Audit, Explanation, Group, Loop, LoopsChanged, Note, Row, Trend, Upload
 from app.client.connection import Client, NoServiceError, ServiceError
 
 __all__ = [
     "Answer",
     "Audit",
     "Client",
+    "Explanation",
+    "Group",
     "Loop",
     "LoopsChanged",
     "NoServiceError",
+    "Note",
     "Row",
     "ServiceError",
     "Trend",

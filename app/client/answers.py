@@ -110,6 +110,61 @@ class Audit(Answer):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Note(Answer):
+    """What somebody wrote of a loop: a text, a work order, a repair, or until when it is shelved."""
+
+    id: str
+    written_at: str
+    written_by: str
+    text: str
+    work_order: str
+    repaired_at: str | None
+    shelved_until: str | None
+    withdrawn_at: str | None
+    withdrawn_by: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Explanation(Answer):
+    """A loop's recording against a simulation; what a list leaves out (from `simulation` on) is None there."""
+
+    id: str
+    loop: str
+    state: Literal["open", "done", "failed"]
+    asked_at: str
+    asked_by: str | None
+    ended_at: str | None
+    window_start: str | None
+    window_end: str | None
+    verdict: Literal["missing_physics", "consistent", "inconclusive"] | None
+    effect_codes: list[str]
+    error_code: str | None
+    error_text: str | None
+    simulation: Literal["trace", "column", "model", "identified"] | None
+    effects: list[dict[str, Any]] | None
+    located: dict[str, Any] | None
+    fit: dict[str, Any] | None
+    model: dict[str, Any] | None
+
+    @property
+    def ended(self) -> bool:
+        return self.state in ("done", "failed")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Group(Answer):
+    """Loops that oscillate together; `members`: the likeliest source first."""
+
+    id: str
+    period_s: float
+    in_step: bool
+    by_chance: bool
+    chance_probability: float
+    source: str | None
+    members: list[dict[str, Any]]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Trend(Answer):
     tag: str
     samples: int

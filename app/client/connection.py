@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, Protocol, Self, TypeVar
@@ -9,7 +10,7 @@ from urllib.parse import quote
 
 import httpx
 
-from app.client.answers import Answer, Audit, Loop, LoopsChanged, Row, Trend, Upload
+from app.client.answers import Answer, Audit, Explanation, Group, Loop, LoopsChanged, Note, Row, Trend, Upload
 
 BUSY = (429, 503)
 LONGEST_WAIT_S = 60.0
@@ -101,6 +102,69 @@ class Client:
     def trend(self, tag: str, *, points: int = 2000, start: str | None = None, end: str | None = None) -> Trend:
         return Trend.of(self._get(_of_loop(tag, "/trend"), {"points": points, "start": start, "end": end}))
 
+    def notes(self, tag: str) -> Iterator[Note]:
+        """What was written of a loop, the newest first."""
+        return self._pages(Note, _of_loop(tag, "/notes"), {})
+
+    def write_note(
+        self,
+        tag: str,
+        text: str = "",
+        *,
+        work_order: str = "",
+        repaired_at: datetime | str | None = None,
+        shelved_until: datetime | str | None = None,
+    ) -> Note:
+        """At least one of these; times without an offset are UTC. repaired_at: from then on the loop is judged anew.
+        shelved_until: it is left out of what to look at first until then, for which a text or a work order is needed.
+        """
+        times = {"repaired_at": _iso(repaired_at), "shelved_until": _iso(shelved_until)}
+        said = {"text": text, "work_order": work_order, **_given(times)}
+        return Note.of(self._asked("POST", _of_loop(tag, "/notes"), json=said))
+
+    def withdraw_repair(self, tag: str, note_id: str) -> Note:
+        """The repair that the note states counts no longer; the note stays."""
+        return Note.of(self._asked("DELETE", _of_loop(tag, f"/notes/{quote(note_id, safe='')}/repair")))
+
+    def end_shelving(self, tag: str, note_id: str) -> Note:
+        """The loop is listed again; the note stays."""
+        return Note.of(self._asked("DELETE", _of_loop(tag, f"/notes/{quote(note_id, safe='')}/shelving")))
+
+    def explanations(self, tag: str) -> Iterator[Explanation]:
+        """Those of a loop, the newest first, without their answers, which `get_explanation` has."""
+        return self._pages(Explanation, _of_loop(tag, "/explanations"), {})
+
+    def ask_explanation(
+        self,
+        tag: str,
+        *,
+        start: datetime | str | None = None,
+        end: datetime | str | None = None,
+        window_h: float | None = None,
+        **simulation: Any,
+    ) -> Explanation:
+        """Has the loop compared with a simulation: one of `trace`, `csv`, `column` and `model` as in the API; without
+        any the recorded one, or our own. The answer is there once it has ended:
+
+            asked = client.ask_explanation("FIC101", window_h=8, model={"gain": 1.2, "time_constants_s": [30]})
+            done = client.wait(lambda: client.get_explanation("FIC101", asked.id))
+        """
+        window = {"from": _iso(start), "to": _iso(end), "window_h": window_h}
+        return Explanation.of(
+            self._asked("POST", _of_loop(tag, "/explanations"), json=_given({**window, **simulation}))
+        )
+
+    def get_explanation(self, tag: str, explanation_id: str) -> Explanation:
+        return Explanation.of(self._get(_of_loop(tag, f"/explanations/{quote(explanation_id, safe='')}")))
+
+    def explanation_trace(self, tag: str, explanation_id: str) -> str:
+        """Recording, simulations and residuals over the whole window, as CSV."""
+        return self._sent("GET", _of_loop(tag, f"/explanations/{quote(explanation_id, safe='')}/trace")).text
+
+    def groups(self) -> Iterator[Group]:
+        """Loops that oscillate together, by the newest verdicts: groups in step first, the larger ones first."""
+        yield from (Group.of(row) for row in self._get("/v1/groups")["rows"])
+
     def reliability(self, *, sort: str = "loop", **filters: Any) -> Iterator[Row]:
         """The plant's table; filters as in the API: verdict, reliability, unit, likely_cause, min_probability, ..."""
         return self._pages(Row, "/v1/reliability", {"sort": sort, **filters})
@@ -160,7 +224,11 @@ class Client:
     def _get(self, path: str, params: Mapping[str, Any] | None = None) -> dict[str, Any]:
         return self._asked("GET", path, params=_given(params or {}))
 
-    def _asked(
+    def _asked(self, method: str, path: str, **request: Any) -> dict[str, Any]:
+        found: dict[str, Any] = self._sent(method, path, **request).json()
+        return found
+
+    def _sent(
         self,
         method: str,
         path: str,
@@ -170,7 +238,8 @@ class Client:
         headers: Mapping[str, str] | None = None,
         content: BinaryIO | None = None,
         files: Mapping[str, Any] | None = None,
-    ) -> dict[str, Any]:
+    ) -> httpx.Response:
+        """The answer, where it is no refusal."""
         for left in range(self._tries - 1, -1, -1):
             if content is not None:
                 content.seek(0)  # of `files` httpx takes each from its beginning
@@ -184,8 +253,7 @@ class Client:
                 break
             time.sleep(_pause_s(answer))
         if answer.is_success:
-            found: dict[str, Any] = answer.json()
-            return found
+            return answer
         raise _refusal(answer)
 
 
@@ -198,6 +266,10 @@ def _body(stream: BinaryIO, mapping: bytes | None) -> dict[str, Any]:
 def _shown(url: httpx.URL) -> str:
     """Without what it may hold beside the address, such as a password."""
     return str(url.copy_with(userinfo=b"", query=None, fragment=None)).rstrip("/")
+
+
+def _iso(moment: datetime | str | None) -> str | None:
+    return moment.isoformat() if isinstance(moment, datetime) else moment
 
 
 def _of_loop(tag: str, rest: str = "") -> str:

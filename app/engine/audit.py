@@ -195,7 +195,7 @@ def _stiction_size(
 
 
 def ladder_for(judgement: Judgement, config: AuditConfig) -> LadderConfig:
-    """The whole ladder, or its first rung alone where the shapes clear the valve by more than the configuration asks."""
+    """The whole ladder, or its first rung where the shapes clear the valve by more than the configuration asks."""
     if (judgement.stiction_probability or 0.0) > config.doubt_above:
         return config.ladder
     return replace(config.ladder, widen=False, two_parameter=False)

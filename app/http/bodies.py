@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+import shutil
 
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
@@ -24,6 +25,7 @@ class LimitBodies:
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self.app = app
         self._max_upload_bytes = settings.max_upload_bytes + FORM_OVERHEAD_BYTES
+        self._folder = settings.uploads_dir
         self._idle_s = settings.idle_timeout_s
         self._upload_deadline_s = settings.upload_deadline_s
 
@@ -33,13 +35,20 @@ class LimitBodies:
             return
         limit, deadline_s = self._limits(scope["path"])
         told = Request(scope).headers.get("content-length", "")
-        if told.isdigit() and int(told) > limit:
-            answer = respond(
-                Request(scope), 413, "body_too_large", f"the body has {told} bytes, at most {limit} are taken"
-            )
-            await answer(scope, receive, send)
+        if told.isdigit() and (refusal := self._refusal(scope["path"], int(told), limit)):
+            await respond(Request(scope), 413, "body_too_large", refusal)(scope, receive, send)
             return
         await self.app(scope, timely(counted(receive, limit), min(self._idle_s, deadline_s), deadline_s), send)
+
+    def _refusal(self, path: str, told: int, limit: int) -> str:
+        """Why a body of this length is not taken; empty: it is. One that is larger than the disk could wait for room
+        for ever."""
+        if told > limit:
+            return f"the body has {told} bytes, at most {limit} are taken"
+        whole = shutil.disk_usage(self._folder).total if path in UPLOADS else told
+        if told > whole:
+            return f"the body has {told} bytes, and the disk of the service {whole} in all; send it in parts"
+        return ""
 
     def _limits(self, path: str) -> tuple[int, float]:
         """Bytes and seconds."""

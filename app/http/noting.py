@@ -32,7 +32,7 @@ async def answer_noted(
         nonlocal answered
         if message["type"] == "http.response.start":
             answered = True
-            outcome = "done" if message["status"] < 400 else "refused" if message["status"] < 500 else "failed"
+            outcome = outcome_of(message["status"], asked.scope["state"].get("in_doubt", False))
             where = MutableHeaders(scope=message).get("location")
             who = asked.scope["state"].get("identity", identity)
             if who is not NOBODY or message["status"] in COUNTED:
@@ -45,6 +45,13 @@ async def answer_noted(
         if not answered:
             await note(of, asked, identity, "failed", 500)
         raise
+
+
+def outcome_of(status: int, in_doubt: bool) -> str:
+    """in_doubt: the data base went away while it was written; the change may stand all the same."""
+    if in_doubt:
+        return "not_known"
+    return "done" if status < 400 else "refused" if status < 500 else "failed"
 
 
 async def note(

@@ -208,6 +208,7 @@ async def _database_away(request: Request, error: Exception) -> Response:
 def _in_doubt(request: Request, error: Exception, action: str) -> Response:
     """Where a second request would be a second one, clients must not repeat it by themselves, as they do after 503."""
     log.error("data base away in the midst of %s %s: %s", request.method, request.scope["path"][:LONGEST_ECHO], error)
+    request.scope["state"]["in_doubt"] = True  # for the trail
     text = "the data base went away while this was written: it is not known whether it was done"
     if action in SECOND_ONE or "if-match" in request.headers:  # done, the tag is another one, and a repeat is refused
         text += "; look whether it is there before you send it again"

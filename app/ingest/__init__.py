@@ -12,7 +12,7 @@ For services that store a plant's samples::
 * `read_export` raises DataError at once where the file is no export; iterating may raise one later (an unpacked size
   beyond the caps, nothing readable). Nothing else is raised by any bytes.
 * Memory is bounded, and each loop comes once: what is more than `options.buffered_values` values is put aside in files
-  without a name in `options.spill_folder`.
+  without a name in `options.spill_folder`; NoRoomToPartError where they do not fit there (see `export.share_taken`).
 * `for block in export` gives the raw signals tag by tag instead (SignalBlock); `align(blocks)` makes LoopSamples of one
   loop's blocks.
 * A file of relative seconds is anchored at `options.start_ns` (1970-01-01 UTC), its loop is named by the file.
@@ -47,6 +47,7 @@ from app.ingest.model import (
 from app.ingest.named_columns import NamedTable, parse_named, read_instants, read_named
 from app.ingest.recordings import RecordingsRead, read_recordings, second_zero_ns, to_recording
 from app.ingest.scanning import warm_up
+from app.ingest.spilling import NoRoomToPartError
 from app.ingest.stamps import NO_TIME, check_time_zone
 from app.ingest.unpacking import GZIP, Unpacking
 
@@ -64,6 +65,7 @@ __all__ = [
     "LoopTags",
     "MappedTag",
     "NamedTable",
+    "NoRoomToPartError",
     "RecordingsRead",
     "Reject",
     "Rejects",

@@ -41,6 +41,10 @@ class TextSource:
         return self._file.encoding
 
     @property
+    def share_taken(self) -> float:
+        return self._file.share_taken
+
+    @property
     def notes(self) -> list[str]:
         return self._file.notes
 

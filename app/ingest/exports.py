@@ -47,6 +47,9 @@ class Source(Protocol):
     def notes(self) -> list[str]: ...
 
     @property
+    def share_taken(self) -> float: ...
+
+    @property
     def damage(self) -> tuple[str, ...]: ...
 
     def reader(self, width: int, types: dict[int, pl.DataType], log: RejectLog) -> RowReader: ...
@@ -66,6 +69,11 @@ class Export(ABC):
     @abstractmethod
     def loops(self) -> Iterator[LoopSamples]:
         """Each loop once, signals side by side; memory stays below `options.buffered_values` values and a chunk."""
+
+    @property
+    def share_taken(self) -> float:
+        """How much of the file, 0 to 1, has been read at the most; 1 where its kind does not tell."""
+        return 1.0
 
     @abstractmethod
     def takes_its_name(self) -> bool:
@@ -112,6 +120,10 @@ class TableExport(Export):
         self._grouping = Grouping(source.head.stem, mapping)
         self._plan: Plan = prepared(source.plan, self._grouping, source.head, options, self._log)
         self._taken = False
+
+    @property
+    def share_taken(self) -> float:
+        return self._source.share_taken
 
     def __iter__(self) -> Iterator[SignalBlock]:
         for batch in self._batches(self._table(self._plan)):

@@ -57,6 +57,7 @@ class MatlabSource:
     compressed = False
 
     damage: tuple[str, ...] = ()  # a damaged one is refused whole
+    share_taken = 1.0
 
     def __init__(self, path: Path, stem: str, options: IngestOptions) -> None:
         self.notes: list[str] = []

@@ -47,6 +47,8 @@ class TextFile:
         self._path = path
         self._options = options
         self.notes: list[str] = []
+        self._size = max(path.stat().st_size, 1)
+        self._taken = 0
         first = self._first_bytes()
         if not first.strip():
             raise DataError("empty_file", "the file holds nothing; an export with a time column and signals is needed")
@@ -61,6 +63,11 @@ class TextFile:
     def compressed(self) -> bool:
         with self._path.open("rb") as stream:
             return stream.read(2) == GZIP
+
+    @property
+    def share_taken(self) -> float:
+        """How much of the file, 0 to 1, has been taken from the disk; its rows may be read a little later."""
+        return min(self._taken / self._size, 1.0)
 
     def _first_bytes(self) -> bytes:
         taken = bytearray()
@@ -176,9 +183,14 @@ class TextFile:
             packed = stream.read(2) == GZIP
             stream.seek(0)
             if packed:
-                yield from self._unpacked(iter(lambda: stream.read(STEP_BYTES), b""))
+                yield from self._unpacked(self._noted(stream, iter(lambda: stream.read(STEP_BYTES), b"")))
             else:
-                yield from iter(lambda: stream.read(_to_line_end(stream, step)), b"")
+                yield from self._noted(stream, iter(lambda: stream.read(_to_line_end(stream, step)), b""))
+
+    def _noted(self, stream: IO[bytes], pieces: Iterator[bytes]) -> Iterator[bytes]:
+        for piece in pieces:
+            self._taken = stream.tell()
+            yield piece
 
     def _unpacked(self, raw: Iterator[bytes]) -> Iterator[bytes]:
         """Members of a gzip file one after the other; a damaged end keeps what came before it."""

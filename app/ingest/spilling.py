@@ -3,6 +3,7 @@ does not grow with the file."""
 
 import tempfile
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
 
@@ -15,6 +16,14 @@ PARTS = 64  # of 60 million rows a part is a million: quickly sorted, soon forgo
 TYPES = (np.dtype(np.uint32), np.dtype(np.int64), np.dtype(np.float64), np.dtype(np.uint32))
 ROW_BYTES = sum(kind.itemsize for kind in TYPES)
 VALUE_BYTES = 8
+
+
+class NoRoomToPartError(OSError):
+    """The disk is full, or a quota used up. parted_bytes: what of the file had been put there before."""
+
+    def __init__(self, error: OSError, parted_bytes: int) -> None:
+        super().__init__(error.errno, error.strerror)
+        self.parted_bytes = parted_bytes
 
 
 class PartOfLoop:
@@ -36,9 +45,10 @@ class Spill:
         self._held: dict[int, list[int | Grid]] = {}  # rows of a piece, or a grid without its values
         self._shares: list[tuple[int, NDArray[np.intp], Grid]] = []
         self._shared_by: Grid | None = None
+        self._written = 0
 
     def add(self, piece: Piece, part_of_code: NDArray[np.uint8]) -> None:
-        """What a piece holds of each part, in the order in which it came."""
+        """What a piece holds of each part, in the order in which it came. Raises NoRoomToPartError."""
         if isinstance(piece, Grid):
             self._add_grid(piece, part_of_code)
         else:
@@ -54,7 +64,15 @@ class Spill:
 
     def close(self) -> None:
         for file in self._files.values():
-            file.close()
+            with suppress(OSError):  # what no longer fits is not needed any more
+                file.close()
+
+    def _write(self, file: IO[bytes], values: NDArray[Any]) -> None:
+        try:
+            file.write(np.ascontiguousarray(values).data)
+        except OSError as error:
+            raise NoRoomToPartError(error, self._written) from error
+        self._written += values.nbytes
 
     def _add_rows(self, rows: Gathered, part_of_code: NDArray[np.uint8]) -> None:
         parts = part_of_code[rows.codes]
@@ -66,13 +84,13 @@ class Spill:
                 file = self._file(part, end - start)
                 own = sorted_rows.at(slice(start, end))
                 for column in (own.codes, own.time_ns, own.values, own.lines):
-                    file.write(np.ascontiguousarray(column).data)
+                    self._write(file, column)
             start = end
 
     def _add_grid(self, grid: Grid, part_of_code: NDArray[np.uint8]) -> None:
         for part, at, own in self._shares_of(grid, part_of_code):
             held = Grid(own.codes, grid.time_ns, np.empty((len(at), 0)), grid.lines, own.places)
-            self._file(part, held).write(np.ascontiguousarray(grid.values[at]).data)
+            self._write(self._file(part, held), grid.values[at])
 
     def _shares_of(self, grid: Grid, part_of_code: NDArray[np.uint8]) -> list[tuple[int, NDArray[np.intp], Grid]]:
         """Each part's tags of a grid. Most grids of a file have the same tags, and share these arrays."""

@@ -76,6 +76,7 @@ class TableSource:
     """A file with a table whose layout is known."""
 
     damage: tuple[str, ...] = ()  # a damaged one is refused whole
+    share_taken = 1.0
 
     def __init__(self, table: Table, stem: str, kind: str, names_in_rows: bool, options: IngestOptions) -> None:
         self._table, self._names_in_rows, self._options = table, names_in_rows, options

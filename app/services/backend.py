@@ -34,6 +34,10 @@ def no_room(error: Exception) -> bool:
     return isinstance(error, DATABASE_AWAY) and any(words in str(error) for words in DATABASE_FULL)
 
 
+def megabytes(size: float) -> str:
+    return f"{size / 1e6:,.0f} MB".replace(",", " ")
+
+
 @dataclass(frozen=True)
 class Backend:
     """Opened once a process, after any fork; safe to use from several threads."""

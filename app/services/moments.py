@@ -8,6 +8,7 @@ EPOCH = datetime.fromtimestamp(0, UTC)
 FIRST_DATED = datetime(1971, 1, 1, tzinfo=UTC)
 """No export is read to have dates before it: what stands there counts from a start that nobody told, each loop from its
 own."""
+NO_DATE = "no date"
 
 
 def epoch_ms(moment: datetime | None) -> int | None:
@@ -47,12 +48,24 @@ class PlantClock:
         none."""
         return self.at(datetime.fromisoformat(iso)).isoformat(" ", "minutes")[:16] if iso else "–"
 
+    def to_the_second(self, iso: str) -> str:
+        """2026-01-31 04:00:00, for places that say by which clock."""
+        return self.at(datetime.fromisoformat(iso)).isoformat(" ", "seconds")[:19]
+
+    def recorded(self, iso: str | None) -> str:
+        """The same of a sample: "no date" where nobody told it, nothing where there is none."""
+        return self.short(iso) if iso and self.dated(iso) else self.day(iso)
+
+    @staticmethod
+    def dated(iso: str) -> bool:
+        """Whether a sample's time is one that somebody told."""
+        return datetime.fromisoformat(iso) >= FIRST_DATED
+
     def day(self, iso: str | None) -> str:
         """The day alone; "no date" where nobody told it, nothing where there is no time."""
         if iso is None:
             return ""
-        moment = datetime.fromisoformat(iso)
-        return self.date(moment) if moment >= FIRST_DATED else "no date"
+        return self.date(datetime.fromisoformat(iso)) if self.dated(iso) else NO_DATE
 
     def told(self, iso: str) -> str:
         """The same with what the clock is ahead of UTC, for sentences that go elsewhere: 2026-01-31 04:00 UTC+01:00.

@@ -200,7 +200,8 @@ class KeyView:
 
 @dataclass(frozen=True)
 class TrailView:
-    """One thing that somebody did, or was refused. `outcome` is done, refused or failed."""
+    """One thing that somebody did, or was refused. `outcome` is done, refused, failed, or not_known
+    where the data base went away while it was written."""
 
     id: str
     at: str

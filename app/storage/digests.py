@@ -41,7 +41,7 @@ def _complaints(audit_id: int, left_out: Sequence[int]) -> Select[Any]:
     shown = (
         *(loops.c.tag, loops.c.unit, loops.c.importance, this.c.verdict, this.c.reliability),
         *(this.c.stiction_probability, this.c.likely_cause, this.c.health, this.c.reasons, this.c.reasons_text),
-        *(this.c.window_start, this.c.window_end),
+        *(this.c.window_start, this.c.window_end, this.c.input_end_ns),
     )
     complaints = select(*shown).select_from(_OF_RUN).where(this.c.audit_id == audit_id, complains(this))
     return complaints.where(loops.c.id.not_in(left_out))

@@ -63,7 +63,7 @@ COLUMNS = [loops.c[name] for name in LoopRow.__dataclass_fields__]
 
 def ensure(connection: Connection, tags: Iterable[str]) -> dict[str, int]:
     """The ids of the loops with these tags; loops that are not there yet are created, unless one is that is spelled in
-    other letters, great or small: as in one file, it is the same."""
+    other letters, great or small: as in one file, it is the same. Two new spellings of a tag make one loop too."""
     wanted = sorted(set(tags))
     ids = ids_of(connection, wanted)
     ids |= _spelled_otherwise(connection, [tag for tag in wanted if tag not in ids])
@@ -71,8 +71,12 @@ def ensure(connection: Connection, tags: Iterable[str]) -> dict[str, int]:
         _lock_new(connection)
         ids |= _spelled_otherwise(connection, [tag for tag in wanted if tag not in ids])
     if missing := [tag for tag in wanted if tag not in ids]:
-        insert_new_rows(connection, loops, [{"tag": tag, "created_at": now()} for tag in missing])
-        ids |= ids_of(connection, missing)
+        spelled: dict[str, str] = {}
+        for tag in missing:
+            spelled.setdefault(tag.casefold(), tag)
+        insert_new_rows(connection, loops, [{"tag": tag, "created_at": now()} for tag in spelled.values()])
+        created = ids_of(connection, list(spelled.values()))
+        ids |= {tag: created[spelled[tag.casefold()]] for tag in missing}
     return ids
 
 

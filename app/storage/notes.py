@@ -71,14 +71,18 @@ class Standing:
     repaired_at: datetime | None = None
 
 
-def standing(connection: Connection, tags: Iterable[str]) -> dict[str, Standing]:
-    """By tag, of the loops of which there is something."""
+def standing(connection: Connection, tags: Iterable[str], at: datetime | None = None) -> dict[str, Standing]:
+    """By tag, of the loops of which there is something. at: what was written until then, and not withdrawn by then;
+    None: up to now."""
     query = select(loops.c.tag, notes.c.work_order, notes.c.repaired_at, notes.c.withdrawn_at)
     query = query.join(loops, loops.c.id == notes.c.loop_id).where(loops.c.tag.in_(list(tags))).order_by(notes.c.id)
+    if at is not None:
+        query = query.where(notes.c.written_at <= at)
     found: dict[str, Standing] = {}
     for tag, work_order, repaired_at, withdrawn_at in connection.execute(query):
         before = found.get(tag, Standing())
-        repair = repaired_at if repaired_at is not None and withdrawn_at is None else before.repaired_at
+        stands = withdrawn_at is None or (at is not None and withdrawn_at > at)
+        repair = repaired_at if repaired_at is not None and stands else before.repaired_at
         found[tag] = Standing(work_order or before.work_order, repair)
     return found
 

@@ -11,7 +11,7 @@ from app.storage.tables import loops, notes, verdicts
 
 def between(connection: Connection, since: datetime, until: datetime, audit_id: int | None, limit: int) -> list[Any]:
     """The loops with a repair in that time: tag, unit, repaired_at, the verdict before, and verdict, reliability,
-    and judged window of the run, for loops that it audited; without one of the loop's newest
+    likely cause and judged window of the run, for loops that it audited; without one of the loop's newest
     verdict, None where it has none. The weightiest first.
 
     Of each loop the note that was written last counts, as for the audit.
@@ -39,6 +39,7 @@ def between(connection: Connection, since: datetime, until: datetime, audit_id: 
             before.label("verdict_before"),
             verdicts.c.verdict,
             verdicts.c.reliability,
+            verdicts.c.likely_cause,
             verdicts.c.window_start,
             verdicts.c.window_end,
         )

@@ -102,6 +102,7 @@ read_tags = Table(
     Column("signal", Text, nullable=False),
     Column("unit", Text, nullable=False, server_default=""),  # as the tag tells it; `name` is without it
     Column("receipt_number", BigInteger, nullable=False),  # of the upload that was the first to have it so
+    Column("newest_number", BigInteger, nullable=False, server_default="0"),  # of the last to, while others were unread
 )
 """As what each tag was read last; `file` and `name` as above."""
 

@@ -35,6 +35,7 @@ class ReadTag:
     signal: str
     unit: str
     receipt_number: int
+    newest_number: int
 
 
 KEPT = [kept_tags.c[name] for name in KeptTag.__dataclass_fields__]
@@ -80,7 +81,7 @@ def last_read(connection: Connection, keys: Iterable[Key]) -> dict[Key, ReadTag]
     names: dict[str, list[str]] = {}
     for file, name in keys:
         names.setdefault(file, []).append(name)
-    columns = [read_tags.c[name] for name in ("name", "loop", "signal", "unit", "receipt_number")]
+    columns = [read_tags.c[name] for name in ("name", *ReadTag.__dataclass_fields__)]
     found: dict[Key, ReadTag] = {}
     for file, named in names.items():
         for start in range(0, len(named), TAGS_AT_ONCE):

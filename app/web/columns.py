@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 from urllib.parse import urlencode
 
-Kind = Literal["text", "number", "verdict", "reliability", "health", "cause", "time", "reasons"]
+Kind = Literal["text", "number", "verdict", "reliability", "health", "cause", "time", "recorded", "reasons"]
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ COLUMNS: Mapping[str, Column] = {
     "filled_share": Column("Filled share", "number", 2, "-filled_share"),
     "samples": Column("Samples", "number", 0),
     "sampling_interval_s": Column("Sampling interval, s", "number", 1),
-    "recorded_to": Column("Recorded until", "time"),
+    "recorded_to": Column("Recorded until", "recorded"),
     "audited_at": Column("Audited", "time", 0, "-audited_at"),
     "reasons_text": Column("Why", "reasons"),
     "next_step": Column("What to do", "text", 1, None),

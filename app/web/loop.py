@@ -1,6 +1,7 @@
 """The page of a loop, and what can be done on it."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
@@ -8,7 +9,7 @@ from fastapi import APIRouter, Form, Query
 from fastapi.responses import HTMLResponse
 from starlette.responses import JSONResponse, RedirectResponse, Response
 
-from app.errors import NotFoundError, RequestError
+from app.errors import FieldError, NotFoundError, RequestError
 from app.http.backend import Caller, Identifier, Services
 from app.http.paths import LoopTag
 from app.services.addresses import tag_in_url
@@ -30,6 +31,7 @@ from app.services.plant.loop_list import number
 from app.services.plant.nights import nights as nights_of
 from app.services.plant.periods import periods
 from app.services.plant.shelving import shelf, step_of
+from app.services.results import LoopView
 from app.services.why_rely import contradiction, points
 from app.web.explanation import newest_in_words
 from app.web.rendering import page
@@ -52,6 +54,20 @@ class Typed:
 
 NOTHING_TYPED = Typed()
 
+SPANS = ("pv_low", "pv_high", "op_low", "op_high")
+LONGEST_FIELD = 2 * loops.LONGEST_WORDS  # as typed; what is too long to be kept is told at its field
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What stands in the form of a loop's settings; `wrong`: why a field was not taken, by its name."""
+
+    values: Mapping[str, str]
+    wrong: Mapping[str, str] = field(default_factory=dict)
+
+
+Field = Annotated[str, Form(max_length=LONGEST_FIELD)]
+
 router = APIRouter()
 
 
@@ -72,12 +88,15 @@ def charts(
 
 @router.get("/loops/{tag:path}")
 def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
-    return _loop_page(backend, tag, NOTHING_TYPED)
+    return _loop_page(backend, tag)
 
 
-def _loop_page(backend: Backend, tag: str, typed: Typed) -> HTMLResponse:
+def _loop_page(
+    backend: Backend, tag: str, typed: Typed = NOTHING_TYPED, settings: Settings | None = None
+) -> HTMLResponse:
     found = loops.get_loop(backend, tag)
     told: dict[str, Any] = {"it": found, "tag": found.tag, "notes": notes.list_notes(backend, tag), "typed": typed}
+    told["settings"] = settings or _as_set(found)
     explanation = told["explanation"] = newest_in_words(backend, tag)
     told["newest"] = newest_sample_in_words(found.samples_to, backend.clock)
     shelved = told["shelved"] = shelf(backend).of(found.tag)
@@ -168,24 +187,52 @@ def unshelve(backend: Services, caller: Caller, tag: LoopTag, note_id: Identifie
 def settings(
     backend: Services,
     tag: LoopTag,
-    importance: Annotated[float, Form(ge=0, le=loops.MOST_IMPORTANT)],
-    unit: Annotated[str, Form(max_length=200)] = "",
-    type: Annotated[str, Form(max_length=200)] = "",
-    description: Annotated[str, Form(max_length=200)] = "",
-    pv_unit: Annotated[str, Form(max_length=40)] = "",
-    pv_low: Annotated[str, Form(max_length=40)] = "",
-    pv_high: Annotated[str, Form(max_length=40)] = "",
-    op_low: Annotated[str, Form(max_length=40)] = "",
-    op_high: Annotated[str, Form(max_length=40)] = "",
+    importance: Field = "",
+    unit: Field = "",
+    type: Field = "",
+    description: Field = "",
+    pv_unit: Field = "",
+    pv_low: Field = "",
+    pv_high: Field = "",
+    op_low: Field = "",
+    op_high: Field = "",
     moves_valve: Annotated[Literal["", "yes", "no"], Form()] = "",
     retired: Annotated[Literal["", "yes"], Form()] = "",
-) -> RedirectResponse:
+) -> Response:
     words = {"unit": unit, "type": type, "description": description, "pv_unit": pv_unit}
     spans = {"pv_low": pv_low, "pv_high": pv_high, "op_low": op_low, "op_high": op_high}
-    numbers = {name: number(name, told) if (told := value.strip()) else None for name, value in spans.items()}
-    stated = {"importance": importance, "moves_valve": ANSWERS[moves_valve], "retired": retired == "yes"}
-    loops.patch_loop(backend, tag, {**words, **numbers, **stated})
-    return back_to(tag, "settings")
+    numbers, wrong = _numbers({"importance": importance, **spans})
+    stated = {"moves_valve": ANSWERS[moves_valve], "retired": retired == "yes"}
+    try:
+        if not wrong:
+            loops.patch_loop(backend, tag, {**words, **numbers, **stated})
+    except FieldError as error:
+        wrong[error.field] = error.message
+    if not wrong:
+        return back_to(tag, "settings")
+    typed = {"importance": importance, **words, **spans, "moves_valve": moves_valve, "retired": retired}
+    page_again = _loop_page(backend, tag, settings=Settings(typed, wrong))
+    page_again.status_code = BAD_REQUEST
+    return page_again
+
+
+def _numbers(typed: Mapping[str, str]) -> tuple[dict[str, float | None], dict[str, str]]:
+    """The numbers that were typed (None: the end of a span that is not known), and what is wrong with the others."""
+    numbers: dict[str, float | None] = {}
+    wrong: dict[str, str] = {}
+    for name, text in typed.items():
+        try:
+            numbers[name] = number(name, text.strip()) if text.strip() or name not in SPANS else None
+        except FieldError as error:
+            wrong[name] = error.message
+    return numbers, wrong
+
+
+def _as_set(it: LoopView) -> Settings:
+    names = ("importance", *loops.WORDS, *SPANS)
+    told = {name: "" if (value := getattr(it, name)) is None else str(value) for name in names}
+    answer = next(answer for answer, stated in ANSWERS.items() if stated is it.moves_valve)
+    return Settings({**told, "moves_valve": answer, "retired": "yes" if it.retired else ""})
 
 
 def back_to(tag: str, place: str) -> RedirectResponse:

@@ -8,10 +8,11 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from app.http import connections, crowding, receiving
+from app.http import bodies, connections, crowding, receiving
 from app.main import create_app
 from app.services.plant import reliability
 from app.services.upkeep.operations import migrate
@@ -216,6 +217,16 @@ def test_a_mapping_that_was_left_blank_is_none(client):
     assert sent.status_code == 202
     blank = client.post(f"/uploads/{sent.json()['id']}/mapping", files={"mapping": (None, "")})
     assert (blank.status_code, blank.json()["code"]) == (422, "invalid_request")
+
+
+def test_what_is_larger_than_the_disk_is_refused_and_not_to_be_sent_again(client, settings, monkeypatch):
+    """It would never find room, however long whoever sends it tries."""
+    monkeypatch.setattr(bodies.shutil, "disk_usage", lambda _: SimpleNamespace(total=99))
+    answer = client.post("/v1/uploads", content=b"x" * 100)
+    assert (answer.status_code, answer.json()["code"]) == (413, "body_too_large")
+    assert "retry-after" not in answer.headers
+    assert "the body has 100 bytes, and the disk of the service 99 in all; send it in parts" in answer.json()["detail"]
+    assert client.post("/v1/audits", json={}).status_code != 413
 
 
 def test_a_full_disk_is_507_and_nothing_is_left(client, settings, monkeypatch):

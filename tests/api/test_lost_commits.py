@@ -78,6 +78,21 @@ def test_what_would_be_there_twice_is_not_said_to_be_undone(client, lose_next, p
     assert len(client.get(path).json()["rows"]) == before + 1
 
 
+def outcomes(client):
+    return {row["action"]: row["outcome"] for row in reversed(client.get("/v1/trail").json()["rows"])}
+
+
+def test_the_trail_says_that_it_is_not_known(client, lose_next, monkeypatch):
+    lose_next()
+    client.post("/v1/loops/FIC1/notes", json={"text": "seen"})
+    assert outcomes(client)["note.write"] == "not_known"
+    lose_next()
+    client.patch("/v1/loops/FIC1", json={"importance": 3})
+    assert outcomes(client)["loop.change"] == "not_known"
+    client.patch("/v1/loops/FIC1", json={"importance": 3})
+    assert outcomes(client)["loop.change"] == "done"
+
+
 def test_what_is_set_may_be_set_again(client, lose_next):
     lose_next()
     answer = client.patch("/v1/loops/FIC1", json={"importance": 3})
@@ -116,6 +131,7 @@ def test_a_run_that_is_cancelled_in_part_is_not_said_to_be_untouched(client, mon
         answer = client.post(f"/v1/audits/{run}/cancel")
     assert (answer.status_code, answer.json()["code"]) == (503, "database_away")
     assert "nothing was changed" not in answer.json()["detail"]
+    assert outcomes(client)["audit.cancel"] == "not_known"
     assert client.post(f"/v1/audits/{run}/cancel").json()["state"] == "cancelled"
 
 

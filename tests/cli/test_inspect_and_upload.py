@@ -15,6 +15,7 @@ from app.errors import RequestError
 from app.main import create_app
 from app.services.backend import Backend
 from app.services.intake.reading import read_upload
+from app.services.moments import PlantClock
 from app.services.upkeep.operations import migrate
 from app.settings import Settings
 
@@ -290,6 +291,26 @@ def test_keys_are_made_shown_once_listed_and_revoked(monkeypatch, capsys, tmp_pa
     actions = [json.loads(line)["action"] for line in trail.splitlines()]
     assert actions == ["key.revoke", "key.rotate", "key.create", "key.create"]
     assert as_program(monkeypatch, capsys, "keys", "revoke", "nonsense")[0] == 2
+
+
+def test_keys_and_trail_are_told_by_the_clock_of_the_plant(monkeypatch, capsys, tmp_path):
+    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path))
+    monkeypatch.setenv("LOOPAUDIT_TIME_ZONE", "Asia/Kolkata")
+    monkeypatch.setenv("COLUMNS", "200")
+    clock = PlantClock("Asia/Kolkata")
+    _, _, said = as_program(monkeypatch, capsys, "keys", "create", "me", "--role", "admin")
+    _, listed, _ = as_program(monkeypatch, capsys, "keys", "list", "--json")
+    key = json.loads(listed)
+    assert f"good until {clock.told(key['expires_at'])}. Shown" in said
+    _, table, _ = as_program(monkeypatch, capsys, "keys", "list")
+    assert "Created, Asia/Kolkata" in table
+    assert clock.short(key["created_at"]) in table
+    assert clock.short(key["expires_at"]) in table
+    _, listed, _ = as_program(monkeypatch, capsys, "trail", "--json")
+    _, table, _ = as_program(monkeypatch, capsys, "trail")
+    assert "When, Asia/Kolkata" in table
+    assert clock.to_the_second(json.loads(listed)["at"]) in table
+    assert "UTC" not in table
 
 
 @pytest.mark.parametrize("too_much", [("--days", "1e9"), ("--days", "9e6"), ("--per-minute", "9" * 20)])

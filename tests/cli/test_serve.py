@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from app.cli.serve import listen, warn_of_openness
+from app.cli.serve import listen, only_one, warn_of_openness
 from app.errors import RequestError
 from app.services.upkeep.operations import migrate
-from app.services.upkeep.presence import LOCK, alone
+from app.services.upkeep.presence import LOCK, SERVING, alone, only_server
 from app.settings import Settings
 
 
@@ -40,6 +40,40 @@ def test_nothing_is_restored_under_what_runs(tmp_path: Path, command: tuple[str,
             running.terminate()
             running.communicate(timeout=60)
     assert is_free(settings)
+
+
+def test_a_second_server_on_a_data_folder_is_refused_until_the_first_one_ends_however_it_ends(tmp_path: Path) -> None:
+    settings = Settings(data_dir=tmp_path / "data")
+    migrate(settings)
+    environment = {**os.environ, "LOOPAUDIT_DATA_DIR": str(settings.data_dir)}
+    command = [sys.executable, "-m", "app", "serve", "--port", "0"]
+    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE) as running:
+        try:
+            until = time.monotonic() + 60.0
+            while not ((settings.data_dir / SERVING).exists() and (settings.data_dir / SERVING).read_text()):
+                assert time.monotonic() < until
+                time.sleep(0.1)
+            second = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
+        finally:
+            running.kill()
+            running.communicate(timeout=60)
+    assert second.returncode == 2
+    assert "is running already on http://127.0.0.1:" in second.stderr
+    assert f"(process {running.pid}), with the data folder {settings.data_dir}" in second.stderr
+    assert second.stderr.endswith("[already_serving]\n")
+    with only_server(settings, "http://127.0.0.1:1"):
+        pass
+
+
+def test_with_a_broker_of_its_own_any_number_may_serve(tmp_path: Path) -> None:
+    settings = Settings(data_dir=tmp_path, broker_url="redis://127.0.0.1:1/0")
+    with (
+        listen("127.0.0.1", 0) as one,
+        listen("127.0.0.1", 0) as other,
+        only_one(settings, one),
+        only_one(settings, other),
+    ):
+        assert not (tmp_path / SERVING).exists()
 
 
 def is_free(settings: Settings) -> bool:

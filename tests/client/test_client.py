@@ -4,17 +4,32 @@ import ast
 import dataclasses
 import json
 import sys
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import httpx
 import pytest
 
 import app.client
-from app.api.models import AuditOut, HealthOut, LoopOut, TrendOut, UploadOut
-from app.client import Audit, Client, Loop, NoServiceError, Row, ServiceError, Trend, Upload
+from app.api.explanation_models import ExplanationOut
+from app.api.models import AuditOut, GroupOut, HealthOut, LoopOut, NoteOut, TrendOut, UploadOut
+from app.client import (
+    Audit,
+    Client,
+    Explanation,
+    Group,
+    Loop,
+    NoServiceError,
+    Note,
+    Row,
+    ServiceError,
+    Trend,
+    Upload,
+)
 from app.main import create_app
 from app.services.auditing.audit_models import ReliabilityRow
 from app.services.backend import Backend
+from app.services.explaining.working import explain_next
 from app.services.intake.reading import read_upload
 
 ROOM = Path(app.client.__file__).parent
@@ -51,6 +66,9 @@ def upload(client, backend, tmp_path_factory):
         (Upload, UploadOut),
         (Audit, AuditOut),
         (Trend, TrendOut),
+        (Note, NoteOut),
+        (Explanation, ExplanationOut),
+        (Group, GroupOut),
     ],
 )
 def test_every_field_is_one_that_the_service_sends(own, served):
@@ -124,6 +142,46 @@ def test_a_refusal_has_the_code_of_the_service(client, upload):
     with pytest.raises(ServiceError) as refusal:
         list(client.reliability(sort="nothing"))
     assert refusal.value.code == "bad_sort"
+
+
+def test_notes_are_written_read_and_withdrawn(client, upload):
+    said = client.write_note(TAG, "packing renewed", work_order="WO-7", repaired_at="2026-01-01T00:02:00Z")
+    assert (said.work_order, said.repaired_at, said.withdrawn_at) == ("WO-7", "2026-01-01T00:02:00Z", None)
+    until = datetime.now(UTC).replace(microsecond=0) + timedelta(days=9)
+    shelved = client.write_note(TAG, "until the turnaround", shelved_until=until)
+    assert datetime.fromisoformat(shelved.shelved_until or "") == until
+    assert [note.id for note in client.notes(TAG)] == [shelved.id, said.id]
+    assert client.withdraw_repair(TAG, said.id).withdrawn_at
+    assert client.end_shelving(TAG, shelved.id).withdrawn_at
+    with pytest.raises(ServiceError, match="empty_note"):
+        client.write_note(TAG)
+
+
+def test_an_explanation_is_asked_for_and_its_answer_read(client, backend, upload):
+    asked = client.ask_explanation(TAG, end="2026-01-01T00:05:00Z", model={"gain": 1.0, "time_constants_s": [5]})
+    assert (asked.state, asked.ended, asked.loop, asked.simulation) == ("open", False, TAG, "model")
+    (listed,) = client.explanations(TAG)
+    assert (listed.id, listed.simulation) == (asked.id, None)
+    explain_next(backend, "test")
+    done = client.wait(lambda: client.get_explanation(TAG, asked.id), timeout_s=1.0)
+    assert (done.state, done.raw["recording"]) == ("done", TAG)
+    head, *rows = client.explanation_trace(TAG, asked.id).splitlines()
+    assert "PV" in head
+    assert len(rows) == 300
+    with pytest.raises(ServiceError) as refusal:
+        client.explanation_trace(TAG, "77777")
+    assert refusal.value.status == 404
+
+
+def test_groups_are_read():
+    sent = {"id": "1", "period_s": 60.0, "source": "FIC1", "members": [{"loop": "FIC1"}], "new": 1}
+    with answering(httpx.Response(200, json={"rows": [sent], "next_cursor": None})) as client:
+        (group,) = client.groups()
+    assert (group.source, group.period_s, group.members, group.raw["new"]) == ("FIC1", 60.0, [{"loop": "FIC1"}], 1)
+
+
+def test_a_plant_without_groups_has_none(client, upload):
+    assert list(client.groups()) == []
 
 
 def answering(*answers: httpx.Response, asked: list[httpx.Request] | None = None) -> Client:

@@ -195,8 +195,16 @@ def test_loops_whose_records_are_old_have_a_list_of_their_own(backend: Backend, 
     found = digest_of(backend, run.id)
     assert {one.loop for area in found.areas for one in area.loops} == {"A", "C"}
     assert {one.loop for one in found.old} == {"B", "D"}
-    assert "WORST OF OLD RECORDS" in as_text(found)
-    assert "Worst of old records" in as_html(found)
+    text, html = as_text(found), as_html(found)
+    title = next(line for line in text.splitlines() if line.startswith("WORST OF OLD RECORDS"))
+    assert title.endswith(
+        ": no sample since 2026-02-27 00:00 UTC, 2 days before the newest of the plant, or without a date; "
+        "what is said of them is of then"
+    )
+    assert re.search(r"B: valve sticks .*, newest sample 2026-01-20 12:00$", text, flags=re.MULTILINE)
+    assert "Worst of old records" in html
+    assert "No sample since 2026-02-27 00:00 UTC" in html
+    assert "newest sample 2026-01-20 12:00" in html
     ((_, rows),) = documents._worst(backend, shelf(backend), since_ns)
     assert {row["loop"] for row in rows} == {"A", "C"}
 

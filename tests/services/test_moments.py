@@ -67,3 +67,10 @@ def test_a_day_that_nobody_told_is_no_date() -> None:
     assert clock.day("2026-01-31T23:30:00Z") == "2026-02-01"
     assert clock.day("1970-01-01T00:49:55Z") == "no date"
     assert clock.day(None) == ""
+
+
+def test_the_time_of_a_sample_that_nobody_told_is_no_date() -> None:
+    clock = PlantClock("Europe/Berlin")
+    assert clock.recorded("2026-01-31T23:30:00Z") == "2026-02-01 00:30"
+    assert clock.recorded("1970-01-01T00:49:55Z") == "no date"
+    assert clock.recorded(None) == ""

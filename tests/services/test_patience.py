@@ -1,13 +1,16 @@
 """A data base that is away for a while costs time, and neither work nor attempts."""
 
 import errno
+import io
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from datetime import datetime
 
 import pytest
 from sqlalchemy import update
 from sqlalchemy.exc import OperationalError
 
+from app.ingest import spilling
 from app.services import patience
 from app.services.auditing import audits, chunks
 from app.services.backend import Backend
@@ -19,6 +22,8 @@ from app.storage import uploads as stored
 from app.storage.tables import uploads as uploads_table
 from app.storage.types import clock_s
 from tests.services.explained_loops import keep, record
+from tests.services.sent_uploads import export
+from tests.services.sent_uploads import send as send_export
 
 
 class Away:
@@ -175,6 +180,59 @@ def test_a_full_disk_is_no_fault_of_the_file(
             assert (found.state, found.reason) == ("received", None)
     reading.read_upload(backend, int(upload), "reader")
     assert uploads.get_upload(backend, upload).state == "done"
+
+
+@pytest.mark.parametrize(("spare", "state"), [(41_000, "failed"), (10_000_000, "received")])
+def test_what_could_never_fit_on_the_disk_fails_and_the_rest_waits(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch, spare: int, state: str
+) -> None:
+    """Parts of 40 000 bytes found room when a part of the file was read: the whole takes more than the disk has."""
+    data = export(rows=4000)
+    upload = send_export(backend, data)
+    options = reading._options
+    small = {"chunk_bytes": 1 << 13, "buffered_values": 2000}
+    monkeypatch.setattr(reading, "_options", lambda *known: replace(options(*known), **small))
+    monkeypatch.setattr(reading.shutil, "disk_usage", lambda _: Usage(len(data) + spare))
+    with monkeypatch.context() as spoiled:
+        spoiled.setattr(spilling.tempfile, "TemporaryFile", Disk(room=40_000).file)
+        if state == "received":
+            with pytest.raises(OSError, match="No space"):
+                reading.read_upload(backend, int(upload.id), "reader")
+        else:
+            reading.read_upload(backend, int(upload.id), "reader")
+    found = uploads.get_upload(backend, upload.id)
+    assert found.state == state
+    if state == "failed":
+        assert found.error_code == "larger_than_disk"
+        assert "send it in parts" in (found.reason or "")
+    else:
+        reading.read_upload(backend, int(upload.id), "reader")
+        assert uploads.get_upload(backend, upload.id).state == "done"
+
+
+@dataclass(frozen=True)
+class Usage:
+    total: int
+
+
+class Disk:
+    """Files that have room for so many bytes together."""
+
+    def __init__(self, room: int) -> None:
+        self.room = room
+
+    def file(self, **_: object) -> io.BytesIO:
+        disk = self
+
+        class File(io.BytesIO):
+            def write(self, data: object) -> int:
+                size = memoryview(data).nbytes
+                if size > disk.room:
+                    raise OSError(errno.ENOSPC, "No space left on device")
+                disk.room -= size
+                return super().write(data)
+
+        return File()
 
 
 def full(*_: object) -> None:

@@ -10,6 +10,7 @@ from app.services.intake import places, uploads
 from app.services.intake.uploads import ReadingOptions
 from app.services.plant.trend import trend
 from app.services.results import UploadView
+from app.storage import tags
 from tests.services.sent_uploads import read, send
 
 SWAPPED = b"tag,loop,signal\nFIC900.PV,FIC900,OP\nFIC900.OP,FIC900,PV\n"
@@ -108,6 +109,39 @@ def test_a_signal_in_another_unit_is_told(backend: Backend) -> None:
     other = sent(backend, 3, names="TIC5.PV [degF],TIC5.OP (%)")
     assert warned(other)
     assert "PV of TIC5 is in degF here and was in degC" in other.notes[0]
+
+
+def test_a_unit_once_known_stays_known(backend: Backend) -> None:
+    """A file that tells none, and one in which the tag is another signal, do not make it forgotten."""
+    sent(backend, 0, names="TIC5.PV (degC),TIC5.OP")
+    moved = corrected(
+        backend, sent(backend, 1, names="TIC5.PV,TIC5.OP"), SWAPPED.replace(b"FIC900", b"TIC5"), keep=False
+    )
+    assert "TIC5.PV is OP of TIC5 here and was PV" in moved.notes[0]
+    other = sent(backend, 2, names="TIC5.PV (degF),TIC5.OP")
+    assert any("PV of TIC5 is in degF here and was in degC" in note for note in other.notes)
+
+
+def test_an_older_file_that_is_read_late_changes_nothing_of_what_newer_ones_say(backend: Backend) -> None:
+    sent(backend, 0)
+    late = send(backend, hour(1), "1.csv", ReadingOptions(mapping=SWAPPED))
+    sent(backend, 2)
+    key = places.key_of("FIC900.PV", "2.csv")
+    with backend.database.read() as connection:
+        known = tags.last_read(connection, [key])[key]
+    assert (known.signal, known.receipt_number, known.newest_number) == ("PV", 1, 3)
+    assert warned(read(backend, late))
+    with backend.database.read() as connection:
+        assert tags.last_read(connection, [key])[key] == known
+    assert not warned(sent(backend, 3))
+
+
+def test_an_older_file_that_is_read_late_tells_the_unit_that_no_newer_one_told(backend: Backend) -> None:
+    sent(backend, 0, names="TIC5.PV,TIC5.OP")
+    late = send(backend, hour(1, names="TIC5.PV (degC),TIC5.OP"), "1.csv")
+    sent(backend, 2, names="TIC5.PV,TIC5.OP")
+    read(backend, late)
+    assert "PV of TIC5 is in degF here and was in degC" in sent(backend, 3, names="TIC5.PV (degF),TIC5.OP").notes[0]
 
 
 def test_columns_of_one_name_are_no_units(backend: Backend) -> None:

@@ -14,12 +14,13 @@ from app.services.digests import digest
 from app.services.moments import ns_of
 from app.services.next_steps import WAIT
 from app.services.plant import loops, notes, overview, repaired
-from app.services.wording import RELIABILITY_WORDS, headline, rely
+from app.services.plant.before_after import compared
+from app.services.wording import RELIABILITY_WORDS, UNANSWERED, headline, rely
 from app.storage import loops as stored_loops
 from app.storage import series
 from app.storage.samples import Samples
 from app.storage.series import Stretch
-from app.storage.tables import verdicts
+from app.storage.tables import newest_rows, verdicts
 
 START = datetime(2026, 3, 1, 6, tzinfo=UTC)
 REPAIRED = START + timedelta(hours=2)
@@ -194,6 +195,24 @@ def test_plant_and_loop_page_part_a_record_by_what_was_judged_of_it(
     assert row["next_step"] == WAIT
     assert headline(row) == "of before the repair; wait for what is recorded since"
     assert rely(row) == "of before the repair"
+
+
+def test_a_pv_that_died_after_its_repair_is_looked_at_today(
+    backend: Backend, arrives, night: Night, monkeypatch
+) -> None:
+    arrives(1440)
+    night()
+    notes.add_note(backend, "FIC1", "packing renewed", repaired_at=START - timedelta(minutes=30))
+    dead = {"verdict": "inconclusive", "reliability": "not_reliable", "likely_cause": UNANSWERED}
+    with backend.database.write() as connection:
+        connection.execute(update(verdicts).values(**dead))
+        connection.execute(update(newest_rows).values(**dead))
+    monkeypatch.setattr(repaired, "LOOKED_BACK", timedelta(days=4000))
+    (row,) = repaired.repairs(backend).listed
+    assert row.verdicts == "since: cannot tell (look today)"
+    assert rely(row.said) == rely(loops.loop_health(backend, "FIC1")) == "look today"
+    told = compared(backend, "FIC1", notes.newest_repair(backend, "FIC1"), None)
+    assert ("Rely on it?", "–", "look today") in told
 
 
 def test_a_repair_that_did_not_help_is_told_as_such(backend: Backend, arrives, night: Night, monkeypatch) -> None:

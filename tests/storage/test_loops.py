@@ -3,10 +3,13 @@
 import threading
 import time
 
+import numpy as np
 import pytest
-from sqlalchemy import insert
+from sqlalchemy import insert, select
 
-from app.storage import Database, loops
+from app.storage import Database, loops, series
+from app.storage.samples import Samples
+from app.storage.series import Stretch
 from app.storage.tables import loops as loops_table
 from app.storage.types import now
 
@@ -74,6 +77,32 @@ def test_one_loop_is_made_where_two_files_spell_it_in_two_ways_at_once(database:
         time.sleep(0.3)
     storing.join()
     assert second == {"tt8": first["TT8"]}
+
+
+def test_two_new_spellings_of_a_tag_in_one_call_make_one_loop(database: Database) -> None:
+    with database.write() as connection:
+        made = loops.ensure(connection, ["fic-1.pv", "TIC2", "FIC-1.PV", "Fic-1.pv"])
+        assert len({made[tag] for tag in ("fic-1.pv", "FIC-1.PV", "Fic-1.pv")}) == 1
+        assert made["TIC2"] != made["FIC-1.PV"]
+        assert connection.scalars(select(loops_table.c.tag).order_by(loops_table.c.tag)).all() == ["FIC-1.PV", "TIC2"]
+        assert loops.ensure(connection, ["FIC-1.PV", "fic-1.pv"]) == {
+            tag: made[tag] for tag in ("FIC-1.PV", "fic-1.pv")
+        }
+
+
+def test_what_two_new_spellings_bring_is_of_one_loop(database: Database) -> None:
+    tags = ["FIC-1.PV", "fic-1.pv"]
+    with database.write() as connection:
+        ids = loops.ensure(connection, tags)
+        parts = [Samples(np.arange(10) + 10 * k, {"pv": np.arange(10.0) + k}) for k in range(2)]
+        added = series.add(connection, [Stretch(ids[tag], part) for tag, part in zip(tags, parts, strict=True)], None)
+        row = loops.by_tag(connection, "FIC-1.PV")
+    assert row is not None
+    assert (added.samples, row.newest_ns) == (20, 19)
+    with database.read() as connection:
+        found = series.between(connection, row.id, 0, 19)
+    assert found is not None
+    assert len(found) == 20
 
 
 def test_of_two_spellings_that_are_there_it_is_the_first(database: Database) -> None:

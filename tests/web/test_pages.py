@@ -7,6 +7,7 @@ import pytest
 from markupsafe import escape
 from sqlalchemy import func, select, update
 
+from app.services.addresses import tag_in_url
 from app.services.auditing.audits import cancel_audit, list_audits
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.nightly import nightly
@@ -135,6 +136,20 @@ def test_a_plant_says_how_old_its_records_are(client):
         params={"sort": "recorded_to", "limit": 1, "cursor": first.headers["X-Next-Cursor"]},
     ).json()
     assert [row["loop"] for row in second["rows"]] == ["FIC101"]
+
+
+def test_the_table_says_of_an_undated_record_that_it_has_no_date(client, web_backend):
+    of_it = update(stored_loops).where(stored_loops.c.tag == "LIC7")
+    with web_backend.database.write() as connection:
+        known = connection.scalar(select(stored_loops.c.newest_ns).where(stored_loops.c.tag == "LIC7"))
+        connection.execute(of_it.values(newest_ns=2_995 * 10**9))
+    try:
+        page = client.get("/table?column=recorded_to&search=LIC7").text
+    finally:
+        with web_backend.database.write() as connection:
+            connection.execute(of_it.values(newest_ns=known))
+    assert 'data-label="Recorded until">no date' in page
+    assert "1970" not in page
 
 
 @pytest.mark.parametrize("path", ["/", "/table", "/loops/FIC101"])
@@ -386,6 +401,39 @@ def test_what_a_loop_is_can_be_set(client):
     assert "<u>U1</u>" in seen(client, "/").texts
     for said in ("x", "1e", "nan", "1_000", "1,000.5"):
         assert client.post("/loops/FIC101/settings", data=told | {"op_low": said}).status_code == 400
+
+
+@pytest.mark.parametrize(
+    ("typed", "wrong"),
+    [
+        ({"op_low": "<b-evil>x"}, {"op_low": "op_low is a number, got"}),
+        ({"op_low": "x", "pv_high": "1,000.5"}, {"op_low": "a number", "pv_high": "without marks between thousands"}),
+        ({"op_low": "80", "op_high": "20"}, {"op_low": "op_low must be below op_high"}),
+        ({"pv_low": "1e999"}, {"pv_low": "finite"}),
+        ({"type": 'of"f'}, {"type": "is no type of loop"}),
+        ({"unit": "U" * 201}, {"unit": "at most 200 are kept"}),
+        ({"importance": "-1"}, {"importance": "importance is 0 to 1000"}),
+        ({"importance": ""}, {"importance": "importance is a number"}),
+    ],
+)
+def test_settings_that_cannot_be_taken_are_shown_again_with_what_is_wrong_at_each_field(client, typed, wrong):
+    before = client.get(f"/v1/loops/{tag_in_url(HOSTILE)}").json()
+    told = {"importance": "2", "description": 'a "new" one', "moves_valve": "no", "retired": "yes"} | typed
+    answer = client.post(f"{HOSTILE_PAGE}/settings", data=told, headers={"Accept": "text/html"})
+    assert answer.status_code == 400
+    assert answer.headers["content-type"].startswith("text/html")
+    assert Seen(answer.text).forbidden == []
+    assert '<details class="card" id="settings" open>' in answer.text
+    for name, text in told.items():
+        if name not in ("moves_valve", "retired"):
+            assert re.search(rf'name="{name}"[^>]* value="{re.escape(str(escape(text)))}"', answer.text)
+    assert '<option value="no" selected>' in answer.text
+    assert 'name="retired" value="yes" checked' in answer.text
+    said = dict(re.findall(r'<span class="error" id="wrong-(\w+)">([^<]*)</span>', answer.text))
+    assert set(said) == set(wrong)
+    assert all(part in said[name] for name, part in wrong.items())
+    assert answer.text.count('aria-invalid="true"') == len(wrong)
+    assert client.get(f"/v1/loops/{tag_in_url(HOSTILE)}").json() == before
 
 
 @pytest.mark.parametrize(("said", "kept"), [("yes", True), ("no", False), ("", None)])

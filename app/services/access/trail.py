@@ -23,8 +23,8 @@ def record(backend: Backend, identity: Identity, action: str, subject: str, outc
 
 
 def add(connection: Connection, identity: Identity, action: str, subject: str, outcome: str, **detail: Any) -> None:
-    """Adds a row, in the transaction of what it tells. `outcome` is done, refused or failed; `detail` holds nothing
-    secret."""
+    """Adds a row, in the transaction of what it tells. `outcome` is done, refused, failed or not_known; `detail`
+    holds nothing secret."""
     values = {
         "who": identity.who,
         "key_id": identity.key_id,

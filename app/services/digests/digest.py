@@ -4,8 +4,11 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
+from functools import partial
 from itertools import groupby
 from typing import Any
+
+from sqlalchemy import Connection
 
 from app.errors import RequestError
 from app.services.addresses import loop_address
@@ -13,8 +16,8 @@ from app.services.auditing.audits import get_audit
 from app.services.auditing.repairs import of_before
 from app.services.backend import Backend
 from app.services.cursors import identifier
-from app.services.moments import PlantClock, iso_utc
-from app.services.plant.arrivals import arrivals, of_run
+from app.services.moments import PlantClock, iso_utc, moment_of
+from app.services.plant.arrivals import LATE, arrivals, of_run
 from app.services.plant.judged import judged, to_manual
 from app.services.plant.overview import change_of, nothing_worst
 from app.services.plant.repaired import RepairView, repairs
@@ -45,7 +48,8 @@ class DigestLoop:
     """A loop to look at; `why` is the weightiest reason, `address` its page (empty: not known how people reach it),
     `judged` of which time its verdict is, where that is not up to its newest samples. `measured`: whether its
     probability is, and not a prior. `shelved` until when it is shelved, and why it is listed all the same.
-    `of_before_repair`: whether its verdict is of before a repair that is stated by now."""
+    `of_before_repair`: whether its verdict is of before a repair that is stated by now. `recorded_to`: its newest
+    sample (ISO 8601, UTC), of those that are listed for an old one."""
 
     loop: str
     verdict: str
@@ -60,6 +64,7 @@ class DigestLoop:
     measured: bool = True
     shelved: str = ""
     of_before_repair: bool = False
+    recorded_to: str | None = None
 
     @property
     def told(self) -> str:
@@ -76,10 +81,11 @@ class Area:
 
 @dataclass(frozen=True)
 class Digest:
-    """What one run came to; the same whenever it is asked for, but for loops that were retired since. `refused`: how
-    many loops were not auditable, by likely cause; `refused_loops`: the most important of each. `to_manual`: loops
-    that went to manual, and what is still said of them. `old`: the worst of those without a newer sample. `work`: what
-    to do first in the plant. `shelf`: the loops that were shelved when the run began, which `work`, `areas`, `old` and
+    """What one run came to; the same whenever it is asked for, but for loops that were retired since and, as long as it
+    is the newest run, for notes that were written since. `refused`: how many loops were not auditable, by likely cause;
+    `refused_loops`: the most important of each. `to_manual`: loops that went to manual, and what is still said of them.
+    `old`: the worst of those without a newer sample, `why_old` what that is, and why they stand apart. `work`: what to
+    do first in the plant. `shelf`: the loops that were shelved when the run began, which `work`, `areas`, `old` and
     `refused_loops` leave out. `reliable`: how many of the valves that stick can be relied on. `retired`: how many of
     the run's loops are retired and left out."""
 
@@ -103,16 +109,35 @@ class Digest:
     clock: PlantClock
     retired: int = 0
     reliable: int = 0
+    why_old: str = ""
+
+    def recorded(self, loop: DigestLoop) -> str:
+        """ "newest sample 2026-01-31 04:00", for the list of old records."""
+        return f"newest sample {self.clock.recorded(loop.recorded_to)}" if loop.recorded_to else ""
 
 
 def newest_run(backend: Backend) -> str:
     """The newest night that has ended, though it was the second of its date, or a run of the plant that was asked for
     where no night began within the day before it. Raises RequestError("no_run")."""
     with backend.database.read() as connection:
-        found, night = plant.last_whole_run(connection), plant.last_night(connection)
-    if found is None:
+        number = _newest(connection)
+    if number is None:
         raise RequestError("no_run", "no audit has ended yet; `loopaudit nightly` runs one")
-    return str(max(found.id, night or 0))
+    return str(number)
+
+
+def _newest(connection: Connection) -> int | None:
+    found = plant.last_whole_run(connection)
+    return None if found is None else max(found.id, plant.last_night(connection) or 0)
+
+
+def _notes_until(connection: Connection, run: AuditView) -> datetime | None:
+    """Of the plant's newest run a digest knows the notes of now (None), as whoever works by it writes them; of an older
+    one those that its own morning knew."""
+    newest = _newest(connection)
+    if newest is None or int(run.id) >= newest or run.ended_at is None:
+        return None
+    return datetime.fromisoformat(run.ended_at)
 
 
 def digest_of(backend: Backend, audit_id: str) -> Digest:
@@ -132,7 +157,8 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         # In a plant's first run every verdict is new: that is no news.
         compared = plant.any_run_before(connection, number)
         changed = digests.changes_of(connection, number, CHANGES + 1) if compared else []
-        written = notes.standing(connection, [row.tag for row in [*worst, *old]])
+        notes_until = _notes_until(connection, run)
+        written = notes.standing(connection, [row.tag for row in [*worst, *old]], notes_until)
     verdicts, refused = Counter[str](), Counter[str]()
     for row in counted:
         verdicts[row.verdict] += row.loops
@@ -159,9 +185,9 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         refused=dict(refused.most_common()),
         refused_loops=refused_loops,
         arrivals=of_run(backend, number, began),
-        work=work_list(backend, shelved, number, since_ns),
+        work=work_list(backend, shelved, number, since_ns, notes_until=notes_until),
         areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
-        old=[loop_of(row) for row in old],
+        old=[replace(loop_of(row), recorded_to=iso_utc(moment_of(row.input_end_ns))) for row in old],
         changes=[change_of(row) for row in changed[:CHANGES]],
         more_changes=len(changed) > CHANGES,
         to_manual=_to_manual(backend, number) if compared else [],
@@ -172,6 +198,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         public_url=url,
         clock=backend.clock,
         retired=retired,
+        why_old=_why_old(since_ns, backend.clock) if old else "",
         reliable=sum(row.loops for row in counted if (row.verdict, row.reliability) == ("stiction", "reliable")),
     )
 
@@ -213,7 +240,7 @@ def as_text(digest: Digest) -> str:
         lines += _listed(title, _loop_lines, area.loops)
     if not digest.areas:
         lines += ["", _nothing_worst(digest)]
-    lines += _listed("WORST OF OLD RECORDS", _loop_lines, digest.old)
+    lines += _listed(f"WORST OF OLD RECORDS: {digest.why_old}", partial(_old_lines, digest), digest.old)
     lines += _shelved_lines(digest)
     lines += ["", f"The whole plant: {digest.public_url}/" if digest.public_url else "", "", HOW_TO_READ]
     return "\n".join(lines) + "\n"
@@ -289,6 +316,21 @@ def _loop_lines(place: int, loop: DigestLoop) -> list[str]:
     of_time = [f"     {loop.judged}"] if loop.judged else []
     shelved = [f"     {loop.shelved}"] if loop.shelved else []
     return [head, *of_time, *shelved, f"     {_line(loop.why)}", *([f"     {loop.address}"] if loop.address else [])]
+
+
+def _old_lines(digest: Digest, place: int, loop: DigestLoop) -> list[str]:
+    head, *others = _loop_lines(place, loop)
+    return [f"{head}, {digest.recorded(loop)}", *others]
+
+
+def _why_old(since_ns: int | None, clock: PlantClock) -> str:
+    """Since when they are old, and why they have a list of their own."""
+    if since_ns is None:
+        return ""
+    return (
+        f"no sample since {clock.told_at(moment_of(since_ns))}, {LATE.days} days before the newest of the plant, or "
+        "without a date; what is said of them is of then"
+    )
 
 
 def _counted(digest: Digest) -> str:

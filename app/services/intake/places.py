@@ -5,7 +5,7 @@ file's name.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby, islice
 from types import MappingProxyType
 from typing import cast
@@ -15,6 +15,7 @@ from sqlalchemy import Connection
 from app.errors import NotFoundError
 from app.ingest import IngestOptions, LoopTags, MappedTag, Signal, TagMapping, loop_of, names_its_loop, stem_of, unit_of
 from app.services.backend import Backend
+from app.storage import receipts
 from app.storage import tags as stored
 from app.storage.tags import OTHER, KeptTag, Key, ReadTag
 from app.storage.types import now, storable
@@ -33,8 +34,16 @@ class TagPlace:
     signal: str
     unit: str
 
-    def as_read(self, receipt_number: int) -> ReadTag:
-        return ReadTag(self.loop, self.signal, self.unit, receipt_number)
+    def as_read(self, receipt_number: int, before: ReadTag | None = None) -> ReadTag:
+        """What is known of the tag now. The upload that was received last holds, whichever is read last; a unit that is
+        known stays where a file tells none."""
+        if before is None:
+            return ReadTag(self.loop, self.signal, self.unit, receipt_number, receipt_number)
+        later = receipt_number >= before.newest_number
+        unit = self.unit if self.unit and (later or not before.unit) else before.unit
+        if later and _place(self) != _place(before):
+            return ReadTag(self.loop, self.signal, unit, receipt_number, receipt_number)
+        return replace(before, unit=unit, newest_number=max(receipt_number, before.newest_number))
 
 
 def key_of(tag: str, filename: str) -> Key:
@@ -140,9 +149,16 @@ def note_read(connection: Connection, receipt_number: int, places: Sequence[TagP
     known = [it for it in places if it.key in before]
     moved = [it for it in known if _place(it) != _place(before[it.key])]
     otherwise = [it for it in known if it.unit and it.unit != before[it.key].unit]
-    newest = [it for it in (*moved, *otherwise) if before[it.key].receipt_number <= receipt_number]
-    stored.note_read(connection, new, {it.key: it.as_read(receipt_number) for it in newest})
+    now_known = {it.key: it.as_read(receipt_number, before[it.key]) for it in known}
+    # That a tag is as it was matters only to an upload that was received before this one, and is still to be read.
+    late = receipts.unread_before(connection, receipt_number) > 0
+    changed = {key: row for key, row in now_known.items() if late or _differs(row, before[key])}
+    stored.note_read(connection, new, changed)
     return list(_changes(moved, otherwise, before))
+
+
+def _differs(row: ReadTag, before: ReadTag) -> bool:
+    return (_place(row), row.unit) != (_place(before), before.unit)
 
 
 def _changes(moved: Sequence[TagPlace], otherwise: Sequence[TagPlace], before: Mapping[Key, ReadTag]) -> Iterator[str]:

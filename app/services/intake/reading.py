@@ -1,6 +1,7 @@
 """Reading an upload: from its bytes to loops and series, in bounded memory; done twice, it has the same effect."""
 
 import json
+import shutil
 from collections import deque
 from collections.abc import Generator, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -9,10 +10,20 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from app.errors import LoopauditError
-from app.ingest import Export, FileSummary, IngestOptions, LoopSamples, LoopTags, Rejects, TagMapping, read_export
+from app.errors import DataError, LoopauditError
+from app.ingest import (
+    Export,
+    FileSummary,
+    IngestOptions,
+    LoopSamples,
+    LoopTags,
+    NoRoomToPartError,
+    Rejects,
+    TagMapping,
+    read_export,
+)
 from app.ingest import warm_up as warm_up_ingest
-from app.services.backend import DATABASE_AWAY, Backend, no_room
+from app.services.backend import DATABASE_AWAY, Backend, megabytes, no_room
 from app.services.heartbeat import Heartbeat
 from app.services.intake.places import TagPlace, kept_notes, note_read, places_of, with_kept
 from app.services.intake.swapped import SetPoints
@@ -95,8 +106,12 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
     placing = with_kept(backend, mapping, row.filename)
     export = read_export(path_of(backend, row.fingerprint), filename=row.filename, mapping=placing, options=options)
     set_points = SetPoints()
-    with closing(_batches(export, set_points)) as batches:
-        added = _stored(backend, claim, batches, mapping)
+    try:
+        with closing(_batches(export, set_points)) as batches:
+            added = _stored(backend, claim, batches, mapping)
+    except NoRoomToPartError as error:
+        _refuse_what_never_fits(backend, row, error.parted_bytes / export.share_taken)
+        raise
     with backend.database.read() as connection:
         retired = uploads.retired_of(connection, row.id)
     summary, refused = export.summary(), export.rejects()
@@ -111,6 +126,19 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
         **_times(summary),
     }
     return Read(told, [_tags(loop) for loop in summary.loops[:LISTED_LOOPS]], refused, places)
+
+
+def _refuse_what_never_fits(backend: Backend, row: UploadRow, parted_bytes: float) -> None:
+    """Raises DataError("larger_than_disk") where an empty disk would not hold the file and its parts, by what those had
+    taken so far."""
+    kept_bytes = path_of(backend, row.fingerprint).stat().st_size
+    whole_bytes = shutil.disk_usage(backend.settings.uploads_dir).total
+    if kept_bytes + parted_bytes > whole_bytes:
+        text = (
+            f"reading it takes about {megabytes(parted_bytes)} beside the {megabytes(kept_bytes)} of the file, and the "
+            f"disk of the data folder has {megabytes(whole_bytes)} in all; send it in parts"
+        )
+        raise DataError("larger_than_disk", text)
 
 
 def _times(summary: FileSummary) -> dict[str, str | None]:

@@ -10,7 +10,7 @@ from app.services.moments import PlantClock
 from app.services.plant.loops import verdict_detail
 from app.services.plant.notes import Repair
 from app.services.rendering import figure
-from app.services.wording import RELIABILITY_SHORT, VERDICT_WORDS, probability
+from app.services.wording import VERDICT_WORDS, probability, rely
 
 NONE = "–"
 NOT_TOLD = "the record does not tell"
@@ -45,7 +45,7 @@ def _told(row: Told | None, clock: PlantClock, pv_unit: str) -> dict[str, str]:
         return {}
     return {
         "Verdict": VERDICT_WORDS[row["verdict"]],
-        "Rely on it?": RELIABILITY_SHORT[row["reliability"]],
+        "Rely on it?": rely(row),
         "Audited window": _window(row, clock),
         "Probability of stiction": probability(row["stiction_probability"]),
         "Size of stiction S, units of OP (95 % interval)": _size(row),

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from app.errors import DataError, RequestError
+from app.errors import DataError, FieldError, RequestError
 from app.ingest import BEYOND, list_rows, list_text
 from app.services.backend import Backend
 from app.services.plant.loops import WORDS, change_loops, list_loops, refusal
@@ -123,8 +123,8 @@ def _value(name: str, text: str, delimiter: str) -> Any:
 
 
 def number(name: str, text: str) -> float:
-    """As people write it, with a point or a comma before its decimals. Raises RequestError("bad_value")."""
+    """As people write it, with a point or a comma before its decimals. Raises FieldError("bad_value")."""
     if not NUMBER.fullmatch(text):
         why = "; write it without marks between thousands" if THOUSANDS.fullmatch(text) else ""
-        raise RequestError("bad_value", f"{name} is a number, got {text[:60]!r}{why}")
+        raise FieldError("bad_value", f"{name} is a number, got {text[:60]!r}{why}", name)
     return float(text.replace(",", "."))

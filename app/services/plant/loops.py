@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cache
 from typing import Any
 
-from app.errors import LoopauditError, NotFoundError, RequestError
+from app.errors import FieldError, LoopauditError, NotFoundError, RequestError
 from app.services.auditing.rows import FORM, KEY_FIGURES, as_row, compact, sent
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
@@ -206,26 +206,26 @@ def _check_type(type_: str | None, own_types: Callable[[], Collection[str]]) -> 
     if type_ is None or type_ in KNOWN_TYPES or type_ in own_types():
         return
     known = ", ".join(dict.fromkeys((*KNOWN_TYPES, *sorted(own_types()))))
-    raise RequestError("unknown_type", f"{type_[:40]!r} is no type of loop; there are {known}")
+    raise FieldError("unknown_type", f"{type_[:40]!r} is no type of loop; there are {known}", "type")
 
 
 def _check_values(wanted: Mapping[str, Any]) -> None:
     if not 0.0 <= wanted["importance"] <= MOST_IMPORTANT:
-        raise RequestError("bad_value", f"importance is 0 to {MOST_IMPORTANT:g}, got {wanted['importance']:g}")
+        text = f"importance is 0 to {MOST_IMPORTANT:g}, got {wanted['importance']:g}"
+        raise FieldError("bad_value", text, "importance")
     for name in WORDS:
         if wanted[name] is not None and len(wanted[name]) > LONGEST_WORDS:
-            raise RequestError(
-                "bad_value", f"{name} has {len(wanted[name])} characters; at most {LONGEST_WORDS} are kept"
-            )
+            text = f"{name} has {len(wanted[name])} characters; at most {LONGEST_WORDS} are kept"
+            raise FieldError("bad_value", text, name)
 
 
 def _check_spans(wanted: Mapping[str, Any]) -> None:
     for low, high in SPANS:
         ends = (wanted[low], wanted[high])
         if any(end is not None and not math.isfinite(end) for end in ends):
-            raise RequestError("bad_span", f"{low} and {high} must be finite numbers")
+            raise FieldError("bad_span", f"{low} and {high} must be finite numbers", low)
         if None not in ends and ends[0] >= ends[1]:
-            raise RequestError("bad_span", f"{low} must be below {high}, got {ends[0]} and {ends[1]}")
+            raise FieldError("bad_span", f"{low} must be below {high}, got {ends[0]} and {ends[1]}", low)
 
 
 def _view(row: LoopRow) -> LoopView:

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 from typing import Any, Literal
 
 from app.engine.episodes import BEGAN
@@ -140,11 +141,14 @@ def nothing_worst(sticking: int, old: bool) -> str:
     return f"No other valve sticks, as far as the {'newest ' if old else ''}records tell."
 
 
-def not_shelved(backend: Backend, limit: int, asked: RowFilter, shelved: Shelf | None = None) -> list[dict[str, Any]]:
+def not_shelved(
+    backend: Backend, limit: int, asked: RowFilter, shelved: Shelf | None = None, notes_until: datetime | None = None
+) -> list[dict[str, Any]]:
     """Rows of `table`, the weightiest first, without loops that are shelved; one that is worse than when it was shelved
     is among them, and says so (`shelved`)."""
     known = shelf(backend) if shelved is None else shelved
-    return table(backend, limit, filters=replace(asked, left_out=known.left_out), shelved=known).rows
+    wanted = replace(asked, left_out=known.left_out)
+    return table(backend, limit, filters=wanted, shelved=known, notes_until=notes_until).rows
 
 
 def table(
@@ -154,16 +158,17 @@ def table(
     sort: str = "-priority",
     filters: RowFilter | None = None,
     shelved: Shelf | None = None,
+    notes_until: datetime | None = None,
 ) -> Page[dict[str, Any]]:
     """Rows of the reliability table with what a page shows besides: importance and priority, what to do, and what is
-    written of an order, a repair or a shelving (as of `shelved`; None: of now)."""
+    written of an order or a repair (until `notes_until`) or a shelving (as of `shelved`; None: of now)."""
     name = checked(limit, sort)
     asked = place_of(cursor)
     with backend.database.read() as connection:
         place = asked[1] if asked is not None and asked[0] == sort else None
         found = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), place)
         shown = [with_loop(row) for row in found[:limit]]
-        written = notes.standing(connection, [row["loop"] for row in shown])
+        written = notes.standing(connection, [row["loop"] for row in shown], notes_until)
         disagree = contradicted(connection, shown)
     work = WrittenWork(written, (shelved or shelf(backend)).by_tag(), disagree, backend.clock)
     return Page([_with_work(row, work) for row in shown], following(found, limit, sort))

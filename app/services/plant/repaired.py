@@ -7,7 +7,7 @@ from typing import Any, Literal
 from app.services.auditing.repairs import side_of
 from app.services.backend import Backend
 from app.services.moments import iso_utc
-from app.services.wording import RELIABILITY_BRIEF, VERDICT_WORDS
+from app.services.wording import VERDICT_WORDS, brief
 from app.storage import repaired as stored
 
 LOOKED_BACK = timedelta(days=14)
@@ -40,6 +40,12 @@ class RepairView:
     before: str | None
     now: str | None
     reliability: str | None
+    likely_cause: str | None = None
+
+    @property
+    def said(self) -> dict[str, str | None]:
+        """What the words of how far to rely on it go by."""
+        return {"verdict": self.now, "reliability": self.reliability, "likely_cause": self.likely_cause}
 
     @property
     def words(self) -> str:
@@ -49,7 +55,7 @@ class RepairView:
     def verdicts(self) -> str:
         """ "before: valve sticks, since: no stiction (rely on it)", as far as they are known."""
         before = [f"before: {VERDICT_WORDS[self.before]}"] if self.before else []
-        now = [f"since: {VERDICT_WORDS[self.now]} ({RELIABILITY_BRIEF[self.reliability or '']})"] if self.now else []
+        now = [f"since: {VERDICT_WORDS[self.now]} ({brief(self.said)})"] if self.now else []
         return ", ".join(before + now)
 
 
@@ -74,9 +80,9 @@ def repairs(backend: Backend, audit_id: int | None = None, at: datetime | None =
 
 def _view(row: Any) -> RepairView:
     told = row.verdict is not None and side_of(row.window_start, row.window_end, row.repaired_at) == "after"
-    now, reliability = (row.verdict, row.reliability) if told else (None, None)
-    outcome = _outcome(row.verdict_before, now, reliability == "reliable")
-    return RepairView(row.tag, row.unit, iso_utc(row.repaired_at) or "", outcome, row.verdict_before, now, reliability)
+    now, *of_now = (row.verdict, row.reliability, row.likely_cause) if told else (None, None, None)
+    outcome = _outcome(row.verdict_before, now, of_now[0] == "reliable")
+    return RepairView(row.tag, row.unit, iso_utc(row.repaired_at) or "", outcome, row.verdict_before, now, *of_now)
 
 
 def _outcome(before: str | None, now: str | None, reliable: bool) -> Outcome:

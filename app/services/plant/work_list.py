@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from itertools import takewhile
 from typing import Any
 
@@ -43,15 +44,21 @@ class Work:
 
 
 def work_list(
-    backend: Backend, shelved: Shelf, audit_id: int | None = None, since_ns: int | None = None, most: int = MOST
+    backend: Backend,
+    shelved: Shelf,
+    audit_id: int | None = None,
+    since_ns: int | None = None,
+    most: int = MOST,
+    notes_until: datetime | None = None,
 ) -> list[Work]:
     """By the newest verdicts, or those of a run, without the loops that are `shelved`; since_ns: only loops with a
-    sample as new as that. What wants a look today begins with the newest; in the other parts those come first that lack
-    most to full health, times their importance."""
+    sample as new as that; notes_until: orders and repairs as they were written then (None: by now). What wants a look
+    today begins with the newest; in the other parts those come first that lack most to full health, times their
+    importance."""
 
     def listed(limit: int, **asked: Any) -> list[Work]:
         wanted = RowFilter(**asked, audit_id=audit_id, recorded_from_ns=since_ns)
-        rows = not_shelved(backend, limit, wanted, shelved) if limit else []
+        rows = not_shelved(backend, limit, wanted, shelved, notes_until) if limit else []
         tags = [row["loop"] for row in rows]
         last, of_time = nights(backend, tags, audit_id), judged(backend, tags, audit_id)
         return [_work(row, last.get(row["loop"], ()), of_time.get(row["loop"]), backend.clock) for row in rows]

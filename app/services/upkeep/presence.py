@@ -11,6 +11,7 @@ from app.settings import Settings
 from app.storage.presence import present
 
 LOCK = "at-work.lock"
+SERVING = "serving.lock"
 
 
 @contextmanager
@@ -29,6 +30,31 @@ def at_work(settings: Settings) -> Iterator[None]:
 
 
 @contextmanager
+def only_server(settings: Settings, address: str) -> Iterator[None]:
+    """While a process serves on the embedded default, with worker and schedule beside it: one such a data folder. The
+    lock ends with the process, however it ends; what the file tells of it may be older than that.
+
+    Raises RequestError("already_serving").
+    """
+    with _lock_file(settings, SERVING) as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise RequestError("already_serving", _already(settings, os.pread(lock, 500, 0))) from error
+        except OSError:
+            pass  # as below
+        os.ftruncate(lock, 0)
+        os.pwrite(lock, f"{address} (process {os.getpid()})".encode(), 0)
+        yield
+
+
+def _already(settings: Settings, told: bytes) -> str:
+    where = f" on {told.decode(errors='replace')}" if told else ""
+    text = "use that one or stop it first; another plant needs a LOOPAUDIT_DATA_DIR of its own"
+    return f"`loopaudit serve` is running already{where}, with the data folder {settings.data_dir.absolute()}; {text}"
+
+
+@contextmanager
 def alone(settings: Settings) -> Iterator[None]:
     """Raises RequestError("still_running") where a process is at work on the data folder or on the data base."""
     text = "`serve`, `worker`, `beat` or `nightly` is running on {}; stop it first"
@@ -43,7 +69,7 @@ def alone(settings: Settings) -> Iterator[None]:
 
 @contextmanager
 def _locked(settings: Settings, how: int, refusal: RequestError) -> Iterator[None]:
-    with _lock_file(settings) as lock:
+    with _lock_file(settings, LOCK) as lock:
         try:
             fcntl.flock(lock, how | fcntl.LOCK_NB)
         except BlockingIOError as error:
@@ -54,9 +80,9 @@ def _locked(settings: Settings, how: int, refusal: RequestError) -> Iterator[Non
 
 
 @contextmanager
-def _lock_file(settings: Settings) -> Iterator[int]:
+def _lock_file(settings: Settings, name: str) -> Iterator[int]:
     settings.prepare_folders()
-    lock = os.open(settings.data_dir / LOCK, os.O_RDWR | os.O_CREAT, 0o600)
+    lock = os.open(settings.data_dir / name, os.O_RDWR | os.O_CREAT, 0o600)
     try:
         yield lock
     finally:

@@ -18,7 +18,7 @@ from app.services.backend import Backend
 from app.services.digests import deliveries, mailing, webhooks
 from app.services.digests.digest import Digest, as_html, as_json, as_text, digest_of, newest_run, subject
 from app.services.digests.sending import NotSentError, shown
-from app.services.plant.notes import add_note
+from app.services.plant.notes import add_note, withdraw_repair
 from app.services.reports.documents import plant_report
 from app.services.upkeep import doctor
 from app.services.upkeep.operations import sweep
@@ -109,6 +109,24 @@ def test_a_repair_that_was_written_after_the_run_is_told_in_all_its_lists(backen
     assert "evil@example.com: valve sticks (probability 0.90, rely on it)" in text
     (row,) = re.findall(r"A1</a></td><td><span.*?</tr>", plant_report(backend))
     assert "of before the repair" in row
+
+
+def test_the_digest_of_an_older_run_reads_as_of_that_run(backend: Backend, night: str) -> None:
+    note = add_note(backend, "A1", "packing", "WO-17", repaired_at=datetime.now(UTC) - timedelta(minutes=1))
+    older = datetime.now(UTC) - timedelta(days=3)
+    with backend.database.write() as connection:
+        connection.execute(update(audits).values(created_at=older, ended_at=older))
+        connection.execute(update(notes).values(written_at=older - timedelta(hours=1)))
+        connection.execute(update(newest_rows).values(verdict="stiction", reliability="reliable"))
+    assert newest_run(backend) == night
+    audit_chunk(backend, int(start_audit(backend).id), "test")
+    assert newest_run(backend) != night
+    known = digest_of(backend, night)
+    assert {one.loop: one.of_before_repair for area in known.areas for one in area.loops}["A1"]
+    withdraw_repair(backend, "A1", note.id, "me")
+    for tag in ("A1", HOSTILE):
+        add_note(backend, tag, "positioner", "WO-18", repaired_at=datetime.now(UTC) - timedelta(minutes=1))
+    assert digest_of(backend, night) == known
 
 
 def test_its_counts_add_up_once_a_loop_is_retired(backend: Backend, night: str, add_loops: AddLoops) -> None:
