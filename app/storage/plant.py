@@ -175,6 +175,8 @@ def told_of_both(now: FromClause, earlier: FromClause) -> tuple[ColumnElement[An
         earlier.c.stiction_probability.label("probability_before"),
         earlier.c.reasons.label("reasons_before"),
         earlier.c.reasons_text.label("reasons_text_before"),
+        now.c.extra_json,
+        earlier.c.extra_json.label("extra_json_before"),
         earlier.c.likely_cause.label("likely_cause_before"),
         (now.c.engine_version != earlier.c.engine_version).label("engine_changed"),
         (now.c.config_fingerprint != earlier.c.config_fingerprint).label("config_changed"),

@@ -109,19 +109,26 @@ def test_a_changed_verdict_says_why(
 def test_a_changed_verdict_names_the_evidence_that_moved_most(
     backend: Backend, two_runs: tuple[dict[str, int], int]
 ) -> None:
+    """As data where it was stored so; of an older release out of its sentences."""
     ids, first = two_runs
     second = int(loop_health(backend, "B")["audit_id"])
     rewrite_newest(backend, ids["B"], verdict="stiction")
     reasons = {"reasons": "shape_op_triangle;shape_flat_eighth;few_cycles"}
     now = "OP runs in triangles. 60 % of the travel of OP finds PV standing still. few"
-    rewrite(backend, second, ids["B"], verdict="stiction", stiction_probability=0.99, reasons_text=now, **reasons)
+    older = {"extra_json": "{}"}
+    called = {"verdict": "stiction", "stiction_probability": 0.99, "reasons_text": now}
+    rewrite(backend, second, ids["B"], **called, **reasons, **older)
     rewrite_newest(backend, ids["B"], verdict="stiction")
     then = "PV hardly ever stands still while OP travels (8 %)"
     before = {"verdict": "no_stiction", "stiction_probability": 0.1, "samples": 100}
-    rewrite(backend, first, ids["B"], **before, reasons="shape_flat_eighth", reasons_text=then)
+    rewrite(backend, first, ids["B"], **before, reasons="shape_flat_eighth", reasons_text=then, **older)
     (change,) = plant.changes(backend).rows
     seen = "60 % of the travel of OP finds PV standing still (8 % before), probability 0.10 -> 0.99"
     assert change.because == f"{seen}; more was recorded than before"
+    measured = '{"measured":{"shape_op_triangle":[0.4,"<",0.6],"shape_flat_eighth":[0.55,">",0.2]}}'
+    rewrite(backend, second, ids["B"], extra_json=measured)
+    seen = "55 % of the travel of OP finds PV standing still (8 % before), probability 0.10 -> 0.99"
+    assert plant.changes(backend).rows[0].because == f"{seen}; more was recorded than before"
     rewrite(backend, first, ids["B"], stiction_probability=0.0004)
     rewrite(backend, second, ids["B"], stiction_probability=0.9996)
     assert "probability under 0.01 -> over 0.99; " in plant.changes(backend).rows[0].because

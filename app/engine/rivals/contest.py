@@ -43,4 +43,12 @@ def _stiction(probability: float, features: Features) -> Rival:
     )
     if probability > _STANDS and sticky_pct <= linear_pct:
         text += ": it is the shapes of PV and OP that speak for it, not this fit"
-    return Rival(STICTION, probability, text, statistic=probability, threshold=_STANDS, explained=held)
+    return Rival(
+        STICTION,
+        probability,
+        text,
+        statistic=probability,
+        threshold=_STANDS,
+        explained=held,
+        explained_without_stiction=linear,
+    )

@@ -10,6 +10,7 @@ from app.engine.cascades import Cascade, cascades
 from app.engine.excerpts import Excerpts
 from app.engine.health import HealthPart, doubted_health
 from app.engine.plant_wide import Candidate, Group, Suspect, groups
+from app.services.auditing.audit_models import ReasonLine
 from app.services.wording import RELIABILITY_BRIEF, VERDICT_WORDS
 
 SHAKEN_BY_NEIGHBOUR = "shaken_by_neighbour"
@@ -144,7 +145,8 @@ def reworded(heard: Heard, line: Mapping[str, Any]) -> dict[str, Any]:
         if reliability == "reliable":
             doubted = doubted_health([HealthPart(**part) for part in parts], line["stiction_probability"])
             health, parts = doubted.value, [vars(part) for part in doubted.parts]
-        reliability, reasons = "not_reliable", [{"code": heard.doubt.code, "text": heard.doubt.text}, *reasons]
+        doubt = ReasonLine(code=heard.doubt.code, text=heard.doubt.text)
+        reliability, reasons = "not_reliable", [doubt.model_dump(), *reasons]
     return {
         "reliability": reliability,
         "reasons": reasons,
