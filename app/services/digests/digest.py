@@ -121,7 +121,8 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
     if not run.ended:
         raise RequestError("run_goes_on", f"the run {run.id} has not ended yet: {run.open} loops are open")
     number, began = identifier(audit_id), datetime.fromisoformat(run.created_at)
-    since_ns = arrivals(backend, number, began).current_ns
+    reach = arrivals(backend, number, began)
+    since_ns = reach.current_ns
     shelved = shelf(backend, number, began)
     with backend.database.read() as connection:
         counted = digests.counts_of(connection, number)
@@ -158,7 +159,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         verdicts=dict(verdicts),
         refused=dict(refused.most_common()),
         refused_loops=refused_loops,
-        arrivals=of_run(backend, number, began),
+        arrivals=of_run(backend, number, reach),
         work=work_list(backend, shelved, number, since_ns),
         areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
         old=[loop_of(row) for row in old],
