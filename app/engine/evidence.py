@@ -25,6 +25,11 @@ class Measured:
         return _HOLDS[self.operator](self.statistic, self.threshold)
 
 
+def told_probability(value: float) -> str:
+    """A probability, 0 to 1, as all that people read tells it: two digits, and never certain. 0.9956 is not 1.00."""
+    return "over 0.99" if value >= 0.995 else "under 0.01" if value < 0.005 else f"{value:.2f}"
+
+
 def measured_of(statistic: float | None, operator: Operator | None, threshold: float | None) -> Measured | None:
     """None where one of them is not known: nothing was held against anything."""
     if statistic is None or operator is None or threshold is None:

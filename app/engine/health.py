@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from app.engine.evidence import told_probability
 from app.engine.judgement import Judgement
 from app.engine.key_figures import KeyFigures
 from app.engine.oscillation import Oscillation
@@ -90,17 +91,14 @@ def _stiction(judgement: Judgement) -> HealthPart:
     if probability is None or judgement.shows_no_valve:
         return _part("stiction", NOT_JUDGED, "the valve could not be judged")
     if judgement.reliability == "reliable":
-        return _part("stiction", probability, f"probability of stiction {_told(probability)}")
+        return _part("stiction", probability, f"probability of stiction {told_probability(probability)}")
     return _unsure(probability)
 
 
 def _unsure(probability: float) -> HealthPart:
-    return _part("stiction", UNSURE * probability, f"probability of stiction {_told(probability)}, not reliable")
-
-
-def _told(probability: float) -> str:
-    """To two digits, and never certain."""
-    return "over 0.99" if probability >= 0.995 else f"{probability:.2f}"
+    return _part(
+        "stiction", UNSURE * probability, f"probability of stiction {told_probability(probability)}, not reliable"
+    )
 
 
 def _oscillation(oscillation: Oscillation | None) -> HealthPart:

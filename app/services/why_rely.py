@@ -32,7 +32,7 @@ OLDER = ("before_repair",)
 
 DISAGREES = (
     "Two answers on this page disagree: by the shapes of PV and OP the valve does not stick, by the explanation below "
-    "it does (probability {probability:.2f})."
+    "it does (probability {probability})."
 )
 UNTIL_THEY_AGREE = (
     "Touch neither valve nor tuning for either of them yet: audit and explain a longer record, and where they still "
@@ -85,7 +85,7 @@ def contradiction(row: Mapping[str, Any], explanation: Mapping[str, Any] | None)
     likeliest = max(explanation["effects"], key=lambda effect: effect["probability"], default=None)
     if likeliest is None or likeliest["effect"] != "valve.stiction" or likeliest["probability"] < LIKELY:
         return None
-    return DISAGREES.format(probability=likeliest["probability"])
+    return DISAGREES.format(probability=probability(likeliest["probability"]))
 
 
 def _kept(name: str, told: str, against: Sequence[str], reasons: Mapping[str, str]) -> Point:

@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from app.engine.evidence import told_probability
+
 VERDICT_WORDS = {
     "stiction": "valve sticks",
     "inconclusive": "cannot tell",
@@ -129,10 +131,8 @@ def codes_of(row: Mapping[str, Any]) -> list[str]:
 
 
 def probability(value: float | None) -> str:
-    """To two digits, and never certain: 0.9956 is not 1.00."""
-    if value is None:
-        return "–"
-    return "over 0.99" if value >= 0.995 else "under 0.01" if value < 0.005 else f"{value:.2f}"
+    """As the engine tells it; a dash where there is none."""
+    return "–" if value is None else told_probability(value)
 
 
 def measured_probability(row: Mapping[str, Any]) -> float | None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from app.engine.cascades import Cascade, cascades
+from app.engine.evidence import told_probability
 from app.engine.excerpts import Excerpts
 from app.engine.health import HealthPart, doubted_health
 from app.engine.plant_wide import Candidate, Group, Suspect, groups
@@ -174,7 +175,7 @@ def neighbour_text(shaken: Suspect, source: Suspect) -> str:
     why = "is likelier to stick" if sticks >= probability else "is likely to stick too and whose swing began sooner"
     return (
         f"PV swings in step with {source.tag} (coherence {shaken.coherence:.2f}), whose valve {why} "
-        f"({sticks:.2f} against {probability:.2f}) and may be what shakes this loop"
+        f"({told_probability(sticks)} against {told_probability(probability)}) and may be what shakes this loop"
     )
 
 
