@@ -19,6 +19,9 @@ UNANSWERED = "stuck_valve_or_dead_transmitter"
 PRIOR_ONLY = "prior_only"
 """The reason that the record tells no probability, as the engine calls it."""
 
+NOT_EVALUATED = "not evaluated"
+"""In place of a health where too little was measured to say anything."""
+
 RELIABILITY_WORDS = {
     "reliable": "what must agree agrees; rely on it",
     "not_reliable": "the evidence does not suffice; look before you act",
@@ -128,6 +131,11 @@ def codes_of(row: Mapping[str, Any]) -> list[str]:
     """The codes of the reasons of a row, or of an audit line, the weightiest first."""
     reasons = row["reasons"] or ""
     return reasons.split(";") if isinstance(reasons, str) else [reason["code"] for reason in reasons]
+
+
+def health(value: float | None) -> str:
+    """Of 100; too little data is no health, neither a good one nor a bad one."""
+    return NOT_EVALUATED if value is None else f"{value:z.0f}"
 
 
 def probability(value: float | None) -> str:

@@ -41,11 +41,13 @@ def complains(said: FromClause) -> ColumnElement[bool]:
 
 
 def counts(connection: Connection) -> list[Any]:
-    """Loops, sum of importances and sum of importance x health, by unit, verdict, reliability and likely cause."""
+    """Loops, sum of importances, of those of loops with a health (weight) and of importance x health, by unit, verdict,
+    reliability and likely cause."""
     by = [loops.c.unit, rows.c.verdict, rows.c.reliability, rows.c.likely_cause]
     figures = [
         func.count().label("loops"),
         func.sum(loops.c.importance).label("importance"),
+        func.sum(case((rows.c.health.is_not(None), loops.c.importance), else_=0.0)).label("weight"),
         func.sum(loops.c.importance * rows.c.health).label("weighted_health"),
     ]
     return list(connection.execute(select(*by, *figures).select_from(_NEWEST).group_by(*by)))

@@ -272,6 +272,27 @@ def test_the_overview_adds_up(backend: Backend, two_runs: tuple[dict[str, int], 
     assert seen.health == pytest.approx(sum(healths) / 4)
 
 
+def test_a_loop_without_a_health_moves_no_mean_and_is_sorted_last(
+    backend: Backend, two_runs: tuple[dict[str, int], int]
+) -> None:
+    ids, first = two_runs
+    for loop in ids.values():
+        rewrite(backend, first + 1, loop, health=80.0)
+        rewrite_newest(backend, loop, health=80.0)
+    rewrite(backend, first + 1, ids["A"], health=None)
+    rewrite_newest(backend, ids["A"], health=None)
+    seen = plant.overview(backend)
+    assert (seen.health, seen.units[0].health, seen.units[0].importance) == (80.0, 80.0, 4.0)
+    for sort in ("health", "-health", "-priority"):
+        page = plant.table(backend, 3, sort=sort)
+        last = plant.table(backend, 3, page.next_cursor, sort=sort)
+        assert [row["loop"] for row in [*page.rows, *last.rows]] == ["B", "C", "D", "A"]
+    assert ["A", "U1", 1.0, loop_health(backend, "A")["verdict"], None] in plant.tiles(backend)["loops"]
+    for tag in "BCD":
+        rewrite_newest(backend, ids[tag], health=None)
+    assert (plant.overview(backend).health, plant.overview(backend).units[0].health) == (None, None)
+
+
 def test_the_worst_come_first_by_importance(backend: Backend, add_loops: AddLoops) -> None:
     add_loops("A", "B", importance=1.0)
     add_loops("C", importance=9.0)

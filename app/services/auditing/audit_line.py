@@ -59,6 +59,7 @@ def audit_line(audit: Audit, elapsed_s: float, loop: str | None = None) -> dict[
         oscillation_regularity=None if oscillation is None else number(oscillation.regularity),
         oscillation_strength=None if oscillation is None else number(oscillation.strength),
         health=audit.health.value,
+        health_not_evaluated=audit.health.not_evaluated,
         health_parts=[HealthPartLine(**vars(part)) for part in audit.health.parts],
         window_start_s=None if window is None else window.start_s,
         window_end_s=None if window is None else window.end_s,

@@ -109,7 +109,9 @@ class AuditFields(BaseModel):
         None, description="Strength of the oscillation: how far it repeats itself after a period, 0 to 1."
     )
     health: float | None = Field(
-        None, description="Health of the loop, 0 to 100; what each part takes off is in health_parts."
+        None,
+        description="Health of the loop, 0 to 100; what each part takes off is in health_parts. Null: too little was "
+        "measured to say anything, good or bad; health_not_evaluated says what.",
     )
     filled_share: float | None = Field(description="Share of the audited samples that were interpolated, 0 to 1.")
     rival_winner: str | None = Field(
@@ -141,6 +143,7 @@ class AuditFields(BaseModel):
         description="SHA-256 of what was judged: samples, spans, whether the process integrates."
     )
     config_fingerprint: str = Field(description="SHA-256 of the configuration of the audit.")
+    health_not_evaluated: str | None = Field(None, description="Why there is no health; null: there is one.")
 
 
 class HealthPartLine(BaseModel):

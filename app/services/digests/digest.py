@@ -20,7 +20,7 @@ from app.services.plant.overview import change_of, nothing_worst
 from app.services.plant.repaired import RepairView, repairs
 from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.work_list import Work, work_list
-from app.services.rendering import document, figure
+from app.services.rendering import document
 from app.services.results import AuditView, ChangeView
 from app.services.wording import (
     CHANGE_WORDS,
@@ -30,6 +30,7 @@ from app.services.wording import (
     brief,
     cause_words,
     codes_of,
+    health,
     probability,
 )
 from app.storage import digests, notes, plant
@@ -286,7 +287,7 @@ def _refused(digest: Digest) -> list[str]:
 
 def _loop_lines(place: int, loop: DigestLoop) -> list[str]:
     told = f"{VERDICT_WORDS[loop.verdict]} ({loop.told})"
-    head = f"  {place}. {_line(loop.loop)}: {told}, health {figure(loop.health, 0)}"
+    head = f"  {place}. {_line(loop.loop)}: {told}, health {health(loop.health)}"
     of_time = [f"     {loop.judged}"] if loop.judged else []
     shelved = [f"     {loop.shelved}"] if loop.shelved else []
     return [head, *of_time, *shelved, f"     {_line(loop.why)}", *([f"     {loop.address}"] if loop.address else [])]
