@@ -7,7 +7,7 @@ import numpy as np
 from app.engine import ENGINE_VERSION, verdict, verdict_reference
 from app.engine.audit_config import AuditConfig
 from app.engine.episodes import BEGAN, NO_EPISODES, EpisodeConfig, Episodes, episode_reasons, find, samples_wanted
-from app.engine.evidence import Finding, Reason
+from app.engine.evidence import Finding, Reason, reason_of
 from app.engine.fitness import Fitness
 from app.engine.health import Health
 from app.engine.health import health as health_of
@@ -205,19 +205,19 @@ def _with_reference(judgement: Judgement, reference: Reference, fitness: Fitness
     """The published rule's reading beside the verdict, which it does not move, and what speaks against the data."""
     published = verdict.reference_reason(reference, judgement.verdict) + _published_reasons(reference, config)
     given = {reason.code for reason in judgement.reasons}
-    doubts = tuple(Reason(f.code, f.text) for f in fitness.findings if f.outcome == "fail" and f.code not in given)
+    doubts = tuple(reason_of(f) for f in fitness.findings if f.outcome == "fail" and f.code not in given)
     return replace(judgement, reasons=judgement.reasons + published + doubts)
 
 
 def _published_reasons(reference: Reference, config: AuditConfig) -> tuple[Reason, ...]:
     """The reasons of the published rule, marked as its own; what it says of its own probability is left out."""
     reasons = verdict_reference.judge(reference, config.verdict).reasons
-    marked = (Reason(r.code, f"published rule: {r.text}") for r in reasons if r.code != "reference_only")
+    marked = (replace(r, text=f"published rule: {r.text}") for r in reasons if r.code != "reference_only")
     return tuple(marked)
 
 
 def _refusal(recording: Recording, refusals: tuple[Finding, ...]) -> Judgement:
-    reasons = tuple(Reason(finding.code, finding.text) for finding in refusals)
+    reasons = tuple(reason_of(finding) for finding in refusals)
     if {reason.code for reason in reasons} == {"pv_flat"}:
         dead = unanswered(recording)
         return replace(dead, reasons=dead.reasons + reasons)

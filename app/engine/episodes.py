@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.episode_edges import refined
-from app.engine.evidence import Reason
+from app.engine.evidence import Reason, told_probability
 from app.engine.features import extract
 from app.engine.judgement import Reliability
 from app.engine.oscillation import Oscillation, detect
@@ -132,7 +132,7 @@ def episode_text(code: str, probability: float, start: str, end: str) -> str:
         return f"the valve stuck until {end}, and nothing shows it since: repaired, eased, or less exercised"
     if code == BEGAN:
         return f"the valve has been sticking since {start}; what was recorded before that shows nothing of it"
-    where = f"the valve sticks from {start} to {end} (probability {probability:.2f})"
+    where = f"the valve sticks from {start} to {end} (probability {told_probability(probability)})"
     return f"{where}, and the rest of the record shows nothing of it"
 
 

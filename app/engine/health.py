@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from app.engine.evidence import told_probability
 from app.engine.judgement import Judgement
 from app.engine.key_figures import KeyFigures
 from app.engine.oscillation import Oscillation
@@ -16,6 +17,9 @@ UNSURE = 0.6
 
 NOT_JUDGED = 0.5
 """A valve that could not be judged is neither good nor bad: half is taken off, and the part says why."""
+
+TOO_LITTLE = frozenset({"too_short", "missing_values"})
+"""Refusals of records in which too little was measured to say anything of a loop, good or bad."""
 
 UNANSWERED_TEXT = "PV never answers OP: the valve is stuck, or the transmitter is dead"
 """Whichever it is, nothing controls there: the valve's weight is taken off whole, and that of being in automatic where
@@ -40,10 +44,14 @@ class HealthPart:
 
 @dataclass(frozen=True)
 class Health:
-    """100 (nothing to complain about) less what each part takes off. parts: in the order of WEIGHTS."""
+    """100 (nothing to complain about) less what each part takes off. parts: in the order of WEIGHTS.
 
-    value: float
+    value is None where too little was measured for a health: then not_evaluated and each part say why.
+    """
+
+    value: float | None
     parts: tuple[HealthPart, ...]
+    not_evaluated: str | None = None
 
 
 def health(judgement: Judgement, figures: KeyFigures, oscillation: Oscillation | None) -> Health:
@@ -55,8 +63,12 @@ def health(judgement: Judgement, figures: KeyFigures, oscillation: Oscillation |
     controlled, and being in automatic counts for nothing. Oscillation counts by its strength where it is regular; time
     out of automatic, time of OP at a limit (50 % of the time is full; its own extremes where no span is known), mean
     control error (5 % of PV's span is full) and missing samples in proportion. A figure that is not known takes nothing
-    off, and says so. Misleads where a loop is meant to swing (averaging level control) or to be in manual.
+    off, and says so; where too few samples have PV and OP there is no health at all, only the reason. Misleads where a
+    loop is meant to swing (averaging level control) or to be in manual.
     """
+    because = _too_little(judgement)
+    if because is not None:
+        return Health(None, tuple(HealthPart(code, weight, 0.0, because) for code, weight in WEIGHTS.items()), because)
     parts = (
         _stiction(judgement),
         _oscillation(oscillation),
@@ -66,6 +78,14 @@ def health(judgement: Judgement, figures: KeyFigures, oscillation: Oscillation |
         _data(figures.good_share_pct),
     )
     return _made_of(parts)
+
+
+def _too_little(judgement: Judgement) -> str | None:
+    """Why there is no health; None where there is one."""
+    if judgement.verdict != "not_auditable":
+        return None
+    told = next((reason.text for reason in judgement.reasons if reason.code in TOO_LITTLE), None)
+    return None if told is None else f"not evaluated, because too little was measured: {told}"
 
 
 def doubted_health(parts: Sequence[HealthPart], probability: float) -> Health:
@@ -90,17 +110,14 @@ def _stiction(judgement: Judgement) -> HealthPart:
     if probability is None or judgement.shows_no_valve:
         return _part("stiction", NOT_JUDGED, "the valve could not be judged")
     if judgement.reliability == "reliable":
-        return _part("stiction", probability, f"probability of stiction {_told(probability)}")
+        return _part("stiction", probability, f"probability of stiction {told_probability(probability)}")
     return _unsure(probability)
 
 
 def _unsure(probability: float) -> HealthPart:
-    return _part("stiction", UNSURE * probability, f"probability of stiction {_told(probability)}, not reliable")
-
-
-def _told(probability: float) -> str:
-    """To two digits, and never certain."""
-    return "over 0.99" if probability >= 0.995 else f"{probability:.2f}"
+    return _part(
+        "stiction", UNSURE * probability, f"probability of stiction {told_probability(probability)}, not reliable"
+    )
 
 
 def _oscillation(oscillation: Oscillation | None) -> HealthPart:

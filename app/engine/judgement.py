@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from app.engine.corroborate import Corroboration
 from app.engine.evidence import Reason
 from app.engine.rivals.rival import Rival
 
@@ -32,6 +33,7 @@ class Judgement:
     stiction_probability: 0 to 1; None only with "not_auditable".
     likely_cause: a stable code of what probably drives the loop or spoils the record, or None where nothing is known.
     rivals: stiction and its rival explanations, ranked; empty where nothing could be weighed.
+    methods: what each published method says beside the verdict; empty where none was asked.
     """
 
     verdict: Verdict
@@ -40,6 +42,7 @@ class Judgement:
     reasons: tuple[Reason, ...]
     likely_cause: str | None
     rivals: tuple[Rival, ...] = ()
+    methods: tuple[Corroboration, ...] = ()
 
     @property
     def shows_no_valve(self) -> bool:

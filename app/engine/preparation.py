@@ -94,7 +94,7 @@ def _alone(
         return None
     part = _between(recording, rest.start_s, rest.start_s + rest.samples * rest.sampling_interval_s)
     own = assess(part, config)
-    if own.record is None or not own.auditable:
+    if own.record is None:
         return None
     start_s = own.record.start_s + float(part.time_s[0] - recording.time_s[0])
     # Findings, record and what was filled are the rest's; what is missing, and how all of it ended, is the recording's.

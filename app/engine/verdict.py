@@ -7,7 +7,7 @@ import numpy as np
 from app.engine.answering import goes_its_own_way
 from app.engine.corroborate import Corroboration, corroborate
 from app.engine.coupling import strangers_chance, strangers_chance_finely
-from app.engine.evidence import Finding, Reason
+from app.engine.evidence import Finding, Measured, Operator, Reason, measured_of, reason_of
 from app.engine.features import NAMES, Features, observe
 from app.engine.fitness import Fitness
 from app.engine.hidden_band import HiddenBand, hidden_band
@@ -52,12 +52,14 @@ class Weighing:
 
     log_odds: calibrated log-odds of stiction with the rivals that stand out counted; window_spread: standard deviation
     of the log-odds between windows. contributions: (F,) to the log-odds of the logistic, in the order of
-    `features.NAMES`. rivals: the strongest first.
+    `features.NAMES`. neutral: (F,) the value of each feature that speaks neither for nor against stiction. rivals: the
+    strongest first.
     """
 
     log_odds: float
     window_spread: float
     contributions: FloatArray
+    neutral: FloatArray
     features: Features
     rivals: tuple[Rival, ...]
 
@@ -97,6 +99,7 @@ def weigh_features(features: Features, rivals: tuple[Rival, ...], model: ShapeMo
         log_odds=float(model.log_odds(features.values)) - counted_against(rivals),
         window_spread=float(np.std(model.log_odds(features.table))),
         contributions=model.contributions(features.values),
+        neutral=model.centre,
         features=features,
         rivals=rivals,
     )
@@ -125,7 +128,7 @@ def judge(
         return Judgement("inconclusive", 0.5, "not_reliable", (Reason("no_variation", text),), None)
     judgement = conclude(weighing, oscillation, fitness, config)
     methods = corroborate(record, oscillation, integrating, weighing.features.windows)
-    return replace(judgement, reasons=(*judgement.reasons, methods_reason(methods)))
+    return replace(judgement, reasons=(*judgement.reasons, methods_reason(methods)), methods=methods)
 
 
 def conclude(weighing: Weighing, oscillation: Oscillation, fitness: Fitness, config: VerdictConfig) -> Judgement:
@@ -184,7 +187,7 @@ def _band_reason(band: HiddenBand | None) -> tuple[Reason, ...]:
         f"PV goes as behind a valve that moves only after OP has gone some {band.S:.2g} units the other way: it may "
         "stick, or have play, by so much, whatever the shapes say"
     )
-    return (Reason(HIDDEN_BAND, text),)
+    return (Reason(HIDDEN_BAND, text, Measured(band.nats, "<=", band.needed)),)
 
 
 def _own_cycle_reason(own: OwnCycle) -> tuple[Reason, ...]:
@@ -221,13 +224,13 @@ def _doubts(
         doubts.extend(_unclear(weighing, oscillation, config))
     if oscillation.cycles < config.min_cycles:
         text = f"what was judged holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be relied on"
-        doubts.append(Reason("few_cycles", text))
+        doubts.append(Reason("few_cycles", text, Measured(oscillation.cycles, ">=", config.min_cycles)))
     if verdict == "no_stiction":
         doubts.extend((*_no_answer(fitness), *_band_reason(hidden_band(fitness.looked_at))))
     if verdict == "stiction":
         doubts.extend(_shaped_outside(weighing, config))
         doubts.extend(_keeps_time(fitness.audited, oscillation, config))
-        doubts.extend(Reason(rival.cause, rival.text) for rival in weighing.rivals if rival.stands_out and rival.counts)
+        doubts.extend(_of_rival(rival) for rival in weighing.rivals if rival.stands_out and rival.counts)
     return tuple(doubts)
 
 
@@ -238,9 +241,10 @@ def _parts_disagree(weighing: Weighing, fitness: Fitness, config: VerdictConfig)
         text = f"only {whole.agreeing} of the {whole.judged} stretches that were judged are on this side"
         text += "" if whole.newest_agree else ", the newest two are not"
         return (Reason("stretches_disagree", text),) if whole.contested else ()
-    if weighing.window_spread <= config.max_window_spread * abs(weighing.log_odds_by_shapes):
+    spread = Measured(weighing.window_spread, "<=", config.max_window_spread * abs(weighing.log_odds_by_shapes))
+    if spread.passed:
         return ()
-    return (Reason("windows_disagree", "parts of the record say different things about the valve"),)
+    return (Reason("windows_disagree", "parts of the record say different things about the valve", spread),)
 
 
 def _stretches_reason(fitness: Fitness) -> tuple[Reason, ...]:
@@ -262,13 +266,15 @@ def _unclear(weighing: Weighing, oscillation: Oscillation, config: VerdictConfig
         if shapes <= config.reliable_no_stiction_to:
             return []
         text = f"another cause explains the record, but the shapes do not clear the valve: {shapes:.2f} by them alone"
-        return [Reason("not_cleared", text)]
+        return [Reason("not_cleared", text, Measured(shapes, "<=", config.reliable_no_stiction_to))]
     if probability >= config.reliable_stiction_from:
         return []
     if probability >= config.reliable_cycling_from and _limit_cycle(weighing, oscillation, config):
         return []
     text = f"the evidence is not clear enough: probability of stiction {probability:.2f}"
-    return [Reason("evidence_not_clear", text)]
+    needed: Operator = ">=" if probability > 0.5 else "<="
+    limit = config.reliable_stiction_from if probability > 0.5 else config.reliable_no_stiction_to
+    return [Reason("evidence_not_clear", text, Measured(probability, needed, limit))]
 
 
 def _limit_cycle(weighing: Weighing, oscillation: Oscillation, config: VerdictConfig) -> bool:
@@ -347,9 +353,11 @@ def _shaped_outside(weighing: Weighing, config: VerdictConfig) -> list[Reason]:
     doubts = []
     for rival in weighing.rivals:
         if rival.cause == "set_point_following" and _follows(rival, config):
-            doubts.append(Reason("set_point_moves", rival.text))
+            follows = Measured(rival.strength, "<", config.max_following)
+            doubts.append(Reason("set_point_moves", rival.text, follows))
         if rival.cause == "external_oscillation" and (rival.statistic or 0.0) >= config.max_wave:
-            doubts.append(Reason("nearly_sinusoidal", rival.text))
+            wave = Measured(rival.statistic or 0.0, "<", config.max_wave)
+            doubts.append(Reason("nearly_sinusoidal", rival.text, wave))
     return doubts
 
 
@@ -361,28 +369,32 @@ def _follows(rival: Rival, config: VerdictConfig) -> bool:
 def _keeps_time(record: UniformRecord, oscillation: Oscillation, config: VerdictConfig) -> list[Reason]:
     """A swing that comes back to its time is driven from outside, whatever its shape."""
     found = timekeeping(record, oscillation)
-    if found is None or found.jitter >= min(config.min_jitter, config.min_jitter_of_unlike * found.unlike):
+    if found is None:
+        return []
+    jitter = Measured(found.jitter, ">=", min(config.min_jitter, config.min_jitter_of_unlike * found.unlike))
+    if jitter.passed:
         return []
     text = (
         f"{oscillation.cycles:.0f} cycles keep time to {100 * found.jitter:.2g} % of a cycle, though they differ by "
         f"{100 * found.unlike:.0f} % of the swing, as what a timer or a machine drives; a valve that sticks lets go "
         "sooner or later each time"
     )
-    return [Reason("keeps_time", text)]
+    return [Reason("keeps_time", text, jitter)]
 
 
 def _data_doubts(weighing: Weighing, fitness: Fitness, config: VerdictConfig) -> list[Reason]:
     # Where the loop cycles on the resolution of its sensor, coarse values are the explanation and not a doubt.
     cycles_on_it = any(r.cause == "quantised_sensor" and r.stands_out for r in weighing.rivals)
     codes = _DOUBTFUL_DATA - {"pv_quantised"} if cycles_on_it else _DOUBTFUL_DATA
-    doubts = [Reason(f.code, f.text) for f in fitness.findings if f.outcome == "fail" and f.code in codes]
-    doubts += [Reason(f.code, f.text) for f in fitness.findings if f.code in _DEAD and _beyond(f)]
+    doubts = [reason_of(f) for f in fitness.findings if f.outcome == "fail" and f.code in codes]
+    doubts += [reason_of(f) for f in fitness.findings if f.code in _DEAD and _beyond(f)]
     if fitness.filled_share is not None and fitness.filled_share > config.max_filled_share:
         text = f"{100 * fitness.filled_share:.0f} % of the samples were filled by interpolation"
-        doubts.append(Reason("filled_share", text))
+        doubts.append(Reason("filled_share", text, Measured(fitness.filled_share, "<=", config.max_filled_share)))
     if fitness.automatic_share is not None and fitness.automatic_share < config.min_automatic_share:
         text = f"the loop was in automatic for {100 * fitness.automatic_share:.0f} % of the recording only"
-        doubts.append(Reason("mode_share", text))
+        measured = Measured(fitness.automatic_share, ">=", config.min_automatic_share)
+        doubts.append(Reason("mode_share", text, measured))
     return doubts
 
 
@@ -397,16 +409,24 @@ def _shape_reasons(weighing: Weighing, verdict: Verdict) -> tuple[Reason, ...]:
     side = -1.0 if verdict == "no_stiction" else 1.0
     order = np.argsort(-side * weighing.contributions)
     loudest = [k for k in order if side * weighing.contributions[k] > 0.0 and is_spoken(NAMES[k], side > 0)]
-    return tuple(
-        Reason(f"shape_{NAMES[k]}", sentence(NAMES[k], side > 0, weighing.features.values[k]))
-        for k in loudest[:_REASONS_GIVEN]
-    )
+    return tuple(_shape_reason(weighing, int(k), side > 0) for k in loudest[:_REASONS_GIVEN])
+
+
+def _shape_reason(weighing: Weighing, k: int, for_stiction: bool) -> Reason:
+    """What is measured passes where it speaks for stiction."""
+    value, neutral = float(weighing.features.values[k]), float(weighing.neutral[k])
+    operator: Operator = ">" if (value > neutral) == for_stiction else "<"
+    return Reason(f"shape_{NAMES[k]}", sentence(NAMES[k], for_stiction, value), Measured(value, operator, neutral))
 
 
 def _rival_reasons(weighing: Weighing, verdict: Verdict) -> tuple[Reason, ...]:
     if verdict == "stiction":
         return ()
-    return tuple(Reason(rival.cause, rival.text) for rival in weighing.rivals[:2] if rival.stands_out)
+    return tuple(_of_rival(rival) for rival in weighing.rivals[:2] if rival.stands_out)
+
+
+def _of_rival(rival: Rival) -> Reason:
+    return Reason(rival.cause, rival.text, measured_of(rival.statistic, rival.operator, rival.threshold))
 
 
 def methods_reason(methods: tuple[Corroboration, ...]) -> Reason:

@@ -81,6 +81,15 @@ def sentence(name: str, speaks_for: bool, value: float) -> str:
     return (_FOR if speaks_for else _AGAINST)[name].format(value=value, percent=100.0 * value)
 
 
+def figure(name: str, value: float) -> str | None:
+    """A value as the sentences of its feature tell it; None where none of them tells one."""
+    for said in (_FOR, _AGAINST):
+        if found := _FIGURE.search(said.get(name, "")):
+            unit = " %" if found[0].startswith("{percent") else ""
+            return found[0].format(value=value, percent=100.0 * value) + unit
+    return None
+
+
 def sentence_without_value(name: str, speaks_for: bool) -> str:
     """The same for any value: x stands in its place."""
     return _FIGURE.sub("x", (_FOR if speaks_for else _AGAINST)[name])

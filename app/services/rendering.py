@@ -15,6 +15,7 @@ from app.services.wording import (
     brief,
     cause_words,
     headline,
+    health,
     measured_probability,
     probability,
     rely,
@@ -30,7 +31,7 @@ def _environment() -> Environment:
     folder = Path(__file__).parent / "templates"
     templates = Environment(loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined)
     templates.trim_blocks = templates.lstrip_blocks = True
-    templates.filters |= {"figure": figure, "probability": probability}
+    templates.filters |= {"figure": figure, "probability": probability, "health": health}
     templates.filters |= {"cause_words": cause_words, "measured_probability": measured_probability}
     templates.filters |= {"headline": headline, "brief": brief, "rely": rely}
     templates.globals |= {

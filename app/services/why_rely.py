@@ -1,10 +1,10 @@
 """What a verdict rests on, point by point with a tick or a cross, and where another answer disagrees."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+from app.services.stored_evidence import explained, votes
 from app.services.wording import LIKELY, STICKS, cause_words, measured_probability, probability
 
 Says = Literal["agrees", "otherwise", "nothing"]
@@ -29,13 +29,9 @@ DOUBTED = ("moves_set_point", "moves_no_valve", "shaken_by_neighbour")
 OLDER = ("before_repair",)
 """Codes of reasons, by what they speak against."""
 
-FIT = re.compile(r"a sticky valve explains (-?\d+) % of PV, a linear one (-?\d+) %")
-VOTE = re.compile(r"(\d+|none) says? (no stiction|stiction)")
-"""As the engine words them; where it says otherwise the point is left out."""
-
 DISAGREES = (
     "Two answers on this page disagree: by the shapes of PV and OP the valve does not stick, by the explanation below "
-    "it does (probability {probability:.2f})."
+    "it does (probability {probability})."
 )
 
 
@@ -70,7 +66,7 @@ def points(row: Mapping[str, Any], detail: Mapping[str, Any]) -> list[Point]:
         _kept("other loops", "none of them is known to move it", DOUBTED, reasons),
         _time(reasons),
         _fit(row, detail.get("rivals", ())),
-        _methods(row, reasons.get("published_methods", "")),
+        _methods(row, detail),
         _published(row, reasons),
     ]
     reliable = row["reliability"] == "reliable"
@@ -84,7 +80,7 @@ def contradiction(row: Mapping[str, Any], explanation: Mapping[str, Any] | None)
     likeliest = max(explanation["effects"], key=lambda effect: effect["probability"], default=None)
     if likeliest is None or likeliest["effect"] != STICKS or likeliest["probability"] < LIKELY:
         return None
-    return DISAGREES.format(probability=likeliest["probability"])
+    return DISAGREES.format(probability=probability(likeliest["probability"]))
 
 
 def _kept(name: str, told: str, against: Sequence[str], reasons: Mapping[str, str]) -> Point:
@@ -122,21 +118,23 @@ def _rivals(row: Mapping[str, Any], rivals: Sequence[Mapping[str, Any]], reasons
 
 
 def _fit(row: Mapping[str, Any], rivals: Sequence[Mapping[str, Any]]) -> Point | None:
-    told = next((FIT.search(rival["text"]) for rival in rivals if rival["code"] == "stiction"), None)
-    if told is None:
+    shares = next((explained(rival) for rival in rivals if rival["code"] == "stiction"), None)
+    if shares is None:
         return None
-    sticky, linear = int(told[1]), int(told[2])
-    text = f"fit: a sticky valve explains {sticky} % of PV, a linear one {linear} %"
-    return Point(_side(row, sticky, linear), text, moves=False)
+    text = f"fit: a sticky valve explains {shares.sticky_pct} % of PV, a linear one {shares.linear_pct} %"
+    return Point(_side(row, shares.sticky_pct, shares.linear_pct), text, moves=False)
 
 
-def _methods(row: Mapping[str, Any], text: str) -> Point | None:
-    votes = {side: 0 if count == "none" else int(count) for count, side in VOTE.findall(text)}
-    if not votes:
+def _methods(row: Mapping[str, Any], detail: Mapping[str, Any]) -> Point | None:
+    found = votes(detail)
+    if found is None:
         return None
-    sticks, free = votes.get("stiction", 0), votes.get("no stiction", 0)
-    told = f"published methods: {sticks} say stiction, {free} say none"
-    return Point(_side(row, sticks, free), told, moves=False)
+    told = f"published methods: {_count(found.sticks)} stiction, {_count(found.free)} none"
+    return Point(_side(row, found.sticks, found.free), told, moves=False)
+
+
+def _count(methods: int) -> str:
+    return f"{methods} {'says' if methods == 1 else 'say'}"
 
 
 def _side(row: Mapping[str, Any], sticks: float, free: float) -> Says:

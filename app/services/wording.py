@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from app.engine.evidence import told_probability
+
 VERDICT_WORDS = {
     "stiction": "valve sticks",
     "inconclusive": "cannot tell",
@@ -20,6 +22,9 @@ several that the record hardly tells apart."""
 
 PRIOR_ONLY = "prior_only"
 """The reason that the record tells no probability, as the engine calls it."""
+
+NOT_EVALUATED = "not evaluated"
+"""In place of a health where too little was measured to say anything."""
 
 RELIABILITY_WORDS = {
     "reliable": "what must agree agrees; rely on it",
@@ -132,11 +137,14 @@ def codes_of(row: Mapping[str, Any]) -> list[str]:
     return reasons.split(";") if isinstance(reasons, str) else [reason["code"] for reason in reasons]
 
 
+def health(value: float | None) -> str:
+    """Of 100; too little data is no health, neither a good one nor a bad one."""
+    return NOT_EVALUATED if value is None else f"{value:z.0f}"
+
+
 def probability(value: float | None) -> str:
-    """To two digits, and never certain: 0.9956 is not 1.00."""
-    if value is None:
-        return "–"
-    return "over 0.99" if value >= 0.995 else "under 0.01" if value < 0.005 else f"{value:.2f}"
+    """As the engine tells it; a dash where there is none."""
+    return "–" if value is None else told_probability(value)
 
 
 def measured_probability(row: Mapping[str, Any]) -> float | None:

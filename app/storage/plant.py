@@ -41,11 +41,13 @@ def complains(said: FromClause) -> ColumnElement[bool]:
 
 
 def counts(connection: Connection) -> list[Any]:
-    """Loops, sum of importances and sum of importance x health, by unit, verdict, reliability and likely cause."""
+    """Loops, sum of importances, of those of loops with a health (weight) and of importance x health, by unit, verdict,
+    reliability and likely cause."""
     by = [loops.c.unit, rows.c.verdict, rows.c.reliability, rows.c.likely_cause]
     figures = [
         func.count().label("loops"),
         func.sum(loops.c.importance).label("importance"),
+        func.sum(case((rows.c.health.is_not(None), loops.c.importance), else_=0.0)).label("weight"),
         func.sum(loops.c.importance * rows.c.health).label("weighted_health"),
     ]
     return list(connection.execute(select(*by, *figures).select_from(_NEWEST).group_by(*by)))
@@ -175,6 +177,8 @@ def told_of_both(now: FromClause, earlier: FromClause) -> tuple[ColumnElement[An
         earlier.c.stiction_probability.label("probability_before"),
         earlier.c.reasons.label("reasons_before"),
         earlier.c.reasons_text.label("reasons_text_before"),
+        now.c.extra_json,
+        earlier.c.extra_json.label("extra_json_before"),
         earlier.c.likely_cause.label("likely_cause_before"),
         (now.c.engine_version != earlier.c.engine_version).label("engine_changed"),
         (now.c.config_fingerprint != earlier.c.config_fingerprint).label("config_changed"),

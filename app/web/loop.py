@@ -20,7 +20,7 @@ from app.services.auditing.size_wording import size_in_words
 from app.services.backend import Backend
 from app.services.moments import PlantClock
 from app.services.plant import glossary, loops, notes, overview
-from app.services.plant.arrivals import arrivals
+from app.services.plant.arrivals import current_ns
 from app.services.plant.arrivals import newest_in_words as newest_sample_in_words
 from app.services.plant.before_after import compared
 from app.services.plant.charts import charts as charts_of
@@ -136,7 +136,7 @@ def _loop_page(
 
 def _beside(backend: Backend, tag: str) -> tuple[str | None, str | None]:
     """The loops before and after this one among the worst that the plant's page lists; None where there is none."""
-    _, worst = overview.listed_first(backend, arrivals(backend).current_ns)
+    _, worst = overview.listed_first(backend, current_ns(backend))
     tags = [row["loop"] for row in worst]
     if tag not in tags:
         return None, None

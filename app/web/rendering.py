@@ -23,6 +23,7 @@ from app.services.wording import (
     VERDICT_WORDS,
     cause_words,
     headline,
+    health,
     measured_probability,
     probability,
     rely,
@@ -68,6 +69,7 @@ def environment() -> Environment:
     templates.filters |= {
         "figure": figure,
         "probability": probability,
+        "health": health,
         "tag_in_url": tag_in_url,
         "first_reasons": first_reasons,
         "cause_words": cause_words,

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.engine.audit import audit
 from app.engine.evidence import Reason
 from app.engine.health import WEIGHTS, health
 from app.engine.judgement import Judgement
@@ -14,6 +15,7 @@ from app.engine.recording import Recording
 
 STILL = compute(Recording("x", np.arange(300.0), np.full(300, 5.0), np.full(300, 50.0)))
 STICKY = Judgement("stiction", 1.0, "reliable", (), "stiction")
+IN_MANUAL = np.zeros(900, dtype=bool)
 SWING = Oscillation(60.0, 9.0, 0.5, 60.0, 5.0, "pv", 0.0)
 
 
@@ -100,6 +102,32 @@ def test_an_op_of_few_values_has_no_extremes_that_say_anything():
 def test_a_record_that_shows_nothing_of_a_valve_is_not_a_healthy_valve():
     nothing = Judgement("inconclusive", 0.05, "not_reliable", (Reason("uncoupled", "of two loops"),), None)
     assert lost(health(nothing, STILL, None))["stiction"] == 20.0
+
+
+@pytest.mark.parametrize(("samples", "code"), [(3, "too_short"), (3000, "missing_values")])
+def test_too_little_data_is_no_health_neither_a_good_one_nor_a_bad_one(samples, code):
+    pv = np.full(samples, np.nan)
+    pv[:3] = (1.0, 2.0, 3.0)
+    found = audit(Recording("x", np.arange(float(samples)), pv, np.cos(np.arange(float(samples)))))
+    assert [reason.code for reason in found.judgement.reasons] == [code]
+    assert found.health.value is None
+    told = f"not evaluated, because too little was measured: {found.judgement.reasons[0].text}"
+    assert found.health.not_evaluated == told
+    assert [(part.code, part.lost, part.text) for part in found.health.parts] == [(code, 0.0, told) for code in WEIGHTS]
+
+
+def test_a_refused_record_with_enough_in_it_has_a_health():
+    manual = audit(
+        Recording("x", np.arange(900.0), np.sin(np.arange(900.0)), np.arange(900.0) % 7, automatic=IN_MANUAL)
+    )
+    assert manual.judgement.verdict == "not_auditable"
+    assert (manual.health.value, manual.health.not_evaluated) == (65.0, None)
+
+
+@pytest.mark.parametrize(("probability", "told"), [(0.001, "under 0.01"), (0.25, "0.25"), (0.999, "over 0.99")])
+def test_no_probability_is_told_as_certain(probability, told):
+    (part, *_) = health(Judgement("no_stiction", probability, "reliable", (), None), STILL, None).parts
+    assert part.text == f"probability of stiction {told}"
 
 
 def test_an_irregular_oscillation_takes_nothing_off():

@@ -1,12 +1,15 @@
 """Which stretch of a recording is judged: all that is fit, or the rest of a set point that hides a limit cycle."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from app.engine import preparation
 from app.engine.audit import audit
-from app.engine.preparation import prepare
+from app.engine.oscillation import Oscillation, detect
+from app.engine.preparation import _can_be_limit_cycle, prepare
 from app.engine.recording import Recording
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, Wave, first_order, simulate_loop
 
@@ -117,6 +120,32 @@ def test_a_rest_that_could_not_be_audited_by_itself_is_not_judged_alone():
     loop = recorded(rippled, 60.0)
     assert prepare(loop).rest_of is None
     assert audit(loop).judgement.verdict == "no_stiction"
+
+
+def test_a_rest_under_on_off_control_is_not_judged_alone():
+    """OP is switched between two values while the set point rests, and runs through others afterwards."""
+    t = np.arange(float(SAMPLES))
+    phase = t / 60.0 % 1.0
+    switched = np.where(phase < 0.5, 40.0, 60.0)
+    op = np.where(t < MOVE_AT, switched, 50.0 + 20.0 * np.sin(t / 17.0))
+    pv = np.where(t < MOVE_AT, 4.0 * np.abs(phase - 0.5), 100.0 + np.sin(t / 17.0 - 1.0))
+    sp = np.where(t < MOVE_AT, 1.0, 100.0)
+    whole = Recording("loop", t, pv, op, sp=sp)
+    rest = prepare(whole.part(slice(MOVE_AT))).fitness
+    assert [finding.code for finding in rest.refusals] == ["op_two_values"]
+    assert _can_be_limit_cycle(detect(rest.record))
+    assert prepare(whole).fitness.auditable
+    assert prepare(whole).rest_of is None
+
+
+@pytest.mark.parametrize(("per_cycle", "spoken_for"), [(3.0, False), (40.0, True)])
+def test_a_stretch_that_could_not_be_audited_by_itself_speaks_for_nothing(monkeypatch, per_cycle, spoken_for):
+    fitness = prepare(recorded(STICKY, 0.0)).fitness
+    swing = Oscillation(per_cycle, 5.0, 0.9, per_cycle, 50.0, "pv", 0.0)
+    stretch = SimpleNamespace(record=fitness.record, whole=None, oscillation=swing)
+    monkeypatch.setattr(preparation, "speaking_stretch", lambda record, oscillation: stretch)
+    found = preparation._spoken_for(fitness, swing, None)
+    assert (found is not None) == spoken_for
 
 
 def test_the_checks_of_a_rest_are_its_own():

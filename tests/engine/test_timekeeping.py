@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.engine import verdict
 from app.engine.audit import audit
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import UniformRecord
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, Wave, first_order, simulate_loop
-from app.engine.timekeeping import FEWEST_CYCLES, timekeeping
+from app.engine.timekeeping import FEWEST_CYCLES, Timekeeping, timekeeping
+from app.engine.verdict_config import VerdictConfig
 
 PER_CYCLE, CYCLES = 40, 50
 
@@ -91,6 +93,36 @@ def test_few_cycles_no_period_and_a_signal_that_stands_are_not_evaluated():
     pair = record(triangle(whole), triangle(whole))
     assert timekeeping(pair, replace(swing(), samples_per_cycle=None)) is None
     assert timekeeping(replace(pair, op=np.full(len(whole), 3.0)), swing()) is None
+    assert timekeeping(replace(pair, pv=np.full(len(whole), 3.0)), swing()) is None
+
+
+def test_as_many_cycles_as_are_needed_are_evaluated():
+    enough = np.arange((FEWEST_CYCLES + 2) * PER_CYCLE) / PER_CYCLE
+    assert timekeeping(record(triangle(enough), triangle(enough)), swing()) is not None
+
+
+@pytest.mark.parametrize(
+    ("jitter", "unlike", "doubted"),
+    [
+        (0.0149, 1.0, True),
+        (0.015, 1.0, False),
+        (0.0034, 0.1, True),
+        (0.0036, 0.1, False),
+        (0.0149, 0.1, False),
+        (0.016, 1.0, False),
+    ],
+)
+def test_a_swing_keeps_time_by_both_yardsticks_or_not_at_all(monkeypatch, jitter, unlike, doubted):
+    monkeypatch.setattr(verdict, "timekeeping", lambda record, oscillation: Timekeeping(jitter, unlike))
+    config = VerdictConfig(min_jitter=0.015, min_jitter_of_unlike=0.035)
+    doubts = verdict._keeps_time(record(np.zeros(3), np.zeros(3)), swing(), config)
+    assert [doubt.code for doubt in doubts] == ["keeps_time"] * doubted
+    assert [doubt.measured.passed for doubt in doubts] == [False] * doubted
+
+
+def test_a_swing_that_could_not_be_measured_is_no_doubt(monkeypatch):
+    monkeypatch.setattr(verdict, "timekeeping", lambda record, oscillation: None)
+    assert verdict._keeps_time(record(np.zeros(3), np.zeros(3)), swing(), VerdictConfig()) == []
 
 
 def loop(seed, **changes):

@@ -62,6 +62,18 @@ def test_a_textbook_limit_cycle_is_sticky_and_reliable():
     assert said.stiction_probability > 0.8
 
 
+@pytest.mark.parametrize(("make", "for_stiction"), [(sticky, True), (shaken, False)])
+def test_a_shape_tells_as_data_which_side_it_speaks_for(make, for_stiction):
+    told = [reason.measured for reason in verdict(make()).reasons if reason.code.startswith("shape_")]
+    assert [measured.passed for measured in told] == [for_stiction] * 3
+
+
+def test_what_the_published_methods_say_is_kept_beside_their_sentence():
+    said = verdict(sticky())
+    assert methods_reason(said.methods) == said.reasons[-1]
+    assert any(method.applies and method.says == "stiction" for method in said.methods)
+
+
 def test_a_loop_shaken_by_its_load_is_not_sticky():
     said = verdict(shaken())
     assert said.verdict == "no_stiction"

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from app.services.plant.arrivals import (
     NOTHING_NEW,
     Arrivals,
     arrivals,
+    current_ns,
     newest_in_words,
     nothing_new,
     of_run,
@@ -27,6 +29,7 @@ from app.services.plant.arrivals import (
 from app.services.plant.arrivals import sentences as sentences_by
 from app.services.plant.shelving import shelf
 from app.services.reports import documents
+from app.storage import arrivals as stored
 from app.storage import series
 from app.storage.samples import Samples
 from app.storage.series import Stretch
@@ -128,8 +131,32 @@ def test_a_night_that_nothing_came_for_says_so(backend: Backend, add_loops: AddL
     runs.append(start_audit(backend))
     audit_chunk(backend, int(runs[1].id), "test")
     at = datetime.fromisoformat(runs[1].created_at)
-    assert NOTHING_NEW not in of_run(backend, int(runs[0].id), at)
-    assert of_run(backend, int(runs[1].id), at)[-1] == NOTHING_NEW
+    assert NOTHING_NEW not in of_run(backend, int(runs[0].id), arrivals(backend, int(runs[0].id), at))
+    assert of_run(backend, int(runs[1].id), arrivals(backend, int(runs[1].id), at))[-1] == NOTHING_NEW
+
+
+def test_a_digest_asks_once_how_far_records_reach_and_a_page_of_a_loop_for_the_newest_alone(
+    backend: Backend, add_loops: AddLoops, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add_loops("A")
+    run = start_audit(backend)
+    audit_chunk(backend, int(run.id), "test")
+    asked: list[str] = []
+    for name in ("newest", "ending"):
+        monkeypatch.setattr(stored, name, counted(getattr(stored, name), asked))
+    digest_of(backend, run.id)
+    assert asked == ["newest", "ending", "ending", "ending"]
+    asked.clear()
+    assert current_ns(backend) == arrivals(backend).current_ns
+    assert asked == ["newest", "newest", "ending", "ending", "ending"]
+
+
+def counted(function: Callable[..., Any], asked: list[str]) -> Callable[..., Any]:
+    def called(*given: Any, **named: Any) -> Any:
+        asked.append(function.__name__)
+        return function(*given, **named)
+
+    return called
 
 
 def test_a_loop_that_somebody_audited_in_between_does_not_make_a_night_old(

@@ -50,6 +50,26 @@ def test_line_has_the_fields_of_the_contract_in_their_order(audited):
     assert line["elapsed_s"] == 0.05
 
 
+def test_a_record_of_three_samples_has_no_health_and_the_line_says_why():
+    line = audit_line(audit(recording(3)), 0.05)
+    assert (line["verdict"], line["health"]) == ("not_auditable", None)
+    told = "not evaluated, because too little was measured: 3 samples, at least 100 are needed"
+    row = reliability_row(line)
+    assert (line["health_not_evaluated"], row["health_not_evaluated"]) == (told, told)
+    assert (row["health"], row["health_parts"]) == (None, "")
+
+
+def test_reasons_tell_what_they_rest_on_as_data(audited):
+    shape = next(one for one in audit_line(audited, 0.05)["reasons"] if one["code"].startswith("shape_"))
+    assert list(shape) == ["code", "text", "statistic", "operator", "threshold", "passed"]
+    holds = {">": shape["statistic"] > shape["threshold"], "<": shape["statistic"] < shape["threshold"]}
+    assert shape["passed"] is holds[shape["operator"]]
+    methods = detail(audited)["methods"]
+    assert {tuple(method) for method in methods} == {("method", "applies", "why_not", "statistic", "threshold", "says")}
+    (sticky,) = (rival for rival in detail(audited)["rivals"] if rival["code"] == "stiction")
+    assert None not in (sticky["explained"], sticky["explained_without_stiction"])
+
+
 def test_line_of_an_audited_recording_leaves_no_key_figure_out(audited):
     line = audit_line(audited, 0.05, loop="FC-101")
     assert line["loop"] == "FC-101"

@@ -109,19 +109,26 @@ def test_a_changed_verdict_says_why(
 def test_a_changed_verdict_names_the_evidence_that_moved_most(
     backend: Backend, two_runs: tuple[dict[str, int], int]
 ) -> None:
+    """As data where it was stored so; of an older release out of its sentences."""
     ids, first = two_runs
     second = int(loop_health(backend, "B")["audit_id"])
     rewrite_newest(backend, ids["B"], verdict="stiction")
     reasons = {"reasons": "shape_op_triangle;shape_flat_eighth;few_cycles"}
     now = "OP runs in triangles. 60 % of the travel of OP finds PV standing still. few"
-    rewrite(backend, second, ids["B"], verdict="stiction", stiction_probability=0.99, reasons_text=now, **reasons)
+    older = {"extra_json": "{}"}
+    called = {"verdict": "stiction", "stiction_probability": 0.99, "reasons_text": now}
+    rewrite(backend, second, ids["B"], **called, **reasons, **older)
     rewrite_newest(backend, ids["B"], verdict="stiction")
     then = "PV hardly ever stands still while OP travels (8 %)"
     before = {"verdict": "no_stiction", "stiction_probability": 0.1, "samples": 100}
-    rewrite(backend, first, ids["B"], **before, reasons="shape_flat_eighth", reasons_text=then)
+    rewrite(backend, first, ids["B"], **before, reasons="shape_flat_eighth", reasons_text=then, **older)
     (change,) = plant.changes(backend).rows
     seen = "60 % of the travel of OP finds PV standing still (8 % before), probability 0.10 -> 0.99"
     assert change.because == f"{seen}; more was recorded than before"
+    measured = '{"measured":{"shape_op_triangle":[0.4,"<",0.6],"shape_flat_eighth":[0.55,">",0.2]}}'
+    rewrite(backend, second, ids["B"], extra_json=measured)
+    seen = "55 % of the travel of OP finds PV standing still (8 % before), probability 0.10 -> 0.99"
+    assert plant.changes(backend).rows[0].because == f"{seen}; more was recorded than before"
     rewrite(backend, first, ids["B"], stiction_probability=0.0004)
     rewrite(backend, second, ids["B"], stiction_probability=0.9996)
     assert "probability under 0.01 -> over 0.99; " in plant.changes(backend).rows[0].because
@@ -263,6 +270,27 @@ def test_the_overview_adds_up(backend: Backend, two_runs: tuple[dict[str, int], 
     assert [unit.unit for unit in seen.units] == ["U1"]
     healths = [loop_health(backend, tag)["health"] for tag in "ABCD"]
     assert seen.health == pytest.approx(sum(healths) / 4)
+
+
+def test_a_loop_without_a_health_moves_no_mean_and_is_sorted_last(
+    backend: Backend, two_runs: tuple[dict[str, int], int]
+) -> None:
+    ids, first = two_runs
+    for loop in ids.values():
+        rewrite(backend, first + 1, loop, health=80.0)
+        rewrite_newest(backend, loop, health=80.0)
+    rewrite(backend, first + 1, ids["A"], health=None)
+    rewrite_newest(backend, ids["A"], health=None)
+    seen = plant.overview(backend)
+    assert (seen.health, seen.units[0].health, seen.units[0].importance) == (80.0, 80.0, 4.0)
+    for sort in ("health", "-health", "-priority"):
+        page = plant.table(backend, 3, sort=sort)
+        last = plant.table(backend, 3, page.next_cursor, sort=sort)
+        assert [row["loop"] for row in [*page.rows, *last.rows]] == ["B", "C", "D", "A"]
+    assert ["A", "U1", 1.0, loop_health(backend, "A")["verdict"], None] in plant.tiles(backend)["loops"]
+    for tag in "BCD":
+        rewrite_newest(backend, ids[tag], health=None)
+    assert (plant.overview(backend).health, plant.overview(backend).units[0].health) == (None, None)
 
 
 def test_the_worst_come_first_by_importance(backend: Backend, add_loops: AddLoops) -> None:

@@ -112,7 +112,10 @@ def test_it_is_not_in_the_work_list_until_it_is_worse(judged: Backend) -> None:
     first = work_list(judged, shelf(judged))[0]
     assert (first.loop, first.step.startswith(STICKS)) == ("A", True)
     assert "(work order WO-17), but by now the valve sticks, and that is to be relied on" in first.facts
+    assert first.facts.count("WO-17") == 1
     assert first.shelved in plant_report(judged)
+    notes.add_note(judged, "A", "ordered again", "WO-18")
+    assert work_list(judged, shelf(judged))[0].facts.endswith("; work order WO-18")
 
 
 def test_the_work_of_a_run_goes_by_what_was_shelved_when_it_began(judged: Backend) -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.engine.evidence import Finding, Outcome
+from app.engine.evidence import Finding, Operator, Outcome
 from app.engine.fitness.config import FitnessConfig
 from app.engine.fitness.signals import (
     at_extremes,
@@ -34,7 +34,7 @@ def not_evaluated(code: str, because: str) -> Finding:
 def check_length(samples: int, config: FitnessConfig) -> Finding:
     enough = samples >= config.min_samples
     text = f"{samples} samples, at least {config.min_samples} are needed"
-    return _finding("too_short", enough, text, samples, config.min_samples, "samples")
+    return _finding("too_short", enough, text, samples, config.min_samples, "samples", ">=")
 
 
 def check_missing(both: BoolArray, interpolated: str | None, config: FitnessConfig) -> Finding:
@@ -79,7 +79,8 @@ def check_flat(name: str, signal: FloatArray, meaning: str, kept: int, config: F
     text = f"{name.upper()} holds one value for {100 * share:.1f} % of the stretch"
     if dead:
         text += f": {meaning}; {kept} samples in a row remain, at least {config.min_samples} are needed"
-    return _finding(f"{name}_flat", not dead or kept >= config.min_samples, text, share, config.flat_share, "share")
+    usable = not dead or kept >= config.min_samples
+    return _finding(f"{name}_flat", usable, text, share, config.flat_share, "share", "<")
 
 
 def check_two_values(op: FloatArray, config: FitnessConfig) -> Finding:
@@ -102,7 +103,7 @@ def check_op_limits(op: FloatArray, op_range: Span | None, two_values: Finding, 
     share = max(float(np.mean(low)), float(np.mean(high)))
     where = "the end of its span" if at_limit else "its own extreme value (the span is not known)"
     text = f"OP stands at {where} for {100 * share:.1f} % of the stretch"
-    return _finding("op_at_limits", share < config.op_limit_share, text, share, config.op_limit_share, "share")
+    return _finding("op_at_limits", share < config.op_limit_share, text, share, config.op_limit_share, "share", "<")
 
 
 def check_sampling(regular: bool, record: UniformRecord) -> Finding:
@@ -117,7 +118,7 @@ def check_sampling(regular: bool, record: UniformRecord) -> Finding:
 def check_filled(record: UniformRecord, config: FitnessConfig) -> Finding:
     share = float(np.mean(record.filled))
     text = f"{100 * share:.1f} % of the samples were filled by interpolation"
-    return _finding("filled", share <= config.max_filled_share, text, share, config.max_filled_share, "share")
+    return _finding("filled", share <= config.max_filled_share, text, share, config.max_filled_share, "share", "<=")
 
 
 def check_levels(name: str, signal: FloatArray, config: FitnessConfig) -> Finding:
@@ -126,7 +127,7 @@ def check_levels(name: str, signal: FloatArray, config: FitnessConfig) -> Findin
         return not_evaluated(f"{name}_quantised", f"{name.upper()} does not move")
     levels = float(np.ptp(signal)) / step
     text = f"the range of {name.upper()} is {levels:.4g} times its least step"
-    return _finding(f"{name}_quantised", levels >= config.min_levels, text, levels, config.min_levels, "steps")
+    return _finding(f"{name}_quantised", levels >= config.min_levels, text, levels, config.min_levels, "steps", ">=")
 
 
 def check_on_line(name: str, signal: FloatArray, config: FitnessConfig) -> Finding:
@@ -135,7 +136,7 @@ def check_on_line(name: str, signal: FloatArray, config: FitnessConfig) -> Findi
     if share > config.max_on_line_share:
         text += ": compressed or interpolated by the historian"
     code = f"{name}_interpolated"
-    return _finding(code, share <= config.max_on_line_share, text, share, config.max_on_line_share, "share")
+    return _finding(code, share <= config.max_on_line_share, text, share, config.max_on_line_share, "share", "<=")
 
 
 def check_samples_per_cycle(oscillation: Oscillation, config: FitnessConfig) -> Finding:
@@ -145,7 +146,7 @@ def check_samples_per_cycle(oscillation: Oscillation, config: FitnessConfig) -> 
         return not_evaluated("samples_per_cycle", "no regular oscillation was found")
     enough = per_cycle >= config.min_samples_per_cycle
     text = f"{per_cycle:.3g} samples a cycle, at least {config.min_samples_per_cycle:g} are needed"
-    return _finding("samples_per_cycle", enough, text, per_cycle, config.min_samples_per_cycle, "samples")
+    return _finding("samples_per_cycle", enough, text, per_cycle, config.min_samples_per_cycle, "samples", ">=")
 
 
 def check_cycles(oscillation: Oscillation, record: UniformRecord, config: FitnessConfig) -> Finding:
@@ -154,7 +155,7 @@ def check_cycles(oscillation: Oscillation, record: UniformRecord, config: Fitnes
         return not_evaluated("few_cycles", "no oscillation was found")
     cycles = record.samples / per_cycle
     text = f"the stretch holds {cycles:.3g} cycles, {config.min_cycles:g} or more can be judged"
-    return _finding("few_cycles", cycles >= config.min_cycles, text, cycles, config.min_cycles, "cycles")
+    return _finding("few_cycles", cycles >= config.min_cycles, text, cycles, config.min_cycles, "cycles", ">=")
 
 
 def check_stored_points(oscillation: Oscillation, record: UniformRecord, config: FitnessConfig) -> Finding:
@@ -167,7 +168,7 @@ def check_stored_points(oscillation: Oscillation, record: UniformRecord, config:
     enough = points >= config.min_stored_points
     if not enough:
         text += f"; below {config.min_stored_points:g} the shape is the historian's"
-    return _finding("stored_points", enough, text, points, config.min_stored_points, "points")
+    return _finding("stored_points", enough, text, points, config.min_stored_points, "points", ">=")
 
 
 def refusals(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
@@ -175,6 +176,15 @@ def refusals(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
     return tuple(finding for finding in findings if finding.outcome == "fail" and finding.code in BLOCKING)
 
 
-def _finding(code: str, passed: bool, text: str, statistic: float, threshold: float | None, unit: str) -> Finding:
+def _finding(
+    code: str,
+    passed: bool,
+    text: str,
+    statistic: float,
+    threshold: float | None,
+    unit: str,
+    operator: Operator | None = None,
+) -> Finding:
     outcome: Outcome = "pass" if passed else "fail"
-    return Finding(code, outcome, text, float(statistic), None if threshold is None else float(threshold), unit)
+    limit = None if threshold is None else float(threshold)
+    return Finding(code, outcome, text, float(statistic), limit, unit, operator)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.engine.evidence import Finding
+from app.engine.evidence import Finding, Measured, Outcome
 from app.engine.oscillation import Oscillation
 from app.engine.quantification.config import QuantificationConfig
 from app.engine.quantification.kernel import residuals
@@ -117,10 +117,12 @@ def _findings(
         ("size_as_sampled", float(as_sampled), 1.0, "PV and OP as they were sampled, not rebuilt by a historian"),
     )
     return (
-        *(_finding(code, text, value, limit, value >= limit) for code, value, limit, text in at_least),
-        _finding("size_width", "log width of the 80 % interval", width, config.most_width, width <= config.most_width),
+        *(_finding(code, text, Measured(value, ">=", limit)) for code, value, limit, text in at_least),
+        _finding("size_width", "log width of the 80 % interval", Measured(width, "<=", config.most_width)),
     )
 
 
-def _finding(code: str, text: str, value: float, limit: float, good: bool) -> Finding:
-    return Finding(code, "pass" if good else "fail", f"{text}: {value:.3g} against {limit:g}", float(value), limit)
+def _finding(code: str, text: str, found: Measured) -> Finding:
+    told = f"{text}: {found.statistic:.3g} against {found.threshold:g}"
+    outcome: Outcome = "pass" if found.passed else "fail"
+    return Finding(code, outcome, told, float(found.statistic), found.threshold, operator=found.operator)

@@ -1,5 +1,6 @@
 """Stiction among its rivals: who wins, who comes second."""
 
+from app.engine.evidence import told_probability
 from app.engine.features import Features
 from app.engine.rivals.rival import Rival
 
@@ -38,9 +39,17 @@ def _stiction(probability: float, features: Features) -> Rival:
     held, linear = features.named("held_sticky"), features.named("held_linear")
     sticky_pct, linear_pct = 100 * max(held, 0.0), 100 * max(linear, 0.0)
     text = (
-        f"probability {probability:.2f}; fitted on one half of each window and run freely on the other a sticky valve "
-        f"explains {sticky_pct:.0f} % of PV, a linear one {linear_pct:.0f} %"
+        f"probability {told_probability(probability)}; fitted on one half of each window and run freely on the other a "
+        f"sticky valve explains {sticky_pct:.0f} % of PV, a linear one {linear_pct:.0f} %"
     )
     if probability > _STANDS and sticky_pct <= linear_pct:
         text += ": it is the shapes of PV and OP that speak for it, not this fit"
-    return Rival(STICTION, probability, text, statistic=probability, threshold=_STANDS, explained=held)
+    return Rival(
+        STICTION,
+        probability,
+        text,
+        statistic=probability,
+        threshold=_STANDS,
+        explained=held,
+        explained_without_stiction=linear,
+    )

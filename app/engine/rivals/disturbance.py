@@ -52,7 +52,8 @@ def load_disturbance(scene: Scene) -> Rival:
         f"OP is in line with PV by {_in_line(scene):.2f}, as a controller passes a disturbance on, and even where it "
         f"was fitted a sticky valve explains {100 * follows:.0f} % of PV from OP"
     )
-    return Rival("disturbance", max(_in_line(scene), unexplained), text, statistic=follows, threshold=UNEXPLAINED)
+    strength = max(_in_line(scene), unexplained)
+    return Rival("disturbance", strength, text, statistic=follows, operator="<=", threshold=UNEXPLAINED)
 
 
 def _load_steps(seen: Jumps) -> Rival:
@@ -70,7 +71,12 @@ def no_oscillation(scene: Scene) -> Rival:
     strength = 0.7 - oscillation.strength if not oscillation.regular else 0.4 - oscillation.strength
     text = f"the oscillation has strength {oscillation.strength:.2f} and regularity {oscillation.regularity:.2f}"
     return Rival(
-        "no_oscillation", float(np.clip(strength, 0.0, 1.0)), text, statistic=oscillation.strength, threshold=0.2
+        "no_oscillation",
+        float(np.clip(strength, 0.0, 1.0)),
+        text,
+        statistic=oscillation.strength,
+        operator="<=",
+        threshold=0.2,
     )
 
 

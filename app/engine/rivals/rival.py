@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from app.engine.evidence import Operator
+
 
 @dataclass(frozen=True)
 class Rival:
@@ -11,9 +13,11 @@ class Rival:
     counts: log-odds that it takes from stiction where it stands out; 0 where the shapes already say so.
     text: what was seen, in words.
     applies: False where its assumptions do not hold; `text` then says why, and the strength is 0.
-    statistic, threshold: what was measured and from where on it stands out; None where several were weighed.
+    statistic, threshold: what was measured and from where on it speaks for it; None where several were weighed.
+    operator: how the statistic then stands to the threshold.
     explained: share of the variance of PV that the fitted explanation gives in free run on cycles that the fit has not
     seen; None where nothing was fitted. Comparable between explanations.
+    explained_without_stiction: of stiction, the same by a valve that follows OP; None of all others.
     """
 
     cause: str
@@ -24,6 +28,8 @@ class Rival:
     statistic: float | None = None
     threshold: float | None = None
     explained: float | None = None
+    operator: Operator = ">="
+    explained_without_stiction: float | None = None
 
     @property
     def stands_out(self) -> bool:

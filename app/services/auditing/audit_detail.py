@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from app.engine.audit import Audit
+from app.engine.corroborate import Corroboration
 from app.engine.hammerstein import OneParameterResult, TwoParameterResult
 from app.engine.reliability import Rung
 from app.services.auditing.audit_line import episode_line, rival_line, space_of
@@ -27,12 +28,19 @@ def detail(audit: Audit) -> dict[str, Any]:
         "health": [vars(part) for part in audit.health.parts],
         "oscillation": None if audit.oscillation is None else scalars(vars(audit.oscillation)),
         "rivals": [rival_line(rival).model_dump() for rival in audit.judgement.rivals],
+        "methods": [_method(method) for method in audit.judgement.methods],
         "episodes": [episode_line(episode).model_dump() for episode in audit.episodes.found],
         "episode_windows": [scalars(vars(window)) for window in audit.episodes.windows],
         "rungs": [] if reference is None else [_rung(rung) for rung in reference.rungs],
         "spectra": None if reference is None else spectra(reference.yper),
         "stiction_size": None if audit.stiction_size is None else stiction_size_detail(audit.stiction_size),
     }
+
+
+def _method(method: Corroboration) -> dict[str, Any]:
+    """What a published method says beside the verdict; its sentence and its source are the engine's."""
+    told = ("method", "applies", "why_not", "statistic", "threshold", "says")
+    return scalars({name: getattr(method, name) for name in told})
 
 
 def _finding(finding: Any) -> dict[str, Any]:

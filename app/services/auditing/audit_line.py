@@ -6,6 +6,7 @@ from typing import Any
 
 from app.engine.audit import Audit
 from app.engine.episodes import Episode
+from app.engine.evidence import Reason
 from app.engine.fitness.signals import set_point_activity
 from app.engine.reliability import Rung
 from app.engine.rivals import Rival, runner_up, winner
@@ -44,7 +45,7 @@ def audit_line(audit: Audit, elapsed_s: float, loop: str | None = None) -> dict[
         verdict=judgement.verdict,
         stiction_probability=number(judgement.stiction_probability),
         reliability=judgement.reliability,
-        reasons=[ReasonLine(code=reason.code, text=reason.text) for reason in judgement.reasons],
+        reasons=[reason_line(reason) for reason in judgement.reasons],
         yper_pct=None if reference is None else number(reference.yper.yper_pct),
         yper_raw_pct=None if reference is None else number(reference.yper_raw.yper_pct),
         table2_reading=None if reference is None else reference.reading,
@@ -58,6 +59,7 @@ def audit_line(audit: Audit, elapsed_s: float, loop: str | None = None) -> dict[
         oscillation_regularity=None if oscillation is None else number(oscillation.regularity),
         oscillation_strength=None if oscillation is None else number(oscillation.strength),
         health=audit.health.value,
+        health_not_evaluated=audit.health.not_evaluated,
         health_parts=[HealthPartLine(**vars(part)) for part in audit.health.parts],
         window_start_s=None if window is None else window.start_s,
         window_end_s=None if window is None else window.end_s,
@@ -147,9 +149,19 @@ def _code(rival: Rival | None) -> str | None:
     return None if rival is None else rival.cause
 
 
+def reason_line(reason: Reason) -> ReasonLine:
+    found = reason.measured
+    if found is None or number(found.statistic) is None or number(found.threshold) is None:
+        return ReasonLine(code=reason.code, text=reason.text)
+    measured = {"statistic": number(found.statistic), "operator": found.operator, "threshold": number(found.threshold)}
+    return ReasonLine(code=reason.code, text=reason.text, passed=bool(found.passed), **measured)
+
+
 def rival_line(rival: Rival) -> RivalLine:
-    numbers = {name: number(getattr(rival, name)) for name in ("statistic", "threshold", "explained")}
-    return RivalLine(code=rival.cause, score=rival.strength, text=rival.text, applies=rival.applies, **numbers)
+    measured = ("statistic", "threshold", "explained", "explained_without_stiction")
+    numbers = {name: number(getattr(rival, name)) for name in measured}
+    told = {"code": rival.cause, "score": rival.strength, "text": rival.text, "applies": rival.applies}
+    return RivalLine(**told, operator=rival.operator, **numbers)
 
 
 def episode_line(episode: Episode) -> EpisodeLine:

@@ -16,6 +16,16 @@ class ReasonLine(BaseModel):
 
     code: str = Field(description="Stable code of the reason.")
     text: str = Field(description="The reason as a sentence for an engineer.")
+    statistic: float | None = Field(None, description="What was measured; null: no one figure decides.")
+    operator: Literal["<", "<=", ">", ">="] | None = Field(
+        None, description="How the statistic was held against the threshold."
+    )
+    threshold: float | None = Field(None, description="What the statistic was held against.")
+    passed: bool | None = Field(
+        None,
+        description="Whether `statistic operator threshold` holds. Of a shape: it speaks for stiction; of another "
+        "cause: it stands out; of all else: what a reliable verdict needs is there.",
+    )
 
 
 class HammersteinLine(BaseModel):
@@ -45,8 +55,12 @@ class RivalLine(BaseModel):
     applies: bool = Field(description="Whether its assumptions hold for this record.")
     statistic: float | None = Field(description="What was measured; null where it was not evaluated.")
     threshold: float | None = Field(description="From where on the statistic speaks for it.")
+    operator: Literal["<", "<=", ">", ">="] = Field(">=", description="How the statistic then stands to the threshold.")
     explained: float | None = Field(
         description="Share of PV's variance explained in free run on cycles not fitted; null: nothing fitted."
+    )
+    explained_without_stiction: float | None = Field(
+        None, description="Of stiction: the same by a valve that follows OP; null: of all others."
     )
 
 
@@ -95,7 +109,9 @@ class AuditFields(BaseModel):
         None, description="Strength of the oscillation: how far it repeats itself after a period, 0 to 1."
     )
     health: float | None = Field(
-        None, description="Health of the loop, 0 to 100; what each part takes off is in health_parts."
+        None,
+        description="Health of the loop, 0 to 100; what each part takes off is in health_parts. Null: too little was "
+        "measured to say anything, good or bad; health_not_evaluated says what.",
     )
     filled_share: float | None = Field(description="Share of the audited samples that were interpolated, 0 to 1.")
     rival_winner: str | None = Field(
@@ -127,6 +143,7 @@ class AuditFields(BaseModel):
         description="SHA-256 of what was judged: samples, spans, whether the process integrates."
     )
     config_fingerprint: str = Field(description="SHA-256 of the configuration of the audit.")
+    health_not_evaluated: str | None = Field(None, description="Why there is no health; null: there is one.")
 
 
 class HealthPartLine(BaseModel):

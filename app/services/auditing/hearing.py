@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from app.engine.cascades import Cascade, cascades
+from app.engine.evidence import told_probability
 from app.engine.excerpts import Excerpts
 from app.engine.health import HealthPart, doubted_health
 from app.engine.plant_wide import Candidate, Group, Suspect, groups
+from app.services.auditing.audit_models import ReasonLine
 from app.services.wording import RELIABILITY_BRIEF, VERDICT_WORDS
 
 SHAKEN_BY_NEIGHBOUR = "shaken_by_neighbour"
@@ -144,7 +146,8 @@ def reworded(heard: Heard, line: Mapping[str, Any]) -> dict[str, Any]:
         if reliability == "reliable":
             doubted = doubted_health([HealthPart(**part) for part in parts], line["stiction_probability"])
             health, parts = doubted.value, [vars(part) for part in doubted.parts]
-        reliability, reasons = "not_reliable", [{"code": heard.doubt.code, "text": heard.doubt.text}, *reasons]
+        doubt = ReasonLine(code=heard.doubt.code, text=heard.doubt.text)
+        reliability, reasons = "not_reliable", [doubt.model_dump(), *reasons]
     return {
         "reliability": reliability,
         "reasons": reasons,
@@ -172,7 +175,7 @@ def neighbour_text(shaken: Suspect, source: Suspect) -> str:
     why = "is likelier to stick" if sticks >= probability else "is likely to stick too and whose swing began sooner"
     return (
         f"PV swings in step with {source.tag} (coherence {shaken.coherence:.2f}), whose valve {why} "
-        f"({sticks:.2f} against {probability:.2f}) and may be what shakes this loop"
+        f"({told_probability(sticks)} against {told_probability(probability)}) and may be what shakes this loop"
     )
 
 

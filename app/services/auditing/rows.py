@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from types import MappingProxyType
 from typing import Any
@@ -16,7 +16,7 @@ from app.services.auditing.audit_line import audit_line, reliability_row
 from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow
 from app.services.auditing.dating import dated, instant
 from app.services.moments import PlantClock, epoch_ms, iso_utc, moment_of
-from app.storage.json_texts import short_json
+from app.storage.json_texts import check_finite, short_json, stored_json
 from app.storage.tables import verdicts
 from app.storage.verdicts import NewVerdict, pack_detail
 
@@ -25,6 +25,9 @@ TIMES = ("window_start", "window_end", "audited_at")
 TIMES_MS = tuple(f"{name}_ms" for name in TIMES)
 OF_LOOP = ("recording", "loop", "unit")
 KEY_FIGURES = "key_figures"
+MEASURED = "measured"
+"""By code what the reasons of a verdict rest on: statistic, operator, threshold. Kept with the row, which outlives its
+detail, so that two verdicts can be compared."""
 HELD_SINCE = "held_since"
 STATED, STATED_OF_LOOP = "stated", ("op_range", "pv_range", "integrating")
 """What the verdict took of the loop beside its samples: kept with it, because it may be stated otherwise later."""
@@ -68,16 +71,24 @@ def new_verdict(
     told = {**detail(audit), "reasons": line["reasons"], "episodes": line["episodes"], HELD_SINCE: held}
     told[STATED] = {name: getattr(recording, name) for name in STATED_OF_LOOP}
     stored = columns | extra | {"tag": audit.recording, "audit_id": audit_id}
-    columns["extra_json"] = compact({**extra, KEY_FIGURES: told[KEY_FIGURES]})
+    kept_with_row = {**extra, KEY_FIGURES: told[KEY_FIGURES], MEASURED: _measured(line["reasons"])}
+    columns["extra_json"] = short_json(kept_with_row).decode()
     swing = None if audit.swing is None else swings.as_json(audit.swing, origin.timestamp())
-    figures = compact(told[KEY_FIGURES])
+    figures = short_json(told[KEY_FIGURES]).decode()
+    check_finite(row)
     fixed = fixed_part(as_row(stored))
     compared = None if kept is None else excerpts.as_json(kept)
     return NewVerdict(loop_id, audit_id, columns, pack_detail(told), fixed, figures, FORM, swing, compared)
 
 
+def _measured(reasons: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
+    told = {reason["code"]: [reason[name] for name in ("statistic", "operator", "threshold")] for reason in reasons}
+    return {code: measured for code, measured in told.items() if None not in measured}
+
+
 def compact(value: Any) -> str:
-    return short_json(value).decode()
+    """Of what is stored, too."""
+    return stored_json(value).decode()
 
 
 def fixed_part(row: dict[str, Any]) -> str:

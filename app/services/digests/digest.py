@@ -23,7 +23,7 @@ from app.services.plant.overview import change_of, nothing_worst
 from app.services.plant.repaired import RepairView, repairs
 from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.work_list import Work, work_list
-from app.services.rendering import document, figure
+from app.services.rendering import document
 from app.services.results import AuditView, ChangeView
 from app.services.wording import (
     CHANGE_WORDS,
@@ -33,6 +33,7 @@ from app.services.wording import (
     brief,
     cause_words,
     codes_of,
+    health,
     probability,
 )
 from app.storage import digests, notes, plant
@@ -146,7 +147,8 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
     if not run.ended:
         raise RequestError("run_goes_on", f"the run {run.id} has not ended yet: {run.open} loops are open")
     number, began = identifier(audit_id), datetime.fromisoformat(run.created_at)
-    since_ns = arrivals(backend, number, began).current_ns
+    reach = arrivals(backend, number, began)
+    since_ns = reach.current_ns
     shelved = shelf(backend, number, began)
     with backend.database.read() as connection:
         counted = digests.counts_of(connection, number)
@@ -184,7 +186,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         verdicts=dict(verdicts),
         refused=dict(refused.most_common()),
         refused_loops=refused_loops,
-        arrivals=of_run(backend, number, began),
+        arrivals=of_run(backend, number, reach),
         work=work_list(backend, shelved, number, since_ns, notes_until=notes_until),
         areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
         old=[replace(loop_of(row), recorded_to=iso_utc(moment_of(row.input_end_ns))) for row in old],
@@ -312,7 +314,7 @@ def _refused(digest: Digest) -> list[str]:
 
 def _loop_lines(place: int, loop: DigestLoop) -> list[str]:
     told = f"{VERDICT_WORDS[loop.verdict]} ({loop.told})"
-    head = f"  {place}. {_line(loop.loop)}: {told}, health {figure(loop.health, 0)}"
+    head = f"  {place}. {_line(loop.loop)}: {told}, health {health(loop.health)}"
     of_time = [f"     {loop.judged}"] if loop.judged else []
     shelved = [f"     {loop.shelved}"] if loop.shelved else []
     return [head, *of_time, *shelved, f"     {_line(loop.why)}", *([f"     {loop.address}"] if loop.address else [])]

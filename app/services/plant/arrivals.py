@@ -45,6 +45,13 @@ class Arrivals:
         return self.recorded_to is not None and self.age >= LATE
 
 
+def current_ns(backend: Backend) -> int | None:
+    """`Arrivals.current_ns` of all that is stored, as it is now: of one loop's page nothing else is asked."""
+    with backend.database.read() as connection:
+        newest_ns = stored.newest(connection, DATED_NS, ns_of(datetime.now(UTC) + AHEAD))
+    return None if newest_ns is None else newest_ns - ns_of(EPOCH + LATE)
+
+
 def arrivals(backend: Backend, audit_id: int | None = None, at: datetime | None = None) -> Arrivals:
     """Of all that is stored, as it is now; or of what a run was given that began `at`."""
     at = at or datetime.now(UTC)
@@ -90,9 +97,8 @@ def _listed(named: tuple[tuple[str, str], ...], count: int, clock: PlantClock | 
     return f"{shown} and {count - len(named)} more" if count > len(named) else shown
 
 
-def of_run(backend: Backend, audit_id: int, at: datetime) -> list[str]:
-    """The same of a run that began `at`, whenever it is asked for."""
-    found = arrivals(backend, audit_id, at)
+def of_run(backend: Backend, audit_id: int, found: Arrivals) -> list[str]:
+    """The same of a run, whenever it is asked for. found: `arrivals` of what it was given."""
     return [*sentences(found, backend.clock, "before the run"), *nothing_new(backend, audit_id)]
 
 

@@ -10,7 +10,7 @@ from app.services.moments import PlantClock
 from app.services.plant.loops import verdict_detail
 from app.services.plant.notes import Repair
 from app.services.rendering import figure
-from app.services.wording import VERDICT_WORDS, probability, rely
+from app.services.wording import VERDICT_WORDS, health, probability, rely
 
 NONE = "–"
 NOT_TOLD = "the record does not tell"
@@ -49,7 +49,7 @@ def _told(row: Told | None, clock: PlantClock, pv_unit: str) -> dict[str, str]:
         "Audited window": _window(row, clock),
         "Probability of stiction": probability(row["stiction_probability"]),
         "Size of stiction S, units of OP (95 % interval)": _size(row),
-        "Health, of 100": figure(row["health"], 0),
+        "Health, of 100": health(row["health"]),
         f"Control error SP - PV, standard deviation, {pv_unit}": _three(row.get("error_std")),
         "Travel of OP an hour, units of OP": figure(row.get("op_travel_per_h"), 1),
         "Reversals of OP an hour": figure(row.get("op_reversals_per_h"), 1),

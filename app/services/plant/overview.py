@@ -256,9 +256,9 @@ def _unit(unit: str | None, rows: list[Any]) -> UnitView:
 
 
 def _mean_health(rows: list[Any]) -> float | None:
-    """Weighted by importance; loops whose verdict has no health yet are left out."""
+    """Weighted by importance; loops whose verdict has no health are left out."""
     told = [row for row in rows if row.weighted_health is not None]
-    weight = sum(row.importance for row in told)
+    weight = sum(row.weight for row in told)
     return sum(row.weighted_health for row in told) / weight if weight else None
 
 

@@ -12,7 +12,7 @@ from app.services.moments import PlantClock
 from app.services.plant.judged import Judged, judged
 from app.services.plant.nights import NIGHTS, Night, nights
 from app.services.plant.overview import not_shelved
-from app.services.plant.shelving import Shelf
+from app.services.plant.shelving import Shelf, Shelved
 from app.services.wording import UNANSWERED, VERDICT_WORDS, brief, codes_of, looked_at_today
 from app.storage.verdicts import RowFilter
 
@@ -61,7 +61,8 @@ def work_list(
         rows = not_shelved(backend, limit, wanted, shelved, notes_until) if limit else []
         tags = [row["loop"] for row in rows]
         last, of_time = nights(backend, tags, audit_id), judged(backend, tags, audit_id)
-        return [_work(row, last.get(row["loop"], ()), of_time.get(row["loop"]), backend.clock) for row in rows]
+        told = [(row, last.get(row["loop"], ()), of_time.get(row["loop"])) for row in rows]
+        return [_work(*one, shelved.of(one[0]["loop"]), backend.clock) for one in told]
 
     today = listed(LOOKED_AT, verdict=("inconclusive", "not_auditable"), likely_cause=UNANSWERED)
     work = sorted(today, key=lambda one: one.since, reverse=True)[: min(MOST_TODAY, most)]
@@ -70,8 +71,12 @@ def work_list(
     return work
 
 
-def _work(row: Mapping[str, Any], last: Sequence[Night], of_time: Judged | None, clock: PlantClock) -> Work:
-    written = [f"work order {row['work_order']}"] if row["work_order"] else []
+def _work(
+    row: Mapping[str, Any], last: Sequence[Night], of_time: Judged | None, shelved: Shelved | None, clock: PlantClock
+) -> Work:
+    # What is said of a shelving names the order that it was shelved with.
+    told = shelved is not None and shelved.work_order == row["work_order"]
+    written = [f"work order {row['work_order']}"] if row["work_order"] and not told else []
     written += [f"repaired {clock.short(row['repaired_at'])}"] if row["repaired_at"] else []
     return Work(
         loop=row["loop"],

@@ -8,7 +8,7 @@ const INK = (health) => (health < 20 ? "#ffffff" : "#000000"); // of the two the
 const LIGHT = 0.001; // so that a loop of no importance can be seen
 const safe = (text) => text.replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll(">", "&gt;");
 const WHOLE = new Intl.NumberFormat("en", { maximumFractionDigits: 0, roundingMode: "halfEven" }); // as the tables round: 38.5 is 38
-const known = (health) => (health === null ? "not known" : WHOLE.format(health));
+const known = (health) => (health === null ? "not evaluated" : WHOLE.format(health));
 const key = (unit) => `u:${unit ?? ""}`;
 
 function nodes(units, loops) {
@@ -24,16 +24,17 @@ function nodes(units, loops) {
     mine.share += weight; mine.shown += 1;
     add(`l:${tag}`, tag, key(unit), weight, health, `${WORDS[verdict]}<br>health ${known(health)}`);
   }
-  let total = 0, weighed = 0;
+  let total = 0, weighed = 0, judged = 0;
   for (const [name, count, , health] of units) {
     const { weight, share, shown } = rest.get(key(name));
     const others = count - shown;
     if (others > 0) add(`o:${name ?? ""}`, `${others} others`, key(name), Math.max(weight - share, LIGHT), health, "healthier ones");
     const sum = others > 0 ? share + Math.max(weight - share, LIGHT) : share;
     add(key(name), name ?? "no unit named", "plant", sum, health, `${count} loops<br>health ${known(health)}`);
-    total += sum; weighed += sum * (health ?? 50);
+    total += sum;
+    if (health !== null) { judged += sum; weighed += sum * health; }
   }
-  add("plant", "Plant", "", total, weighed / total, `${units.reduce((sum, unit) => sum + unit[1], 0)} loops`);
+  add("plant", "Plant", "", total, judged ? weighed / judged : null, `${units.reduce((sum, unit) => sum + unit[1], 0)} loops`);
   return found;
 }
 

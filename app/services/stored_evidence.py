@@ -1,0 +1,104 @@
+"""What stored verdicts measured, as data; where an older release kept it in its sentences alone, read out of these.
+
+Nobody else reads numbers out of sentences.
+"""
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from app.engine.evidence import Measured
+from app.engine.verdict_wording import figure, is_spoken, sentence
+from app.services.auditing.rows import MEASURED
+
+SHAPE = "shape_"
+
+_FIT = re.compile(r"a sticky valve explains (-?\d+) % of PV, a linear one (-?\d+) %")
+_VOTE = re.compile(r"(\d+|none) says? (no stiction|stiction)")
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?: %)?")
+"""As engines up to 1.0.0 worded them, whose figures were kept nowhere else."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What a verdict says of one shape of PV and OP. figure: its value as its sentence tells it; value: the same as a
+    number, shares as they are; both None where the sentence tells none."""
+
+    text: str
+    figure: str | None
+    value: float | None
+
+
+@dataclass(frozen=True)
+class Explained:
+    """Of PV in free run on cycles that no fit has seen, by a valve that sticks and by one that follows, in whole per
+    cent."""
+
+    sticky_pct: int
+    linear_pct: int
+
+
+@dataclass(frozen=True)
+class Votes:
+    """How many of the published methods that apply say each."""
+
+    sticks: int
+    free: int
+
+
+def shapes(codes: str | None, text: str | None, extra_json: str | None) -> dict[str, Shape]:
+    """By code, the loudest first. codes, text, extra_json: of a stored verdict."""
+    measured = json.loads(extra_json or "{}").get(MEASURED)
+    if measured is None:
+        return _shapes_of_sentences(codes, text)
+    named = [code for code in (codes or "").split(";") if code.startswith(SHAPE) and code in measured]
+    told = {code: _shape(code.removeprefix(SHAPE), Measured(*measured[code])) for code in named}
+    return {code: shape for code, shape in told.items() if shape is not None}
+
+
+def explained(rival: Mapping[str, Any]) -> Explained | None:
+    """rival: stiction among its rivals, as a verdict's detail has it; None where no valve could be fitted."""
+    if "explained_without_stiction" not in rival:
+        told = _FIT.search(rival["text"])
+        return Explained(int(told[1]), int(told[2])) if told else None
+    shares = rival["explained"], rival["explained_without_stiction"]
+    return None if None in shares else Explained(*(round(100.0 * max(share, 0.0)) for share in shares))
+
+
+def votes(detail: Mapping[str, Any]) -> Votes | None:
+    """None where no published method applies."""
+    if "methods" not in detail:
+        return _votes_of_sentence(detail)
+    said = [method["says"] for method in detail["methods"] if method["applies"]]
+    return Votes(said.count("stiction"), said.count("no_stiction")) if said else None
+
+
+def _shape(name: str, found: Measured) -> Shape | None:
+    """None of a shape that this release has no words for any more."""
+    if not is_spoken(name, found.passed):
+        return None
+    told = figure(name, found.statistic)
+    return Shape(sentence(name, found.passed, found.statistic), told, None if told is None else found.statistic)
+
+
+def _shapes_of_sentences(codes: str | None, text: str | None) -> dict[str, Shape]:
+    """Nothing where the sentences cannot be told apart."""
+    named, told = (codes or "").split(";"), (text or "").split(". ")
+    found = zip(named, told, strict=True) if len(named) == len(told) else ()
+    return {code: _shape_of_sentence(sentence) for code, sentence in found if code.startswith(SHAPE)}
+
+
+def _shape_of_sentence(text: str) -> Shape:
+    found = _NUMBER.search(text)
+    if found is None:
+        return Shape(text, None, None)
+    share = found[0].endswith("%")
+    return Shape(text, found[0], float(found[0].removesuffix(" %")) / (100.0 if share else 1.0))
+
+
+def _votes_of_sentence(detail: Mapping[str, Any]) -> Votes | None:
+    text = next((reason["text"] for reason in detail["reasons"] if reason["code"] == "published_methods"), "")
+    counted = {side: 0 if count == "none" else int(count) for count, side in _VOTE.findall(text)}
+    return Votes(counted.get("stiction", 0), counted.get("no stiction", 0)) if counted else None

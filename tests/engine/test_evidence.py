@@ -1,0 +1,29 @@
+"""Evidence is data: a statistic, an operator, a threshold, and whether it holds."""
+
+import pytest
+
+from app.engine.evidence import Finding, Measured, Reason, reason_of
+from app.engine.verdict_wording import figure
+
+
+@pytest.mark.parametrize(
+    ("operator", "below", "at", "above"),
+    [("<", True, False, False), ("<=", True, True, False), (">", False, False, True), (">=", False, True, True)],
+)
+def test_what_is_measured_holds_or_not(operator, below, at, above):
+    assert [Measured(value, operator, 5.0).passed for value in (4.9, 5.0, 5.1)] == [below, at, above]
+
+
+def test_a_finding_keeps_its_figures_as_a_reason():
+    short = Finding("too_short", "fail", "90 samples", 90.0, 100.0, "samples", ">=")
+    assert reason_of(short) == Reason("too_short", "90 samples", Measured(90.0, ">=", 100.0))
+    weighed = Finding("gaps", "fail", "two holes", 2.0, None, "holes")
+    assert reason_of(weighed) == Reason("gaps", "two holes", None)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [("sticking", 0.6, "60 %"), ("gain", -0.123, "-0.12"), ("pv_quantum", 0.0234, "0.023"), ("op_triangle", 0.4, None)],
+)
+def test_a_value_is_told_as_the_sentences_of_its_feature_tell_it(name, value, told):
+    assert figure(name, value) == told

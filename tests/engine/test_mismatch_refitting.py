@@ -1,0 +1,39 @@
+"""The simulation's own parameters are asked for only where they are further off than they are trusted."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from app.engine.mismatch.refitting import OFF_BY, further_off
+
+
+def told(gain=1.0, time=1.0, late=1.0, theta=10.0, interval_s=1.0) -> bool:
+    context = SimpleNamespace(
+        plant=SimpleNamespace(theta=theta), record=SimpleNamespace(sampling_interval_s=interval_s)
+    )
+    return further_off((gain, time, late), context)
+
+
+@pytest.mark.parametrize("name", ["gain", "time"])
+def test_a_factor_is_further_off_from_fifteen_per_cent_on_to_either_side(name):
+    assert not told(**{name: 1.0})
+    assert not told(**{name: 1.149})
+    assert told(**{name: OFF_BY})
+    assert not told(**{name: 0.8697})
+    assert told(**{name: 1.0 / OFF_BY})
+
+
+def test_one_factor_that_is_off_is_enough():
+    assert told(gain=2.0, time=1.0)
+    assert told(gain=1.0, time=0.5)
+
+
+def test_a_dead_time_is_shorter_by_more_than_fifteen_per_cent_of_it():
+    assert not told(late=0.86)
+    assert told(late=0.84)
+
+
+def test_a_dead_time_is_shorter_by_more_than_a_sample():
+    assert not told(late=0.71, interval_s=3.0)
+    assert told(late=0.69, interval_s=3.0)
+    assert not told(late=0.0, theta=1.0, interval_s=1.0)

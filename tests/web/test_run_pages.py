@@ -1,0 +1,36 @@
+"""The pages of runs: who started them, and how one is called off."""
+
+from app.services.auditing.chunks import audit_chunk
+from app.services.auditing.nightly import nightly
+from tests.web.conftest import seen
+
+
+def test_a_run_is_cancelled_from_its_page_while_it_goes_on(client):
+    address = client.post("/runs").headers["location"]
+    button = f'<form method="post" action="{address}/cancel">'
+    assert button in client.get(address).text
+    assert client.post(f"{address}/cancel").headers["location"] == address
+    ended = client.get(address).text
+    assert '<b id="state">cancelled</b>' in ended
+    assert button not in ended
+    late = client.post("/runs/1/cancel", headers={"Accept": "text/html"})
+    assert late.status_code == 409
+    assert "It is too late for that" in late.text
+
+
+def test_runs_say_who_started_them_in_the_words_of_the_trail(client, web_backend):
+    run = client.post("/v1/audits", json={"tags": ["FIC101"]}).json()
+    again = client.post("/loops/FIC101/audit").headers["location"]
+    whole = client.post("/runs").headers["location"]
+    who = client.get("/v1/trail?action=audit.start").json()["rows"][0]["who"]
+    assert run["started_by"] == who == "anyone on this machine"
+    for address in (f"/runs/{run['id']}", again, whole):
+        assert "by anyone on this machine" in " ".join(client.get(address).text.split())
+    night = nightly(web_backend)
+    assert night.started_by == "schedule"
+    assert "by the nightly schedule" in client.get(f"/runs/{night.id}").text
+    assert " by " not in client.get("/runs/1").text.partition("</p>")[0].partition("Started")[2]
+    texts = seen(client, "/runs").texts
+    assert {"anyone on this machine", "the nightly schedule", "not known"} <= set(texts)
+    for ended in (run["id"], again.rpartition("/")[2], whole.rpartition("/")[2], night.id):
+        audit_chunk(web_backend, int(ended), "test")

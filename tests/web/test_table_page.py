@@ -1,0 +1,75 @@
+"""The page of the reliability table: sorted, filtered, with columns to choose, and exported."""
+
+import pytest
+from sqlalchemy import select, update
+
+from app.storage.tables import loops as stored_loops
+from app.web.columns import COLUMNS, OF_PAGES
+from tests.web.conftest import seen
+
+
+def test_the_table_is_filtered_sorted_and_shows_the_columns_that_were_chosen(client):
+    found = seen(client, "/table?search=fic&column=yper_pct&sort=loop")
+    assert "/loops/FIC101" in found.links
+    assert "/loops/LIC7" not in found.links
+    assert "Yper, %" in found.texts
+    assert "/v1/reliability?search=fic&sort=loop&format=csv&limit=20000" in found.links
+    assert client.get("/v1/reliability?search=fic&sort=loop&format=csv&limit=20000").text.count("\n") == 2
+
+
+def test_columns_without_an_order_have_no_link(client):
+    html = client.get("/table?column=stiction_S&column=health").text
+    assert '<th scope="col" class="number">Size S, units of OP</th>' in html
+    assert "sort=stiction_S" not in html
+    assert "sort=health" in html
+
+
+def test_what_is_seen_of_the_table_can_be_exported(client):
+    links = seen(client, "/table?search=fic&column=yper_pct&column=verdict&sort=-yper_pct").links
+    as_seen = next(link for link in links if "columns=" in link)
+    lines = client.get(as_seen).text.splitlines()
+    assert lines[0] == "loop,yper_pct,verdict"
+    assert len(lines) == 2
+    assert lines[1].startswith("FIC101,")
+
+
+def test_every_column_of_the_table_can_be_exported(client):
+    sent = [name for name in COLUMNS if name not in OF_PAGES]
+    answer = client.get(f"/v1/reliability?format=csv&columns={','.join(sent)}")
+    assert answer.text.splitlines()[0] == ",".join(sent)
+    one = client.get("/v1/reliability?format=csv&columns=loop,importance,type,priority&search=LIC7").text.splitlines()[
+        1
+    ]
+    assert one.startswith("LIC7,1.0,,")
+    assert float(one.rpartition(",")[2]) > 0
+
+
+@pytest.mark.parametrize("query", ["sort=nonsense", "cursor=nonsense"])
+def test_a_table_that_there_is_not_is_refused_in_words(client, query):
+    assert client.get(f"/table?{query}").status_code in (400, 422)
+
+
+def test_columns_that_there_are_not_are_left_out(client):
+    assert "Verdict" in seen(client, "/table?column=nonsense").texts
+
+
+def test_the_table_has_what_to_do_and_the_work_order_for_who_asks(client):
+    client.post("/v1/loops/FIC101/notes", json={"work_order": "WO-7"}).raise_for_status()
+    shown = client.get("/table?column=next_step&column=work_order&column=repaired_at&search=FIC101").text
+    assert "WO-7" in shown
+    assert "What to do" in shown
+    assert "columns=loop&amp;" in shown
+
+
+def test_the_table_says_of_an_undated_record_that_it_has_no_date(client, web_backend):
+    of_it = update(stored_loops).where(stored_loops.c.tag == "LIC7")
+    with web_backend.database.write() as connection:
+        known = connection.scalar(select(stored_loops.c.newest_ns).where(stored_loops.c.tag == "LIC7"))
+        connection.execute(of_it.values(newest_ns=2_995 * 10**9))
+    try:
+        page = client.get("/table?column=recorded_to&search=LIC7").text
+    finally:
+        with web_backend.database.write() as connection:
+            connection.execute(of_it.values(newest_ns=known))
+    assert 'data-label="Recorded until">no date' in page
+    assert "1970" not in page

@@ -1,0 +1,93 @@
+"""The pages of uploads: what was understood, what was refused, and a mapping that is corrected."""
+
+import pytest
+
+from app.services.auditing.audits import cancel_audit, list_audits
+from app.services.intake.reading import read_upload
+from app.services.intake.uploads import list_uploads
+from app.storage import uploads as stored_uploads
+from tests.web.conftest import seen
+
+
+def test_the_loops_of_an_upload_are_audited_from_its_page(client, web_backend):
+    found = seen(client, "/uploads/1")
+    assert "Audit these 3 loops now" in found.texts
+    answer = client.post("/uploads/1/audit")
+    assert answer.status_code == 303
+    run = list_audits(web_backend).rows[0]
+    assert answer.headers["location"] == f"/runs/{run.id}"
+    assert run.total == 3
+    cancel_audit(web_backend, run.id)
+
+
+def test_an_upload_shows_its_tags_and_what_was_refused(client):
+    found = seen(client, "/uploads/1")
+    assert "<i>plant.csv" in found.texts
+    assert "FIC101.PV" in found.texts
+    assert any("Bad <b>Input</b>" in text for text in found.texts)
+
+
+def test_an_upload_that_waits_for_room_says_so_on_its_page_and_in_the_list(client, web_backend):
+    answer = client.post("/v1/uploads", content=b"time,FIC9.PV,FIC9.OP\n0,1,2\n1,2,3\n").json()
+    assert (answer["state"], answer["waits_for_room_since"]) == ("received", None)
+    assert "no room" not in client.get(f"/uploads/{answer['id']}").text
+    with web_backend.database.write() as connection:
+        claim = stored_uploads.claim(connection, int(answer["id"]), "test", 40.0, 1)
+        stored_uploads.wait_for_room(connection, claim, 20.0)
+    since = client.get(f"/v1/uploads/{answer['id']}").json()["waits_for_room_since"]
+    page = seen(client, f"/uploads/{answer['id']}").texts
+    assert "waits for room on the disk" in page
+    assert any(text.startswith(f"Since {since[:10]} {since[11:16]} there is no room to read it.") for text in page)
+    assert "waits for room on the disk" in seen(client, "/uploads").texts
+    read_upload(web_backend, int(answer["id"]), "test")
+    assert "no room" not in client.get(f"/uploads/{answer['id']}").text
+
+
+def test_a_file_is_read_again_with_another_mapping(client, web_backend):
+    answer = client.post("/uploads/1/mapping", data={"mapping": "tag,loop,signal\nLIC7.PV,LIC8,PV\nLIC7.OP,LIC8,OP\n"})
+    assert answer.status_code == 303
+    number = answer.headers["location"].rpartition("/")[2]
+    assert number != "1"
+    read_upload(web_backend, int(number), "test")
+    assert "LIC8" in client.get(f"/v1/uploads/{number}").json()["loops"]
+    assert client.post("/uploads/1/mapping", data={"mapping": "tag,loop,signal\nX,Y,Z\n"}).status_code == 422
+
+
+@pytest.mark.parametrize(
+    ("first", "said"),
+    [
+        (
+            "2026-03-01 12:00:00",
+            "from 2026-03-01 12:00 to 2026-03-01 12:01; their times were read as those of UTC.",
+        ),
+        (
+            "2026-03-01T12:00:00+01:00",
+            "from 2026-03-01 11:00 to 2026-03-01 11:01; the file tells their time zone.",
+        ),
+        ("0", "Its times have no date."),
+    ],
+)
+def test_an_upload_says_from_when_it_is_and_by_which_clock(client, web_backend, first, said):
+    second = first.replace("12:00:", "12:01:") if ":" in first else "60"
+    rows = f"time,T1.PV,T1.OP\n{first},1,2\n{second},2,3\n"
+    number = client.post("/v1/uploads?filename=when.csv", content=rows).json()["id"]
+    read_upload(web_backend, int(number), "test")
+    assert said in client.get(f"/uploads/{number}").text
+
+
+def test_a_mapping_is_kept_for_later_files_where_the_box_is_ticked_and_taken_back(client, web_backend):
+    mapping = "tag,loop,signal\nLIC7.PV,LIC9,PV\nLIC7.OP,LIC9,OP\n"
+    assert "For later files too" in client.get("/uploads/1").text
+    client.post("/uploads/1/mapping", data={"mapping": mapping})
+    assert "LIC7.PV as PV" not in client.get("/uploads").text
+    client.post("/uploads/1/mapping", data={"mapping": mapping, "keep": "1"})
+    assert "LIC7.OP as OP, LIC7.PV as PV" in client.get("/uploads").text
+    assert client.post("/uploads/kept/forget", data={"loop": "LIC9", "file": ""}).status_code == 303
+    assert "LIC7.PV as PV" not in client.get("/uploads").text
+    assert client.post("/uploads/kept/forget", data={"loop": "LIC9", "file": ""}).status_code == 404
+
+
+def test_a_file_can_be_sent_without_scripts(client, web_backend):
+    answer = client.post("/uploads", files={"file": ("more.csv", b"time,PV,OP\n0,1,2\n1,2,3\n", "text/csv")})
+    assert answer.status_code == 303
+    assert list_uploads(web_backend).rows[0].filename == "more.csv"
