@@ -1,7 +1,8 @@
 """The verdict of the published rule: least RMSE over the valve parameter, reliability by table 2.
 
-It stands until a better verdict exists, and its reasons say so. Source: B. Srinivasan, T. Spinner, R. Rengaswamy,
-Ind. Eng. Chem. Res. 2015, 54, 7476-7488, doi 10.1021/acs.iecr.5b00939.
+An audit takes its reasons alone and tells them beside its own verdict (`verdict.judge`); verdict and probability are
+for measuring the rule against that one. Source: B. Srinivasan, T. Spinner, R. Rengaswamy, Ind. Eng. Chem. Res. 2015,
+54, 7476-7488, doi 10.1021/acs.iecr.5b00939.
 """
 
 import math
