@@ -374,15 +374,6 @@ def _unpacked(packed: bytes) -> dict[str, Any]:
     return json.loads(zstandard.ZstdDecompressor().decompress(packed, max_output_size=LONGEST_DETAIL))
 
 
-def counts(connection: Connection, by: Sequence[str]) -> list[tuple[Any, ...]]:
-    """How many loops in service share each set of newest values of the columns `by`: the values, then the count."""
-    quick = set(by) <= set(QUICK)
-    columns = [QUICK[name] if quick else SORTABLE[name] for name in by]
-    source = _newest_rows() if quick else _newest_of_loops()
-    query = select(*columns, func.count()).select_from(source).where(IN_SERVICE).group_by(*columns)
-    return [tuple(row) for row in connection.execute(query)]
-
-
 def _rows_of(wanted: RowFilter) -> Any:
     """Loops with the verdict that is asked for: that of a run, or their newest one."""
     if wanted.audit_id is None:
