@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from app.engine.codes import CheckCode, EvidenceCode, ReasonCode
+
 Outcome = Literal["pass", "fail", "not_evaluated"]
 
 
@@ -13,7 +15,7 @@ class Finding:
     `statistic` and `threshold` are None where the check could not be evaluated; `text` then says why.
     """
 
-    code: str
+    code: CheckCode
     outcome: Outcome
     text: str
     statistic: float | None = None
@@ -25,5 +27,5 @@ class Finding:
 class Reason:
     """Why a verdict or a reliability is what it is: a stable code and a sentence for an engineer."""
 
-    code: str
+    code: ReasonCode | EvidenceCode
     text: str

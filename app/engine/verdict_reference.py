@@ -7,9 +7,11 @@ for measuring the rule against that one. Source: B. Srinivasan, T. Spinner, R. R
 
 import math
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
+from app.engine.codes import ReasonCode
 from app.engine.evidence import Reason
 from app.engine.hammerstein import OneParameterResult
 from app.engine.judgement import Judgement
@@ -89,7 +91,7 @@ def _probability(reference: Reference, stiction: bool, config: ReferenceVerdictC
 def _reasons(reference: Reference) -> tuple[Reason, ...]:
     last = reference.last
     reading = READINGS[reference.reading].format(yper=reference.yper.yper_pct)
-    reasons = [Reason(f"yper_{reference.reading}", reading), _curve_reason(last.one)]
+    reasons = [Reason(cast(ReasonCode, f"yper_{reference.reading}"), reading), _curve_reason(last.one)]
     if last.two is not None and bool(last.two.stiction) != bool(last.one.stiction):
         said = "finds stiction" if last.two.stiction else "finds none"
         reasons.append(Reason("two_parameter_disagrees", f"the two-parameter valve model {said}"))

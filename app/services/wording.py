@@ -3,6 +3,9 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from app.engine.codes import UNANSWERED as UNANSWERED
+from app.engine.codes import ReasonCode
+
 VERDICT_WORDS = {
     "stiction": "valve sticks",
     "inconclusive": "cannot tell",
@@ -11,11 +14,8 @@ VERDICT_WORDS = {
 }
 VERDICT_RANK = ("stiction", "inconclusive", "not_auditable", "no_stiction")
 
-UNANSWERED = "stuck_valve_or_dead_transmitter"
-"""The likely cause where PV never answers OP, as the engine calls it."""
-
-PRIOR_ONLY = "prior_only"
-"""The reason that the record tells no probability, as the engine calls it."""
+PRIOR_ONLY: ReasonCode = "prior_only"
+"""The reason that the record tells no probability."""
 
 RELIABILITY_WORDS = {
     "reliable": "what must agree agrees; rely on it",
@@ -46,7 +46,7 @@ CAUSE_WORDS = {
     "quantised_sensor": "coarse sensor",
     "sensor_spikes": "sensor spikes",
     "sensor_sticking": "sticking sensor",
-    "stuck_valve_or_dead_transmitter": "PV never moves: stuck valve or dead transmitter",
+    UNANSWERED: "PV never moves: stuck valve or dead transmitter",
     "controller_not_acting": "OP never moves: controller not acting",
     "not_in_automatic": "not in automatic",
     "sampled_too_slowly": "sampled too slowly",

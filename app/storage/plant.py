@@ -18,7 +18,7 @@ from sqlalchemy import (
     select,
 )
 
-from app.engine.unanswered import CAUSE as UNANSWERED
+from app.engine.codes import UNANSWERED
 from app.storage.loops import IN_SERVICE
 from app.storage.tables import audits, loops, newest_rows, verdicts
 

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from app.engine.codes import Cause
+
 
 @dataclass(frozen=True)
 class Rival:
@@ -16,7 +18,7 @@ class Rival:
     seen; None where nothing was fitted. Comparable between explanations.
     """
 
-    cause: str
+    cause: Cause
     strength: float
     text: str
     counts: float = 0.0
@@ -30,7 +32,7 @@ class Rival:
         return self.strength >= 0.5
 
 
-def not_evaluated(cause: str, because: str) -> Rival:
+def not_evaluated(cause: Cause, because: str) -> Rival:
     """A rival whose assumptions the record does not meet."""
     return Rival(cause, 0.0, f"not evaluated, because {because}", applies=False)
 
