@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.http.backend import IsoTime
-from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow, VerdictName
+from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow
 from app.services.plant.loops import MOST_IMPORTANT
 
 MAX_NAME = 200
@@ -322,6 +322,3 @@ class HealthOut(ReliabilityRow, KeyFiguresLine):
 class ReadyOut(BaseModel):
     state: Literal["ready", "degraded", "not_ready"] = Field(description="degraded: works, but a broker is away.")
     checks: dict[str, Any] = Field(description="What was looked at, and what was found.")
-
-
-VERDICTS: tuple[VerdictName, ...] = ("stiction", "no_stiction", "inconclusive", "not_auditable")

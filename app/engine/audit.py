@@ -1,11 +1,13 @@
 """The whole way of one recording: fitness, oscillation, reference, verdict."""
 
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
 from app.engine import ENGINE_VERSION, verdict, verdict_reference
 from app.engine.audit_config import AuditConfig
+from app.engine.codes import UNANSWERED, Cause, CheckCode, ReasonCode
 from app.engine.episodes import BEGAN, NO_EPISODES, EpisodeConfig, Episodes, episode_reasons, find, samples_wanted
 from app.engine.evidence import Finding, Reason, reason_of
 from app.engine.fitness import Fitness
@@ -21,13 +23,13 @@ from app.engine.recording import Recording, UniformRecord, known_span
 from app.engine.reliability import LadderConfig, Reference, climb
 from app.engine.stretches import newest, newest_moving
 from app.engine.swing import Swing, swing_of
-from app.engine.unanswered import CAUSE, unanswered
+from app.engine.unanswered import unanswered
 from app.errors import DataError
 
 __all__ = ["Audit", "AuditConfig", "Window", "audit", "ladder_for", "newest"]
 
-SPOILED_BY = {
-    "pv_flat": CAUSE,
+SPOILED_BY: dict[CheckCode, Cause] = {
+    "pv_flat": UNANSWERED,
     "op_flat": "controller_not_acting",
     "not_in_automatic": "not_in_automatic",
     "op_two_values": "on_off_control",
@@ -36,8 +38,8 @@ SPOILED_BY = {
 }
 
 # Findings that show a historian's compression: what lies between the stored values is not the loop's.
-_REBUILT = frozenset({"pv_interpolated", "op_interpolated"})
-_OF_STRETCHES = frozenset({"stretches", "stretches_disagree"})
+_REBUILT: frozenset[CheckCode] = frozenset({"pv_interpolated", "op_interpolated"})
+_OF_STRETCHES: frozenset[ReasonCode] = frozenset({"stretches", "stretches_disagree"})
 _SAME_PERIOD = 0.2  # difference of logarithms
 _AS_CONFIGURED = AuditConfig()  # one of it, because its fingerprint costs as much as a stage of the audit
 
@@ -226,10 +228,10 @@ def _refusal(recording: Recording, refusals: tuple[Finding, ...]) -> Judgement:
 
 
 def _unidentifiable(error: DataError, record: UniformRecord) -> Judgement:
-    reason, cause = Reason(error.code, error.message), None
+    reason, cause = Reason(cast(ReasonCode, error.code), error.message), None
     if np.ptp(record.pv) == 0.0 < np.ptp(record.op):
         text = f"PV holds one value for {record.samples} samples in which OP moves: a stuck valve or a dead transmitter"
-        reason, cause = Reason("pv_flat", text), CAUSE
+        reason, cause = Reason("pv_flat", text), UNANSWERED
     return Judgement("not_auditable", None, "not_reliable", (reason,), cause)
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from app.engine.codes import ReasonCode
 from app.engine.episode_edges import refined
 from app.engine.evidence import Reason, told_probability
 from app.engine.features import extract
@@ -18,7 +19,9 @@ from app.engine.rivals import compete
 from app.engine.shape_model import fitted_model
 from app.engine.verdict import weigh_features
 
-SPELL, ENDED, BEGAN = "short_lived_stiction", "stiction_ended", "stiction_began"
+SPELL: ReasonCode = "short_lived_stiction"
+ENDED: ReasonCode = "stiction_ended"
+BEGAN: ReasonCode = "stiction_began"
 
 
 @dataclass(frozen=True)

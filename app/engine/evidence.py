@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from operator import ge, gt, le, lt
 from typing import Literal
 
+from app.engine.codes import CheckCode, EvidenceCode, ReasonCode
+
 Outcome = Literal["pass", "fail", "not_evaluated"]
 Operator = Literal["<", "<=", ">", ">="]
 
@@ -45,7 +47,7 @@ class Finding:
     `operator` is how the statistic stands to the threshold where the check passes; None where more is weighed.
     """
 
-    code: str
+    code: CheckCode
     outcome: Outcome
     text: str
     statistic: float | None = None
@@ -61,7 +63,7 @@ class Reason:
     `measured` is None where no single figure was held against a threshold.
     """
 
-    code: str
+    code: ReasonCode | EvidenceCode
     text: str
     measured: Measured | None = None
 

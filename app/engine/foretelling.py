@@ -171,20 +171,22 @@ def _products(a: FloatArray, b: FloatArray, parts: tuple[slice, ...]) -> FloatAr
 
 
 def not_far(missed: FloatArray) -> BoolArray:
-    """Which of the misses (n,) are no upset."""
+    """(n,) True where a miss (n,), of a PV at unit deviation, is no upset: at most FAR times the median one."""
     return np.asarray(np.abs(missed) <= FAR * float(np.median(np.abs(missed))))
 
 
 def left_over(gram: FloatArray, terms: int) -> float:
-    """Sum of squares of what the first columns of a table do not explain of its last one. gram: its product with
-    itself.
+    """Sum of squares of what the first `terms` columns of a table (n, k) do not explain of its last one, by least
+    squares. gram: (k, k), the table's product with itself.
     """
     weights, among, along = fitted(gram, terms), gram[:terms, :terms], gram[:terms, -1]
     return float(gram[-1, -1] - 2.0 * along @ weights + weights @ among @ weights)
 
 
 def fitted(gram: FloatArray, terms: int) -> FloatArray:
-    """(terms,) weights of the first columns that explain the last one best."""
+    """(terms,) weights of the first columns that explain the last one best. gram: (k, k) as in `left_over`; a ridge of
+    RIDGE keeps columns that are made of each other solvable.
+    """
     return np.asarray(np.linalg.solve(_firm(gram[:terms, :terms], gram[0, 0]), gram[:terms, -1]))
 
 

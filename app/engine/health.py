@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from app.engine.codes import UNANSWERED
 from app.engine.evidence import told_probability
 from app.engine.judgement import Judgement
 from app.engine.key_figures import KeyFigures
 from app.engine.oscillation import Oscillation
-from app.engine.unanswered import CAUSE as UNANSWERED
 
 WEIGHTS = {"stiction": 40.0, "oscillation": 20.0, "service": 15.0, "saturation": 10.0, "tracking": 10.0, "data": 5.0}
 """What each part can take off at most; together 100. Chosen, not fitted: what costs a plant most weighs most."""

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from app.engine.codes import Cause, ReasonCode
 from app.engine.corroborate import Corroboration
 from app.engine.evidence import Reason
 from app.engine.rivals.rival import Rival
@@ -10,19 +11,21 @@ from app.engine.rivals.rival import Rival
 Verdict = Literal["stiction", "no_stiction", "inconclusive", "not_auditable"]
 Reliability = Literal["reliable", "not_reliable"]
 
-UNCOUPLED = "uncoupled"
+UNCOUPLED: ReasonCode = "uncoupled"
 """The reason that nothing in a record tells of a valve: PV owes nothing to OP."""
 
-NO_ANSWER = "no_answer"
+NO_ANSWER: ReasonCode = "no_answer"
 """The reason that a valve which is said not to stick may stand fast: PV is not seen to answer OP."""
 
-HIDDEN_BAND = "hidden_band"
+HIDDEN_BAND: ReasonCode = "hidden_band"
 """The reason that a valve may have a band, whatever the shapes say: the stem of such a valve foretells PV."""
 
-OWN_CYCLE, FOREIGN_CYCLE = "own_cycle", "foreign_cycle"
+OWN_CYCLE: ReasonCode = "own_cycle"
+FOREIGN_CYCLE: ReasonCode = "foreign_cycle"
 """The reasons that a cycle is the valve's, by what its stem tells of PV, and that it may be made elsewhere."""
 
-PV_STANDS, WOUND_UP = "pv_stands", "wound_up"
+PV_STANDS: ReasonCode = "pv_stands"
+WOUND_UP: ReasonCode = "wound_up"
 """The reasons that by the end of a record nothing is controlled any more."""
 
 
@@ -40,7 +43,7 @@ class Judgement:
     stiction_probability: float | None
     reliability: Reliability
     reasons: tuple[Reason, ...]
-    likely_cause: str | None
+    likely_cause: Cause | None
     rivals: tuple[Rival, ...] = ()
     methods: tuple[Corroboration, ...] = ()
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from app.engine.codes import UNANSWERED
 from app.engine.evidence import Reason
 from app.engine.judgement import Judgement
 from app.engine.recording import BoolArray, FloatArray, Recording
 
-CAUSE = "stuck_valve_or_dead_transmitter"
 # What a plant finds when it looks is a stuck valve a little more often than a dead transmitter: a prior, not a fit.
 PRIOR = 0.6
 _FEWEST_VALUES = 10
@@ -26,9 +26,9 @@ def unanswered(recording: Recording) -> Judgement:
     """
     reason = Reason("pv_does_not_answer", _TEXT)
     if not _controller_works(recording):
-        return Judgement("not_auditable", None, "not_reliable", (reason,), CAUSE)
+        return Judgement("not_auditable", None, "not_reliable", (reason,), UNANSWERED)
     prior = Reason("prior_only", f"the probability {PRIOR:g} is a prior between the two causes, not a measurement")
-    return Judgement("inconclusive", PRIOR, "not_reliable", (reason, prior), CAUSE)
+    return Judgement("inconclusive", PRIOR, "not_reliable", (reason, prior), UNANSWERED)
 
 
 def _controller_works(recording: Recording) -> bool:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.answering import goes_its_own_way
+from app.engine.codes import UNANSWERED, Cause, CheckCode, shape_code
 from app.engine.corroborate import Corroboration, corroborate
 from app.engine.coupling import strangers_chance, strangers_chance_finely
 from app.engine.evidence import Finding, Measured, Operator, Reason, measured_of, reason_of
@@ -31,7 +32,6 @@ from app.engine.rivals import FOLLOWED, SATURATED, Rival, compete, contest, held
 from app.engine.sampled import correlation
 from app.engine.shape_model import ShapeModel, fitted_model
 from app.engine.timekeeping import timekeeping
-from app.engine.unanswered import CAUSE as STUCK_OR_DEAD
 from app.engine.verdict_config import VerdictConfig
 from app.engine.verdict_wording import is_spoken, sentence
 
@@ -40,10 +40,10 @@ _PHASE_SINE = NAMES.index("phase_sine")
 _SAID = {"stiction": "stiction", "no_stiction": "no stiction", None: "neither"}
 # Findings that leave a verdict possible and take its reliability away. Not op_interpolated: against a standing PV an
 # integrating controller runs on straight lines by itself.
-_DOUBTFUL_DATA = frozenset({"pv_quantised", "pv_interpolated", "filled", "stored_points"})
+_DOUBTFUL_DATA: frozenset[CheckCode] = frozenset({"pv_quantised", "pv_interpolated", "filled", "stored_points"})
 
 # For most of the stretch one of them held one value, as behind a valve that is stuck: the rest of it says little.
-_DEAD = frozenset({"op_flat", "pv_flat"})
+_DEAD: frozenset[CheckCode] = frozenset({"op_flat", "pv_flat"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,7 +309,7 @@ def _unrelated(fitness: Fitness, oscillation: Oscillation, config: VerdictConfig
         "what is new in PV and what is new in OP have nothing to do with each other: tags of two loops, or no loop, or "
         "a historian that stored each only now and then"
     )
-    return (Reason("uncoupled", text),)
+    return (Reason(UNCOUPLED, text),)
 
 
 @dataclass(frozen=True)
@@ -317,7 +317,7 @@ class _Lost:
     """That by the end of a record nothing is controlled any more: what the valve did till then clears it no longer."""
 
     reason: Reason
-    cause: str
+    cause: Cause
 
 
 def _lost(fitness: Fitness) -> _Lost | None:
@@ -326,7 +326,7 @@ def _lost(fitness: Fitness) -> _Lost | None:
             f"PV has held one value for the last {fitness.pv_dead_s / 3600.0:.2g} h while OP moved, and never for so "
             "long before: unless the unit stands, the transmitter is dead, or the valve is stuck; look at both"
         )
-        return _Lost(Reason(PV_STANDS, text), STUCK_OR_DEAD)
+        return _Lost(Reason(PV_STANDS, text), UNANSWERED)
     if fitness.wound_up_s is not None:
         text = (
             f"OP has mostly stood at its limit for the last {fitness.wound_up_s / 3600.0:.2g} h, as never before, and "
@@ -416,7 +416,7 @@ def _shape_reason(weighing: Weighing, k: int, for_stiction: bool) -> Reason:
     """What is measured passes where it speaks for stiction."""
     value, neutral = float(weighing.features.values[k]), float(weighing.neutral[k])
     operator: Operator = ">" if (value > neutral) == for_stiction else "<"
-    return Reason(f"shape_{NAMES[k]}", sentence(NAMES[k], for_stiction, value), Measured(value, operator, neutral))
+    return Reason(shape_code(NAMES[k]), sentence(NAMES[k], for_stiction, value), Measured(value, operator, neutral))
 
 
 def _rival_reasons(weighing: Weighing, verdict: Verdict) -> tuple[Reason, ...]:
@@ -463,7 +463,7 @@ def reference_reason(reference: Reference, verdict: Verdict) -> tuple[Reason, ..
     return (Reason("reference_disagrees", text),)
 
 
-def _cause(weighing: Weighing, verdict: Verdict) -> str | None:
+def _cause(weighing: Weighing, verdict: Verdict) -> Cause | None:
     if verdict == "stiction":
         return "stiction"
     if weighing.rivals and weighing.rivals[0].stands_out:

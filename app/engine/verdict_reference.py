@@ -1,14 +1,17 @@
 """The verdict of the published rule: least RMSE over the valve parameter, reliability by table 2.
 
-It stands until a better verdict exists, and its reasons say so. Source: B. Srinivasan, T. Spinner, R. Rengaswamy,
-Ind. Eng. Chem. Res. 2015, 54, 7476-7488, doi 10.1021/acs.iecr.5b00939.
+An audit takes its reasons alone and tells them beside its own verdict (`verdict.judge`); verdict and probability are
+for measuring the rule against that one. Source: B. Srinivasan, T. Spinner, R. Rengaswamy, Ind. Eng. Chem. Res. 2015,
+54, 7476-7488, doi 10.1021/acs.iecr.5b00939.
 """
 
 import math
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
+from app.engine.codes import ReasonCode
 from app.engine.evidence import Reason
 from app.engine.hammerstein import OneParameterResult
 from app.engine.judgement import Judgement
@@ -88,7 +91,7 @@ def _probability(reference: Reference, stiction: bool, config: ReferenceVerdictC
 def _reasons(reference: Reference) -> tuple[Reason, ...]:
     last = reference.last
     reading = READINGS[reference.reading].format(yper=reference.yper.yper_pct)
-    reasons = [Reason(f"yper_{reference.reading}", reading), _curve_reason(last.one)]
+    reasons = [Reason(cast(ReasonCode, f"yper_{reference.reading}"), reading), _curve_reason(last.one)]
     if last.two is not None and bool(last.two.stiction) != bool(last.one.stiction):
         said = "finds stiction" if last.two.stiction else "finds none"
         reasons.append(Reason("two_parameter_disagrees", f"the two-parameter valve model {said}"))

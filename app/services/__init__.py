@@ -2,21 +2,23 @@
 
 Every function takes a `Backend` first (settings, data base, queue; `app.services.backend`): `Backend.open(settings)`
 once a process, `backend.close()` at its end. What a user can mend is raised as an `app.errors.LoopauditError`,
-`NotFoundError` where something is not there. Results are frozen dataclasses of `app.services.results`: times are ISO
-8601 in UTC, ids are strings, pages have `rows` and `next_cursor`. Rows of the reliability table are dicts with the
-fields of `auditing.audit_line.ReliabilityRow`.
+`NotFoundError` where something is not there. Results are frozen dataclasses, those that several rooms answer with in
+`app.services.results`, the others in the module that makes them: times are ISO 8601 in UTC, ids are strings, pages have
+`rows` and `next_cursor`. Rows of the reliability table are dicts with the fields of
+`auditing.audit_models.ReliabilityRow`.
 
 Rooms, the lower ones known to the upper ones only (a contract of the import linter):
 
 upkeep       schema, sweeper, readiness, backup, retention, doctor, metrics
 reports      a loop or the plant as one HTML document        digests      the night's findings, by mail and webhook
 explaining   recording against simulation: comparisons, what a worker does, the line, the plot, the words
-plant        what people look at: overview, the reliability table, loops, trend, charts, groups, notes, glossary
+plant        what people look at: overview, work list, the reliability table, loops, trend, charts, groups, notes
 auditing     audit runs, chunks (what a worker does), the nightly run, the audit line, the stored row
 intake       uploads: received and synced, then read       access       keys, sessions, roles, rates, the trail
 
-Beside them: demo (a simulated plant), bench, evaluation and testbench (what measures us), and what all share: backend,
-results, cursors, moments, wording, spreadsheet, rendering, heartbeat, patience.
+Beside them: demo (a simulated plant), bench, evaluation and testbench (what measures us), what a verdict means for who
+reads it (next_steps, why_rely), and what all share: backend, results, addresses, cursors, moments, wording,
+spreadsheet, rendering, heartbeat, patience.
 
 The worker and the schedule are run by `app.queue.run_worker(settings, concurrency)` and `app.queue.run_beat(settings)`.
 """

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from app.engine.codes import UNANSWERED, Cause, ReasonCode
 from app.engine.episodes import BEGAN
 from app.engine.judgement import FOREIGN_CYCLE, HIDDEN_BAND, NO_ANSWER, PV_STANDS, UNCOUPLED, WOUND_UP
 from app.engine.verdict_config import VerdictConfig
@@ -78,7 +79,7 @@ AT_LIMIT = (
 )
 
 BY_CAUSE = {
-    "stuck_valve_or_dead_transmitter": "Look today, at both: whether the transmitter reads anything (impulse lines, "
+    UNANSWERED: "Look today, at both: whether the transmitter reads anything (impulse lines, "
     "wiring, a frozen signal), and in the field whether the stem moves when OP does (air, positioner, packing).",
     "external_oscillation": "Leave the valve alone and look for what shakes this loop: the page of groups shows the "
     "loops that swing with it.",
@@ -113,25 +114,26 @@ BY_CAUSE_UNSURE = {
 }
 """Causes that are acted on only where the verdict is relied on, and what to do before."""
 
-FEW_CYCLES, ENOUGH_CYCLES = "few_cycles", VerdictConfig().min_cycles
+FEW_CYCLES: ReasonCode = "few_cycles"
+ENOUGH_CYCLES = VerdictConfig().min_cycles
 LONGER = "A longer record tells more"
 
-OBJECTIONS = frozenset({"reference_disagrees", "yper_high_stiction"})
+OBJECTIONS: frozenset[ReasonCode] = frozenset({"reference_disagrees", "yper_high_stiction"})
 """Reasons of a verdict that is not stiction, for which the published rule says that it is."""
 
 FIT_OBJECTS = 0.9
 """Where a fitted valve that sticks leaves this share, or less, of the RMSE that one that does not leaves."""
 
-BEFORE_A_BAND = frozenset(
+BEFORE_A_BAND: frozenset[Cause] = frozenset(
     {"set_point_following", "quantised_sensor", "sensor_spikes", "sensor_sticking", "backlash", "saturated_op"}
 )
 """Causes whose step comes first where the valve may have a band besides."""
 
-BY_REASON = {
+BY_REASON: dict[ReasonCode, str] = {
     MOVES_NO_VALVE: NO_VALVE,
     MOVES_SET_POINT: OUTER,
     SHAKEN_BY_NEIGHBOUR: SHAKEN,
-    PV_STANDS: BY_CAUSE["stuck_valve_or_dead_transmitter"],
+    PV_STANDS: BY_CAUSE[UNANSWERED],
     WOUND_UP: AT_LIMIT,
 }
 """Whatever the verdict, the first of these that is among its reasons."""
@@ -139,7 +141,7 @@ BY_REASON = {
 BY_VERDICT = {"no_stiction": CLEARED, "inconclusive": CANNOT_TELL, "not_auditable": NOT_AUDITABLE}
 
 
-AT_ONCE = frozenset({WAIT, BY_CAUSE["stuck_valve_or_dead_transmitter"]})
+AT_ONCE = frozenset({WAIT, BY_CAUSE[UNANSWERED]})
 """Steps that a longer record adds nothing to."""
 
 

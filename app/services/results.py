@@ -152,19 +152,6 @@ class TrendView:
 
 
 @dataclass(frozen=True)
-class PlantSummary:
-    """The plant in a few numbers: how many loops there are, how many have a verdict, and how often each was said."""
-
-    loops: int
-    audited: int
-    verdicts: dict[str, int]
-    reliability: dict[str, int]
-    likely_causes: dict[str, int]
-    units: list[dict[str, Any]]
-    newest_audit: AuditView | None
-
-
-@dataclass(frozen=True)
 class Readiness:
     """`state` is degraded where all but the broker works; `checks` holds a word or a number for each thing."""
 

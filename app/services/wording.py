@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from app.engine.codes import UNANSWERED as UNANSWERED
+from app.engine.codes import ReasonCode
 from app.engine.evidence import told_probability
 
 VERDICT_WORDS = {
@@ -13,15 +15,12 @@ VERDICT_WORDS = {
 }
 VERDICT_RANK = ("stiction", "inconclusive", "not_auditable", "no_stiction")
 
-UNANSWERED = "stuck_valve_or_dead_transmitter"
-"""The likely cause where PV never answers OP, as the engine calls it."""
-
 STICKS, LIKELY = "valve.stiction", 0.5
 """The effect that an explanation names where the valve sticks, and from which probability on it is more than one of
 several that the record hardly tells apart."""
 
-PRIOR_ONLY = "prior_only"
-"""The reason that the record tells no probability, as the engine calls it."""
+PRIOR_ONLY: ReasonCode = "prior_only"
+"""The reason that the record tells no probability."""
 
 NOT_EVALUATED = "not evaluated"
 """In place of a health where too little was measured to say anything."""
@@ -55,7 +54,7 @@ CAUSE_WORDS = {
     "quantised_sensor": "coarse sensor",
     "sensor_spikes": "sensor spikes",
     "sensor_sticking": "sticking sensor",
-    "stuck_valve_or_dead_transmitter": "PV never moves: stuck valve or dead transmitter",
+    UNANSWERED: "PV never moves: stuck valve or dead transmitter",
     "controller_not_acting": "OP never moves: controller not acting",
     "not_in_automatic": "not in automatic",
     "sampled_too_slowly": "sampled too slowly",

@@ -7,12 +7,12 @@ from typing import Any
 from sqlalchemy import Connection, Select, and_, func, or_, select
 
 from app.storage.loops import IN_SERVICE
+from app.storage.newest import heads, heads_of_units
 from app.storage.plant import complains, told_of_both
 from app.storage.tables import loops, verdicts
 
 this = verdicts.alias("of_the_run")
 before = verdicts.alias("earlier")
-_PRIORITY = loops.c.importance * (100.0 - this.c.health)
 _OF_RUN = loops.join(this, and_(this.c.loop_id == loops.c.id, IN_SERVICE))
 
 
@@ -21,10 +21,9 @@ def worst_of_units(
 ) -> list[Any]:
     """Of each unit the loops that `complains` tells of, at the head of its list by what is missing to health x
     importance; without those `left_out`, by id. since_ns: only those that were given a sample as new as that."""
-    place = func.row_number().over(partition_by=loops.c.unit, order_by=(_PRIORITY.desc().nulls_last(), loops.c.tag))
-    placed = _complaints(audit_id, left_out).add_columns(place.label("place"))
-    found = (placed if since_ns is None else placed.where(this.c.input_end_ns >= since_ns)).subquery()
-    return list(connection.execute(select(found).where(found.c.place <= each).order_by(found.c.unit, found.c.place)))
+    listed = _complaints(audit_id, left_out)
+    listed = listed if since_ns is None else listed.where(this.c.input_end_ns >= since_ns)
+    return heads_of_units(connection, listed, this, each)
 
 
 def worst_of_old(
@@ -34,7 +33,7 @@ def worst_of_old(
     if since_ns is None:
         return []
     old = _complaints(audit_id, left_out).where(this.c.input_end_ns < since_ns)
-    return list(connection.execute(old.order_by(_PRIORITY.desc().nulls_last(), loops.c.tag).limit(most)))
+    return heads(connection, old, this, most)
 
 
 def _complaints(audit_id: int, left_out: Sequence[int]) -> Select[Any]:
@@ -72,8 +71,7 @@ def changes_of(connection: Connection, audit_id: int, limit: int) -> list[Any]:
         *told_of_both(this, before),
     ).select_from(joined)
     news = or_(this.c.verdict != before.c.verdict, and_(before.c.verdict.is_(None), this.c.verdict == "stiction"))
-    query = query.where(this.c.audit_id == audit_id, news)
-    return list(connection.execute(query.order_by(_PRIORITY.desc().nulls_last(), loops.c.tag).limit(limit)))
+    return heads(connection, query.where(this.c.audit_id == audit_id, news), this, limit)
 
 
 def counts_of(connection: Connection, audit_id: int) -> list[Any]:

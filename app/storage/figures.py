@@ -6,6 +6,7 @@ from datetime import datetime, timedelta
 from sqlalchemy import ColumnElement, Connection, and_, func, select
 
 from app.storage.loops import IN_SERVICE, count, count_retired
+from app.storage.newest import is_newest
 from app.storage.tables import UNFINISHED, audit_items, audits, explanations, keys, loops, uploads, verdicts
 from app.storage.tallies import UPLOAD_BYTES, tallied
 from app.storage.types import now
@@ -51,8 +52,7 @@ class Figures:
 
 def collect(connection: Connection) -> Figures:
     unfinished = select(audits.c.id).where(audits.c.state.in_(UNFINISHED))
-    is_newest = and_(verdicts.c.loop_id == loops.c.id, verdicts.c.audit_id == loops.c.newest_audit_id)
-    newest = loops.join(verdicts, and_(is_newest, IN_SERVICE))
+    newest = loops.join(verdicts, and_(is_newest(verdicts), IN_SERVICE))
     night = _newest_ended(connection, audits.c.nightly_for.is_not(None))
     today = audits.c.ended_at >= now() - DAY
     unread = connection.scalar(select(func.min(uploads.c.received_at)).where(uploads.c.state.in_(UNREAD_STATES)))

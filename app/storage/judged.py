@@ -6,6 +6,7 @@ from typing import Any
 from sqlalchemy import Connection, Select, and_, func, select
 
 from app.storage.loops import IN_SERVICE
+from app.storage.newest import priority, worst_first
 from app.storage.tables import loops, newest_rows, verdicts
 
 now = verdicts.alias("judged_now")
@@ -47,8 +48,7 @@ def no_further(connection: Connection, run: int, and_since: bool, most: int) -> 
 def _heaviest(run: int, and_since: bool) -> Select[Any]:
     """The narrow rows alone are sorted: the wide ones are read for those that are picked."""
     said = newest_rows if and_since else verdicts
-    priority = (loops.c.importance * (100.0 - said.c.health)).label("priority")
     of_run = said.c.audit_id >= run if and_since else said.c.audit_id == run
-    query = select(loops.c.tag, loops.c.unit, said.c.loop_id, said.c.audit_id, priority)
+    query = select(loops.c.tag, loops.c.unit, said.c.loop_id, said.c.audit_id, priority(said).label("priority"))
     query = query.join(said, said.c.loop_id == loops.c.id).where(of_run, IN_SERVICE)
-    return query.order_by(priority.desc().nulls_last(), loops.c.tag)
+    return query.order_by(*worst_first(said))

@@ -18,8 +18,9 @@ from sqlalchemy import (
     select,
 )
 
-from app.engine.unanswered import CAUSE as UNANSWERED
+from app.engine.codes import UNANSWERED
 from app.storage.loops import IN_SERVICE
+from app.storage.newest import NEWEST_ROWS, heads, heads_of_units, is_newest, priority, worst_first
 from app.storage.tables import audits, loops, newest_rows, verdicts
 
 A_DAY = timedelta(days=1)
@@ -27,9 +28,7 @@ A_DAY = timedelta(days=1)
 rows = newest_rows
 newest = verdicts.alias("newest")
 before = verdicts.alias("earlier")
-_IS_NEWEST = and_(rows.c.loop_id == loops.c.id, rows.c.audit_id == loops.c.newest_audit_id)
-_NEWEST = loops.join(rows, and_(_IS_NEWEST, IN_SERVICE))
-_PRIORITY = loops.c.importance * (100.0 - rows.c.health)
+_NEWEST = loops.join(rows, and_(is_newest(rows), IN_SERVICE))
 
 
 COMPLAINTS = ("stiction", "inconclusive")
@@ -64,26 +63,22 @@ def worst_of_units(
     """Of each unit the loops at the head of its list by what is missing to full health x importance: tag, unit,
     importance, verdict, health. `complaints`: only those that `complains` tells of; since_ns: only
     those with a sample as new as that; `left_out`: not these loops, by id."""
-    place = func.row_number().over(partition_by=loops.c.unit, order_by=(_PRIORITY.desc().nulls_last(), loops.c.tag))
     tiles = _tiles().where(complains(rows)) if complaints else _tiles()
     tiles = tiles if since_ns is None else tiles.where(loops.c.newest_ns >= since_ns)
     tiles = tiles.where(loops.c.id.not_in(left_out)) if left_out else tiles
-    placed = tiles.add_columns(place.label("place")).subquery()
-    query = select(placed.c.tag, placed.c.unit, placed.c.importance, placed.c.verdict, placed.c.health)
-    return list(connection.execute(query.where(placed.c.place <= each).order_by(placed.c.unit, placed.c.place)))
+    return heads_of_units(connection, tiles, rows, each)
 
 
 def worst_of_old(connection: Connection, most: int, before_ns: int, left_out: Sequence[int] = ()) -> list[Any]:
     """The same of the loops of all units that `complains` tells of and whose newest sample is older than that."""
     old = _tiles().where(complains(rows), loops.c.newest_ns < before_ns, loops.c.id.not_in(left_out))
-    return list(connection.execute(old.order_by(_PRIORITY.desc().nulls_last(), loops.c.tag).limit(most)))
+    return heads(connection, old, rows, most)
 
 
 def worst_of_unit(connection: Connection, unit: str | None, limit: int) -> list[Any]:
     """The same of one unit (None: of the loops that name none)."""
     mine = loops.c.unit.is_(None) if unit is None else loops.c.unit == unit
-    query = _tiles().where(mine).order_by(_PRIORITY.desc().nulls_last(), loops.c.tag)
-    return list(connection.execute(query.limit(limit)))
+    return heads(connection, _tiles().where(mine), rows, limit)
 
 
 def _tiles() -> Select[Any]:
@@ -138,15 +133,15 @@ def changes(connection: Connection, since_audit: int, limit: int) -> list[Any]:
     first = and_(verdict_before.is_(None), rows.c.verdict == "stiction")
     news = or_(rows.c.verdict != verdict_before, first)
     listed = select(
-        *(loops.c.tag, loops.c.unit, _PRIORITY.label("priority"), rows.c.loop_id, rows.c.audit_id),
+        *(loops.c.tag, loops.c.unit, priority(rows).label("priority"), rows.c.loop_id, rows.c.audit_id),
         *(audit_before.label("before_audit_id"), verdict_before.label("verdict_before")),
         *(rows.c.verdict, rows.c.health),
-    ).select_from(loops.join(rows, _IS_NEWEST))
+    ).select_from(NEWEST_ROWS)
     # Asked of the loop itself, SQLite would begin with the loops and look up the wide row of each.
     in_service = rows.c.loop_id.not_in(select(loops.c.id).where(loops.c.retired))
     listed = listed.where(rows.c.audit_id >= since_audit, news, in_service)
     # Verdicts are looked up for those that are listed: in a night of a new method every loop may be news.
-    found = listed.order_by(_PRIORITY.desc().nulls_last(), loops.c.tag).limit(limit).subquery()
+    found = listed.order_by(*worst_first(rows)).limit(limit).subquery()
     joined = found.join(newest, and_(newest.c.loop_id == found.c.loop_id, newest.c.audit_id == found.c.audit_id))
     query = select(
         *(found.c.tag, found.c.unit, found.c.verdict_before, found.c.verdict, found.c.health),

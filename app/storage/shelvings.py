@@ -7,6 +7,7 @@ from typing import Any
 from sqlalchemy import ColumnElement, Connection, FromClause, ScalarSelect, and_, exists, func, or_, select, update
 
 from app.storage.loops import IN_SERVICE
+from app.storage.newest import NEWEST_ROWS
 from app.storage.tables import loops, newest_rows, notes, verdicts
 from app.storage.types import now
 
@@ -64,9 +65,8 @@ def _last_until(audit_id: int) -> ScalarSelect[Any]:
 
 def newest_said(connection: Connection, loop_id: int) -> Any:
     """Verdict, reliability and likely cause of the loop's newest verdict; None where it has none."""
-    mine = (newest_rows.c.loop_id == loops.c.id, newest_rows.c.audit_id == loops.c.newest_audit_id)
-    query = select(*(newest_rows.c[name] for name in _SAID)).where(*mine, loops.c.id == loop_id)
-    return connection.execute(query).one_or_none()
+    query = select(*(newest_rows.c[name] for name in _SAID)).select_from(NEWEST_ROWS)
+    return connection.execute(query.where(loops.c.id == loop_id)).one_or_none()
 
 
 def withdraw(connection: Connection, loop_id: int, note_id: int, withdrawn_by: str) -> None:

@@ -14,6 +14,7 @@ from sqlalchemy import ColumnElement, Connection, Select, Table, and_, bindparam
 from app.storage.bulk import among, insert_for, insert_new
 from app.storage.json_texts import short_json
 from app.storage.loops import IN_SERVICE, retired
+from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS, is_newest, priority
 from app.storage.tables import audits, loops, newest_rows, verdict_details, verdicts
 
 KEPT_FROM_USERS = ("loop_id", "input_start_ns", "input_end_ns", "extra_json")
@@ -24,7 +25,7 @@ SORTABLE = {column.name: column for column in ROW if column.name != "reasons_tex
     "type": loops.c.type,
     "importance": loops.c.importance,
     "recorded_to": loops.c.newest_ns,
-    "priority": (loops.c.importance * (100.0 - verdicts.c.health)).label("priority"),
+    "priority": priority(verdicts).label("priority"),
 }
 """What the table can be sorted by; sentences have no order that means anything, and no cursor holds them."""
 OF_LOOPS = ("loop", "unit", "type", "importance", "recorded_to")
@@ -32,7 +33,7 @@ KEPT = ("verdict", "reliability", "likely_cause", "table2_reading", "stiction_pr
 QUICK = (
     {name: SORTABLE[name] for name in OF_LOOPS}
     | {name: newest_rows.c[name] for name in KEPT}
-    | {"priority": (loops.c.importance * (100.0 - newest_rows.c.health)).label("priority")}
+    | {"priority": priority(newest_rows).label("priority")}
 )
 """What can be asked of loops and their newest rows alone: two small tables, however many nights there are."""
 ROWS_OF = "SELECT loop_id, row_json FROM newest_rows WHERE form = %s AND loop_id = ANY(%s::bigint[])"
@@ -188,9 +189,7 @@ def said(connection: Connection) -> list[Any]:
     """What the newest verdict of each loop in service says in short, of which run it is, and what is stated of the
     loop's OP."""
     told = ("loop_id", "audit_id", "verdict", "reliability", "stiction_probability")
-    query = select(loops.c.tag, loops.c.moves_valve, *(newest_rows.c[name] for name in told)).select_from(
-        _newest_rows()
-    )
+    query = select(loops.c.tag, loops.c.moves_valve, *(newest_rows.c[name] for name in told)).select_from(NEWEST_ROWS)
     return list(connection.execute(query.where(IN_SERVICE).order_by(loops.c.tag)))
 
 
@@ -210,7 +209,7 @@ def table(
     # Keys are sorted alone: whole rows, with their texts, are fetched for those that are shown.
     keys = select(key_table.c.loop_id, key_table.c.audit_id, columns[sort].label("sorted_by"))
     keys = keys.where(*_conditions(wanted, columns))
-    keys = keys.select_from(_newest_rows() if quick else _rows_of(wanted))
+    keys = keys.select_from(NEWEST_ROWS if quick else _rows_of(wanted))
     if after is not None:
         keys = keys.where(_beyond(columns[sort], descending, after))
     page = keys.order_by(*_order(columns[sort], descending)).limit(limit).subquery()
@@ -235,9 +234,9 @@ def sent_rows(
     conditions = _conditions(wanted, QUICK)
     if after is not None:
         conditions.append(_beyond(column, descending, after))
-    source = _newest_rows()
+    source = NEWEST_ROWS
     if sort not in QUICK:
-        source = source.join(verdicts, _is_newest())
+        source = source.join(verdicts, is_newest(verdicts))
     query = select(loops.c.id, newest_rows.c.audit_id, loops.c.tag, loops.c.unit, column).select_from(source)
     found = connection.execute(query.where(*conditions).order_by(*_order(column, descending)).limit(limit))
     return [SentRow._make(row) for row in found]
@@ -283,21 +282,21 @@ def _as_bytes() -> Any:
 def sent_health(connection: Connection, tag: str, form: str) -> tuple[str, str, str | None] | None:
     """Row and key figures of a loop's newest verdict as they are sent, and its unit; None where there is none in this
     form."""
-    query = select(newest_rows.c.row_json, newest_rows.c.figures_json, loops.c.unit).select_from(_newest_rows())
+    query = select(newest_rows.c.row_json, newest_rows.c.figures_json, loops.c.unit).select_from(NEWEST_ROWS)
     row = connection.execute(query.where(loops.c.tag == tag, newest_rows.c.form == form)).one_or_none()
     return None if row is None else (row[0], row[1], row[2])
 
 
 def newest_of(connection: Connection, loop_ids: Sequence[int]) -> dict[str, dict[str, Any]]:
     """The newest verdicts of these loops by tag; a loop without one is left out."""
-    query = _select().select_from(_newest_of_loops()).where(loops.c.id.in_(loop_ids))
+    query = _select().select_from(NEWEST_VERDICTS).where(loops.c.id.in_(loop_ids))
     found = connection.execute(query).mappings()
     return {row["tag"]: _dict(row) for row in found}
 
 
 def newest(connection: Connection, tag: str) -> tuple[int, dict[str, Any] | None] | None:
     """The key of the loop with this tag and its newest verdict, if it has one, in one query; None without the loop."""
-    query = _select().add_columns(loops.c.id).select_from(loops.outerjoin(verdicts, _is_newest()))
+    query = _select().add_columns(loops.c.id).select_from(loops.outerjoin(verdicts, is_newest(verdicts)))
     row = connection.execute(query.where(loops.c.tag == tag)).mappings().one_or_none()
     if row is None:
         return None
@@ -309,7 +308,7 @@ def newest_said(connection: Connection, loop_id: int) -> Any:
     made of; None where there is none.
     """
     told = ("verdict", "audited_at", "input_start_ns", "input_end_ns")
-    query = select(*(verdicts.c[name] for name in told)).join(loops, _is_newest())
+    query = select(*(verdicts.c[name] for name in told)).join(loops, is_newest(verdicts))
     return connection.execute(query.where(loops.c.id == loop_id)).one_or_none()
 
 
@@ -331,17 +330,15 @@ def input_of(connection: Connection, loop_id: int, audit_id: int) -> Any:
 
 def swings(connection: Connection) -> list[Any]:
     """What is kept of the oscillations of all loops in service whose newest verdict saw one."""
-    newest_one = and_(newest_rows.c.loop_id == loops.c.id, newest_rows.c.audit_id == loops.c.newest_audit_id)
-    judged = and_(verdicts.c.loop_id == loops.c.id, verdicts.c.audit_id == loops.c.newest_audit_id)
     query = select(loops.c.tag, loops.c.unit, verdicts.c.stiction_probability, newest_rows.c.swing_json)
-    query = query.select_from(loops.join(newest_rows, newest_one).join(verdicts, judged))
+    query = query.select_from(NEWEST_ROWS.join(verdicts, is_newest(verdicts)))
     seen = newest_rows.c.swing_json.is_not(None)
     return list(connection.execute(query.where(seen, IN_SERVICE).order_by(loops.c.tag)))
 
 
 def excerpts(connection: Connection) -> list[Any]:
     """What is kept of OP and SP of all loops in service in which one of them moves."""
-    query = select(loops.c.tag, newest_rows.c.excerpts_json).select_from(_newest_rows())
+    query = select(loops.c.tag, newest_rows.c.excerpts_json).select_from(NEWEST_ROWS)
     kept = newest_rows.c.excerpts_json.is_not(None)
     return list(connection.execute(query.where(kept, IN_SERVICE).order_by(loops.c.tag)))
 
@@ -374,19 +371,10 @@ def _unpacked(packed: bytes) -> dict[str, Any]:
     return json.loads(zstandard.ZstdDecompressor().decompress(packed, max_output_size=LONGEST_DETAIL))
 
 
-def counts(connection: Connection, by: Sequence[str]) -> list[tuple[Any, ...]]:
-    """How many loops in service share each set of newest values of the columns `by`: the values, then the count."""
-    quick = set(by) <= set(QUICK)
-    columns = [QUICK[name] if quick else SORTABLE[name] for name in by]
-    source = _newest_rows() if quick else _newest_of_loops()
-    query = select(*columns, func.count()).select_from(source).where(IN_SERVICE).group_by(*columns)
-    return [tuple(row) for row in connection.execute(query)]
-
-
 def _rows_of(wanted: RowFilter) -> Any:
     """Loops with the verdict that is asked for: that of a run, or their newest one."""
     if wanted.audit_id is None:
-        return _newest_of_loops()
+        return NEWEST_VERDICTS
     mine = and_(loops.c.id == verdicts.c.loop_id, verdicts.c.audit_id == wanted.audit_id)
     return verdicts.join(loops, mine)
 
@@ -394,19 +382,6 @@ def _rows_of(wanted: RowFilter) -> Any:
 def _select() -> Select[Any]:
     of_loop = [SORTABLE[name] for name in ("unit", "type", "importance", "recorded_to", "priority")]
     return select(loops.c.tag, *of_loop, verdicts.c.extra_json, *ROW)
-
-
-def _newest_of_loops() -> Any:
-    return loops.join(verdicts, _is_newest())
-
-
-def _newest_rows() -> Any:
-    newest_one = and_(newest_rows.c.loop_id == loops.c.id, newest_rows.c.audit_id == loops.c.newest_audit_id)
-    return loops.join(newest_rows, newest_one)
-
-
-def _is_newest() -> ColumnElement[bool]:
-    return and_(verdicts.c.loop_id == loops.c.id, verdicts.c.audit_id == loops.c.newest_audit_id)
 
 
 def _conditions(wanted: RowFilter, columns: Mapping[str, Any] = SORTABLE) -> list[ColumnElement[bool]]:

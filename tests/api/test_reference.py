@@ -4,6 +4,7 @@ import ast
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from pydantic import BaseModel
 from app.api import models
 from app.api.reference import CODES, TABLES, page, shape
 from app.engine.audit import SPOILED_BY, audit
+from app.engine.codes import Cause, EvidenceCode, ReasonCode
 from app.engine.fitness.assess import LATER_CHECKS
 from app.engine.fitness.checks import BLOCKING
 from app.engine.recording import Recording
@@ -92,8 +94,15 @@ def test_every_reason_that_the_engine_makes_has_a_meaning():
     rooms = {*ENGINE.iterdir()} - {ENGINE / "mismatch", ENGINE / "rivals"}
     made = {code for room in rooms for code in codes_made(room, "Reason", "Finding", "_finding", "not_evaluated")}
     made |= {code for part in IDENTIFICATION for code in codes_made(part, "DataError")}
-    assert {"uncoupled", "shape_.+", "size_width", "record_too_short"} <= made
+    assert {"same_signal", "size_width", "record_too_short"} <= made
     assert unlisted(made, REASON_WORDS) == set()
+
+
+def test_the_types_of_codes_know_the_codes_that_have_a_meaning_and_no_others():
+    shapes = {f"shape_{name}" for name in WORDED}
+    assert {*get_args(ReasonCode), *shapes} == {*REASON_WORDS, *get_args(Cause)}
+    assert set(get_args(Cause)) <= set(CAUSE_WORDS)
+    assert set(get_args(EvidenceCode)) == set(EVIDENCE_WORDS)
 
 
 def test_every_code_that_is_put_together_has_a_meaning():

@@ -1,7 +1,7 @@
 """The order search beside a state-space library fitting the same orders, and beside this machine's arithmetic.
 
-Times are printed and not asserted: they belong to the machine. The figures of merit are the ratios. They are seconds of
-one thread's processor time, so that other work on the machine disturbs them less.
+Times are printed and belong to the machine; what is asserted are ratios, loosely enough for any machine. They are
+seconds of one thread's processor time, so that other work on the machine disturbs them less.
 """
 
 import time
@@ -21,6 +21,10 @@ pytestmark = [pytest.mark.benchmark, pytest.mark.shared]
 
 SPACE = SearchSpace(5, 5, 10, nc_min=0)
 """275 orders; with 30 values of d, 8,250 fits."""
+
+LEAST_RATIO, LEAST_RATIO_OF_A_FIT = 50.0, 3e5
+"""How many times as fast as the peer a refined fit is at least, and a fit of the search, as docs/PERFORMANCE.md
+promises."""
 
 SAMPLED_ORDERS = [Order(1, 1, 1), Order(2, 1, 2), Order(3, 2, 3), Order(4, 1, 4)]
 """Small ones of the 275, to be done within the minute: the ratio of the average order is larger."""
@@ -69,9 +73,11 @@ def products_a_second():
 
 def test_one_and_two_parameter_search(signals):
     pv, one, two = signals
+    a_fit = {}
     for name, v in (("one-parameter, 30 values of d", one), ("two-parameter, 100 points (S, J)", two)):
         fits = len(v) * SPACE.orders
         seconds = median_s(lambda v=v: search_orders(pv, v, SPACE), 25)
+        a_fit[name] = seconds / fits
         search = search_orders(pv, v, SPACE)
         products = gram_products(search, len(v)) * len(pv)
         peak = products_a_second()
@@ -85,6 +91,8 @@ def test_one_and_two_parameter_search(signals):
             f"  the Gram matrices need {products / 1e6:.1f} M products: {1e3 * products / peak:.3f} ms at the "
             f"{peak / 1e9:.0f} G products a second of this machine's matrix product"
         )
+    # What does not depend on the valve is done once: more points make none dearer.
+    assert max(a_fit.values()) < 2.0 * min(a_fit.values())
 
 
 def test_ratio_to_statsmodels(signals):
@@ -98,9 +106,11 @@ def test_ratio_to_statsmodels(signals):
         peers.append(peer)
         ratio = peer / ours
         print(f"\n{order}: statsmodels {peer:.2f} s, one refined fit {1e3 * ours:.2f} ms, ratio {ratio:.0f}", end="")
+        assert ratio > LEAST_RATIO
     mean = float(np.mean(peers))
     print(f"\na fit: statsmodels {mean:.2f} s on average, the search {1e9 * a_fit:.0f} ns: ratio {mean / a_fit:,.0f}")
     print(f"the whole search would take statsmodels about {mean * len(one) * SPACE.orders / 3600:.1f} h")
+    assert mean / a_fit > LEAST_RATIO_OF_A_FIT
 
 
 def test_identification(fc145):
@@ -111,6 +121,7 @@ def test_identification(fc145):
             for identify in (identify_one_parameter, identify_two_parameter)
         )
         print(f"\nidentification in {bounds}: one-parameter {one:.1f} ms, two-parameter {two:.1f} ms", end="")
+        assert two < 10.0 * one
     print()
 
 
@@ -122,7 +133,11 @@ def test_growth_with_samples():
         pv = np.convolve(op, 0.2 * 0.8 ** np.arange(40))[:samples] + 0.05 * rng.normal(size=samples)
         v = one_parameter(op, np.linspace(0.0, 1.0, 30))
         seconds = median_s(lambda pv=pv, v=v: search_orders(pv, v, SPACE), 5)
-        growth = "" if previous is None else f", {seconds / previous[1] / (samples / previous[0]):.2f} of linear"
-        print(f"\nN = {samples}: {1e3 * seconds:.2f} ms, {1e9 * seconds / samples:.0f} ns a sample{growth}", end="")
+        growth = 1.0 if previous is None else seconds / previous[1] / (samples / previous[0])
+        print(
+            f"\nN = {samples}: {1e3 * seconds:.2f} ms, {1e9 * seconds / samples:.0f} ns a sample, "
+            f"{growth:.2f} of linear"
+        )
+        assert growth < 2.0
         previous = samples, seconds
     print()

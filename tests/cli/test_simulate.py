@@ -6,7 +6,7 @@ import io
 import pytest
 from typer.testing import CliRunner
 
-from app.cli.main import cli
+from app.cli.main import cli, main
 
 
 def simulated(*arguments: str) -> list[dict[str, str]]:
@@ -46,9 +46,14 @@ def test_writes_to_a_file(tmp_path):
     assert len(out.read_text().splitlines()) == 11
 
 
-def test_an_impossible_loop_is_a_users_error():
-    result = CliRunner().invoke(cli, ["simulate", "--ti", "-1"])
-    assert result.exit_code != 0
+def test_an_impossible_loop_is_a_users_error(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["loopaudit", "simulate", "--ti", "-1"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err == "loopaudit: the integral time must be positive (inf for P control), got -1.0 s [integral_time]\n"
 
 
 @pytest.mark.parametrize(

@@ -172,7 +172,9 @@ def test_odd_records_are_answered(name):
     loop = sticky_loop()
     pv, op = ODD[name](loop.pv, loop.op)
     judgement = audit(Recording(name, loop.time_s, pv, op)).judgement
+    assert judgement.reliability == "not_reliable"
     assert judgement.reasons
+    assert all(reason.text for reason in judgement.reasons)
     assert (judgement.stiction_probability is None) == (judgement.verdict == "not_auditable")
 
 
@@ -192,8 +194,9 @@ def test_the_span_of_op_is_told_where_it_is_one(span, width):
 def test_sampling_at_random_times_is_answered():
     loop = sticky_loop()
     t = np.cumsum(np.random.default_rng(4).exponential(size=N))
-    result = audit(Recording("x", t, loop.pv, loop.op))
-    assert result.judgement.reasons
+    judgement = audit(Recording("x", t, loop.pv, loop.op)).judgement
+    assert (judgement.verdict, judgement.reliability) == ("stiction", "not_reliable")
+    assert {"irregular_sampling", "filled_share"} <= {reason.code for reason in judgement.reasons}
 
 
 def test_an_engine_that_cannot_use_the_record_is_an_answer(monkeypatch):

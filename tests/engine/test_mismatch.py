@@ -3,8 +3,6 @@ where nothing is.
 """
 
 from dataclasses import replace
-from importlib import import_module
-from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -18,7 +16,6 @@ from app.engine.mismatch import (
     explain,
     locate,
 )
-from app.engine.mismatch import pairs as pairs_module
 from app.engine.mismatch.block import Context, Part
 from app.engine.mismatch.chain import simulate
 from app.engine.mismatch.closed_loop import close, close_again
@@ -40,6 +37,7 @@ from app.engine.recording import FloatArray
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, integrator, simulate_loop
 from app.engine.simulate.compression import keep, rebuild
 from tests.engine.plain_loop import GIVEN, TRUE, TS, N, moves, noise, recorded
+from tests.proof.cases import make_case
 
 
 def ask(pv: FloatArray, op: FloatArray | None = None) -> Explanation:
@@ -395,40 +393,19 @@ def test_what_richer_noise_would_take_is_no_gain() -> None:
     assert taken_by_noise(Contender(block, poor, 20.0, fitted)) == 0.0
 
 
-@pytest.mark.parametrize(("likelihood", "pairs"), [(85.0, 1), (110.0, 0)])
-def test_a_pair_is_compared_with_what_says_nothing_by_score(
-    monkeypatch: pytest.MonkeyPatch, likelihood: float, pairs: int
-) -> None:
-    def contender(code: str, penalty: float, found: float, already: float = 0.0) -> SimpleNamespace:
-        fit = SimpleNamespace(likelihood=found, score=found - penalty - already)
-        base, block = SimpleNamespace(score=0.0), SimpleNamespace(code=code, penalty=penalty)
-        return SimpleNamespace(block=block, gain=found, fit=fit, over=base)
-
-    monkeypatch.setattr(pairs_module, "pays_beside", lambda *_: True)
-    monkeypatch.setattr(pairs_module, "hidden_gain", lambda _: 0.0)
-    monkeypatch.setattr(pairs_module, "worth_beside", lambda r: r.gain)
-    first, unnamed = contender("process.inverse_response", 18.0, 60.0), contender("unnamed", 42.0, likelihood)
-    places = pairs_module.Places(first, (contender("sensor.drift", 16.0, 95.0, 18.0),))
-    assert len(places.pairs((unnamed, first))) == pairs
-
-
-def test_two_effects_neither_of_which_pays_alone_are_both_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "proof"))
-    case = import_module("cases").make_case(3_100_009, ("disturbance.ramp", "valve.deadband"), foreign=False)
+def test_two_effects_neither_of_which_pays_alone_are_both_named() -> None:
+    case = make_case(3_100_009, ("disturbance.ramp", "valve.deadband"), foreign=False)
     answer = explain(Comparison("hidden", case.ts, case.op, case.pv, case.sp, case.measured, trace=case.trace))
     assert [effect.code for effect in answer.effects] == ["sensor.drift", "valve.deadband"]
     assert "disturbance.ramp" in answer.effects[0].alternatives
     assert answer.fit.explained.rmse < 0.2 * answer.fit.refitted.rmse
 
 
-def test_a_second_effect_is_fitted_by_free_run_before_a_better_first_puts_it_aside(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_second_effect_is_fitted_by_free_run_before_a_better_first_puts_it_aside() -> None:
     """With a better start the slew limit alone comes nearer to PV than the pair by likelihood did; the pair by free run
     comes nearer still.
     """
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "proof"))
-    case = import_module("cases").make_case(4_100_007, ("disturbance.oscillation", "valve.slew_limit"), foreign=True)
+    case = make_case(4_100_007, ("disturbance.oscillation", "valve.slew_limit"), foreign=True)
     said = explain(Comparison(case.name, case.ts, case.op, case.pv, case.sp, case.measured, trace=case.trace))
     assert {effect.code for effect in said.effects} == {"valve.slew_limit", "disturbance.oscillation"}
     assert said.fit.explained.rmse < 0.3 * said.fit.refitted.rmse

@@ -35,4 +35,5 @@ def test_levels_between_gaps_are_no_fault() -> None:
     """PV stands within each stretch that is known, and is another one in each: nothing tells how far it moves."""
     known = AT % 20 < 15
     level = np.random.default_rng(1).normal(size=N // 20)[AT // 20]
-    find_patterns(record_of(compared(30.0 + level, known)))
+    found = find_patterns(record_of(compared(30.0 + level, known)))
+    assert [(pattern.reason.code, pattern.hides_pv) for pattern in found] == [("pv_straight", False)]

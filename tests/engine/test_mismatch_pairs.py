@@ -4,8 +4,6 @@ over which a free run goes astray.
 
 from collections.abc import Callable
 from dataclasses import replace
-from importlib import import_module
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,8 +18,8 @@ from app.engine.mismatch.holdout import FreeRuns, mostly_worse, stretches
 from app.engine.mismatch.naming import believed
 from app.engine.mismatch.noise import NoiseModel
 from app.engine.mismatch.pairing import Candidate, couples, joint_scores, reordered
-from app.engine.mismatch.pairs import Pair, paying_alone
-from app.engine.mismatch.physics import additive, friction, library, valve_deadband, valve_slew_limit
+from app.engine.mismatch.pairs import Pair, Places, paying_alone
+from app.engine.mismatch.physics import additive, friction, generic, library, valve_deadband, valve_slew_limit
 from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.scan import Start, ground
 from app.engine.mismatch.searching import Begun, foremost, searched
@@ -29,6 +27,7 @@ from app.engine.mismatch.selection import Selection, in_place_of
 from app.engine.mismatch.task import Given, make_task, start_at
 from app.engine.mismatch.worth import gain_under, hidden_gain, pays_beside, worth
 from app.engine.recording import FloatArray
+from tests.proof.cases import make_case
 
 N, TS = 1000, 2.0
 PLANT = Plant(K=1.4, tau=30.0, theta=6.0)
@@ -97,6 +96,20 @@ def test_the_order_of_a_couple_changes_nothing_but_its_order(both: Fit) -> None:
     np.testing.assert_allclose(other.simulated, one.simulated)
 
 
+@pytest.mark.parametrize(("behind", "pairs"), [(5.0, 1), (3.0, 0)])
+def test_a_pair_is_compared_with_what_says_nothing_by_score(both: Fit, behind: float, pairs: int) -> None:
+    """What has no name explains more here than the pair, and pays for it: it has to be 4 nats behind by score."""
+    one, two = fitted(both, (backlash(),)), fitted(both, (backlash(), drift()))
+    first = Contender(DEADBAND, one, one.likelihood - both.likelihood, both)
+    second = Contender(RAMP, two, two.likelihood - one.likelihood, one)
+    unnamed = generic.BLOCKS[0]
+    said = two.score + unnamed.penalty - behind
+    nothing = replace(one, parts=(Part(unnamed, np.zeros(0)),), likelihood=said)
+    assert nothing.likelihood > two.likelihood
+    alone = (Contender(unnamed, nothing, said - both.likelihood, both), first)
+    assert len(Places(first, (second,)).pairs(alone)) == pairs
+
+
 def slow_part(noise: NoiseModel) -> float:
     """How far constant innovations of one deviation would carry PV: a pole beside a zero carries nothing."""
     return noise.deviation * float(np.prod(1.0 - np.array(noise.zeros)) / np.prod(1.0 - np.array(noise.poles)))
@@ -157,11 +170,9 @@ def test_one_stretch_alone_refuses_no_name(both: Fit, worse: int, refused: bool)
 
 
 @pytest.fixture
-def blind(monkeypatch: pytest.MonkeyPatch) -> Callable[[int, tuple[str, str]], Explanation]:
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "proof"))
-
+def blind() -> Callable[[int, tuple[str, str]], Explanation]:
     def asked(seed: int, effects: tuple[str, str]) -> Explanation:
-        case = import_module("cases").make_case(seed, effects, foreign=True)
+        case = make_case(seed, effects, foreign=True)
         return explain(Comparison(case.name, case.ts, case.op, case.pv, case.sp, case.measured, trace=case.trace))
 
     return asked

@@ -6,8 +6,11 @@ import copy
 from dataclasses import replace
 
 import numpy as np
-from concealing import CONCEAL
-from generator import (
+from numpy.random import Generator
+
+from app.engine.recording import FloatArray
+from tests.proof.concealing import CONCEAL
+from tests.proof.generator import (
     EFFECTS,
     LEAST_ENERGY,
     NEED_A_MASS,
@@ -21,11 +24,8 @@ from generator import (
     make_loop,
     run,
 )
-from numpy.random import Generator
-from outside import NEED_ONE_LAG, OUTSIDE
-from plants import Process
-
-from app.engine.recording import FloatArray
+from tests.proof.outside import NEED_ONE_LAG, OUTSIDE
+from tests.proof.plants import Process
 
 TRIES, MOST_TRIES = 12, 200
 HIDDEN = CONCEAL | OUTSIDE

@@ -4,11 +4,11 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from generator import Loop, coloured
 from numpy.random import Generator
-from plants import Backlash, FrictionValve, MovedMass, SlewValve, StaticValve, StickingValve, softplus
 
 from app.engine.recording import FloatArray
+from tests.proof.generator import Loop, coloured
+from tests.proof.plants import Backlash, FrictionValve, MovedMass, SlewValve, StaticValve, StickingValve, softplus
 
 Windows = tuple[tuple[float, float], ...]
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.random import Generator
-from plants import Controller, Process, Sensor, Valve, softplus
 
 from app.engine.recording import FloatArray
+from tests.proof.plants import Controller, Process, Sensor, Valve, softplus
 
 SAME = {
     "process.extra_lag": ("process.extra_lag", "sensor.lag"),

@@ -4,11 +4,12 @@ from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
-from concealing import Windows, reach
-from generator import LEAST_ENERGY, Loop
 from numpy.random import Generator
-from plants import Process
-from strange import (
+
+from tests.proof.concealing import Windows, reach
+from tests.proof.generator import LEAST_ENERGY, Loop
+from tests.proof.plants import Process
+from tests.proof.strange import (
     Adapting,
     Analyser,
     DelayByFlow,

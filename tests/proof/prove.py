@@ -14,13 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from cases import cut_out, make_case, planned
-from generator import LEAST_ENERGY, SAME, Case
-from outside import SETS, outside_summary, planned_outside
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from app.engine.mismatch import Comparison, Explanation, compile_kernels, explain
+from tests.proof.cases import cut_out, make_case, planned
+from tests.proof.generator import LEAST_ENERGY, SAME, Case
+from tests.proof.outside import SETS, outside_summary, planned_outside
 
 # The shares of clean loops and of loops with two effects in a set.
 SHARES = {"all": (0.25, 0.15), "clean": (1.0, 0.0), "one": (0.0, 0.0), "two": (0.0, 1.0)}

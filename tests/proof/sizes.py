@@ -11,13 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from cases import make_case
-from stems import SAMPLES, loop, recorded
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from app.engine.mismatch import Comparison, compile_kernels, explain
 from app.engine.simulate import Pid, Signal, TwoParameterValve
+from tests.proof.cases import make_case
+from tests.proof.stems import SAMPLES, loop, recorded
 
 Known = tuple[str, Comparison, dict[str, float]]
 Stated = tuple[float, float, float, float]

@@ -4,7 +4,7 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
-from plants import SUBSTEPS, Process, Sensor, Valve
+from tests.proof.plants import SUBSTEPS, Process, Sensor, Valve
 
 MOST_EXPONENT = 1.5
 

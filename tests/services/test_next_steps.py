@@ -1,15 +1,16 @@
 """What to do next follows from verdict, reliability and cause, and stands in the guide in the same words."""
 
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
-from app.engine.unanswered import CAUSE
+from app.engine.codes import UNANSWERED, Cause
 from app.services import next_steps
 from app.services.auditing.reason_wording import REASON_WORDS
 from app.services.auditing.repairs import BEFORE_REPAIR
 from app.services.next_steps import BY_CAUSE, next_step
-from app.services.wording import CAUSE_WORDS, UNANSWERED
+from app.services.wording import CAUSE_WORDS
 
 GUIDE = Path(__file__).parents[2] / "docs" / "guides" / "OPERATOR.md"
 
@@ -49,9 +50,10 @@ def test_a_verdict_of_before_a_repair_sends_nobody_out():
     assert next_step(unsure | {"reliability": "reliable", "reasons": "stiction_began"}) == next_steps.STICKS
 
 
-def test_every_cause_has_a_step():
+def test_every_cause_has_words_and_a_step():
+    no_engine_says = {"data"}
+    assert set(CAUSE_WORDS) - no_engine_says == set(get_args(Cause))
     assert set(BY_CAUSE) == set(CAUSE_WORDS) - {"stiction"}
-    assert UNANSWERED == CAUSE
 
 
 def test_the_guide_says_the_same():
@@ -147,5 +149,5 @@ def test_nothing_is_no_step_where_the_published_rule_says_stiction(told, objecte
 
 
 def test_a_longer_record_is_not_waited_for_where_a_look_is_due_today():
-    row = row_of("inconclusive", "not_reliable", CAUSE) | {"reasons": "pv_stands;few_cycles"}
-    assert next_step(row | {"oscillation_period_s": 600.0}) == BY_CAUSE[CAUSE]
+    row = row_of("inconclusive", "not_reliable", UNANSWERED) | {"reasons": "pv_stands;few_cycles"}
+    assert next_step(row | {"oscillation_period_s": 600.0}) == BY_CAUSE[UNANSWERED]

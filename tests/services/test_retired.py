@@ -20,7 +20,7 @@ from app.services.plant.arrivals import arrivals
 from app.services.plant.groups import groups_of, plant_groups
 from app.services.plant.loops import get_loop, list_loops, loop_health, patch_loop, verdict_history
 from app.services.plant.notes import add_note, list_notes
-from app.services.plant.reliability import RowFilter, plant_summary, reliability_json, reliability_page
+from app.services.plant.reliability import RowFilter, reliability_json, reliability_page
 from app.services.plant.repaired import repairs
 from app.services.plant.trend import trend
 from app.services.reports.documents import loop_report, plant_report
@@ -109,8 +109,6 @@ ASKED: dict[str, Callable[[Backend], float]] = {
     "reliability table": lambda b: named(row["loop"] for row in reliability_page(b).rows),
     "reliability table by a column of verdicts": lambda b: len(reliability_page(b, sort="yper_pct").rows),
     "reliability table as JSON": lambda b: len(json.loads(reliability_json(b).write())["rows"]),
-    "loops of the summary": lambda b: plant_summary(b).loops,
-    "audited loops of the summary": lambda b: plant_summary(b).audited,
     "verdicts of the digest": lambda b: sum(digest(b).verdicts.values()),
     "worst of the digest": lambda b: named(one.loop for one in digest(b).old),
     "changes of the digest": lambda b: named(change.loop for change in digest(b).changes),

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.engine.codes import CheckCode
 from app.engine.evidence import Finding
 from app.engine.fitness import checks
 from app.engine.fitness.align import Aligned, align
@@ -16,7 +17,7 @@ from app.engine.recording import BoolArray, FloatArray, Recording, UniformRecord
 from app.engine.sampled import blocks
 from app.errors import DataError
 
-LATER_CHECKS = (
+LATER_CHECKS: tuple[CheckCode, ...] = (
     "not_in_automatic", "gaps", "op_flat", "pv_flat", "op_two_values", "op_at_limits", "irregular_sampling",
     "filled", "pv_quantised", "op_quantised", "pv_interpolated", "op_interpolated",
 )  # fmt: skip
@@ -255,7 +256,7 @@ def _alive(samples: _Samples, config: FitnessConfig) -> BoolArray:
     return (run_lengths(samples.pv) < limit) & (run_lengths(samples.op) < limit)
 
 
-def _stopped(fitness: Fitness, found: tuple[Finding, ...], left: tuple[str, ...]) -> Fitness:
+def _stopped(fitness: Fitness, found: tuple[Finding, ...], left: tuple[CheckCode, ...]) -> Fitness:
     failed = ", ".join(finding.code for finding in checks.refusals(found))
     because = f"the recording had already failed: {failed.replace('_', ' ')}"
     skipped = tuple(checks.not_evaluated(code, because) for code in left)

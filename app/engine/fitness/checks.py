@@ -1,7 +1,10 @@
 """The checks, each one a row of evidence: statistic, threshold, outcome and the reason in words."""
 
+from typing import cast
+
 import numpy as np
 
+from app.engine.codes import CheckCode
 from app.engine.evidence import Finding, Operator, Outcome
 from app.engine.fitness.config import FitnessConfig
 from app.engine.fitness.signals import (
@@ -17,16 +20,16 @@ from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, Span, UniformRecord
 
 # A recording that fails one of these is not audited; the other findings only say how good it is.
-BLOCKING = frozenset(
+BLOCKING: frozenset[CheckCode] = frozenset(
     {"too_short", "missing_values", "not_in_automatic", "gaps", "filled", "op_flat", "pv_flat", "op_two_values",
      "op_at_limits", "samples_per_cycle"}
 )  # fmt: skip
 
 # Of these, the ones that more samples of the same kind mend.
-OF_LENGTH = frozenset({"too_short", "missing_values", "not_in_automatic", "gaps"})
+OF_LENGTH: frozenset[CheckCode] = frozenset({"too_short", "missing_values", "not_in_automatic", "gaps"})
 
 
-def not_evaluated(code: str, because: str) -> Finding:
+def not_evaluated(code: CheckCode, because: str) -> Finding:
     """A check that could not be made, with the reason: it is neither good nor missing."""
     return Finding(code, "not_evaluated", f"not evaluated, because {because}")
 
@@ -80,7 +83,7 @@ def check_flat(name: str, signal: FloatArray, meaning: str, kept: int, config: F
     if dead:
         text += f": {meaning}; {kept} samples in a row remain, at least {config.min_samples} are needed"
     usable = not dead or kept >= config.min_samples
-    return _finding(f"{name}_flat", usable, text, share, config.flat_share, "share", "<")
+    return _finding(_of(name, "flat"), usable, text, share, config.flat_share, "share", "<")
 
 
 def check_two_values(op: FloatArray, config: FitnessConfig) -> Finding:
@@ -124,10 +127,11 @@ def check_filled(record: UniformRecord, config: FitnessConfig) -> Finding:
 def check_levels(name: str, signal: FloatArray, config: FitnessConfig) -> Finding:
     step = quantisation_step(signal)
     if step is None:
-        return not_evaluated(f"{name}_quantised", f"{name.upper()} does not move")
+        return not_evaluated(_of(name, "quantised"), f"{name.upper()} does not move")
     levels = float(np.ptp(signal)) / step
     text = f"the range of {name.upper()} is {levels:.4g} times its least step"
-    return _finding(f"{name}_quantised", levels >= config.min_levels, text, levels, config.min_levels, "steps", ">=")
+    code = _of(name, "quantised")
+    return _finding(code, levels >= config.min_levels, text, levels, config.min_levels, "steps", ">=")
 
 
 def check_on_line(name: str, signal: FloatArray, config: FitnessConfig) -> Finding:
@@ -135,7 +139,7 @@ def check_on_line(name: str, signal: FloatArray, config: FitnessConfig) -> Findi
     text = f"{100 * share:.1f} % of the {name.upper()} samples lie on the straight line between their neighbours"
     if share > config.max_on_line_share:
         text += ": compressed or interpolated by the historian"
-    code = f"{name}_interpolated"
+    code = _of(name, "interpolated")
     return _finding(code, share <= config.max_on_line_share, text, share, config.max_on_line_share, "share", "<=")
 
 
@@ -176,8 +180,13 @@ def refusals(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
     return tuple(finding for finding in findings if finding.outcome == "fail" and finding.code in BLOCKING)
 
 
+def _of(name: str, what: str) -> CheckCode:
+    """The code of a check that is made of PV and of OP. name: pv or op."""
+    return cast(CheckCode, f"{name}_{what}")
+
+
 def _finding(
-    code: str,
+    code: CheckCode,
     passed: bool,
     text: str,
     statistic: float,

@@ -108,6 +108,11 @@ def close(found: Fit, law: Law, sp: FloatArray, added: FloatArray | None = None)
 
 
 def figures(record: UniformRecord) -> LoopFigures:
+    """What the loop of a record of N samples shows, against SP where it was recorded, else against PV's mean.
+
+    Yper is that of both signals at unit standard deviation, and 0 where PV or OP holds one value. Misleads where the
+    record holds a few periods only: period and Yper of so few scatter.
+    """
     error = record.pv - record.sp if record.sp is not None else record.pv
     moves = error - np.mean(error)
     spread = float(np.std(error))

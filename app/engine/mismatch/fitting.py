@@ -154,13 +154,20 @@ def orthonormal(columns: FloatArray) -> FloatArray:
 
 
 def projected_cost(rows: FloatArray, basis: FloatArray) -> float:
-    """The sum of squares that is left when the directions of `basis` are taken out."""
+    """The sum of squares of `rows` (N,) that is left when the directions of `basis` (N, P), orthonormal, are taken
+    out.
+    """
     along = basis.T @ rows
     return float(rows @ rows - along @ along)
 
 
 def finish(task: Task, x: FloatArray, noise: NoiseModel) -> Fit:
-    """The fit at x under a noise model, with its likelihood."""
+    """The fit at x (P,), the task's coordinates, under a noise model.
+
+    Its log-likelihood, in nats: -n ln(deviation) - |prior rows|^2 / 2, less what a slow noise model costs; n the
+    samples that are compared once the process has settled, deviation that of the whitened residual, in unit of PV. What
+    is the same for every fit of a record is left out.
+    """
     simulated = task.simulated(x)
     count = int(np.sum(task.record.usable[settling_samples(task.record.samples) :]))
     prior = prior_rows(task, x)
@@ -172,7 +179,8 @@ def finish(task: Task, x: FloatArray, noise: NoiseModel) -> Fit:
 
 
 def fit(task: Task, x: FloatArray, noise: NoiseModel | None = None, rounds: int = 2, steps: int = 8) -> Fit:
-    """Simulation and noise model in turn, `rounds` times, from coordinates x.
+    """Simulation and noise model in turn, `rounds` times, from coordinates x (P,), in `steps` descents at most each
+    time; ends early where a round gains hardly anything.
 
     Without `noise` it is first found from the residual at x. Source: the iterated generalised least squares of
     Soderstrom 1974, doi 10.1016/0005-1098(74)90063-1; output error with a noise model is the prediction error method of

@@ -102,6 +102,9 @@ def find_patterns(record: Experiment) -> tuple[Pattern, ...]:
 
 
 def held(record: Experiment, interval_s: float) -> Pattern:
+    """A PV that is measured every `interval_s` (s) and held until the next time: shown at all samples (N,), explained
+    by a sample and hold of that interval.
+    """
     text = f"PV changes every {interval_s:.4g} s only and repeats itself in between: it is compared when it changes"
     everywhere = np.ones(record.samples, dtype=np.bool_)
     return Pattern(Part(SAMPLE_HOLD, np.array([interval_s])), everywhere, Reason("pv_held", text), False)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from app.engine.codes import CheckCode
 from app.engine.evidence import Finding, Measured, Outcome
 from app.engine.oscillation import Oscillation
 from app.engine.quantification.config import QuantificationConfig
@@ -109,7 +110,7 @@ def _findings(
     """The rule of what is identifiable, from the record alone."""
     width = float(np.log(weights.share(0.9) / weights.share(0.1)))
     per_cycle = oscillation.samples_per_cycle or 0.0
-    at_least = (
+    at_least: tuple[tuple[CheckCode, float, float, str], ...] = (
         ("size_regularity", oscillation.regularity, config.min_regularity, "regularity of the oscillation"),
         ("size_cycles", oscillation.cycles, config.min_cycles, "cycles in the record"),
         ("size_samples_per_cycle", per_cycle, config.min_samples_per_cycle, "samples a cycle"),
@@ -122,7 +123,7 @@ def _findings(
     )
 
 
-def _finding(code: str, text: str, found: Measured) -> Finding:
+def _finding(code: CheckCode, text: str, found: Measured) -> Finding:
     told = f"{text}: {found.statistic:.3g} against {found.threshold:g}"
     outcome: Outcome = "pass" if found.passed else "fail"
     return Finding(code, outcome, told, float(found.statistic), found.threshold, operator=found.operator)

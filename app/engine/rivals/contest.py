@@ -1,10 +1,11 @@
 """Stiction among its rivals: who wins, who comes second."""
 
+from app.engine.codes import Cause
 from app.engine.evidence import told_probability
 from app.engine.features import Features
 from app.engine.rivals.rival import Rival
 
-STICTION = "stiction"
+STICTION: Cause = "stiction"
 _HEARD = 0.25
 _STANDS = 0.5
 

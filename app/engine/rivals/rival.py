@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from app.engine.codes import Cause
 from app.engine.evidence import Operator
 
 
@@ -20,7 +21,7 @@ class Rival:
     explained_without_stiction: of stiction, the same by a valve that follows OP; None of all others.
     """
 
-    cause: str
+    cause: Cause
     strength: float
     text: str
     counts: float = 0.0
@@ -36,7 +37,7 @@ class Rival:
         return self.strength >= 0.5
 
 
-def not_evaluated(cause: str, because: str) -> Rival:
+def not_evaluated(cause: Cause, because: str) -> Rival:
     """A rival whose assumptions the record does not meet."""
     return Rival(cause, 0.0, f"not evaluated, because {because}", applies=False)
 

@@ -1,9 +1,10 @@
 """OP out of range: the controller stands at a limit while PV goes on moving."""
 
+from app.engine.codes import Cause
 from app.engine.rivals.rival import Rival
 from app.engine.rivals.scene import Scene
 
-SATURATED = "saturated_op"
+SATURATED: Cause = "saturated_op"
 
 # Fixed beforehand, not fitted: a loop that cycles against a limit needs no sticky valve to do so.
 _AGAINST_STICTION = 2.0

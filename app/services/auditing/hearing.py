@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from app.engine.cascades import Cascade, cascades
+from app.engine.codes import ReasonCode
 from app.engine.evidence import told_probability
 from app.engine.excerpts import Excerpts
 from app.engine.health import HealthPart, doubted_health
@@ -14,9 +15,9 @@ from app.engine.plant_wide import Candidate, Group, Suspect, groups
 from app.services.auditing.audit_models import ReasonLine
 from app.services.wording import RELIABILITY_BRIEF, VERDICT_WORDS
 
-SHAKEN_BY_NEIGHBOUR = "shaken_by_neighbour"
-MOVES_SET_POINT = "moves_set_point"
-MOVES_NO_VALVE = "moves_no_valve"
+SHAKEN_BY_NEIGHBOUR: ReasonCode = "shaken_by_neighbour"
+MOVES_SET_POINT: ReasonCode = "moves_set_point"
+MOVES_NO_VALVE: ReasonCode = "moves_no_valve"
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Said:
 class Doubt:
     """What other loops tell of a verdict: the reason, as it stands first, for which nobody should rely on it."""
 
-    code: str
+    code: ReasonCode
     text: str
 
 

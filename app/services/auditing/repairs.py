@@ -9,6 +9,7 @@ from sqlalchemy import Connection
 
 from app.engine.audit import Audit
 from app.engine.audit_config import AuditConfig
+from app.engine.codes import ReasonCode
 from app.engine.evidence import Reason
 from app.engine.fitness import assess
 from app.services.auditing.recordings import recording_of
@@ -18,7 +19,8 @@ from app.storage import notes, series
 from app.storage.loops import LoopRow
 from app.storage.samples import Samples
 
-SINCE_REPAIR, BEFORE_REPAIR = "since_repair", "before_repair"
+SINCE_REPAIR: ReasonCode = "since_repair"
+BEFORE_REPAIR: ReasonCode = "before_repair"
 
 
 def side_of(window_start: datetime | None, window_end: datetime | None, repaired_at: datetime) -> str | None:

@@ -24,6 +24,7 @@ from app.services.bench.plant import load
 from app.services.bench.servers import plant_backend, service, workers
 from app.services.bench.year import fill
 from app.services.plant import reliability
+from app.services.plant.overview import overview
 from app.storage.tables import loops as loops_table
 
 BUSY_LOOPS = 2_500
@@ -49,9 +50,9 @@ def run(bench: Bench) -> Figures:
                 found["busy"] = {name: _measured(url, pid, bench.sizes.load_s, some) for name, some in paths.items()}
             found["audits_meanwhile"] = audited
         found["peak_mb"] = memory.peak_mb
-        found["summary_ms"] = 1e3 * _wall(lambda: reliability.plant_summary(backend))
+        found["summary_ms"] = 1e3 * _wall(lambda: overview(backend))
         found["cpu_ms"] = {
-            "summary": 1e3 * median_s(lambda: reliability.plant_summary(backend), 3),
+            "summary": 1e3 * median_s(lambda: overview(backend), 3),
             "whole_table": 1e3 * median_s(lambda: reliability.reliability_json(backend, 20_000).write(), 3),
         }
     return found

@@ -6,19 +6,20 @@ Simulated loops of known cause, and the recordings whose label states one. The s
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from app.engine.audit import audit
+from app.engine.codes import Cause
 from app.services.evaluation.recordings import labelled
 from app.services.testbench.causes import spoiled_loops
 
 NONE_STATED = "none stated"
-_LOAD = ("disturbance", "no_oscillation")
-_SINE = ("external_oscillation", "tuning_or_sinusoidal_disturbance")
-_TUNING = ("tight_tuning", "aggressive_controller", "tuning_or_sinusoidal_disturbance")
+_LOAD: tuple[Cause, ...] = ("disturbance", "no_oscillation")
+_SINE: tuple[Cause, ...] = ("external_oscillation", "tuning_or_sinusoidal_disturbance")
+_TUNING: tuple[Cause, ...] = ("tight_tuning", "aggressive_controller", "tuning_or_sinusoidal_disturbance")
 
-RIGHT: dict[str, tuple[str, ...]] = {
+RIGHT: dict[str, tuple[Cause, ...]] = {
     "stiction": ("stiction",),
     "backlash": ("stiction", "backlash"),
     "tight_tuning": _TUNING,
@@ -36,7 +37,7 @@ RIGHT: dict[str, tuple[str, ...]] = {
 }
 """Which stated causes are right for a simulated one. A deadband is a fault of the valve too."""
 
-RIGHT_OF_LABELS: dict[str, tuple[str, ...]] = {
+RIGHT_OF_LABELS: dict[str, tuple[Cause, ...]] = {
     "no_oscillation": _LOAD,
     "quantisation": ("quantised_sensor",),
     "sensor_fault": ("sensor_spikes", "sensor_sticking", "quantised_sensor"),
@@ -69,7 +70,7 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def confusion(stated: Iterable[tuple[str, str | None]], right: dict[str, tuple[str, ...]]) -> str:
+def confusion(stated: Iterable[tuple[str, str | None]], right: Mapping[str, tuple[str, ...]]) -> str:
     """A table by true cause: how many, stated right, stated wrong (with what), not stated; then the share right."""
     pairs = list(stated)
     lines = ["| true cause | loops | right | wrong | none stated | what was stated |", "|---|---|---|---|---|---|"]

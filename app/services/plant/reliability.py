@@ -1,7 +1,6 @@
-"""The per-loop reliability table, and the plant in a few numbers."""
+"""The per-loop reliability table: a page of rows, as they are or as JSON."""
 
 import hashlib
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,14 +8,12 @@ from typing import Any
 from sqlalchemy import BigInteger, ColumnElement
 
 from app.errors import RequestError
-from app.services.auditing.audits import list_audits
 from app.services.auditing.rows import FORM, as_row, compact
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, refused
 from app.services.moments import iso_utc, moment_of
-from app.services.results import Page, PlantSummary
+from app.services.results import Page
 from app.storage import verdicts
-from app.storage.loops import count as count_loops
 from app.storage.verdicts import SORTABLE, After, RowFilter, SentRow, Settled
 
 MOST_ROWS = 20_000
@@ -29,7 +26,6 @@ __all__ = [
     "checked",
     "following",
     "place_of",
-    "plant_summary",
     "reliability_json",
     "reliability_page",
     "sortable",
@@ -106,30 +102,6 @@ def reliability_json(
 
 def _digest(said: bytes) -> str:
     return hashlib.sha256(said).hexdigest()[:32]
-
-
-def plant_summary(backend: Backend) -> PlantSummary:
-    """Counts over the newest verdict of each loop."""
-    with backend.database.read() as connection:
-        known = count_loops(connection)
-        counted = verdicts.counts(connection, ("unit", "verdict", "reliability", "likely_cause"))
-    totals: list[Counter[str]] = [Counter(), Counter(), Counter()]
-    units: dict[str | None, Counter[str]] = {}
-    for unit, verdict, reliability, cause, count in counted:
-        for total, value in zip(totals, (verdict, reliability, cause), strict=True):
-            if value is not None:
-                total[value] += count
-        units.setdefault(unit, Counter())[verdict] += count
-    newest = list_audits(backend, limit=1).rows
-    return PlantSummary(
-        loops=known,
-        audited=sum(totals[0].values()),
-        verdicts=dict(totals[0]),
-        reliability=dict(totals[1]),
-        likely_causes=dict(totals[2]),
-        units=[{"unit": unit, **verdict} for unit, verdict in sorted(units.items(), key=lambda u: u[0] or "")],
-        newest_audit=newest[0] if newest else None,
-    )
 
 
 def following(rows: Sequence[Mapping[str, Any]], limit: int, sort: str) -> str | None:

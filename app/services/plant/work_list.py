@@ -22,9 +22,9 @@ LOOKED_AT = 200
 
 @dataclass(frozen=True)
 class Work:
-    """A loop and what to do about it. size: the slip-jump S, empty where it is not measured; since: how long the same
-    was said of it; judged: of which time its verdict is, where not up to its newest samples; shelved: until when it is
-    shelved, and why it is listed all the same; written: its work order and repair."""
+    """A loop and what to do about it. size: S, the deadband plus stickband, empty where it is not measured; since: how
+    long the same was said of it; judged: of which time its verdict is, where not up to its newest samples; shelved:
+    until when it is shelved, and why it is listed all the same; written: its work order and repair."""
 
     loop: str
     unit: str | None

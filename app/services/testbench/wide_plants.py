@@ -1,8 +1,8 @@
 """Random simulated loops drawn by tightness and by points a cycle: levels, P and PID control, rougher records.
 
-`plants` draws the tuning by time constants, as most real flows have it; here controllers go from sluggish to the limit
-of stability, a third of the loops are levels, a quarter of these under P control, sticky valves work against loads as
-large as S, and some records went through a historian. Sticky valves that hardly moved are left out.
+`known_loops` draws the tuning by time constants, as most real flows have it; here controllers go from sluggish to the
+limit of stability, a third of the loops are levels, a quarter of these under P control, sticky valves work against
+loads as large as S, and some records went through a historian. Sticky valves that hardly moved are left out.
 """
 
 from collections.abc import Callable

@@ -3,6 +3,7 @@
 from urllib.parse import quote
 
 import pytest
+from sqlalchemy import select
 
 from app.storage import tables
 from tests.api.routes.exports import HOSTILE
@@ -137,12 +138,23 @@ def test_a_retired_loop_is_listed_and_stands_in_no_table(client, plant):
     assert {"action": "loop.change", "subject": url, "outcome": "done"}.items() <= trailed[0].items()
 
 
-def test_a_type_that_the_plants_mapping_gave_is_known(client, plant, backend):
+@pytest.fixture
+def mapped(plant, backend):
+    """A type that no list knows, as the mapping of a plant may give it to FIC101; taken away again."""
+    of_fic = tables.loops.update().where(tables.loops.c.tag == "FIC101")
     with backend.database.write() as connection:
-        loops = tables.loops
-        connection.execute(loops.update().where(loops.c.tag == "FIC101").values(type="Durchfluss"))
-    assert client.patch("/v1/loops/LIC7", json={"type": "Durchfluss"}).json()["type"] == "Durchfluss"
-    client.patch("/v1/loops/LIC7", json={"type": None})
+        before = connection.scalar(select(tables.loops.c.type).where(tables.loops.c.tag == "FIC101"))
+        connection.execute(of_fic.values(type="Durchfluss"))
+    yield "Durchfluss"
+    with backend.database.write() as connection:
+        connection.execute(of_fic.values(type=before))
+
+
+def test_a_type_that_the_plants_mapping_gave_is_known(client, mapped):
+    try:
+        assert client.patch("/v1/loops/LIC7", json={"type": mapped}).json()["type"] == mapped
+    finally:
+        client.patch("/v1/loops/LIC7", json={"type": None})
 
 
 @pytest.mark.parametrize("start", ["20240301", "0.5", "nan", "1e3"])

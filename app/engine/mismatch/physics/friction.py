@@ -89,6 +89,11 @@ def run(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> Fl
 
 
 def moved(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
+    """PV (N,) as deviation, of the mass that v (N,) drives `theta` later, by the equations above for the plant's lags.
+
+    v: unit of OP, as deviation. values: dry friction F in the unit of the drive K v, and the share c by which viscous
+    friction adds to what slows the mass anyway.
+    """
     ts = context.record.sampling_interval_s
     u = delay(v, plant.theta, ts)
     dry, more = float(values[0]), 1.0 + float(values[1])

@@ -47,6 +47,12 @@ def _tanks(u: FloatArray, p: FloatArray, values: FloatArray, ts: float) -> Float
 
 
 def run(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
+    """PV (N,) as deviation: the level of the lower tank, by the equations above in STEPS explicit steps a sample.
+
+    v: (N,) valve position, unit of OP, as deviation. values: (8,) as `parameters` names them: head of both tanks, share
+    of their outflow that is linear, start and limit of the upper one, share of its overflow that the lower one gets,
+    limit of the lower one. Misleads where tau or tau2 is near a sampling interval: explicit steps are too coarse there.
+    """
     ts = context.record.sampling_interval_s
     numbers = np.array([plant.K, plant.tau, plant.b, max(plant.tau2, 1e-6), plant.x0])
     return _tanks(delay(v, plant.theta, ts), numbers, values, ts)

@@ -5,7 +5,7 @@ from datetime import time
 from pathlib import Path
 
 import pytest
-from pydantic import ValidationError
+from pydantic import SecretStr, ValidationError
 
 from app.cli.configuration import load_settings
 from app.errors import RequestError
@@ -140,7 +140,10 @@ def test_what_can_never_work_is_refused_at_the_start(wrong: dict[str, str], said
     ],
 )
 def test_what_may_work_is_taken(right: dict[str, object]) -> None:
-    assert Settings(**right)
+    found = Settings(**right)
+    for name, value in right.items():
+        told = getattr(found, name)
+        assert (told.get_secret_value() if isinstance(told, SecretStr) else told) == value
 
 
 def test_the_dot_that_ends_a_whole_name_is_left_out() -> None:

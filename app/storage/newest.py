@@ -1,0 +1,43 @@
+"""What several questions ask alike: the newest verdict of a loop, and which loops come first, by what is missing to
+full health times importance."""
+
+from typing import Any
+
+from sqlalchemy import ColumnElement, Connection, FromClause, Select, and_, func, select
+
+from app.storage.tables import loops, newest_rows, verdicts
+
+
+def is_newest(said: FromClause) -> ColumnElement[bool]:
+    """said: `verdicts`, `newest_rows`, or an alias of them."""
+    return and_(said.c.loop_id == loops.c.id, said.c.audit_id == loops.c.newest_audit_id)
+
+
+NEWEST_VERDICTS = loops.join(verdicts, is_newest(verdicts))
+NEWEST_ROWS = loops.join(newest_rows, is_newest(newest_rows))
+"""Loops with their newest verdict; without those that have none."""
+
+
+def priority(said: FromClause) -> ColumnElement[Any]:
+    """NULL where the health is not known."""
+    return loops.c.importance * (100.0 - said.c.health)
+
+
+def worst_first(said: FromClause) -> tuple[ColumnElement[Any], ...]:
+    """The order by `priority`, loops of unknown health last, then by tag."""
+    return priority(said).desc().nulls_last(), loops.c.tag
+
+
+def heads_of_units(connection: Connection, listed: Select[Any], said: FromClause, each: int) -> list[Any]:
+    """Of each unit the first `each` of the loops that are `listed`, whose verdicts are `said`: by unit, the worst
+    first."""
+    place = func.row_number().over(partition_by=loops.c.unit, order_by=worst_first(said)).label("place")
+    placed = listed.add_columns(place).subquery()
+    shown = [column for column in placed.c if column.name != "place"]
+    query = select(*shown).where(placed.c.place <= each).order_by(placed.c.unit, placed.c.place)
+    return list(connection.execute(query))
+
+
+def heads(connection: Connection, listed: Select[Any], said: FromClause, most: int) -> list[Any]:
+    """The first `most` of all units."""
+    return list(connection.execute(listed.order_by(*worst_first(said)).limit(most)))

@@ -1,0 +1,143 @@
+"""Which verdict is a loop's newest, and which loops come first: the same in every question that asks it."""
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+from sqlalchemy import insert, update
+
+from app.storage import Database, digests, judged, loops, plant, shelvings, verdicts
+from app.storage.tables import audits as audits_table
+from app.storage.tables import loops as loops_table
+from app.storage.types import now
+from app.storage.verdicts import NewVerdict, RowFilter
+
+RUN = {
+    "trigger": "request",
+    "plant": "p",
+    "state": "done",
+    "config_json": "{}",
+    "config_fingerprint": "",
+    "window_h": 24.0,
+    "window_samples": 1000,
+    "total": 7,
+}
+OLD_NS, NEW_NS = 100, 200
+LOOPS = {  # unit, importance, newest sample; verdict and health in the first run
+    "A1": ("U1", 1.0, NEW_NS, "stiction", 40.0),
+    "A2": ("U1", 2.0, NEW_NS, "inconclusive", 80.0),
+    "A3": ("U1", 1.0, OLD_NS, "stiction", None),
+    "A4": ("U1", 1.0, NEW_NS, "no_stiction", 10.0),
+    "B1": ("U2", 1.0, OLD_NS, "stiction", 30.0),
+    "B2": ("U2", 3.0, NEW_NS, "stiction", 90.0),
+    "R1": ("U1", 9.0, NEW_NS, "stiction", 0.0),
+}
+
+
+def said(loop_id: int, audit_id: int, verdict: str, health: float | None, end_ns: int) -> NewVerdict:
+    columns: dict[str, Any] = {
+        **{"audited_at": now(), "samples": 1, "verdict": verdict, "reliability": "reliable", "health": health},
+        **{"engine_version": "", "elapsed_s": 0.0, "input_fingerprint": "", "config_fingerprint": ""},
+        **{"reasons": "", "reasons_text": "", "likely_cause": None, "table2_reading": None},
+        **{"stiction_probability": None, "input_end_ns": end_ns},
+    }
+    swing = json.dumps({"audit": audit_id})
+    return NewVerdict(loop_id, audit_id, columns, verdicts.pack_detail({}), "{}", "{}", "f", swing)
+
+
+@pytest.fixture
+def runs(database: Database) -> tuple[int, int]:
+    """Two runs: the first over all loops, the second over A1 alone, which is healthy by then; R1 is retired since."""
+    with database.write() as connection:
+        ids = loops.ensure(connection, LOOPS)
+        first, second = (
+            connection.scalar(insert(audits_table).values(**RUN, created_at=now()).returning(audits_table.c.id))
+            for _ in range(2)
+        )
+        for tag, (unit, importance, newest_ns, *_) in LOOPS.items():
+            told = {"unit": unit, "importance": importance, "newest_ns": newest_ns, "retired": tag == "R1"}
+            connection.execute(update(loops_table).where(loops_table.c.id == ids[tag]).values(**told))
+        verdicts.add(connection, [said(ids[t], first, v, h, end) for t, (_, _, end, v, h) in LOOPS.items()])
+        verdicts.add(connection, [said(ids["A1"], second, "no_stiction", 95.0, NEW_NS)])
+    assert first is not None
+    assert second is not None
+    return first, second
+
+
+def tags(rows: Sequence[Any]) -> list[str]:
+    return [row.tag for row in rows]
+
+
+def test_the_worst_come_first_and_those_of_unknown_health_last(database: Database, runs: tuple[int, int]) -> None:
+    wanted, of_run = RowFilter(), RowFilter(audit_id=runs[0])
+    with database.read() as connection:
+        newest = verdicts.table(connection, 10, "priority", True, wanted, None)
+        first = verdicts.table(connection, 10, "priority", True, of_run, None)
+        sent = verdicts.sent_rows(connection, 10, "priority", True, wanted, None)
+    assert [row["tag"] for row in newest] == tags(sent) == ["A4", "B1", "A2", "B2", "A1", "A3"]
+    assert [row["tag"] for row in first] == ["A4", "B1", "A1", "A2", "B2", "A3"]
+    assert [row["priority"] for row in newest] == [90.0, 70.0, 40.0, 30.0, 5.0, None]
+
+
+def test_the_heads_of_the_units_are_of_the_newest_verdicts_or_of_one_run(
+    database: Database, runs: tuple[int, int]
+) -> None:
+    with database.read() as connection:
+        whole = plant.worst_of_units(connection, 2)
+        assert [tuple(row) for row in whole] == [
+            ("A4", "U1", 1.0, "no_stiction", 10.0),
+            ("A2", "U1", 2.0, "inconclusive", 80.0),
+            ("B1", "U2", 1.0, "stiction", 30.0),
+            ("B2", "U2", 3.0, "stiction", 90.0),
+        ]
+        assert tags(plant.worst_of_units(connection, 9, complaints=True)) == ["A2", "A3", "B1", "B2"]
+        assert tags(plant.worst_of_units(connection, 9, complaints=True, since_ns=NEW_NS)) == ["A2", "B2"]
+        assert tags(plant.worst_of_unit(connection, "U1", 3)) == ["A4", "A2", "A1"]
+        assert tags(digests.worst_of_units(connection, runs[0], 2)) == ["A1", "A2", "B1", "B2"]
+        assert tags(digests.worst_of_units(connection, runs[0], 9, NEW_NS)) == ["A1", "A2", "B2"]
+        assert tags(digests.worst_of_units(connection, runs[1], 9)) == []
+
+
+def test_the_worst_of_old_records_are_of_all_units(database: Database, runs: tuple[int, int]) -> None:
+    with database.read() as connection:
+        assert tags(plant.worst_of_old(connection, 9, NEW_NS)) == ["B1", "A3"]
+        assert tags(plant.worst_of_old(connection, 1, NEW_NS)) == ["B1"]
+        assert tags(digests.worst_of_old(connection, runs[0], 9, NEW_NS)) == ["B1", "A3"]
+        assert digests.worst_of_old(connection, runs[0], 9, None) == []
+
+
+def test_loops_left_out_make_room_for_the_next(database: Database, runs: tuple[int, int]) -> None:
+    with database.read() as connection:
+        ids = [row.id for row in loops.page(connection, 10) if row.tag in ("A2", "B1")]
+        assert tags(plant.worst_of_units(connection, 1, complaints=True, left_out=ids)) == ["A3", "B2"]
+        assert tags(digests.worst_of_units(connection, runs[0], 1, None, ids)) == ["A1", "B2"]
+        assert tags(plant.worst_of_old(connection, 9, NEW_NS, ids)) == ["A3"]
+
+
+def test_whatever_asks_for_the_newest_verdict_gets_that_of_the_second_run(
+    database: Database, runs: tuple[int, int]
+) -> None:
+    with database.read() as connection:
+        loop_id, row = verdicts.newest(connection, "A1") or (0, None)
+        assert row is not None
+        assert (row["audit_id"], row["verdict"], row["health"]) == (runs[1], "no_stiction", 95.0)
+        assert verdicts.newest_of(connection, [loop_id])["A1"]["audit_id"] == runs[1]
+        assert verdicts.newest_said(connection, loop_id).verdict == "no_stiction"
+        assert shelvings.newest_said(connection, loop_id).verdict == "no_stiction"
+        assert {row.tag: row.audit_id for row in verdicts.said(connection)} == {
+            **dict.fromkeys(("A2", "A3", "A4", "B1", "B2"), runs[0]),
+            "A1": runs[1],
+        }
+        swings = {row.tag: json.loads(row.swing_json)["audit"] for row in verdicts.swings(connection)}
+        assert (swings["A1"], swings["A2"]) == runs[::-1]
+        assert len(swings) == 6
+        assert sorted(tags(judged.spans(connection, ["A1", "B1"]))) == ["A1", "B1"]
+
+
+def test_changes_lead_with_the_worst(database: Database, runs: tuple[int, int]) -> None:
+    with database.read() as connection:
+        assert tags(plant.changes(connection, runs[0], 10)) == ["B1", "B2", "A3"]
+        assert tags(plant.changes(connection, runs[1], 10)) == ["A1"]
+        assert tags(digests.changes_of(connection, runs[0], 10)) == ["B1", "A1", "B2", "A3"]
+        assert tags(digests.changes_of(connection, runs[1], 10)) == ["A1"]
