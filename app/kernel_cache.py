@@ -17,7 +17,8 @@ from pathlib import Path
 KEPT_S = 30 * 86400.0  # since a source was last started
 ENGINE = Path(__file__).parent / "engine"
 READERS = tuple(
-    Path(__file__).parent / "ingest" / f"{name}.py" for name in ("scan_kernel", "kind_kernel", "kind_codes")
+    Path(__file__).parent / "ingest" / f"{name}.py"
+    for name in ("tables/scan_kernel", "numbers/kind_kernel", "numbers/kind_codes")
 )
 IMPORTED = re.compile(r"^\s*(?:from|import) app\.engine([^\n(]*(?:\([^)]*\))?)", re.MULTILINE)
 

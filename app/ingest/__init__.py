@@ -29,11 +29,10 @@ whose columns are asked for by name.
 """
 
 from app.ingest.align import align, carried
-from app.ingest.export import is_export_name, is_read_packed, read_export, stem_of, takes_its_name
-from app.ingest.exports import Export
-from app.ingest.grouping import MappedTag, TagMapping, group, loop_of, mapping_text, names_its_loop, unit_of
+from app.ingest.exports.export import Export
+from app.ingest.exports.reading import is_export_name, is_read_packed, read_export, stem_of, takes_its_name
+from app.ingest.files.unpacking import GZIP, Unpacking
 from app.ingest.inspection import InspectReport, LoopReport, inspect
-from app.ingest.lists import BEYOND, Listed, list_rows, list_text
 from app.ingest.model import (
     FileSummary,
     IngestOptions,
@@ -46,10 +45,11 @@ from app.ingest.model import (
 )
 from app.ingest.named_columns import NamedTable, parse_named, read_instants, read_named
 from app.ingest.recordings import RecordingsRead, read_recordings, second_zero_ns, to_recording
-from app.ingest.scanning import warm_up
-from app.ingest.spilling import NoRoomToPartError
-from app.ingest.stamps import NO_TIME, check_time_zone
-from app.ingest.unpacking import GZIP, Unpacking
+from app.ingest.tables.scanning import warm_up
+from app.ingest.tables.spilling import NoRoomToPartError
+from app.ingest.tags.grouping import MappedTag, TagMapping, group, loop_of, mapping_text, names_its_loop, unit_of
+from app.ingest.tags.lists import BEYOND, Listed, list_rows, list_text
+from app.ingest.times.stamps import NO_TIME, check_time_zone
 
 __all__ = [
     "BEYOND",

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from app.ingest.export import read_export
-from app.ingest.grouping import TagMapping
+from app.ingest.exports.reading import read_export
 from app.ingest.model import FileSummary, IngestOptions, LoopSamples, Rejects
+from app.ingest.tags.grouping import TagMapping
 from app.nanoseconds import NS_PER_S
 
 

@@ -8,12 +8,12 @@ import numpy as np
 import polars as pl
 
 from app.errors import DataError
-from app.ingest.frames import UNREADABLE
-from app.ingest.marks import POINTED, DoubtfulMarks
 from app.ingest.model import FloatArray, IngestOptions, TimeArray
-from app.ingest.stamps import NO_TIME, TimeReader, find_form
-from app.ingest.values import odd_numbers, same_tag, tagged
-from app.ingest.writing import MARKED, Writing
+from app.ingest.numbers.marks import POINTED, DoubtfulMarks
+from app.ingest.numbers.values import odd_numbers, same_tag, tagged
+from app.ingest.numbers.writing import MARKED, Writing
+from app.ingest.tables.frames import UNREADABLE
+from app.ingest.times.stamps import NO_TIME, TimeReader, find_form
 from app.nanoseconds import NS_PER_S
 
 SEPARATORS = ",;\t"

@@ -9,9 +9,9 @@ import numpy as np
 
 from app.engine.recording import Recording
 from app.ingest.align import align, carried
-from app.ingest.export import read_export
-from app.ingest.grouping import TagMapping
+from app.ingest.exports.reading import read_export
 from app.ingest.model import FloatArray, IngestOptions, LoopSamples, Reject, SignalBlock, TimeArray
+from app.ingest.tags.grouping import TagMapping
 from app.nanoseconds import NS_PER_S
 
 

@@ -83,8 +83,10 @@ def test_kernels_outside_of_the_engine_count_too(tmp_path, monkeypatch):
     app = Path(kernel_cache.__file__).parent
     sources = {path: path.read_text("utf-8") for path in app.rglob("*.py") if kernel_cache.ENGINE not in path.parents}
     compiled = {path: source for path, source in sources.items() if "import njit" in source}
-    imported = re.findall(r"from app\.ingest\.(\w+) import", "".join(compiled.values()))
-    assert compiled.keys() | {app / "ingest" / f"{name}.py" for name in imported} == set(kernel_cache.READERS)
+    imported = re.findall(r"from app\.ingest\.(\w+)\.(\w+) import", "".join(compiled.values()))
+    assert compiled.keys() | {app / "ingest" / room / f"{name}.py" for room, name in imported} == set(
+        kernel_cache.READERS
+    )
     before = kernel_cache._source_digest()
     changed = tmp_path / "scan_kernel.py"
     changed.write_text(kernel_cache.READERS[0].read_text("utf-8") + "x = 1\n")

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from app.ingest import IngestOptions, read_export
-from app.ingest.ahead import SIDE_BY_SIDE, side_by_side
-from app.ingest.frames import FrameReader, Rows
-from app.ingest.opening import Lines
+from app.ingest.files.ahead import SIDE_BY_SIDE, side_by_side
+from app.ingest.files.opening import Lines
+from app.ingest.tables.frames import FrameReader, Rows
 
 
 def test_results_come_in_the_order_of_their_items_whichever_is_made_first() -> None:

@@ -150,7 +150,7 @@ def test_blank_lines_keep_the_numbers_of_lines(read: Read) -> None:
 
 @pytest.mark.parametrize("block_columns", [2, 200])
 def test_values_without_a_time_are_told(read: Read, monkeypatch: pytest.MonkeyPatch, block_columns: int) -> None:
-    monkeypatch.setattr("app.ingest.frames.BLOCK_COLUMNS", block_columns)
+    monkeypatch.setattr("app.ingest.tables.frames.BLOCK_COLUMNS", block_columns)
     rows = [f"2026-01-01 00:00:{k:02d},{k}.5,{k},{k}" for k in range(20)]
     content = read("\n".join(["Time,A.PV,A.OP,A.SP", *rows, ",7.5,,", ",,,", ",,,8", ""]))
     assert content.summary.rows_kept == 20

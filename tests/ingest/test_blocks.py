@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.ingest import IngestOptions, frames, read_export
-from app.ingest.frames import FrameReader, Rows
+from app.ingest import IngestOptions, read_export
+from app.ingest.tables import frames
+from app.ingest.tables.frames import FrameReader, Rows
 from tests.ingest.conftest import Content, Read
 
 ROWS = 60

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from app.ingest.clocks import joined_stamp, joined_times
+from app.ingest.columns.clocks import joined_stamp, joined_times
 
 from .conftest import Read
 from .test_tables import workbook

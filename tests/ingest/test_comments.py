@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from app.ingest import IngestOptions, long_table
+from app.ingest import IngestOptions
+from app.ingest.tables import long_table
 from tests.ingest.conftest import Read
 
 HEAD = "Tagname,TimeStamp,Value\n"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from app.ingest import IngestOptions
-from app.ingest.doubled_hour import HOUR_NS, hours_apart
+from app.ingest.times.doubled_hour import HOUR_NS, hours_apart
 
 from .conftest import Read
 

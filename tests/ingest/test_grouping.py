@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from app.errors import DataError
-from app.ingest import LoopTags, TagMapping, group, long_table, read_export
+from app.ingest import LoopTags, TagMapping, group, read_export
+from app.ingest.tables import long_table
 
 from .conftest import Read
 

@@ -6,13 +6,13 @@ import re
 import numpy as np
 import pytest
 
-from app.ingest import IngestOptions, frames
-from app.ingest.frames import FrameReader
-from app.ingest.kind_codes import COMMA, DOUBTFUL_COMMA, DOUBTFUL_POINT, OTHER, POINT, WHOLE, WORD
-from app.ingest.kinds import kinds_of
-from app.ingest.marks import DOUBTFUL, before_decimals
-from app.ingest.marks import WHOLE as WHOLE_NUMBER
-from app.ingest.opening import Lines
+from app.ingest import IngestOptions
+from app.ingest.numbers.kind_codes import COMMA, DOUBTFUL_COMMA, DOUBTFUL_POINT, OTHER, POINT, WHOLE, WORD
+from app.ingest.numbers.kinds import kinds_of
+from app.ingest.numbers.marks import DOUBTFUL, before_decimals
+from app.ingest.numbers.marks import WHOLE as WHOLE_NUMBER
+from app.ingest.tables import frames
+from app.ingest.tables.frames import FrameReader
 from tests.ingest.conftest import Content, Read
 from tests.ingest.test_blocks import same
 from tests.ingest.test_writing import CHUNKS, DOUBT, LAYOUTS, MIRRORED, Table, long, marked, wide
@@ -37,7 +37,7 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def kinds_in(*lines: str, width: int = 3) -> list[int] | None:
-    found = kinds_of(Lines("".join(lines).encode(), 1, len(lines)), ";", width)
+    found = kinds_of("".join(lines).encode(), ";", width)
     return None if found is None else found.tolist()
 
 
@@ -123,7 +123,7 @@ def test_the_end_of_a_file_is_read_as_its_large_chunks(read: Read, monkeypatch: 
 def test_numbers_between_words_in_a_long_table_are_not_looked_at(
     read: Read, seen: None, marks: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.ingest.long_table.marked", lambda *_: pytest.fail("looked for marks"))
+    monkeypatch.setattr("app.ingest.tables.long_table.marked", lambda *_: pytest.fail("looked for marks"))
     content = read(long(marked(["50.123", "Bad", "51.871"], marks), marked(["40.100"], marks)))
     check_decimals(content)
     assert dict(content.rejects.counts) == {"not_a_number": 20}

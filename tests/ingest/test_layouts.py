@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from app.ingest import IngestOptions, Unpacking
-from app.ingest.stamps import NO_TIME, TimeForm, TimeReader
+from app.ingest.times.stamps import NO_TIME, TimeForm, TimeReader
 
 from .conftest import Read
 

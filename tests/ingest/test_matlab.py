@@ -210,14 +210,14 @@ def test_variables_that_are_too_large_together_are_refused(read: Read) -> None:
 
 
 def test_more_loops_than_any_plant_has_are_refused(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.ingest.matlab.MOST_LOOPS", 1)
+    monkeypatch.setattr("app.ingest.exports.matlab.MOST_LOOPS", 1)
     with pytest.raises(DataError) as raised:
         read(matlab(isdb()))
     assert raised.value.code == "too_many_tags"
 
 
 def test_only_the_first_of_many_loops_that_are_left_out_are_said(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.ingest.matlab.MOST_NOTES", 1)
+    monkeypatch.setattr("app.ingest.exports.matlab.MOST_NOTES", 1)
     empty = {"PV": "", "OP": ""}
     notes = read(matlab({"a": loop(), "b": empty, "c": empty})).summary.notes
     assert sum("was left out" in note for note in notes) == 1

@@ -8,13 +8,15 @@ import numpy as np
 import polars as pl
 import pytest
 
-from app.ingest import IngestOptions, long_table, read_export
-from app.ingest.ahead import ahead
+from app.ingest import IngestOptions, read_export
+from app.ingest.files.ahead import ahead
+from app.ingest.tables import long_table
 
 MEASURE = """
 import sys
 from pathlib import Path
-from app.ingest import IngestOptions, long_table, read_export
+from app.ingest import IngestOptions, read_export
+from app.ingest.tables import long_table
 long_table.BATCH_ROWS = 20_000
 options = IngestOptions(chunk_bytes=1 << 20, buffered_values=60_000, spill_folder=Path(sys.argv[1]).parent)
 samples = sum(stretch.samples for stretch in read_export(Path(sys.argv[1]), options=options).loops())

@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from app.ingest import IngestOptions, read_recordings
-from app.ingest.modes import UNKNOWN_MODE, ModesMet, automatic_flags
+from app.ingest.tags.modes import UNKNOWN_MODE, ModesMet, automatic_flags
 
 from .conftest import Read
 

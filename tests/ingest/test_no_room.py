@@ -6,7 +6,8 @@ import io
 import polars
 import pytest
 
-from app.ingest import IngestOptions, NoRoomToPartError, read_export, spilling
+from app.ingest import IngestOptions, NoRoomToPartError, read_export
+from app.ingest.tables import spilling
 
 from .test_tables import workbook
 

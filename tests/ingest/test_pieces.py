@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from app.errors import DataError
-from app.ingest import IngestOptions, long_table, parting, read_export
-from app.ingest.pieces import Gathered, Grid, as_piece, in_whole_instants, joined_grid
+from app.ingest import IngestOptions, read_export
+from app.ingest.tables import long_table, parting
+from app.ingest.tables.pieces import Gathered, Grid, as_piece, in_whole_instants, joined_grid
 
 from .conftest import Read
 

@@ -6,12 +6,13 @@ import numpy as np
 import polars as pl
 import pytest
 
-from app.ingest import IngestOptions, stamps
-from app.ingest.ahead import SIDE_BY_SIDE
-from app.ingest.frames import NUMBERED, Dialect, FrameReader
-from app.ingest.opening import TextFile, count_lines
+from app.ingest import IngestOptions
+from app.ingest.files.ahead import SIDE_BY_SIDE
+from app.ingest.files.opening import TextFile, count_lines
 from app.ingest.rejecting import RejectLog
-from app.ingest.stamps import NO_TIME, TimeForm, TimeReader
+from app.ingest.tables.frames import NUMBERED, Dialect, FrameReader
+from app.ingest.times import stamps
+from app.ingest.times.stamps import NO_TIME, TimeForm, TimeReader
 from tests.ingest.conftest import Read
 
 MINUTE = 60 * 10**9

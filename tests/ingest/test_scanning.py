@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.ingest import IngestOptions, frames, read_export, scanning
-from app.ingest.frames import FrameReader
+from app.ingest import IngestOptions, read_export
+from app.ingest.columns.plans import LongPlan
+from app.ingest.files.opening import Lines
 from app.ingest.model import LoopSamples
-from app.ingest.opening import Lines
-from app.ingest.plans import LongPlan
-from app.ingest.scanning import Scan, Scanner
-from app.ingest.stamps import TimeForm
+from app.ingest.tables import frames, scanning
+from app.ingest.tables.frames import FrameReader
+from app.ingest.tables.scanning import Scan, Scanner
+from app.ingest.times.stamps import TimeForm
 from tests.ingest.conftest import Read
 from tests.ingest.test_blocks import same
 

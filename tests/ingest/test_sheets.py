@@ -9,8 +9,8 @@ import pytest
 
 from app.errors import DataError
 from app.ingest import IngestOptions, TagMapping, read_recordings
+from app.ingest.exports.workbooks import Workbook
 from app.ingest.layouts import NotRecognised
-from app.ingest.workbooks import Workbook
 
 from .conftest import Read
 from .test_tables import workbook

@@ -10,7 +10,7 @@ import pytest
 
 from app.errors import DataError
 from app.ingest import IngestOptions, parse_named
-from app.ingest.spelled_times import _ENGLISH, _NAMES, respelled
+from app.ingest.times.spelled_times import _ENGLISH, _NAMES, respelled
 
 from .conftest import Read
 

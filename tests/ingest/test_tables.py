@@ -147,7 +147,7 @@ def test_columns_that_hold_no_numbers_leave_the_others(read: Read) -> None:
 
 
 def test_more_columns_than_are_read_at_once(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.ingest.tables_in.MOST_COLUMNS", 3)
+    monkeypatch.setattr("app.ingest.exports.tables_in.MOST_COLUMNS", 3)
     frame = pl.DataFrame({"t": TIMES, **{f"L{n}.{s}": [n + 0.0] * 4 for n in range(5) for s in ("PV", "OP")}})
     content = read(parquet(frame))
     assert {name: (loop.pv.tolist(), loop.op.tolist()) for name, loop in content.loops.items()} == {

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.ingest import NO_TIME, IngestOptions
-from app.ingest.wall_clock import WallClock
+from app.ingest.times.wall_clock import WallClock
 
 from .conftest import Read
 

@@ -154,7 +154,7 @@ def test_a_tag_may_come_into_doubt_only_after_another_has_told(read: Read, table
 
 @LAYOUTS
 def test_a_tag_stays_as_it_showed_itself(read: Read, table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.ingest.frames.LEAST_BYTES", 0)
+    monkeypatch.setattr("app.ingest.tables.frames.LEAST_BYTES", 0)
     pv = ["50,12"] * 10 + ["1.005"] * 1190
     content = read(table(pv, ["40.1"], count=1200), options=CHUNKS)
     assert content.loops["FIC1"].pv[10:].tolist() == [1005] * 1190
@@ -208,7 +208,7 @@ def test_points_in_all_numbers_are_read_once(read: Read, delimiter: str, monkeyp
         again.extend(texts)
         return np.full(len(texts), np.nan)
 
-    monkeypatch.setattr("app.ingest.odd_fields.refuse_texts", refused)
+    monkeypatch.setattr("app.ingest.tables.odd_fields.refuse_texts", refused)
     content = read(wide(["50.123", "Bad", "51.871"], ["40.100"], delimiter))
     assert content.loops["FIC1"].pv[::3].tolist() == [50.123] * 20
     assert content.loops["FIC1"].op.tolist() == [40.1] * 60
@@ -219,7 +219,9 @@ def test_points_in_all_numbers_are_read_once(read: Read, delimiter: str, monkeyp
 def test_doubtful_numbers_alone_have_nothing_to_learn_from(
     read: Read, marks: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.ingest.writing.Writing.learn", lambda *_: pytest.fail("looked for what is not there"))
+    monkeypatch.setattr(
+        "app.ingest.numbers.writing.Writing.learn", lambda *_: pytest.fail("looked for what is not there")
+    )
     content = read(wide(marked(["50,123", "Bad", "51,871"], marks), marked(["40,100"], marks)))
     assert content.loops["FIC1"].pv[::3].tolist() == [50.123] * 20
     assert content.summary.notes[0].startswith(f"{DOUBT}read as decimals: FIC1.")

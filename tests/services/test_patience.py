@@ -10,7 +10,7 @@ import pytest
 from sqlalchemy import update
 from sqlalchemy.exc import OperationalError
 
-from app.ingest import spilling
+from app.ingest.tables import spilling
 from app.services import patience
 from app.services.auditing import audits, chunks
 from app.services.backend import Backend

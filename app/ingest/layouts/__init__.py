@@ -6,8 +6,9 @@ A new layout is a new file with a function `sniff(head, options) -> Plan | None`
 from collections.abc import Callable
 
 from app.errors import DataError
-from app.ingest.columns import TAG_NAMES, VALUE_NAMES, plain, time_columns
-from app.ingest.head import PREAMBLE_ROWS, Head
+from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES, plain, time_columns
+from app.ingest.columns.plans import Plan
+from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.layouts import (
     aveva,
     dcs_tab,
@@ -21,7 +22,6 @@ from app.ingest.layouts import (
     wide,
 )
 from app.ingest.model import IngestOptions
-from app.ingest.plans import Plan
 
 Sniff = Callable[[Head, IngestOptions], Plan | None]
 

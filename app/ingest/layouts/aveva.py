@@ -1,10 +1,10 @@
 """AVEVA Historian, long: DateTime,TagName,Value,vValue,Quality,QualityDetail,OPCQuality,wwTagKey; OPCQuality 192 or
 Quality 0 is good."""
 
-from app.ingest.columns import long_from, plain
-from app.ingest.head import Head
+from app.ingest.columns.names import long_from, plain
+from app.ingest.columns.plans import LongPlan
+from app.ingest.files.head import Head
 from app.ingest.model import IngestOptions
-from app.ingest.plans import LongPlan
 
 
 def sniff(head: Head, options: IngestOptions) -> LongPlan | None:

@@ -9,11 +9,11 @@ desc ...
 settings of the monitor
 """
 
-from app.ingest.columns import form_of
-from app.ingest.grouping import place
-from app.ingest.head import Head
+from app.ingest.columns.names import form_of
+from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan
+from app.ingest.files.head import Head
 from app.ingest.model import IngestOptions
-from app.ingest.plans import TimedColumns, ValueColumn, WidePlan
+from app.ingest.tags.grouping import place
 
 _FLAGS = {"bopofl": "OP", "bpvofl": "PV", "bspofl": "SP", "bautofl": "MODE"}
 _FIRST_ROW = 5

@@ -1,9 +1,9 @@
 """Ignition's dataset export: #NAMES, the names, #TYPES, the types, #ROWS with their number, then the rows."""
 
-from app.ingest.columns import long_from, wide_from
-from app.ingest.head import Head
+from app.ingest.columns.names import long_from, wide_from
+from app.ingest.columns.plans import Plan
+from app.ingest.files.head import Head
 from app.ingest.model import IngestOptions
-from app.ingest.plans import Plan
 
 
 def sniff(head: Head, options: IngestOptions) -> Plan | None:

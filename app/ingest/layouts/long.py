@@ -1,10 +1,10 @@
 """Long with a row of names: tag, time, value and, where there is one, a quality. Lines above it and * comments are
 passed over."""
 
-from app.ingest.columns import long_from
-from app.ingest.head import PREAMBLE_ROWS, Head
+from app.ingest.columns.names import long_from
+from app.ingest.columns.plans import LongPlan
+from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.model import IngestOptions
-from app.ingest.plans import LongPlan
 
 
 def sniff(head: Head, options: IngestOptions) -> LongPlan | None:

@@ -1,12 +1,12 @@
 """Long without a row of names: a column of times, one of tags, one of values and perhaps one of good and bad, in any
 order."""
 
-from app.ingest.columns import mostly_numbers
-from app.ingest.head import Head, is_number
+from app.ingest.columns.names import mostly_numbers
+from app.ingest.columns.plans import LongPlan
+from app.ingest.columns.widths import refuse_parted_decimals, usual_width
+from app.ingest.files.head import Head, is_number
 from app.ingest.model import IngestOptions
-from app.ingest.plans import LongPlan
-from app.ingest.stamps import find_form
-from app.ingest.widths import refuse_parted_decimals, usual_width
+from app.ingest.times.stamps import find_form
 
 _QUALITIES = frozenset(("good", "bad", "uncertain", "questionable"))
 

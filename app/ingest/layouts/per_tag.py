@@ -1,10 +1,10 @@
 """PI, a file a tag: time and value without a row of names; the tag is the file's name."""
 
-from app.ingest.head import Head
+from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan
+from app.ingest.columns.widths import usual_width
+from app.ingest.files.head import Head
 from app.ingest.model import IngestOptions
-from app.ingest.plans import TimedColumns, ValueColumn, WidePlan
-from app.ingest.stamps import find_form
-from app.ingest.widths import usual_width
+from app.ingest.times.stamps import find_form
 
 
 def sniff(head: Head, options: IngestOptions) -> WidePlan | None:

@@ -3,13 +3,13 @@ from group to group."""
 
 import re
 
-from app.ingest.columns import NO_ROWS, QUALITY_NAMES, TIME_NAMES, first_row_of_times, plain
-from app.ingest.head import Head, is_number
+from app.ingest.columns.names import NO_ROWS, QUALITY_NAMES, TIME_NAMES, first_row_of_times, plain
+from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan
+from app.ingest.columns.widths import usual_width
+from app.ingest.files.head import Head, is_number
 from app.ingest.model import IngestOptions
-from app.ingest.plans import TimedColumns, ValueColumn, WidePlan
-from app.ingest.quality import tells_quality
-from app.ingest.stamps import TimeForm, find_form, with_told_zone
-from app.ingest.widths import usual_width
+from app.ingest.tags.quality import tells_quality
+from app.ingest.times.stamps import TimeForm, find_form, with_told_zone
 
 _GENERIC = frozenset(("", "value", *TIME_NAMES, *QUALITY_NAMES))
 _PLAIN = re.compile(r"[+-]?\d+([.]\d*)?")

@@ -1,9 +1,9 @@
 """TrendMiner: four header rows (tag, description, unit, type), then ISO times with an offset."""
 
-from app.ingest.columns import first_row_of_times, wide_from
-from app.ingest.head import Head
+from app.ingest.columns.names import first_row_of_times, wide_from
+from app.ingest.columns.plans import WidePlan
+from app.ingest.files.head import Head
 from app.ingest.model import IngestOptions
-from app.ingest.plans import WidePlan
 
 _HEADERS = 4
 

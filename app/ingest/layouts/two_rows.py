@@ -5,13 +5,13 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from app.ingest.clocks import date_and_clock
-from app.ingest.columns import QUALITY_NAMES, first_row_of_times, plain, time_columns, wide_from
-from app.ingest.grouping import AUDITED, place
-from app.ingest.head import PREAMBLE_ROWS, Head, is_number
+from app.ingest.columns.clocks import date_and_clock
+from app.ingest.columns.names import QUALITY_NAMES, first_row_of_times, plain, time_columns, wide_from
+from app.ingest.columns.plans import WidePlan
+from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions, Signal
-from app.ingest.plans import WidePlan
-from app.ingest.units import is_unit
+from app.ingest.numbers.units import is_unit
+from app.ingest.tags.grouping import AUDITED, place
 
 _MOST_WORDS = 500  # that differ in a row of signals, which may have units
 _SHOWN = 3

@@ -1,12 +1,12 @@
 """Wide: a row of names, then a row an instant. Recordings `time,SP,PV,OP[,MODE]` and SQL dumps with date and time
 apart are of this form."""
 
-from app.ingest.clocks import date_and_clock
-from app.ingest.columns import first_row_of_times, time_columns, wide_from
-from app.ingest.grouping import AUDITED, place
-from app.ingest.head import PREAMBLE_ROWS, Head, is_number
+from app.ingest.columns.clocks import date_and_clock
+from app.ingest.columns.names import first_row_of_times, time_columns, wide_from
+from app.ingest.columns.plans import WidePlan
+from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions
-from app.ingest.plans import WidePlan
+from app.ingest.tags.grouping import AUDITED, place
 
 
 def sniff(head: Head, options: IngestOptions) -> WidePlan | None:

@@ -1,0 +1,1 @@
+"""Which columns of a table hold times, tags, values and qualities."""

@@ -1,0 +1,67 @@
+"""Date and clock in two columns: which they are, by what they hold, and the stamps that they make together."""
+
+import re
+from collections.abc import Callable, Sequence
+
+import polars as pl
+
+from app.ingest.columns.plans import name_of
+from app.ingest.files.head import Head
+from app.ingest.model import IngestOptions
+from app.ingest.times.spelled_times import respelled
+from app.ingest.times.stamps import find_form
+
+MOST = 0.8  # of the rows; units, footers and holes may stand between them
+SHOWN = 50
+_DAY_OF_NO_DATE = r"^(1899-12-3[01]|1900-01-0[01]|1904-01-01)[ T]"  # a spreadsheet's clock is a part of its first day
+_CLOCK_OF_NO_CLOCK = r"[ T]00:00:00([.]0+)?$"  # and its date has a clock at midnight
+_CLOCK = re.compile(r"\d{1,2}[:.]\d{2}([:.]\d{2}([.,]\d+)?)?( ?[ap]m)?([+-]\d{2}:\d{2})?", re.IGNORECASE)
+
+
+def date_and_clock(head: Head, time: tuple[int, ...], first_row: int, options: IngestOptions) -> tuple[int, ...]:
+    """The column of times with the one of clocks or of dates beside it where it has none itself, date before clock."""
+    if len(time) != 1:
+        return time
+    column, width = time[0], max(map(len, head.rows[first_row:]), default=0)
+    others = sorted((index for index in range(width) if index != column), key=lambda index: abs(index - column))
+
+    def first(are: Callable[[list[str]], bool]) -> int | None:
+        return next((index for index in others if are(head.column(index, first_row)[:SHOWN])), None)
+
+    shown = head.column(column, first_row)[:SHOWN]
+    if are_clocks(shown):
+        date = first(lambda fields: _are_dates(fields, options))
+        return time if date is None else (date, column)
+    clock = first(are_clocks) if _are_dates(shown, options) else None
+    return time if clock is None else (column, clock)
+
+
+def are_clocks(fields: list[str]) -> bool:
+    plain = respelled(pl.Series([re.sub(_DAY_OF_NO_DATE, "", field) for field in fields], dtype=pl.String))
+    clocks = sum(bool(_CLOCK.fullmatch(field)) for field in plain)
+    coloned = sum(":" in field for field in fields)  # 12.30 alone is a number
+    return bool(fields) and min(clocks, coloned) >= MOST * len(fields)
+
+
+def _are_dates(fields: list[str], options: IngestOptions) -> bool:
+    """Without a clock, or all of midnight."""
+    dates = [re.sub(_CLOCK_OF_NO_CLOCK, "", field) for field in fields]
+    form = find_form(dates, "", options) if not any(":" in date for date in dates[:1]) else None
+    return form is not None and form.kind == "text" and "%H" not in form.format and "%I" not in form.format
+
+
+def joined_stamp(parts: Sequence[str]) -> str:
+    """The text of a row's date and clock."""
+    if len(parts) == 1:
+        return parts[0]
+    date, *clock = parts
+    return " ".join((re.sub(_CLOCK_OF_NO_CLOCK, "", date), *(re.sub(_DAY_OF_NO_DATE, "", part) for part in clock)))
+
+
+def joined_times(frame: pl.DataFrame, time: tuple[int, ...]) -> pl.Series:
+    """The same of whole columns; one alone as it is."""
+    if len(time) == 1:
+        return frame[name_of(time[0])]
+    date, *clock = (frame[name_of(index)].cast(pl.String).str.strip_chars() for index in time)
+    parts = (date.str.replace(_CLOCK_OF_NO_CLOCK, ""), *(part.str.replace(_DAY_OF_NO_DATE, "") for part in clock))
+    return pl.select(pl.concat_str(parts, separator=" ").alias("t")).to_series()

@@ -1,0 +1,195 @@
+"""Knowing columns by their names and by what stands in them; shared by the layouts."""
+
+import re
+from collections.abc import Mapping
+from functools import lru_cache
+
+from app.ingest.columns.clocks import are_clocks, date_and_clock, joined_stamp
+from app.ingest.columns.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
+from app.ingest.columns.quality import with_quality
+from app.ingest.columns.widths import named_width
+from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
+from app.ingest.model import IngestOptions
+from app.ingest.tags.grouping import place
+from app.ingest.times.stamps import TimeForm, find_form
+from app.ingest.times.told_zones import told_utc_offset_ns, without_zone
+
+TIME_NAMES = frozenset(
+    [
+        "time",
+        "datetime",
+        "date",
+        "timestamp",
+        "dateandtime",
+        "tstamp",
+        "ts",
+        "zeit",
+        "datum",
+        "zeitstempel",
+        "t",
+        "localtime",
+        "timeutc",
+        "utc",
+        "utctime",
+        "sampletime",
+        "datatime",
+        "times",
+        "seconds",
+        "timesec",
+        "timeseconds",
+    ]
+)
+TAG_NAMES = frozenset(
+    [
+        "tag",
+        "tagname",
+        "name",
+        "point",
+        "pointname",
+        "tagpath",
+        "path",
+        "item",
+        "itemid",
+        "signal",
+        "wwtagname",
+        "tagid",
+        "pointid",
+        "variable",
+    ]
+)
+VALUE_NAMES = ("value", "val", "vvalue", "wert", "pointvalue", "floatvalue", "numvalue", "reading")
+QUALITY_NAMES = (
+    "opcquality",
+    "dataquality",
+    "quality",
+    "status",
+    "qualitydetail",
+    "dataintegrity",
+    "good",
+    "valuestatus",
+    "qualitycode",
+    "confidence",
+)
+SKIPPED_NAMES = frozenset(("id", "index", "row", "rowid", "ndx", "unnamed0", ""))
+NO_ROWS = -1
+
+
+@lru_cache(maxsize=1 << 17)
+def plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(][^\[(\])]*[\])]", "", name.lower()))
+
+
+def time_columns(names: tuple[str, ...]) -> tuple[int, ...]:
+    """The column named as a time; date and time apart are two. Those of UTC go before those of another clock."""
+    known = {index: plain(name) for index, name in enumerate(names)}
+    told = {index: offset for index, name in enumerate(names) if (offset := told_utc_offset_ns(name)) is not None}
+    if told:
+        bare = {index: plain(without_zone(names[index])) or known[index] for index in told}
+        in_utc = {index: name for index, name in bare.items() if told[index] == 0}
+        return _named_as_times(in_utc) or _named_as_times(bare) or _named_as_times(known)
+    return _named_as_times(known)
+
+
+def _named_as_times(names: Mapping[int, str]) -> tuple[int, ...]:
+    """By their plain names."""
+    of = {name: index for index, name in reversed(list(names.items()))}
+    if "date" in of and "time" in of:
+        return of["date"], of["time"]
+    found = next((index for index, name in names.items() if _is_time(name)), None)
+    return () if found is None else (found,)
+
+
+def _is_time(name: str) -> bool:
+    return name in TIME_NAMES or name.startswith("timestamp")
+
+
+def form_of(
+    head: Head, time: tuple[int, ...], first_row: int, options: IngestOptions, name: str = ""
+) -> TimeForm | None:
+    """The form of one time column, or of date and time columns joined by a blank."""
+    if len(time) == 1:
+        return find_form(head.column(time[0], first_row), name, options)
+    rows = [row for row in head.rows[first_row:] if len(row) > max(time)]
+    return find_form(
+        [joined_stamp([row[index] for index in time]) for row in rows if all(row[index] for index in time)],
+        name,
+        options,
+    )
+
+
+def first_row_of_times(head: Head, column: int, options: IngestOptions) -> int:
+    """The first row from which on the column holds times; NO_ROWS where it never does."""
+    for index, row in enumerate(head.rows[:PREAMBLE_ROWS]):
+        if column < len(row) and row[column] and find_form([row[column]], "", options) is not None:
+            following = head.column(column, index)
+            return index if find_form(following, "", options) is not None else NO_ROWS
+    return NO_ROWS
+
+
+def wide_from(
+    head: Head, layout: str, names: tuple[str, ...], first_row: int, options: IngestOptions, time: tuple[int, ...] = ()
+) -> WidePlan | None:
+    """A wide plan from the row of names and the first row of data."""
+    time = date_and_clock(head, time or time_columns(names) or (0,), first_row, options)
+    form = form_of(head, time, first_row, options, names[time[0]] if time[0] < len(names) else "")
+    if form is None:
+        return None
+    named = [index for index, name in enumerate(names) if index not in time and _may_name_values(name)]
+    stamps = [
+        index
+        for index in named
+        if _holds_times(head, index, first_row, options) and place(names[index], "").signal == "OTHER"
+    ]
+    values = tuple(ValueColumn(index, names[index]) for index in named if index not in stamps)
+    if not values:
+        return None
+    shown = ", ".join(names[index][:80] for index in stamps[:5])
+    notes = (f"columns of further times were not read, neither as times nor as values: {shown}",) if stamps else ()
+    width = named_width(head, names, first_row)
+    judged = with_quality(head, names, first_row, values, lambda name: plain(name) in QUALITY_NAMES)
+    return WidePlan(layout, first_row, width, (TimedColumns(time, form, judged),), notes=notes)
+
+
+def _may_name_values(name: str) -> bool:
+    return plain(name) not in SKIPPED_NAMES and plain(name) not in QUALITY_NAMES
+
+
+def _holds_times(head: Head, column: int, first_row: int, options: IngestOptions) -> bool:
+    """Whether a column has stamps or clocks in letters; values are numbers, or words without any."""
+    first = next((row[column] for row in head.rows[first_row:] if column < len(row) and row[column]), "")
+    if not re.search(r"\d\D+\d+\D+\d", first) or is_number(first, head.decimal_mark):
+        return False
+    fields = head.column(column, first_row)
+    form = find_form(fields, "", options)
+    return are_clocks(fields) or (form is not None and form.kind == "text")
+
+
+def long_from(
+    head: Head, layout: str, names: tuple[str, ...], first_row: int, options: IngestOptions
+) -> LongPlan | None:
+    """A long plan from the row of names; None where tag, time or value are not among them."""
+    known = [plain(name) for name in names]
+    tags = [index for index, name in enumerate(known) if name in TAG_NAMES]
+    values = [known.index(name) for name in VALUE_NAMES if name in known]
+    time = time_columns(names)
+    if not tags or not values or not time:
+        return None
+    time = date_and_clock(head, time, first_row, options)
+    form = form_of(head, time, first_row, options, names[time[0]])
+    if form is None:
+        return None
+    judged = [known.index(name) for name in QUALITY_NAMES if name in known]
+    quality = judged[0] if judged else None
+    zero = None if quality is None else _zero_is_good(known[quality], known)
+    width = named_width(head, names, first_row)
+    return LongPlan(layout, first_row, width, time, form, tags[0], values[0], quality, zero)
+
+
+def _zero_is_good(quality: str, names: list[str]) -> bool | None:
+    if quality in ("opcquality", "confidence"):
+        return False
+    return True if quality == "quality" and ("qualitydetail" in names or "vvalue" in names) else None
+
+
+def mostly_numbers(fields: list[str], decimal_mark: str) -> bool:
+    return bool(fields) and sum(is_number(field, decimal_mark) for field in fields) >= 0.5 * len(fields)

@@ -1,0 +1,66 @@
+"""What a layout says about a file: where its columns are. The readers of tables do the rest, so a new layout is a new
+description."""
+
+from dataclasses import dataclass, field
+
+from app.ingest.times.stamps import TimeForm
+
+
+@dataclass(frozen=True)
+class ValueColumn:
+    """A column of values of one tag; `off_line` and `quality` are columns that say whether its values can be used."""
+
+    index: int
+    tag: str
+    off_line: int | None = None
+    quality: int | None = None
+
+
+@dataclass(frozen=True)
+class TimedColumns:
+    """Columns of values and the column (or date and time columns) in which their times stand."""
+
+    time: tuple[int, ...]
+    form: TimeForm
+    values: tuple[ValueColumn, ...]
+
+
+@dataclass(frozen=True)
+class WidePlan:
+    """A row holds one instant (of each group of columns). `first_row` is the index of the first row of data, `width`
+    its fields."""
+
+    layout: str
+    first_row: int
+    width: int
+    groups: tuple[TimedColumns, ...]
+    spread: bool = False
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def form(self) -> TimeForm:
+        return self.groups[0].form
+
+
+@dataclass(frozen=True)
+class LongPlan:
+    """A row holds one value of one tag. `zero_is_good`: the quality column counts from 0 = good instead of OPC's 192
+    = good; None where it is not told."""
+
+    layout: str
+    first_row: int
+    width: int
+    time: tuple[int, ...]
+    form: TimeForm
+    tag: int
+    value: int
+    quality: int | None = None
+    zero_is_good: bool | None = None
+    notes: tuple[str, ...] = ()
+
+
+Plan = WidePlan | LongPlan
+
+
+def name_of(index: int) -> str:
+    return f"c{index}"

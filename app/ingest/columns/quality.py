@@ -1,0 +1,61 @@
+"""Which column of a wide table says how good which values are: by its name, or by where it stands."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+from app.ingest.columns.plans import ValueColumn
+from app.ingest.files.head import Head
+from app.ingest.tags.quality import tells_quality
+
+_ENDING = re.compile(r"(.+?)[_. \-#:/](quality|status|qualitycode|confidence)", re.IGNORECASE)
+_VALUE = re.compile(r"(.+?)[_. \-#:/](value|val)", re.IGNORECASE)
+
+
+def with_quality(
+    head: Head,
+    names: tuple[str, ...],
+    first_row: int,
+    values: tuple[ValueColumn, ...],
+    is_general: Callable[[str], bool],
+) -> tuple[ValueColumn, ...]:
+    """Values beside what judges them. `FIC101.PV_Quality`, `FIC101.PV Status` and `X.Quality` with `X.Value` name it;
+    a column called Quality or Status alone, if it holds qualities, judges the columns left of it up to the one before,
+    or all where nothing is left of it."""
+    judged = _by_name(names, values)
+    used = set(judged.values())
+    general = [
+        index
+        for index, name in enumerate(names)
+        if name and is_general(name) and tells_quality(head.column(index, first_row))
+    ]
+    rest = [value for value in values if value.index not in used]
+    return tuple(
+        replace(value, quality=judged.get(value.index, _right_of(value.index, general, rest))) for value in rest
+    )
+
+
+def _by_name(names: tuple[str, ...], values: tuple[ValueColumn, ...]) -> dict[int, int]:
+    judging: dict[str, int] = {}
+    for index, name in enumerate(names):
+        found = _ENDING.fullmatch(name)
+        if found:
+            judging.setdefault(found[1].casefold(), index)
+    if not judging:
+        return {}
+    judged: dict[int, int] = {}
+    for value in values:
+        without_value = _VALUE.fullmatch(value.tag)
+        for name in (value.tag, without_value[1] if without_value else value.tag):
+            at = judging.get(name.casefold(), value.index)
+            if at != value.index:
+                judged.setdefault(value.index, at)
+    return judged
+
+
+def _right_of(column: int, general: list[int], values: list[ValueColumn]) -> int | None:
+    """The nearest column of qualities on the right, or the one that stands left of all values."""
+    right = next((index for index in general if index > column), None)
+    if right is not None or not general:
+        return right
+    return general[-1] if general[-1] < values[0].index else None

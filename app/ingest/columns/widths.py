@@ -1,0 +1,55 @@
+"""How many fields a row should have, and files whose rows have more fields than names."""
+
+import re
+from collections import Counter
+
+from app.errors import DataError
+from app.ingest.files.head import Head, is_number
+
+_DIGITS = re.compile(r"-?\d+")
+_DECIMALS = re.compile(r"0\d+")
+
+
+def usual_width(head: Head, first_row: int) -> int:
+    counts = Counter(len(row) for row in head.rows[first_row:] if any(row))
+    return counts.most_common(1)[0][0] if counts else 0
+
+
+def named_width(head: Head, names: tuple[str, ...], first_row: int) -> int:
+    """Of rows under a row of names: a row that has something behind the last name may have it anywhere, its fields are
+    not those of the names. In cells, instead of text, nothing is moved.
+
+    Raises DataError("more_fields_than_names") where most rows are so.
+    """
+    rows = [row for row in head.rows[first_row:] if any(row)]
+    width = max(usual_width(head, first_row), len(names))
+    begin = head.rows.index(names) if names in head.rows[:first_row] else first_row
+    heading = (names, *head.rows[begin:first_row])  # a row of units or descriptions may name one field more
+    named = max((index + 1 for row in heading for index, name in enumerate(row) if name), default=0)
+    over = [] if head.typed else [row for row in rows if any(row[named:])]
+    if 2 * len(over) > len(rows):
+        raise _more_fields(head, named, over)
+    return named if over else width
+
+
+def refuse_parted_decimals(head: Head, value: int) -> None:
+    """Raises DataError("more_fields_than_names") where, without a row of names, what stands behind the values of
+    a column can only be their decimals, as 07 of 50,07."""
+    behind = head.column(value + 1, 0)
+    whole = all(_DIGITS.fullmatch(text) for text in (*head.column(value, 0), *behind))
+    if head.delimiter == "," and whole and any(_DECIMALS.fullmatch(text) for text in behind):
+        raise DataError("more_fields_than_names", f"the rows have decimals in a field of their own; {_REMEDY}")
+
+
+_REMEDY = (
+    "it looks like decimal commas between fields that commas part: export it with decimal points, with semicolons or "
+    "tabs between the fields, or with its fields in quotes"
+)
+
+
+def _more_fields(head: Head, named: int, over: list[tuple[str, ...]]) -> DataError:
+    """The row of which it is told is the first one."""
+    digits = all(_DIGITS.fullmatch(text) or not is_number(text) for row in over for text in row)
+    why = f"; {_REMEDY}" if head.delimiter == "," and digits else "; which field belongs to which name is not told"
+    found = f"{len(over[0])} fields ({head.delimiter.join(over[0])[:80]!r}) below {named} names"
+    return DataError("more_fields_than_names", f"most rows have more fields than there are names: {found}{why}")

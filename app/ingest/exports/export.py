@@ -1,0 +1,289 @@
+"""Exports: their blocks of signals or stretches of loops, what was refused, and what they hold."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterator
+from datetime import UTC, datetime
+from typing import Protocol
+
+import polars as pl
+
+from app.errors import DataError
+from app.ingest.align import stretches
+from app.ingest.columns.plans import Plan, WidePlan
+from app.ingest.exports.preparing import prepared
+from app.ingest.files.head import Head
+from app.ingest.model import FileSummary, IngestOptions, LoopSamples, Rejects, SignalBlock
+from app.ingest.numbers.marks import DoubtfulMarks
+from app.ingest.numbers.writing import Writing
+from app.ingest.rejecting import RejectLog
+from app.ingest.tables.frames import UNREADABLE, RowReader, in_short
+from app.ingest.tables.long_table import LongTable
+from app.ingest.tables.tally import Tally
+from app.ingest.tables.wide_table import WideTable
+from app.ingest.tags.grouping import Grouping, TagMapping, group
+from app.ingest.times.stamps import TimeForm
+from app.nanoseconds import NS_PER_S
+
+CLOCKS_APART_NS = 15 * 60 * NS_PER_S
+"""Of a historian and of this machine. Zones lie as far apart at least, but for what a file's last rows are old."""
+
+
+class Source(Protocol):
+    """A table whose layout is known. `notes`: what was odd about it; `damage`: what of it was lost on its way here."""
+
+    @property
+    def plan(self) -> Plan: ...
+
+    @property
+    def head(self) -> Head: ...
+
+    @property
+    def encoding(self) -> str: ...
+
+    @property
+    def compressed(self) -> bool: ...
+
+    @property
+    def notes(self) -> list[str]: ...
+
+    @property
+    def share_taken(self) -> float: ...
+
+    @property
+    def damage(self) -> tuple[str, ...]: ...
+
+    def reader(self, width: int, types: dict[int, pl.DataType], log: RejectLog) -> RowReader: ...
+
+
+class Export(ABC):
+    """One export file. Iterate it once, for blocks of signals, or take `loops()` once, for stretches of loops.
+
+    `summary()` and `rejects()` tell what was found so far, and all of it when the iteration has ended.
+    """
+
+    stem: str
+
+    @abstractmethod
+    def __iter__(self) -> Iterator[SignalBlock]: ...
+
+    @abstractmethod
+    def loops(self) -> Iterator[LoopSamples]:
+        """Each loop once, signals side by side; memory stays below `options.buffered_values` values and a chunk."""
+
+    @property
+    def share_taken(self) -> float:
+        """How much of the file, 0 to 1, has been read at the most; 1 where its kind does not tell."""
+        return 1.0
+
+    @abstractmethod
+    def takes_its_name(self) -> bool:
+        """Whether, as far as its first rows show, a loop or a tag is called by the name of the file."""
+
+    @abstractmethod
+    def bears_dates(self) -> bool:
+        """Whether its times are instants, and not seconds from a start that it does not tell."""
+
+    @abstractmethod
+    def on_one_clock(self) -> bool:
+        """Whether the times of its loops may be held against each other."""
+
+    @abstractmethod
+    def rejects(self) -> Rejects: ...
+
+    @abstractmethod
+    def doubts(self) -> tuple[str, ...]:
+        """How numbers were read whose writing is in doubt."""
+
+    @abstractmethod
+    def damage(self) -> tuple[str, ...]:
+        """What of the file itself was lost on its way here."""
+
+    @abstractmethod
+    def summary(self) -> FileSummary: ...
+
+    @abstractmethod
+    def notes(self) -> tuple[str, ...]:
+        """What is to be said of how the rows were read so far."""
+
+
+class TableExport(Export):
+    """An export of one table."""
+
+    def __init__(self, source: Source, stem: str, mapping: TagMapping | None, options: IngestOptions) -> None:
+        self._options = options
+        self._log = RejectLog(options.max_rejects)
+        self.stem = stem
+        self._source = source
+        usual = "thousands" if source.head.delimiter == "," else "decimals"
+        self._tally = Tally(writing=Writing(source.head.thousands_mark, marks=DoubtfulMarks(usual)))
+        self._mapping = mapping
+        self._grouping = Grouping(source.head.stem, mapping)
+        self._plan: Plan = prepared(source.plan, self._grouping, source.head, options, self._log)
+        self._taken = False
+
+    @property
+    def share_taken(self) -> float:
+        return self._source.share_taken
+
+    def __iter__(self) -> Iterator[SignalBlock]:
+        for batch in self._batches(self._table(self._plan)):
+            yield from batch
+
+    def loops(self) -> Iterator[LoopSamples]:
+        """Each loop once, signals side by side; memory stays below `options.buffered_values` values and a chunk."""
+        for batch in self._batches(self._table(self._plan)):
+            yield from stretches(batch)
+
+    def _batches(self, table: WideTable | LongTable) -> Iterator[list[SignalBlock]]:
+        if self._taken:
+            raise RuntimeError("an export is read once; open it again")
+        self._taken = True
+        try:
+            yield from table.batches(self._source.reader(self._plan.width, table.types(), self._log))
+        except UNREADABLE as error:
+            raise DataError("not_an_export", f"the file's rows cannot be read: {in_short(error)}") from error
+        if not self._tally.rows_kept:
+            raise DataError("nothing_readable", f"none of {self._tally.rows_read} rows has a readable time and values")
+
+    def _table(self, plan: Plan) -> WideTable | LongTable:
+        if isinstance(plan, WidePlan):
+            return WideTable(plan, self._grouping, self._options, self._log, self._tally)
+        return LongTable(plan, self._grouping, self._options, self._log, self._tally)
+
+    def takes_its_name(self) -> bool:
+        plan, head = self._plan, self._source.head
+        if isinstance(plan, WidePlan):
+            tags = [value.tag for timed in plan.groups for value in timed.values]
+        else:
+            tags = list(dict.fromkeys(head.column(plan.tag, plan.first_row)))
+        loops = group(tags, self._mapping, head.stem)
+        return any(self.stem in name for name in (*tags, *(loop.loop for loop in loops)))
+
+    def bears_dates(self) -> bool:
+        return "relative" not in {form.kind for _, form in self._times()}
+
+    def on_one_clock(self) -> bool:
+        """Seconds are of one start where they stand in one column: each loop may count its own from another."""
+        return self.bears_dates() or len({column for column, _ in self._times()}) == 1
+
+    def _times(self) -> Iterator[tuple[tuple[int, ...], TimeForm]]:
+        plan = self._plan
+        yield from ((part.time, part.form) for part in (plan.groups if isinstance(plan, WidePlan) else (plan,)))
+
+    def rejects(self) -> Rejects:
+        return self._log.result()
+
+    def doubts(self) -> tuple[str, ...]:
+        """How numbers were read whose writing is in doubt."""
+        return tuple(self._tally.writing.doubts())
+
+    def damage(self) -> tuple[str, ...]:
+        """What of the file itself was lost on its way here."""
+        return self._source.damage
+
+    def summary(self) -> FileSummary:
+        head, tally = self._source.head, self._tally
+        return FileSummary(
+            layout=self._plan.layout,
+            encoding=self._source.encoding,
+            delimiter=head.delimiter,
+            decimal_mark=head.decimal_mark,
+            time_format=self._plan.form.shown,
+            time_zone=self._zone(),
+            compressed=self._source.compressed,
+            tags=self._grouping.tags,
+            loops=self._grouping.loops(),
+            rows_read=tally.rows_read,
+            rows_kept=tally.rows_kept,
+            values_kept=tally.values_kept,
+            first_time_ns=tally.first_time_ns,
+            last_time_ns=tally.last_time_ns,
+            notes=(*self.notes(), *self.origin()),
+        )
+
+    def _zone(self) -> str:
+        form = self._plan.form
+        if form.kind == "relative":
+            return "none: relative times"
+        return "in the file" if form.zone_in_file else self._options.time_zone
+
+    def origin(self) -> tuple[str, ...]:
+        """Which instant relative times were given: it matters where samples of several files come together."""
+        if self._plan.form.kind != "relative":
+            return ()
+        start = f"{datetime.fromtimestamp(self._options.start_ns / NS_PER_S, UTC):%Y-%m-%d %H:%M:%S}"
+        return (f"times are relative to a start that the file does not tell; 0 was taken for {start} UTC",)
+
+    def tags(self) -> tuple[str, ...]:
+        """That have come so far."""
+        return self._grouping.placed
+
+    def notes(self) -> tuple[str, ...]:
+        return (*self.notes_of_rows(), *mapping_notes(self._mapping, self.tags()))
+
+    def notes_of_rows(self) -> tuple[str, ...]:
+        """All but those that tell what of the mapping is in the file."""
+        notes = [*self._source.notes, *self._plan.notes, *self._plan.form.notes]
+        if self._tally.backward:
+            notes.append("rows were not in order of time; they were sorted")
+        if self._tally.stuttering:
+            notes.append(
+                f"{self._tally.stuttering} stamps repeated the one before; their rows went into the missing step"
+            )
+        notes += self._ahead_of_clock()
+        notes += self._tally.writing.notes()
+        notes += self._tally.no_data.notes()
+        notes += self._tally.modes.notes()
+        notes += self._tally.quality.notes()
+        loops = self._grouping.loops()
+        if not any(loop.pv or loop.op or loop.sp for loop in loops):
+            shown = ", ".join([tag for loop in loops for tag in loop.others[:5]][:25])
+            unknown = f"no tag is named like PV, OP or SP of a loop, a mapping can say it; here is {shown}"
+            notes.append(unknown if shown else "of its loops the file has the mode alone")
+        if second := self._grouping.second:
+            pairs = list(second.items())[:5]
+            shown = ", ".join(f"{tag} ({owner.signal} is {owner.tag})" for tag, owner in pairs)
+            notes.append(f"{len(second)} tags name a signal that their loop has already; kept beside it: {shown}")
+        if self._grouping.of_other_number:
+            shown = ", ".join(self._grouping.of_other_number[:5])
+            notes.append(f"of another number than PV and OP, and not read as set point or mode: {shown}")
+        return tuple(notes)
+
+    def _ahead_of_clock(self) -> list[str]:
+        now_ns, last_ns = self._options.now_ns, self._tally.last_time_ns
+        relative = self._plan.form.kind == "relative"
+        if relative or now_ns is None or last_ns is None or last_ns <= now_ns + CLOCKS_APART_NS:
+            return []
+        last, now = (f"{datetime.fromtimestamp(at // NS_PER_S, UTC):%Y-%m-%d %H:%M}" for at in (last_ns, now_ns))
+        by = _how_long(last_ns - now_ns)
+        return [f"times go on until {last} UTC, ahead of the clock ({now} UTC) by {by}: are date, year and zone right?"]
+
+
+def _how_long(time_ns: int) -> str:
+    minutes = round(time_ns / (60 * NS_PER_S))
+    if minutes < 90:
+        return f"{minutes} minutes"
+    hours = round(minutes / 60)
+    return f"{hours} hours" if hours < 2 * 24 else f"{round(hours / 24)} days"
+
+
+def mapping_notes(mapping: TagMapping | None, tags: Collection[str]) -> tuple[str, ...]:
+    """What of a mapping is not in a file of these tags."""
+    if mapping is None or not mapping.entries:
+        return ()
+    come = {tag.casefold() for tag in tags}
+    loops = {entry.loop for entry in mapping.entries.values()}
+    here = {entry.loop for name, entry in mapping.entries.items() if name in come}
+    if not here:
+        named = [entry.tag for entry in mapping.entries.values()][:5]
+        shown = f"; here is {', '.join(list(tags)[:5])}, there {', '.join(named)}"
+        return (f"the mapping names none of the tags of this file{shown}",) if tags else ()
+    notes = []
+    missing = [entry.tag for name, entry in mapping.entries.items() if entry.loop in here and name not in come]
+    if missing:
+        notes.append(f"of loops of the file {len(missing)} mapped tags are not in it: {', '.join(missing[:5])}")
+    if absent := sorted(loops - here):
+        # A plant's mapping beside a file of one unit is no mistake: names would only be noise.
+        names = f": {', '.join(absent[:5])}" if len(absent) <= len(here) else ""
+        notes.append(f"of the {len(loops)} loops of the mapping {len(absent)} are not in this file{names}")
+    return tuple(notes)

@@ -1,0 +1,76 @@
+"""A plan made ready for a file: names capped, the one loop of a file without tags, stamps that are cut, doubtful
+forms said."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+
+import polars as pl
+
+from app.errors import DataError
+from app.ingest.columns.clocks import joined_stamp
+from app.ingest.columns.plans import Plan, TimedColumns, ValueColumn, WidePlan
+from app.ingest.files.head import Head
+from app.ingest.model import IngestOptions, TimeArray
+from app.ingest.rejecting import RejectLog
+from app.ingest.tables.spreading import stamps_are_cut
+from app.ingest.tags.grouping import Grouping, place
+from app.ingest.times.spelled_times import respelled
+from app.ingest.times.stamps import NO_TIME, TimeForm, parse_text
+
+SPREAD_NOTE = "time stamps are cut and repeat: the rows were spread evenly inside each stamp, in their order"
+
+
+def prepared(plan: Plan, grouping: Grouping, head: Head, options: IngestOptions, log: RejectLog) -> Plan:
+    if not isinstance(plan, WidePlan):
+        return plan
+    groups = tuple(group for group in (_named(group, options, log) for group in plan.groups) if group.values)
+    if not groups:
+        raise DataError("nothing_readable", f"every column has a name of more than {options.max_name} characters")
+    plan = replace(plan, groups=groups)
+    tags = [value.tag for group in groups for value in group.values]
+    if any(place(tag, "").loop == "" for tag in tags):
+        grouping.attach_bare(tags)
+    if _cut(plan, head):
+        plan = replace(plan, spread=True, notes=(*plan.notes, SPREAD_NOTE))
+    return plan
+
+
+def _named(group: TimedColumns, options: IngestOptions, log: RejectLog) -> TimedColumns:
+    """Without columns whose names are too long; names that repeat are numbered."""
+    seen: Counter[str] = Counter()
+    values: list[ValueColumn] = []
+    for value in group.values:
+        if len(value.tag) > options.max_name:
+            log.add(
+                "name_too_long", f"column {value.index + 1} has a name of {len(value.tag)} characters", None, value.tag
+            )
+            continue
+        seen[value.tag] += 1
+        again = seen[value.tag]
+        values.append(value if again == 1 else replace(value, tag=f"{value.tag} ({again})"))
+    return replace(group, values=tuple(values))
+
+
+def _cut(plan: WidePlan, head: Head) -> bool:
+    group = plan.groups[0]
+    if len(plan.groups) > 1 or group.form.kind != "text":
+        return False
+    rows = [row for row in head.rows[plan.first_row :] if len(row) > max(group.time)]
+    texts = [joined_stamp([row[index] for index in group.time]) for row in rows]
+    times = _times(texts, group.form)
+    if not stamps_are_cut(times[times != NO_TIME], group.form.resolution_ns):
+        return False
+    return not _sent_twice(texts, rows)
+
+
+def _sent_twice(texts: list[str], rows: Sequence[Sequence[str]]) -> bool:
+    """Whether stamps repeat because rows do: those of a stamp are all the same, those of two stamps are not."""
+    pairs = [(texts[k] == texts[k + 1], list(rows[k]) == list(rows[k + 1])) for k in range(len(rows) - 1)]
+    within = [same for one_stamp, same in pairs if one_stamp]
+    return bool(within) and all(within) and len({tuple(row) for row in rows}) > len(set(texts)) / 2
+
+
+def _times(texts: list[str], form: TimeForm) -> TimeArray:
+    written = pl.Series(texts, dtype=pl.String)
+    return parse_text(respelled(written) if form.spelled else written, form.format, form.zoned)

@@ -1,0 +1,123 @@
+"""An export file, opened: which kind of file it is."""
+
+from pathlib import Path
+
+import polars as pl
+
+from app.errors import DataError
+from app.ingest.columns.plans import Plan
+from app.ingest.exports.export import Export, TableExport
+from app.ingest.exports.matlab import open_matlab
+from app.ingest.exports.sheets import SheetsExport
+from app.ingest.exports.tables_in import open_parquet
+from app.ingest.exports.workbooks import open_workbook
+from app.ingest.files.head import Head, look, with_tail
+from app.ingest.files.matlab_values import is_matlab
+from app.ingest.files.opening import TextFile
+from app.ingest.files.unpacking import GZIP
+from app.ingest.layouts import not_recognised, recognise
+from app.ingest.model import IngestOptions
+from app.ingest.rejecting import RejectLog
+from app.ingest.tables.frames import UNREADABLE, Dialect, FrameReader, in_short
+from app.ingest.tags.grouping import TagMapping
+from app.ingest.times.stamps import check_time_zone
+
+_NO_TEXT = (GZIP, b"PK\x03\x04", b"PAR1")
+_NO_NAME = "\ue000\ue001"  # of private letters
+SUFFIXES = (".csv", ".tsv", ".txt", ".tab", ".dat", ".parquet", ".pq", ".xlsx", ".xlsm", ".mat", ".gz")
+
+
+class TextSource:
+    """A text file whose layout is known."""
+
+    def __init__(self, file: TextFile, plan: Plan, head: Head, compressed: bool) -> None:
+        self._file = file
+        self.plan = plan
+        self.head = head
+        self.compressed = compressed
+
+    @property
+    def encoding(self) -> str:
+        return self._file.encoding
+
+    @property
+    def share_taken(self) -> float:
+        return self._file.share_taken
+
+    @property
+    def notes(self) -> list[str]:
+        return self._file.notes
+
+    @property
+    def damage(self) -> tuple[str, ...]:
+        """All that a text file has to note by itself."""
+        return tuple(self._file.notes)
+
+    def reader(self, width: int, types: dict[int, pl.DataType], log: RejectLog) -> FrameReader:
+        head = self.head
+        return FrameReader(self._file, Dialect(head.delimiter, head.decimal_mark, width, head.marks_told), types, log)
+
+
+def _open_text(path: Path, stem: str, options: IngestOptions) -> TextSource:
+    file = TextFile(path, options)
+    head = look(file.head, stem)
+    plan = recognise(head, options)
+    if plan is not None and plan.form.rivals:
+        plan = recognise(with_tail(head, file.tail()), options) or plan
+    if plan is None:
+        raise not_recognised(head)
+    return TextSource(file, plan, head, file.compressed)
+
+
+def is_export_name(name: str) -> bool:
+    """Whether a file of a folder is taken for an export by its name; hidden ones never are."""
+    return name.lower().removesuffix(".gz").endswith(SUFFIXES) and not name.startswith(".")
+
+
+def is_read_packed(start: bytes) -> bool:
+    """Whether a file that begins so, by its first 128 bytes, is read in the same way inside of a gzip file: text alone
+    is looked for there."""
+    return not start.startswith(_NO_TEXT) and not is_matlab(start)
+
+
+def stem_of(name: str) -> str:
+    """A file's name without its folder and the suffixes of exports: a tag's own dots stay."""
+    stem = name.replace("\\", "/").rsplit("/", 1)[-1]
+    for _ in range(2):
+        suffix = next((suffix for suffix in SUFFIXES if stem.lower().endswith(suffix) and len(stem) > len(suffix)), "")
+        stem = stem[: len(stem) - len(suffix)] if suffix else stem
+    return stem
+
+
+def read_export(
+    path: Path, *, filename: str | None = None, mapping: TagMapping | None = None, options: IngestOptions | None = None
+) -> Export:
+    """Opens an export: finds out what it is, reads nothing further yet.
+
+    filename: the name that the user gave the file, where it is stored under another one.
+    Raises DataError where the file is no export or its layout is unknown (now), or where it turns out so later (while
+    iterating).
+    """
+    options = options or IngestOptions()
+    check_time_zone(options.time_zone)
+    try:
+        return _opened(path, stem_of(filename or path.name), mapping, options)
+    except UNREADABLE as error:
+        raise DataError("not_an_export", f"the file cannot be read: {in_short(error)}") from error
+
+
+def takes_its_name(path: Path, mapping: TagMapping | None = None) -> bool:
+    """Whether a file is read otherwise under another name, because its content does not name its loops; False where it
+    cannot be read."""
+    try:
+        return read_export(path, filename=_NO_NAME, mapping=mapping).takes_its_name()
+    except DataError:
+        return False
+
+
+def _opened(path: Path, stem: str, mapping: TagMapping | None, options: IngestOptions) -> Export:
+    book = open_workbook(path, stem, mapping, options)
+    if book is not None:
+        return SheetsExport(book, stem, mapping, options)
+    source = open_parquet(path, stem, options) or open_matlab(path, stem, options) or _open_text(path, stem, options)
+    return TableExport(source, stem, mapping, options)

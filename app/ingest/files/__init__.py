@@ -1,0 +1,1 @@
+"""From the bytes of a file to text: unpacked, decoded, its first lines looked at; MATLAB's own bytes."""

@@ -1,0 +1,146 @@
+"""The first lines of a text export, split into fields: what the layouts look at to know their own."""
+
+import csv
+import re
+from collections import Counter
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from app.ingest.numbers.marks import before_decimals, other_mark
+from app.ingest.numbers.units import without_unit
+
+DELIMITERS = ("\t", ";", "|", ",")
+HEAD_ROWS = 400
+PREAMBLE_ROWS = 40  # within so many rows names or data begin
+TAIL_ROWS = 150
+HEAD_CHARACTERS = 1 << 20
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_SURE = {mark: re.compile(before_decimals(mark, r"(?:[eE][+-]?\d+)?$")) for mark in ".,"}
+_COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
+
+
+@dataclass(frozen=True)
+class Head:
+    """The start of a file. `rows` are its lines, split at `delimiter`; `stem` is the file's name without suffixes.
+    typed: they are not lines of text, but those of a table whose cells may be numbers."""
+
+    stem: str
+    lines: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    delimiter: str
+    decimal_mark: str
+    typed: bool = False
+
+    @cached_property
+    def marks_told(self) -> bool:
+        """Whether it is seen what stands before decimals: in 1,005 it is not. A point of 1.005 is taken for one where
+        commas part the fields. Of cells that are numbers themselves, none was written."""
+        if self.typed:
+            return False
+        rows = data_rows(self.rows)
+        if any(_surely(text, self.decimal_mark) for row in rows for text in row):
+            return True
+        if self.delimiter != "," or self.decimal_mark == ",":
+            return False
+        return any("." in text and is_number(text) for row in rows for text in row)
+
+    @property
+    def thousands_mark(self) -> str:
+        """What stands between thousands: the one of point and comma that does not stand before decimals. Empty where
+        that is not told."""
+        return other_mark(self.decimal_mark) if self.marks_told else ""
+
+    def row(self, index: int) -> tuple[str, ...]:
+        return self.rows[index] if index < len(self.rows) else ()
+
+    def column(self, index: int, first_row: int) -> list[str]:
+        """A column's fields that are not empty, from `first_row` on."""
+        return [row[index] for row in self.rows[first_row:] if index < len(row) and row[index]]
+
+
+def look(text: str, stem: str) -> Head:
+    """Splits the text's first lines; the last one is left out where the text was cut inside it."""
+    lines = text.split("\n")
+    lines = lines[:-1] if len(lines) > 1 else lines
+    usual = sorted(map(len, lines))[len(lines) // 2] + 1
+    lines = lines[: max(8, min(HEAD_ROWS, HEAD_CHARACTERS // usual))]
+    delimiter = find_delimiter(lines)
+    rows = tuple(split_line(line, delimiter) for line in lines)
+    return Head(stem, tuple(lines), rows, delimiter, find_decimal_mark(rows, delimiter))
+
+
+def with_tail(head: Head, text: str) -> Head:
+    """A head whose second half are rows from the file's end: what the first day leaves open, the last one may tell."""
+    rows = tuple(split_line(line, head.delimiter) for line in text.split("\n")[-TAIL_ROWS:] if line.strip())
+    kept = HEAD_ROWS - TAIL_ROWS
+    return replace(head, lines=head.lines[:kept], rows=head.rows[:kept] + rows)
+
+
+def find_delimiter(lines: list[str]) -> str:
+    """The character that stands equally often in most lines of data; a preamble counts little."""
+    data = [line for line in lines[len(lines) // 4 :] if line.strip()] or lines
+    best, best_share = ",", 0.0
+    for delimiter in DELIMITERS:
+        counts = Counter(len(split_line(line, delimiter)) for line in data)
+        width, times = counts.most_common(1)[0]
+        share = times / len(data) if width > 1 else 0.0
+        if share > best_share + 0.2:
+            best, best_share = delimiter, share
+    return best
+
+
+def split_line(line: str, delimiter: str) -> tuple[str, ...]:
+    if '"' not in line:
+        return tuple(field.strip() for field in line.split(delimiter))
+    try:
+        return tuple(field.strip() for field in next(csv.reader([line], delimiter=delimiter)))
+    except (csv.Error, StopIteration):
+        return tuple(field.strip() for field in line.split(delimiter))
+
+
+def find_decimal_mark(rows: tuple[tuple[str, ...], ...], delimiter: str) -> str:
+    commas = points = 0
+    rows = data_rows(rows)
+    for row in rows:
+        for field in row:
+            commas += _is_comma_number(field)
+            points += "." in field and is_number(field)
+    if delimiter == "," and commas <= 2:
+        return "."
+    if commas and points:  # those that tell more than that they have a mark go first
+        sure_commas, sure_points = (sum(_surely(field, mark) for row in rows for field in row) for mark in ",.")
+        if sure_commas != sure_points:
+            return "," if sure_commas > sure_points else "."
+        if delimiter == ",":
+            return "."
+    return "," if commas > points else "."
+
+
+def data_rows(rows: tuple[tuple[str, ...], ...]) -> tuple[tuple[str, ...], ...]:
+    """The rows from the first one on that has numbers where many have them: a version in a preamble is no value."""
+    where = [tuple(column for column, text in enumerate(row) if _may_be_number(text)) for row in rows]
+    times = Counter(columns for columns in where if columns)
+    most = max(times.values(), default=0)
+    for index, columns in enumerate(where[:PREAMBLE_ROWS]):
+        if columns and 2 * times[columns] >= most:
+            return rows[index:]
+    return rows[PREAMBLE_ROWS:] or rows
+
+
+def _may_be_number(text: str) -> bool:
+    return is_number(text) or _is_comma_number(text)
+
+
+def _surely(text: str, decimal_mark: str) -> bool:
+    """Whether a number shows that the mark is the one before decimals."""
+    return ("," in text or "." in text) and bool(_SURE[decimal_mark].match(without_unit(text)))
+
+
+def _is_comma_number(text: str) -> bool:
+    return bool(_COMMA_NUMBER.fullmatch(without_unit(text)))
+
+
+def is_number(text: str, decimal_mark: str = ".") -> bool:
+    """Whether a field is a number, perhaps with its unit behind it."""
+    number = without_unit(text)
+    return bool(_NUMBER.fullmatch(number.replace(",", ".") if decimal_mark == "," else number))

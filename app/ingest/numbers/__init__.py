@@ -1,0 +1,1 @@
+"""Numbers as files write them: marks, blanks, units, and what stands for no data."""

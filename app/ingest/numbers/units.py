@@ -1,0 +1,76 @@
+"""Units behind numbers in one field, as `36.4 %` or `12,3 °C`: the number is read, its unit told."""
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+import polars as pl
+
+from app.ingest.model import FloatArray
+from app.ingest.telling import tags_by
+from app.ingest.times.stamps import to_numbers
+
+# As they stand but for case and blanks. No single letters: behind a value they may be a mark of its quality.
+_SPELLED = """
+    % ‰ vol% wt% mol% %rh ppm ppb ph
+    ° °c °f degc degf ℃ ℉
+    pa hpa kpa mpa kpag kpaa mpag mpaa bar barg bara mbar mbarg mbara psi psig psia torr atm
+    mmhg mmh2o mmwc inhg inh2o inwc kg/cm2 kg/cm² kgf/cm2 kgf/cm² kg/cm2g kg/cm2a
+    m3/h m³/h m3/hr m³/hr m3/min m³/min m3/s m³/s m3/d m³/d nm3/h nm³/h nm3/hr nm³/hr sm3/h sm³/h sm3/d sm³/d
+    l/h l/min l/s lpm lph gpm gph scfh scfm mscfd mmscfd bpd bph bbl/d bbl/h
+    kg/h kg/hr kg/min kg/s t/h t/hr t/d tph lb/h lb/hr klb/h
+    mm cm in inch ft m3 m³ kg
+    ma mv kv kw mw gw kwh mwh gj/h mj/h kj/kg hz rpm u/min min-1 m/s mm/s
+    kg/m3 kg/m³ g/cm3 g/cm³ g/l mg/l cp cst us/cm µs/cm ms/cm ntu
+"""
+UNITS = frozenset(_SPELLED.split())
+_WITH_UNIT = r"^([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s].*)$"
+_FIELD = re.compile(_WITH_UNIT)
+
+
+class UnitsOfTags:
+    """The unit behind the numbers of each tag, as most of those have it that come first: a number in another one is
+    none of the same quantity."""
+
+    def __init__(self) -> None:
+        self.of: dict[str, str] = {}
+        self._others: dict[str, str] = {}
+
+    def read(self, texts: pl.Series, tags: pl.Series) -> FloatArray:
+        """(n,) numbers of texts that have their tag's unit behind them, NaN elsewhere."""
+        parts = texts.str.strip_chars(' "').str.extract_groups(_WITH_UNIT).struct.unnest()
+        numbers, units = parts.to_series(0), parts.to_series(1)
+        units = units.set(~are_units(units), None)
+        given = pl.DataFrame([tags.alias("tag"), units.alias("unit")]).drop_nulls()
+        counted = given.group_by("tag", "unit", maintain_order=True).len()
+        for tag, unit, _ in counted.sort("len", descending=True, maintain_order=True).iter_rows():
+            if self.of.setdefault(tag, unit) != unit:
+                self._others.setdefault(tag, unit)
+        same = units == tags.replace_strict(self.of, default=None, return_dtype=pl.String)
+        return np.where(same.fill_null(False).to_numpy(), to_numbers(numbers), np.nan)
+
+    def notes(self) -> list[str]:
+        """The units and some of the tags that have them, and those that were refused."""
+        told = {
+            "numbers have their unit behind them, and were read where it is the one of their tag": self.of,
+            "numbers are in another unit than most of their tag, and were refused": self._others,
+        }
+        return [f"{what}: {_shown(units)}" for what, units in told.items() if units]
+
+
+def _shown(units: Mapping[str, str]) -> str:
+    return "; ".join(f"{unit} ({tags})" for unit, tags in tags_by(units).items())
+
+
+def is_unit(text: str) -> bool:
+    return "".join(text.lower().split()) in UNITS
+
+
+def are_units(texts: pl.Series) -> pl.Series:
+    return texts.str.to_lowercase().str.replace_all(r"\s", "").is_in(sorted(UNITS))
+
+
+def without_unit(field: str) -> str:
+    """The number of a field that has a unit behind it; other fields as they are."""
+    found = None if field[-1:].isdigit() else _FIELD.match(field)
+    return found[1] if found and is_unit(found[2]) else field

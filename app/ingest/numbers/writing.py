@@ -1,0 +1,191 @@
+"""How a file writes numbers that are not plain: what stands between their thousands, and the units behind them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import polars as pl
+
+from app.ingest.numbers.blanks import Blanks
+from app.ingest.numbers.kinds import decimal_mark_of
+from app.ingest.numbers.marks import DOUBTFUL, GROUPED, WHOLE, DoubtfulMarks, before_decimals, other_mark
+from app.ingest.numbers.units import UnitsOfTags, are_units
+from app.ingest.telling import tags_by
+from app.ingest.times.stamps import to_numbers
+
+SENTINELS = (-9999.0, -99.125)
+MARKED = "[.,]"
+_BETWEEN_DIGITS = "['\N{RIGHT SINGLE QUOTATION MARK}\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}]"  # never decimal marks
+_BEHIND_NUMBER = r"^[ \"]*[+-]?[\d.,]+(?:[eE][+-]?\d+)?([^\"]*)"
+_NOTHING_BEHIND = r"[\s\"]*$"
+_STYLES = {",": "decimal points", ".": "decimal commas", "": "both"}
+
+
+@dataclass
+class Writing:
+    """thousands: the mark between them, empty as long as the file does not tell it from the decimal mark; what is in
+    doubt until then is left to `marks`. own: the same of tags that show another one than the file, empty where they
+    show point and comma before decimals. units: behind the numbers of each tag."""
+
+    thousands: str = ""
+    own: dict[str, str] = field(default_factory=dict)
+    units: UnitsOfTags = field(default_factory=UnitsOfTags)
+    marks: DoubtfulMarks = field(default_factory=DoubtfulMarks)
+    blanks: Blanks = field(default_factory=Blanks)
+    _late: set[str] = field(default_factory=set)  # tags of which numbers were read before they showed their own
+
+    def learn(
+        self,
+        texts: pl.Series,
+        tags: pl.Series,
+        rest: Callable[[], pl.DataFrame],
+        was_read: Callable[[str], bool] = lambda _: False,
+    ) -> None:
+        """Looks for what tells thousands from decimals, before numbers are read. texts: what the fast reader left.
+        rest: tag and text of what it read. was_read: whether some of a tag was read before."""
+        odd = pl.DataFrame({"tag": tags, "text": texts})
+        self.blanks.learn(odd, rest)
+        odd = odd.with_columns(text=self._without_groups(texts, tags))
+        otherwise = self._otherwise(odd)
+        doubtful = odd.filter(_contains(odd["text"], self._doubtful()))
+        concerned = otherwise | self.own.keys() | set(doubtful["tag"].unique())
+        if not concerned:
+            return
+        every = pl.concat((odd, rest())).filter(pl.col("tag").is_in(list(concerned)))
+        self._learn_own(otherwise, every, was_read)
+        doubtful = doubtful.filter(~pl.col("tag").is_in(list(self.own)))
+        if len(doubtful):
+            self._look(doubtful, every)
+
+    def learn_from(self, kinds: int) -> None:
+        """The same from the kinds of all fields, where no text is needed to tell."""
+        if not self.thousands and not self.own and (mark := decimal_mark_of(kinds)):
+            self.thousands = other_mark(mark)
+
+    def _doubtful(self) -> str:
+        return DOUBTFUL.replace("[.,]", f"[{self.thousands}]") if self.thousands else DOUBTFUL
+
+    def _otherwise(self, odd: pl.DataFrame) -> set[str]:
+        """The tags that write otherwise than the file. It tells how it is written where all that show it agree."""
+        if self.thousands:
+            return _that_show(odd, self.thousands)
+        points, commas = _that_show(odd, "."), _that_show(odd, ",")
+        if points and commas:
+            return points | commas
+        self.thousands = "," if points else "." if commas else ""
+        return set()
+
+    def _learn_own(self, otherwise: set[str], every: pl.DataFrame, was_read: Callable[[str], bool]) -> None:
+        if not otherwise and not self.own:
+            return
+        points, commas = _that_show(every, "."), _that_show(every, ",")
+        for tag in sorted(otherwise | (self.own.keys() & (points | commas))):
+            shown = "" if tag in points & commas else "," if tag in points else "."
+            if self.thousands and tag not in self.own and was_read(tag):
+                self._late.add(tag)
+            self.own[tag] = shown if self.own.get(tag, shown) == shown else ""
+
+    def _look(self, doubtful: pl.DataFrame, every: pl.DataFrame) -> None:
+        """What the numbers without a mark say of the doubtful ones; what the file tells needs no word where the tag
+        shows it too."""
+        if self.thousands:
+            known = _that_show(every, other_mark(self.thousands)).union(self.marks.met())
+            doubtful = doubtful.filter(~pl.col("tag").is_in(list(known)))
+        whole = _numbers(every, WHOLE).filter(~pl.col("number").is_in(SENTINELS))
+        beside = doubtful.filter(pl.col("tag").is_in(whole["tag"].unique().implode()))
+        if self.thousands:
+            self.marks.look_as_file(doubtful["tag"].unique(maintain_order=True), _numbers(beside, DOUBTFUL), whole)
+        else:
+            self.marks.look(_numbers(beside, DOUBTFUL), whole)
+
+    def are_decimals(self, tag: str) -> bool:
+        """Whether the marks of a tag's numbers, which tell nothing of how they are meant, stand before decimals; the
+        same from now on."""
+        if tag in self.own:
+            return False
+        return (bool(self.thousands) and tag not in self.marks.met()) or self.marks.meant(tag) == "decimals"
+
+    def whole(self, texts: pl.Series, tags: pl.Series) -> pl.Series:
+        """Texts with the thousands of their numbers joined, null where it is not clear which these are."""
+        texts = self._without_groups(texts, tags)
+        thousands = self._thousands_of(tags)
+        in_doubt = _contains(texts, DOUBTFUL)
+        if in_doubt.any():
+            texts = texts.set(in_doubt & self._refused(texts, tags, thousands), None)
+        for mark in sorted({self.thousands, *self.own.values()} - {""}):
+            form = GROUPED % (f"[{mark}]", f"[{other_mark(mark)}]")
+            texts = _joined(texts, form, f"[{mark}]", thousands == mark)
+        return texts if self.thousands else self._by_tag(texts, tags, in_doubt & ~tags.is_in(list(self.own)))
+
+    def _without_groups(self, texts: pl.Series, tags: pl.Series) -> pl.Series:
+        """With the thousands joined that no decimal mark parts."""
+        return self.blanks.joined(_joined(texts, GROUPED % (_BETWEEN_DIGITS, MARKED), _BETWEEN_DIGITS), tags)
+
+    def _thousands_of(self, tags: pl.Series) -> pl.Series:
+        if not self.own:
+            return pl.repeat(self.thousands, len(tags), dtype=pl.String, eager=True)
+        return tags.replace_strict(self.own, default=self.thousands, return_dtype=pl.String)
+
+    def _refused(self, texts: pl.Series, tags: pl.Series, thousands: pl.Series) -> pl.Series:
+        """Where a doubtful number is refused: what its tag has beside it tells otherwise than the file, or it was read
+        otherwise before its tag told: none is read both ways."""
+        met = {tag: self.marks.meant(tag) for tag in self.marks.met()} if self.thousands or self.own else {}
+        unlike = [*self._late, *self.marks.as_file("")]
+        unlike_before = [tag for tag in self.marks.as_file("thousands", "") if tag in self.own]
+        if not (met or unlike or unlike_before):
+            return pl.repeat(False, len(texts), dtype=pl.Boolean, eager=True)
+        parted = ((thousands == ",") & _contains(texts, ",")) | ((thousands == ".") & _contains(texts, "[.]"))
+        refused = (parted & tags.is_in(unlike)) | (~parted & tags.is_in(unlike_before))
+        if met:
+            before = tags.replace_strict(met, default=None, return_dtype=pl.String)
+            refused |= ((thousands != "") & ((before == "") | ((before == "thousands") != parted))).fill_null(False)
+        return refused
+
+    def _by_tag(self, texts: pl.Series, tags: pl.Series, in_doubt: pl.Series) -> pl.Series:
+        """With the thousands joined of the numbers in doubt whose tag has them; null where its tag does not tell."""
+        meant: dict[str, list[str]] = {"": [], "thousands": [], "decimals": []}
+        for tag in tags.filter(in_doubt).unique(maintain_order=True):
+            meant[self.marks.meant(tag)].append(tag)
+        if meant["thousands"]:
+            parted = in_doubt & tags.is_in(meant["thousands"])
+            texts = texts.zip_with(~parted, texts.str.replace_all(MARKED, ""))
+        return texts.set(in_doubt & tags.is_in(meant[""]), None) if meant[""] else texts
+
+    def notes(self) -> list[str]:
+        """What is to be said of how numbers were read."""
+        return [*self.units.notes(), *self.doubts()]
+
+    def doubts(self) -> list[str]:
+        """What is to be said of numbers that may be read in two ways."""
+        told = {
+            "decimals are written in two ways, and were read as each tag writes them": self._styles(),
+            "the mark of numbers such as 1,000 may part thousands or decimals": self.marks.told(),
+        }
+        return [f"{what}: {tags}" for what, tags in told.items() if tags]
+
+    def _styles(self) -> str:
+        own = "; ".join(f"{_STYLES[mark]}: {tags}" for mark, tags in tags_by(self.own).items())
+        return f"{own}; in the others {_STYLES[self.thousands]}" if own and self.thousands else own
+
+
+def _contains(texts: pl.Series, form: str) -> pl.Series:
+    return texts.str.contains(form).fill_null(False)
+
+
+def _that_show(numbers: pl.DataFrame, mark: str) -> set[str]:
+    """The tags of which a number shows that the mark stands before decimals."""
+    bare = set(numbers["tag"].filter(_contains(numbers["text"], before_decimals(mark, _NOTHING_BEHIND))).unique())
+    others = numbers.filter(~pl.col("tag").is_in(list(bare))) if bare else numbers
+    found = others.filter(_contains(others["text"], before_decimals(mark)))
+    found = found.select("tag", behind=pl.col("text").str.extract(_BEHIND_NUMBER).str.strip_chars()).unique()
+    return bare.union(found["tag"].filter((found["behind"] == "") | are_units(found["behind"])))
+
+
+def _numbers(texts: pl.DataFrame, form: str) -> pl.DataFrame:
+    """Tag and number of the texts of that form."""
+    found = texts.select("tag", number=pl.col("text").str.extract(form)).drop_nulls()
+    return found.with_columns(number=pl.Series(to_numbers(found["number"])))
+
+
+def _joined(texts: pl.Series, form: str, marks: str, where: pl.Series | bool = True) -> pl.Series:
+    at = _contains(texts, form) & where
+    return texts.zip_with(~at, texts.str.replace_all(marks, "")) if at.any() else texts

@@ -1,0 +1,379 @@
+"""Reads a long table: a row a value of one tag. Rows are gathered as numbers and parted by tag, each loop whole."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from app.errors import DataError
+from app.ingest.columns.clocks import joined_times
+from app.ingest.columns.plans import LongPlan, name_of
+from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
+from app.ingest.numbers.kinds import IN_DOUBT, tells_nothing
+from app.ingest.numbers.marks import marked
+from app.ingest.numbers.values import odd_numbers, refused_as
+from app.ingest.numbers.writing import MARKED
+from app.ingest.rejecting import RejectLog
+from app.ingest.tables.frames import NUMBERED, RowReader, Rows
+from app.ingest.tables.parting import BlocksByTag
+from app.ingest.tables.pieces import Gathered, as_piece, in_whole_instants, joined
+from app.ingest.tables.scanning import Scan, Scanner
+from app.ingest.tables.spilling import PartOfLoop, Spill
+from app.ingest.tables.tally import Tally
+from app.ingest.tags.grouping import Grouping, Place
+from app.ingest.tags.modes import UNKNOWN_MODE, flags_of_numbers
+from app.ingest.tags.quality import Quality
+from app.ingest.times.stamps import NO_TIME, TimeReader
+
+BATCH_ROWS = 1_000_000  # more than these are parted in files
+NOWHERE = Place("", "", "OTHER")  # of tags whose rows are refused
+
+
+class LongTable:
+    """Turns rows into blocks of signals."""
+
+    def __init__(
+        self, plan: LongPlan, grouping: Grouping, options: IngestOptions, log: RejectLog, tally: Tally
+    ) -> None:
+        self._plan, self._grouping, self._options, self._log, self._tally = plan, grouping, options, log, tally
+        self._time = TimeReader(plan.form, options)
+        self._quality = tally.quality = Quality(options.drop_uncertain, plan.zero_is_good)
+        self._tag_type = pl.Categorical(pl.Categories.random())
+        self._quality_type = pl.Categorical(pl.Categories.random())
+        # polars forgets the codes of a type of which no series is left: between two chunks that it parsed, others may
+        # have been scanned.
+        self._held = tuple(pl.Series([], dtype=of) for of in (self._tag_type, self._quality_type))
+        self._places: list[Place] = []
+        self._blocks = BlocksByTag(self._places, self._time.wall_zone, log, tally)
+        self._parts: list[int] = []
+        self._part_of_loop = PartOfLoop()
+        self._modes = np.zeros(0, dtype=bool)
+        self._known = np.zeros(0, dtype=bool)  # by polars' code, which depends on which chunk was parsed first
+        self._number = np.zeros(0, dtype=np.uint32)  # by polars' code: tags in the order in which they came
+        self._usable = np.zeros(0, dtype=bool)
+        self._number_of: dict[str, int] = {}
+        self._new_tags: list[str] = []  # that the scanner has not learnt
+        self._tags_before = 0  # the chunk that is read
+        self._scanner: Scanner | None = None
+
+    def types(self) -> dict[int, pl.DataType]:
+        """The type in which each column is wanted from the text."""
+        time = self._plan.time
+        types: dict[int, pl.DataType] = dict.fromkeys(time, NUMBERED if len(time) == 1 else pl.String())
+        types[self._plan.tag] = self._tag_type
+        types[self._plan.value] = pl.Float64()
+        if self._plan.quality is not None:
+            types[self._plan.quality] = self._quality_type
+        return types
+
+    def batches(self, reader: RowReader) -> Iterator[list[SignalBlock]]:
+        """Blocks, with all that the file holds of a loop in one batch."""
+        self._scanner = reader.scanning(self._plan)
+        spill: Spill | None = None
+        batch: list[Gathered] = []
+        try:
+            for rows in reader.rows(self._plan.first_row):
+                self._tally.rows_read += rows.height
+                batch.append(self._gather(rows, reader))
+                if sum(map(len, batch)) >= BATCH_ROWS:
+                    spill = spill or Spill(self._options.spill_folder)
+                    whole, rest = in_whole_instants(joined(batch))
+                    spill.add(as_piece(whole), self._part_of_code())
+                    batch = [rest]
+            self._settle_places()
+            last = [as_piece(joined(batch))] if any(map(len, batch)) else []
+            if spill is None:
+                yield list(self._blocks.parted(last))
+                return
+            for piece in last:
+                spill.add(piece, self._part_of_code())
+            for part in spill.parts():
+                yield list(self._blocks.parted(part))
+        finally:
+            if spill is not None:
+                spill.close()
+
+    def _settle_places(self) -> None:
+        """When all tags have come: a later one may have taken the signal of one that came before."""
+        self._places[:] = [at if at is NOWHERE else self._grouping.place(at.tag) for at in self._places]
+
+    def _part_of_code(self) -> NDArray[np.uint8]:
+        """Tags of one loop go into one part."""
+        for place in self._places[len(self._parts) :]:
+            self._parts.append(self._part_of_loop.of(place.loop))
+        return np.array(self._parts, dtype=np.uint8)
+
+    def _gather(self, rows: Rows, reader: RowReader) -> Gathered:
+        self._tags_before = len(self._places)
+        if rows.scan is None:
+            return self._of_frame(rows, reader)
+        before = self._time.clock.before
+        scanned = None if self._tally.writing.own else self._of_scan(rows, rows.scan)
+        if scanned is None and self._scanner is not None:
+            self._scanner.refused()
+        if scanned is not None:
+            return scanned
+        self._time.clock.before = before
+        return self._of_frame(reader.parted(rows), reader)
+
+    def _of_scan(self, rows: Rows, scan: Scan) -> Gathered | None:
+        """None where something of the rows cannot be used: their text tells more of it."""
+        each_ns = self._time.read(scan.times.texts)
+        if np.any(each_ns == NO_TIME):
+            return None
+        self._quality.learn(scan.qualities.texts, scan.qualities.lengths)
+        if self._quality.bad(scan.qualities.texts).any():
+            return None
+        number_of_code = self._numbers_of_codes(scan)
+        codes = number_of_code[scan.codes]
+        if not self._tells_nothing(scan, codes, number_of_code):
+            return None
+        time_ns, values = np.repeat(each_ns, scan.times.lengths), scan.values
+        if self._modes.any():
+            modes = np.flatnonzero(self._modes[codes] & ~np.isnan(values))
+            if np.any(flags_of_numbers(values[modes]) == UNKNOWN_MODE):
+                return None
+            values[modes] = self._tally.modes.of_numbers(values[modes])
+        lines = np.arange(rows.first, rows.first + len(codes), dtype=np.uint32)
+        gathered = Gathered(codes, time_ns, values, lines)
+        if not self._usable.all():
+            kept = self._without_long_names(rows, codes, np.ones(len(codes), dtype=bool))
+            gathered = gathered.at(np.flatnonzero(kept))
+        self._tally.rows_kept += len(gathered)
+        return gathered
+
+    def _numbers_of_codes(self, scan: Scan) -> NDArray[np.uint32]:
+        before = len(self._places)
+        numbers = [self._number_of_tag(tag) for tag in scan.new]
+        if len(self._places) > before:
+            self._note_places()
+        return np.append(np.arange(scan.known, dtype=np.uint32), np.array(numbers, dtype=np.uint32))
+
+    def _tells_nothing(self, scan: Scan, codes: NDArray[np.uint32], number_of_code: NDArray[np.uint32]) -> bool:
+        """Whether the values of each tag are those that they are without what they tell of marks."""
+        kinds = np.zeros(len(self._places), dtype=np.uint8)
+        kinds[number_of_code] = scan.kinds
+        doubtful = (kinds & IN_DOUBT != 0) & self._usable & ~self._modes
+        if not doubtful.any():
+            return True
+        self._tally.writing.learn_from(int(np.bitwise_or.reduce(kinds[doubtful])))
+        thousands = self._tally.writing.thousands
+        if not all(tells_nothing(int(found), thousands) for found in np.unique(kinds[doubtful])):
+            return False
+        given = codes[~np.isnan(scan.values)]
+        return self._are_decimals(given[doubtful[given]])
+
+    def _are_decimals(self, codes: NDArray[np.uint32]) -> bool:
+        """Whether the marks of the tags of rows, in the order in which they come, stand before decimals."""
+        first = np.full(len(self._places), -1)
+        first[codes[::-1]] = np.arange(len(codes))[::-1]
+        numbers = np.flatnonzero(first >= 0)
+        in_order = numbers[np.argsort(first[numbers])]
+        return all(self._tally.writing.are_decimals(self._places[number].tag) for number in in_order)
+
+    def _of_frame(self, rows: Rows, reader: RowReader) -> Gathered:
+        frame = rows.frame
+        tags = frame[name_of(self._plan.tag)]
+        texts = joined_times(frame, self._plan.time)
+        time_ns = self._read_times(texts)
+        codes = self._numbered(tags, time_ns != NO_TIME)
+        kept = self._kept(rows, texts, tags, codes, time_ns, reader)
+        values = self._values(rows, codes, kept, reader)
+        self._refuse_quality(rows, kept, values)
+        at = np.flatnonzero(kept)
+        self._tally.rows_kept += len(at)
+        if len(at) < len(codes):
+            codes, time_ns, values = codes[at], time_ns[at], values[at]
+        return Gathered(codes, time_ns, values, (at + rows.first).astype(np.uint32))
+
+    def _numbered(self, tags: pl.Series, timed: NDArray[np.bool_]) -> NDArray[np.uint32]:
+        """The number of each row's tag; 0 where there is none. New tags are placed; a comment may stand where tags do,
+        but has no time."""
+        codes = _codes(tags)
+        more = int(codes.max(initial=0)) + 1 - len(self._known)
+        if more > 0:
+            self._known = np.append(self._known, np.zeros(more, dtype=bool))
+            self._number = np.append(self._number, np.zeros(more, dtype=np.uint32))
+        if not self._known.all():
+            new = np.flatnonzero(~self._known[codes] & tags.is_not_null().to_numpy())
+            new = new[timed[new] | ~_are_comments(tags[new])]
+            _, first = np.unique(codes[new], return_index=True)
+            for row in new[np.sort(first)]:
+                self._place(int(codes[row]), tags[int(row)])
+            if len(new):
+                self._note_places()
+        return self._number[codes]
+
+    def _note_places(self) -> None:
+        self._usable = np.array([place is not NOWHERE for place in self._places], dtype=bool)
+        self._modes = np.array([place.signal == "MODE" for place in self._places], dtype=bool)
+        if self._scanner is not None:
+            self._scanner.learn(self._new_tags)
+        self._new_tags = []
+
+    def _place(self, code: int, tag: str) -> None:
+        self._known[code], self._number[code] = True, self._number_of_tag(tag)
+
+    def _number_of_tag(self, tag: str) -> int:
+        number = self._number_of.get(tag)
+        if number is not None:
+            return number
+        if self._grouping.tags >= self._options.max_signals:
+            raise DataError(
+                "too_many_tags", f"more than {self._options.max_signals} tags in one file; send it in parts"
+            )
+        number = self._number_of[tag] = len(self._places)
+        self._new_tags.append(tag)
+        self._places.append(self._grouping.place(tag) if len(tag) <= self._options.max_name else NOWHERE)
+        return number
+
+    def _read_times(self, texts: pl.Series) -> TimeArray:
+        """Rows of one instant follow each other in most files: each run of one text is read once."""
+        if len(texts) < 1000 or texts.dtype != pl.String:
+            return self._time.read(texts)
+        runs = texts.rle_id()
+        distinct = int(runs[-1]) + 1
+        if distinct > len(texts) // 2:
+            return self._time.read(texts)
+        first = np.flatnonzero(np.diff(runs.to_numpy(), prepend=-1))
+        return self._time.read(texts[first])[runs.to_numpy()]
+
+    def _kept(
+        self,
+        rows: Rows,
+        texts: pl.Series,
+        tags: pl.Series,
+        codes: NDArray[np.uint32],
+        time_ns: TimeArray,
+        reader: RowReader,
+    ) -> NDArray[np.bool_]:
+        timed, named = time_ns != NO_TIME, tags.is_not_null().to_numpy()
+        kept = timed & named
+        if np.all(kept):
+            return self._without_long_names(rows, codes, kept)
+        short = reader.short_rows(rows, np.flatnonzero(~kept))
+        self._log.add_many("ragged_row", rows.lines(short), (f"fewer than {self._plan.width} fields" for _ in short))
+        passed = _passed_over(texts, tags, rows.frame[name_of(self._plan.value)])
+        at = np.setdiff1d(np.flatnonzero(~kept & ~passed), short, assume_unique=True)
+        late = at[~timed[at]]
+        words = (f"{texts[int(row)] or ''!r} is no time that can be read" for row in late)
+        self._log.add_many("bad_time", rows.lines(late), words, (tags[int(row)] for row in late))
+        bare = at[timed[at]]
+        self._log.add_many("no_tag", rows.lines(bare), ("a row without a tag" for _ in bare))
+        return self._without_long_names(rows, codes, kept)
+
+    def _without_long_names(self, rows: Rows, codes: NDArray[np.uint32], kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        known = self._usable
+        if known.all():
+            return kept
+        at = np.flatnonzero(kept & ~known[codes])
+        if len(at):
+            text = f"a tag of more than {self._options.max_name} characters"
+            self._log.add_many("name_too_long", rows.lines(at), (text for _ in at))
+        return kept & known[codes]
+
+    def _values(self, rows: Rows, codes: NDArray[np.uint32], kept: NDArray[np.bool_], reader: RowReader) -> FloatArray:
+        numbers = rows.numbers([self._plan.value])
+        values, missing = numbers.values[:, 0], numbers.missing[:, 0]
+        modes = self._modes[codes] if self._modes.any() else np.zeros(len(codes), dtype=bool)
+        if self._may_tell(rows, values, codes, kept & ~modes):
+            missing |= marked(reader.texts(rows, [self._plan.value]).to_series(0))
+        if missing.any() or self._tally.writing.own:
+            self._read_odd(rows, values, missing, modes, kept, reader)
+        if modes.any():
+            self._read_numbers_of_modes(rows, values, np.flatnonzero(modes & ~missing & kept))
+        if np.isfinite(values).all():
+            return values
+        at = np.flatnonzero(kept & ~np.isfinite(values) & ~missing)
+        if len(at):
+            self._refuse(rows, "not_finite", at, (f"{values[row]}" for row in at))
+        values[~np.isfinite(values)] = np.nan
+        return values
+
+    def _read_numbers_of_modes(self, rows: Rows, values: FloatArray, at: NDArray[np.int64]) -> None:
+        numbers = values[at]
+        values[at] = self._tally.modes.of_numbers(numbers)
+        unknown = np.flatnonzero(values[at] == UNKNOWN_MODE)
+        self._refuse(rows, "unknown_mode", at[unknown], (f"{numbers[i]:g}" for i in unknown))
+
+    def _may_tell(
+        self, rows: Rows, values: FloatArray, codes: NDArray[np.uint32], of_numbers: NDArray[np.bool_]
+    ) -> bool:
+        """Whether marks are in doubt, and not for sure those that they were taken for."""
+        kinds = 0 if rows.kinds is None else int(rows.kinds[self._plan.value])
+        if not kinds & IN_DOUBT:
+            return False
+        if of_numbers.all():
+            self._tally.writing.learn_from(kinds)
+        if self._tally.writing.own or not tells_nothing(kinds, self._tally.writing.thousands):
+            return True
+        return not self._are_decimals(codes[of_numbers & np.isfinite(values)])
+
+    def _read_odd(
+        self,
+        rows: Rows,
+        values: FloatArray,
+        missing: NDArray[np.bool_],
+        modes: NDArray[np.bool_],
+        kept: NDArray[np.bool_],
+        reader: RowReader,
+    ) -> None:
+        """Words of modes are modes; other text in place of a number is refused with the text as the reason."""
+        texts = reader.texts(rows, [self._plan.value]).to_series(0)
+        given = texts.is_not_null().to_numpy() & kept
+        left = missing & given
+        of_modes = np.flatnonzero(left & modes)
+        values[of_modes] = self._tally.modes.of_texts(texts[of_modes])
+        unknown = of_modes[values[of_modes] == UNKNOWN_MODE]
+        all_tags = rows.frame[name_of(self._plan.tag)].cast(pl.String)
+        left &= ~modes
+        read = pl.Series(given & ~left & ~modes)
+        writing = self._tally.writing
+        writing.learn(
+            texts.filter(pl.Series(left)),
+            all_tags.filter(pl.Series(left)),
+            lambda: pl.DataFrame({"tag": all_tags.filter(read), "text": texts.filter(read)}),
+            lambda tag: self._number_of[tag] < self._tags_before,
+        )
+        if writing.own:
+            left |= (read & all_tags.is_in(list(writing.own)) & texts.str.contains(MARKED)).fill_null(False).to_numpy()
+            missing |= left  # what is refused here is not refused once more for what is left of it
+        others = np.flatnonzero(left)
+        tags = all_tags[others]
+        found = odd_numbers(texts[others], tags, writing)
+        values[others] = found.values
+        refused = {code: others[at] for code, at in found.refused.items()}
+        for code, at in {"unknown_mode": unknown, **refused}.items():
+            self._refuse(rows, code, at, (refused_as(code, texts[int(row)]) for row in at))
+
+    def _refuse_quality(self, rows: Rows, kept: NDArray[np.bool_], values: FloatArray) -> None:
+        if self._plan.quality is None:
+            return
+        texts = rows.frame[name_of(self._plan.quality)]
+        self._quality.learn(texts)
+        bad = self._quality.bad(texts)
+        at = np.flatnonzero(bad & kept & np.isfinite(values))
+        self._refuse(rows, "bad_quality", at, (str(texts[int(row)]) for row in at))
+        values[at] = np.nan
+
+    def _refuse(self, rows: Rows, code: str, at: NDArray[np.int64], words: Iterator[str]) -> None:
+        tags = rows.frame[name_of(self._plan.tag)]
+        self._log.add_many(code, rows.lines(at), words, (tags[int(row)] for row in at))
+
+
+def _codes(tags: pl.Series) -> NDArray[np.uint32]:
+    codes = tags.to_physical()
+    return (codes.fill_null(0) if codes.null_count() else codes).to_numpy()
+
+
+def _passed_over(texts: pl.Series, tags: pl.Series, values: pl.Series) -> NDArray[np.bool_]:
+    """Rows that hold nothing, and comments."""
+    texts = texts.cast(pl.String)
+    empty = (texts.is_null() & tags.is_null() & values.is_null()).to_numpy()
+    comment = texts.str.contains("^[*#]").fill_null(False).to_numpy()
+    return empty | comment | _are_comments(tags)
+
+
+def _are_comments(tags: pl.Series) -> NDArray[np.bool_]:
+    return tags.cast(pl.String).str.contains("^[*#\\[]").fill_null(False).to_numpy()

@@ -1,0 +1,33 @@
+"""What was counted while a file is read."""
+
+from dataclasses import dataclass, field
+
+from app.ingest.model import TimeArray
+from app.ingest.numbers.no_data import NoData
+from app.ingest.numbers.writing import Writing
+from app.ingest.tags.modes import ModesMet
+from app.ingest.tags.quality import Quality
+
+
+@dataclass
+class Tally:
+    """Rows and values so far; `backward` says that rows were not in order of time; `stuttering` counts rows
+    whose stamp repeated the one before and stood for the step after it."""
+
+    rows_read: int = 0
+    rows_kept: int = 0
+    values_kept: int = 0
+    backward: bool = False
+    stuttering: int = 0
+    first_time_ns: int | None = None
+    last_time_ns: int | None = None
+    writing: Writing = field(default_factory=Writing)
+    quality: Quality = field(default_factory=Quality)
+    no_data: NoData = field(default_factory=NoData)
+    modes: ModesMet = field(default_factory=ModesMet)
+
+    def saw_times(self, time_ns: TimeArray) -> None:
+        """`time_ns` is in order, and not empty."""
+        first, last = int(time_ns[0]), int(time_ns[-1])
+        self.first_time_ns = first if self.first_time_ns is None else min(first, self.first_time_ns)
+        self.last_time_ns = last if self.last_time_ns is None else max(last, self.last_time_ns)

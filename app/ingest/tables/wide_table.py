@@ -1,0 +1,345 @@
+"""Reads a wide table: a row an instant, a column a tag. Columns of a chunk share one array of times."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from itertools import chain
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from app.ingest.columns.clocks import joined_times
+from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan, name_of
+from app.ingest.model import FloatArray, IngestOptions, SignalBlock
+from app.ingest.numbers.no_data import Span, ends_are_codes
+from app.ingest.rejecting import RejectLog
+from app.ingest.tables.frames import Numbers, RowReader, Rows
+from app.ingest.tables.odd_fields import ChunkColumns, OddFields
+from app.ingest.tables.pieces import Grid, joined_grid
+from app.ingest.tables.spilling import PartOfLoop, Spill
+from app.ingest.tables.spreading import Spreader
+from app.ingest.tables.tally import Tally
+from app.ingest.tables.wide_chunk import Chunk
+from app.ingest.tags.grouping import Grouping
+from app.ingest.tags.modes import UNKNOWN_MODE
+from app.ingest.tags.quality import Quality
+from app.ingest.times.doubled_hour import hours_apart
+from app.ingest.times.order import in_order, last_of_repeats, without_stutter
+from app.ingest.times.stamps import NO_TIME, TimeReader, to_numbers
+
+
+class WideTable:
+    """Turns rows into blocks of signals."""
+
+    def __init__(
+        self, plan: WidePlan, grouping: Grouping, options: IngestOptions, log: RejectLog, tally: Tally
+    ) -> None:
+        self._plan, self._grouping, self._options, self._log, self._tally = plan, grouping, options, log, tally
+        self._times = [TimeReader(group.form, options) for group in plan.groups]
+        self._quality = tally.quality = Quality(options.drop_uncertain)
+        self._spreaders: list[Spreader] = []
+        self._odd_fields = OddFields(tally.writing, log)
+        grouping.place_all(value.tag for group in plan.groups for value in group.values)
+        self._places = {value.index: grouping.place(value.tag) for group in plan.groups for value in group.values}
+        self._modes = frozenset(index for index, place in self._places.items() if place.signal == "MODE")
+        part_of_loop = PartOfLoop()
+        self._part_of_column = np.zeros(1 + max(self._places, default=0), dtype=np.uint8)
+        self._lowest = np.full(len(self._part_of_column), np.inf)  # by column, of values that are no codes
+        self._highest = -self._lowest
+        for index, place in self._places.items():
+            self._part_of_column[index] = part_of_loop.of(place.loop)
+
+    def types(self) -> dict[int, pl.DataType]:
+        """The type in which each column is wanted from the text."""
+        types: dict[int, pl.DataType] = {}
+        for group in self._plan.groups:
+            types.update(dict.fromkeys(group.time, pl.String()))
+            for value in group.values:
+                types[value.index] = pl.String() if self._is_mode(value) else pl.Float64()
+                if value.off_line is not None:
+                    types[value.off_line] = pl.Float64()
+                if value.quality is not None:
+                    types[value.quality] = pl.String()
+        return types
+
+    def batches(self, reader: RowReader) -> Iterator[list[SignalBlock]]:
+        """Blocks, with all that the file holds of a loop in one batch."""
+        for number, groups in enumerate(self._passes(reader)):
+            yield from self._one_pass(reader, groups, first=number == 0)
+
+    def _passes(self, reader: RowReader) -> Iterator[list[TimedColumns]]:
+        """The groups with the columns of so many loops as the reader can give at once: all, unless it reads columns
+        apart from each other."""
+        most = reader.most_columns
+        if most is None or len(self._places) <= most:
+            yield list(self._plan.groups)
+            return
+        loops = list(dict.fromkeys(place.loop for place in self._places.values()))
+        each = max(1, most * len(loops) // len(self._places))
+        for start in range(0, len(loops), each):
+            own = set(loops[start : start + each])
+            yield [
+                replace(group, values=tuple(v for v in group.values if self._places[v.index].loop in own))
+                for group in self._plan.groups
+            ]
+
+    def _one_pass(self, reader: RowReader, groups: list[TimedColumns], first: bool) -> Iterator[list[SignalBlock]]:
+        """`first`: rows and their times are counted, and refused, once for all passes."""
+        spill: Spill | None = None
+        held: list[list[Grid]] = [[] for _ in groups]
+        try:
+            for number, chunk in self._chunks(reader, groups, first):
+                held[number].append(self._grid(chunk, self._times[number].wall_zone))
+                if sum(map(len, chain.from_iterable(held))) >= self._options.buffered_values:
+                    spill = spill or Spill(self._options.spill_folder)
+                    self._put_aside(spill, held)
+            if spill is None:
+                yield list(self._blocks(chain.from_iterable(held)))
+                return
+            self._put_aside(spill, held)
+            for part in spill.parts():
+                yield list(self._blocks(piece for piece in part if isinstance(piece, Grid)))
+        finally:
+            if spill is not None:
+                spill.close()
+
+    def _put_aside(self, spill: Spill, held: list[list[Grid]]) -> None:
+        for grids in held:
+            for grid in grids:
+                spill.add(grid, self._part_of_column)
+            grids.clear()
+
+    def _chunks(self, reader: RowReader, groups: list[TimedColumns], first: bool) -> Iterator[tuple[int, Chunk]]:
+        """Chunks of each group, with the group's number."""
+        self._times = [TimeReader(group.form, self._options) for group in self._plan.groups]
+        spread = self._plan.spread
+        self._spreaders = [Spreader(group.form.resolution_ns) for group in groups] if spread else []
+        for rows in reader.rows(self._plan.first_row, _columns(groups)):
+            self._tally.rows_read += rows.frame.height if first else 0
+            short = self._short_rows(rows, reader)
+            for number, group in enumerate(groups):
+                chunk = self._chunk(rows, number, group, reader, short, first) if group.values else None
+                if chunk is not None:
+                    yield number, chunk
+        for number, spreader in enumerate(self._spreaders):
+            rest = spreader.rest()
+            if rest is not None:
+                yield number, rest
+
+    def _is_mode(self, value: ValueColumn) -> bool:
+        return value.index in self._modes
+
+    def _short_rows(self, rows: Rows, reader: RowReader) -> NDArray[np.int64]:
+        """Rows cut short lost the place of their fields: none of them is kept."""
+        last = rows.frame.columns[-1]
+        short = reader.short_rows(rows, np.flatnonzero(rows.frame[last].is_null().to_numpy()))
+        if len(short):
+            self._log.add_many(
+                "ragged_row", rows.lines(short), (f"fewer than {self._plan.width} fields" for _ in short)
+            )
+        return short
+
+    def _chunk(
+        self,
+        rows: Rows,
+        number: int,
+        group: TimedColumns,
+        reader: RowReader,
+        short: NDArray[np.int64],
+        first: bool,
+    ) -> Chunk | None:
+        texts = joined_times(rows.frame, group.time)
+        time_ns = self._times[number].read(texts)
+        kept = time_ns != NO_TIME
+        if len(short):
+            kept[short] = False
+        if first and not np.all(kept):
+            self._refuse_times(rows, group, texts, kept, short)
+        if not np.any(kept):
+            return None
+        matrix = self._matrix(rows, group, reader, kept)
+        at = np.flatnonzero(kept)
+        if len(at) < len(time_ns):
+            time_ns, matrix = time_ns[at], matrix[at]
+        if number == 0 and first:
+            self._tally.rows_kept += len(at)
+        chunk = Chunk(time_ns, at + rows.first, matrix, group.values)
+        return self._spreaders[number].take(chunk) if self._spreaders else chunk
+
+    def _refuse_times(
+        self,
+        rows: Rows,
+        group: TimedColumns,
+        texts: pl.Series,
+        kept: NDArray[np.bool_],
+        short: NDArray[np.int64],
+    ) -> None:
+        """Rows whose time cannot be read, but for those that hold nothing and comments."""
+        texts = texts.cast(pl.String).fill_null("")
+        told = (texts.str.strip_chars().str.len_bytes() > 0).to_numpy()
+        bad = ~kept & told
+        without = np.flatnonzero(~kept & ~told)
+        if len(without):
+            bad[without] = rows.hold_something(without, [value.index for value in group.values])
+        bad[short] = False
+        bad &= ~texts.str.contains("^[*#]").to_numpy()
+        at = np.flatnonzero(bad)
+        words = (f"{texts[int(row)]!r} is no time that can be read" for row in at)
+        self._log.add_many("bad_time", rows.lines(at), words)
+
+    def _matrix(self, rows: Rows, group: TimedColumns, reader: RowReader, kept: NDArray[np.bool_]) -> FloatArray:
+        """(n, columns) values; refused ones NaN. Odd columns are looked at one by one, the others not at all."""
+        modes = [position for position, value in enumerate(group.values) if self._is_mode(value)] if self._modes else []
+        if not modes:
+            numbers = rows.numbers([value.index for value in group.values])
+        else:
+            numbers = self._with_modes(rows, group, modes)
+            self._refuse_modes(rows, group, numbers.values, modes, kept)
+        plain = {position: value for position, value in enumerate(group.values) if not self._is_mode(value)}
+        self._odd_fields.read(ChunkColumns(rows, plain, numbers, kept, reader))
+        self._refuse_odd_numbers(rows, group, numbers, kept)
+        self._refuse_quality(rows, group, numbers.values, reader, kept)
+        return numbers.values
+
+    def _with_modes(self, rows: Rows, group: TimedColumns, modes: list[int]) -> Numbers:
+        """Columns of modes as flags among the columns of numbers."""
+        plain = [position for position, value in enumerate(group.values) if not self._is_mode(value)]
+        shape = (rows.frame.height, len(group.values))
+        values, missing = np.empty(shape, order="F"), np.zeros(shape, dtype=bool, order="F")
+        if plain:
+            found = rows.numbers([group.values[position].index for position in plain])
+            values[:, plain], missing[:, plain] = found.values, found.missing
+        for position in modes:
+            values[:, position] = self._tally.modes.of_texts(_texts(rows, group.values[position]))
+        return Numbers(values, missing)
+
+    def _refuse_modes(
+        self,
+        rows: Rows,
+        group: TimedColumns,
+        matrix: FloatArray,
+        modes: list[int],
+        kept: NDArray[np.bool_],
+    ) -> None:
+        for position in modes:
+            texts = _texts(rows, group.values[position])
+            at = np.flatnonzero((matrix[:, position] == UNKNOWN_MODE) & kept)
+            if len(at):
+                lines = rows.lines(at)
+                self._log.add_many(
+                    "unknown_mode", lines, (str(texts[int(row)]) for row in at), group.values[position].tag
+                )
+
+    def _refuse_odd_numbers(self, rows: Rows, group: TimedColumns, numbers: Numbers, kept: NDArray[np.bool_]) -> None:
+        matrix = numbers.values
+        unfinished = np.flatnonzero(~np.isfinite(matrix).all(axis=0))
+        for position in unfinished:
+            value = group.values[position]
+            if self._is_mode(value):
+                continue
+            at = np.flatnonzero(kept & ~numbers.missing[:, position] & ~np.isfinite(matrix[:, position]))
+            if len(at):
+                self._log.add_many("not_finite", rows.lines(at), (f"{matrix[row, position]}" for row in at), value.tag)
+                matrix[at, position] = np.nan
+        self._refuse_codes(rows, group, matrix)
+
+    def _refuse_codes(self, rows: Rows, group: TimedColumns, matrix: FloatArray) -> None:
+        """Codes for no data, that stand apart from what their column has in these rows and had before."""
+        lowest, highest = np.fmin.reduce(matrix, axis=0), np.fmax.reduce(matrix, axis=0)
+        columns = [value.index for value in group.values]
+        lines = np.arange(rows.first, rows.first + len(matrix))
+        for position in np.flatnonzero(ends_are_codes(lowest, highest)):
+            value = group.values[position]
+            if self._is_mode(value):
+                continue
+            span = Span(self._lowest[value.index], self._highest[value.index])
+            alone = self._places[value.index].signal == "PV"
+            matrix[:, position] = self._tally.no_data.refused(
+                matrix[:, position], lines, value.tag, self._log, span, alone
+            )
+            known = matrix[np.isfinite(matrix[:, position]), position]
+            lowest[position], highest[position] = known.min(initial=np.inf), known.max(initial=-np.inf)
+        self._lowest[columns] = np.fmin(self._lowest[columns], lowest)
+        self._highest[columns] = np.fmax(self._highest[columns], highest)
+
+    def _refuse_quality(
+        self, rows: Rows, group: TimedColumns, matrix: FloatArray, reader: RowReader, kept: NDArray[np.bool_]
+    ) -> None:
+        judged = [
+            (i, value)
+            for i, value in enumerate(group.values)
+            if value.off_line is not None or value.quality is not None
+        ]
+        for column in dict.fromkeys(value.quality for _, value in judged):
+            if column is not None:
+                self._quality.learn(rows.frame[name_of(column)])
+        for position, value in judged:
+            bad, code, words = np.zeros(len(matrix), dtype=bool), "", "off-line flag set"
+            if value.off_line is not None:
+                bad = np.nan_to_num(_flags(rows, value.off_line, reader)) != 0
+                code = "off_line"
+            if value.quality is not None:
+                texts = rows.frame[name_of(value.quality)]
+                bad, code = self._quality.bad(texts), "bad_quality"
+                words = "quality is not good"
+            at = np.flatnonzero(bad & kept & np.isfinite(matrix[:, position]))
+            if len(at):
+                self._log.add_many(code, rows.lines(at), (words for _ in at), value.tag)
+                matrix[at, position] = np.nan
+
+    def _grid(self, chunk: Chunk, zone: str) -> Grid:
+        time_ns, matrix, lines = chunk.time_ns, chunk.matrix, chunk.lines
+        order = in_order(time_ns)
+        if order is not None:
+            self._tally.backward = True
+            time_ns, matrix, lines = time_ns[order], matrix[order], lines[order]
+        time_ns = hours_apart(time_ns, zone, newest_first=bool(chunk.time_ns[0] > chunk.time_ns[-1]))
+        order = in_order(time_ns)
+        if order is not None:
+            time_ns, matrix, lines = time_ns[order], matrix[order], lines[order]
+        steady = without_stutter(time_ns)
+        self._tally.stuttering += int(np.sum(steady != time_ns))
+        time_ns, matrix = last_of_repeats(steady, matrix, lines, [value.tag for value in chunk.columns], self._log)
+        self._tally.saw_times(time_ns)
+        self._tally.values_kept += int(np.count_nonzero(np.isfinite(matrix)))
+        columns = np.array([value.index for value in chunk.columns], dtype=np.uint32)
+        no_lines = np.zeros(len(time_ns), dtype=np.uint32)  # nothing of these is refused any more
+        return Grid(columns, time_ns, np.ascontiguousarray(matrix.T), no_lines, columns)
+
+    def _blocks(self, grids: Iterable[Grid]) -> Iterator[SignalBlock]:
+        """Signals whole, or chunk by chunk where time goes back or some chunks have no value of them."""
+        by_columns: dict[int, list[Grid]] = {}
+        for grid in grids:
+            by_columns.setdefault(int(grid.codes[0]), []).append(grid)
+        for own in by_columns.values():
+            whole = joined_grid(own)
+            given = np.stack([np.isfinite(grid.values).any(axis=1) for grid in own])
+            everywhere = np.asarray(given.all(axis=0))
+            for row, column in enumerate(own[0].codes):
+                place = self._places[int(column)]
+                parts = [own[at] for at in np.flatnonzero(given[:, row])]
+                for grid in [whole] if whole is not None and everywhere[row] else parts:
+                    yield SignalBlock(place.tag, place.loop, place.signal, grid.time_ns, grid.values[row])
+
+
+def _flags(rows: Rows, column: int, reader: RowReader) -> FloatArray:
+    """(n,) numbers, NaN where none stands."""
+    flags = rows.numbers([column])
+    if not flags.missing.any():
+        return flags.values[:, 0]
+    return np.where(flags.missing[:, 0], to_numbers(reader.texts(rows, [column]).to_series(0)), flags.values[:, 0])
+
+
+def _texts(rows: Rows, value: ValueColumn) -> pl.Series:
+    """A column as text; a table may hold times where modes are expected."""
+    return rows.frame[name_of(value.index)].cast(pl.String)
+
+
+def _columns(groups: Iterable[TimedColumns]) -> list[int]:
+    """All columns that the groups need."""
+    needed: set[int] = set()
+    for group in groups:
+        needed.update(group.time, (value.index for value in group.values))
+        for value in group.values:
+            needed.update(index for index in (value.off_line, value.quality) if index is not None)
+    return sorted(needed)

@@ -1,0 +1,432 @@
+"""Tags into loops: by the ending of their names, by the letters of ISA, or by a mapping that the plant gives."""
+
+import json
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import NamedTuple
+
+from app.errors import DataError
+from app.ingest.model import SIGNALS, IngestOptions, LoopTags, Signal
+from app.ingest.tags.lists import list_rows, list_text
+
+_MAPPING = ("the mapping", "bad_mapping")
+"""What it is called, and the code of all that is wrong with it."""
+
+_WORDS: Mapping[str, Signal] = MappingProxyType(
+    {
+        **dict.fromkeys(("PV", "MEAS", "MEASUREMENT", "PROCESSVALUE", "PROCESSVARIABLE", "PVVALUE"), "PV"),
+        **dict.fromkeys(
+            ("OP", "MV", "OUT", "CO", "CV", "OUTPUT", "CONTROLLEROUTPUT", "CONTROLOUTPUT", "MANIPULATEDVARIABLE"), "OP"
+        ),
+        **dict.fromkeys(("SP", "SV", "SETP", "SETPOINT", "SPT", "WSP", "SETPOINTVALUE"), "SP"),
+        **dict.fromkeys(("MODE", "MD", "MODEACTUAL", "CTRLMODE", "CONTROLLERMODE", "AUTOMAN"), "MODE"),
+        "ISTWERT": "PV",
+        **dict.fromkeys(("STELLWERT", "STELLGROESSE"), "OP"),
+        "SOLLWERT": "SP",
+        "BETRIEBSART": "MODE",
+    }
+)
+_RANKS = MappingProxyType({word: rank for rank, word in enumerate(_WORDS)})
+_SPELLED_OUT = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "AE", "Ö": "OE", "Ü": "UE", "ß": "ss"})
+AUDITED = frozenset({"PV", "OP"})
+"""The signals without which a loop cannot be audited."""
+_OPTIONAL = frozenset({"SP", "MODE"})
+_ATTRIBUTES = frozenset(
+    {"CV", "VALUE", "ACTUAL", "ACT", "VAL", "F"}
+)  # DeltaV writes FIC101/PV.CV and FIC101/MODE.ACTUAL
+LONGEST_NAME = 1000  # the patterns cost the square of a name's length
+LONGEST_LOOP = IngestOptions().max_name
+_SEPARATORS = "._-/:|\\ "
+_ENDING = re.compile(r"^(?P<loop>.+)[._\-/:|\\ ]+(?P<word>[A-Za-z]+)$")
+_START = re.compile(r"^(?P<word>[A-Za-z]+)[._\-/:|\\ ]+(?P<loop>.+)$")
+_OF_SYSTEMS: Mapping[str, Signal] = MappingProxyType(
+    {
+        **dict.fromkeys(("PV_OUT", "PV_IN", "VAL_PV"), "PV"),
+        **dict.fromkeys(("LMN", "VAL_CVOUT"), "OP"),
+        "VAL_SP": "SP",
+        **dict.fromkeys(("AUTACT", "STS_AUTO"), "MODE"),
+    }
+)
+"""Names of blocks in PCS 7 (with `#Value` behind them) and PlantPAx that their endings alone would misread."""
+_OF_SYSTEM = re.compile(rf"(?i)(?P<loop>.+)[._\-/:|\\ ](?P<word>{'|'.join(_OF_SYSTEMS)})")
+_SPLIT_WORDS = re.compile(
+    r"(?i)[._\- ](set[ _]point|process[ _]value|process[ _]variable|controller[ _]output|control[ _]output)$"
+)
+_ISA = re.compile(r"^(?P<before>.*?)(?P<measured>[A-Z]{1,2})(?P<function>T|IT|V|CV)(?P<rest>[_\-.]?\d+[A-Z]?)$")
+_UNIT = re.compile(r"\s*(\([^()]*\)|\[[^\[\]]*\])$")  # FIC101.PV (degC), FIC101.OP [%]
+_BRACKET = re.compile(r"[\[(].*$")
+_NO_LETTER = re.compile(r"[^A-Za-z]+")
+_SERVER = re.compile(r"^\\\\[^\\]+\\")
+_NUMBERED = re.compile(r"\D*(\d+)\D*")
+
+
+@dataclass(frozen=True)
+class MappedTag:
+    """What a plant says about one tag. `attributes`: unit, low, high, loop_type and whatever else its columns hold,
+    as text."""
+
+    tag: str
+    loop: str
+    signal: Signal
+    attributes: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+
+    def number(self, name: str) -> float | None:
+        try:
+            return float(self.attributes[name].replace(",", "."))
+        except (KeyError, ValueError):
+            return None
+
+
+@dataclass(frozen=True)
+class TagMapping:
+    """Tags that a plant has mapped to loops; a tag that is not named here is grouped by its name.
+
+    kept: what was said of tags once for later files too; `entries`, said of this file, go before it. without_units: the
+    same by names without units, of those that have one such name alone.
+    """
+
+    entries: Mapping[str, MappedTag]
+    kept: Mapping[str, MappedTag] = field(default_factory=lambda: MappingProxyType({}))
+    without_units: Mapping[str, MappedTag] = field(default_factory=lambda: MappingProxyType({}))
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> "TagMapping":
+        """From CSV or JSON with the columns tag, loop, signal[, unit, low, high, loop_type, ...].
+
+        Raises DataError("bad_mapping") where a row has no tag, no loop or no known signal or has a span that is none,
+        where a tag has two places, where no row is, or where it is no text.
+        """
+        text = mapping_text(data)
+        rows = _json_rows(text) if text.lstrip()[:1] in ("[", "{") else _csv_rows(text)
+        mapped = [_mapped(number, row) for number, row in enumerate(rows, start=1)]
+        if not mapped:
+            raise DataError("bad_mapping", "the mapping names no tag; it needs rows of tag, loop and signal")
+        entries: dict[str, MappedTag] = {}
+        for entry in mapped:
+            other = entries.setdefault(entry.tag.casefold(), entry)
+            if (other.loop, other.signal) != (entry.loop, entry.signal):
+                places = f"{other.signal} of {other.loop!r} and {entry.signal} of {entry.loop!r}"
+                raise DataError("bad_mapping", f"the mapping has tag {entry.tag!r} in two places: {places}")
+            entries[entry.tag.casefold()] = entry
+        return cls(MappingProxyType(entries))
+
+    def with_kept(self, kept: Iterable[MappedTag]) -> "TagMapping":
+        """A kept place that `entries` give to another tag is not used: that tag's word is the newer one."""
+        given = {(entry.loop.casefold(), entry.signal) for entry in self.entries.values() if entry.signal != "OTHER"}
+        used = {entry.tag.casefold(): entry for entry in kept if (entry.loop.casefold(), entry.signal) not in given}
+        names = Counter(without_unit(name) for name in used)
+        plain = {name: entry for told, entry in used.items() if names[name := without_unit(told)] == 1}
+        return TagMapping(self.entries, MappingProxyType(used), MappingProxyType(plain))
+
+    def over(self, earlier: "TagMapping") -> "TagMapping":
+        """With what an earlier one says of the same file, but of tags named again and of places given to others."""
+        given = {(entry.loop.casefold(), entry.signal) for entry in self.entries.values() if entry.signal != "OTHER"}
+        kept = {name: it for name, it in earlier.entries.items() if (it.loop.casefold(), it.signal) not in given}
+        return TagMapping(MappingProxyType({**kept, **self.entries}))
+
+    def as_bytes(self) -> bytes:
+        """As `from_bytes` takes it."""
+        rows = [{**it.attributes, "tag": it.tag, "loop": it.loop, "signal": it.signal} for it in self.entries.values()]
+        return json.dumps(rows).encode()
+
+    def find(self, tag: str) -> MappedTag | None:
+        name = tag.casefold()
+        return self.entries.get(name) or self.kept.get(name) or self._in_any_unit(name)
+
+    def _in_any_unit(self, name: str) -> MappedTag | None:
+        return self.without_units.get(without_unit(name)) if self.without_units else None
+
+    def is_kept(self, tag: str) -> bool:
+        """Whether its place is one that was kept."""
+        return tag.casefold() not in self.entries and self.find(tag) is not None
+
+    def rank(self, tag: str) -> int:
+        """0 of what is said of this file, 1 of what was kept, 2 of that in another unit, 3 of other tags."""
+        name = tag.casefold()
+        known = (name in self.entries, name in self.kept, self._in_any_unit(name) is not None)
+        return known.index(True) if any(known) else len(known)
+
+
+def mapping_text(data: bytes) -> str:
+    """Decoded as an export is. Raises DataError("bad_mapping") where it is no text."""
+    return list_text(data, *_MAPPING)
+
+
+def _csv_rows(text: str) -> list[dict[str, str]]:
+    return [row for _, row in list_rows(text, *_MAPPING).rows]
+
+
+def _json_rows(text: str) -> list[dict[str, str]]:
+    try:
+        rows = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise DataError("bad_mapping", f"the mapping is not JSON: {error}") from error
+    rows = rows.get("tags", []) if isinstance(rows, dict) else rows
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise DataError("bad_mapping", "the mapping must be a list of objects with tag, loop and signal")
+    return [
+        {_json_text(name).lower(): _json_text(cell) for name, cell in row.items() if cell is not None} for row in rows
+    ]
+
+
+def _json_text(cell: object) -> str:
+    """Without half of a letter, which JSON can spell and no data base takes in a text."""
+    return str(cell).encode("utf-8", "replace").decode("utf-8").strip()
+
+
+def _mapped(number: int, row: Mapping[str, str]) -> MappedTag:
+    cells = dict(row)
+    tag, loop = cells.pop("tag", ""), cells.pop("loop", "")
+    word = cells.pop("signal", "")
+    signal: Signal | None = "OTHER" if word.upper() == "OTHER" else _WORDS.get(_plain(word))
+    if not tag or not loop or signal is None:
+        need = "tag, loop and a signal of PV, OP, SP, MODE or OTHER"
+        raise DataError(
+            "bad_mapping",
+            f"row {number} of the mapping has tag {tag!r}, loop {loop!r}, signal {word!r}; it needs {need}",
+        )
+    if len(loop) > LONGEST_LOOP:
+        raise DataError(
+            "bad_mapping",
+            f"row {number} of the mapping has a loop of more than {LONGEST_LOOP} characters: {loop[:60]!r}",
+        )
+    mapped = MappedTag(tag, loop, signal, MappingProxyType(cells))
+    _check_span(number, mapped)
+    return mapped
+
+
+def _check_span(row: int, mapped: MappedTag) -> None:
+    told = {name: text for name in ("low", "high") if (text := mapped.attributes.get(name))}
+    ends = [mapped.number(name) for name in told]
+    known = [end for end in ends if end is not None and math.isfinite(end)]
+    if len(known) < len(told) or (len(known) == 2 and known[0] >= known[1]):
+        said = ", ".join(f"{name} {text!r}" for name, text in told.items())
+        raise DataError("bad_mapping", f"row {row} of the mapping has the span {said}; it needs numbers, rising")
+
+
+def _plain(word: str) -> str:
+    return _NO_LETTER.sub("", word).upper()
+
+
+class Place(NamedTuple):
+    """Where a tag belongs."""
+
+    tag: str
+    loop: str
+    signal: Signal
+
+
+def place(tag: str, stem: str) -> Place:
+    """A tag's loop and signal by its name alone; a bare `PV` belongs to the loop that the file is named after."""
+    if len(tag) > LONGEST_NAME:
+        return Place(tag, tag, "OTHER")
+    name = _SERVER.sub("", tag.strip())
+    signal = _bare(_BRACKET.sub("", name))
+    if signal is not None:
+        return Place(tag, stem, signal)
+    name = _UNIT.sub("", name) or name
+    name = name.removesuffix("#Value")
+    if of_system := _OF_SYSTEM.fullmatch(name):
+        return Place(tag, of_system["loop"].rstrip(_SEPARATORS), _OF_SYSTEMS[of_system["word"].upper()])
+    spelled = _SPLIT_WORDS.search(name)
+    if spelled:
+        return Place(tag, name[: spelled.start()].rstrip(_SEPARATORS), _WORDS[_plain(spelled.group(1))])
+    return _by_ending(tag, name) or _by_letters(tag, name) or _by_start(tag, name) or Place(tag, tag, "OTHER")
+
+
+def loop_of(tag: str, stem: str) -> str:
+    """The loop of a tag by its name alone, in a file of this stem."""
+    return place(tag, stem).loop
+
+
+def names_its_loop(tag: str) -> bool:
+    """Whether a tag means the same in every file, and is no bare `PV` that belongs to the loop of its file."""
+    return place(tag, "").loop != ""
+
+
+def unit_of(tag: str) -> str:
+    """The unit that a name tells behind it, as `degC` of `TIC5.PV (degC)`; empty where it tells none. A number there
+    tells columns of one name apart."""
+    found = _UNIT.search(tag.strip())
+    told = found[1][1:-1].strip() if found else ""
+    return "" if told.isdigit() else told
+
+
+def without_unit(tag: str) -> str:
+    """The name before the unit that it tells; all of it where it tells none."""
+    if len(tag) > LONGEST_NAME or not unit_of(tag):
+        return tag
+    return _UNIT.sub("", tag.strip()) or tag
+
+
+def _bare(name: str) -> Signal | None:
+    """The signal that a name without a loop tells. A loop may be called by a number, or in other letters: 4711.PV."""
+    name = name.translate(_SPELLED_OUT)
+    signal = _WORDS.get(_plain(name))
+    if signal is None:
+        return None
+    found = _ENDING.match(name)
+    loop = found["loop"] if found else ""
+    if not name.isascii() and any(letter.isalnum() for letter in name if not letter.isascii()):
+        return None
+    return None if _plain(loop) == "" and any(map(str.isdigit, loop)) else signal
+
+
+def _by_ending(tag: str, name: str) -> Place | None:
+    found = _ENDING.match(name)
+    if found and found["word"].upper() in _ATTRIBUTES:
+        inner = _ENDING.match(found["loop"])
+        if inner and inner["word"].upper() in _WORDS:
+            found = inner
+    if not found or found["word"].upper() not in _WORDS:
+        return None
+    return Place(tag, found["loop"].rstrip(_SEPARATORS), _WORDS[found["word"].upper()])
+
+
+def _by_letters(tag: str, name: str) -> Place | None:
+    """FT_211 is the transmitter and FV_211 the valve of loop F_211."""
+    found = _ISA.match(name)
+    if not found or found["before"][-1:].isalnum():
+        return None
+    loop = f"{found['before']}{found['measured']}{found['rest']}"
+    return Place(tag, loop, "PV" if found["function"].endswith("T") else "OP")
+
+
+def _by_start(tag: str, name: str) -> Place | None:
+    found = _START.match(name)
+    signal = _WORDS.get(found["word"].upper()) if found else None
+    return Place(tag, found["loop"], signal) if found and signal else None
+
+
+def _number(tag: str) -> str:
+    """The number of a name without a loop: `2` of Mode2, nothing of Mode and of FIC101.MODE."""
+    if names_its_loop(tag):
+        return ""
+    found = _NUMBERED.fullmatch(_BRACKET.sub("", _SERVER.sub("", tag.strip())))
+    return found[1] if found else ""
+
+
+def _precedence(tag: str) -> tuple[int, int]:
+    """Signals by their own names first (OP before MV), other plain names in the order of `_WORDS`, then PV and OP by
+    their number, then what has to have the number of these."""
+    if _number(tag):
+        return (3 if place(tag, "").signal in _OPTIONAL else 2), 0
+    word = _NO_LETTER.split(_UNIT.sub("", tag.strip()).upper())[-1]
+    return (0 if word in SIGNALS else 1), _RANKS.get(word, len(_RANKS))
+
+
+class Grouping:
+    """Places tags: of those that name one signal of a loop the first by mapping and `_precedence` has it, in whatever
+    order they come, others are kept as further signals. A mode stays with the tag that came first: its values are read
+    as modes from then on."""
+
+    def __init__(self, stem: str, mapping: TagMapping | None = None) -> None:
+        self._stem = stem
+        self._mapping = mapping
+        self._spelling: dict[str, str] = {}
+        self._taken: dict[tuple[str, Signal], str] = {}
+        self._others: dict[str, list[str]] = {}
+        self._places: dict[str, Place] = {}
+        self.second: dict[str, Place] = {}  # of the tag that has the signal
+        self.of_other_number: list[str] = []
+
+    def place_all(self, tags: Iterable[str]) -> None:
+        """Tags that are known at once; of equal ones the first has the signal."""
+        for tag in sorted(tags, key=self._rank):
+            self.place(tag, in_order=True)
+
+    def _rank(self, tag: str) -> tuple[int, tuple[int, int]]:
+        return (0 if self._mapping is None else self._mapping.rank(tag)), _precedence(tag)
+
+    def place(self, tag: str, in_order: bool = False) -> Place:
+        """Of a tag, as far as it is known: a later one may take its signal, unless they come in order."""
+        tag = tag.replace("\0", "\N{REPLACEMENT CHARACTER}")  # no data base takes it in a text
+        known = self._places.get(tag)
+        if known is None:
+            known = self._places[tag] = self._settle(tag, in_order)
+        return known
+
+    def _settle(self, tag: str, in_order: bool) -> Place:
+        mapped = self._mapping.find(tag) if self._mapping else None
+        found = Place(tag, mapped.loop, mapped.signal) if mapped else self._by_name(tag)
+        loop = self._spelling.setdefault(found.loop.casefold(), found.loop)
+        if found.signal == "OTHER":
+            return self._beside(tag, loop)
+        owner = self._taken.setdefault((loop, found.signal), tag)
+        here = Place(tag, loop, found.signal)
+        if owner == tag:
+            return here
+        if in_order or found.signal == "MODE" or self._equal_less(owner) <= self._equal_less(tag):
+            self.second[tag] = Place(owner, loop, found.signal)
+            return self._beside(tag, loop)
+        self._taken[(loop, found.signal)] = tag
+        self._places[owner] = self._beside(owner, loop)
+        self.second |= {other: here for other, at in self.second.items() if at[1:] == here[1:]} | {owner: here}
+        return here
+
+    def _beside(self, tag: str, loop: str) -> Place:
+        self._others.setdefault(loop, []).append(tag)
+        return Place(tag, loop, "OTHER")
+
+    def _equal_less(self, tag: str) -> tuple[tuple[int, tuple[int, int]], int, str]:
+        """Rank by which no two tags are equal."""
+        return self._rank(tag), len(tag), tag
+
+    def _by_name(self, tag: str) -> Place:
+        """A set point or a mode of another number than PV and OP is another loop's: none is better than a wrong one."""
+        found = place(tag, self._stem)
+        number = _number(tag) if found.signal in _OPTIONAL else ""
+        if not number:
+            return found
+        loop = self._spelling.get(found.loop.casefold(), found.loop)
+        beside = (self._taken.get((loop, "PV")), self._taken.get((loop, "OP")))
+        if any(other and _number(other) == number for other in beside):
+            return found
+        self.of_other_number.append(tag)
+        return Place(tag, found.loop, "OTHER")
+
+    def attach_bare(self, tags: Iterable[str]) -> None:
+        """In a file of one loop without tags, the other columns belong to that loop; of one loop it is where PV and OP
+        have no tag, or no other loop's have one."""
+        places = [place(tag, "") for tag in tags]
+        bare = {found.signal for found in places if found.loop == ""}
+        if not bare.issuperset(AUDITED) and any(found.loop and found.signal in AUDITED for found in places):
+            return
+        for tag, loop, _ in places:
+            mapped = self._mapping is not None and self._mapping.find(tag) is not None
+            if tag not in self._places and not mapped and loop != "":
+                self._others.setdefault(self._stem, []).append(tag)
+                self._places[tag] = Place(tag, self._stem, "OTHER")
+
+    @property
+    def tags(self) -> int:
+        return len(self._places)
+
+    @property
+    def placed(self) -> tuple[str, ...]:
+        return tuple(self._places)
+
+    def loops(self) -> tuple[LoopTags, ...]:
+        names = dict.fromkeys([loop for loop, _ in self._taken] + list(self._others))
+        return tuple(
+            LoopTags(
+                loop,
+                self._taken.get((loop, "PV")),
+                self._taken.get((loop, "OP")),
+                self._taken.get((loop, "SP")),
+                self._taken.get((loop, "MODE")),
+                tuple(self._others.get(loop, ())),
+            )
+            for loop in names
+        )
+
+
+def group(tags: Iterable[str], mapping: TagMapping | None = None, stem: str = "") -> tuple[LoopTags, ...]:
+    """The loops of a list of tags."""
+    grouping = Grouping(stem, mapping)
+    grouping.place_all(tags)
+    return grouping.loops()

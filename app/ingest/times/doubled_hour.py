@@ -1,0 +1,28 @@
+"""Hourly samples over the hour that comes twice in autumn: two rows of one stamp, which no step back tells apart."""
+
+import numpy as np
+
+from app.ingest.model import TimeArray
+from app.ingest.times.stamps import from_utc
+from app.nanoseconds import NS_PER_S
+
+HOUR_NS = 3600 * NS_PER_S
+
+
+def hours_apart(time_ns: TimeArray, zone: str, newest_first: bool) -> TimeArray:
+    """(n,) ns since 1970 UTC, in order. Of two rows in one pass of a doubled hour, with nothing in the other pass, each
+    gets its own, in the order in which they came; where newest_first, they are not in order any more."""
+    same = np.flatnonzero(time_ns[1:] == time_ns[:-1]) if zone != "UTC" else np.zeros(0, dtype=np.int64)
+    if not len(same) or np.median(np.diff(np.unique(time_ns))) != HOUR_NS:
+        return time_ns
+    at = time_ns[same]
+    local = from_utc(at, zone)
+    first, second = from_utc(at + HOUR_NS, zone) == local, from_utc(at - HOUR_NS, zone) == local
+    padded = np.concatenate(([at[0] - 2 * HOUR_NS], time_ns, [at[-1] + 2 * HOUR_NS]))
+    before, after = at - padded[same], padded[same + 3] - at  # both are 0 where a stamp comes three times
+    early = np.where(first & (after >= 2 * HOUR_NS) & (before > 0), at, at - HOUR_NS)
+    told = (early == at) | (second & (before >= 2 * HOUR_NS) & (after > 0))
+    moved = time_ns.copy()
+    moved[same[told] + newest_first] = early[told]
+    moved[same[told] + (not newest_first)] = early[told] + HOUR_NS
+    return moved

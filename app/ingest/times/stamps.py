@@ -1,0 +1,387 @@
+"""Time stamps: which form a column has, and whole columns of it to nanoseconds since 1970 UTC."""
+
+import re
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Literal, cast
+from zoneinfo import ZoneInfo
+
+import numpy as np
+import polars as pl
+
+from app.errors import DataError
+from app.ingest.model import FloatArray, IngestOptions, TimeArray
+from app.ingest.times.counted_times import DAY_NS, NUMBER, TICK_NS, find_count
+from app.ingest.times.date_order import AMBIGUOUS, DAY_FIRST, MONTH_FIRST, YEAR_FIRST, Reading, choose
+from app.ingest.times.spelled_times import respelled, tells_utc
+from app.ingest.times.told_zones import told_utc_offset_ns
+from app.ingest.times.wall_clock import WallClock
+from app.nanoseconds import NS_PER_S
+
+FIRST_YEAR, LAST_YEAR = 1971, 2199
+SAMPLE = 400
+LEAST_SHARE = 0.5  # of a sample of a column of times that is readable
+NO_TIME = np.iinfo(np.int64).min
+Kind = Literal["text", "relative", "epoch", "epoch_pair", "serial"]
+
+_ISO = ("%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%Y%m%d")
+_OTHER = ("%d.%m.%Y", "%d.%m.%y", "%d-%b-%y", "%d-%b-%Y", "%d %b %Y", "%d/%b/%Y", "%d/%b/%y", "%b %d %Y", "%b %d, %Y")
+_TIMES = (
+    " %H:%M:%S",
+    " %H:%M:%S%.f",
+    " %H:%M",
+    " %I:%M:%S %p",
+    " %I:%M %p",
+    " %I:%M:%S%.f %p",
+    " %H.%M.%S",
+    "%H%M%S",
+    " %H%M%S",
+    "",
+)
+_PAIR = re.compile(r"\d{9,11}:\d{1,9}")
+_ZONE = re.compile(r"(Z|[+-]\d{2}:?\d{2})$")
+_PARTS = {"%Y": r"\d{4}", "%b": "[a-z]{3}", "%p": "[ap]m", "%.f": r"(\.\d+)?"}
+_PARTS |= dict.fromkeys(("%m", "%d", "%H", "%I", "%M"), r" ?\d{1,2}") | dict.fromkeys(("%y", "%S"), r"\d{2}")
+
+
+@dataclass(frozen=True)
+class TimeForm:
+    """How a column of times is read.
+
+    kind: "text" (`format`), "relative" (seconds from a start), "epoch" (a number since 1970), "epoch_pair"
+        (seconds:nanoseconds), "serial" (days since 1899-12-30 or since year 0, of a clock on the wall).
+    scale: nanoseconds a unit of a number. origin_ns: of its zero, since 1970. rounding_ns: what its times are
+        rounded to.
+    utc_offset_ns: of the zone that the column's name tells; None where it tells none.
+    spelled: `format` is that of the text as `respelled`.
+    resolution_ns: the smallest step that the text can show.
+    rivals: other formats that fit the sample equally well.
+    """
+
+    kind: Kind
+    format: str = ""
+    scale: float = 1e9
+    origin_ns: int = 0
+    rounding_ns: int = 100
+    zoned: bool = False
+    utc_offset_ns: int | None = None
+    spelled: bool = False
+    resolution_ns: int = 1
+    rivals: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def zone_in_file(self) -> bool:
+        return self.zoned or self.utc_offset_ns is not None or self.kind in ("epoch", "epoch_pair")
+
+    @property
+    def shown(self) -> str:
+        return {
+            "text": self.format,
+            "relative": "relative, s",
+            "epoch": "epoch",
+            "epoch_pair": "epoch:ns",
+            "serial": "serial days",
+        }[self.kind]
+
+
+def check_time_zone(name: str) -> None:
+    """Raises DataError("unknown_time_zone") where it names none."""
+    try:
+        ZoneInfo(name)
+    except (ValueError, OSError, LookupError) as error:
+        raise DataError("unknown_time_zone", f"{name!r} is no time zone; an IANA name is needed") from error
+
+
+def find_form(sample: list[str], name: str, options: IngestOptions) -> TimeForm | None:
+    """The form of a column from some of its fields in order of the rows; None where they are no times."""
+    sample = [normal(text) for text in sample[:SAMPLE]]
+    sample = [text for text in sample if text]
+    form = _form_of(sample, name, options) if _have_digits(sample) else None
+    return form and with_told_zone(form, name)
+
+
+def with_told_zone(form: TimeForm, name: str) -> TimeForm:
+    """In the zone that the column's name tells, where its times tell none."""
+    offset_ns = told_utc_offset_ns(name)
+    if offset_ns is None or form.zoned or form.kind not in ("text", "serial"):
+        return form
+    note = f"times are in the zone that the name of their column tells: {name.strip()[:80]!r}"
+    return replace(form, utc_offset_ns=offset_ns, notes=(note, *form.notes))
+
+
+def _have_digits(sample: list[str]) -> bool:
+    return any(character.isdigit() for text in sample[:20] for character in text)
+
+
+def _form_of(sample: list[str], name: str, options: IngestOptions) -> TimeForm | None:
+    if _share(_PAIR, sample) > 0.8:
+        return TimeForm("epoch_pair")
+    if _share(NUMBER, sample) > 0.8:
+        return _number_form(sample, name) or _text_form(sample, options)
+    return _text_form(sample, options) or _spelled_form(sample, options)
+
+
+def normal(text: str) -> str:
+    return text.strip().strip('"').strip()
+
+
+def _share(pattern: re.Pattern[str], sample: list[str]) -> float:
+    return sum(bool(pattern.fullmatch(text)) for text in sample) / len(sample)
+
+
+def _number_form(sample: list[str], name: str) -> TimeForm | None:
+    count = find_count(sample, name)
+    if count is None:
+        return None
+    kind: Kind = "relative" if count.origin_ns is None else "serial" if count.scale == DAY_NS else "epoch"
+    return TimeForm(
+        kind, scale=count.scale, origin_ns=count.origin_ns or 0, rounding_ns=count.rounding_ns, notes=count.notes
+    )
+
+
+def _spelled_form(sample: list[str], options: IngestOptions) -> TimeForm | None:
+    """A dotted a.m. is no American one."""
+    texts = pl.Series(sample, dtype=pl.String)
+    form = _text_form(respelled(texts).to_list(), options, _american(sample))
+    if form is None:
+        return None
+    notes = ("UTC or GMT stands behind the times, and they were read so",) if tells_utc(texts) else ()
+    return replace(form, spelled=True, notes=(*notes, *form.notes))
+
+
+def _text_form(sample: list[str], options: IngestOptions, american: bool | None = None) -> TimeForm | None:
+    zoned = sum(bool(_ZONE.search(text)) and len(text) > 12 for text in sample) > 0.8 * len(sample)
+    series = pl.Series(sample, dtype=pl.String)
+    fits: list[tuple[float, Reading]] = []
+    for candidate in _candidates(sample, zoned, _american(sample) if american is None else american):
+        times = parse_text(series, candidate, zoned)
+        share = float(np.mean(times != NO_TIME))
+        if share >= LEAST_SHARE:
+            fits.append((share, Reading(candidate, times[times != NO_TIME])))
+    if not fits:
+        return None
+    best = max(share for share, _ in fits)
+    return _choose([reading for share, reading in fits if share >= best - 1e-9], zoned, options)
+
+
+def _candidates(sample: list[str], zoned: bool, american: bool) -> list[str]:
+    dates = [*_ISO, *_OTHER, *DAY_FIRST]
+    at = len(dates) if not american else len(_ISO) + len(_OTHER)
+    dates = [*dates[:at], *MONTH_FIRST, *dates[at:], *YEAR_FIRST]
+    probe = next((text for text in sample if any(c.isdigit() for c in text)), sample[0])
+    separator = "T" if re.search(r"\dT\d", probe) else " "
+    found = [
+        date + time.replace(" ", separator, 1) if time.startswith(" ") else date + time
+        for date in dates
+        for time in _TIMES
+    ]
+    probes = [_ZONE.sub("", text) if zoned else text for text in (probe, *sample[:3], sample[-1])]
+    return [text for text in found if any(_shape(text).fullmatch(probe) for probe in probes)]
+
+
+@lru_cache(maxsize=1024)
+def _shape(form: str) -> re.Pattern[str]:
+    """What a format can look like: a cheap test before the exact one."""
+    parts = re.split(r"(%\.f|%[a-zA-Z])", form)
+    return re.compile("".join(_PARTS.get(part, re.escape(part)) for part in parts), re.IGNORECASE)
+
+
+def _american(sample: list[str]) -> bool:
+    """Where nothing else tells: a clock of twelve hours or a month without its zero stands with the month first."""
+    return any(re.match(r"\d[/-]", text) or re.search(r"\d\s*[AaPp][Mm]\b", text) for text in sample)
+
+
+def _choose(fits: list[Reading], zoned: bool, options: IngestOptions) -> TimeForm:
+    """The first format that fits, but between orders of day, month and year."""
+    doubtful = [fit for fit in fits if fit.format.startswith(AMBIGUOUS)]
+    if not doubtful or len(doubtful) < len({fit.format[:8] for fit in fits}):
+        return TimeForm("text", fits[0].format, zoned=zoned, resolution_ns=_resolution(fits[0].format))
+    found = choose(doubtful, options)
+    return TimeForm(
+        "text",
+        found.format,
+        zoned=zoned,
+        resolution_ns=_resolution(found.format),
+        rivals=found.rivals,
+        notes=found.notes,
+    )
+
+
+def _resolution(text: str) -> int:
+    if "%.f" in text:
+        return 1
+    if "%S" in text:
+        return NS_PER_S
+    return 60 * NS_PER_S if "%M" in text else 86400 * NS_PER_S
+
+
+def parse_text(texts: pl.Series, form: str, zoned: bool) -> TimeArray:
+    """(n,) ns since 1970, as written or, with an offset, in UTC; NO_TIME where the text does not fit or the year is
+    absurd."""
+    if zoned:
+        parsed = texts.str.to_datetime(form + "%#z", strict=False, time_unit="us").dt.replace_time_zone(None)
+    elif "%H" not in form and "%I" not in form:
+        parsed = texts.str.to_date(form, strict=False).cast(pl.Datetime("us"))
+    else:
+        parsed = texts.str.to_datetime(form, strict=False, time_unit="us")
+    year = parsed.dt.year()
+    known = year.is_between(FIRST_YEAR, LAST_YEAR).fill_null(False).to_numpy()
+    ticks = parsed.cast(pl.Int64).fill_null(0).to_numpy()
+    return np.where(known, np.where(known, ticks, 0) * 1000, NO_TIME)
+
+
+class TimeReader:
+    """Reads columns of one form, chunk by chunk; local time goes to UTC, in the order of the rows (see
+    `WallClock`): each chunk is read once, or `clock.before` set back."""
+
+    def __init__(self, form: TimeForm, options: IngestOptions) -> None:
+        self.form = form
+        self._told_ns = form.utc_offset_ns
+        self.clock = WallClock(options.time_zone if self._told_ns is None else "UTC")
+        self._options = options
+
+    @property
+    def wall_zone(self) -> str:
+        """The zone of the clock that the times were read from; UTC where they tell one."""
+        local = self.form.kind in ("text", "serial") and not self.form.zone_in_file
+        return self._options.time_zone if local else "UTC"
+
+    def read(self, texts: pl.Series) -> TimeArray:
+        """(n,) ns since 1970 UTC, NO_TIME where a row has no readable time."""
+        if isinstance(texts.dtype, pl.Datetime):
+            return self._typed(texts)
+        if isinstance(texts.dtype, pl.Categorical) and len(texts):
+            return self._repeated(texts)
+        return self._in_utc(self._as_written(texts))
+
+    def _repeated(self, texts: pl.Series) -> TimeArray:
+        """Texts that have numbers: each is read once, and goes to UTC in the order of the rows."""
+        of_rows = texts.to_physical()
+        if of_rows.null_count():
+            of_rows = of_rows.fill_null(cast("int", of_rows.max() or 0) + 1)
+        numbers = of_rows.to_numpy()
+        starts = np.flatnonzero(np.concatenate(([True], numbers[1:] != numbers[:-1])))  # of runs of one text
+        row_of = np.zeros(int(np.max(numbers)) + 1, dtype=np.intp)
+        row_of[numbers[starts]] = starts
+        each = self._as_written(texts[row_of].cast(pl.String))
+        return np.repeat(self._in_utc(each[numbers[starts]]), np.diff(starts, append=len(numbers)))
+
+    def _as_written(self, texts: pl.Series) -> TimeArray:
+        if self.form.kind == "epoch_pair":
+            return _pairs(texts)
+        return self._texts(texts) if self.form.kind == "text" else self._numbers(texts)
+
+    def _in_utc(self, times: TimeArray) -> TimeArray:
+        local = self.form.kind in ("text", "serial") and not self.form.zoned
+        return self._from_wall(times) if local else times
+
+    def _from_wall(self, times: TimeArray) -> TimeArray:
+        return self.clock.to_utc(times) if not self._told_ns else _shifted(times, -self._told_ns)
+
+    def _to_wall(self, times: TimeArray) -> TimeArray:
+        return from_utc(times, self._options.time_zone) if self._told_ns is None else _shifted(times, self._told_ns)
+
+    def _typed(self, times: pl.Series) -> TimeArray:
+        """A column that holds times already (parquet)."""
+        zoned = isinstance(times.dtype, pl.Datetime) and times.dtype.time_zone is not None
+        plain = times.dt.convert_time_zone("UTC").dt.replace_time_zone(None) if zoned else times
+        good = plain.dt.year().is_between(FIRST_YEAR, LAST_YEAR).fill_null(False)
+        ticks = (
+            pl.select(pl.when(good).then(plain))
+            .to_series()
+            .cast(pl.Datetime("ns"))
+            .cast(pl.Int64)
+            .fill_null(NO_TIME)
+            .to_numpy()
+        )
+        return ticks if zoned else self._from_wall(ticks)
+
+    def _texts(self, texts: pl.Series) -> TimeArray:
+        if self.form.spelled:
+            texts = respelled(texts)
+        times = parse_text(texts, self.form.format, self.form.zoned)
+        missing = np.flatnonzero((times == NO_TIME) & texts.is_not_null().to_numpy())
+        if len(missing):
+            times = times.copy()
+            times[missing] = self._odd(texts[missing])
+        return times
+
+    def _odd(self, texts: pl.Series) -> TimeArray:
+        """Rows in a slightly other form: blanks around them, with or without seconds or their fraction, an offset, or
+        spelled otherwise."""
+        texts = texts.str.strip_chars(' "')
+        times = self._of_forms(texts, self.form.format)
+        left = np.flatnonzero(times == NO_TIME)
+        if len(left) and not self.form.spelled:
+            form = re.sub(r"^.*%b.*%([yY])", r"%d-%b-%\1", self.form.format)
+            times[left] = self._of_forms(respelled(texts[left]), form)
+        return times
+
+    def _of_forms(self, texts: pl.Series, form: str) -> TimeArray:
+        times = np.full(len(texts), NO_TIME)
+        base = form.replace("%.f", "")
+        with_fraction = base.replace("%S", "%S%.f")
+        without_seconds = base.replace(":%S", "")
+        with_seconds = base.replace("%H:%M", "%H:%M:%S") if "%S" not in base else base
+        for variant in (base, with_fraction, without_seconds, with_seconds):
+            for zoned in (self.form.zoned, not self.form.zoned):
+                if not zoned and self.form.zoned:
+                    continue
+                found = parse_text(texts, variant, zoned)
+                if zoned and not self.form.zoned:
+                    found = self._to_wall(found)
+                times = np.where(times == NO_TIME, found, times)
+        return times
+
+    def _numbers(self, texts: pl.Series) -> TimeArray:
+        numbers = to_numbers(texts)
+        form, origin = self.form, self._options.start_ns if self.form.kind == "relative" else 0
+        numbers = numbers + form.origin_ns / form.scale
+        scaled = numbers * form.scale
+        good = np.isfinite(scaled) & (np.abs(scaled + origin) < 7.2e18)
+        whole = np.floor(np.where(good, numbers, 0.0))
+        part = np.where(good, numbers, 0.0) - whole
+        ticks = (whole * form.scale).astype(np.int64) + _rounded(part * form.scale, form.rounding_ns)
+        ticks = ticks if form.scale != TICK_NS else _rounded(whole * form.scale, form.rounding_ns)
+        return np.where(good, ticks + origin, NO_TIME)
+
+
+def _rounded(nanoseconds: FloatArray, to_ns: int) -> TimeArray:
+    """Double precision leaves a tenth of a microsecond of a decimal fraction of seconds since 1970."""
+    return np.rint(nanoseconds / to_ns).astype(np.int64) * to_ns
+
+
+def to_numbers(texts: pl.Series) -> FloatArray:
+    """(n,) numbers of texts, NaN where there is none; numbers stay what they are."""
+    if texts.dtype != pl.String:
+        return texts.cast(pl.Float64).to_numpy()
+    return texts.str.strip_chars(' "').str.replace(",", ".", literal=True).cast(pl.Float64, strict=False).to_numpy()
+
+
+def _pairs(texts: pl.Series) -> TimeArray:
+    parts = texts.str.strip_chars(' "').str.split_exact(":", 1).struct.unnest()
+    seconds = parts.to_series(0).cast(pl.Int64, strict=False)
+    nanoseconds = parts.to_series(1).cast(pl.Int64, strict=False)
+    good = (seconds.is_between(0, 7_000_000_000) & nanoseconds.is_between(0, NS_PER_S - 1)).fill_null(False).to_numpy()
+    ticks = seconds.fill_null(0).to_numpy() * np.int64(good) * NS_PER_S + nanoseconds.fill_null(
+        0
+    ).to_numpy() * np.int64(good)
+    return np.where(good, ticks, NO_TIME)
+
+
+def _shifted(times: TimeArray, by_ns: int) -> TimeArray:
+    return np.where(times == NO_TIME, NO_TIME, times + by_ns)
+
+
+def from_utc(times: TimeArray, zone: str) -> TimeArray:
+    if zone == "UTC":
+        return times
+    good = times != NO_TIME
+    there = (
+        pl.Series(np.where(good, times, 0))
+        .cast(pl.Datetime("ns"))
+        .dt.replace_time_zone("UTC")
+        .dt.convert_time_zone(zone)
+    )
+    return np.where(good, there.dt.replace_time_zone(None).cast(pl.Int64).to_numpy(), NO_TIME)
