@@ -3,7 +3,7 @@
 from functools import partial
 
 from app.engine.mismatch import LinearSimulation
-from app.engine.mismatch.plant import Plant, run_process
+from app.engine.mismatch.loop.plant import Plant, run_process
 from app.engine.recording import FloatArray
 from tests.engine import open_loop
 

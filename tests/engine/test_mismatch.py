@@ -16,23 +16,23 @@ from app.engine.mismatch import (
     explain,
     locate,
 )
-from app.engine.mismatch.block import Context, Part
-from app.engine.mismatch.chain import simulate
-from app.engine.mismatch.closed_loop import close, close_again
-from app.engine.mismatch.compete import Contender
-from app.engine.mismatch.conclude import free_run_astray, unseen_data_refuse
-from app.engine.mismatch.experiment import experiment
-from app.engine.mismatch.fitting import fit_linear
-from app.engine.mismatch.holdout import FitMeasures, Unseen, unseen_gain
-from app.engine.mismatch.law import identify_law
-from app.engine.mismatch.noise import NoiseModel, fit_noise, whiten
-from app.engine.mismatch.patterns import find_patterns
+from app.engine.mismatch.compare.patterns import find_patterns
+from app.engine.mismatch.compete.competition import Contender
+from app.engine.mismatch.compete.richer_noise import predictable, taken_by_noise
+from app.engine.mismatch.fit.closed_loop import close, close_again
+from app.engine.mismatch.fit.fitting import fit_linear
+from app.engine.mismatch.fit.noise import NoiseModel, fit_noise, whiten
+from app.engine.mismatch.fit.task import GIVEN_DEVIATION, OWN_DEVIATION, Given
+from app.engine.mismatch.judge.conclude import free_run_astray, unseen_data_refuse
+from app.engine.mismatch.judge.holdout import FitMeasures, Unseen, unseen_gain
+from app.engine.mismatch.judge.validation import simulate_again
+from app.engine.mismatch.loop.block import Context, Part
+from app.engine.mismatch.loop.chain import simulate
+from app.engine.mismatch.loop.experiment import experiment
+from app.engine.mismatch.loop.law import identify_law
+from app.engine.mismatch.loop.plant import Plant, run_process
 from app.engine.mismatch.physics import friction, library, valve_deadband, valve_stiction
-from app.engine.mismatch.plant import Plant, run_process
 from app.engine.mismatch.report import CERTAIN, OWN_CERTAIN, probability_of
-from app.engine.mismatch.richer_noise import predictable, taken_by_noise
-from app.engine.mismatch.task import GIVEN_DEVIATION, OWN_DEVIATION, Given
-from app.engine.mismatch.validation import simulate_again
 from app.engine.recording import FloatArray
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, integrator, simulate_loop
 from app.engine.simulate.compression import keep, rebuild

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain
-from app.engine.mismatch.block import Context
-from app.engine.mismatch.experiment import experiment
+from app.engine.mismatch.loop.block import Context
+from app.engine.mismatch.loop.experiment import experiment
+from app.engine.mismatch.loop.plant import Plant, run_process
 from app.engine.mismatch.physics.additive import BLOCKS, lasts
 from app.engine.mismatch.physics.moments import inside
-from app.engine.mismatch.plant import Plant, run_process
 
 N, TS, BEFORE = 1500, 1.0, 12
 PLANT = Plant(K=1.4, tau=30.0, theta=3.0, tau2=20.0)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, LinearSimulation, explain
-from app.engine.mismatch.causing import causes_pv
-from app.engine.mismatch.experiment import Experiment, experiment
+from app.engine.mismatch.loop.causing import causes_pv
+from app.engine.mismatch.loop.experiment import Experiment, experiment
+from app.engine.mismatch.loop.plant import lag
 from app.engine.mismatch.physics import by_name, library
-from app.engine.mismatch.plant import lag
 from app.engine.recording import FloatArray
 
 N = 2000

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Controller, Explanation, LinearSimulation, explain
-from app.engine.mismatch.comparison import check, record_of
-from app.engine.mismatch.controller import in_words
-from app.engine.mismatch.law import controller_of, identify_law, tried_on
-from app.engine.mismatch.plant import Plant, run_process
+from app.engine.mismatch.compare.comparison import check, record_of
+from app.engine.mismatch.judge.controller import in_words
+from app.engine.mismatch.loop.law import controller_of, identify_law, tried_on
+from app.engine.mismatch.loop.plant import Plant, run_process
 from app.errors import DataError
 
 N, TS = 1500, 2.0

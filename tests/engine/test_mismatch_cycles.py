@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, LinearSimulation, explain
-from app.engine.mismatch.compete import Contender
-from app.engine.mismatch.experiment import experiment
-from app.engine.mismatch.fitting import fit_linear
-from app.engine.mismatch.free_run import free_run_error
-from app.engine.mismatch.law import identify_law
-from app.engine.mismatch.naming import Believed
+from app.engine.mismatch.compete.competition import Contender
+from app.engine.mismatch.compete.naming import Believed
+from app.engine.mismatch.compete.selection import LEAST_MARGIN, Selection, stands
+from app.engine.mismatch.fit.fitting import fit_linear
+from app.engine.mismatch.fit.free_run import free_run_error
+from app.engine.mismatch.fit.task import Given
+from app.engine.mismatch.loop.experiment import experiment
+from app.engine.mismatch.loop.law import identify_law
+from app.engine.mismatch.loop.plant import Plant
 from app.engine.mismatch.physics import library
-from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.report import probability_of
-from app.engine.mismatch.selection import LEAST_MARGIN, Selection, stands
-from app.engine.mismatch.task import Given
 from app.engine.recording import FloatArray
 from app.engine.valve import choudhury_start, choudhury_step
 

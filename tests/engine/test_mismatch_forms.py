@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, LinearSimulation, explain
-from app.engine.mismatch.block import Context, Part
-from app.engine.mismatch.chain import simulate
-from app.engine.mismatch.compete import Contender, Scanned, promising
-from app.engine.mismatch.experiment import Experiment, experiment
-from app.engine.mismatch.fitting import fit_linear
-from app.engine.mismatch.given import behind_trace
-from app.engine.mismatch.holdout import kept_out
-from app.engine.mismatch.naming import believed
+from app.engine.mismatch.compete.competition import Contender, Scanned, promising
+from app.engine.mismatch.compete.naming import believed
+from app.engine.mismatch.fit.fitting import fit_linear
+from app.engine.mismatch.fit.given import behind_trace
+from app.engine.mismatch.fit.scan import at_given
+from app.engine.mismatch.fit.task import START_DEVIATION, Given, make_task, start_deviation
+from app.engine.mismatch.judge.holdout import kept_out
+from app.engine.mismatch.loop.block import Context, Part
+from app.engine.mismatch.loop.chain import simulate
+from app.engine.mismatch.loop.experiment import Experiment, experiment
+from app.engine.mismatch.loop.plant import Plant, lag, run_process
 from app.engine.mismatch.physics import by_name
 from app.engine.mismatch.physics.vessel import balance_beside
-from app.engine.mismatch.plant import Plant, lag, run_process
-from app.engine.mismatch.scan import at_given
-from app.engine.mismatch.task import START_DEVIATION, Given, make_task, start_deviation
 from app.engine.recording import FloatArray
 
 N, TS = 600, 2.0

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, explain, locate
-from app.engine.mismatch.comparison import record_of
-from app.engine.mismatch.patterns import find_patterns
+from app.engine.mismatch.compare.comparison import record_of
+from app.engine.mismatch.compare.patterns import find_patterns
 from app.engine.recording import BoolArray, FloatArray
 from app.errors import DataError
 

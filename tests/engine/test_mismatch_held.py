@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Controller, LinearSimulation, explain, simulate_again
-from app.engine.mismatch.block import Context, Part
-from app.engine.mismatch.experiment import experiment
-from app.engine.mismatch.patterns import find_patterns
+from app.engine.mismatch.compare.patterns import find_patterns
+from app.engine.mismatch.compare.sampling import hold_of
+from app.engine.mismatch.loop.block import Context, Part
+from app.engine.mismatch.loop.experiment import experiment
+from app.engine.mismatch.loop.plant import Plant, run_process
 from app.engine.mismatch.physics.sample_hold import SAMPLE_HOLD
-from app.engine.mismatch.plant import Plant, run_process
-from app.engine.mismatch.sampling import hold_of
 from app.engine.recording import FloatArray
 from app.engine.simulate.compression import keep, rebuild
 from tests.engine import open_loop

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, LinearSimulation, explain, locate
-from app.engine.mismatch.block import Context
-from app.engine.mismatch.comparison import wild_samples
-from app.engine.mismatch.experiment import experiment
-from app.engine.mismatch.noise import NoiseModel, compared_samples, whiten
+from app.engine.mismatch.compare.comparison import wild_samples
+from app.engine.mismatch.fit.noise import NoiseModel, compared_samples, whiten
+from app.engine.mismatch.loop.block import Context
+from app.engine.mismatch.loop.experiment import experiment
+from app.engine.mismatch.loop.plant import Plant, run_process
 from app.engine.mismatch.physics.static_gain import exponential
-from app.engine.mismatch.plant import Plant, run_process
 from app.engine.recording import BoolArray, FloatArray
 from app.errors import DataError
 

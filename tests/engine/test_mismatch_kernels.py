@@ -8,14 +8,19 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from app.engine.mismatch import closed_loop, compete, compile_kernels, fitting
-from app.engine.mismatch import noise as noise_module
-from app.engine.mismatch import plant as plant_module
-from app.engine.mismatch.block import Context, Part
-from app.engine.mismatch.chain import Recent, simulate
-from app.engine.mismatch.experiment import Experiment, experiment
-from app.engine.mismatch.fitting import fit_linear, polish, quiet_noise
-from app.engine.mismatch.noise import NoiseModel, coloured, fit_noise, scaled_innovations, whiten
+from app.engine.mismatch import compile_kernels
+from app.engine.mismatch.compete import competition as compete
+from app.engine.mismatch.fit import closed_loop, fitting
+from app.engine.mismatch.fit import noise as noise_module
+from app.engine.mismatch.fit.fitting import fit_linear, polish, quiet_noise
+from app.engine.mismatch.fit.noise import NoiseModel, coloured, fit_noise, scaled_innovations, whiten
+from app.engine.mismatch.fit.scan import Start, task_with
+from app.engine.mismatch.fit.task import Given, start_at
+from app.engine.mismatch.loop import plant as plant_module
+from app.engine.mismatch.loop.block import Context, Part
+from app.engine.mismatch.loop.chain import Recent, simulate
+from app.engine.mismatch.loop.experiment import Experiment, experiment
+from app.engine.mismatch.loop.plant import Plant, delay, lag, run_process
 from app.engine.mismatch.physics import (
     corners,
     friction,
@@ -27,9 +32,6 @@ from app.engine.mismatch.physics import (
     valve_slew_limit,
 )
 from app.engine.mismatch.physics.corners import rounded
-from app.engine.mismatch.plant import Plant, delay, lag, run_process
-from app.engine.mismatch.scan import Start, task_with
-from app.engine.mismatch.task import Given, start_at
 
 TS = 2.0
 PLANT = Plant(1.2, 30.0, 7.0, b=0.3, x0=-0.5, tau2=9.0)

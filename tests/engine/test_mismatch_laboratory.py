@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, explain
-from app.engine.mismatch.experiment import experiment
+from app.engine.mismatch.loop.experiment import experiment
 
 
 def exchanger(shared_dir: Path) -> tuple[Comparison, Comparison]:

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain
-from app.engine.mismatch.beginning import answers_the_record
-from app.engine.mismatch.experiment import experiment
+from app.engine.mismatch.loop.beginning import answers_the_record
+from app.engine.mismatch.loop.experiment import experiment
+from app.engine.mismatch.loop.plant import Plant
 from app.engine.mismatch.physics import LATE, NEAR, TWINS
-from app.engine.mismatch.plant import Plant
 from app.engine.recording import FloatArray
 
 N, FINE = 2000, 20

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Explanation, explain
-from app.engine.mismatch.block import Part
-from app.engine.mismatch.experiment import experiment
-from app.engine.mismatch.fitting import Fit, fit_linear
-from app.engine.mismatch.free_run import (
+from app.engine.mismatch.compete.restarting import STICKS
+from app.engine.mismatch.compete.worth import nearer, no_worse
+from app.engine.mismatch.fit.fitting import Fit, fit_linear
+from app.engine.mismatch.fit.free_run import (
     CLEARLY,
     beside_load,
     error_left,
@@ -18,12 +18,12 @@ from app.engine.mismatch.free_run import (
     runs_nearer,
     stem_swing,
 )
-from app.engine.mismatch.holdout import FreeRuns, ran_worse, unseen_errors
+from app.engine.mismatch.fit.task import OWN_DEVIATION, Given
+from app.engine.mismatch.judge.holdout import FreeRuns, ran_worse, unseen_errors
+from app.engine.mismatch.loop.block import Part
+from app.engine.mismatch.loop.experiment import experiment
+from app.engine.mismatch.loop.plant import Plant
 from app.engine.mismatch.physics import library
-from app.engine.mismatch.plant import Plant
-from app.engine.mismatch.restarting import STICKS
-from app.engine.mismatch.task import OWN_DEVIATION, Given
-from app.engine.mismatch.worth import nearer, no_worse
 from app.engine.recording import FloatArray
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, integrator, simulate_loop
 from tests.engine.sticking_loop import SAMPLES, TS, compared, loop

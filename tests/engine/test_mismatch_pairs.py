@@ -9,23 +9,23 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Explanation, explain
-from app.engine.mismatch.block import Block, Context, Part
-from app.engine.mismatch.chain import simulate
-from app.engine.mismatch.compete import Contender, survey
-from app.engine.mismatch.experiment import Experiment, experiment
-from app.engine.mismatch.fitting import Fit, finish, fit, fit_linear
-from app.engine.mismatch.holdout import FreeRuns, mostly_worse, stretches
-from app.engine.mismatch.naming import believed
-from app.engine.mismatch.noise import NoiseModel
-from app.engine.mismatch.pairing import Candidate, couples, joint_scores, reordered
-from app.engine.mismatch.pairs import Pair, Places, paying_alone
+from app.engine.mismatch.compete.competition import Contender, survey
+from app.engine.mismatch.compete.naming import believed
+from app.engine.mismatch.compete.pairing import Candidate, couples, joint_scores, reordered
+from app.engine.mismatch.compete.pairs import Pair, Places, paying_alone
+from app.engine.mismatch.compete.searching import Begun, foremost, searched
+from app.engine.mismatch.compete.selection import Selection, in_place_of
+from app.engine.mismatch.compete.worth import gain_under, hidden_gain, pays_beside, worth
+from app.engine.mismatch.fit.fitting import Fit, finish, fit, fit_linear
+from app.engine.mismatch.fit.noise import NoiseModel
+from app.engine.mismatch.fit.scan import Start, ground
+from app.engine.mismatch.fit.task import Given, make_task, start_at
+from app.engine.mismatch.judge.holdout import FreeRuns, mostly_worse, stretches
+from app.engine.mismatch.loop.block import Block, Context, Part
+from app.engine.mismatch.loop.chain import simulate
+from app.engine.mismatch.loop.experiment import Experiment, experiment
+from app.engine.mismatch.loop.plant import Plant
 from app.engine.mismatch.physics import additive, friction, generic, library, valve_deadband, valve_slew_limit
-from app.engine.mismatch.plant import Plant
-from app.engine.mismatch.scan import Start, ground
-from app.engine.mismatch.searching import Begun, foremost, searched
-from app.engine.mismatch.selection import Selection, in_place_of
-from app.engine.mismatch.task import Given, make_task, start_at
-from app.engine.mismatch.worth import gain_under, hidden_gain, pays_beside, worth
 from app.engine.recording import FloatArray
 from tests.proof.cases import make_case
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison
-from app.engine.mismatch.comparison import record_of
-from app.engine.mismatch.experiment import experiment
-from app.engine.mismatch.patterns import Run, find_patterns, jumps_free
+from app.engine.mismatch.compare.comparison import record_of
+from app.engine.mismatch.compare.patterns import Run, find_patterns, jumps_free
+from app.engine.mismatch.loop.experiment import experiment
 from app.engine.recording import FloatArray
 from app.engine.simulate.compression import keep
 from tests.engine.plain_loop import TS, N, moves, recorded

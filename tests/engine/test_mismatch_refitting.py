@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from app.engine.mismatch.refitting import OFF_BY, further_off
+from app.engine.mismatch.fit.refitting import OFF_BY, further_off
 
 
 def told(gain=1.0, time=1.0, late=1.0, theta=10.0, interval_s=1.0) -> bool:

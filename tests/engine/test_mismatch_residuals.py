@@ -6,8 +6,8 @@ from scipy.signal import lfilter
 from scipy.special import chdtri
 
 from app.engine.mismatch import Comparison, LinearSimulation, explain
-from app.engine.mismatch.plant import Plant, run_process
-from app.engine.mismatch.residuals import residual_tests
+from app.engine.mismatch.judge.residuals import residual_tests
+from app.engine.mismatch.loop.plant import Plant, run_process
 from app.engine.recording import BoolArray, FloatArray
 from app.services.explaining.line import tests_line as line_of
 

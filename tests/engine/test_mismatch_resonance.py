@@ -7,10 +7,10 @@ import pytest
 from scipy.signal import cont2discrete
 
 from app.engine.mismatch import Comparison, LinearSimulation, explain
-from app.engine.mismatch.block import Context
-from app.engine.mismatch.experiment import experiment
+from app.engine.mismatch.loop.block import Context
+from app.engine.mismatch.loop.experiment import experiment
+from app.engine.mismatch.loop.plant import Plant, run_process
 from app.engine.mismatch.physics.resonance import swinging
-from app.engine.mismatch.plant import Plant, run_process
 from app.engine.recording import FloatArray
 from tests.engine import open_loop
 

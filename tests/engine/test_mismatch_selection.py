@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from app.engine.mismatch import selection
+from app.engine.mismatch.compete import selection
 from app.engine.mismatch.physics.generic import CODE as UNNAMED
 
 BASE, WORSE, BETTER = (SimpleNamespace(score=score) for score in (0.0, 4.0, 9.0))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Explanation, explain
-from app.engine.mismatch.plant import lag
-from app.engine.mismatch.read_back import best_stem, without_read_backs
+from app.engine.mismatch.compare.read_back import best_stem, without_read_backs
+from app.engine.mismatch.loop.plant import lag
 from app.engine.recording import FloatArray
 from tests.engine.sticking_loop import SAMPLES, TS, compared, loop
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain
-from app.engine.mismatch.block import Context
-from app.engine.mismatch.experiment import experiment
-from app.engine.mismatch.fitting import finish, fit_linear
+from app.engine.mismatch.fit.fitting import finish, fit_linear
+from app.engine.mismatch.fit.task import Given, make_task, start_at
+from app.engine.mismatch.judge.validation import OF_ONE_RECORD, simulate_again
+from app.engine.mismatch.loop.block import Context
+from app.engine.mismatch.loop.experiment import experiment
+from app.engine.mismatch.loop.plant import Plant
 from app.engine.mismatch.physics import additive, by_name, friction
-from app.engine.mismatch.plant import Plant
 from app.engine.mismatch.report import estimates
-from app.engine.mismatch.task import Given, make_task, start_at
-from app.engine.mismatch.validation import OF_ONE_RECORD, simulate_again
 from app.engine.recording import FloatArray
 
 N, K, TAU, LATE = 1200, 1.2, 18.0, 3

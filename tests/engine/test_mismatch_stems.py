@@ -7,15 +7,9 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Explanation, explain
-from app.engine.mismatch.comparison import record_of
-from app.engine.mismatch.compete import Contender, descended
-from app.engine.mismatch.fitting import Fit
-from app.engine.mismatch.given import identify
-from app.engine.mismatch.noise import settling_samples, whiten
-from app.engine.mismatch.physics import library
-from app.engine.mismatch.physics.valve_stiction import slipping_as
-from app.engine.mismatch.plant import Plant, run_process
-from app.engine.mismatch.restarting import (
+from app.engine.mismatch.compare.comparison import record_of
+from app.engine.mismatch.compete.competition import Contender, descended
+from app.engine.mismatch.compete.restarting import (
     STICKS,
     begun_at,
     over_its_slips,
@@ -24,8 +18,14 @@ from app.engine.mismatch.restarting import (
     to_its_end,
     with_stems_shown,
 )
-from app.engine.mismatch.stems import DELAYS, LAGS, ShownStem, followed, loops_near, seen_under, shown_stems
-from app.engine.mismatch.task import GIVEN_DEVIATION
+from app.engine.mismatch.fit.fitting import Fit
+from app.engine.mismatch.fit.given import identify
+from app.engine.mismatch.fit.noise import settling_samples, whiten
+from app.engine.mismatch.fit.stems import DELAYS, LAGS, ShownStem, followed, loops_near, seen_under, shown_stems
+from app.engine.mismatch.fit.task import GIVEN_DEVIATION
+from app.engine.mismatch.loop.plant import Plant, run_process
+from app.engine.mismatch.physics import library
+from app.engine.mismatch.physics.valve_stiction import slipping_as
 from app.engine.recording import FloatArray
 from app.engine.valve import two_parameter_he
 from tests.engine.sticking_loop import SAMPLES, TS, compared, loop

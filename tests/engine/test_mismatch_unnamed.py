@@ -5,17 +5,18 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from app.engine.mismatch import Comparison, Explanation, LinearSimulation, doubting, explain, simulate_again
-from app.engine.mismatch.adequacy import Pays, lack_of_fit
-from app.engine.mismatch.block import Context
-from app.engine.mismatch.doubting import HALF_SURE, HALF_SURE_OWN, doubted, runs_astray, without_name
-from app.engine.mismatch.experiment import experiment
-from app.engine.mismatch.fitting import fit_linear
-from app.engine.mismatch.naming import Believed
+from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain, simulate_again
+from app.engine.mismatch.compete.naming import Believed
+from app.engine.mismatch.fit.fitting import fit_linear
+from app.engine.mismatch.fit.task import Given
+from app.engine.mismatch.judge import doubting
+from app.engine.mismatch.judge.adequacy import Pays, lack_of_fit
+from app.engine.mismatch.judge.doubting import HALF_SURE, HALF_SURE_OWN, doubted, runs_astray, without_name
+from app.engine.mismatch.loop.block import Context
+from app.engine.mismatch.loop.experiment import experiment
+from app.engine.mismatch.loop.plant import Plant
 from app.engine.mismatch.physics import named
 from app.engine.mismatch.physics.terms import PRICE, SHAPES, Drives, kind_of, made_of
-from app.engine.mismatch.plant import Plant
-from app.engine.mismatch.task import Given
 from app.engine.recording import FloatArray
 
 N, TAU, LATE = 1500, 16.0, 3

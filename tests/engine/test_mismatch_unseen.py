@@ -5,13 +5,13 @@ import pytest
 from scipy.signal import lfilter
 
 from app.engine.mismatch import Comparison
-from app.engine.mismatch.comparison import given_of, record_of
-from app.engine.mismatch.conclude import held_out_worse
+from app.engine.mismatch.compare.comparison import given_of, record_of
+from app.engine.mismatch.compare.preparing import prepare
 from app.engine.mismatch.explanation import given_run
-from app.engine.mismatch.fitting import fit_linear
-from app.engine.mismatch.holdout import FitMeasures, Unseen, judge, refit_without, stretches
-from app.engine.mismatch.preparing import prepare
-from app.engine.mismatch.result import Effect, Improvement
+from app.engine.mismatch.fit.fitting import fit_linear
+from app.engine.mismatch.judge.conclude import held_out_worse
+from app.engine.mismatch.judge.holdout import FitMeasures, Unseen, judge, refit_without, stretches
+from app.engine.mismatch.judge.result import Effect, Improvement
 from tests.engine.plain_loop import GIVEN, TS, N, moves, noise, recorded
 
 NAMED = Effect("valve.deadband", ("valve.stiction",), 0.9, "valve", (), (), "after OP reversals", (), 40.0)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, explain
-from app.engine.mismatch.block import Context, Part
-from app.engine.mismatch.experiment import experiment
+from app.engine.mismatch.judge.result import Improvement
+from app.engine.mismatch.judge.validation import beginning
+from app.engine.mismatch.loop.block import Context, Part
+from app.engine.mismatch.loop.experiment import experiment
+from app.engine.mismatch.loop.plant import Plant
 from app.engine.mismatch.physics import library
-from app.engine.mismatch.plant import Plant
-from app.engine.mismatch.result import Improvement
-from app.engine.mismatch.validation import beginning
 from app.errors import DataError
 from tests.engine.plain_loop import GIVEN, TS, N, moves, noise, recorded
 

@@ -10,8 +10,8 @@ import polars as pl
 import pytest
 
 from app.engine.mismatch import Comparison, Controller, simulate_again
-from app.engine.mismatch.comparison import LEAST_SAMPLES
-from app.engine.mismatch.result import ExplainedModel, PartModel
+from app.engine.mismatch.compare.comparison import LEAST_SAMPLES
+from app.engine.mismatch.judge.result import ExplainedModel, PartModel
 from app.engine.recording import Recording
 from app.errors import DataError, LoopauditError, RequestError
 from app.ingest import IngestOptions, NamedTable

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from app.engine.mismatch.closed_loop import close_again
-from app.engine.mismatch.comparison import Comparison, LinearSimulation
-from app.engine.mismatch.experiment import experiment
+from app.engine.mismatch.compare.comparison import Comparison, LinearSimulation
+from app.engine.mismatch.compare.patterns import find_patterns
+from app.engine.mismatch.compare.preparing import prepare
+from app.engine.mismatch.fit.closed_loop import close_again
+from app.engine.mismatch.fit.stems import shown_stems
 from app.engine.mismatch.location import locate
-from app.engine.mismatch.patterns import find_patterns
-from app.engine.mismatch.preparing import prepare
-from app.engine.mismatch.stems import shown_stems
+from app.engine.mismatch.loop.experiment import experiment
 from app.engine.recording import FloatArray
 
 SAMPLES, INTERVAL_S = 240, 1.0

@@ -6,21 +6,25 @@ import numpy as np
 
 from app.engine import ENGINE_VERSION
 from app.engine.evidence import Reason
-from app.engine.mismatch.block import Context, Part
-from app.engine.mismatch.closed_loop import close_again
-from app.engine.mismatch.comparison import Comparison, mended, record_of, shortened
-from app.engine.mismatch.conclude import (
+from app.engine.mismatch.compare.comparison import Comparison, mended, record_of, shortened
+from app.engine.mismatch.compare.patterns import Pattern, find_patterns
+from app.engine.mismatch.compare.preparing import OTHER_UNIT, Prepared, prepare, without_hidden
+from app.engine.mismatch.compare.read_back import without_read_backs
+from app.engine.mismatch.compare.sampling import Taken, taken_of
+from app.engine.mismatch.compete.selection import Selection
+from app.engine.mismatch.fit.closed_loop import close_again
+from app.engine.mismatch.fit.fitting import Fit
+from app.engine.mismatch.fit.free_run import settle
+from app.engine.mismatch.fit.windows import windows_of
+from app.engine.mismatch.judge.conclude import (
     conclude,
     held_out_worse,
     op_moves_nothing,
     unseen_data_refuse,
 )
-from app.engine.mismatch.controller import at_the_controller, controller_evidence, yper_evidence
-from app.engine.mismatch.doubting import reviewed
-from app.engine.mismatch.experiment import Experiment, span
-from app.engine.mismatch.fitting import Fit
-from app.engine.mismatch.free_run import settle
-from app.engine.mismatch.holdout import (
+from app.engine.mismatch.judge.controller import at_the_controller, controller_evidence, yper_evidence
+from app.engine.mismatch.judge.doubting import reviewed
+from app.engine.mismatch.judge.holdout import (
     FitMeasures,
     FreeRuns,
     judge,
@@ -32,17 +36,13 @@ from app.engine.mismatch.holdout import (
     unseen_errors,
     unseen_gain,
 )
+from app.engine.mismatch.judge.residuals import residual_tests
+from app.engine.mismatch.judge.result import Effect, Explanation, Improvement, Traces
+from app.engine.mismatch.judge.validation import lasting, validate
+from app.engine.mismatch.loop.block import Context, Part
+from app.engine.mismatch.loop.experiment import Experiment, span
 from app.engine.mismatch.missing import compete
-from app.engine.mismatch.patterns import Pattern, find_patterns
-from app.engine.mismatch.preparing import OTHER_UNIT, Prepared, prepare, without_hidden
-from app.engine.mismatch.read_back import without_read_backs
 from app.engine.mismatch.report import effects_of, export, location_of, pattern_effect, refit_estimates
-from app.engine.mismatch.residuals import residual_tests
-from app.engine.mismatch.result import Effect, Explanation, Improvement, Traces
-from app.engine.mismatch.sampling import Taken, taken_of
-from app.engine.mismatch.selection import Selection
-from app.engine.mismatch.validation import lasting, validate
-from app.engine.mismatch.windows import windows_of
 from app.engine.recording import BoolArray, FloatArray
 from app.errors import DataError
 

@@ -3,20 +3,20 @@
 from dataclasses import replace
 
 from app.engine.evidence import Reason
-from app.engine.mismatch.block import Block, Context, Part
-from app.engine.mismatch.comparison import Comparison, glimpse, mended, record_of
-from app.engine.mismatch.compete import glance
-from app.engine.mismatch.conclude import nothing_left, too_few
-from app.engine.mismatch.fitting import Fit
-from app.engine.mismatch.patterns import find_patterns
+from app.engine.mismatch.compare.comparison import Comparison, glimpse, mended, record_of
+from app.engine.mismatch.compare.patterns import find_patterns
+from app.engine.mismatch.compare.preparing import prepare
+from app.engine.mismatch.compare.read_back import without_read_backs
+from app.engine.mismatch.compete.competition import glance
+from app.engine.mismatch.fit.fitting import Fit
+from app.engine.mismatch.fit.refitting import CODE, offered_beside
+from app.engine.mismatch.fit.windows import windows_of
+from app.engine.mismatch.judge.conclude import nothing_left, too_few
+from app.engine.mismatch.judge.result import NOWHERE, Location
+from app.engine.mismatch.loop.block import Block, Context, Part
 from app.engine.mismatch.physics import library
 from app.engine.mismatch.physics.generic import CODE as UNNAMED
-from app.engine.mismatch.preparing import prepare
-from app.engine.mismatch.read_back import without_read_backs
-from app.engine.mismatch.refitting import CODE, offered_beside
 from app.engine.mismatch.report import location_of, pattern_effect, whole
-from app.engine.mismatch.result import NOWHERE, Location
-from app.engine.mismatch.windows import windows_of
 
 
 def locate(comparison: Comparison) -> Location:

@@ -5,17 +5,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.evidence import Reason
-from app.engine.mismatch.compete import Contender
-from app.engine.mismatch.conclude import nothing_left, too_few
-from app.engine.mismatch.fitting import Fit, fit_linear
+from app.engine.mismatch.compare.preparing import Prepared
+from app.engine.mismatch.compare.thinning import WANTED_SAMPLES, Coarse, coarse_of, factor_for, refined
+from app.engine.mismatch.compete.competition import Contender
+from app.engine.mismatch.compete.restarting import may_hide_a_stem, restarted, takes_its_place
+from app.engine.mismatch.compete.selection import Selection, select
+from app.engine.mismatch.compete.worth import worth
+from app.engine.mismatch.fit.fitting import Fit, fit_linear
+from app.engine.mismatch.fit.refitting import freed, off_in_words, offered_beside, parameters_of
+from app.engine.mismatch.judge.conclude import nothing_left, too_few
 from app.engine.mismatch.physics import library
 from app.engine.mismatch.physics.generic import DYNAMIC
-from app.engine.mismatch.preparing import Prepared
-from app.engine.mismatch.refitting import freed, off_in_words, offered_beside, parameters_of
-from app.engine.mismatch.restarting import may_hide_a_stem, restarted, takes_its_place
-from app.engine.mismatch.selection import Selection, select
-from app.engine.mismatch.thinning import WANTED_SAMPLES, Coarse, coarse_of, factor_for, refined
-from app.engine.mismatch.worth import worth
 
 NEARLY = 0.5
 

@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 
 from app.engine.evidence import Reason
-from app.engine.mismatch.block import Context, Parameter, Part
-from app.engine.mismatch.experiment import Experiment
-from app.engine.mismatch.fitting import Fit
-from app.engine.mismatch.intervals import deviations, interval
-from app.engine.mismatch.naming import Believed
-from app.engine.mismatch.patterns import Pattern
+from app.engine.mismatch.compare.patterns import Pattern
+from app.engine.mismatch.compete.naming import Believed
+from app.engine.mismatch.compete.worth import hidden_gain
+from app.engine.mismatch.fit.fitting import Fit
+from app.engine.mismatch.fit.windows import Window, active_mask, windows_of
+from app.engine.mismatch.judge.intervals import deviations, interval
+from app.engine.mismatch.judge.result import NOWHERE, Effect, Estimate, ExplainedModel, Location, PartModel
+from app.engine.mismatch.judge.stem_sizes import size_of_stiction
+from app.engine.mismatch.loop.block import Context, Parameter, Part
+from app.engine.mismatch.loop.experiment import Experiment
+from app.engine.mismatch.loop.plant import Plant
 from app.engine.mismatch.physics.stem import NAME as STEM_START
-from app.engine.mismatch.plant import Plant
-from app.engine.mismatch.result import NOWHERE, Effect, Estimate, ExplainedModel, Location, PartModel
-from app.engine.mismatch.stem_sizes import size_of_stiction
-from app.engine.mismatch.windows import Window, active_mask, windows_of
-from app.engine.mismatch.worth import hidden_gain
 from app.engine.recording import FloatArray
 
 CERTAIN = 0.995

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison, LinearSimulation
-from app.engine.mismatch.comparison import LEAST_SAMPLES
+from app.engine.mismatch.compare.comparison import LEAST_SAMPLES
 from app.engine.recording import FloatArray, Recording
 from app.engine.sampled import held
 from app.errors import DataError, RequestError

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from app.engine.mismatch.closed_loop import ClosedLoop, LoopFigures
-from app.engine.mismatch.holdout import FitMeasures
-from app.engine.mismatch.law import Law
-from app.engine.mismatch.residuals import LagsTest
-from app.engine.mismatch.result import Effect, ExplainedModel, Explanation, Improvement, Location, PartModel
-from app.engine.mismatch.windows import Window
+from app.engine.mismatch.fit.closed_loop import ClosedLoop, LoopFigures
+from app.engine.mismatch.fit.windows import Window
+from app.engine.mismatch.judge.holdout import FitMeasures
+from app.engine.mismatch.judge.residuals import LagsTest
+from app.engine.mismatch.judge.result import Effect, ExplainedModel, Explanation, Improvement, Location, PartModel
+from app.engine.mismatch.loop.law import Law
 from app.errors import DataError
 
 Kind = Literal["trace", "column", "model", "identified"]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from app.engine.mismatch import Comparison, at_interval, simulate_again
-from app.engine.mismatch.result import ExplainedModel
+from app.engine.mismatch.judge.result import ExplainedModel
 from app.engine.recording import FloatArray
 from app.errors import DataError, RequestError
 from app.ingest import IngestOptions

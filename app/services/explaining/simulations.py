@@ -12,7 +12,7 @@ import polars as pl
 
 from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison
-from app.engine.mismatch.comparison import LEAST_SAMPLES, check
+from app.engine.mismatch.compare.comparison import LEAST_SAMPLES, check
 from app.engine.recording import FloatArray, Recording
 from app.errors import DataError, RequestError
 from app.ingest import NO_TIME, IngestOptions, parse_named, read_instants

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.mismatch import Comparison, Explanation
-from app.engine.mismatch.result import Effect
+from app.engine.mismatch.judge.result import Effect
 from app.engine.recording import FloatArray
 
 TURN = 0.1

@@ -11,7 +11,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison, Explanation, explain, locate
-from app.engine.mismatch.result import Location
+from app.engine.mismatch.judge.result import Location
 from app.errors import DataError, LoopauditError
 from app.nanoseconds import NS_PER_S
 from app.services.auditing.limits import TimeLimitError, time_limit

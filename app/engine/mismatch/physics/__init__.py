@@ -6,8 +6,8 @@ of its own: `moments`, `scales`, `corners`, `stem`.
 
 from collections.abc import Iterable
 
-from app.engine.mismatch.block import Block
-from app.engine.mismatch.experiment import Experiment
+from app.engine.mismatch.loop.block import Block
+from app.engine.mismatch.loop.experiment import Experiment
 from app.engine.mismatch.physics import (
     additive,
     coupling,

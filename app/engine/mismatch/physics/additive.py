@@ -4,7 +4,7 @@ sensor (at once).
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Parameter
+from app.engine.mismatch.loop.block import Block, Context, Parameter
 from app.engine.mismatch.physics.moments import between, inside, moment, ramp, since
 from app.engine.mismatch.physics.scales import size
 from app.engine.recording import FloatArray

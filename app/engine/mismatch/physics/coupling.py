@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Parameter, grid
-from app.engine.mismatch.causing import causes_pv
-from app.engine.mismatch.experiment import Experiment
+from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
+from app.engine.mismatch.loop.causing import causes_pv
+from app.engine.mismatch.loop.experiment import Experiment
+from app.engine.mismatch.loop.plant import delay, lag
 from app.engine.mismatch.physics.scales import slowness
-from app.engine.mismatch.plant import delay, lag
 from app.engine.recording import FloatArray
 
 

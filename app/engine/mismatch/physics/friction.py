@@ -12,8 +12,8 @@ Karnopp's 1985, doi 10.1115/1.3140698.
 import numpy as np
 from numba import njit
 
-from app.engine.mismatch.block import Block, Context, Parameter, grid
-from app.engine.mismatch.plant import Plant, delay, lag
+from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
+from app.engine.mismatch.loop.plant import Plant, delay, lag
 from app.engine.recording import BoolArray, FloatArray
 
 STEPS = 4

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Parameter, grid
+from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.mismatch.physics.moments import moment, ramp, since
 from app.engine.recording import FloatArray
 

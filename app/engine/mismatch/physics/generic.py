@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Parameter
+from app.engine.mismatch.loop.block import Block, Context, Parameter
+from app.engine.mismatch.loop.plant import delay, lag
 from app.engine.mismatch.physics.scales import slowness
-from app.engine.mismatch.plant import delay, lag
 from app.engine.recording import FloatArray
 
 CODE = "unnamed"

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from app.engine.mismatch.block import Context, Parameter
+from app.engine.mismatch.loop.block import Context, Parameter
 from app.engine.recording import BoolArray, FloatArray
 
 MOST_OF_START = 0.1

@@ -5,7 +5,7 @@ and triangles are made of.
 import numpy as np
 from numba import njit
 
-from app.engine.mismatch.block import Block, Context, Parameter
+from app.engine.mismatch.loop.block import Block, Context, Parameter
 from app.engine.mismatch.physics.moments import between, moment
 from app.engine.mismatch.physics.scales import size
 from app.engine.recording import FloatArray

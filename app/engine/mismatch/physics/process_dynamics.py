@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Parameter, grid
+from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
+from app.engine.mismatch.loop.plant import Plant
 from app.engine.mismatch.physics.scales import slowness
-from app.engine.mismatch.plant import Plant
 from app.engine.recording import FloatArray
 
 LEAST_ZERO = 0.1

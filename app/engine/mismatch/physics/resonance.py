@@ -8,10 +8,10 @@ Source: Seborg, Edgar, Mellichamp, Process Dynamics and Control, ISBN 978-1-119-
 import numpy as np
 from numba import njit
 
-from app.engine.mismatch.block import Block, Context, Parameter, grid
+from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
+from app.engine.mismatch.loop.plant import Plant, delay, lag
 from app.engine.mismatch.physics.process_dynamics import ALWAYS, settles
 from app.engine.mismatch.physics.scales import slowness
-from app.engine.mismatch.plant import Plant, delay, lag
 from app.engine.recording import FloatArray
 
 LEAST_DAMPING, RESONANT = 0.02, 0.7071

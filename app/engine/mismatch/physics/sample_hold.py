@@ -8,7 +8,7 @@ Source: the sampler with a zero-order hold of Ragazzini, Zadeh 1952, doi 10.1109
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Parameter, no_scan
+from app.engine.mismatch.loop.block import Block, Context, Parameter, no_scan
 from app.engine.recording import FloatArray
 
 

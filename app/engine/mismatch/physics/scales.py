@@ -1,6 +1,6 @@
 """The scales that blocks share: the size of what is added to PV, and the time that the process takes."""
 
-from app.engine.mismatch.block import Context, Parameter
+from app.engine.mismatch.loop.block import Context, Parameter
 
 
 def size(context: Context, name: str = "size") -> Parameter:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Parameter
+from app.engine.mismatch.loop.block import Block, Context, Parameter
 from app.engine.mismatch.physics.corners import rounded
 from app.engine.recording import BoolArray, FloatArray
 

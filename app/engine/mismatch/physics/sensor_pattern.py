@@ -9,7 +9,7 @@ straight lines between every m-th sample. Source of the test for compression: Th
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Parameter, no_scan
+from app.engine.mismatch.loop.block import Block, Context, Parameter, no_scan
 from app.engine.mismatch.physics.moments import between
 from app.engine.recording import FloatArray
 from app.engine.simulate.compression import keep, rebuild

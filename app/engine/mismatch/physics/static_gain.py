@@ -7,7 +7,7 @@ Liptak, Control Valve Selection, equal percentage R^(x - 1). Process: gain linea
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Parameter, grid
+from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.recording import FloatArray
 
 # About the mean square of a signal over its span: a constant keeps gain and offset of the linear model nearly as

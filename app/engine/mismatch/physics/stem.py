@@ -5,7 +5,7 @@ Until OP first moves it the flow is off by that much all the time, which looks l
 
 import numpy as np
 
-from app.engine.mismatch.block import Context, Parameter
+from app.engine.mismatch.loop.block import Context, Parameter
 from app.engine.recording import FloatArray
 
 NAME = "stem_start"

@@ -11,10 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Parameter
+from app.engine.mismatch.loop.block import Block, Context, Parameter
+from app.engine.mismatch.loop.plant import lag
 from app.engine.mismatch.physics.generic import CODE, SPEEDS, acting
 from app.engine.mismatch.physics.scales import slowness
-from app.engine.mismatch.plant import lag
 from app.engine.recording import FloatArray
 from app.engine.valve import two_parameter_he
 

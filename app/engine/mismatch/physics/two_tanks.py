@@ -10,8 +10,8 @@ in the pipe). Grey box of Rogers, Holub, Schoukens et al. 2017 for the benchmark
 import numpy as np
 from numba import njit
 
-from app.engine.mismatch.block import Block, Context, Parameter, grid
-from app.engine.mismatch.plant import Plant, delay
+from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
+from app.engine.mismatch.loop.plant import Plant, delay
 from app.engine.recording import FloatArray
 
 STEPS = 4

@@ -7,7 +7,7 @@ section 5.2.
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Parameter, grid
+from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.recording import BoolArray, FloatArray
 
 

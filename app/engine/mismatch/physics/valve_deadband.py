@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Parameter, grid
+from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.mismatch.physics.stem import PENALTY, START, first_position
 from app.engine.recording import FloatArray
 from app.engine.valve import two_parameter_he

@@ -4,7 +4,7 @@ width.
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Parameter, grid
+from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.mismatch.physics.corners import rounded
 from app.engine.recording import BoolArray, FloatArray
 

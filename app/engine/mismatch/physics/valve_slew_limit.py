@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from app.engine.mismatch.block import Block, Context, Parameter, grid
+from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.mismatch.physics.stem import PENALTY, start_of_travel
 from app.engine.recording import BoolArray, FloatArray
 

@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Parameter, grid
+from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.mismatch.physics.stem import PENALTY, START, first_position
 from app.engine.recording import FloatArray
 from app.engine.valve import two_parameter_choudhury, two_parameter_he

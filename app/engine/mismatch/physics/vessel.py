@@ -4,8 +4,8 @@
 
 import numpy as np
 
-from app.engine.mismatch.block import Block, Context, Parameter, grid
-from app.engine.mismatch.plant import Plant, delay
+from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
+from app.engine.mismatch.loop.plant import Plant, delay
 from app.engine.recording import BoolArray, FloatArray
 
 CLEAR = 2.0

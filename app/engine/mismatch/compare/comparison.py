@@ -1,0 +1,270 @@
+"""What is compared: a recording and a simulation of it, checked before anything is computed."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.engine.evidence import Reason
+from app.engine.mismatch.compare.thinning import centred_all, centred_means, held_means
+from app.engine.mismatch.fit.task import Given
+from app.engine.mismatch.loop.experiment import LARGEST, Experiment, experiment
+from app.engine.mismatch.loop.law import Controller
+from app.engine.mismatch.loop.plant import Plant
+from app.engine.recording import BoolArray, FloatArray
+from app.errors import DataError
+
+LEAST_SAMPLES = 100
+LEAST_MOVES = 10
+STRONGEST = 1e12
+WILD, WILD_SHARE, OUTSIDE = 30.0, 0.01, 5.0
+MOST_SAMPLES = 40_000
+QUICK_SAMPLES, MOST_QUICK_SAMPLES = 1500, 3000
+INTERVALS_A_MEMORY = 3.0
+LEAST_TIME_CONSTANT = 0.05
+MOST_LAGS, LONGEST_LAG = 2, 1000.0  # so many records long; a longer one is no other than an integrator
+
+
+@dataclass(frozen=True)
+class LinearSimulation:
+    """An engineer's model: gain (PV per OP, per second where integrating), time constants and dead time in s; and the
+    controller, where the simulation has one of its own.
+    """
+
+    gain: float
+    time_constants_s: tuple[float, ...] = ()
+    dead_time_s: float = 0.0
+    integrating: bool = False
+    controller: Controller | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What is compared: equally sampled signals (N,), and the simulation as a trace (N,), as a model, or None for our
+    own.
+
+    sampling_interval_s: s. op, pv, sp: engineering units; measured: further signals by name. known: (N,) False where
+    PV was filled in. notes: what was mended of the signals before, to be said with the answer.
+    """
+
+    name: str
+    sampling_interval_s: float
+    op: FloatArray
+    pv: FloatArray
+    sp: FloatArray | None = None
+    measured: tuple[tuple[str, FloatArray], ...] = ()
+    known: BoolArray | None = None
+    trace: FloatArray | None = None
+    simulation: LinearSimulation | None = None
+    notes: tuple[Reason, ...] = ()
+
+    def part(self, which: slice) -> "Comparison":
+        """Those samples alone, at second 0 again."""
+        return replace(
+            self,
+            op=self.op[which],
+            pv=self.pv[which],
+            sp=None if self.sp is None else self.sp[which],
+            measured=tuple((name, signal[which]) for name, signal in self.measured),
+            known=None if self.known is None else self.known[which],
+            trace=None if self.trace is None else self.trace[which],
+        )
+
+
+def record_of(comparison: Comparison) -> Experiment:
+    """Compared where PV is known."""
+    c = comparison
+    record = experiment(c.sampling_interval_s, c.op, c.pv, c.sp, c.measured)
+    return record if c.known is None else record.comparing(c.known)
+
+
+def check(comparison: Comparison) -> None:
+    """Raises DataError("too_short", "interval_invalid", "signal_length", "signal_not_finite", "simulation_length",
+    "simulation_not_finite", "simulation_constant", "nothing_known", "signal_constant", "signal_too_large",
+    "model_invalid").
+    """
+    n, ts = len(comparison.pv), comparison.sampling_interval_s
+    if not (np.isfinite(ts) and ts > 0.0):
+        raise DataError("interval_invalid", f"the sampling interval is {ts:g} s, it must be more than 0")
+    if n < LEAST_SAMPLES:
+        raise DataError(
+            "too_short", f"{n} samples are too few to explain a difference, at least {LEAST_SAMPLES} are needed"
+        )
+    if len(comparison.op) != n:
+        raise DataError("signal_length", f"OP has {len(comparison.op)} samples, PV has {n}; they must be the same")
+    check_beside(comparison)
+    check_trace(comparison)
+    check_moves(comparison)
+    if comparison.simulation is not None:
+        check_model(comparison.simulation, n * ts)
+
+
+def check_beside(comparison: Comparison) -> None:
+    """SP and further signals: as long as PV, a value in every sample."""
+    n = len(comparison.pv)
+    for name, signal in (("SP", comparison.sp), *comparison.measured):
+        if signal is None:
+            continue
+        if len(signal) != n:
+            raise DataError("signal_length", f"{name} has {len(signal)} samples, PV has {n}; they must be the same")
+        if not np.all(np.isfinite(signal)):
+            raise DataError("signal_not_finite", f"{name} has samples without a value; fill them or leave it out")
+        check_size(name, signal)
+
+
+def check_size(name: str, signal: FloatArray) -> None:
+    """Squares of values must still be numbers."""
+    most = float(np.max(np.abs(signal)))
+    if most > LARGEST:
+        raise DataError("signal_too_large", f"{name} has a value of {most:.3g}, at most {LARGEST:g} can be compared")
+
+
+def check_moves(comparison: Comparison) -> None:
+    """OP and PV move, and something of PV is known."""
+    for name, signal in (("OP", comparison.op), ("PV", comparison.pv)):
+        if not np.all(np.isfinite(signal)) or np.ptp(signal) <= 1.0 / LARGEST:
+            raise DataError(
+                "signal_constant", f"{name} is constant or not finite: there is nothing to compare a simulation with"
+            )
+        check_size(name, signal)
+    if comparison.known is not None and not np.any(comparison.known):
+        raise DataError("nothing_known", "no sample of PV is known: there is nothing to compare a simulation with")
+    # What a gap of a PV that is frozen was bridged with moves, too.
+    pv = comparison.pv if comparison.known is None else comparison.pv[comparison.known]
+    moves = int(np.count_nonzero(np.diff(pv)))
+    if moves < LEAST_MOVES:
+        raise DataError(
+            "signal_constant",
+            f"PV changes {moves} times in {len(pv)} samples, at least {LEAST_MOVES} are needed: there is "
+            "nothing to compare a simulation with",
+        )
+
+
+def check_trace(comparison: Comparison) -> None:
+    trace, n = comparison.trace, len(comparison.pv)
+    if trace is None:
+        return
+    if len(trace) != n:
+        raise DataError("simulation_length", f"the simulation has {len(trace)} samples, the recording {n}")
+    if not np.all(np.isfinite(trace)):
+        raise DataError(
+            "simulation_not_finite", "the simulation has samples without a value; it must cover the recording"
+        )
+    check_size("the simulation", trace)
+    if np.ptp(trace) <= 0.0:
+        raise DataError(
+            "simulation_constant", "the simulation is constant: it does not answer OP, so there is no model behind it"
+        )
+
+
+def check_model(simulation: LinearSimulation, duration_s: float) -> None:
+    """Raises DataError("model_invalid") where a model cannot be simulated along a record of this length (s)."""
+    gain, taus, late = simulation.gain, simulation.time_constants_s, simulation.dead_time_s
+    longest = LONGEST_LAG * duration_s
+    if not 1.0 / LARGEST <= abs(gain) <= LARGEST:
+        fault = f"its gain is {gain:g}; a finite number other than 0 is needed"
+    elif len(taus) > MOST_LAGS:
+        fault = f"it has {len(taus)} time constants, at most {MOST_LAGS} can be fitted"
+    elif not all(0.0 <= tau <= longest for tau in taus):
+        told = ", ".join(f"{tau:g}" for tau in taus)
+        fault = (
+            f"its time constants are {told} s; from 0 to {longest:g} s ({LONGEST_LAG:g} times the recording) are "
+            "needed: what is slower integrates"
+        )
+    elif not 0.0 <= late < duration_s:
+        fault = f"its dead time is {late:g} s; from 0 to less than the recording's {duration_s:g} s are needed"
+    elif simulation.controller is not None:
+        fault = controller_fault(simulation.controller)
+    else:
+        return
+    if fault:
+        raise DataError("model_invalid", f"the model cannot be simulated: {fault}")
+
+
+def controller_fault(controller: Controller) -> str:
+    """Why a controller cannot be simulated; empty where it can."""
+    integral, derivative = controller.integral_time_s, controller.derivative_time_s
+    if not 1.0 / STRONGEST <= abs(controller.gain) <= STRONGEST:
+        return f"the gain of its controller is {controller.gain:g}; a finite number other than 0 is needed"
+    if integral is not None and not 1.0 / STRONGEST <= integral <= LARGEST:
+        return f"the integral time of its controller is {integral:g} s; more than 0 s is needed, null for none"
+    if not 0.0 <= derivative <= STRONGEST:
+        return f"the derivative time of its controller is {derivative:g} s; 0 s or more is needed"
+    return ""
+
+
+def mended(comparison: Comparison) -> Comparison:
+    """Checked, its wild samples left out. Raises as `check` does."""
+    check(comparison)
+    return without_wild(comparison)
+
+
+def without_wild(comparison: Comparison) -> Comparison:
+    """A few samples of PV far outside of all others, as a code for a bad value leaves them, are not compared; they are
+    filled in from their neighbours.
+    """
+    wild = wild_samples(comparison.pv)
+    if not wild.any():
+        return comparison
+    at = np.arange(len(wild))
+    pv = np.where(wild, np.interp(at, at[~wild], comparison.pv[~wild]), comparison.pv)
+    known = ~wild if comparison.known is None else comparison.known & ~wild
+    first = comparison.pv[wild][0]
+    text = f"{int(wild.sum())} samples of PV stand far outside of all others (first {first:.6g}) and are left out"
+    return replace(comparison, pv=pv, known=known, notes=(*comparison.notes, Reason("wild_samples", text)))
+
+
+def wild_samples(pv: FloatArray) -> BoolArray:
+    """(N,) True where one of a few samples of PV (N,) is many times farther from its median than all others."""
+    away = np.abs(pv - np.median(pv))
+    low, high = np.quantile(pv, (WILD_SHARE, 1.0 - WILD_SHARE))
+    wild = away > WILD * (high - low)
+    if not 0.0 < np.mean(wild) <= WILD_SHARE or high <= low:
+        return np.zeros(len(pv), dtype=np.bool_)
+    return wild & (away > OUTSIDE * float(np.ptp(pv[~wild])))
+
+
+def shortened(comparison: Comparison) -> Comparison:
+    """The comparison at a longer interval where it has more samples than can be fitted in reasonable time."""
+    return at_interval(comparison, -(-len(comparison.pv) // MOST_SAMPLES))
+
+
+def glimpse(comparison: Comparison) -> Comparison:
+    """The comparison as short as a first answer needs it, and PV's own memory allows it."""
+    n = len(comparison.pv)
+    allowed = max(int(memory_samples(comparison.pv) / INTERVALS_A_MEMORY), 1)
+    return at_interval(comparison, max(min(-(-n // QUICK_SAMPLES), allowed), -(-n // MOST_QUICK_SAMPLES)))
+
+
+def memory_samples(pv: FloatArray) -> int:
+    """After how many samples the autocorrelation of PV (N,) has fallen to a half."""
+    moves = pv - np.mean(pv)
+    power = np.abs(np.fft.rfft(moves, 2 * len(moves))) ** 2
+    below = np.fft.irfft(power)[: len(moves)] < 0.5 * float(moves @ moves)
+    return int(np.argmax(below)) if below.any() else len(moves)
+
+
+def at_interval(comparison: Comparison, factor: int) -> Comparison:
+    """The comparison at `factor` times its interval."""
+    if factor <= 1:
+        return comparison
+    return replace(
+        comparison,
+        sampling_interval_s=comparison.sampling_interval_s * factor,
+        op=held_means(comparison.op, factor),
+        pv=centred_means(comparison.pv, factor),
+        sp=None if comparison.sp is None else centred_means(comparison.sp, factor),
+        measured=tuple((name, held_means(signal, factor)) for name, signal in comparison.measured),
+        known=None if comparison.known is None else centred_all(comparison.known, factor),
+        trace=None if comparison.trace is None else centred_means(comparison.trace, factor),
+    )
+
+
+def given_of(simulation: LinearSimulation, record: Experiment) -> Given:
+    """The given model, checked, as a plant."""
+    taus = sorted((t for t in simulation.time_constants_s if t > 0.0), reverse=True)
+    if simulation.integrating:
+        plant = Plant(simulation.gain, 1.0, simulation.dead_time_s, tau2=taus[0] if taus else 0.0, leak=0.0)
+        return Given(plant, integrating=True, second_order=bool(taus))
+    first = taus[0] if taus else LEAST_TIME_CONSTANT * record.sampling_interval_s
+    plant = Plant(simulation.gain, first, simulation.dead_time_s, tau2=taus[1] if len(taus) > 1 else 0.0)
+    return Given(plant, second_order=len(taus) > 1)

@@ -1,0 +1,250 @@
+"""Effects that PV shows by itself, before any simulation: repeated values, few levels, straight lines."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.engine.evidence import Reason
+from app.engine.mismatch.compare.sampling import hold_of
+from app.engine.mismatch.fit.levels import level_spacing
+from app.engine.mismatch.loop.block import Block, Part
+from app.engine.mismatch.loop.experiment import Experiment
+from app.engine.mismatch.physics.sample_hold import SAMPLE_HOLD
+from app.engine.mismatch.physics.sensor_pattern import (
+    COMPRESSION,
+    HELD,
+    INTERPOLATED,
+    LIMIT_HIGH,
+    LIMIT_LOW,
+    QUANTIZATION,
+    STUCK,
+)
+from app.engine.recording import BoolArray, FloatArray, IntArray
+from app.engine.simulate.compression import keep
+
+LEAST_RUN = 10
+LEAST_AT_LIMIT, LEAST_FREE = 12, 25
+STEP_OVER_NOISE = 1.0
+STEP_OVER_SPAN = 0.003
+STILL = 0.003
+NEAR_EXTREME = 0.02
+JUMP = 2.0
+MOST_STUCK = 5
+REGULAR, STILL_STORED, HOLDS = 0.95, 0.75, 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """One effect found in PV itself: the part that models it, where it shows (N,), and why."""
+
+    part: Part
+    shows: BoolArray
+    reason: Reason
+    hides_pv: bool
+
+
+@dataclass(frozen=True)
+class Run:
+    """A stretch [first, last] of equal samples."""
+
+    first: int
+    last: int
+
+    @property
+    def length(self) -> int:
+        return self.last - self.first + 1
+
+
+def noise_deviation(record: Experiment) -> float:
+    """Standard deviation of PV's sample-to-sample noise where it is known, from second differences; repeated values
+    aside.
+    """
+    second = np.diff(record.pv, 2)
+    moving = second[(second != 0.0) & between_known(record)]
+    return float(np.median(np.abs(moving)) / 0.6745 / np.sqrt(6.0)) if len(moving) > 20 else 0.0
+
+
+def between_known(record: Experiment) -> BoolArray:
+    """(N - 2,) whether a sample and both beside it are known, for second differences."""
+    known = record.usable
+    return known[:-2] & known[1:-1] & known[2:]
+
+
+def equal_runs(record: Experiment, tolerance: float) -> tuple[Run, ...]:
+    """Runs of at least two samples that repeat the one before within the tolerance; what a gap was bridged with
+    repeats nothing.
+    """
+    known = record.usable[1:] & record.usable[:-1]
+    same = np.concatenate(([False], known & (np.abs(np.diff(record.pv)) <= tolerance), [False]))
+    edges = np.flatnonzero(np.diff(same.astype(np.int8)))
+    return tuple(Run(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True))
+
+
+def find_patterns(record: Experiment) -> tuple[Pattern, ...]:
+    """What PV shows by itself, the surest first: a limit, stuck stretches, quantisation or compression; where it is
+    held between equal intervals, that alone, for the rest shows in what was taken.
+    """
+    hold = hold_of(record.pv, record.usable)
+    if hold is not None:
+        return (held(record, hold.interval * record.sampling_interval_s),)
+    noise = noise_deviation(record)
+    runs = equal_runs(record, 0.02 * noise)
+    step = level_spacing(record.pv[record.usable])
+    coarse = step > max(STEP_OVER_NOISE * innovation_floor(record.pv), STEP_OVER_SPAN * record.pv_span)
+    rests = coarse or holds(record)
+    limits = limits_of(record, runs, rests)
+    explained = np.any([p.shows for p in limits], axis=0) if limits else np.zeros(record.samples, dtype=np.bool_)
+    stuck = stuck_stretches(record, runs, explained, rests)
+    if coarse:
+        return (*limits, *stuck, quantised(record, step))
+    squeezed = None if limits or stuck else compressed(record)
+    return (*limits, *stuck, *((squeezed,) if squeezed is not None else ()))
+
+
+def held(record: Experiment, interval_s: float) -> Pattern:
+    """A PV that is measured every `interval_s` (s) and held until the next time: shown at all samples (N,), explained
+    by a sample and hold of that interval.
+    """
+    text = f"PV changes every {interval_s:.4g} s only and repeats itself in between: it is compared when it changes"
+    everywhere = np.ones(record.samples, dtype=np.bool_)
+    return Pattern(Part(SAMPLE_HOLD, np.array([interval_s])), everywhere, Reason("pv_held", text), False)
+
+
+def holds(record: Experiment) -> bool:
+    """Whether PV repeats itself most of the time, also away from its extremes: a historian that stores changes."""
+    away = away_from_extremes(record) & record.usable
+    still = np.abs(np.diff(record.pv)) <= 1e-9 * record.pv_span
+    return bool(np.mean(still[away[1:]]) > HOLDS) if away.sum() > LEAST_RUN else False
+
+
+def away_from_extremes(record: Experiment) -> BoolArray:
+    margin = NEAR_EXTREME * record.pv_span
+    return (record.pv > np.min(record.pv) + margin) & (record.pv < np.max(record.pv) - margin)
+
+
+def innovation_floor(pv: FloatArray) -> float:
+    """Standard deviation of PV's changes from sample to sample."""
+    return float(np.std(np.diff(pv)) / np.sqrt(2.0))
+
+
+def quantised(record: Experiment, step: float) -> Pattern:
+    known = record.pv[record.usable]
+    text = f"PV takes {len(np.unique(known))} levels, {step:.4g} apart, wider than its noise"
+    everywhere = np.ones(record.samples, dtype=np.bool_)
+    level = float(np.min(known)) - record.pv_mid
+    return Pattern(Part(QUANTIZATION, np.array([step, level])), everywhere, Reason("pv_levels", text), False)
+
+
+def limits_of(record: Experiment, runs: tuple[Run, ...], coarse: bool) -> tuple[Pattern, ...]:
+    """The ends of the sensor's range; none where PV hardly ever leaves them, for then nothing shows that it would."""
+    found = [p for p in (at_limit(record, runs, 1.0, coarse), at_limit(record, runs, -1.0, coarse)) if p is not None]
+    free = record.samples - int(np.sum(np.any([p.shows for p in found], axis=0))) if found else record.samples
+    return tuple(found) if free >= LEAST_FREE else ()
+
+
+def at_limit(record: Experiment, runs: tuple[Run, ...], sign: float, coarse: bool) -> Pattern | None:
+    """PV that repeats its extreme value, again and again or for long: the end of a range."""
+    if coarse:
+        return None
+    extreme = sign * np.max(sign * record.pv)
+    near = record.usable & (np.abs(record.pv - extreme) <= 1e-6 * record.pv_span)
+    there = [run for run in runs if near[run.first]]
+    repeated = sum(run.length for run in there)
+    if repeated < LEAST_AT_LIMIT or (len(there) == 1 and jumps_free(record.pv, there[0])):
+        return None
+    block: Block = LIMIT_HIGH if sign > 0 else LIMIT_LOW
+    text = f"PV stands at its {'highest' if sign > 0 else 'lowest'} value {extreme:.5g} for {repeated} samples"
+    shows = closed_gaps(near, 15)
+    return Pattern(Part(block, np.array([extreme - record.pv_mid])), shows, Reason("pv_at_limit", text), True)
+
+
+def closed_gaps(mask: BoolArray, longest: int) -> BoolArray:
+    """The mask with gaps of at most `longest` samples closed; single samples that stand alone are dropped."""
+    at = np.flatnonzero(mask)
+    out = np.zeros_like(mask)
+    if len(at) == 0:
+        return out
+    for group in np.split(at, np.flatnonzero(np.diff(at) > longest + 1) + 1):
+        if len(group) > 2:
+            out[group[0] : group[-1] + 1] = True
+    return out
+
+
+def stuck_stretches(
+    record: Experiment, runs: tuple[Run, ...], explained: BoolArray, coarse: bool
+) -> tuple[Pattern, ...]:
+    """Runs far longer than all others, away from the limits: one sensor that stood still."""
+    free = [run for run in runs if not explained[run.first : run.last + 1].any()]
+    lengths = np.sort([run.length for run in free])
+    others = lengths[: len(lengths) - min(MOST_STUCK, len(lengths) // 2)]
+    usual = float(np.quantile(others, 0.9)) if len(lengths) > 4 else 2.0
+    # Among wide levels PV repeats itself for long whenever the loop is calm: only one stretch far beyond the others
+    # counts.
+    second = float(lengths[-2]) if coarse and len(lengths) > 1 else 0.0
+    needed = max(LEAST_RUN, 5.0 * usual, 3.0 * second)
+    found = [run for run in free if run.length >= needed]
+    # A PV that rests because nothing moves is not stuck.
+    found = [run for run in found if np.ptp(record.op[run.first : run.last + 1]) > STILL * record.op_span]
+    # Near its extremes PV may rest because a limit presses it: that is for the competition to say. A limit lets go of
+    # PV where it is; a sensor that comes free jumps to where PV went.
+    away = away_from_extremes(record)
+    found = [run for run in found if away[run.first] or jumps_free(record.pv, run)]
+    if len(found) > MOST_STUCK:
+        return ()
+    return tuple(stuck(record, run) for run in sorted(found, key=lambda run: -run.length))
+
+
+def jumps_free(pv: FloatArray, run: Run) -> bool:
+    """Whether PV (N,) leaves a run by a step such as it hardly ever takes."""
+    if run.last + 1 >= len(pv):
+        return False
+    steps = np.abs(np.diff(pv))
+    return bool(steps[run.last] > JUMP * np.quantile(steps, 0.99))
+
+
+def stuck(record: Experiment, run: Run) -> Pattern:
+    ts = record.sampling_interval_s
+    values = np.array([(run.first + 1) * ts, (run.last + 1) * ts])
+    shows = np.zeros(record.samples, dtype=np.bool_)
+    shows[run.first + 1 : run.last + 1] = True
+    text = f"PV repeats {record.pv[run.first]:.5g} for {run.length} samples while OP moves on"
+    return Pattern(Part(STUCK, values), shows, Reason("pv_repeats", text), True)
+
+
+def compressed(record: Experiment) -> Pattern | None:
+    """PV that runs along straight lines, or holds and jumps: a historian kept only some of its samples."""
+    first, second = np.diff(record.pv), np.diff(record.pv, 2)
+    typical = float(np.std(first))
+    straight = np.abs(second) < 0.02 * typical
+    away = away_from_extremes(record)[1:-1] & between_known(record)
+    share = float(np.mean(straight[away])) if away.sum() > LEAST_RUN else 0.0
+    if share < 0.4 or typical == 0.0:
+        return None
+    kept = np.concatenate(([0], np.flatnonzero(~straight) + 1, [record.samples - 1]))
+    text = f"{100 * share:.0f} % of PV's samples lie on a straight line between their neighbours"
+    everywhere = np.ones(record.samples, dtype=np.bool_)
+    return Pattern(how_compressed(record, kept), everywhere, Reason("pv_straight", text), False)
+
+
+def how_compressed(record: Experiment, kept: IntArray) -> Part:
+    """Lines between every m-th sample, values held until they have moved, or a swinging door; with its width."""
+    spacing = np.diff(kept)
+    usual = float(np.median(spacing))
+    if usual > 1.0 and np.mean(np.abs(spacing / usual - np.round(spacing / usual)) < 0.01) > REGULAR:
+        return Part(INTERPOLATED, np.array([usual * record.sampling_interval_s]))
+    moves = np.abs(np.diff(record.pv))[record.usable[1:] & record.usable[:-1]]
+    still = moves <= 1e-9 * record.pv_span
+    if not still.all() and still.mean() > HOLDS:
+        return Part(HELD, np.array([float(np.quantile(moves[~still], 0.02))]))
+    return Part(COMPRESSION, np.array([door_width(record, len(kept))]))
+
+
+def door_width(record: Experiment, stored: int) -> float:
+    """The widest door that a second passage of PV keeps nearly all of its stored samples through, unit of PV."""
+    time_s = np.arange(record.samples, dtype=np.float64) * record.sampling_interval_s
+    low, high = 1e-6 * record.pv_span, 0.5 * record.pv_span
+    for _ in range(18):
+        width = float(np.sqrt(low * high))
+        enough = keep(time_s, record.pv, width, "swinging_door").sum() > STILL_STORED * stored
+        low, high = (width, high) if enough else (low, width)
+    return low

@@ -1,0 +1,139 @@
+"""A comparison made ready: what of PV is compared, the linear model behind the simulation, and its refit."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.engine.evidence import Reason
+from app.engine.mismatch.compare.comparison import Comparison, given_of, record_of
+from app.engine.mismatch.compare.patterns import Pattern, find_patterns, held
+from app.engine.mismatch.compare.sampling import Taken
+from app.engine.mismatch.fit.fitting import Fit, fit_linear
+from app.engine.mismatch.fit.given import identify
+from app.engine.mismatch.fit.refitting import off_in_words
+from app.engine.mismatch.fit.shifting import in_step
+from app.engine.mismatch.fit.task import Given
+from app.engine.mismatch.judge.conclude import unrelated
+from app.engine.mismatch.loop.beginning import answers_the_record
+from app.engine.mismatch.loop.chain import simulate
+from app.engine.mismatch.loop.experiment import Experiment
+from app.engine.mismatch.loop.plant import Plant, run_process
+from app.engine.recording import FloatArray
+
+OTHER_UNIT, LEAST_ALIKE = 8.0, 0.5  # so many times PV's size, and so much of PV's shape
+STRETCHES, ALIKE = 12, 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A comparison ready to be explained: the record, the patterns of PV, the given model and its refit. off: how far
+    its parameters are from the record, where that is further than it was trusted. unrelated: why the given trace is
+    none of this OP. given: the linear model of the simulation as it came, started where PV started. acted: the record
+    in which the controller acted, before anything was shortened.
+    """
+
+    record: Experiment
+    patterns: tuple[Pattern, ...]
+    given_trace: FloatArray | None
+    base: Fit
+    off: tuple[Reason, ...] = ()
+    unrelated: tuple[Reason, ...] = ()
+    given: Plant | None = None
+    acted: Experiment | None = None
+
+
+def prepare(comparison: Comparison, taken: Taken | None = None) -> Prepared:
+    """taken: where PV is held between equal intervals, how it was taken; the comparison is one at these instants."""
+    record = record_of(comparison)
+    patterns = find_patterns(record)
+    if taken is not None:
+        patterns = (held(record, taken.interval_s), *patterns)
+    record = without_hidden(record, patterns)
+    trace = comparison.trace
+    if taken is not None and taken.comparison is comparison:
+        record = taken.simulated_between(record)
+        trace = comparison.trace if record.finer is None else taken.sampled.trace
+    if trace is not None:
+        laid = in_step(record.as_sampled, trace)
+        behind = laid.behind
+        record = record.resting(behind.rest)
+        record = record.comparing(answers_the_record(record, behind.given.plant))
+        share = scale_of(record, behind.given)
+        record = record.resting(share * behind.rest)
+        base = fit_linear(record, scaled(behind.given, share))
+        off = (*laid.said, *off_by(behind.given, share))
+        plant = as_pv_begins(record, behind.given)
+        return Prepared(record, patterns, comparison.trace, base, off, unrelated(behind), plant)
+    if comparison.simulation is not None:
+        given = given_of(comparison.simulation, record)
+        record = record.comparing(answers_the_record(record, given.plant))
+        share = scale_of(record, given)
+        base = fit_linear(record, scaled(given, share))
+        plant = as_pv_begins(record, given)
+        trace = simulate(record, plant) + record.pv_mid
+        return Prepared(record, patterns, trace, base, off_by(given, share), given=plant)
+    return Prepared(record, patterns, None, identify(record))
+
+
+def without_hidden(record: Experiment, patterns: tuple[Pattern, ...]) -> Experiment:
+    """The record, compared where none of its patterns hides what PV was."""
+    usable = record.usable.copy()
+    for pattern in patterns:
+        if pattern.hides_pv:
+            usable &= ~pattern.shows
+    return record.comparing(usable)
+
+
+def scale_of(record: Experiment, given: Given) -> float:
+    """By how much the given gain is to be multiplied where it is in another unit; 1 where it is of PV's size over the
+    record or a stretch of it: where PV follows no further, for a limit, OP and the simulation go far.
+    """
+    if given.integrating:
+        return 1.0
+    simulated = run_process(record.op_deviation, given.plant, record.sampling_interval_s)[record.usable]
+    pv = record.pv_deviation[record.usable]
+    whole = share_of(simulated, pv)
+    if not whole.tells(LEAST_ALIKE) or whole.of_its_size:
+        return 1.0
+    parts = [share_of(*both) for both in zip(*(np.array_split(s, STRETCHES) for s in (simulated, pv)), strict=True)]
+    return 1.0 if any(part.tells(ALIKE) and part.of_its_size for part in parts) else whole.value
+
+
+@dataclass(frozen=True)
+class Share:
+    """How much of a simulation's moves PV makes (value), and how alike the two are."""
+
+    value: float
+    correlation: float
+
+    def tells(self, least: float) -> bool:
+        return self.value > 0.0 and self.correlation > least
+
+    @property
+    def of_its_size(self) -> bool:
+        return 1.0 / OTHER_UNIT < self.value < OTHER_UNIT
+
+
+def share_of(simulated: FloatArray, pv: FloatArray) -> Share:
+    moves, shown = simulated - np.mean(simulated), pv - np.mean(pv)
+    power, both = float(moves @ moves), float(moves @ shown)
+    return Share(both / max(power, 1e-300), both / max(np.sqrt(power * float(shown @ shown)), 1e-300))
+
+
+def scaled(given: Given, share: float) -> Given:
+    return replace(given, plant=given.plant.changed(K=share * given.plant.K))
+
+
+def off_by(given: Given, share: float) -> tuple[Reason, ...]:
+    return () if share == 1.0 else (off_in_words(given, scaled(given, share), "; is it in another unit?"),)
+
+
+def as_pv_begins(record: Experiment, given: Given) -> Plant:
+    """The given model, started where PV started and, where it does not integrate, at the level of PV: a model says how
+    PV moves, not where it stands.
+    """
+    plant = given.plant.changed(b=0.0, x0=record.pv_first)
+    if plant.leak == 0.0:
+        return plant
+    beside = (record.pv_deviation - simulate(record, plant))[record.usable]
+    return plant.changed(b=float(np.mean(beside)) if len(beside) else 0.0)

@@ -1,0 +1,163 @@
+"""The competition: every block of the library fitted beside what was found so far, and the best taken while it pays."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.engine.mismatch.fit.fitting import Fit, descend, finish, fit, polish, quiet_noise, task_of
+from app.engine.mismatch.fit.noise import fit_noise
+from app.engine.mismatch.fit.scan import Start, at_given, ground, scan, task_with
+from app.engine.mismatch.fit.task import Task, start_at
+from app.engine.mismatch.loop.block import Block, Context, Part
+from app.engine.recording import FloatArray
+
+ADMITTED, SECOND_ADMITTED = (9, 5), (6, 3)
+HOPELESS = 0.35
+POINTS = 6
+PURSUED_SHARE, PURSUED_WITHIN = 0.35, 25.0
+
+
+@dataclass(frozen=True, eq=False)
+class Contender:
+    """A block fitted beside what was found so far (over); gain: log-likelihood (nat) over that, without penalty."""
+
+    block: Block
+    fit: Fit
+    gain: float
+    over: Fit
+
+    @property
+    def score(self) -> float:
+        return self.gain - self.block.penalty
+
+
+@dataclass(frozen=True, eq=False)
+class Scanned:
+    """A block's best starting points under the noise of the fit so far and under quiet noise, with their gains
+    (nat).
+    """
+
+    block: Block
+    starts: tuple[Start, ...]
+    gain: float
+    quiet_gain: float
+    points: tuple[tuple[Start, ...], tuple[Start, ...]] = ((), ())
+
+
+def contenders(
+    found: Fit,
+    blocks: tuple[Block, ...],
+    carried: tuple[Part, ...] = (),
+    surveyed: tuple[Scanned, ...] | None = None,
+) -> tuple[Contender, ...]:
+    """The blocks that a scan finds promising, fitted beside the fit so far, best score first; those `carried` from
+    another fit as well, from the values that they had there too.
+    """
+    surveyed = survey(found, blocks) if surveyed is None else surveyed
+    admitted = {scanned.block.name: scanned for scanned in promising(surveyed, found)}
+    scans = {scanned.block.name: scanned for scanned in surveyed}
+    for part in carried:
+        scanned = scans.get(part.block.name)
+        if scanned is not None:
+            starts = (*scanned.starts, Start(part.values, 0.0)) if part.block.name in admitted else ()
+            admitted[part.block.name] = replace(scanned, starts=starts or (Start(part.values, 0.0),))
+    begun = [(scanned.block, begin(scanned, found)) for scanned in admitted.values()]
+    scores = [fits[0].likelihood - block.penalty for block, fits in begun]
+    asked = pursued_from(max(scores, default=0.0) - found.likelihood) + found.likelihood
+    entered = []
+    for (block, fits), score in zip(begun, scores, strict=True):
+        hard = block.rough or (block.distant and score > found.likelihood)
+        best = pursue(block, fits) if score > asked or hard else fits[0]
+        entered.append(Contender(block, best, best.likelihood - found.likelihood, found))
+    return tuple(sorted(entered, key=lambda contender: -contender.score))
+
+
+def pursued_from(best: float) -> float:
+    """The score (nat, after the first descents) from which a smooth block is worth more of them, where this is the
+    best. The first descents of a rough one say little.
+    """
+    return min(PURSUED_SHARE * best, best - PURSUED_WITHIN)
+
+
+def survey(found: Fit, blocks: tuple[Block, ...]) -> tuple[Scanned, ...]:
+    """Every block scanned beside the fit so far."""
+    own, quiet = ground(found, found.noise), ground(found, quiet_noise(found.record, found.given))
+    context = Context(found.record, found.plant)
+    surveyed = []
+    for block in (b for b in blocks if b.suits is None or b.suits(context)):
+        first, second = scan(block, (own, quiet))
+        starts = (*finalists(first, block, context), *finalists(second, block, context))
+        if block.distant:
+            starts += finalists(at_given(block, found), block, context)
+        points = (finalists(first, block, context, POINTS), finalists(second, block, context, POINTS))
+        surveyed.append(Scanned(block, starts, first[0].gain, second[0].gain, points))
+    return tuple(surveyed)
+
+
+def glance(found: Fit, blocks: tuple[Block, ...]) -> tuple[Scanned, ...]:
+    """Every block scanned once, under the noise of the fit so far: half the work of a survey, for a first answer."""
+    own, context = ground(found, found.noise), Context(found.record, found.plant)
+    scanned = []
+    for block in (b for b in blocks if b.suits is None or b.suits(context)):
+        starts = scan(block, (own,))[0]
+        scanned.append(Scanned(block, starts, starts[0].gain, 0.0))
+    return tuple(scanned)
+
+
+def promising(surveyed: tuple[Scanned, ...], found: Fit) -> tuple[Scanned, ...]:
+    """The blocks worth a fit: those near the best under either noise; fewer beside an effect that was found."""
+    admitted, admitted_quiet = SECOND_ADMITTED if found.parts else ADMITTED
+    own = sorted(surveyed, key=lambda s: -(s.gain - s.block.penalty))
+    quiet = sorted(surveyed, key=lambda s: -(s.quiet_gain - s.block.penalty))
+    kept = [s for s in own[:admitted] if s.gain > HOPELESS * s.block.penalty]
+    kept += [s for s in quiet[:admitted_quiet] if s.quiet_gain > s.block.penalty]
+    kept += [s for s in surveyed if s.block.distant]
+    # One that stands for several effects is asked once, beside none.
+    kept += [s for s in surveyed if s.block.brings and not found.parts]
+    return tuple(dict.fromkeys(kept))
+
+
+def begin(scanned: Scanned, found: Fit) -> list[Fit]:
+    """First descents of one block beside what was found, from its best starting points, the best first."""
+    task = task_with(found, scanned.block)
+    known = [part.values for part in found.parts]
+    places = [
+        start_at(task, start.plant or found.plant, np.concatenate((*known, start.values))) for start in scanned.starts
+    ]
+    # Both noises of a scan may begin at the same place.
+    begun = {key: descended(task, x, scanned.block.steps) for key, x in {x.tobytes(): x for x in places}.items()}
+    return sorted((begun[x.tobytes()] for x in places), key=lambda fitted: -fitted.likelihood)
+
+
+def descended(task: Task, x: FloatArray, steps: int) -> Fit:
+    """A first descent from coordinates x, under the noise that is left there."""
+    record = task.record
+    noise = fit_noise(record.pv_deviation - task.simulated(x), record.usable)
+    x = descend(task, polish(task, x, noise), noise, steps)
+    return finish(task, x, fit_noise(record.pv_deviation - task.simulated(x), record.usable, noise))
+
+
+def pursue(block: Block, begun: list[Fit]) -> Fit:
+    """The best of the first descents fitted to their end."""
+    first = begun[0]
+    task = task_of(first)
+    fits = [fit(task, fitted.x, fitted.noise, 1, 6) for fitted in dict.fromkeys(begun[: block.finalists])]
+    best = max(fits, key=lambda fitted: fitted.likelihood)
+    return fit(task, best.x, None, 3, block.steps)
+
+
+def finalists(starts: tuple[Start, ...], block: Block, context: Context, most: int | None = None) -> tuple[Start, ...]:
+    """The best points of a scan that are not neighbours, as many as the block has finalists."""
+    most = block.finalists if most is None else most
+    ranges = np.array([p.high - p.low for p in block.parameters(context)]) + 1e-300
+    kept: list[Start] = []
+    for start in starts:
+        if all(apart(start.values, other.values, ranges) for other in kept):
+            kept.append(start)
+        if len(kept) == most:
+            break
+    return tuple(kept)
+
+
+def apart(a: FloatArray, b: FloatArray, ranges: FloatArray) -> bool:
+    return len(a) > 0 and bool(np.max(np.abs(a - b) / ranges) > 0.08)

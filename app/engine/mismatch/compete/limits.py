@@ -1,0 +1,49 @@
+"""Tells limits apart by what passes them: a stop in the valve lets all noise through, an overflow only the sensor's,
+a sensor's none.
+"""
+
+import numpy as np
+
+from app.engine.mismatch.fit.fitting import Fit
+from app.engine.mismatch.fit.noise import whiten
+from app.engine.mismatch.fit.windows import active_mask
+from app.engine.mismatch.loop.block import Part
+from app.engine.recording import FloatArray
+
+QUIETED = ("process.overflow", "sensor.saturation")
+LIMITED = (*QUIETED, "valve.saturation")
+NEARLY_ALWAYS = 0.9
+LEAST_SAMPLES = 25
+MOST = 5.0
+SENSOR_LETS_THROUGH = 0.35
+SENSOR_FAULT = 6.0
+
+
+def spread(values: FloatArray) -> float:
+    return float(np.median(np.abs(values - np.median(values))) / 0.6745) + 1e-300
+
+
+def limits_always(fit: Fit, part: Part) -> bool:
+    """Whether a limit acts nearly all the time: a signal that never leaves it shows no limit, but that it does not
+    answer.
+    """
+    if part.block.code not in LIMITED:
+        return False
+    return bool(np.mean(active_mask(fit, part)[fit.record.usable]) > NEARLY_ALWAYS)
+
+
+def limit_bonus(fit: Fit, part: Part) -> float:
+    """Log-likelihood (nat) that a limited part earns because the noise is smaller where it acts; negative for a
+    sensor that is not.
+    """
+    if part.block.code not in QUIETED:
+        return 0.0
+    inside = active_mask(fit, part) & fit.record.usable
+    outside = ~inside & fit.record.usable
+    if inside.sum() < LEAST_SAMPLES or outside.sum() < LEAST_SAMPLES:
+        return 0.0
+    e = whiten(fit.residual, fit.record.usable, fit.noise)
+    share = spread(e[inside]) / spread(e[outside])
+    if part.block.code == "sensor.saturation" and share > SENSOR_LETS_THROUGH:
+        return -SENSOR_FAULT
+    return float(np.clip(-inside.sum() * np.log(share), 0.0, MOST)) if share < 1.0 else 0.0

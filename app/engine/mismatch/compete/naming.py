@@ -1,0 +1,76 @@
+"""A contender that is believed, with the names that this record cannot tell from it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.engine.evidence import Reason
+from app.engine.mismatch.compete.competition import Contender
+from app.engine.mismatch.compete.worth import worth
+from app.engine.mismatch.fit.refitting import CODE as PARAMETERS
+from app.engine.mismatch.physics import CLOSE, NEAR, NEAR_SHARE, TWINS
+from app.engine.mismatch.physics.generic import CODE as UNNAMED
+
+INDISTINCT = 5.0
+MOST_ALTERNATIVES = 2
+SMALL_SLIP = 0.35
+OWN_SHARE = 0.35
+# What is no physics is no alternative to any: it only makes a name less sure.
+UNSAID = (UNNAMED, PARAMETERS)
+
+
+@dataclass(frozen=True, eq=False)
+class Believed:
+    """An effect that is believed. gain: log-likelihood (nat) over the fit without it; margin: over the best other
+    name. most: what its probability is at most, for what it leaves unexplained (left).
+    """
+
+    code: str
+    alternatives: tuple[str, ...]
+    gain: float
+    margin: float
+    contender: Contender
+    most: float = 1.0
+    left: tuple[Reason, ...] = ()
+
+
+def believed(best: Contender, names: tuple[Contender, ...], standing: float | None = None) -> Believed:
+    """The best contender with the names that this record cannot tell from it. standing: what it is worth, where that is
+    known from elsewhere.
+    """
+    standing = worth(best) if standing is None else standing
+    twins = list(twins_of(best))
+    others = [r for r in names if r.block.code != best.block.code and r.block.code not in twins]
+    doubt = own_doubt(best)
+    margins = {r.block.code: (standing - worth(r)) / doubt for r in others}
+    limits = {r.block.code: max(INDISTINCT, NEAR_SHARE * standing * near(best, r)) for r in others}
+    told = [r for r in others if r.block.code not in UNSAID and (worth(r) > 0.0 or near(best, r))]
+    close = [r.block.code for r in told if margins[r.block.code] < limits[r.block.code]]
+    alternatives = tuple((twins + close)[:MOST_ALTERNATIVES])
+    unsaid = [margin for code, margin in margins.items() if code not in alternatives]
+    return Believed(best.block.code, alternatives, best.gain, min(unsaid, default=float(np.inf)), best)
+
+
+def own_doubt(best: Contender) -> float:
+    """By how much a margin (nat) is to be divided: where no simulation was given the linear model came from the same
+    record, its structure is a guess, and names that come within a third of each other are not told apart by it.
+    """
+    if not best.fit.given.own:
+        return 1.0
+    return max(OWN_SHARE * worth(best) / INDISTINCT, 1.0)
+
+
+def hardly_slips(contender: Contender) -> bool:
+    """Stiction whose slip jump is a small share of its band, which an uneven backlash looks like as well."""
+    return contender.block.code == "valve.stiction" and float(contender.fit.parts[-1].values[1]) < SMALL_SLIP
+
+
+def twins_of(contender: Contender) -> tuple[str, ...]:
+    """Names that no record of OP and PV tells from this one, or not from one with such values."""
+    code = contender.block.code
+    return (*TWINS.get(code, ()), *CLOSE.get(code, ()), *(("valve.deadband",) if hardly_slips(contender) else ()))
+
+
+def near(one: Contender, other: Contender) -> bool:
+    """Whether two names have nearly the same form."""
+    return any({one.block.code, other.block.code} <= family for family in NEAR)

@@ -1,0 +1,130 @@
+"""Sticking stems as contenders, each beside the linear loop that is found behind it: found from OP our own loop has the
+stem's work in it, a dead time and a lag that the process has not, and no fit of a stem leaves that hill.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from app.engine.mismatch.compete.competition import Contender, descended
+from app.engine.mismatch.compete.ranking import best_of_each_code, by_worth
+from app.engine.mismatch.compete.searching import score_of, searched
+from app.engine.mismatch.compete.worth import worth
+from app.engine.mismatch.fit.fitting import Fit, fit, task_of
+from app.engine.mismatch.fit.free_run import runs_nearer, stem_swing
+from app.engine.mismatch.fit.given import identify
+from app.engine.mismatch.fit.stems import ShownStem, shown_stems, walking
+from app.engine.mismatch.fit.task import OWN_DEVIATION, Given, Task, make_task, start_at
+from app.engine.mismatch.loop.block import Block
+from app.engine.mismatch.loop.chain import signal_after
+from app.engine.mismatch.physics.valve_stiction import slipping_as
+from app.engine.recording import FloatArray
+
+STICKS, BACKLASH = "valve.stiction/he", "valve.deadband"
+PURSUED, OF_A_WALK = 4, 3  # of those begun, how many are fitted to their end
+STEPS, ROUNDS = 6, 3
+OTHER_SLIPS, WALKS = np.linspace(0.05, 1.0, 20), 2
+LIKELIER = 1.0  # nat
+AGAIN = 3
+MORE_ASKED = 25.0
+"""What a stem beside a loop found behind it has to be worth, nat: that loop was chosen among many, one for each stem.
+Measured on healthy and sticking loops: docs/PROOF.md."""
+
+
+def with_stems_shown(ranking: tuple[Contender, ...], stems: tuple[Contender, ...]) -> tuple[Contender, ...]:
+    """A ranking with the stems that its record shows, each in the place of the contender of its code where it is
+    likelier and its free run nearer to PV.
+    """
+    known = {contender.block.code: contender for contender in best_of_each_code(ranking)}
+    shown = tuple(stem for stem in stems if takes_its_place(stem, known.get(stem.block.code)))
+    beaten = [known.get(stem.block.code) for stem in shown]
+    return by_worth((*shown, *(contender for contender in ranking if contender not in beaten))) if shown else ranking
+
+
+def may_hide_a_stem(base: Fit) -> bool:
+    """Whether a linear loop was found from OP as it was recorded, and from nothing else."""
+    return base.given.own and not base.parts and base.record.finer is None
+
+
+def takes_its_place(contender: Contender, known: Contender | None) -> bool:
+    """Whether a stem with a loop of its own is believed before what is known of its code, or before none."""
+    before = contender.over if known is None else known.fit
+    likelier = contender.fit.score > before.score + LIKELIER
+    nearer = runs_nearer(contender.fit, before, stem_swing(contender.fit))
+    return likelier and nearer and worth(contender) > MORE_ASKED
+
+
+def restarted(base: Fit, blocks: tuple[Block, ...]) -> tuple[Contender, ...]:
+    """Of each code the best stem that the record shows, beside the linear loop behind it. Stems are looked for again
+    as long as that brings a better one: near its loop and under its noise they stand out more sharply. None where a
+    simulation was given.
+    """
+    if not may_hide_a_stem(base):
+        return ()
+    record = base.record
+    shown = shown_stems(record, base.noise) or shown_stems(record, walking(record))
+    ended = behind_stems(base, shown, blocks)
+    for _ in range(AGAIN if ended else 0):
+        best = max(ended, key=score_of)
+        ended += behind_stems(base, shown_stems(record, best.noise, best.plant), blocks)
+        if max(ended, key=score_of).score < best.score + LIKELIER:
+            break
+    of_each = {found.parts[-1].block.code: found for found in sorted(ended, key=score_of)}
+    return tuple(pursued(base, found, blocks) for found in of_each.values())
+
+
+def behind_stems(base: Fit, stems: tuple[ShownStem, ...], blocks: tuple[Block, ...]) -> list[Fit]:
+    """The foremost of some stems fitted to their end, each with the linear loop behind it."""
+    named = {block.name: block for block in blocks}
+    begun = []
+    for stem in stems:
+        block = named.get(STICKS if stem.share > 0.0 else BACKLASH)
+        if block is not None:
+            begun.append(descended(*begun_at(base, stem, block), STEPS))
+    return [to_its_end(first) for first in sorted(begun, key=score_of)[-PURSUED:]]
+
+
+def begun_at(base: Fit, stem: ShownStem, block: Block) -> tuple[Task, FloatArray]:
+    """The task of fitting a stem with the simple loop behind it, and where it begins."""
+    given = Given(stem.plant, OWN_DEVIATION, integrating=stem.plant.leak == 0.0, behind_stem=True)
+    task = make_task(base.record, given, (block,))
+    size = (stem.S,) if block.name == BACKLASH else (stem.S, stem.share)
+    return task, start_at(task, stem.plant, np.array((*size, stem.start)))
+
+
+def to_its_end(found: Fit) -> Fit:
+    return fit(task_of(found), found.x, found.noise, ROUNDS, STEPS)
+
+
+def pursued(base: Fit, first: Fit, blocks: tuple[Block, ...]) -> Contender:
+    """A stem over all sizes of its slip, beside the loop that it began with and beside another order of it, and looked
+    for again on a fine grid.
+    """
+    stem = first.parts[-1]
+    walked = over_its_slips(first)
+    moved = signal_after(walked.record, walked.plant, walked.parts, walked.parts[-1]) + walked.record.op_mid
+    given = replace(identify(base.record.with_op(moved)).given, behind_stem=True)
+    task = make_task(base.record, given, (stem.block,))
+    other = fit(task, start_at(task, given.plant, walked.parts[-1].values), None, ROUNDS, STEPS)
+    best = max((walked, other), key=score_of)
+    alone = Contender(stem.block, best, best.likelihood - base.likelihood, base)
+    return max((alone, searched(alone, blocks)), key=score_of)
+
+
+def over_its_slips(found: Fit) -> Fit:
+    """The best fit with another size of slip: each stem that slips first where this one does, the gain in proportion.
+    From one to the next the first slip falls into other samples unless all of them move together, which no descent
+    does.
+    """
+    for _ in range(WALKS if found.parts[-1].block.name == STICKS else 0):
+        task, values = task_of(found), found.parts[-1].values
+        begun = []
+        for share in OTHER_SLIPS:
+            plant = found.plant.changed(K=found.plant.K * values[1] / share)
+            begun += [descended(task, start_at(task, plant, other), STEPS) for other in slipping_as(values, share)]
+        ended = [to_its_end(first) for first in sorted(begun, key=score_of)[-OF_A_WALK:]]
+        best = max((found, *ended), key=score_of)
+        if best is found:
+            break
+        found = best
+    return found

@@ -1,0 +1,118 @@
+"""An effect alone, as well as it can be: looked for again beside the linear loop that was found with it. The first scan
+was beside a loop without it, and a step of its grid passes over what jumps.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.engine.mismatch.compete.competition import Contender, descended
+from app.engine.mismatch.compete.pairing import alone_as, fit_again, placed, without
+from app.engine.mismatch.compete.worth import makes_sense
+from app.engine.mismatch.fit.fitting import Fit
+from app.engine.mismatch.fit.scan import Start, ground, scan
+from app.engine.mismatch.loop.block import Block, Context, Parameter, Part
+from app.engine.recording import FloatArray
+
+# Where a valve jumps hangs on thousandths of its band, and the likelihood has an optimum for each such band: in which
+# of them a descent ends hangs on the last bits of where it began.
+WIDTH, POINTS = 0.3, 121
+PURSUED, NEAR, NEAR_OTHERWISE = 3, 0.01, 0.15
+STEPS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Begun:
+    """A point of the fine grid of one form of an effect."""
+
+    form: Block
+    start: Start
+
+
+def searched(contender: Contender, blocks: tuple[Block, ...]) -> Contender:
+    """An effect in the best of its forms among `blocks`, on a fine grid about where it stands; the contender itself
+    where nothing jumps and where nothing better is there.
+    """
+    found, context = contender.fit, Context(contender.fit.record, contender.fit.plant)
+    if not jumps(contender.block, context):
+        return contender
+    forms = [block for block in blocks if block.code == contender.block.code and jumps(block, context)]
+    under = ground(without(found, -1), found.noise)
+    points = [Begun(form, start) for form in forms for start in scan(finely(form, found), (under,))[0]]
+    fits = (begun_from(found, point) for point in foremost(points, context))
+    best = max((found, *fits), key=score_of)
+    if best is found:
+        return contender
+    best = max((best, fit_again(best)), key=score_of)
+    again = Contender(best.parts[-1].block, best, best.likelihood - contender.over.likelihood, contender.over)
+    return again if makes_sense(again) or not makes_sense(contender) else contender
+
+
+def jumps(block: Block, context: Context) -> bool:
+    """Whether the simulation jumps with a size: a band, a force, a speed."""
+    parameters = block.parameters(context)
+    return block.rough and len(parameters) > 0 and parameters[0].log
+
+
+def finely(form: Block, found: Fit) -> Block:
+    """A form with a grid that is fine in its first parameter about where a fit stands, its own in the others."""
+    part = found.parts[-1]
+    sizes = part.values[0] * np.exp(np.linspace(-WIDTH, WIDTH, POINTS))
+
+    def starts(context: Context, residual: FloatArray) -> FloatArray:
+        others = {tuple(row[1:]) for row in form.starts(context, residual)}
+        if len(part.values) == len(form.parameters(context)):
+            others.add(tuple(part.values[1:]))
+        return np.array([(size, *other) for other in sorted(others) for size in sizes])
+
+    return replace(form, starts=starts)
+
+
+def foremost(points: list[Begun], context: Context) -> list[Begun]:
+    """The best points that are not neighbours."""
+    kept: list[Begun] = []
+    for point in sorted(points, key=lambda point: point.form.penalty - point.start.gain):
+        if not any(neighbours(point, other, context) for other in kept):
+            kept.append(point)
+        if len(kept) == PURSUED:
+            break
+    return kept
+
+
+def neighbours(one: Begun, other: Begun, context: Context) -> bool:
+    """Whether two points are nearly one: in the logarithm of the size, and in the range that each other parameter has,
+    which depends on no unit.
+    """
+    a, b = one.start.values, other.start.values
+    if one.form is not other.form or abs(np.log(a[0] / b[0])) > NEAR:
+        return False
+    others = one.form.parameters(context)[1 : len(a)]
+    return all(within_range(p, *pair) < NEAR_OTHERWISE for p, *pair in zip(others, a[1:], b[1:], strict=True))
+
+
+def within_range(parameter: Parameter, a: float, b: float) -> float:
+    """How far apart two values of a parameter are, as a share of its range, by logarithms where it is fitted so."""
+    low, high = parameter.low, parameter.high
+    if parameter.log:
+        a, b, low, high = (float(np.log(value)) for value in (a, b, low, high))
+    return abs(a - b) / (high - low + 1e-300)
+
+
+def begun_from(found: Fit, point: Begun) -> Fit:
+    return descended(*placed(found, (*found.parts[:-1], Part(point.form, point.start.values))), STEPS)
+
+
+def best_alone(part: Part, both: Fit, base: Fit, known: Contender | None, blocks: tuple[Block, ...]) -> Contender:
+    """A part of a pair alone, as well as is known: as it competed, or begun where the pair stands, and looked for again
+    from there.
+
+    Begun beside other linear loops as well: beside what stands for the whole process the pair's own is nobody's.
+    """
+    others = () if known is None else (known,)
+    plants = (both.plant, base.plant, *(contender.fit.plant for contender in others))
+    begun = (alone_as(part, base, plant) for plant in plants)
+    return searched(max((*others, *begun), key=lambda contender: contender.score), blocks)
+
+
+def score_of(found: Fit | Contender) -> float:
+    return found.score

@@ -1,0 +1,32 @@
+"""What single samples say: noise with heavy tails has spikes, and a block that fits a spike has explained nothing."""
+
+import numpy as np
+
+from app.engine.mismatch.compete.competition import Contender
+from app.engine.mismatch.fit.fitting import Fit
+from app.engine.mismatch.fit.noise import settling_samples, whiten
+from app.engine.recording import FloatArray
+
+SPIKES = 4
+FAR = 4.2
+PENALTY_A_SPIKE, MOST = 3.0, 25.0
+
+
+def innovations(fit: Fit) -> FloatArray:
+    """Innovations (N,) over their standard deviation."""
+    e = whiten(fit.residual, fit.record.usable, fit.noise)
+    return e[settling_samples(fit.record.samples) :] / fit.noise.deviation
+
+
+def steady_gain(contender: Contender) -> float:
+    """The gain (nat) of a contender without the samples that give most of it."""
+    before, after = innovations(contender.over), innovations(contender.fit)
+    each = 0.5 * (before**2 - after**2)
+    return contender.gain - float(np.sum(np.sort(each)[-SPIKES:]))
+
+
+def tail_penalty(fit: Fit) -> float:
+    """What a jump must gain more (nat) where the noise jumps by itself: by the count of innovations far out."""
+    e = innovations(fit)
+    scale = float(np.median(np.abs(e)) / 0.6745) + 1e-300
+    return min(PENALTY_A_SPIKE * float(np.sum(np.abs(e) > FAR * scale)), MOST)

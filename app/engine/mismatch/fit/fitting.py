@@ -1,0 +1,244 @@
+"""Fits a free-run simulation to PV under coloured noise: whitened Levenberg-Marquardt and the noise model in turn."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.engine.mismatch.fit.noise import NoiseModel, fit_noise, scaled_innovations, settling_samples
+from app.engine.mismatch.fit.task import Free, Given, Task, clipped, make_task, start_at
+from app.engine.mismatch.loop.block import Part
+from app.engine.mismatch.loop.experiment import Experiment
+from app.engine.mismatch.loop.plant import Plant
+from app.engine.recording import FloatArray
+
+SLOW_TIMES, SLOW_COST = 5.0, 7.0
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A fitted simulation: plant, parts, noise, and the penalised log-likelihood (nat) of the compared samples.
+
+    likelihood holds the priors, not the penalties of the parts. simulated: (N,) PV as deviation.
+    free, x: the numbers that were fitted.
+    """
+
+    record: Experiment
+    given: Given
+    plant: Plant
+    parts: tuple[Part, ...]
+    noise: NoiseModel
+    likelihood: float
+    simulated: FloatArray
+    free: tuple[Free, ...]
+    x: FloatArray
+
+    @property
+    def residual(self) -> FloatArray:
+        return self.record.pv_deviation - self.simulated
+
+    @property
+    def score(self) -> float:
+        return self.likelihood - sum(part.block.penalty for part in self.parts)
+
+
+def task_of(found: Fit) -> Task:
+    """The task that a fit has solved."""
+    return make_task(found.record, found.given, tuple(part.block for part in found.parts))
+
+
+@dataclass(frozen=True, eq=False)
+class Whitened:
+    """Residuals of a task at one point: whitened samples over the noise's deviation, then the prior's rows."""
+
+    rows: FloatArray
+    simulated: FloatArray
+
+    @property
+    def cost(self) -> float:
+        return float(self.rows @ self.rows)
+
+
+def prior_rows(task: Task, x: FloatArray) -> FloatArray:
+    return (x - task.centre) * task.certainty
+
+
+def residual_rows(task: Task, x: FloatArray, noise: NoiseModel) -> Whitened:
+    record, simulated = task.record, task.simulated(x)
+    count = record.samples - settling_samples(record.samples)
+    rows = np.zeros((1, count + len(x)))
+    scaled_innovations(record.pv_deviation, simulated[None, :], record.usable, noise, rows[0], rows)
+    rows[0, count:] = prior_rows(task, x)
+    return Whitened(rows[0], simulated)
+
+
+def slopes(
+    task: Task, x: FloatArray, noise: NoiseModel, at: Whitened, along: Sequence[int] | None = None
+) -> FloatArray:
+    """(rows, P) numerical derivatives of the whitened residuals by all coordinates, or by those `along` which."""
+    along = range(len(x)) if along is None else along
+    columns = np.empty((len(along), len(at.rows)))
+    for column, k in zip(columns, along, strict=True):
+        f = task.free[k]
+        step = f.step if x[k] + f.step <= f.high else -f.step
+        moved = x.copy()
+        moved[k] += step
+        column[:] = (residual_rows(task, moved, noise).rows - at.rows) / step
+    return columns.T
+
+
+def descend(task: Task, x: FloatArray, noise: NoiseModel, steps: int, along: Sequence[int] | None = None) -> FloatArray:
+    """Levenberg-Marquardt within the bounds, the noise model held. along: which coordinates move; None: all."""
+    at = residual_rows(task, x, noise)
+    moving = np.arange(len(x)) if along is None else np.asarray(along)
+    damping = 1e-2
+    for _ in range(steps):
+        jacobian = slopes(task, x, noise, at, along)
+        normal, gradient = jacobian.T @ jacobian, jacobian.T @ at.rows
+        gained = 0.0
+        for _ in range(5):
+            lifted = normal + damping * np.diag(np.diag(normal) + 1e-9)
+            trial = x.copy()
+            trial[moving] -= np.linalg.solve(lifted, gradient)
+            trial = clipped(task, trial)
+            there = residual_rows(task, trial, noise)
+            if there.cost < at.cost:
+                gained = at.cost - there.cost
+                x, at, damping = trial, there, max(0.1 * damping, 1e-6)
+                break
+            damping *= 10.0
+        if gained < 0.05:
+            break
+    return x
+
+
+POLISHING_STEPS = (0.12, 0.04, 0.012, 0.004, 0.0012)
+
+
+def polish(task: Task, x: FloatArray, noise: NoiseModel) -> FloatArray:
+    """A pattern search over the blocks' non-linear parameters, all others following along their slopes.
+
+    The noise model is held. Where the simulation jumps with a parameter (a threshold, a moment) its slope misleads, and
+    descents end where they began.
+    """
+    searched = [k for k, f in enumerate(task.free) if "." in f.name and not f.linear]
+    if not searched:
+        return x
+    at = residual_rows(task, x, noise)
+    others = [k for k in range(len(x)) if k not in searched]
+    basis = orthonormal(slopes(task, x, noise, at, others))
+    cost = projected_cost(at.rows, basis)
+    asked = {x.tobytes()}  # the cost only falls, so that no place is ever better when it is asked again
+    for share in POLISHING_STEPS:
+        for k in searched * 2:
+            for sign in (1.0, -1.0):
+                moved = x.copy()
+                moved[k] += sign * share * (task.high[k] - task.low[k])
+                moved = clipped(task, moved)
+                if moved.tobytes() in asked:
+                    continue
+                asked.add(moved.tobytes())
+                there = projected_cost(residual_rows(task, moved, noise).rows, basis)
+                if there < cost - 1e-6:
+                    x, cost = moved, there
+                    break
+    return x
+
+
+def orthonormal(columns: FloatArray) -> FloatArray:
+    """An orthonormal basis (N, P) of the columns (N, P) through their Gram matrix: quick for long thin matrices."""
+    columns = columns / (np.sqrt(np.sum(columns * columns, axis=0)) + 1e-300)
+    weights, directions = np.linalg.eigh(columns.T @ columns)
+    kept = weights > 1e-9 * weights[-1]
+    return columns @ (directions[:, kept] / np.sqrt(weights[kept]))
+
+
+def projected_cost(rows: FloatArray, basis: FloatArray) -> float:
+    """The sum of squares of `rows` (N,) that is left when the directions of `basis` (N, P), orthonormal, are taken
+    out.
+    """
+    along = basis.T @ rows
+    return float(rows @ rows - along @ along)
+
+
+def finish(task: Task, x: FloatArray, noise: NoiseModel) -> Fit:
+    """The fit at x (P,), the task's coordinates, under a noise model.
+
+    Its log-likelihood, in nats: -n ln(deviation) - |prior rows|^2 / 2, less what a slow noise model costs; n the
+    samples that are compared once the process has settled, deviation that of the whitened residual, in unit of PV. What
+    is the same for every fit of a record is left out.
+    """
+    simulated = task.simulated(x)
+    count = int(np.sum(task.record.usable[settling_samples(task.record.samples) :]))
+    prior = prior_rows(task, x)
+    likelihood = -count * np.log(noise.deviation) - 0.5 * float(prior @ prior)
+    likelihood -= slowness_penalty(noise, task.record, task.given)
+    return Fit(
+        task.record, task.given, task.plant_at(x), task.parts_at(x), noise, float(likelihood), simulated, task.free, x
+    )
+
+
+def fit(task: Task, x: FloatArray, noise: NoiseModel | None = None, rounds: int = 2, steps: int = 8) -> Fit:
+    """Simulation and noise model in turn, `rounds` times, from coordinates x (P,), in `steps` descents at most each
+    time; ends early where a round gains hardly anything.
+
+    Without `noise` it is first found from the residual at x. Source: the iterated generalised least squares of
+    Soderstrom 1974, doi 10.1016/0005-1098(74)90063-1; output error with a noise model is the prediction error method of
+    Ljung.
+    """
+    record = task.record
+    if noise is None:
+        noise = fit_noise(record.pv_deviation - task.simulated(x), record.usable)
+    best = finish(task, x, fit_noise(record.pv_deviation - task.simulated(x), record.usable, noise))
+    for _ in range(rounds):
+        x = descend(task, polish(task, best.x, best.noise), best.noise, steps)
+        residual = record.pv_deviation - task.simulated(x)
+        fitted = finish(task, x, fit_noise(residual, record.usable, best.noise))
+        gained = fitted.likelihood - best.likelihood
+        if gained > 0.0:
+            best = fitted
+        if gained < 0.1:
+            break
+    return best
+
+
+def fit_linear(record: Experiment, given: Given, rounds: int = 4) -> Fit:
+    """The given simulation with its own parameters fitted and nothing added: what it can explain is not missing
+    physics.
+    """
+    task = make_task(record, given, ())
+    x = start_at(task, replace(given.plant, b=0.0, x0=record.pv_first), np.zeros(0))
+    return best_of_noise(task, x, rounds)
+
+
+def best_of_noise(task: Task, x: FloatArray, rounds: int = 3) -> Fit:
+    """The better of two fits: noise taken from the start, and noise taken for nearly white, where the optimum is
+    another.
+    """
+    quiet = quiet_noise(task.record, task.given)
+    found = fit(task, x, None, rounds)
+    other = fit(task, descend(task, x, quiet, 8), None, rounds)
+    return found if found.likelihood >= other.likelihood else other
+
+
+def slowness_penalty(noise: NoiseModel, record: Experiment, given: Given) -> float:
+    """What a noise slower than loads behind this process usually are costs (nat): nearly a random walk, it fits every
+    difference.
+
+    None where the process integrates, because then it makes a random walk of any load.
+    """
+    if given.integrating:
+        return 0.0
+    slowest = SLOW_TIMES * (given.plant.tau + given.plant.tau2 + given.plant.theta)
+    usual = min(record.sampling_interval_s / slowest, 0.5)
+    return float(sum(SLOW_COST * max(np.log(usual / max(1.0 - pole, 1e-6)), 0.0) for pole in noise.poles))
+
+
+def quiet_noise(record: Experiment, given: Given) -> NoiseModel:
+    """Noise of a load behind the process lag under some white noise: what is likely before anything was fitted.
+
+    The noise found beside a poor simulation is nearly a random walk and hides every slow difference.
+    """
+    ts, plant = record.sampling_interval_s, given.plant
+    slowest = max(plant.tau if plant.leak > 0.0 else 30.0 * ts, plant.tau2, 3.0 * ts)
+    return NoiseModel((float(np.exp(-ts / slowest)), 0.0), (0.3, 0.0), float(np.std(np.diff(record.pv))) + 1e-12)

@@ -1,0 +1,162 @@
+"""The simulation that was given: the linear model behind a trace, found without noise; or our own, where none was
+given.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from app.engine.mismatch.fit.fitting import Fit, best_of_noise
+from app.engine.mismatch.fit.levels import rounded_off
+from app.engine.mismatch.fit.task import OWN_DEVIATION, Given, make_task, start_at
+from app.engine.mismatch.loop.experiment import Experiment
+from app.engine.mismatch.loop.plant import Plant, run_process
+from app.engine.recording import FloatArray
+
+ALIKE = 1e-3
+TIMES, DEAD_TIMES = (1.0, 3.0, 7.0, 15.0, 35.0, 80.0, 200.0), (0.2, 1.0, 3.0, 6.0, 12.0, 25.0, 50.0)
+DESCENTS, APART = 2, 0.9
+LEAST_LAG = 0.5  # of the interval: a shorter one is how two simulations step within it
+
+
+@dataclass(frozen=True, eq=False)
+class TraceModel:
+    """The linear model behind a simulated trace, and how much of the trace it leaves (left): as a share of its
+    deviation or of PV's, whichever is less, for the open trace of an integrator may wander far beyond PV; share: of the
+    trace's own.
+    """
+
+    given: Given
+    left: float
+    share: float
+    rest: FloatArray
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A linear structure to try."""
+
+    second_order: bool
+    integrating: bool
+
+
+STRUCTURES = (
+    Structure(False, False),
+    Structure(False, True),
+    Structure(True, True),
+    Structure(True, False),
+)
+
+
+def behind_trace(record: Experiment, trace: FloatArray) -> TraceModel:
+    """The simplest linear model that makes the simulated trace (N,) from OP; the rest of the trace is kept beside
+    it.
+    """
+    best = None
+    for structure in STRUCTURES:
+        found = fit_structure(record, trace, structure)
+        told = not structure.second_order or found.given.plant.tau2 > LEAST_LAG * record.sampling_interval_s
+        if best is None or (told and found.left < 0.5 * best.left):
+            best = found
+        if best.left < ALIKE:
+            break
+    assert best is not None  # noqa: S101 - STRUCTURES is not empty
+    return best
+
+
+def fit_structure(record: Experiment, trace: FloatArray, structure: Structure) -> TraceModel:
+    y = trace - np.mean(trace)
+    ts = record.sampling_interval_s
+    best: Plant | None = None
+    least = np.inf
+    for start in starts(record, y, structure):
+        plant = descend_trace(record, y, structure, start)
+        error = float(np.sqrt(np.mean((run_process(record.op_deviation, plant, ts) - y) ** 2)))
+        if error < 0.98 * least:
+            best, least = plant, error
+        if least < 3e-4 * np.std(y):
+            break
+    assert best is not None  # noqa: S101 - there are starts
+    rest = y - run_process(record.op_deviation, best, ts)
+    left = float(np.std(rest) / max(min(float(np.std(y)), float(np.std(record.pv))), 1e-300))
+    given = Given(best.changed(b=0.0, x0=0.0), second_order=structure.second_order, integrating=structure.integrating)
+    share = float(np.std(rest) / np.std(y))
+    linear = left <= ALIKE or rounded_off(trace, rest)
+    return TraceModel(given, left, share, np.zeros(record.samples) if linear else rest)
+
+
+def starts(record: Experiment, y: FloatArray, structure: Structure) -> list[FloatArray]:
+    """The best points of a grid of time constants and dead times, none beside another: dead time in intervals, logs of
+    the time constants.
+    """
+    ts = record.sampling_interval_s
+    taus = TIMES if not structure.integrating or structure.second_order else TIMES[:1]
+    points = [np.array([theta, np.log(tau * ts), np.log(0.3 * tau * ts)]) for tau in taus for theta in DEAD_TIMES]
+    errors = [float(np.sum(project(record, y, structure, z)[0] ** 2)) for z in points]
+    kept: list[FloatArray] = []
+    for k in np.argsort(errors, kind="stable"):
+        z = points[int(k)]
+        if all(abs(z[1] - o[1]) > APART or abs(z[0] - o[0]) > APART * (1.0 + o[0]) for o in kept):
+            kept.append(z)
+        if len(kept) == DESCENTS:
+            break
+    return kept
+
+
+def plant_of(record: Experiment, structure: Structure, z: FloatArray, K: float, b: float, x0: float) -> Plant:
+    first = 1.0 if structure.integrating else float(np.exp(z[1]))
+    second = float(np.exp(z[2])) if structure.second_order else 0.0
+    leak = 0.0 if structure.integrating else 1.0
+    return Plant(K, first, float(abs(z[0])) * record.sampling_interval_s, b, x0, second, leak)
+
+
+def project(record: Experiment, y: FloatArray, structure: Structure, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Residual (N,) and the linear numbers (gain, offset, start) of the best plant with dead time and lags z."""
+    ts, u = record.sampling_interval_s, record.op_deviation
+    zero = np.zeros_like(u)
+    units = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    plants = [plant_of(record, structure, z, *unit) for unit in units]
+    columns = [run_process(u if k == 0 else zero, plant, ts) for k, plant in enumerate(plants)]
+    basis = np.stack(columns, axis=1)
+    numbers: FloatArray = np.linalg.lstsq(basis, y, rcond=None)[0].astype(np.float64, copy=False)
+    return y - basis @ numbers, numbers
+
+
+def descend_trace(record: Experiment, y: FloatArray, structure: Structure, start: FloatArray) -> Plant:
+    """Variable projection: gain, offset and start are linear; time constants and dead time are searched."""
+    ts = record.sampling_interval_s
+    low = [0.0, np.log(0.05 * ts), np.log(0.05 * ts)]
+    high = [0.2 * record.samples, np.log(record.duration_s), np.log(record.duration_s)]
+    z = scipy.optimize.least_squares(
+        lambda z: project(record, y, structure, z)[0],
+        np.clip(start, low, high),
+        bounds=(low, high),
+        max_nfev=40,
+        diff_step=1e-4,
+        x_scale=[1.0, 0.3, 0.3],
+    ).x
+    K, b, x0 = project(record, y, structure, z)[1].tolist()
+    return plant_of(record, structure, z, K, b, x0)
+
+
+def identify(record: Experiment, integrating: bool | None = None) -> Fit:
+    """Our own linear loop where no simulation was given: the structure that explains PV best under coloured noise."""
+    best, best_score = None, -np.inf
+    for structure in STRUCTURES:
+        if integrating is not None and structure.integrating != integrating:
+            continue
+        found = identify_structure(record, structure)
+        score = found.likelihood - 4.0 * structure.second_order - 4.0 * structure.integrating
+        if score > best_score:
+            best, best_score = found, score
+    assert best is not None  # noqa: S101 - one structure at least was tried
+    return best
+
+
+def identify_structure(record: Experiment, structure: Structure) -> Fit:
+    """From the least-squares model of PV itself, then under coloured noise."""
+    plant = fit_structure(record, record.pv, structure).given.plant
+    given = Given(plant, OWN_DEVIATION, structure.second_order, structure.integrating)
+    task = make_task(record, given, ())
+    return best_of_noise(task, start_at(task, plant, np.zeros(0)))

@@ -1,0 +1,202 @@
+"""The verdict: missing physics, nothing missing, or that this record does not tell, and why."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.engine.evidence import Reason
+from app.engine.mismatch.compete.selection import Selection
+from app.engine.mismatch.fit.fitting import Fit, fit, fit_linear, task_of
+from app.engine.mismatch.fit.given import TraceModel
+from app.engine.mismatch.fit.noise import compared_samples
+from app.engine.mismatch.judge.holdout import Unseen, worse
+from app.engine.mismatch.judge.result import Effect, Improvement, Verdict
+from app.engine.mismatch.loop.experiment import Experiment
+
+LEAST_ANSWER = 10.0
+ANSWERING = ("valve", "process")
+LEAST_TIMES = 4.0
+LEAST_COMPARED = 100
+ROUNDING = 1e-9
+UNRELATED = 0.7
+ASTRAY_SHARE = 0.5
+ASTRAY_PCT = -300.0  # fit of a free run that is four times as far from PV as PV's own mean is
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """The verdict, the effects that stand, and the reasons where the record does not tell."""
+
+    verdict: Verdict
+    effects: tuple[Effect, ...]
+    reasons: tuple[Reason, ...] = ()
+
+
+def conclude(
+    base: Fit, shown: tuple[Effect, ...], fitted: tuple[Effect, ...], refused: tuple[Reason, ...], seen: Improvement
+) -> Conclusion:
+    """shown: effects that PV shows by itself. fitted: those that a competition named. refused: why those that it named
+    first do not stand. seen: the free runs over the stretch kept out.
+    """
+    effects = (*shown, *fitted)
+    if effects:
+        return Conclusion("missing_physics", effects, refused)
+    doubts = (*refused, *too_little_told(base)) or free_run_astray(seen, float(np.ptp(base.record.pv)))
+    return Conclusion("inconclusive" if doubts else "consistent", (), doubts)
+
+
+def op_moves_nothing(final: Fit) -> tuple[Reason, ...]:
+    """Why nothing is named where OP does not move PV, with all that was named: the valve does not move, the loop was
+    not at work, or they do not belong to one loop.
+
+    Where PV moves OP by a controller's law, only names of valve and process are asked: they say how PV answers OP. What
+    else moves PV moves OP with it, and cannot be told from OP's answer.
+    """
+    if not final.parts:
+        return ()
+    if final.record.op_follows_pv:
+        return stands_still(final) if all(part.block.place in ANSWERING for part in final.parts) else ()
+    still = replace(final, record=at_rest(final.record))
+    told = final.likelihood - fit(task_of(still), final.x, None, 3).likelihood
+    if told >= LEAST_ANSWER:
+        return ()
+    names = ", ".join(part.block.code for part in final.parts)
+    text = (
+        f"{names} would explain PV, but OP then adds {told:.1f} points of log-likelihood, at least {LEAST_ANSWER:.0f} "
+        "are needed, and no controller's law explains OP: are they of one loop?"
+    )
+    return (Reason("op_moves_nothing", text),)
+
+
+def stands_still(final: Fit) -> tuple[Reason, ...]:
+    """That PV does not answer an OP by which a controller wants to move it; nothing where it does."""
+    told = answer_to_op(final)
+    if told >= LEAST_ANSWER:
+        return ()
+    names = ", ".join(part.block.code for part in final.parts)
+    text = (
+        f"PV does not answer OP: with {names} OP adds {told:.1f} points of log-likelihood to what noise alone tells, "
+        f"at least {LEAST_ANSWER:.0f} are needed; a valve that does not move, one that is shut off, or a PV of another "
+        "loop?"
+    )
+    return (Reason("op_moves_nothing", text),)
+
+
+def unseen_data_refuse(selection: Selection, errors: Unseen, gain: float) -> tuple[Reason, ...]:
+    """Names whose model follows the kept-out stretch worse than the bare refit does are no explanation: by its free
+    run, and by what it gains there beside the noise (`gain`, nat).
+    """
+    integrating = selection.fit.given.integrating
+    if not selection.effects or not worse(errors, gain, integrating=integrating):
+        return ()
+    names = ", ".join(" or ".join((effect.code, *effect.alternatives)) for effect in selection.effects)
+    text = (
+        f"{names} would explain what was fitted, but on the stretch kept out the error{less_load(errors)} grows from "
+        f"{errors.refitted:.4g} to {errors.explained:.4g}"
+    )
+    return (Reason("held_out_disagrees", text),)
+
+
+def held_out_worse(
+    effects: tuple[Effect, ...], fit: Improvement, errors: Unseen, gain: float, ran_worse: list[bool]
+) -> tuple[Reason, ...]:
+    """That names stand although the free run of the kept-out stretch is worse with them, by how much, and why they do.
+
+    errors: over that stretch beside a load. gain: by how much (nat) they predict it better beside its noise. ran_worse:
+    of the stretches that were looked at, that one first, whether the free run is worse there by more than chance.
+    """
+    if not effects or not fit.explained.rmse > fit.refitted.rmse:
+        return ()
+    names = ", ".join(" or ".join((effect.code, *effect.alternatives)) for effect in effects)
+    if ran_worse[0]:
+        why = f"it is worse over {sum(ran_worse)} of {len(ran_worse)} stretches kept out in turn, not over most"
+    elif errors.beside_load:
+        why = (
+            f"both stand off by a load that was not recorded: the error{less_load(errors)} is {errors.explained:.4g} "
+            f"there, and {errors.refitted:.4g} without"
+        )
+    elif gain > 0.0:
+        why = f"beside its noise the model predicts that stretch better, by {gain:.1f} points of log-likelihood"
+    else:
+        why = "that is no more than noise makes of it"
+    text = (
+        f"with {names} the free run's error on the stretch kept out grows from {fit.refitted.rmse:.4g} to "
+        f"{fit.explained.rmse:.4g}; they stand, because {why}"
+    )
+    return (Reason("held_out_worse", text),)
+
+
+def less_load(errors: Unseen) -> str:
+    return ", less its median over a swing of the stem," if errors.beside_load else ""
+
+
+def too_little_told(base: Fit) -> tuple[Reason, ...]:
+    """What keeps a record from clearing a simulation: few samples, little time, or a PV that does not answer OP."""
+    record, plant = base.record, base.plant
+    if few := too_few(record):
+        return few
+    slowest = (plant.tau if plant.leak > 0.0 else 0.0) + plant.tau2 + plant.theta
+    if record.duration_s < LEAST_TIMES * slowest:
+        text = f"the record lasts {record.duration_s:.4g} s, not {LEAST_TIMES:.0f} times the process' {slowest:.4g} s"
+        return (Reason("too_few_data", text),)
+    told = answer_to_op(base)
+    if told < LEAST_ANSWER:
+        text = (
+            f"OP adds {told:.1f} points of log-likelihood to PV's own noise, at least {LEAST_ANSWER:.0f} are needed to "
+            "judge a simulation by"
+        )
+        return (Reason("too_little_excitation", text),)
+    return ()
+
+
+def free_run_astray(seen: Improvement, pv_range: float) -> tuple[Reason, ...]:
+    """Why a free run that is far from PV clears no simulation, although noise that wanders would explain it: what
+    acts as slowly as that noise cannot be told from it. An integrating process adds up the least load.
+
+    pv_range: from the lowest to the highest PV of the record, not zero. Where PV rests over the stretch kept out, far
+    may be little of it: half of it is asked as well.
+    """
+    far = seen.refitted.fit_pct
+    if not (far < ASTRAY_PCT and seen.refitted.rmse > ASTRAY_SHARE * pv_range):
+        return ()
+    text = (
+        f"the free run leaves PV by {seen.refitted.rmse:.4g} over the stretch kept out, {1.0 - far / 100.0:.0f} times "
+        f"as far as PV's own mean there and {100.0 * seen.refitted.rmse / pv_range:.1f} % of PV's range: a load that "
+        "wanders explains it, and so would one that drifts or steps"
+    )
+    return (Reason("free_run_astray", text),)
+
+
+def too_few(record: Experiment) -> tuple[Reason, ...]:
+    """Why a record cannot be compared at all: a sample after a gap says where PV starts anew, not how it moves."""
+    compared = int(np.sum(compared_samples(record.usable)))
+    if compared >= LEAST_COMPARED:
+        return ()
+    return (Reason("too_few_data", f"{compared} samples can be compared, at least {LEAST_COMPARED} are needed"),)
+
+
+def nothing_left(base: Fit) -> bool:
+    """Whether the linear refit leaves no more of PV than rounding."""
+    seen = base.record.usable
+    return float(np.std(base.residual[seen])) <= ROUNDING * float(np.std(base.record.pv[seen]))
+
+
+def unrelated(behind: TraceModel) -> tuple[Reason, ...]:
+    """Why nothing can be said of a simulated trace that does not answer the recorded OP."""
+    if behind.share <= UNRELATED:
+        return ()
+    text = (
+        f"a linear model of the recorded OP leaves {100.0 * behind.share:.0f} % of the simulated trace: was it "
+        "simulated from this OP? A loop simulated by itself has another"
+    )
+    return (Reason("simulation_unrelated", text),)
+
+
+def answer_to_op(found: Fit) -> float:
+    """Log-likelihood (nat) that a model gains over the linear one under an OP that stands still."""
+    return found.likelihood - fit_linear(at_rest(found.record), found.given).likelihood
+
+
+def at_rest(record: Experiment) -> Experiment:
+    """The same record under an OP that stands still."""
+    return record.with_op(np.full(record.samples, record.op_mid))

@@ -1,0 +1,180 @@
+"""A second recording, which no fit has seen, simulated with the model of the first; and an exported model simulated
+again.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import scipy
+
+from app.engine.mismatch.fit.fitting import Fit
+from app.engine.mismatch.fit.windows import windows_of
+from app.engine.mismatch.judge.holdout import judge
+from app.engine.mismatch.judge.result import ExplainedModel, Improvement, PartModel
+from app.engine.mismatch.loop.block import Block, Context, Part
+from app.engine.mismatch.loop.chain import simulate
+from app.engine.mismatch.loop.experiment import FIRST_SAMPLES, Experiment, alike, experiment
+from app.engine.mismatch.loop.plant import Plant
+from app.engine.mismatch.physics import named
+from app.engine.recording import BoolArray, FloatArray
+from app.errors import DataError
+
+START_SHARE, LEAST_START = 0.1, 5
+LONGEST_DEAD_TIME = 1.0  # of the record: beyond, nothing of OP is seen in it
+OF_ONE_RECORD = (
+    "disturbance.step",
+    "disturbance.ramp",
+    "disturbance.oscillation",
+    "sensor.step",
+    "sensor.drift",
+    "sensor.stuck",
+    "process.gain_drift",
+)
+
+
+def validate(
+    base: Fit, final: Fit, sensors: tuple[Part, ...], second: Experiment, given: Plant | FloatArray | None
+) -> Improvement:
+    """Free runs over the second record, only their initial state estimated, from the first tenth of what is compared of
+    it; judged over all that is compared, as benchmarks are, the first tenth too.
+
+    sensors: the parts that PV showed by itself. given: the given simulation as a model at the level of the first
+    record, or its trace (N,) over the second one, or None. What belongs to moments of the first record (a step, a stuck
+    stretch) is left out.
+    Raises DataError("nothing_known") where nothing is compared beyond the start, DataError("signal_missing").
+    """
+    record = alike(base.record, second)
+    begun = beginning(record.usable)
+    if not (record.usable & ~begun).any():
+        raise DataError("nothing_known", "no sample of the second recording's PV is known beyond its start")
+    refitted = started(record, begun, base.plant, transferred(record, base.parts))
+    explained = started(record, begun, final.plant, transferred(record, lasting((*final.parts, *sensors))))
+    if isinstance(given, Plant):
+        given = started(record, begun, given, ()) + record.pv_mid
+    return Improvement(
+        None if given is None else judge(record.pv, given, record.usable),
+        judge(record.pv, refitted + record.pv_mid, record.usable),
+        judge(record.pv, explained + record.pv_mid, record.usable),
+        windows_of(record.usable, record.sampling_interval_s),
+    )
+
+
+def transferred(record: Experiment, parts: tuple[Part, ...]) -> tuple[Part, ...]:
+    """The parts with the blocks of another record, whose measured signals are its own."""
+    known = named(record, (part.block.name for part in parts))
+    missing = [part.block.name for part in parts if part.block.name not in known]
+    if missing:
+        raise DataError("signal_missing", f"the second recording lacks the signals of {', '.join(missing)}")
+    return tuple(Part(known[part.block.name], part.values) for part in parts)
+
+
+def lasting(parts: tuple[Part, ...]) -> tuple[Part, ...]:
+    """The parts that a second record has as well."""
+    return tuple(part for part in parts if part.block.code not in OF_ONE_RECORD)
+
+
+def beginning(usable: BoolArray) -> BoolArray:
+    """(N,) True at the first tenth of the samples that are compared (N,)."""
+    at = np.flatnonzero(usable)
+    begun = np.zeros(len(usable), dtype=np.bool_)
+    begun[at[: max(int(START_SHARE * len(at)), LEAST_START)]] = True
+    return begun
+
+
+def started(record: Experiment, begun: BoolArray, plant: Plant, parts: tuple[Part, ...]) -> FloatArray:
+    """The free run (N,), as deviation, whose initial states fit the samples `begun` (N,) best."""
+    context = Context(record, plant)
+    begins = [(k, j) for k, part in enumerate(parts) for j, p in enumerate(part.block.parameters(context)) if p.begins]
+
+    def run(states: FloatArray) -> FloatArray:
+        moved = [part.values.copy() for part in parts]
+        for (k, j), value in zip(begins, states[1:], strict=True):
+            moved[k][j] = value
+        told = tuple(Part(part.block, values) for part, values in zip(parts, moved, strict=True))
+        return simulate(record, plant.changed(x0=float(states[0])), told)
+
+    start = np.array([np.mean(record.pv_deviation[begun][:FIRST_SAMPLES]), *np.zeros(len(begins))])
+    found = scipy.optimize.least_squares(
+        lambda states: (run(states) - record.pv_deviation)[begun], start, x_scale=record.pv_span
+    )
+    return run(found.x)
+
+
+def rest_of(model: ExplainedModel, samples: int) -> FloatArray:
+    """(N,) what the given simulation held beside its linear model, which only the record it was made for has."""
+    if not model.rest:
+        return np.zeros(samples)
+    if len(model.rest) != samples:
+        raise DataError(
+            "signal_length", f"the model belongs to a record of {len(model.rest)} samples, OP has {samples}"
+        )
+    return np.array(model.rest)
+
+
+def values_of(part: PartModel, block: Block, record: Experiment) -> FloatArray:
+    """The values of an exported part. Raises DataError("model_invalid") where they are not what its block takes."""
+    names = [parameter.name for parameter in block.parameters(Context(record, Plant(1.0, 1.0, 0.0)))]
+    values = np.array(part.values, dtype=np.float64)
+    if len(values) != len(names) or not np.all(np.isfinite(values)):
+        raise DataError("model_invalid", f"{part.name} needs finite values of {', '.join(names) or 'nothing'}")
+    return values
+
+
+def plant_of(model: ExplainedModel, duration_s: float) -> Plant:
+    """The plant of an exported model. Raises DataError("model_invalid") where it cannot be simulated along a record of
+    this length (s): JSON is easily changed by hand.
+    """
+    numbers = dict(model.plant)
+    strange = [name for name in numbers if name not in Plant.__dataclass_fields__]
+    lacking = [name for name in ("K", "tau", "theta") if name not in numbers]
+    others = {name: getattr(model, name) for name in ("sampling_interval_s", "op_mid", "pv_mid", "op_span", "pv_span")}
+    loose = [name for name, value in (*numbers.items(), *others.items()) if not np.isfinite(value)]
+    faults = [f"its plant has {', '.join(strange)}"] if strange else []
+    faults += [f"its plant lacks {', '.join(lacking)}"] if lacking else []
+    faults += [f"{', '.join(loose)} are no finite numbers"] if loose else []
+    if not faults:
+        faults = out_of_bounds(numbers, others, duration_s)
+    if faults:
+        raise DataError("model_invalid", f"the model cannot be simulated: {'; '.join(faults)}")
+    return Plant(**numbers)
+
+
+def out_of_bounds(plant: dict[str, float], others: dict[str, float], duration_s: float) -> list[str]:
+    """Times and spans of a model that no process has."""
+    above = [name for name in ("sampling_interval_s", "op_span", "pv_span") if others[name] <= 0.0]
+    above += ["tau"] if plant["tau"] <= 0.0 else []
+    below = [name for name in ("theta", "tau2", "tau3", "leak") if plant.get(name, 0.0) < 0.0]
+    late = plant["theta"] > LONGEST_DEAD_TIME * duration_s
+    return [
+        *([f"{', '.join(above)} must be more than 0"] if above else []),
+        *([f"{', '.join(below)} must not be less than 0"] if below else []),
+        *([f"its dead time of {plant['theta']:g} s is as long as the record, {duration_s:g} s"] if late else []),
+    ]
+
+
+def simulate_again(
+    model: ExplainedModel, op: FloatArray, measured: tuple[tuple[str, FloatArray], ...] = ()
+) -> FloatArray:
+    """PV (N,) in its unit, simulated from OP (N,) with an exported model, started as in the record it was fitted to.
+
+    measured: the signals that the model names. Raises DataError("signal_missing") where one of them is not given,
+    DataError("signal_length") where the model needs a part of the given simulation and OP is of another length,
+    DataError("model_invalid") where a part has other values than it takes.
+    """
+    record = experiment(model.sampling_interval_s, op, op, None, measured)
+    record = replace(
+        record,
+        op_mid=model.op_mid,
+        pv_mid=model.pv_mid,
+        op_deviation=op - model.op_mid,
+        op_span=model.op_span,
+        pv_span=model.pv_span,
+        rest=rest_of(model, len(op)),
+    )
+    plant = plant_of(model, len(op) * model.sampling_interval_s)
+    known = named(record, (part.name for part in model.parts))
+    missing = [part.name for part in model.parts if part.name not in known]
+    if missing:
+        raise DataError("signal_missing", f"the model needs signals for {', '.join(missing)}")
+    parts = tuple(Part(known[part.name], values_of(part, known[part.name], record)) for part in model.parts)
+    return simulate(record, plant, parts) + model.pv_mid

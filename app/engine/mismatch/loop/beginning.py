@@ -1,0 +1,24 @@
+"""The start of a record: PV still answers what OP did before it, which no free run knows."""
+
+import numpy as np
+
+from app.engine.mismatch.loop.experiment import Experiment
+from app.engine.mismatch.loop.plant import Plant
+from app.engine.recording import BoolArray
+
+FURTHER_LAGS = 3.0
+MOST_SHARE = 20  # of the record's samples, one in so many
+LEAST_LEFT = 100
+
+
+def answers_the_record(record: Experiment, plant: Plant) -> BoolArray:
+    """(N,) True where PV is compared and what OP did before the record has passed through dead time and further lags.
+
+    The first lag's state is free in every fit; behind it the model takes OP for constant before the record. Where it
+    was not, an inverse response or a step would be named for it.
+    """
+    passed = (plant.theta + FURTHER_LAGS * plant.tau2) / record.sampling_interval_s
+    most = min(record.samples // MOST_SHARE, max(int(record.usable.sum()) - LEAST_LEFT, 0))
+    usable = record.usable.copy()
+    usable[: min(int(np.ceil(passed)), most)] = False
+    return usable

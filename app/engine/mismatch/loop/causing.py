@@ -1,0 +1,81 @@
+"""Whether a measured signal moves PV, or is itself moved by the loop: a read-back of the valve, a second transmitter.
+
+What causes PV helps to predict it from its past, PV's and OP's past known; what the loop moves is predicted by their
+past. Source: Granger 1969, doi 10.2307/1912791. The present is left out on both sides: within an interval a cause and
+its effect look alike.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+
+from app.engine.mismatch.loop.experiment import Experiment
+from app.engine.recording import BoolArray, FloatArray
+
+LATEST = 6
+EDGES = (7, 10, 16, 25, 40, 63, 100)
+SAMPLES_A_NUMBER = 10
+FOREWARNS, SIGNIFICANT = 15.0, 4.0
+OWN_SHARE = 0.15
+STEM_LEAVES = 0.45
+"""Measured: stems that say anything of PV leave OP up to 0.25 of what they say, causes that OP answers 0.6 and more."""
+
+
+def causes_pv(signal: FloatArray, record: Experiment) -> bool:
+    """Whether the past of a signal (N,) says more of PV than PV and OP do, and theirs not much of the signal."""
+    pasts = [past(x) for x in (signal, record.pv, record.op)]
+    own, loop = pasts[0], np.concatenate(pasts[1:], axis=1)
+    kept = known(record)
+    if kept.sum() < SAMPLES_A_NUMBER * (own.shape[1] + loop.shape[1]):
+        return True  # too short to tell: the competition asks for its own gain
+    forward = gained(record.pv, loop, own, kept)
+    back = gained(signal, own, loop, kept)
+    by_chance = SIGNIFICANT * np.sqrt(0.5 * loop.shape[1])
+    return bool(forward > FOREWARNS and (back < by_chance or back < OWN_SHARE * forward))
+
+
+def stands_for_op(signal: FloatArray, op: FloatArray, pv: FloatArray, kept: BoolArray) -> bool:
+    """Whether OP (N,) says little of PV that the signal does not, beside what the signal says that OP does not: so it
+    is of a stem behind OP, and not of what OP answers, as feedforward does. kept: (N,) True where PV is looked at.
+    """
+    late = kept & (np.arange(len(kept)) >= LATEST)
+    pasts = [past(x) for x in (signal, op, pv)]
+    by_signal = gained(pv, np.concatenate(pasts[1:], axis=1), pasts[0], late)
+    by_op = gained(pv, np.concatenate((pasts[0], pasts[2]), axis=1), pasts[1], late)
+    return by_op < STEM_LEAVES * by_signal
+
+
+def past(x: FloatArray) -> FloatArray:
+    """(N, P) the last samples before each one, and means over stretches further back, wider and wider."""
+    late = np.concatenate((np.full(EDGES[-1], x[0]), x))
+    sums = np.concatenate(([0.0], np.cumsum(late - x[0])))
+    at = np.arange(len(x)) + EDGES[-1]
+    columns = [late[at - k] - x[0] for k in range(1, LATEST + 1)]
+    columns += [(sums[at - a + 1] - sums[at - b + 1]) / (b - a) for a, b in pairwise(EDGES)]
+    return np.stack(columns, axis=1)
+
+
+def known(record: Experiment) -> BoolArray:
+    """(N,) True where PV is compared, and was over the last samples before."""
+    kept = record.usable.copy()
+    for k in range(1, LATEST + 1):
+        kept[k:] &= record.usable[:-k]
+    kept[:LATEST] = False
+    return kept
+
+
+def gained(y: FloatArray, without: FloatArray, more: FloatArray, kept: BoolArray) -> float:
+    """Log-likelihood (nat) by which further columns (N, P) predict y (N,) better, less what they would gain by
+    chance.
+    """
+    every = np.concatenate((without, more), axis=1)
+    ratio = left(y[kept], without[kept]) / left(y[kept], every[kept])
+    return 0.5 * float(kept.sum()) * float(np.log(ratio)) - 0.5 * more.shape[1]
+
+
+def left(y: FloatArray, columns: FloatArray) -> float:
+    """Sum of squares that the columns (N, P) and a constant leave of y (N,); never zero."""
+    basis = np.column_stack((np.ones(len(y)), columns))
+    numbers = np.linalg.lstsq(basis, y, rcond=None)[0]
+    rest = y - basis @ numbers
+    return float(rest @ rest) + 1e-12 * float(np.var(y)) * len(y) + 1e-300

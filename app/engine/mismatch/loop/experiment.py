@@ -1,0 +1,164 @@
+"""What was recorded, as deviations from its means, and which samples may be compared with a simulation."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.engine.mismatch.loop.law import identify_law
+from app.engine.recording import BoolArray, FloatArray
+
+FOLLOWS = 0.8
+FIRST_SAMPLES = 3
+LARGEST = 1e100
+"""Of what is compared: its square is a number too."""
+
+
+@dataclass(frozen=True, eq=False)
+class Finer:
+    """What a record was taken from: the record as it was sampled, and at which of its samples (M,)."""
+
+    record: "Experiment"
+    taken: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """A record on a uniform time base, ready to be simulated.
+
+    sampling_interval_s: Ts in s. op, pv: (N,) in their units, op_mid and pv_mid their means. sp: (N,) or None.
+    op_deviation, pv_deviation: (N,) from those means. op_span, pv_span: their ranges without the outermost 1 % at
+    either end.
+    measured: further signals (N,) by name. usable: (N,) True where PV is compared.
+    rest: (N,) what a given simulation holds beside its linear model, unit of PV; zero where it is linear.
+    finer: where PV was taken at some instants only, the record that is simulated between them; None: this one.
+    """
+
+    sampling_interval_s: float
+    op: FloatArray
+    pv: FloatArray
+    usable: BoolArray
+    op_mid: float
+    pv_mid: float
+    op_deviation: FloatArray
+    pv_deviation: FloatArray
+    op_span: float
+    pv_span: float
+    sp: FloatArray | None = None
+    measured: tuple[tuple[str, FloatArray], ...] = ()
+    rest: FloatArray = field(default_factory=lambda: np.zeros(0))
+    finer: Finer | None = None
+
+    @property
+    def samples(self) -> int:
+        return len(self.pv)
+
+    @cached_property
+    def op_range(self) -> float:
+        """From the lowest to the highest OP, its unit; never zero."""
+        return float(max(np.ptp(self.op), self.op_span))
+
+    @cached_property
+    def pv_first(self) -> float:
+        """Where PV started, as deviation: the mean of its FIRST_SAMPLES."""
+        return float(np.mean(self.pv_deviation[:FIRST_SAMPLES]))
+
+    @cached_property
+    def time_s(self) -> FloatArray:
+        """(N,) seconds from the start; made once, because every simulation asks for it."""
+        return np.arange(self.samples, dtype=np.float64) * self.sampling_interval_s
+
+    @cached_property
+    def op_follows_pv(self) -> bool:
+        """Whether a controller's law explains most of OP's moves by PV: then OP carries the noise of PV."""
+        return identify_law(self.sp, self.pv, self.op, self.usable).explained >= FOLLOWS
+
+    @property
+    def duration_s(self) -> float:
+        return self.samples * self.sampling_interval_s
+
+    def with_op(self, op: FloatArray) -> "Experiment":
+        """The same record under another OP (N,), its deviations from the same mean."""
+        return replace(self, op=op, op_deviation=op - self.op_mid, finer=None)
+
+    def stretch(self, begin: int, end: int) -> "Experiment":
+        """The samples from `begin` to before `end`, as deviations from the means of the whole."""
+        part = slice(begin, end)
+        return replace(
+            self,
+            op=self.op[part],
+            pv=self.pv[part],
+            usable=self.usable[part],
+            op_deviation=self.op_deviation[part],
+            pv_deviation=self.pv_deviation[part],
+            sp=None if self.sp is None else self.sp[part],
+            measured=tuple((name, signal[part]) for name, signal in self.measured),
+            rest=self.rest[part],
+            finer=None,
+        )
+
+    def comparing(self, usable: BoolArray) -> "Experiment":
+        """The same record with other samples compared."""
+        return replace(self, usable=usable)
+
+    @property
+    def as_sampled(self) -> "Experiment":
+        """The record that is simulated."""
+        return self if self.finer is None else self.finer.record
+
+    def resting(self, rest: FloatArray) -> "Experiment":
+        """The same record with what a given simulation holds beside its linear model, at the samples simulated."""
+        if self.finer is None:
+            return replace(self, rest=rest)
+        finer = replace(self.finer, record=replace(self.finer.record, rest=rest))
+        return replace(self, rest=rest[finer.taken], finer=finer)
+
+
+def experiment(
+    sampling_interval_s: float,
+    op: FloatArray,
+    pv: FloatArray,
+    sp: FloatArray | None = None,
+    measured: tuple[tuple[str, FloatArray], ...] = (),
+) -> Experiment:
+    """An Experiment with every sample compared. op, pv, sp: (N,) finite; sampling_interval_s: s."""
+    op = np.ascontiguousarray(op, dtype=np.float64)
+    pv = np.ascontiguousarray(pv, dtype=np.float64)
+    op_mid, pv_mid = float(np.mean(op)), float(np.mean(pv))
+    return Experiment(
+        sampling_interval_s=sampling_interval_s,
+        op=op,
+        pv=pv,
+        usable=np.ones(len(pv), dtype=np.bool_),
+        op_mid=op_mid,
+        pv_mid=pv_mid,
+        op_deviation=op - op_mid,
+        pv_deviation=pv - pv_mid,
+        op_span=span(op),
+        pv_span=span(pv),
+        sp=sp,
+        measured=measured,
+        rest=np.zeros(len(pv)),
+    )
+
+
+def span(signal: FloatArray) -> float:
+    """The range of a signal (N,) without its outermost 1 % at either end; never zero."""
+    low, high = np.quantile(signal, (0.01, 0.99))
+    return float(max(high - low, 1e-12))
+
+
+def alike(first: Experiment, second: Experiment) -> Experiment:
+    """The second record as deviations from the first one's means and in its spans, so that a model of the first fits
+    it.
+    """
+    return replace(
+        second,
+        op_mid=first.op_mid,
+        pv_mid=first.pv_mid,
+        op_deviation=second.op - first.op_mid,
+        pv_deviation=second.pv - first.pv_mid,
+        op_span=first.op_span,
+        pv_span=first.pv_span,
+    )
