@@ -77,9 +77,9 @@ def explain(
     """
     from time import perf_counter
 
+    from app.engine.long_records.stretches import LONG_SAMPLES
     from app.engine.mismatch import explain as explain_comparison
     from app.engine.mismatch import locate
-    from app.engine.stretches import LONG_SAMPLES
     from app.services.explaining.comparisons import Columns, read_comparison, recording_of_export
     from app.services.explaining.line import Second, explanation_line, located_line
     from app.services.explaining.models import with_model

@@ -5,10 +5,9 @@ from typing import cast
 
 import numpy as np
 
-from app.engine import ENGINE_VERSION, verdict, verdict_reference
+from app.engine import ENGINE_VERSION
 from app.engine.audit_config import AuditConfig
 from app.engine.codes import UNANSWERED, Cause, CheckCode, ReasonCode
-from app.engine.episodes import BEGAN, NO_EPISODES, EpisodeConfig, Episodes, episode_reasons, find, samples_wanted
 from app.engine.evidence import Finding, Reason, reason_of
 from app.engine.fitness import Fitness
 from app.engine.health import Health
@@ -16,14 +15,25 @@ from app.engine.health import health as health_of
 from app.engine.judgement import Judgement
 from app.engine.key_figures import KeyFigures
 from app.engine.key_figures import compute as key_figures_of
+from app.engine.long_records.episodes import (
+    BEGAN,
+    NO_EPISODES,
+    EpisodeConfig,
+    Episodes,
+    episode_reasons,
+    find,
+    samples_wanted,
+)
+from app.engine.long_records.stretches import newest, newest_moving
 from app.engine.oscillation import Oscillation, detect
+from app.engine.plant_wide.swing import Swing, swing_of
 from app.engine.preparation import Preparation, prepare
 from app.engine.quantification import StictionSize, quantify
 from app.engine.recording import Recording, UniformRecord, known_span
-from app.engine.reliability import LadderConfig, Reference, climb
-from app.engine.stretches import newest, newest_moving
-from app.engine.swing import Swing, swing_of
-from app.engine.unanswered import unanswered
+from app.engine.reference import published_rule as verdict_reference
+from app.engine.reference.reliability import LadderConfig, Reference, climb
+from app.engine.verdict import judge as verdict
+from app.engine.verdict.unanswered import unanswered
 from app.errors import DataError
 
 __all__ = ["Audit", "AuditConfig", "Window", "audit", "ladder_for", "newest"]

@@ -6,14 +6,14 @@ from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from app.engine.episodes import EpisodeConfig
 from app.engine.fitness import FitnessConfig
-from app.engine.hammerstein import HammersteinConfig
+from app.engine.long_records.episodes import EpisodeConfig
+from app.engine.long_records.stretches import NEWEST_SAMPLES
 from app.engine.quantification import QuantificationConfig
-from app.engine.reliability import LadderConfig
-from app.engine.stretches import NEWEST_SAMPLES
-from app.engine.verdict_config import VerdictConfig
-from app.engine.verdict_reference import ReferenceVerdictConfig
+from app.engine.reference.hammerstein import HammersteinConfig
+from app.engine.reference.published_rule import ReferenceVerdictConfig
+from app.engine.reference.reliability import LadderConfig
+from app.engine.verdict.config import VerdictConfig
 from app.errors import DataError
 
 YPER_THRESHOLD_PCT = 10.0

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from app.engine.recording import FloatArray, IntArray
-from app.engine.sampled import cycle_ranges, dot, without_drift
+from app.engine.signals.sampled import cycle_ranges, dot, without_drift
 from app.engine.valve import he_step
 
 INTEGRATOR = -1.0  # as any lag below 0, in whatever unit

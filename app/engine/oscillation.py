@@ -9,7 +9,7 @@ from numba import njit
 from scipy import fft
 
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.sampled import block_means, moving_average, unlike
+from app.engine.signals.sampled import block_means, moving_average, unlike
 
 REGULAR_ABOVE = 1.0
 FEW_INTERVALS = 0.3

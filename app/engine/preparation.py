@@ -7,9 +7,9 @@ import numpy as np
 
 from app.engine.features import at_rest
 from app.engine.fitness import Fitness, FitnessConfig, assess, with_cycles
+from app.engine.long_records.stretches import NEWEST_SAMPLES, newest_moving, speaking_stretch
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import FloatArray, Recording, UniformRecord
-from app.engine.stretches import NEWEST_SAMPLES, newest_moving, speaking_stretch
 
 # A part is judged for the whole only where it swings beyond doubt.
 _STRONG_SWING, _FEWEST_CYCLES = 0.6, 5.0

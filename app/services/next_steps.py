@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from app.engine.codes import UNANSWERED, Cause, ReasonCode
-from app.engine.episodes import BEGAN
 from app.engine.judgement import FOREIGN_CYCLE, HIDDEN_BAND, NO_ANSWER, PV_STANDS, UNCOUPLED, WOUND_UP
-from app.engine.verdict_config import VerdictConfig
+from app.engine.long_records.episodes import BEGAN
+from app.engine.verdict.config import VerdictConfig
 from app.services.auditing.hearing import MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR
 from app.services.auditing.repairs import of_before
 from app.services.wording import CAUSE_WORDS, codes_of

@@ -218,7 +218,7 @@ class GroupView:
     """Loops that oscillate together, the likeliest source first. `source` is None where no member probably sticks.
 
     `by_chance`: so many loops may share a period without having anything to do with each other; where that is likelier
-    than `app.engine.plant_wide.UNNAMED`, no source is named.
+    than `app.engine.plant_wide.groups.UNNAMED`, no source is named.
     """
 
     id: str

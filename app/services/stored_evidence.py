@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from app.engine.evidence import Measured
-from app.engine.verdict_wording import figure, is_spoken, sentence
+from app.engine.verdict.wording import figure, is_spoken, sentence
 from app.services.auditing.rows import MEASURED
 
 SHAPE = "shape_"

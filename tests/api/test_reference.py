@@ -17,8 +17,8 @@ from app.engine.codes import Cause, EvidenceCode, ReasonCode
 from app.engine.fitness.assess import LATER_CHECKS
 from app.engine.fitness.checks import BLOCKING
 from app.engine.recording import Recording
-from app.engine.verdict_reference import READINGS
-from app.engine.verdict_wording import WORDED
+from app.engine.reference.published_rule import READINGS
+from app.engine.verdict.wording import WORDED
 from app.http.permissions import ROUTES
 from app.services.auditing.reason_wording import REASON_WORDS
 from app.services.explaining.wording import EVIDENCE_WORDS

@@ -6,20 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.engine import hammerstein, verdict
 from app.engine.audit import Audit, AuditConfig, audit, ladder_for
 from app.engine.corroborate import corroborate
-from app.engine.episodes import find
 from app.engine.features import extract
 from app.engine.fitness import assess
 from app.engine.key_figures import compute as key_figures_of
+from app.engine.long_records.episodes import find
+from app.engine.long_records.stretches import newest_moving
 from app.engine.oscillation import detect
 from app.engine.preparation import prepare
 from app.engine.quantification import quantify
 from app.engine.recording import Recording
-from app.engine.reliability import Reference, climb
+from app.engine.reference import hammerstein
+from app.engine.reference.reliability import Reference, climb
 from app.engine.rivals import compete
-from app.engine.stretches import newest_moving
+from app.engine.verdict import judge as verdict
 
 WHOLE = "whole audit"
 

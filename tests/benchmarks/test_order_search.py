@@ -12,8 +12,8 @@ import pytest
 from statsmodels.tsa.statespace.sarimax import SARIMAX
 
 from app.engine.armax import Order, SearchSpace, refine, search_orders
-from app.engine.hammerstein import HammersteinConfig, identify_one_parameter, identify_two_parameter
 from app.engine.recording import UniformRecord
+from app.engine.reference.hammerstein import HammersteinConfig, identify_one_parameter, identify_two_parameter
 from app.engine.valve import one_parameter, two_parameter_he
 from app.services.bench.measure import median_s
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from app.engine.answering import ORDER, goes_its_own_way
 from app.engine.audit import audit
+from app.engine.causality.answering import ORDER, goes_its_own_way
 from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import LoopSpec, Pid, Signal, StuckValve, TwoParameterValve, first_order, simulate_loop
 

@@ -12,7 +12,7 @@ from app.engine import audit as audit_module
 from app.engine.audit import Audit, AuditConfig, audit
 from app.engine.fitness import FitnessConfig
 from app.engine.recording import Recording
-from app.engine.reliability import LadderConfig
+from app.engine.reference.reliability import LadderConfig
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, keep, rebuild, simulate_loop
 from app.errors import DataError
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from app.engine.cascades import Cascade, cascades
-from app.engine.excerpts import excerpts_of
+from app.engine.plant_wide.cascades import Cascade, cascades
+from app.engine.plant_wide.excerpts import excerpts_of
 from app.engine.recording import Recording
 
 ORIGIN_S = 1_750_000_000.0
@@ -190,7 +190,7 @@ def test_as_many_set_points_as_are_compared_at_once_make_no_difference(monkeypat
         plant |= {f"L{k}": loop(op=moved, start_s=3e4 * (k % 2)), f"F{k}": loop(sp=moved, start_s=3e4 * (k % 2))}
     whole = cascades(plant)
     assert [(c.outer, c.inner) for c in whole] == [(f"L{k}", f"F{k}") for k in range(9)]
-    monkeypatch.setattr("app.engine.cascades.AT_ONCE", 2)
+    monkeypatch.setattr("app.engine.plant_wide.cascades.AT_ONCE", 2)
     assert cascades(plant) == whole
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from app.engine.coupling import strangers_chance, strangers_chance_finely
+from app.engine.causality.coupling import strangers_chance, strangers_chance_finely
 from app.engine.features import PER_CYCLE
 from app.engine.oscillation import detect
 from app.engine.recording import UniformRecord

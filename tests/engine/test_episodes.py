@@ -6,10 +6,18 @@ import numpy as np
 import pytest
 
 from app.engine.audit import AuditConfig, _with_episodes, audit
-from app.engine.episodes import Episode, EpisodeConfig, Episodes, episode_reasons, find, is_long, window_spans
 from app.engine.evidence import Reason
 from app.engine.fitness import assess
 from app.engine.judgement import Judgement
+from app.engine.long_records.episodes import (
+    Episode,
+    EpisodeConfig,
+    Episodes,
+    episode_reasons,
+    find,
+    is_long,
+    window_spans,
+)
 from app.engine.oscillation import detect
 from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop

@@ -3,7 +3,7 @@
 import pytest
 
 from app.engine.evidence import Finding, Measured, Reason, reason_of
-from app.engine.verdict_wording import figure
+from app.engine.verdict.wording import figure
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.engine.excerpts import LENGTH, MOST, excerpts_of
+from app.engine.plant_wide.excerpts import LENGTH, MOST, excerpts_of
 from app.engine.recording import Recording
 
 ORIGIN_S = 1_750_000_000.0

@@ -7,7 +7,7 @@ from app.engine.features import NAMES, extract, shape_windows, standing
 from app.engine.features.shape import bicoherence, harmonic_shares, triangle_index
 from app.engine.oscillation import detect
 from app.engine.recording import UniformRecord
-from app.engine.sampled import log_kurtosis, moving_average, resample, without_drift
+from app.engine.signals.sampled import log_kurtosis, moving_average, resample, without_drift
 
 PERIOD = 50
 N = 1000

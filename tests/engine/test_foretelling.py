@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.engine.foretelling import Table
+from app.engine.causality.foretelling import Table
 
 
 @pytest.fixture

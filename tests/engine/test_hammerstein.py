@@ -6,10 +6,15 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from app.engine import hammerstein
 from app.engine.armax import Order, SearchSpace
-from app.engine.hammerstein import HammersteinConfig, Identification, identify_one_parameter, identify_two_parameter
 from app.engine.recording import UniformRecord
+from app.engine.reference import hammerstein
+from app.engine.reference.hammerstein import (
+    HammersteinConfig,
+    Identification,
+    identify_one_parameter,
+    identify_two_parameter,
+)
 from app.engine.valve import one_parameter, two_parameter_he
 from app.errors import DataError
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.engine import stem_search
 from app.engine.audit import audit
+from app.engine.causality import stem_search
+from app.engine.causality.hidden_band import HiddenBand, hidden_band
 from app.engine.fitness.signals import STANDING
-from app.engine.hidden_band import HiddenBand, hidden_band
 from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, integrator, simulate_loop
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.engine.audit import audit
-from app.engine.own_cycle import TELLING, OwnCycle, own_cycle
+from app.engine.causality.own_cycle import TELLING, OwnCycle, own_cycle
 from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
 

@@ -9,10 +9,10 @@ import pytest
 
 from app.engine.audit import audit
 from app.engine.oscillation import detect
-from app.engine.plant_wide import Candidate, groups
+from app.engine.plant_wide.groups import Candidate, groups
+from app.engine.plant_wide.swing import swing_of
 from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, Wave, first_order, simulate_loop
-from app.engine.swing import swing_of
 from app.ingest import read_recordings
 
 INTERVAL_S = 5.0

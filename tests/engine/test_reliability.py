@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from app.engine import reliability
 from app.engine.armax import SearchSpace
 from app.engine.recording import UniformRecord
-from app.engine.reliability import LadderConfig, climb, read_table2
+from app.engine.reference import reliability
+from app.engine.reference.reliability import LadderConfig, climb, read_table2
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
 from app.errors import DataError
 

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.engine.armax import SearchSpace
-from app.engine.hammerstein import HammersteinConfig, identify_one_parameter, identify_two_parameter
 from app.engine.recording import UniformRecord
+from app.engine.reference.hammerstein import HammersteinConfig, identify_one_parameter, identify_two_parameter
 from app.engine.simulate import (
     LinearValve,
     LoopSpec,

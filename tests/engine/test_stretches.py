@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from app.engine.audit import Audit, audit
+from app.engine.long_records.stretches import LONG_SAMPLES, newest, newest_moving, scale_of, speaking_stretch
 from app.engine.oscillation import detect
 from app.engine.preparation import identified_part, prepare
 from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import Pid, Signal, TwoParameterValve
-from app.engine.stretches import LONG_SAMPLES, newest, newest_moving, scale_of, speaking_stretch
 from tests.engine.wandering import FREE, STICKY, TS, recorded
 
 N = 12_000

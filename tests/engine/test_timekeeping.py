@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.engine import verdict
 from app.engine.audit import audit
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import UniformRecord
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, Wave, first_order, simulate_loop
-from app.engine.timekeeping import FEWEST_CYCLES, Timekeeping, timekeeping
-from app.engine.verdict_config import VerdictConfig
+from app.engine.verdict import judge as verdict
+from app.engine.verdict.config import VerdictConfig
+from app.engine.verdict.timekeeping import FEWEST_CYCLES, Timekeeping, timekeeping
 
 PER_CYCLE, CYCLES = 40, 50
 

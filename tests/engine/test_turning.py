@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.engine.turning import relays, stems, usual_range
+from app.engine.signals.turning import relays, stems, usual_range
 
 SIZES, JUMP = np.array([0.1, 0.4]), 0.2
 

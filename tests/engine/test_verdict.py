@@ -11,8 +11,8 @@ from app.engine.fitness import assess, with_cycles
 from app.engine.judgement import Judgement
 from app.engine.oscillation import detect
 from app.engine.recording import Recording
+from app.engine.reference.published_rule import READINGS
 from app.engine.rivals import Rival
-from app.engine.shape_model import fitted_model
 from app.engine.simulate import (
     LoopSpec,
     Pid,
@@ -25,10 +25,10 @@ from app.engine.simulate import (
     rebuild,
     simulate_loop,
 )
-from app.engine.verdict import conclude, judge, methods_reason, weigh
-from app.engine.verdict_config import VerdictConfig
-from app.engine.verdict_reference import READINGS
-from app.engine.verdict_wording import WORDED, is_spoken, sentence_without_value
+from app.engine.verdict.config import VerdictConfig
+from app.engine.verdict.judge import conclude, judge, methods_reason, weigh
+from app.engine.verdict.shape_model import fitted_model
+from app.engine.verdict.wording import WORDED, is_spoken, sentence_without_value
 
 
 def simulated(seed: int = 1, length_s: float = 1200.0, **changes) -> Recording:

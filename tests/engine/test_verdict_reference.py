@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.engine.verdict_reference import READINGS, judge, rmse_gain
+from app.engine.reference.published_rule import READINGS, judge, rmse_gain
 
 
 def curve(*rmse: float) -> SimpleNamespace:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.engine import yper
+from app.engine.reference import yper
 from app.errors import DataError
 
 N = 256

@@ -10,17 +10,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.engine import yper
 from app.engine.armax import SearchSpace
-from app.engine.hammerstein import (
+from app.engine.recording import UniformRecord
+from app.engine.reference import yper
+from app.engine.reference.hammerstein import (
     HammersteinConfig,
     OneParameterResult,
     TwoParameterResult,
     identify_one_parameter,
     identify_two_parameter,
 )
-from app.engine.recording import UniformRecord
-from app.engine.reliability import LadderConfig, climb
+from app.engine.reference.reliability import LadderConfig, climb
 from app.engine.simulate import Scenario, figure_ten, system_one, system_two
 
 PROJECT = Path(__file__).resolve().parents[2]

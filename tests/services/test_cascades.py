@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.engine.cascades import Cascade
-from app.engine.excerpts import excerpts_of
-from app.engine.plant_wide import Group, Suspect
+from app.engine.plant_wide.cascades import Cascade
+from app.engine.plant_wide.excerpts import excerpts_of
+from app.engine.plant_wide.groups import Group, Suspect
 from app.engine.recording import Recording
 from app.ingest import read_recordings
 from app.services.auditing import hearing

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.engine import verdict_parameters
 from app.engine.features import NAMES
 from app.engine.fitness import assess
 from app.engine.judgement import Judgement
 from app.engine.recording import Recording
-from app.engine.shape_model import fitted_model
+from app.engine.verdict import parameters as verdict_parameters
+from app.engine.verdict.shape_model import fitted_model
 from app.errors import DataError
 from app.ingest import read_recordings
 from app.services.evaluation import fitting, parameters, recordings, report, scoring

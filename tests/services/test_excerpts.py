@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.engine.excerpts import LENGTH, Excerpts
+from app.engine.plant_wide.excerpts import LENGTH, Excerpts
 from app.services.auditing.excerpts import as_json, from_json
 
 NUMBERS = np.array([3, 7], np.int64)

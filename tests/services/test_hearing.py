@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from app.engine.audit import audit
-from app.engine.excerpts import Excerpts
-from app.engine.plant_wide import Candidate, Suspect, groups
+from app.engine.plant_wide.excerpts import Excerpts
+from app.engine.plant_wide.groups import Candidate, Suspect, groups
 from app.services.auditing import swings
 from app.services.auditing.audit_line import audit_line
 from app.services.auditing.excerpts import as_json, by_tag

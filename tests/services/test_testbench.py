@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.engine.causality.stem_search import Asked
 from app.engine.simulate import first_order, integrator
-from app.engine.stem_search import Asked
 from app.services.testbench import __main__ as command
 from app.services.testbench import neighbours, plots, tables
 from app.services.testbench.building import build

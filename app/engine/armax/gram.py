@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from app.engine.recording import FloatArray
-from app.engine.sampled import REORDERED_SUMS
+from app.engine.signals.sampled import REORDERED_SUMS
 
 # Numbers of NumPy, because numba compiles a kernel anew for each literal that it is called with.
 NOW, LAST = cast(int, np.int64(0)), cast(int, np.int64(1))

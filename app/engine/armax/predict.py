@@ -6,7 +6,7 @@ from numba import njit
 from app.engine.armax.gram import add_lagged
 from app.engine.armax.roots import roots_of
 from app.engine.recording import FloatArray
-from app.engine.sampled import REORDERED_SUMS
+from app.engine.signals.sampled import REORDERED_SUMS
 
 SLOWEST_ROOT = 0.998
 """The roots of C stay within this radius: nearer to 1 the start of the record is not forgotten within it."""

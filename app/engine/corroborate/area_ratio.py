@@ -6,7 +6,7 @@ from app.engine.corroborate.case import FEWEST_HALF_CYCLES, Case
 from app.engine.corroborate.corroboration import Corroboration, Method
 from app.engine.corroborate.half_cycles import PHASE, POINTS
 from app.engine.recording import FloatArray
-from app.engine.sampled import ROUNDING
+from app.engine.signals.sampled import ROUNDING
 
 METHOD = Method(
     "area_ratio",

@@ -8,7 +8,7 @@ from scipy import fft
 from app.engine.corroborate.case import Case
 from app.engine.corroborate.corroboration import Corroboration, Method, Says
 from app.engine.recording import FloatArray
-from app.engine.sampled import block_means, hann, unlike, without_drift
+from app.engine.signals.sampled import block_means, hann, unlike, without_drift
 
 METHOD = Method(
     "bicoherence",

@@ -9,7 +9,7 @@ from app.engine.corroborate.half_cycles import half_cycles
 from app.engine.features import ShapeWindow
 from app.engine.oscillation import REGULAR_ABOVE, Oscillation
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.sampled import without_drift
+from app.engine.signals.sampled import without_drift
 
 FEWEST_SAMPLES_A_CYCLE = 8.0
 FEWEST_CYCLES = 3.0

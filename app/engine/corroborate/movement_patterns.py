@@ -5,7 +5,7 @@ import numpy as np
 from app.engine.corroborate.case import Case
 from app.engine.corroborate.corroboration import Corroboration, Method
 from app.engine.features.window import PER_CYCLE
-from app.engine.patterns import rho_3
+from app.engine.signals.movement_patterns import rho_3
 
 METHOD = Method(
     "movement_patterns",

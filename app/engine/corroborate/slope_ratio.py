@@ -7,7 +7,7 @@ from app.engine.corroborate.corroboration import Corroboration, Method
 from app.engine.features import ShapeWindow
 from app.engine.features.window import PER_CYCLE
 from app.engine.recording import FloatArray
-from app.engine.sampled import ROUNDING
+from app.engine.signals.sampled import ROUNDING
 
 METHOD = Method(
     "slope_ratio",

@@ -8,7 +8,7 @@ from numba import njit
 from app.engine.features.travel import REVERSAL, reversals
 from app.engine.features.window import ShapeWindow
 from app.engine.recording import FloatArray, IntArray
-from app.engine.sampled import burstiness, quantiles
+from app.engine.signals.sampled import burstiness, quantiles
 
 _FEWEST_LEGS = 4
 _BINS = 8

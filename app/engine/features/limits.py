@@ -6,7 +6,7 @@ import numpy as np
 
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import BoolArray, FloatArray
-from app.engine.sampled import ROUNDING, at_ends, moving_average, quantiles, without_line
+from app.engine.signals.sampled import ROUNDING, at_ends, moving_average, quantiles, without_line
 
 _SAME_STEP = 0.02
 _FEWEST_STEPS = 10

@@ -7,7 +7,7 @@ from scipy import fft
 
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import FloatArray
-from app.engine.sampled import ROUNDING, correlation, hann
+from app.engine.signals.sampled import ROUNDING, correlation, hann
 
 _SEGMENT = 3 * PER_CYCLE
 # In segments of three cycles the fundamental is line 3; its neighbours belong to it where the period wanders.

@@ -10,7 +10,7 @@ from scipy import fft
 
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import FloatArray
-from app.engine.sampled import ROUNDING, hann, log_kurtosis, skewness
+from app.engine.signals.sampled import ROUNDING, hann, log_kurtosis, skewness
 
 ComplexArray = NDArray[np.complex128]
 

@@ -7,9 +7,9 @@ import numpy as np
 from numba import njit
 
 from app.engine.features.window import CYCLES, PER_CYCLE, ShapeWindow, window_of
-from app.engine.patterns import rho_3
 from app.engine.recording import BoolArray, FloatArray, IntArray
-from app.engine.sampled import ROUNDING, burstiness, correlation, quantiles
+from app.engine.signals.movement_patterns import rho_3
+from app.engine.signals.sampled import ROUNDING, burstiness, correlation, quantiles
 
 REVERSAL = 0.7
 _STILL_BAND = 0.3

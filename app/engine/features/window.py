@@ -7,7 +7,7 @@ import numpy as np
 
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.sampled import moving_average, resample, without_drift, without_line
+from app.engine.signals.sampled import moving_average, resample, without_drift, without_line
 
 PER_CYCLE = 40
 CYCLES = 15

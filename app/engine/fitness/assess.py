@@ -14,7 +14,7 @@ from app.engine.fitness.resample import is_regular, to_uniform
 from app.engine.fitness.signals import newest_long_run, run_lengths, still_at_its_end, usable_values
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, Recording, UniformRecord
-from app.engine.sampled import blocks
+from app.engine.signals.sampled import blocks
 from app.errors import DataError
 
 LATER_CHECKS: tuple[CheckCode, ...] = (

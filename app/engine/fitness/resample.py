@@ -6,7 +6,7 @@ import numpy as np
 
 from app.engine.fitness.config import FitnessConfig
 from app.engine.recording import BoolArray, FloatArray, UniformRecord
-from app.engine.sampled import held
+from app.engine.signals.sampled import held
 
 # Of an interval: by so much a grid may miss the stamp that it was laid on.
 _ROUNDING = 1e-6

@@ -6,7 +6,7 @@ import numpy as np
 
 from app.engine.fitness.config import LIMIT_BAND
 from app.engine.recording import BoolArray, FloatArray, IntArray, Span, known_span
-from app.engine.sampled import at_ends
+from app.engine.signals.sampled import at_ends
 
 # Beyond this a number is a bad-value marker of some system or an overflow on its way: its square is not finite.
 LARGEST_PLAUSIBLE = 1e100

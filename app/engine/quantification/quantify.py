@@ -10,7 +10,7 @@ from app.engine.quantification.kernel import residuals
 from app.engine.quantification.size import Interval, StictionSize
 from app.engine.quantification.weighing import Weights, weigh
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.sampled import cycle_ranges
+from app.engine.signals.sampled import cycle_ranges
 
 LEVELS_PCT = (50.0, 80.0, 95.0)
 _LIVELY = 0.8

@@ -7,7 +7,7 @@ from numba import njit
 
 from app.engine.features import PER_CYCLE, ShapeWindow
 from app.engine.recording import FloatArray
-from app.engine.sampled import ROUNDING, moving_average
+from app.engine.signals.sampled import ROUNDING, moving_average
 
 _SMOOTHING_HALF = 1
 _LATEST = PER_CYCLE // 10

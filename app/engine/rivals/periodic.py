@@ -5,7 +5,7 @@ from numba import njit
 
 from app.engine.features import PER_CYCLE
 from app.engine.recording import FloatArray
-from app.engine.sampled import REORDERED_SUMS, moving_average, without_drift
+from app.engine.signals.sampled import REORDERED_SUMS, moving_average, without_drift
 
 _PERIODS = PER_CYCLE * np.linspace(0.96, 1.04, 13)
 _DRIFT_HALF = int(1.5 * PER_CYCLE)

@@ -8,7 +8,7 @@ from numba import njit
 from app.engine.features import PER_CYCLE
 from app.engine.freerun import fill_sums, process_grid, valve_position
 from app.engine.recording import FloatArray
-from app.engine.sampled import dot, without_drift
+from app.engine.signals.sampled import dot, without_drift
 
 _DRIFT_HALF = int(1.5 * PER_CYCLE)
 _WORST = -1.0

@@ -12,7 +12,7 @@ from app.engine.recording import FloatArray, UniformRecord
 from app.engine.rivals.line import Line, line, worst
 from app.engine.rivals.periodic import held_out_sine
 from app.engine.rivals.response import response
-from app.engine.sampled import ROUNDING, correlation, moving_average, resample, without_drift, without_line
+from app.engine.signals.sampled import ROUNDING, correlation, moving_average, resample, without_drift, without_line
 
 _WINDOWS = 2
 _SMOOTHING_HALF = 2

@@ -2,7 +2,7 @@
 
 from app.engine.rivals.rival import Rival, not_evaluated, rising
 from app.engine.rivals.scene import Scene
-from app.engine.sampled import correlation
+from app.engine.signals.sampled import correlation
 
 FOLLOWED = 0.7
 _NOTHING = 0.4

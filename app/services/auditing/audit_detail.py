@@ -6,8 +6,8 @@ import numpy as np
 
 from app.engine.audit import Audit
 from app.engine.corroborate import Corroboration
-from app.engine.hammerstein import OneParameterResult, TwoParameterResult
-from app.engine.reliability import Rung
+from app.engine.reference.hammerstein import OneParameterResult, TwoParameterResult
+from app.engine.reference.reliability import Rung
 from app.services.auditing.audit_line import episode_line, rival_line, space_of
 from app.services.auditing.json_numbers import numbers, scalars
 from app.services.auditing.size_line import stiction_size_detail

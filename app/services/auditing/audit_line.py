@@ -5,10 +5,10 @@ from datetime import datetime
 from typing import Any
 
 from app.engine.audit import Audit
-from app.engine.episodes import Episode
 from app.engine.evidence import Reason
 from app.engine.fitness.signals import set_point_activity
-from app.engine.reliability import Rung
+from app.engine.long_records.episodes import Episode
+from app.engine.reference.reliability import Rung
 from app.engine.rivals import Rival, runner_up, winner
 from app.services.auditing.audit_models import (
     AuditFields,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from app.engine.audit import audit
 from app.engine.audit_config import AuditConfig
-from app.engine.excerpts import excerpts_of
+from app.engine.plant_wide.excerpts import excerpts_of
 from app.errors import LoopauditError
 from app.logs import about
 from app.services.auditing.ending import end_if_complete

@@ -3,7 +3,7 @@
 from datetime import datetime, timedelta
 from typing import Any
 
-from app.engine.episodes import BEGAN, ENDED, SPELL, episode_text
+from app.engine.long_records.episodes import BEGAN, ENDED, SPELL, episode_text
 from app.services.moments import PlantClock, iso_utc
 
 

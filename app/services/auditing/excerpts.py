@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from app.engine.excerpts import LENGTH, Excerpts
+from app.engine.plant_wide.excerpts import LENGTH, Excerpts
 from app.engine.recording import FloatArray, Steps
 from app.services.moments import FIRST_DATED
 from app.storage.json_texts import short_json

@@ -5,7 +5,7 @@ from time import perf_counter
 from typing import Any
 
 from app.engine.audit import audit
-from app.engine.excerpts import Excerpts, excerpts_of
+from app.engine.plant_wide.excerpts import Excerpts, excerpts_of
 from app.ingest import RecordingsRead
 from app.services.auditing import swings
 from app.services.auditing.audit_line import audit_line

@@ -6,12 +6,12 @@ from collections.abc import Callable, Collection, Container, Iterable, Mapping, 
 from dataclasses import dataclass, replace
 from typing import Any
 
-from app.engine.cascades import Cascade, cascades
 from app.engine.codes import ReasonCode
 from app.engine.evidence import told_probability
-from app.engine.excerpts import Excerpts
 from app.engine.health import HealthPart, doubted_health
-from app.engine.plant_wide import Candidate, Group, Suspect, groups
+from app.engine.plant_wide.cascades import Cascade, cascades
+from app.engine.plant_wide.excerpts import Excerpts
+from app.engine.plant_wide.groups import Candidate, Group, Suspect, groups
 from app.services.auditing.audit_models import ReasonLine
 from app.services.wording import RELIABILITY_BRIEF, VERDICT_WORDS
 

@@ -1,7 +1,7 @@
 """What the codes of a verdict's reasons mean: the reason itself says what was measured."""
 
 from app.engine.features import NAMES
-from app.engine.verdict_wording import WORDED, is_spoken, sentence_without_value
+from app.engine.verdict.wording import WORDED, is_spoken, sentence_without_value
 
 # Codes of the checks before an audit. The first part refuses a recording; the others only make it doubtful.
 _DATA = {

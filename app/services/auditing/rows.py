@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from app.engine.audit import Audit
-from app.engine.excerpts import Excerpts
+from app.engine.plant_wide.excerpts import Excerpts
 from app.engine.recording import Recording
 from app.services.auditing import excerpts, swings
 from app.services.auditing.audit_detail import detail

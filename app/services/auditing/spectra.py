@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from app.engine.yper import YperResult
+from app.engine.reference.yper import YperResult
 from app.services.auditing.json_numbers import numbers
 
 STORED_FREQUENCIES = 256

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from app.engine.plant_wide import Candidate
-from app.engine.swing import Swing
+from app.engine.plant_wide.groups import Candidate
+from app.engine.plant_wide.swing import Swing
 from app.services.moments import FIRST_DATED
 from app.storage.json_texts import short_json
 

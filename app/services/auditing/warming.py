@@ -5,14 +5,15 @@ from collections.abc import Iterator
 import numpy as np
 
 from app import kernel_cache
-from app.engine import key_figures, verdict
+from app.engine import key_figures
 from app.engine.audit import audit
 from app.engine.audit_config import AuditConfig
-from app.engine.episodes import find
+from app.engine.long_records.episodes import find
 from app.engine.preparation import prepare
 from app.engine.quantification import quantify
 from app.engine.recording import FloatArray, Recording
-from app.engine.reliability import climb
+from app.engine.reference.reliability import climb
+from app.engine.verdict import judge as verdict
 
 SAMPLES = 300
 

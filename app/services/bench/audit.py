@@ -12,8 +12,8 @@ import numpy as np
 from app.engine import audit as engine
 from app.engine.armax import SearchSpace
 from app.engine.audit import AuditConfig, audit
-from app.engine.hammerstein import HammersteinConfig, identify_one_parameter
 from app.engine.recording import Recording, UniformRecord
+from app.engine.reference.hammerstein import HammersteinConfig, identify_one_parameter
 from app.services.bench.bench import Bench, Figures
 from app.services.bench.loops import records
 from app.services.bench.measure import median_s

@@ -1,6 +1,6 @@
 """`python -m app.services.evaluation FOLDER`: leave-one-valve-out figures of a folder of labelled recordings.
 
---write puts the model fitted on all of them into app/engine/verdict_parameters.py; --verdicts FILE writes the
+--write puts the model fitted on all of them into app/engine/verdict/parameters.py; --verdicts FILE writes the
 leave-one-valve-out verdicts as JSON lines for the scorer; --pairs fits a model for each pair of a sticky and a healthy
 valve as well (minutes); --strangers N asks the engine of PV and OP of different valves. Simulated loops and networks
 have fixed seeds: the same recordings give the same numbers.
@@ -15,14 +15,14 @@ from pathlib import Path
 
 import numpy as np
 
-from app.engine import shape_model
 from app.engine.judgement import Judgement
 from app.engine.recording import FloatArray, IntArray
 from app.engine.rivals import compete
-from app.engine.shape_model import ShapeModel
-from app.engine.unanswered import unanswered
-from app.engine.verdict import conclude, counted_against, weigh_features
-from app.engine.verdict_config import VerdictConfig
+from app.engine.verdict import shape_model
+from app.engine.verdict.config import VerdictConfig
+from app.engine.verdict.judge import conclude, counted_against, weigh_features
+from app.engine.verdict.shape_model import ShapeModel
+from app.engine.verdict.unanswered import unanswered
 from app.services.evaluation import parameters, report, scoring
 from app.services.evaluation.components import component_scores
 from app.services.evaluation.fitting import FitConfig, Samples, TextArray, fit, platt, valve_weights

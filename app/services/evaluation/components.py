@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from app.engine import verdict_reference
 from app.engine.corroborate import corroborate
+from app.engine.long_records.stretches import NEWEST_SAMPLES, newest
 from app.engine.recording import FloatArray
-from app.engine.reliability import climb
-from app.engine.shape_model import ShapeModel
-from app.engine.stretches import NEWEST_SAMPLES, newest
+from app.engine.reference import published_rule as verdict_reference
+from app.engine.reference.reliability import climb
+from app.engine.verdict.shape_model import ShapeModel
 from app.errors import DataError
 from app.services.evaluation.fitting import SIGNS
 from app.services.evaluation.recordings import Labelled

@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 
 from app.engine.features import NAMES
 from app.engine.recording import FloatArray, IntArray
-from app.engine.shape_model import ShapeModel
+from app.engine.verdict.shape_model import ShapeModel
 
 TextArray = NDArray[np.str_]
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from app.engine.features import NAMES
-from app.engine.shape_model import ShapeModel
+from app.engine.verdict.shape_model import ShapeModel
 
 _DIGITS = 4
 _WIDTH = 112

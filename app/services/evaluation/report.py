@@ -7,7 +7,7 @@ from scipy.special import expit
 
 from app.engine.judgement import Judgement
 from app.engine.recording import FloatArray, IntArray
-from app.engine.shape_model import ShapeModel
+from app.engine.verdict.shape_model import ShapeModel
 from app.services.evaluation.fitting import TextArray
 from app.services.evaluation.leave_one_out import by_valve
 from app.services.evaluation.parameters import version_of

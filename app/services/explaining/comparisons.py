@@ -12,7 +12,7 @@ from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison, LinearSimulation
 from app.engine.mismatch.compare.comparison import LEAST_SAMPLES
 from app.engine.recording import FloatArray, Recording
-from app.engine.sampled import held
+from app.engine.signals.sampled import held
 from app.errors import DataError, RequestError
 from app.ingest import IngestOptions, NamedTable, RecordingsRead, read_named, read_recordings
 from app.services.explaining.aligning import Aligned, beyond, covering, onto, sample_by_sample

@@ -7,8 +7,8 @@ from typing import Any
 
 from sqlalchemy import Connection
 
+from app.engine.long_records.stretches import LONG_SAMPLES
 from app.engine.mismatch.compare.comparison import LEAST_SAMPLES
-from app.engine.stretches import LONG_SAMPLES
 from app.errors import DataError, NotFoundError, RequestError
 from app.nanoseconds import NS_PER_H
 from app.services.auditing.recordings import recording_of

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from app.engine.evidence import Reason
+from app.engine.long_records.stretches import LONG_SAMPLES
 from app.engine.mismatch import Comparison
 from app.engine.preparation import identified_part
 from app.engine.recording import Recording
-from app.engine.stretches import LONG_SAMPLES
 
 
 def span_to_explain(recording: Recording) -> tuple[float, float] | None:

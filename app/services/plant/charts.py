@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from app.engine import yper
 from app.engine.fitness import FitnessConfig
 from app.engine.fitness.align import align
 from app.engine.fitness.holes import newest_without_hole
@@ -15,6 +14,7 @@ from app.engine.fitness.resample import to_uniform
 from app.engine.fitness.signals import resolution, usable_values
 from app.engine.freerun import valve_position
 from app.engine.recording import Recording, UniformRecord
+from app.engine.reference import yper
 from app.errors import DataError
 from app.ingest import carried
 from app.nanoseconds import NS_PER_S

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from concurrent.futures import Future, wait
 from typing import Any
 
-from app.engine.plant_wide import IN_STEP, UNNAMED, Group, groups
+from app.engine.plant_wide.groups import IN_STEP, UNNAMED, Group, groups
 from app.nanoseconds import NS_PER_S
 from app.services.auditing.swings import candidates
 from app.services.backend import Backend

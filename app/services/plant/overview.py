@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any, Literal
 
-from app.engine.episodes import BEGAN
+from app.engine.long_records.episodes import BEGAN
 from app.services.auditing.audits import get_audit
 from app.services.auditing.repairs import BEFORE_REPAIR, SINCE_REPAIR, of_before
 from app.services.backend import Backend

@@ -6,7 +6,7 @@ from datetime import datetime
 from itertools import takewhile
 from typing import Any
 
-from app.engine.episodes import BEGAN
+from app.engine.long_records.episodes import BEGAN
 from app.services.backend import Backend
 from app.services.moments import PlantClock
 from app.services.plant.judged import Judged, judged

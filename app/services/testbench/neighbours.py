@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.audit import Audit, audit
-from app.engine.plant_wide import Candidate, groups
+from app.engine.plant_wide.groups import Candidate, groups
 from app.engine.recording import FloatArray
 from app.engine.simulate import LoopSpec, Pid, Signal, SimulatedLoop, TwoParameterValve, first_order, simulate_loop
 from app.services.auditing.hearing import neighbours_doubts

@@ -16,8 +16,8 @@ from itertools import product
 import numpy as np
 
 from app.engine.audit import audit
-from app.engine.excerpts import excerpts_of
-from app.engine.plant_wide import Candidate
+from app.engine.plant_wide.excerpts import excerpts_of
+from app.engine.plant_wide.groups import Candidate
 from app.engine.recording import FloatArray, Recording
 from app.services.auditing.hearing import Said, hear
 from app.services.testbench.wiring import Lag, Pi, Valve, Wandering

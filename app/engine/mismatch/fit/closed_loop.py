@@ -16,7 +16,7 @@ from app.engine.mismatch.loop.law import Controller, Law, identify_law, tried_on
 from app.engine.mismatch.loop.plant import Plant
 from app.engine.oscillation import detect
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.yper import compute
+from app.engine.reference.yper import compute
 
 IDENTIFIED = 0.9
 MOST_SAMPLES, MOST_PASSES = 3000, 800

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from app.engine.recording import BoolArray, FloatArray
-from app.engine.sampled import REORDERED_SUMS
+from app.engine.signals.sampled import REORDERED_SUMS
 
 POLE_MAX = 0.9995
 ZERO_MAX = 0.97

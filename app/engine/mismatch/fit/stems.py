@@ -13,7 +13,7 @@ from app.engine.mismatch.loop.experiment import Experiment
 from app.engine.mismatch.loop.plant import Plant
 from app.engine.mismatch.physics.valve_stiction import reach
 from app.engine.recording import BoolArray, FloatArray
-from app.engine.sampled import REORDERED_SUMS
+from app.engine.signals.sampled import REORDERED_SUMS
 from app.engine.valve import two_parameter_he
 
 SHARES = (0.0, 0.08, 0.16, 0.25, 0.5, 0.75, 1.0)  # J / S

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.engine.excerpts import LENGTH, Excerpts
-from app.engine.innovations import apart, innovations
+from app.engine.plant_wide.excerpts import LENGTH, Excerpts
 from app.engine.recording import Array32, FloatArray, IntArray, Steps
+from app.engine.signals.innovations import apart, innovations
 
 ORDER = 6
 

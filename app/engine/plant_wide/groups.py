@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 from scipy.special import pdtrc
 
+from app.engine.plant_wide.swing import BAND_EDGES_HZ, ComplexArray, Swing
 from app.engine.recording import Array32, BoolArray, FloatArray, IntArray
-from app.engine.swing import BAND_EDGES_HZ, ComplexArray, Swing
 
 IN_STEP = 0.7
 """Coherence from which two loops count as shaken by the same thing: among swings that wander chance reaches it in about

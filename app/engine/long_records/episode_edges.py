@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.sampled import without_line
+from app.engine.signals.sampled import without_line
 
 _FEWEST_PIECES = 3
 _LEAST_CHANGE = 1.5

@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.engine.recording import FloatArray
-from app.engine.sampled import quantiles
+from app.engine.signals.sampled import quantiles
 from app.engine.valve import kano_stems
 
 _RANGE = (0.01, 0.99)

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.engine.causality.stem_search import PARTS, STRIDES, Asked, asked_of, moving_part
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.sampled import cycle_ranges
-from app.engine.stem_search import PARTS, STRIDES, Asked, asked_of, moving_part
-from app.engine.turning import relays, stems, usual_range
+from app.engine.signals.sampled import cycle_ranges
+from app.engine.signals.turning import relays, stems, usual_range
 
 SHARES, JUMPS = (0.4, 0.55, 0.7, 0.85, 1.0), (0.1, 0.6)
 """S over what OP moves in a cycle, and J over S, of the valves that are tried."""

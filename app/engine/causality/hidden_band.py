@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.engine.causality.stem_search import PARTS, asked_of, moving_part
 from app.engine.recording import UniformRecord
-from app.engine.stem_search import PARTS, asked_of, moving_part
-from app.engine.turning import stems, usual_range
+from app.engine.signals.turning import stems, usual_range
 
 SIZES = np.geomspace(0.03, 0.6, 8)
 """S over the range of OP. A valve that is called healthy has a band too: what is below is none to ask for."""

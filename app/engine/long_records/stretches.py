@@ -13,8 +13,8 @@ from app.engine.fitness import Whole
 from app.engine.fitness.signals import newest_long_run, run_lengths, standing, still_at_its_end
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import IntArray, UniformRecord
-from app.engine.sampled import blocks, slow_share, unlike
-from app.engine.verdict import weigh
+from app.engine.signals.sampled import blocks, slow_share, unlike
+from app.engine.verdict.judge import weigh
 
 LONG_SAMPLES = 2000
 """Samples above which a record is judged by stretches."""

@@ -13,9 +13,9 @@ import numpy as np
 
 from app.engine.codes import ReasonCode
 from app.engine.evidence import Reason
-from app.engine.hammerstein import OneParameterResult
 from app.engine.judgement import Judgement
-from app.engine.reliability import Reference
+from app.engine.reference.hammerstein import OneParameterResult
+from app.engine.reference.reliability import Reference
 
 READINGS = {
     "high_stiction": "PV has harmonics that OP does not produce (Yper {yper:.3g} %), and the identification finds "

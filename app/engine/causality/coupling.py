@@ -4,10 +4,10 @@ import numpy as np
 from scipy.special import chdtrc
 
 from app.engine.features import PER_CYCLE
-from app.engine.innovations import apart, innovations
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.sampled import block_means
+from app.engine.signals.innovations import apart, innovations
+from app.engine.signals.sampled import block_means
 
 ORDER = 20
 LAGS = 20

@@ -6,10 +6,10 @@ much alike as in a loop at work, and such a loop hardly cycles.
 
 import numpy as np
 
+from app.engine.causality.foretelling import FORETOLD, Lags, fitted, left_over, not_far
 from app.engine.fitness.signals import STANDING, standing
-from app.engine.foretelling import FORETOLD, Lags, fitted, left_over, not_far
 from app.engine.recording import BoolArray, FloatArray, UniformRecord
-from app.engine.sampled import blocks, slow_share, unlike
+from app.engine.signals.sampled import blocks, slow_share, unlike
 
 SHORTEST_BLOCK, FEWEST_BLOCKS = 16, 8
 HELD = 0.93

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from app.engine.recording import BoolArray, FloatArray
-from app.engine.sampled import blocks, forgetting
+from app.engine.signals.sampled import blocks, forgetting
 
 MEMORIES = (8.0, 24.0, 72.0)
 """Means after which what is older counts a third."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from app.engine.rivals import BEHIND_ALL
-from app.engine.verdict_parameters import VERSION
+from app.engine.verdict.parameters import VERSION
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.engine.answering import goes_its_own_way
+from app.engine.causality.answering import goes_its_own_way
+from app.engine.causality.coupling import strangers_chance, strangers_chance_finely
+from app.engine.causality.hidden_band import HiddenBand, hidden_band
+from app.engine.causality.own_cycle import OwnCycle, could_be_missed, own_cycle
 from app.engine.codes import UNANSWERED, Cause, CheckCode, shape_code
 from app.engine.corroborate import Corroboration, corroborate
-from app.engine.coupling import strangers_chance, strangers_chance_finely
 from app.engine.evidence import Finding, Measured, Operator, Reason, measured_of, reason_of
 from app.engine.features import NAMES, Features, observe
 from app.engine.fitness import Fitness
-from app.engine.hidden_band import HiddenBand, hidden_band
 from app.engine.judgement import (
     FOREIGN_CYCLE,
     HIDDEN_BAND,
@@ -25,15 +26,14 @@ from app.engine.judgement import (
     Verdict,
 )
 from app.engine.oscillation import Oscillation
-from app.engine.own_cycle import OwnCycle, could_be_missed, own_cycle
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.reliability import Reference
+from app.engine.reference.reliability import Reference
 from app.engine.rivals import FOLLOWED, SATURATED, Rival, compete, contest, held_out_fundamental
-from app.engine.sampled import correlation
-from app.engine.shape_model import ShapeModel, fitted_model
-from app.engine.timekeeping import timekeeping
-from app.engine.verdict_config import VerdictConfig
-from app.engine.verdict_wording import is_spoken, sentence
+from app.engine.signals.sampled import correlation
+from app.engine.verdict.config import VerdictConfig
+from app.engine.verdict.shape_model import ShapeModel, fitted_model
+from app.engine.verdict.timekeeping import timekeeping
+from app.engine.verdict.wording import is_spoken, sentence
 
 _REASONS_GIVEN = 3
 _PHASE_SINE = NAMES.index("phase_sine")

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.engine.causality.foretelling import Lags, Table, fitted, not_far
 from app.engine.fitness.signals import STANDING, newest_long_run, standing, stored_points
-from app.engine.foretelling import Lags, Table, fitted, not_far
 from app.engine.recording import BoolArray, FloatArray, UniformRecord
-from app.engine.turning import usual_range
+from app.engine.signals.turning import usual_range
 
 MOST_SAMPLES = 40_000
 """The newest of these are enough, and their tables have 40 MB."""

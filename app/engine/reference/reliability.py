@@ -5,11 +5,11 @@ from typing import Literal
 
 import numpy as np
 
-from app.engine import yper
 from app.engine.armax import SearchSpace
-from app.engine.hammerstein import HammersteinConfig, Identification, OneParameterResult, TwoParameterResult
 from app.engine.recording import IntArray, UniformRecord
-from app.engine.yper import YperResult
+from app.engine.reference import yper
+from app.engine.reference.hammerstein import HammersteinConfig, Identification, OneParameterResult, TwoParameterResult
+from app.engine.reference.yper import YperResult
 from app.errors import DataError
 
 Reading = Literal["high_stiction", "high_no_stiction", "low_stiction", "low_no_stiction"]
@@ -124,7 +124,7 @@ def climb(
     zero. The two-parameter model is kept beside it and never decides; being the costlier one, it is identified
     on the last rung reached only. A record that is too short for the first rung starts on the widest one below that
     it can bear; one that is too short for the next rung ends the climb.
-    Raises DataError as app.engine.yper.compute and app.engine.hammerstein do: flat signals, missing values, and
+    Raises DataError as yper.compute and hammerstein do: flat signals, missing values, and
     DataError("record_too_short") where no rung can be identified.
 
     Misleads: at the paper's threshold of 0.5 % nearly every real record is high, so agreement repeats the verdict.

@@ -6,7 +6,7 @@ import numpy as np
 
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.sampled import hann, without_line
+from app.engine.signals.sampled import hann, without_line
 
 FEWEST_CYCLES = 8
 SMOOTHED_CYCLES = 2.0

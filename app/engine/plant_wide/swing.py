@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.sampled import hann, without_line
+from app.engine.signals.sampled import hann, without_line
 
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
 

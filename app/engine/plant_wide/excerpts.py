@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.recording import FloatArray, IntArray, Recording, Steps
-from app.engine.sampled import ROUNDING, held
+from app.engine.signals.sampled import ROUNDING, held
 
 LENGTH = 64
 MOST = 6

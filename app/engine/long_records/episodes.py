@@ -9,15 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.codes import ReasonCode
-from app.engine.episode_edges import refined
 from app.engine.evidence import Reason, told_probability
 from app.engine.features import extract
 from app.engine.judgement import Reliability
+from app.engine.long_records.episode_edges import refined
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import UniformRecord
 from app.engine.rivals import compete
-from app.engine.shape_model import fitted_model
-from app.engine.verdict import weigh_features
+from app.engine.verdict.judge import weigh_features
+from app.engine.verdict.shape_model import fitted_model
 
 SPELL: ReasonCode = "short_lived_stiction"
 ENDED: ReasonCode = "stiction_ended"

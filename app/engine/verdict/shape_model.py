@@ -10,9 +10,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from app.engine import verdict_parameters as fitted
 from app.engine.features import NAMES
 from app.engine.recording import FloatArray
+from app.engine.verdict import parameters as fitted
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,1 @@
+"""Records of days: the stretch that speaks for them, and episodes that are dated."""

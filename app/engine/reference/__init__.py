@@ -1,0 +1,1 @@
+"""The published rule, run faithfully: Yper, Hammerstein identification, table 2."""

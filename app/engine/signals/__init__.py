@@ -1,0 +1,1 @@
+"""Operations on sampled signals that several rooms share; none knows of loops."""
