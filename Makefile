@@ -73,10 +73,10 @@ RECORDINGS ?= ../shared/recordings
 
 # WRITE=--write puts the fitted parameters into the engine.
 evaluate: install
-	$(BIN)/python -m app.services.evaluation $(RECORDINGS) --reference $(WRITE)
+	$(BIN)/python -m app.lab.evaluation $(RECORDINGS) --reference $(WRITE)
 
 testbench: install
-	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m app.services.testbench --jobs $(or $(JOBS),1) --write docs
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m app.lab.testbench --jobs $(or $(JOBS),1) --write docs
 
 # Blind cases with concealed physics: what explain names, what it accuses wrongly, how well it fits (COUNT=200 takes a quarter hour).
 prove: install

@@ -47,8 +47,8 @@ def bench(
       loopaudit bench search audit --out bench.json --page PERFORMANCE.md
     """
     os.environ.update(dict.fromkeys(_one_thread(), "1"))
-    from app.services.bench import running
-    from app.services.bench.page import performance_page, summary
+    from app.lab.bench import running
+    from app.lab.bench.page import performance_page, summary
 
     refuse_outputs([out, page])
     wanted = running.Wanted([s.value for s in sections or list(Section)], quick, postgres, redis, recordings)

@@ -15,7 +15,7 @@ from app.engine.armax import Order, SearchSpace, refine, search_orders
 from app.engine.recording import UniformRecord
 from app.engine.reference.hammerstein import HammersteinConfig, identify_one_parameter, identify_two_parameter
 from app.engine.valve import one_parameter, two_parameter_he
-from app.services.bench.measure import median_s
+from app.lab.bench.measure import median_s
 
 pytestmark = [pytest.mark.benchmark, pytest.mark.shared]
 

@@ -10,7 +10,7 @@ import httpx
 import numpy as np
 
 from app.engine.recording import FloatArray
-from app.services.bench.loops import records
+from app.lab.bench.loops import records
 
 GROUP = 20
 FIRST_MINUTE_S = 1_767_225_600

@@ -15,7 +15,7 @@ from typer.testing import CliRunner, Result
 
 from app.cli.audit import recording_files
 from app.cli.main import cli
-from app.services.testbench.spells import spell
+from app.lab.testbench.spells import spell
 
 CONTRACT = {
     "recording", "loop", "samples", "sampling_interval_s", "verdict", "stiction_probability", "reliability", "reasons",

@@ -14,13 +14,13 @@ from typer.testing import CliRunner
 
 from app.cli.main import cli
 from app.engine.simulate import SimulatedLoop
+from app.lab.testbench import neighbours
 from app.services.auditing.audit_line import flat_reasons
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.hearing import SHAKEN_BY_NEIGHBOUR
 from app.services.intake import reading, uploads
 from app.services.plant.reliability import reliability_page
-from app.services.testbench import neighbours
 
 START = np.datetime64("2026-11-01T00:00:00", "ms")
 SOURCE, TAGS = "FIC0", ("FIC0", "FIC1", "FIC2")

@@ -14,7 +14,7 @@ from typer.testing import CliRunner, Result
 from app.cli.main import cli
 from app.cli.outputs import part_of, refuse_outputs, written
 from app.errors import RequestError
-from app.services.bench import running
+from app.lab.bench import running
 
 FULL = Path("/dev/full")
 

@@ -11,7 +11,7 @@ from app.engine.audit import Audit, audit
 from app.engine.recording import Recording
 from app.engine.simulate import LinearValve, LoopSpec, Pid, Signal, TwoParameterValve, Wave, first_order, simulate_loop
 from app.ingest import read_recordings
-from app.services.evaluation.recordings import read
+from app.lab.evaluation.recordings import read
 
 _STICKY = LoopSpec(
     plant=first_order(1.0, 10.0, 3.0),

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from app.services.bench import ingest, plant
-from app.services.bench.page import performance_page
-from app.services.bench.running import read
+from app.lab.bench import ingest, plant
+from app.lab.bench.page import performance_page
+from app.lab.bench.running import read
 
 FIGURES = Path(__file__).parents[2] / "docs" / "performance.json"
 

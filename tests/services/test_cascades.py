@@ -11,6 +11,7 @@ from app.engine.plant_wide.excerpts import excerpts_of
 from app.engine.plant_wide.groups import Group, Suspect
 from app.engine.recording import Recording
 from app.ingest import read_recordings
+from app.lab.testbench import structures
 from app.services.auditing import hearing
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
@@ -30,7 +31,6 @@ from app.services.backend import Backend
 from app.services.next_steps import OUTER, next_step
 from app.services.plant.loops import loop_health, patch_loop, verdict_detail
 from app.services.plant.reliability import RowFilter, reliability_page
-from app.services.testbench import structures
 from app.storage import loops, series
 from app.storage.audits import LoopFilter
 from app.storage.samples import Samples

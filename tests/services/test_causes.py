@@ -5,9 +5,9 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from app.services.evaluation.causes import RIGHT, confusion
-from app.services.testbench.causes import spoiled_loops
-from app.services.testbench.spells import spell
+from app.lab.evaluation.causes import RIGHT, confusion
+from app.lab.testbench.causes import spoiled_loops
+from app.lab.testbench.spells import spell
 
 
 def test_every_cause_is_built_and_again_the_same():

@@ -6,9 +6,9 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from app.engine.audit import audit
+from app.lab.testbench.spells import spell
 from app.services.auditing.rows import FIELDS, new_verdict
 from app.services.moments import UTC_CLOCK
-from app.services.testbench.spells import spell
 
 ORIGIN = datetime(2026, 1, 1, tzinfo=UTC)
 

@@ -11,6 +11,8 @@ import pytest
 from sqlalchemy import update
 
 from app.engine.simulate import SimulatedLoop
+from app.lab.testbench import neighbours
+from app.lab.testbench.neighbours import SOURCE
 from app.services.auditing import ending
 from app.services.auditing.audits import cancel_audit, get_audit, start_audit
 from app.services.auditing.chunks import audit_chunk
@@ -19,8 +21,6 @@ from app.services.auditing.hearing import SHAKEN_BY_NEIGHBOUR
 from app.services.backend import Backend
 from app.services.plant.loops import loop_health, verdict_detail
 from app.services.plant.reliability import RowFilter, reliability_json, reliability_page
-from app.services.testbench import neighbours
-from app.services.testbench.neighbours import SOURCE
 from app.services.upkeep.operations import sweep
 from app.storage import audits, items, loops, series
 from app.storage.audits import LoopFilter

@@ -14,12 +14,12 @@ from app.engine.verdict import parameters as verdict_parameters
 from app.engine.verdict.shape_model import fitted_model
 from app.errors import DataError
 from app.ingest import read_recordings
-from app.services.evaluation import fitting, parameters, recordings, report, scoring
-from app.services.evaluation.fitting import FitConfig, Samples, class_weights, fit, platt, valve_weights
-from app.services.evaluation.leave_one_out import by_valve
-from app.services.evaluation.leave_pair_out import area_by_pairs
-from app.services.evaluation.strangers import judged, strangers
-from app.services.testbench.known_loops import known_loops
+from app.lab.evaluation import fitting, parameters, recordings, report, scoring
+from app.lab.evaluation.fitting import FitConfig, Samples, class_weights, fit, platt, valve_weights
+from app.lab.evaluation.leave_one_out import by_valve
+from app.lab.evaluation.leave_pair_out import area_by_pairs
+from app.lab.evaluation.strangers import judged, strangers
+from app.lab.testbench.known_loops import known_loops
 
 
 def samples(n: int, seed: int) -> Samples:

@@ -12,12 +12,12 @@ import pytest
 from app.engine.audit import audit
 from app.engine.plant_wide.excerpts import Excerpts
 from app.engine.plant_wide.groups import Candidate, Suspect, groups
+from app.lab.testbench import neighbours
+from app.lab.testbench.neighbours import SOURCE
 from app.services.auditing import swings
 from app.services.auditing.audit_line import audit_line
 from app.services.auditing.excerpts import as_json, by_tag
 from app.services.auditing.hearing import SHAKEN_BY_NEIGHBOUR, heard_together, neighbour_text
-from app.services.testbench import neighbours
-from app.services.testbench.neighbours import SOURCE
 
 SHAKEN = ("shaken 0", "shaken 1", "shaken 2")
 

@@ -1,6 +1,6 @@
 """The measurement of the size of stiction: loops that know their S, and a table that counts what was said of them."""
 
-from app.services.testbench.sizing import Sized, fitted, sized, table, verify
+from app.lab.testbench.sizing import Sized, fitted, sized, table, verify
 
 
 def test_loops_know_their_S_and_are_sized():

@@ -5,9 +5,9 @@ from collections import Counter, defaultdict
 import numpy as np
 import pytest
 
-from app.services.testbench import structures
-from app.services.testbench.structures import KINDS, WITH_A_VALVE, record
-from app.services.testbench.wiring import Lag, Pi, Valve
+from app.lab.testbench import structures
+from app.lab.testbench.structures import KINDS, WITH_A_VALVE, record
+from app.lab.testbench.wiring import Lag, Pi, Valve
 
 
 def _moves(signal):

@@ -8,13 +8,13 @@ import pytest
 
 from app.engine.causality.stem_search import Asked
 from app.engine.simulate import first_order, integrator
-from app.services.testbench import __main__ as command
-from app.services.testbench import neighbours, plots, tables
-from app.services.testbench.building import build
-from app.services.testbench.case import HEALTHY, PLANTS, ordinary, wide
-from app.services.testbench.ladders import LADDERS, WIDE, Design, plan
-from app.services.testbench.running import Outcome, run
-from app.services.testbench.tuning import tuned
+from app.lab.testbench import __main__ as command
+from app.lab.testbench import neighbours, plots, tables
+from app.lab.testbench.building import build
+from app.lab.testbench.case import HEALTHY, PLANTS, ordinary, wide
+from app.lab.testbench.ladders import LADDERS, WIDE, Design, plan
+from app.lab.testbench.running import Outcome, run
+from app.lab.testbench.tuning import tuned
 
 
 def sticky_case(**changes):

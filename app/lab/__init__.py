@@ -1,0 +1,1 @@
+"""What measures the product: accuracy on labelled recordings, limits on simulated loops, speed beside its peers."""

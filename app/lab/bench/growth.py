@@ -1,0 +1,63 @@
+"""What grows with what, carried from what was measured to 100,000 loops: what breaks first, and what to add."""
+
+import math
+
+from app.lab.bench.bench import Figures
+
+LOOPS = 100_000
+NIGHT_H = 6.0
+
+
+def growth(sections: Figures) -> str:
+    """The page's part on growth; without a measured plant there is nothing to carry on."""
+    plant = sections.get("plant", {})
+    if "whole" not in plant:
+        return "## Growth\n\nNeeds the section `plant`.\n"
+    lines = ["## Growth to 100,000 loops", "", *_cost(plant), "", *_storage(plant), "", *_first(plant, sections)]
+    return "\n".join(lines) + "\n"
+
+
+def _cost(plant: Figures) -> list[str]:
+    whole = plant["whole"]
+    some = plant["some_2"]
+    ratio = whole["ms_a_loop"] / some["ms_a_loop"]
+    hours = LOOPS * whole["ms_a_loop"] / 3.6e6
+    needed = max(1, math.ceil(hours / NIGHT_H))
+    return [
+        f"A loop costs {whole['ms_a_loop']:.0f} ms of a worker in a run of {whole['loops']:,} loops and "
+        f"{some['ms_a_loop']:.0f} ms in one of {some['loops']:,} ({ratio:.2f} times): cost is linear in loops. "
+        f"100,000 loops are {hours:.1f} worker hours a night: {hours / 2 * 60:.0f} minutes with two workers; "
+        f"{needed} workers do it in {NIGHT_H:.0f} hours. Two workers did {plant['scaling']:.2f} times the work of "
+        "one; what they share is the data base.",
+    ]
+
+
+def _storage(plant: Figures) -> list[str]:
+    per = plant["storage"]
+    rows = ["| table | bytes a loop and night | 14,000 loops, a year | 100,000 loops, a year |", "|---|---|---|---|"]
+    for name, size in per.items():
+        rows.append(
+            f"| {name} | {size:,.0f} | {size * 14_000 * 365 / 1e9:,.0f} GB | {size * LOOPS * 365 / 1e9:,.0f} GB |"
+        )
+    return rows
+
+
+def _first(plant: Figures, sections: Figures) -> list[str]:
+    series = plant["storage"]["series"] * LOOPS / 1e9
+    table_kb = sections.get("api", {}).get("busy", {}).get("table, whole", {}).get("kb")
+    loops = sections.get("api", {}).get("loops") or 1
+    whole = f": with 100,000 rows {table_kb / loops * LOOPS / 1e3:.0f} MB" if table_kb else ""
+    return [
+        "What breaks first, in this order, and what to add then:",
+        "",
+        f"1. **Disk, by series**: {series:.1f} GB a night. Keep weeks, not years (an audit reads the newest week), or "
+        "put the packed stretches into object storage and leave their keys in PostgreSQL. Where months are kept, "
+        "partition `series` by month: retention is then a DROP instead of millions of deletes.",
+        f"2. **Answers that hold every loop**{whole}. They end at 20,000 rows: take pages, or a unit at a time.",
+        "3. **Worker hours**: add workers on other machines. A claim is one short statement for a chunk of loops; some "
+        "dozens of workers share a data base before claims are felt.",
+        "4. **Verdicts**: 36 million rows a year. Reads go by loop or by run through an index and do not notice; "
+        "vacuum and back-ups do. Partition `verdicts` by run at that size, and keep `verdict_details` for months only.",
+        "5. **One file with the whole day**: 430 million values. It goes through in the same memory, but one worker "
+        "reads it: send a file a unit, and as many workers read as there are files.",
+    ]

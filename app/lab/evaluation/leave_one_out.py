@@ -1,0 +1,50 @@
+"""Leave one valve out: every recording judged by a model that has seen nothing of its valve."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.engine.features import extract
+from app.engine.oscillation import detect
+from app.engine.recording import FloatArray, IntArray
+from app.lab.evaluation.fitting import (
+    Samples,
+    TextArray,
+    class_weights,
+    resembling_weights,
+    valve_weights,
+)
+from app.lab.testbench.known_loops import known_loops
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Features (n, F) of n recordings with their valves (n,), their labels (n,) and what these count in a fit (n,)."""
+
+    values: FloatArray
+    valves: TextArray
+    sticky: IntArray
+    trust: FloatArray
+
+    def samples(self) -> Samples:
+        """All recordings, ready to be fitted."""
+        return Samples(self.values, self.sticky, valve_weights(self.valves, self.sticky, self.trust))
+
+
+def simulated_samples(count: int, seed: int, real: FloatArray) -> Samples:
+    """Features of `count` simulated loops, weighted towards those that look like the recordings `real` (n, F)."""
+    values, sticky = [], []
+    for loop in known_loops(count, seed):
+        features = extract(loop.record, detect(loop.record), most_windows=1)
+        if features is not None:
+            values.append(features.values)
+            sticky.append(loop.cause == "stiction")
+    labels = np.array(sticky, dtype=np.int64)
+    samples = Samples(np.array(values), labels, class_weights(np.ones(len(labels)), labels))
+    return resembling_weights(samples, real)
+
+
+def by_valve(valves: TextArray, values: FloatArray) -> tuple[TextArray, FloatArray]:
+    """Valves (V,) and the mean of `values` (n,) over the recordings of each."""
+    names, valve = np.unique(valves, return_inverse=True)
+    return names, np.bincount(valve, weights=values) / np.bincount(valve)
