@@ -30,9 +30,10 @@ from app.engine.plant_wide.swing import Swing, swing_of
 from app.engine.preparation import Preparation, prepare
 from app.engine.quantification import StictionSize, quantify
 from app.engine.recording import Recording, UniformRecord, known_span
-from app.engine.reference import published_rule as verdict_reference
+from app.engine.reference import published_rule
 from app.engine.reference.reliability import LadderConfig, Reference, climb
-from app.engine.verdict import judge as verdict
+from app.engine.verdict import judging
+from app.engine.verdict.reasons import reference_reason
 from app.engine.verdict.unanswered import unanswered
 from app.errors import DataError
 
@@ -126,7 +127,7 @@ def audit(recording: Recording, config: AuditConfig | None = None) -> Audit:
 def _identified(recording: Recording, config: AuditConfig, prepared: Preparation, oscillation: Oscillation) -> Audit:
     fitness = prepared.fitness
     record = newest_moving(fitness.audited, config.max_samples)
-    by_itself = verdict.judge(fitness.audited, oscillation, fitness, config.judgement, recording.integrating)
+    by_itself = judging.judge(fitness.audited, oscillation, fitness, config.judgement, recording.integrating)
     if prepared.rest_of is not None:
         by_itself = replace(by_itself, reasons=(*by_itself.reasons, _rest_reason(fitness, prepared.rest_of)))
     episodes = find(fitness.looked_at, _quicker(oscillation, fitness, config.episodes), config.episodes)
@@ -215,7 +216,7 @@ def ladder_for(judgement: Judgement, config: AuditConfig) -> LadderConfig:
 
 def _with_reference(judgement: Judgement, reference: Reference, fitness: Fitness, config: AuditConfig) -> Judgement:
     """The published rule's reading beside the verdict, which it does not move, and what speaks against the data."""
-    published = verdict.reference_reason(reference, judgement.verdict) + _published_reasons(reference, config)
+    published = reference_reason(reference, judgement.verdict) + _published_reasons(reference, config)
     given = {reason.code for reason in judgement.reasons}
     doubts = tuple(reason_of(f) for f in fitness.findings if f.outcome == "fail" and f.code not in given)
     return replace(judgement, reasons=judgement.reasons + published + doubts)
@@ -223,7 +224,7 @@ def _with_reference(judgement: Judgement, reference: Reference, fitness: Fitness
 
 def _published_reasons(reference: Reference, config: AuditConfig) -> tuple[Reason, ...]:
     """The reasons of the published rule, marked as its own; what it says of its own probability is left out."""
-    reasons = verdict_reference.judge(reference, config.verdict).reasons
+    reasons = published_rule.judge(reference, config.verdict).reasons
     marked = (replace(r, text=f"published rule: {r.text}") for r in reasons if r.code != "reference_only")
     return tuple(marked)
 

@@ -20,7 +20,7 @@ from app.engine.recording import Recording
 from app.engine.reference import hammerstein
 from app.engine.reference.reliability import Reference, climb
 from app.engine.rivals import compete
-from app.engine.verdict import judge as verdict
+from app.engine.verdict import judging
 
 WHOLE = "whole audit"
 
@@ -72,7 +72,7 @@ def _stages(
     return [
         ("fitness", None, True, lambda: assess(recording, config.fitness)),
         ("oscillation", None, True, lambda: detect(audited)),
-        ("verdict", None, True, lambda: verdict.judge(audited, oscillation, fitness, config.judgement)),
+        ("verdict", None, True, lambda: judging.judge(audited, oscillation, fitness, config.judgement)),
         ("features", "verdict", True, lambda: extract(audited, oscillation)),
         ("rivals", "verdict", True, lambda: compete(audited, oscillation, features)),
         ("corroboration", "verdict", True, lambda: corroborate(audited, oscillation)),

@@ -9,7 +9,7 @@ from app.engine.audit import audit
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import UniformRecord
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, Wave, first_order, simulate_loop
-from app.engine.verdict import judge as verdict
+from app.engine.verdict import doubts as doubting
 from app.engine.verdict.config import VerdictConfig
 from app.engine.verdict.timekeeping import FEWEST_CYCLES, Timekeeping, timekeeping
 
@@ -113,16 +113,16 @@ def test_as_many_cycles_as_are_needed_are_evaluated():
     ],
 )
 def test_a_swing_keeps_time_by_both_yardsticks_or_not_at_all(monkeypatch, jitter, unlike, doubted):
-    monkeypatch.setattr(verdict, "timekeeping", lambda record, oscillation: Timekeeping(jitter, unlike))
+    monkeypatch.setattr(doubting, "timekeeping", lambda record, oscillation: Timekeeping(jitter, unlike))
     config = VerdictConfig(min_jitter=0.015, min_jitter_of_unlike=0.035)
-    doubts = verdict._keeps_time(record(np.zeros(3), np.zeros(3)), swing(), config)
+    doubts = doubting._keeps_time(record(np.zeros(3), np.zeros(3)), swing(), config)
     assert [doubt.code for doubt in doubts] == ["keeps_time"] * doubted
     assert [doubt.measured.passed for doubt in doubts] == [False] * doubted
 
 
 def test_a_swing_that_could_not_be_measured_is_no_doubt(monkeypatch):
-    monkeypatch.setattr(verdict, "timekeeping", lambda record, oscillation: None)
-    assert verdict._keeps_time(record(np.zeros(3), np.zeros(3)), swing(), VerdictConfig()) == []
+    monkeypatch.setattr(doubting, "timekeeping", lambda record, oscillation: None)
+    assert doubting._keeps_time(record(np.zeros(3), np.zeros(3)), swing(), VerdictConfig()) == []
 
 
 def loop(seed, **changes):

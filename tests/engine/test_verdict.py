@@ -26,8 +26,10 @@ from app.engine.simulate import (
     simulate_loop,
 )
 from app.engine.verdict.config import VerdictConfig
-from app.engine.verdict.judge import conclude, judge, methods_reason, weigh
+from app.engine.verdict.judging import conclude, judge
+from app.engine.verdict.reasons import methods_reason
 from app.engine.verdict.shape_model import fitted_model
+from app.engine.verdict.weighing import weigh
 from app.engine.verdict.wording import WORDED, is_spoken, sentence_without_value
 
 

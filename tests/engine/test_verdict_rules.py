@@ -13,7 +13,8 @@ from app.engine.oscillation import Oscillation, detect
 from app.engine.rivals import Rival
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
 from app.engine.verdict.config import VerdictConfig
-from app.engine.verdict.judge import Weighing, conclude, weigh
+from app.engine.verdict.judging import conclude
+from app.engine.verdict.weighing import Weighing, weigh
 
 # Whether the cycle is the valve's own is asked where a verdict needs it no more; that of these tests is nearly a sine.
 CONFIG = VerdictConfig(reliable_own_cycle_from=0.85, max_cycling_wave=1.0)

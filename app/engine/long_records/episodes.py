@@ -16,8 +16,8 @@ from app.engine.long_records.episode_edges import refined
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import UniformRecord
 from app.engine.rivals import compete
-from app.engine.verdict.judge import weigh_features
 from app.engine.verdict.shape_model import fitted_model
+from app.engine.verdict.weighing import weigh_features
 
 SPELL: ReasonCode = "short_lived_stiction"
 ENDED: ReasonCode = "stiction_ended"

@@ -14,7 +14,7 @@ from app.engine.fitness.signals import newest_long_run, run_lengths, standing, s
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import IntArray, UniformRecord
 from app.engine.signals.sampled import blocks, slow_share, unlike
-from app.engine.verdict.judge import weigh
+from app.engine.verdict.weighing import weigh
 
 LONG_SAMPLES = 2000
 """Samples above which a record is judged by stretches."""

@@ -1,4 +1,4 @@
-"""The fusion of the features: a monotone logistic and a small network, both plain numbers in `verdict_parameters`.
+"""The fusion of the features: a monotone logistic and a small network, both plain numbers in `parameters`.
 
 The network learned from simulated loops and from recordings together; the logistic from recordings alone, with the sign
 of every weight fixed by physics beforehand (OP and PV in quadrature can only speak for stiction, and so on). Their mean

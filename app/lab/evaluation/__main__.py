@@ -20,9 +20,10 @@ from app.engine.recording import FloatArray, IntArray
 from app.engine.rivals import compete
 from app.engine.verdict import shape_model
 from app.engine.verdict.config import VerdictConfig
-from app.engine.verdict.judge import conclude, counted_against, weigh_features
+from app.engine.verdict.judging import conclude
 from app.engine.verdict.shape_model import ShapeModel
 from app.engine.verdict.unanswered import unanswered
+from app.engine.verdict.weighing import counted_against, weigh_features
 from app.lab.evaluation import parameters, report, scoring
 from app.lab.evaluation.components import component_scores
 from app.lab.evaluation.fitting import FitConfig, Samples, TextArray, fit, platt, valve_weights
@@ -32,7 +33,7 @@ from app.lab.evaluation.recordings import Labelled, labelled
 from app.lab.evaluation.strangers import judged as judged_strangers
 from app.lab.evaluation.strangers import strangers
 
-_PARAMETERS = Path(shape_model.__file__).with_name("verdict_parameters.py")
+_PARAMETERS = Path(shape_model.__file__).with_name("parameters.py")
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -5,7 +5,7 @@ import numpy as np
 from app.engine.corroborate import corroborate
 from app.engine.long_records.stretches import NEWEST_SAMPLES, newest
 from app.engine.recording import FloatArray
-from app.engine.reference import published_rule as verdict_reference
+from app.engine.reference import published_rule
 from app.engine.reference.reliability import climb
 from app.engine.verdict.shape_model import ShapeModel
 from app.errors import DataError
@@ -53,7 +53,7 @@ def _published(loops: list[Labelled]) -> list[tuple[str, FloatArray]]:
         except DataError:
             found = None
         yper.append(None if found is None else found.yper.yper_pct)
-        rule.append(None if found is None else verdict_reference.judge(found).stiction_probability)
+        rule.append(None if found is None else published_rule.judge(found).stiction_probability)
     return [("Yper, unit standard deviation", _array(yper)), ("published rule", _array(rule))]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from app.engine.judgement import Judgement
 from app.engine.preparation import prepare
 from app.engine.recording import Recording
-from app.engine.verdict.judge import judge
+from app.engine.verdict.judging import judge
 from app.lab.evaluation.recordings import Labelled
 
 _FEWEST_SAMPLES = 300

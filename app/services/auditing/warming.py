@@ -13,7 +13,7 @@ from app.engine.preparation import prepare
 from app.engine.quantification import quantify
 from app.engine.recording import FloatArray, Recording
 from app.engine.reference.reliability import climb
-from app.engine.verdict import judge as verdict
+from app.engine.verdict import judging
 
 SAMPLES = 300
 
@@ -44,7 +44,7 @@ def verdicts() -> None:
         prepared = prepare(recording, config.fitness)
         fitness, oscillation = prepared.fitness, prepared.oscillation
         assert oscillation is not None  # noqa: S101 - both of them swing
-        verdict.judge(fitness.audited, oscillation, fitness, config.judgement)
+        judging.judge(fitness.audited, oscillation, fitness, config.judgement)
         find(fitness.audited, oscillation, config.episodes)
         quantify(fitness.audited, oscillation, True, config.quantification)
         key_figures.compute(recording)

@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 from app.engine.mismatch import compile_kernels
-from app.engine.mismatch.compete import competition as compete
+from app.engine.mismatch.compete import competition
 from app.engine.mismatch.fit import closed_loop, fitting
 from app.engine.mismatch.fit import noise as noise_module
 from app.engine.mismatch.fit.fitting import fit_linear, polish, quiet_noise
@@ -155,15 +155,15 @@ def test_starts_at_one_place_are_descended_from_once(monkeypatch):
     block = next(block for block in library(found.record) if block.name == "valve.deadband")
     first, second = block.starts(Context(found.record, found.plant), found.residual)[[10, 20]]
     places: list[bytes] = []
-    whole = compete.descended
+    whole = competition.descended
 
     def counted(task, x, steps):
         places.append(x.tobytes())
         return whole(task, x, steps)
 
-    monkeypatch.setattr(compete, "descended", counted)
-    scanned = compete.Scanned(block, (Start(first, 2.0), Start(second, 1.0), Start(first, 1.0)), 2.0, 1.0)
-    begun = compete.begin(scanned, found)
+    monkeypatch.setattr(competition, "descended", counted)
+    scanned = competition.Scanned(block, (Start(first, 2.0), Start(second, 1.0), Start(first, 1.0)), 2.0, 1.0)
+    begun = competition.begin(scanned, found)
     assert len(places) == len(set(places)) == 2
     assert len(begun) == 3
 
@@ -178,9 +178,9 @@ def test_a_process_that_runs_away_gains_nothing_and_is_no_fault(rate: float):
     found = base()
     known = next(block for block in library(found.record) if block.name == "process.resonance")
     block = replace(known, replaces=runs_away, suits=None)
-    scanned = compete.survey(found, (block,))[0]
+    scanned = competition.survey(found, (block,))[0]
     assert max(scanned.gain, scanned.quiet_gain) <= 0.0
-    assert all(fit.likelihood < found.likelihood for fit in compete.begin(scanned, found))
+    assert all(fit.likelihood < found.likelihood for fit in competition.begin(scanned, found))
 
 
 @pytest.mark.parametrize("sizes", [(0.7, -0.3), (0.7, -0.3, 0.2, 0.1, -0.4, 0.5)])

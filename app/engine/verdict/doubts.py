@@ -1,0 +1,244 @@
+"""What keeps a verdict from being relied on: evidence that is not clear, strangers, data, time, other loops."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.engine.causality.answering import goes_its_own_way
+from app.engine.causality.coupling import strangers_chance, strangers_chance_finely
+from app.engine.causality.hidden_band import HiddenBand, hidden_band
+from app.engine.causality.own_cycle import OwnCycle
+from app.engine.codes import UNANSWERED, Cause, CheckCode
+from app.engine.evidence import Finding, Measured, Operator, Reason, reason_of
+from app.engine.features import NAMES
+from app.engine.fitness import Fitness
+from app.engine.judgement import (
+    FOREIGN_CYCLE,
+    HIDDEN_BAND,
+    NO_ANSWER,
+    PV_STANDS,
+    UNCOUPLED,
+    WOUND_UP,
+    Verdict,
+)
+from app.engine.oscillation import Oscillation
+from app.engine.recording import UniformRecord
+from app.engine.rivals import FOLLOWED, SATURATED, Rival, held_out_fundamental
+from app.engine.signals.sampled import correlation
+from app.engine.verdict.config import VerdictConfig
+from app.engine.verdict.reasons import of_rival
+from app.engine.verdict.timekeeping import timekeeping
+from app.engine.verdict.weighing import Weighing
+
+_PHASE_SINE = NAMES.index("phase_sine")
+
+# Findings that leave a verdict possible and take its reliability away. Not op_interpolated: against a standing PV an
+# integrating controller runs on straight lines by itself.
+_DOUBTFUL_DATA: frozenset[CheckCode] = frozenset({"pv_quantised", "pv_interpolated", "filled", "stored_points"})
+
+# For most of the stretch one of them held one value, as behind a valve that is stuck: the rest of it says little.
+_DEAD: frozenset[CheckCode] = frozenset({"op_flat", "pv_flat"})
+
+
+def _band_reason(band: HiddenBand | None) -> tuple[Reason, ...]:
+    if band is None:
+        return ()
+    text = (
+        f"PV goes as behind a valve that moves only after OP has gone some {band.S:.2g} units the other way: it may "
+        "stick, or have play, by so much, whatever the shapes say"
+    )
+    return (Reason(HIDDEN_BAND, text, Measured(band.nats, "<=", band.needed)),)
+
+
+def foreign_cycle(own: OwnCycle) -> tuple[Reason, ...]:
+    if not own.missed:
+        return ()
+    text = (
+        f"in {own.cycles:.0f} cycles PV does not go as behind a valve that sticks for much of what OP moves in each, "
+        "as it would if the valve made them: what goes to and fro elsewhere makes such shapes too, and has PV stand"
+    )
+    return (Reason(FOREIGN_CYCLE, text),)
+
+
+def doubts(
+    weighing: Weighing,
+    verdict: Verdict,
+    oscillation: Oscillation,
+    fitness: Fitness,
+    own: OwnCycle,
+    config: VerdictConfig,
+) -> tuple[Reason, ...]:
+    """Why the shapes and their time do not make the verdict reliable; empty where they do."""
+    doubts = []
+    if not own.shown:
+        doubts.extend(_unclear(weighing, oscillation, config))
+    if oscillation.cycles < config.min_cycles:
+        text = f"what was judged holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be relied on"
+        doubts.append(Reason("few_cycles", text, Measured(oscillation.cycles, ">=", config.min_cycles)))
+    if verdict == "no_stiction":
+        doubts.extend((*_no_answer(fitness), *_band_reason(hidden_band(fitness.looked_at))))
+    if verdict == "stiction":
+        doubts.extend(_shaped_outside(weighing, config))
+        doubts.extend(_keeps_time(fitness.audited, oscillation, config))
+        doubts.extend(of_rival(rival) for rival in weighing.rivals if rival.stands_out and rival.counts)
+    return tuple(doubts)
+
+
+def parts_disagree(weighing: Weighing, fitness: Fitness, config: VerdictConfig) -> tuple[Reason, ...]:
+    """Of a long record its stretches are asked, of others the windows."""
+    whole = fitness.speaks_for
+    if whole is not None:
+        text = f"only {whole.agreeing} of the {whole.judged} stretches that were judged are on this side"
+        text += "" if whole.newest_agree else ", the newest two are not"
+        return (Reason("stretches_disagree", text),) if whole.contested else ()
+    spread = Measured(weighing.window_spread, "<=", config.max_window_spread * abs(weighing.log_odds_by_shapes))
+    if spread.passed:
+        return ()
+    return (Reason("windows_disagree", "parts of the record say different things about the valve", spread),)
+
+
+def _unclear(weighing: Weighing, oscillation: Oscillation, config: VerdictConfig) -> list[Reason]:
+    """A limit cycle is evidence of its own, a sine that comes from outside is none; and a rival that stands out makes
+    stiction the less likely cause, but clears no valve whose shapes do not.
+    """
+    probability, shapes = weighing.probability, weighing.probability_by_shapes
+    if probability <= config.reliable_no_stiction_to:
+        if shapes <= config.reliable_no_stiction_to:
+            return []
+        text = f"another cause explains the record, but the shapes do not clear the valve: {shapes:.2f} by them alone"
+        return [Reason("not_cleared", text, Measured(shapes, "<=", config.reliable_no_stiction_to))]
+    if probability >= config.reliable_stiction_from:
+        return []
+    if probability >= config.reliable_cycling_from and _limit_cycle(weighing, oscillation, config):
+        return []
+    text = f"the evidence is not clear enough: probability of stiction {probability:.2f}"
+    needed: Operator = ">=" if probability > 0.5 else "<="
+    limit = config.reliable_stiction_from if probability > 0.5 else config.reliable_no_stiction_to
+    return [Reason("evidence_not_clear", text, Measured(probability, needed, limit))]
+
+
+def _limit_cycle(weighing: Weighing, oscillation: Oscillation, config: VerdictConfig) -> bool:
+    """Whether the loop swings regularly and strongly, and not as one sine under noise does: a valve that sticks lets go
+    now and then. Nor in quadrature, as what comes from outside does behind integral action, and what too much of that
+    makes: where a limit cycle is in quadrature it has corners, and the shapes say so clearly.
+    """
+    if not oscillation.regular or oscillation.strength < config.strong_swing:
+        return False
+    if weighing.features.values[_PHASE_SINE] > config.max_cycling_phase:
+        return False
+    if any(rival.cause == "set_point_following" and (rival.explained or 0.0) >= FOLLOWED for rival in weighing.rivals):
+        return False
+    window = weighing.features.windows[0]
+    return any(held_out_fundamental(x) < config.max_cycling_wave for x in (window.pv, window.op))
+
+
+def unrelated_signals(fitness: Fitness, oscillation: Oscillation, config: VerdictConfig) -> tuple[Reason, ...]:
+    """Where PV and OP are one signal, or may be strangers (a tag of another loop), nothing is shown of a valve; little
+    where they go together only in what is quick.
+    """
+    record = fitness.audited
+    if 1.0 - correlation(record.pv, record.op) ** 2 < config.min_difference:
+        text = "PV is OP on another scale: a controller of gain alone, one tag for both, or no process between them"
+        return (Reason("same_signal", text),)
+    if strangers_chance(fitness.looked_at, oscillation) < config.max_strangers_chance:
+        return ()
+    if strangers_chance_finely(fitness.looked_at, oscillation) < config.max_strangers_chance:
+        text = "what is new in PV and what is new in OP go together in what is quick, and not over a part of a swing"
+        return (Reason("uncoupled_slowly", text),)
+    text = (
+        "what is new in PV and what is new in OP have nothing to do with each other: tags of two loops, or no loop, or "
+        "a historian that stored each only now and then"
+    )
+    return (Reason(UNCOUPLED, text),)
+
+
+@dataclass(frozen=True)
+class Lost:
+    """That by the end of a record nothing is controlled any more: what the valve did till then clears it no longer."""
+
+    reason: Reason
+    cause: Cause
+
+
+def lost_of(fitness: Fitness) -> Lost | None:
+    if fitness.pv_dead_s is not None:
+        text = (
+            f"PV has held one value for the last {fitness.pv_dead_s / 3600.0:.2g} h while OP moved, and never for so "
+            "long before: unless the unit stands, the transmitter is dead, or the valve is stuck; look at both"
+        )
+        return Lost(Reason(PV_STANDS, text), UNANSWERED)
+    if fitness.wound_up_s is not None:
+        text = (
+            f"OP has mostly stood at its limit for the last {fitness.wound_up_s / 3600.0:.2g} h, as never before, and "
+            "PV does not come back for it: the valve may stand fast by now, or be too small for the load"
+        )
+        return Lost(Reason(WOUND_UP, text), SATURATED)
+    return None
+
+
+def _no_answer(fitness: Fitness) -> list[Reason]:
+    """Where PV is carried away and is not seen to answer OP, the valve may stand fast, and its loop not cycle."""
+    record = fitness.looked_at
+    if not goes_its_own_way(record):
+        return []
+    text = (
+        f"PV goes its way and shows no answer to OP, which went over {np.ptp(record.op):.3g} units: so it does behind "
+        "a valve that stands fast, or moves now and then only"
+    )
+    return [Reason(NO_ANSWER, text)]
+
+
+def _shaped_outside(weighing: Weighing, config: VerdictConfig) -> list[Reason]:
+    """Where PV and OP are all but the set point's movement, or one sine, the shape need not be the valve's."""
+    doubts = []
+    for rival in weighing.rivals:
+        if rival.cause == "set_point_following" and _follows(rival, config):
+            follows = Measured(rival.strength, "<", config.max_following)
+            doubts.append(Reason("set_point_moves", rival.text, follows))
+        if rival.cause == "external_oscillation" and (rival.statistic or 0.0) >= config.max_wave:
+            wave = Measured(rival.statistic or 0.0, "<", config.max_wave)
+            doubts.append(Reason("nearly_sinusoidal", rival.text, wave))
+    return doubts
+
+
+def _follows(rival: Rival, config: VerdictConfig) -> bool:
+    """PV alone is enough where it is all the set point's: on a level OP is the slope of SP, no response to it."""
+    return rival.strength >= config.max_following or (rival.explained or 0.0) >= config.max_followed
+
+
+def _keeps_time(record: UniformRecord, oscillation: Oscillation, config: VerdictConfig) -> list[Reason]:
+    """A swing that comes back to its time is driven from outside, whatever its shape."""
+    found = timekeeping(record, oscillation)
+    if found is None:
+        return []
+    jitter = Measured(found.jitter, ">=", min(config.min_jitter, config.min_jitter_of_unlike * found.unlike))
+    if jitter.passed:
+        return []
+    text = (
+        f"{oscillation.cycles:.0f} cycles keep time to {100 * found.jitter:.2g} % of a cycle, though they differ by "
+        f"{100 * found.unlike:.0f} % of the swing, as what a timer or a machine drives; a valve that sticks lets go "
+        "sooner or later each time"
+    )
+    return [Reason("keeps_time", text, jitter)]
+
+
+def data_doubts(weighing: Weighing, fitness: Fitness, config: VerdictConfig) -> list[Reason]:
+    # Where the loop cycles on the resolution of its sensor, coarse values are the explanation and not a doubt.
+    cycles_on_it = any(r.cause == "quantised_sensor" and r.stands_out for r in weighing.rivals)
+    codes = _DOUBTFUL_DATA - {"pv_quantised"} if cycles_on_it else _DOUBTFUL_DATA
+    doubts = [reason_of(f) for f in fitness.findings if f.outcome == "fail" and f.code in codes]
+    doubts += [reason_of(f) for f in fitness.findings if f.code in _DEAD and _beyond(f)]
+    if fitness.filled_share is not None and fitness.filled_share > config.max_filled_share:
+        text = f"{100 * fitness.filled_share:.0f} % of the samples were filled by interpolation"
+        doubts.append(Reason("filled_share", text, Measured(fitness.filled_share, "<=", config.max_filled_share)))
+    if fitness.automatic_share is not None and fitness.automatic_share < config.min_automatic_share:
+        text = f"the loop was in automatic for {100 * fitness.automatic_share:.0f} % of the recording only"
+        measured = Measured(fitness.automatic_share, ">=", config.min_automatic_share)
+        doubts.append(Reason("mode_share", text, measured))
+    return doubts
+
+
+def _beyond(finding: Finding) -> bool:
+    """Whether a check's statistic is beyond its threshold, also where enough was left to go on with."""
+    value, threshold = finding.statistic, finding.threshold
+    return value is not None and threshold is not None and value >= threshold
