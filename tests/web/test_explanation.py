@@ -6,6 +6,7 @@ import pytest
 
 from app.services.explaining.wording import (
     NO_SIZE,
+    RANGES,
     effect_in_words,
     effect_words,
     loops,
@@ -44,6 +45,7 @@ DONE = ASKED | {
             "block": "disturbance",
             "condition": "when <b>X</b> moves",
             "parameters": ["gain = 0.5 PV/X (0.4 to 0.6)"],
+            "no_size": "",
             "windows": "0-10 s",
             "reasons": ["because"],
         }
@@ -51,6 +53,7 @@ DONE = ASKED | {
     "errors": [("as given", "1.2", "40", "no (p < 0.001)", "yes (p 0.4)")],
     "loops": [("recorded", "120", "1.4", "3.1", "0.87"), ("simulation as given", "none", "0.2", "8.0", "0.90")],
     "reasons": ["the controller does its part"],
+    "ranges": RANGES,
 }
 
 
@@ -131,5 +134,9 @@ def test_a_fitted_stiction_says_that_it_is_no_size():
         "windows": [],
         "evidence": [],
     }
-    assert effect_in_words(effect)["parameters"] == ["S = 13.8 OP (no interval)", NO_SIZE]
-    assert effect_in_words(effect | {"effect": "sensor.drift"})["parameters"] == ["S = 13.8 OP (no interval)"]
+    told = effect_in_words(effect)
+    assert (told["parameters"], told["no_size"]) == (["S = 13.8 OP (no interval)"], NO_SIZE)
+    assert effect_in_words(effect | {"effect": "sensor.drift"})["no_size"] == ""
+    html = part(DONE | {"told_effects": [told | {"no_size": NO_SIZE}]})
+    assert "<summary>of the model, not the size</summary>S = 13.8 OP" in html
+    assert "in 11 of 33 loops" in html

@@ -100,7 +100,11 @@ SHOWN_WINDOWS = 4
 WAVE_PARTS = ("sine", "cosine")
 """How the numbers of a wave begin, of which any may be zero."""
 SIZED_ELSEWHERE = ("valve.stiction", "valve.deadband")
-NO_SIZE = "of the model that reproduces PV; how large stiction is of a whole limit cycle, the audit states"
+NO_SIZE = "S and J of the model that reproduces PV, not the size: the audit states that, and J is not told"
+RANGES = (
+    "The range behind a number is right only where the model is. It is no 95 % interval on a plant's records: in a trial "
+    "of nine nights such ranges held the true S in 11 of 33 loops, those of the audit in 25 of 25."
+)
 
 
 def effect_words(code: str) -> str:
@@ -112,7 +116,7 @@ def number(value: float | None) -> str:
 
 
 def parameters_in_words(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """ "S = 4.1 OP (3.9 to 4.3)": value, unit and 95 % interval, where the fit has one."""
+    """ "S = 4.1 OP (3.9 to 4.3)": value, unit and the range of the fit, where it has one."""
     return [
         f"{name} = {number(p['value'])} {p['unit']} ({interval_in_words(name, p)})" for name, p in parameters.items()
     ]
@@ -142,6 +146,7 @@ def in_words(found: dict[str, Any]) -> dict[str, Any]:
         "errors": errors(found["fit"]),
         "loops": loops(found["closed_loop"]),
         "reasons": [reason["text"] for reason in found["evidence"]],
+        "ranges": RANGES if any(effect["parameters"] for effect in found["effects"]) else "",
     }
 
 
@@ -153,7 +158,7 @@ def verdict_in_words(verdict: str | None, effects: Sequence[Mapping[str, Any]]) 
 
 
 def effect_in_words(effect: dict[str, Any]) -> dict[str, Any]:
-    caveat = [NO_SIZE] if effect["effect"] in SIZED_ELSEWHERE and effect["parameters"] else []
+    sized = effect["effect"] in SIZED_ELSEWHERE and effect["parameters"]
     return {
         "code": effect["effect"],
         "words": effect_words(effect["effect"]),
@@ -161,7 +166,8 @@ def effect_in_words(effect: dict[str, Any]) -> dict[str, Any]:
         "probability": effect["probability"],
         "block": effect["block"],
         "condition": effect["condition"],
-        "parameters": parameters_in_words(effect["parameters"]) + caveat,
+        "parameters": parameters_in_words(effect["parameters"]),
+        "no_size": NO_SIZE if sized else "",
         "windows": windows_in_words(effect["windows"]),
         "reasons": [reason["text"] for reason in effect["evidence"]],
     }
