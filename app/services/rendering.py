@@ -18,6 +18,7 @@ from app.services.wording import (
     measured_probability,
     probability,
     rely,
+    starter_words,
 )
 
 
@@ -33,6 +34,7 @@ def _environment() -> Environment:
     templates.filters |= {"figure": figure, "probability": probability}
     templates.filters |= {"cause_words": cause_words, "measured_probability": measured_probability}
     templates.filters |= {"headline": headline, "brief": brief, "rely": rely}
+    templates.filters |= {"starter_words": starter_words}
     templates.globals |= {
         "verdict_words": VERDICT_WORDS,
         "reliability_words": RELIABILITY_WORDS,

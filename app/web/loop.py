@@ -32,7 +32,7 @@ from app.services.plant.nights import nights as nights_of
 from app.services.plant.periods import periods
 from app.services.plant.shelving import shelf, step_of
 from app.services.results import LoopView
-from app.services.why_rely import contradiction, points
+from app.services.why_rely import contradiction, derivative, points
 from app.web.explanation import newest_in_words
 from app.web.rendering import page
 
@@ -117,6 +117,7 @@ def _loop_page(
         next_step=step_of(row, repaired_at, shelved, backend.clock, disagrees=bool(disagrees)),
         disagrees=disagrees,
         points=points(row, detail),
+        derivative=derivative(row, explanation),
         size=size_in_words(row, detail),
         periods=periods(backend, tag, row, detail),
         rivals=worth_a_look(detail.get("rivals", ())),

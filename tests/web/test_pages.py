@@ -227,7 +227,7 @@ def test_the_period_of_each_figure_is_told(client, web_backend):
         )
         assert any("of the whole record, 2026-01-01 00:00 to 2026-01-01 00:49" in text for text in texts)
     row, detail = loop_health(web_backend, "LIC7"), verdict_detail(web_backend, "LIC7")
-    assert periods(web_backend, "LIC7", row, detail).lines[1:] == ("All of it was audited.",)
+    assert periods(web_backend, "LIC7", row, detail).lines[1:] == ("All of it was looked at.",)
     part = {"start_s": 0.0, "end_s": 995.0, "samples": 200}
     detail |= {
         "window": part | {"end_s": 1995.0, "samples": 400},
@@ -240,6 +240,16 @@ def test_the_period_of_each_figure_is_told(client, web_backend):
         "The stretch that speaks for it: 200 samples, 2026-01-01 00:00 to 2026-01-01 00:16.",
     )
     assert told.of_figures.endswith("oscillation, Yper and band d are of what was judged")
+    assert told.of_old == ""
+
+
+def test_a_stretch_of_days_ago_is_told_with_its_age(client, web_backend):
+    row, detail = loop_health(web_backend, "LIC7"), verdict_detail(web_backend, "LIC7")
+    part = {"start_s": 0.0, "end_s": 5940.0, "samples": 200}
+    detail |= {"window": part | {"samples": 400}, "identified": part, "reasons": [{"code": "stretches"}]}
+    early = row | {"window_start": "2025-12-29T12:40:00Z", "window_end": "2025-12-29T14:19:00Z"}
+    found = periods(web_backend, "LIC7", early, detail)
+    assert found.of_old == "2025-12-29 12:40 to 14:19, 2.4 days before the newest sample"
 
 
 def test_a_repair_is_withdrawn_on_the_page_and_the_trail_keeps_it(client):
@@ -253,7 +263,7 @@ def test_a_repair_is_withdrawn_on_the_page_and_the_trail_keeps_it(client):
     assert form not in page
     assert "Before and after the repair of 2025-12-30 00:00" not in page
     assert "not this loop" in page
-    assert "by anyone on this machine" in page
+    assert "by a local user without a key" in page
     row = client.get("/v1/trail?action=repair.withdraw").json()["rows"][0]
     assert (row["who"], row["outcome"]) == ("anyone on this machine", "done")
 
@@ -297,7 +307,7 @@ def test_a_loop_is_shelved_on_its_page_left_out_of_the_worst_and_listed_again(cl
     assert (answer.status_code, answer.headers["location"]) == (303, "/loops/LIC7#notes")
     page = client.get("/loops/LIC7").text
     assert form not in page
-    assert "by anyone on this machine" in page
+    assert "by a local user without a key" in page
     assert href in worst.search(client.get("/").text)[0]
     row = client.get("/v1/trail?action=shelving.withdraw").json()["rows"][0]
     assert (row["who"], row["outcome"]) == ("anyone on this machine", "done")
@@ -628,13 +638,13 @@ def test_runs_say_who_started_them_in_the_words_of_the_trail(client, web_backend
     who = client.get("/v1/trail?action=audit.start").json()["rows"][0]["who"]
     assert run["started_by"] == who == "anyone on this machine"
     for address in (f"/runs/{run['id']}", again, whole):
-        assert "by anyone on this machine" in " ".join(client.get(address).text.split())
+        assert "by a local user without a key" in " ".join(client.get(address).text.split())
     night = nightly(web_backend)
     assert night.started_by == "schedule"
     assert "by the nightly schedule" in client.get(f"/runs/{night.id}").text
     assert " by " not in client.get("/runs/1").text.partition("</p>")[0].partition("Started")[2]
     texts = seen(client, "/runs").texts
-    assert {"anyone on this machine", "the nightly schedule", "not known"} <= set(texts)
+    assert {"a local user without a key", "the nightly schedule", "not known"} <= set(texts)
     for ended in (run["id"], again.rpartition("/")[2], whole.rpartition("/")[2], night.id):
         audit_chunk(web_backend, int(ended), "test")
 

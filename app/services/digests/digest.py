@@ -34,6 +34,7 @@ from app.services.wording import (
     cause_words,
     codes_of,
     probability,
+    starter_words,
 )
 from app.storage import digests, notes, plant
 from app.storage.notes import Standing
@@ -384,7 +385,7 @@ def _shelved_lines(digest: Digest) -> list[str]:
     if not digest.shelf.listed:
         return []
     told = [
-        f"  {_line(one.loop)}, {one.words(digest.clock)}; by {_line(one.by)}; now: {one.said}"
+        f"  {_line(one.loop)}, {one.words(digest.clock)}; by {_line(starter_words(one.by))}; now: {one.said}"
         for one in digest.shelf.listed
     ]
     return ["", digest.shelf.count_words.upper(), "", *told]

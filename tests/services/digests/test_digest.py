@@ -103,12 +103,12 @@ def test_a_repair_that_was_written_after_the_run_is_told_in_all_its_lists(backen
     found = digest_of(backend, night)
     assert {one.loop: one.of_before_repair for area in found.areas for one in area.loops}["A1"]
     text = as_text(found)
-    assert "A1 (U1): valve sticks, of before the repair" in text
-    assert "A1: valve sticks (probability 0.90, of before the repair)" in text
-    assert "probability 0.90, of before the repair" in as_html(found)
+    assert "A1 (U1): valve sticks, from before the repair" in text
+    assert "A1: valve sticks (probability 0.90, from before the repair)" in text
+    assert "probability 0.90, from before the repair" in as_html(found)
     assert "evil@example.com: valve sticks (probability 0.90, rely on it)" in text
     (row,) = re.findall(r"A1</a></td><td><span.*?</tr>", plant_report(backend))
-    assert "of before the repair" in row
+    assert "from before the repair" in row
 
 
 def test_the_digest_of_an_older_run_reads_as_of_that_run(backend: Backend, night: str) -> None:
