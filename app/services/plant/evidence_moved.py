@@ -3,6 +3,7 @@
 import re
 from typing import Any
 
+from app.engine.verdict_wording import is_spoken, sentence
 from app.services.wording import PRIOR_ONLY, probability
 
 LEAST_MOVE = 0.1
@@ -19,7 +20,9 @@ def moved(row: Any) -> str:
     prior = PRIOR_ONLY in f"{row.reasons};{row.reasons_before or ''}".split(";")
     if prior or now is None or before is None or abs(now - before) < LEAST_MOVE:
         return ""
-    seen = _seen(_shapes(row.reasons, row.reasons_text), _shapes(row.reasons_before, row.reasons_text_before))
+    shapes = _shapes(row.reasons, row.reasons_text)
+    for_it = {code: told for code, told in shapes.items() if _speaks_for(row.verdict, code, told)}
+    seen = _seen(for_it, _shapes(row.reasons_before, row.reasons_text_before))
     return f"{seen}probability {probability(before)} -> {probability(now)}"
 
 
@@ -28,6 +31,14 @@ def _shapes(codes: str | None, text: str | None) -> dict[str, str]:
     named, told = (codes or "").split(";"), (text or "").split(". ")
     found = zip(named, told, strict=True) if len(named) == len(told) else ()
     return {code: sentence for code, sentence in found if code.startswith(SHAPE)}
+
+
+def _speaks_for(verdict: str, code: str, told: str) -> bool:
+    """Whether a shape is on the side of the verdict: what speaks against it is no news of it."""
+    name, sticks = code.removeprefix(SHAPE), verdict == "stiction"
+    if verdict not in ("stiction", "no_stiction") or not is_spoken(name, not sticks):
+        return True
+    return NUMBER.sub("", sentence(name, not sticks, 0.5)) != NUMBER.sub("", told)
 
 
 def _seen(now: dict[str, str], before: dict[str, str]) -> str:
