@@ -17,7 +17,7 @@ from app.errors import DataError, LoopauditError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from app.ingest import InspectReport, LoopReport, IngestOptions, TagMapping
+    from app.ingest import IngestOptions, InspectReport, LoopReport, TagMapping
 
 SHOWN_LOOPS = 200
 MOSTLY = 0.5

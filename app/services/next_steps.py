@@ -41,9 +41,7 @@ OUTER = (
 )
 NO_VALVE = "Look at the loop whose set point this OP is: that one moves the valve, this one none, as its settings say."
 HOUR_NAMED = "the hour that is named"
-BEGAN_TO_STICK = (
-    f"It sticks, at least since {HOUR_NAMED}, whatever the rest of the record says: ask for a stroke test."
-)
+BEGAN_TO_STICK = f"It sticks, at least since {HOUR_NAMED}, whatever the rest of the record says: ask for a stroke test."
 CLEARED = "Nothing at the valve."
 NOT_CLEARED = (
     "Nothing now: nothing accuses the valve, and the reasons say what keeps this from clearing it. If it stays like "
@@ -235,8 +233,8 @@ def _without_cause(row: Mapping[str, Any]) -> str:
 
 
 PID_CAVEAT = (
-    "Not so where the controller has derivative action (PID): a sticking valve is often cleared wrongly there. Then ask "
-    "for a stroke test where anything else speaks for the valve."
+    "Not so where the controller has derivative action (PID): a sticking valve is often cleared wrongly there. Then "
+    "ask for a stroke test where anything else speaks for the valve."
 )
 
 OF_NO_VERDICT = ("not_in_automatic", "sampled_too_slowly", "on_off_control", "op_at_limits", "controller_not_acting")

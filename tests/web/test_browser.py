@@ -104,7 +104,9 @@ def test_a_record_of_days_opens_at_the_stretch_that_speaks_for_it(opened: Page):
         told = route.fetch().json()
         trend = told["trend"]
         count = len(trend["time"])
-        trend["time"] = [f"2026-01-{1 + 4 * k // count:02d}T{(96 * k // count) % 24:02d}:{k % 60:02d}:00Z" for k in range(count)]
+        trend["time"] = [
+            f"2026-01-{1 + 4 * k // count:02d}T{(96 * k // count) % 24:02d}:{k % 60:02d}:00Z" for k in range(count)
+        ]
         told["judged"] = ["2026-01-01T12:00:00Z", "2026-01-01T18:00:00Z"]
         route.fulfill(json=told)
 

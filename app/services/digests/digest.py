@@ -84,14 +84,14 @@ class Area:
 
 @dataclass(frozen=True)
 class Digest:
-    """What one run came to; the same whenever it is asked for, but for loops that were retired since and, as long as it
-    is the newest run, for notes that were written since. `refused`: how many loops were not auditable, by likely cause;
-    `refused_loops`: the most important of each. `to_manual`: loops that went to manual, and what is still said of them.
-    `old`: the worst of those without a newer sample, `why_old` what that is, and why they stand apart. `work`: what to
-    do first in the plant. `shelf`: the loops that were shelved when the run began, which `work`, `areas`, `old` and
-    `refused_loops` leave out. `reliable`: how many of the valves that stick can be relied on. `new_besides`, `other_changes`: which loops are newly
-    said to stick, and how many verdicts changed otherwise, beyond `changes`. `retired`: how many of
-    the run's loops are retired and left out."""
+    """What one run came to; the same whenever it is asked for, but for loops that were retired since and, as long
+    as it is the newest run, for notes that were written since. `refused`: how many loops were not auditable, by
+    likely cause; `refused_loops`: the most important of each. `to_manual`: loops that went to manual, and what is
+    still said of them. `old`: the worst of those without a newer sample, `why_old` what that is, and why they stand
+    apart. `work`: what to do first in the plant. `shelf`: the loops that were shelved when the run began, which
+    `work`, `areas`, `old` and `refused_loops` leave out. `reliable`: how many of the valves that stick can be
+    relied on. `new_besides`, `other_changes`: which loops are newly said to stick, and how many verdicts changed
+    otherwise, beyond `changes`. `retired`: how many of the run's loops are retired and left out."""
 
     plant: str
     run: AuditView
