@@ -243,6 +243,11 @@ def test_the_period_of_each_figure_is_told(client, web_backend):
     assert told.of_old == ""
 
 
+def test_the_glossary_has_the_size_and_the_words_of_reliability(client):
+    texts = seen(client, "/glossary").texts
+    assert {"S", "J", "Rely on it? look first", "Also heard"} <= set(texts)
+
+
 def test_a_stretch_of_days_ago_is_told_with_its_age(client, web_backend):
     row, detail = loop_health(web_backend, "LIC7"), verdict_detail(web_backend, "LIC7")
     part = {"start_s": 0.0, "end_s": 5940.0, "samples": 200}
