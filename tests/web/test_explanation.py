@@ -122,8 +122,8 @@ def test_what_is_left_is_told_with_whose_it_is() -> None:
     white = {"statistic": 12.0, "limit": 31.4, "p": 0.62, "lags": 20}
     fit = {"residuals": {"given": {"whiteness": white, "independence": None}}}
     told = left_in_words(fit, {"given": "the given model", "refitted": "our own", "explained": None})
-    assert told == [LEFT, "given, the given model: pattern none seen (p 0.62), OP in it –", "refitted, our own"]
-    assert left_in_words({"residuals": {}}, {"refitted": "our own"}) == ["refitted, our own"]
+    assert told == [LEFT, "given: the given model; pattern: none seen (p 0.62), OP in it: –", "refitted: our own"]
+    assert left_in_words({"residuals": {}}, {"refitted": "our own"}) == ["refitted: our own"]
 
 
 def test_words_for_effects_parameters_and_windows() -> None:

@@ -37,8 +37,9 @@ def runner_up(ranked: tuple[Rival, ...]) -> Rival | None:
 def _stiction(probability: float, features: Features) -> Rival:
     held, linear = features.named("held_sticky"), features.named("held_linear")
     sticky_pct, linear_pct = 100 * max(held, 0.0), 100 * max(linear, 0.0)
+    told = "over 0.99" if probability >= 0.995 else f"{probability:.2f}"
     text = (
-        f"probability {probability:.2f}; fitted on one half of each window and run freely on the other a sticky valve "
+        f"probability {told}; fitted on one half of each window and run freely on the other a sticky valve "
         f"explains {sticky_pct:.0f} % of PV, a linear one {linear_pct:.0f} %"
     )
     if probability > _STANDS and sticky_pct <= linear_pct:

@@ -220,7 +220,7 @@ def left_in_words(fit: dict[str, Any], figures_of: Mapping[str, str | None]) -> 
         known = (white, free) != (UNASKED, UNASKED)
         asked |= known
         if of is not None:
-            lines.append(f"{name}, {of}" + (f": pattern {white}, OP in it {free}" if known else ""))
+            lines.append(f"{name}: {of}" + (f"; pattern: {white}, OP in it: {free}" if known else ""))
     return [LEFT, *lines] if asked else lines
 
 
