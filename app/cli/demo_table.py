@@ -8,8 +8,8 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from app.cli.tables import VERDICT_STYLE, console_for, number
-from app.services.wording import VERDICT_RANK, VERDICT_WORDS, measured_probability, probability, rely
+from app.cli.tables import VERDICT_STYLE, chance, console_for, number
+from app.services.wording import VERDICT_RANK, VERDICT_WORDS, rely
 
 if TYPE_CHECKING:
     from app.services.demo import DemoLoop
@@ -94,7 +94,7 @@ def _cells(item: Judged, wide: bool) -> dict[str, Text | str]:
         "loop": Text(row["loop"]),
         "unit": Text(row["unit"] or ""),
         "verdict": Text(VERDICT_WORDS[row["verdict"]], style=VERDICT_STYLE[row["verdict"]]),
-        "P(stiction)": probability(measured_probability(row)),
+        "P(stiction)": chance(row),
         "rely on it?": rely(row),
         "health": number(row["health"], 0),
         "S (95 %)": _size(row) if wide else number(row["stiction_S"], 1),

@@ -46,7 +46,7 @@ def verdict_cells(line: Mapping[str, Any]) -> list[Text]:
     return [
         Text(line["recording"]),
         Text(VERDICT_WORDS[verdict], style=VERDICT_STYLE[verdict]),
-        Text(probability(measured_probability(line))),
+        Text(chance(line)),
         Text(rely(line)),
         Text(size(line["stiction_size"])),
         Text(number(line["yper_pct"], 1)),
@@ -56,6 +56,12 @@ def verdict_cells(line: Mapping[str, Any]) -> list[Text]:
 
 def size(told: Mapping[str, Any]) -> str:
     return "-" if told["S"] is None else f"{told['S']:.3g}"
+
+
+def chance(line: Mapping[str, Any]) -> str:
+    """The probability of stiction as everywhere, with the hyphen of terminals where there is none."""
+    value = measured_probability(line)
+    return "-" if value is None else probability(value)
 
 
 def number(value: float | None, digits: int) -> str:
