@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from app.http.backend import IsoTime
 from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow
@@ -225,6 +225,13 @@ class AuditIn(BaseModel):
     tags: list[Name] | None = Field(None, description="Only these loops.", max_length=20000)
     unit: Name | None = Field(None, description="Only loops of this plant unit.")
     type: Name | None = Field(None, description="Only loops of this type.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def loops_are_named_by_tags(cls, given: Any) -> Any:
+        if isinstance(given, dict) and "loops" in given:
+            raise ValueError('loops are named in `tags`, as {"tags": ["FIC101"]}; there is no field `loops`')
+        return given
 
 
 class FailureOut(Read):

@@ -106,6 +106,21 @@ class ServiceClient:
                 raise RequestError("timeout", f"{path} has not ended after {timeout_s:.0f} s; is a worker running?")
             time.sleep(POLL_S)
 
+    @property
+    def local(self) -> bool:
+        """Whether its address is one of this machine."""
+        return self._http.base_url.host in ("localhost", "127.0.0.1", "::1")
+
+    def refused(self) -> bool:
+        """Whether nothing listens at its port."""
+        try:
+            self._http.get("/healthz")
+        except httpx.ConnectError:
+            return True
+        except (httpx.TransportError, httpx.InvalidURL):
+            return False
+        return False
+
     def ready(self, timeout_s: float) -> bool:
         """Whether the service becomes ready within timeout_s seconds."""
         deadline = time.monotonic() + timeout_s

@@ -8,8 +8,8 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from app.cli.tables import VERDICT_STYLE, console_for, number
-from app.services.wording import VERDICT_RANK, VERDICT_WORDS, measured_probability
+from app.cli.tables import VERDICT_STYLE, chance, console_for, number
+from app.services.wording import VERDICT_RANK, VERDICT_WORDS, rely
 
 if TYPE_CHECKING:
     from app.services.demo import DemoLoop
@@ -42,7 +42,7 @@ class Column:
 
 COLUMNS = (
     *(Column("loop"), Column("unit", narrow=False), Column("verdict"), Column("P(stiction)", narrow=False)),
-    *(Column("verdict is"), Column("health", narrow=False), Column("S (95 %)"), Column("truth"), Column("")),
+    *(Column("rely on it?"), Column("health", narrow=False), Column("S (95 %)"), Column("truth"), Column("")),
 )
 FIGURES = ("P(stiction)", "health", "S (95 %)")
 WIDE = 120
@@ -94,8 +94,8 @@ def _cells(item: Judged, wide: bool) -> dict[str, Text | str]:
         "loop": Text(row["loop"]),
         "unit": Text(row["unit"] or ""),
         "verdict": Text(VERDICT_WORDS[row["verdict"]], style=VERDICT_STYLE[row["verdict"]]),
-        "P(stiction)": number(measured_probability(row), 2),
-        "verdict is": row["reliability"].replace("_", " "),
+        "P(stiction)": chance(row),
+        "rely on it?": rely(row),
         "health": number(row["health"], 0),
         "S (95 %)": _size(row) if wide else number(row["stiction_S"], 1),
         "truth": Text(item.loop.truth),

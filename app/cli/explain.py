@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 
 FIGURES = ("given", "refitted", "explained")
+NO_MORE = "no_effect_pays"
 
 
 class Form(StrEnum):
@@ -188,21 +189,21 @@ def files_to_write(
 
 
 def as_text(line: dict[str, Any]) -> str:
-    from app.services.explaining.wording import residuals_in_words, verdict_in_words
+    from app.services.explaining.wording import left_in_words, unmoved, verdict_in_words
 
     said = [f"{line['recording']}: {verdict_in_words(line['verdict'], line['effects'])}"]
     for effect in line["effects"]:
         said += effect_in_words(effect)
     fit = line["fit"]
     said.append(f"held-out RMSE  {errors_in_words(fit)}")
-    said += [f"  {figure}: {of}" for figure, of in line["figures_of"].items() if of is not None]
-    tests = [(k, residuals_in_words(fit, k)) for k in FIGURES if (fit["residuals"] or {}).get(k)]
-    said += [f"  {k} leaves: noise alone {white}; unrelated to OP {free}" for k, (white, free) in tests]
+    said += [f"  {told}" for told in unmoved(fit, line["effects"])]
+    said += [f"  {told}" for told in left_in_words(fit, line["figures_of"])]
     if line["validation"] is not None:
         said += validation_in_words(line["validation"])
     if line["closed_loop"] is not None:
         said += loop_in_words(line["closed_loop"])
-    said += [f"  {reason['text']}" for reason in line["evidence"]]
+    besides = "besides what is named, " if line["effects"] else ""
+    said += [f"  {besides if reason['code'] == NO_MORE else ''}{reason['text']}" for reason in line["evidence"]]
     return "\n".join(said) + "\n"
 
 

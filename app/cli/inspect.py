@@ -8,27 +8,30 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from app.cli.audit import FORMS, recording_files
 from app.cli.mapping import MappingOption, mapping_bytes
-from app.cli.messages import ExitCode
+from app.cli.messages import ExitCode, say
 from app.cli.stamps import DateOrderOption, TimeZoneOption, read_in
-from app.errors import DataError
+from app.errors import DataError, LoopauditError
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from app.ingest import InspectReport, LoopReport
+    from app.ingest import IngestOptions, InspectReport, LoopReport, TagMapping
 
 SHOWN_LOOPS = 200
 MOSTLY = 0.5
 
 
 def inspect(
-    file: Annotated[Path, typer.Argument(help="An export or a recording.")],
+    paths: Annotated[list[Path], typer.Argument(help=f"Exports or recordings, or folders of them: {FORMS}.")],
     time_zone: TimeZoneOption = "UTC",
     date_order: DateOrderOption = None,
     mapping: MappingOption = None,
 ) -> None:
-    """Say what a file holds, before anything is sent: layout, loops, times, and what would be refused and why.
+    """Say what files hold, before anything is sent: layout, loops, times, and what would be refused and why.
+
+    Exit code 1: some files cannot be audited; 2: none of them can.
 
     [bold]Examples[/bold]
 
@@ -37,24 +40,43 @@ def inspect(
       loopaudit inspect night.csv.gz --time-zone Europe/Berlin
 
       loopaudit inspect export.csv --mapping tags.csv
+
+      loopaudit inspect exports/
     """
-    from app.cli.tables import console_for
     from app.ingest import TagMapping
+
+    files = recording_files(paths)
+    tags = mapping_bytes(mapping)
+    mapped = None if tags is None else TagMapping.from_bytes(tags)
+    options = read_in(time_zone, date_order)
+    usable = 0
+    for file in files:
+        try:
+            usable += shown(file, mapped, options)
+        except LoopauditError as error:
+            if len(files) == 1:
+                raise
+            say(f"{file}: {error.message} [{error.code}]")
+    if not usable:
+        raise typer.Exit(ExitCode.NOTHING_USABLE)
+    raise typer.Exit(ExitCode.DONE if usable == len(files) else ExitCode.SOME_FAILED)
+
+
+def shown(file: Path, mapping: "TagMapping | None", options: "IngestOptions") -> bool:
+    """Prints what one file holds; whether a loop of it can be audited."""
+    from app.cli.tables import console_for
     from app.ingest import inspect as look
 
     if not file.is_file():
         raise DataError("no_such_file", f"{file} is not there or not a file")
-    tags = mapping_bytes(mapping)
-    mapped = None if tags is None else TagMapping.from_bytes(tags)
-    report = look(file, mapping=mapped, options=read_in(time_zone, date_order))
+    report = look(file, mapping=mapping, options=options)
     console = console_for(sys.stdout)
     for line in facts(report):
         console.print(line, markup=False)
     console.print(loop_table(report))
     for line in refused(report):
         console.print(line, markup=False)
-    usable = any(auditable(loop) for loop in report.loops)
-    raise typer.Exit(ExitCode.DONE if usable else ExitCode.NOTHING_USABLE)
+    return any(auditable(loop) for loop in report.loops)
 
 
 def facts(report: "InspectReport") -> Iterator[str]:

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from app.services.wording import VERDICT_RANK, VERDICT_WORDS, measured_probability, worst_first
+from app.services.wording import VERDICT_RANK, VERDICT_WORDS, measured_probability, probability, rely, worst_first
 
 VERDICT_STYLE = {"stiction": "bold red", "inconclusive": "yellow", "not_auditable": "dim", "no_stiction": "green"}
 PIPE_WIDTH = 180
@@ -29,7 +29,7 @@ def print_verdicts(lines: Iterable[Mapping[str, Any]], stream: IO[str]) -> None:
     table.add_column("recording", overflow="fold", min_width=12)
     table.add_column("verdict", no_wrap=True)
     table.add_column("P(stiction)", justify="right", no_wrap=True)
-    table.add_column("verdict is", no_wrap=True)
+    table.add_column("rely on it?", no_wrap=True)
     table.add_column("S", justify="right", no_wrap=True)
     table.add_column("Yper %", justify="right", no_wrap=True)
     if with_reasons:
@@ -46,8 +46,8 @@ def verdict_cells(line: Mapping[str, Any]) -> list[Text]:
     return [
         Text(line["recording"]),
         Text(VERDICT_WORDS[verdict], style=VERDICT_STYLE[verdict]),
-        Text(number(measured_probability(line), 2)),
-        Text(line["reliability"].replace("_", " ")),
+        Text(chance(line)),
+        Text(rely(line)),
         Text(size(line["stiction_size"])),
         Text(number(line["yper_pct"], 1)),
         Text(line["reasons"][0]["text"] if line["reasons"] else ""),
@@ -56,6 +56,12 @@ def verdict_cells(line: Mapping[str, Any]) -> list[Text]:
 
 def size(told: Mapping[str, Any]) -> str:
     return "-" if told["S"] is None else f"{told['S']:.3g}"
+
+
+def chance(line: Mapping[str, Any]) -> str:
+    """The probability of stiction as everywhere, with the hyphen of terminals where there is none."""
+    value = measured_probability(line)
+    return "-" if value is None else probability(value)
 
 
 def number(value: float | None, digits: int) -> str:

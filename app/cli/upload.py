@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 ENDED = ("done", "failed")
 DEFAULT_URL = "http://127.0.0.1:8000"
+START_S = 30.0
+"""So long a service of this machine may take to start."""
 
 
 def upload(
@@ -54,6 +56,7 @@ def upload(
     how = Reading(mapping_bytes(mapping), time_zone, date_order)
     failures = empty = 0
     with ServiceClient(url, key) as client:
+        await_start(client)
         for file in files:
             try:
                 state = send(client, file, timeout_s if wait else None, how)
@@ -74,6 +77,13 @@ def upload(
     if unusable == len(files):
         raise typer.Exit(ExitCode.NOTHING_USABLE)
     raise typer.Exit(ExitCode.SOME_FAILED if unusable else ExitCode.DONE)
+
+
+def await_start(client: "ServiceClient") -> None:
+    """Where the service is to run on this machine and its port is closed, it may be about to start."""
+    if client.local and client.refused():
+        say(f"nothing answers at {client.url} yet; waiting up to {START_S:.0f} s for a service that starts")
+        client.ready(START_S)
 
 
 def send(client: "ServiceClient", file: Path, wait_s: float | None, how: "Reading | None" = None) -> dict[str, Any]:

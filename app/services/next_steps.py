@@ -10,6 +10,7 @@ from app.engine.long_records.episodes import BEGAN
 from app.engine.verdict.config import VerdictConfig
 from app.services.auditing.hearing import MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR
 from app.services.auditing.repairs import of_before
+from app.services.stored_evidence import band_of, began_at
 from app.services.wording import CAUSE_WORDS, codes_of
 
 STICKS = (
@@ -40,9 +41,8 @@ OUTER = (
     "moves a valve of its own besides, and say so in the loop's settings."
 )
 NO_VALVE = "Look at the loop whose set point this OP is: that one moves the valve, this one none, as its settings say."
-BEGAN_TO_STICK = (
-    "It sticks, at least since the hour that is named, whatever the rest of the record says: ask for a stroke test."
-)
+HOUR_NAMED = "the hour that is named"
+BEGAN_TO_STICK = f"It sticks, at least since {HOUR_NAMED}, whatever the rest of the record says: ask for a stroke test."
 CLEARED = "Nothing at the valve."
 NOT_CLEARED = (
     "Nothing now: nothing accuses the valve, and the reasons say what keeps this from clearing it. If it stays like "
@@ -52,10 +52,11 @@ STANDS_FAST = (
     "Find out whether the valve moves at all: where operation allows it, move OP by a few per cent by hand and see "
     "whether PV goes along."
 )
+BAND_NAMED = "a quarter of the band that is named"
 HAS_BAND = (
-    "When somebody is at the valve anyway, have OP moved in steps of a quarter of the band that is named, some up, "
-    "then some down, and the stem watched: it may stick, or have play, by so much, though the loop does not cycle for "
-    "it. A load that switches to and fro looks the same."
+    f"When somebody is at the valve anyway, have OP moved in steps of {BAND_NAMED}, some up, then some down, and the "
+    "stem watched: it may stick, or have play, by so much, though the loop does not cycle for it. A load that switches "
+    "to and fro looks the same."
 )
 CANNOT_TELL = "Nothing, unless it stays like that for weeks; then a stroke test tells more than another night."
 OBJECTED = (
@@ -125,7 +126,10 @@ FIT_OBJECTS = 0.9
 """Where a fitted valve that sticks leaves this share, or less, of the RMSE that one that does not leaves."""
 
 BEFORE_A_BAND: frozenset[Cause] = frozenset(
-    {"set_point_following", "quantised_sensor", "sensor_spikes", "sensor_sticking", "backlash", "saturated_op"}
+    {
+        *("set_point_following", "quantised_sensor", "sensor_spikes", "sensor_sticking", "backlash", "saturated_op"),
+        "external_oscillation",
+    }
 )
 """Causes whose step comes first where the valve may have a band besides."""
 
@@ -151,12 +155,31 @@ def next_step(row: Mapping[str, Any], repaired_at: str | None = None) -> str:
     if of_before(row, repaired_at):
         return WAIT
     reasons = codes_of(row)
-    step, period_s = _by_verdict(row, reasons), row.get("oscillation_period_s")
+    step, period_s = _with_number(_by_verdict(row, reasons), row), row.get("oscillation_period_s")
     if step.startswith("Nothing") and row["reliability"] != "reliable" and _objected(row, reasons):
         step = OBJECTED
     if FEW_CYCLES not in reasons or row["reliability"] == "reliable" or period_s is None or step in AT_ONCE:
         return step
     return f"{step} {LONGER}: {ENOUGH_CYCLES:g} swings of this one take {in_hours(ENOUGH_CYCLES * period_s)}."
+
+
+def _with_number(step: str, row: Mapping[str, Any]) -> str:
+    """The hour and the band that a step speaks of, as the reasons of the row tell them."""
+    told = row.get("reasons_text")
+    if step == BEGAN_TO_STICK and (began := began_at(told)):
+        return step.replace(HOUR_NAMED, began)
+    if step == HAS_BAND and (size := band_of(told)) is not None:
+        return step.replace(BAND_NAMED, f"{size / 4.0:.2g} units (a quarter of the band, {size:.2g})")
+    return step
+
+
+def apart(step: str) -> tuple[str, str]:
+    """What a step asks for, the same of every loop, and what it says of the one loop besides."""
+    general, _, longer = step.partition(f" {LONGER}: ")
+    head, tail = BEGAN_TO_STICK.split(HOUR_NAMED)
+    if general.startswith(head) and general.endswith(tail):
+        general = BEGAN_TO_STICK
+    return general, f"a longer record tells more: {longer.rstrip('.')}" if longer else ""
 
 
 def _objected(row: Mapping[str, Any], reasons: Sequence[str]) -> bool:
@@ -200,34 +223,61 @@ def _without_cause(row: Mapping[str, Any]) -> str:
     return BY_VERDICT[row["verdict"]]
 
 
+PID_CAVEAT = (
+    "Not so where the controller has derivative action (PID): a sticking valve is often cleared wrongly there. Then "
+    "ask for a stroke test where anything else speaks for the valve."
+)
+
+OF_NO_VERDICT = ("not_in_automatic", "sampled_too_slowly", "on_off_control", "op_at_limits", "controller_not_acting")
+"""Causes that keep a record from being judged; the others stand beside a valve that is not said to stick."""
+
+MOST_MET = (
+    ("valve sticks, rely on it", STICKS),
+    ("valve sticks, look first", MAY_STICK),
+    ("no stiction, rely on it, and no cause is named", f"{CLEARED} {PID_CAVEAT}"),
+    ("no stiction, look first, and no cause is named", NOT_CLEARED),
+    ("cannot tell, and no cause is named", CANNOT_TELL),
+)
+OF_STICTION = (
+    ("PV does not move as it would if the valve made the swing", MAY_BE_SHAKEN),
+    ("a neighbour may shake it", SHAKEN),
+    ("look first, but it sticks up to the end of the record", BEGAN_TO_STICK),
+)
+OF_NO_STICTION = (
+    ("PV shows no answer to OP", STANDS_FAST),
+    ("PV goes as behind a valve with a band, and no nearer cause is named", HAS_BAND),
+    ("look first, the step would be nothing, and the published rule or its fit says stiction", OBJECTED),
+    ("the newest explanation says, likelier than not, that the valve sticks", UNTIL_THEY_AGREE),
+)
+OF_CANNOT_TELL = (("PV has nothing to do with OP", UNRELATED),)
+OF_ANY = (
+    ("OP is the set point of another loop", OUTER),
+    ("the loop's settings say that OP moves no valve", NO_VALVE),
+    ("repaired, and too little recorded since", WAIT),
+    ("shelved, and nothing got worse in kind since", "Wait, until the time that is named."),
+    ("look first, for too few swings", f"The step for it. {LONGER}: so many hours."),
+)
+
+
 def as_table() -> str:
-    """The same as a table of Markdown, for the guide."""
-    rows = [
-        ("valve sticks, rely on it", STICKS),
-        ("valve sticks, look before you act", MAY_STICK),
-        ("valve sticks, but PV does not move as it would if the valve made the swing", MAY_BE_SHAKEN),
-        ("cannot tell, and no cause is named", CANNOT_TELL),
-        ("cannot tell, because PV has nothing to do with OP", UNRELATED),
-        ("not auditable, and no cause is named", NOT_AUDITABLE),
-        ("no stiction, rely on it, and no cause is named", CLEARED),
-        ("no stiction, look before you act, and no cause is named", NOT_CLEARED),
-        (
-            "not to be relied on, and the step would be nothing, but the published rule or its fit says stiction",
-            OBJECTED,
-        ),
-        ("no stiction, but PV shows no answer to OP", STANDS_FAST),
-        ("no stiction, but PV goes as behind a valve with a band", HAS_BAND),
-        *((f"not to be relied on, likely cause: {CAUSE_WORDS[code]}", step) for code, step in BY_CAUSE_UNSURE.items()),
-        *((f"else, likely cause: {CAUSE_WORDS[code]}", step) for code, step in BY_CAUSE.items()),
-        ("valve sticks, but a neighbour may shake it", SHAKEN),
-        ("no stiction, but the newest explanation says, likelier than not, that the valve sticks", UNTIL_THEY_AGREE),
-        ("anything, but OP is the set point of another loop", OUTER),
-        ("anything, but the loop's settings say that OP moves no valve", NO_VALVE),
-        ("repaired, and too little recorded since", WAIT),
-        ("shelved, and nothing got worse in kind since", "Wait, until the time that is named."),
-        ("anything that is not to be relied on, for too few swings", f"the step for it. {LONGER}: so many hours."),
-        ("anything that is not to be relied on, but the valve sticks up to the end of the record", BEGAN_TO_STICK),
-    ]
+    """The same as tables of Markdown, for the guide: what is met most, then by verdict."""
+    unsure = ((f"look first, likely cause: {CAUSE_WORDS[code]}", step) for code, step in BY_CAUSE_UNSURE.items())
+    causes = {code: (f"likely cause: {CAUSE_WORDS[code]}", step) for code, step in BY_CAUSE.items()}
+    refused = [causes.pop(code) for code in (*OF_NO_VERDICT, "data")]
+    dead = causes.pop("stuck_valve_or_dead_transmitter")
+    parts = {
+        "The five that you meet most": MOST_MET,
+        "Valve sticks, and": OF_STICTION,
+        "No stiction, and": (*OF_NO_STICTION, *unsure, *causes.values()),
+        "Cannot tell, and": (dead, *OF_CANNOT_TELL),
+        "Not auditable, and": (dead, *refused, ("no cause is named", NOT_AUDITABLE)),
+        "Whatever the verdict": OF_ANY,
+    }
+    return "\n\n".join(f"### {title}\n\n{_table(rows)}" for title, rows in parts.items())
+
+
+def _table(rows: Sequence[tuple[str, str]]) -> str:
+    """What asks for the same step in one row."""
     steps: dict[str, dict[str, None]] = {}
     for said, step in rows:
         steps.setdefault(step, {})[said] = None

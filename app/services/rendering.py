@@ -19,6 +19,7 @@ from app.services.wording import (
     measured_probability,
     probability,
     rely,
+    starter_words,
 )
 
 
@@ -34,6 +35,7 @@ def _environment() -> Environment:
     templates.filters |= {"figure": figure, "probability": probability, "health": health}
     templates.filters |= {"cause_words": cause_words, "measured_probability": measured_probability}
     templates.filters |= {"headline": headline, "brief": brief, "rely": rely}
+    templates.filters |= {"starter_words": starter_words}
     templates.globals |= {
         "verdict_words": VERDICT_WORDS,
         "reliability_words": RELIABILITY_WORDS,

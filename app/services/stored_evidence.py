@@ -20,15 +20,21 @@ _VOTE = re.compile(r"(\d+|none) says? (no stiction|stiction)")
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?: %)?")
 """As engines up to 1.0.0 worded them, whose figures were kept nowhere else."""
 
+_BEGAN_AT = re.compile(r"has been sticking since ([^;]+);")
+_BAND = re.compile(r"only after OP has gone some (\d\S*) units")
+"""Of rows, which keep the figures of shapes alone."""
+
 
 @dataclass(frozen=True)
 class Shape:
     """What a verdict says of one shape of PV and OP. figure: its value as its sentence tells it; value: the same as a
-    number, shares as they are; both None where the sentence tells none."""
+    number, shares as they are; both None where the sentence tells none. for_stiction: whether it speaks for a valve
+    that sticks; None where that is not known."""
 
     text: str
     figure: str | None
     value: float | None
+    for_stiction: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -75,27 +81,48 @@ def votes(detail: Mapping[str, Any]) -> Votes | None:
     return Votes(said.count("stiction"), said.count("no_stiction")) if said else None
 
 
+def began_at(reasons_text: str | None) -> str:
+    """Since when the valve sticks; empty where the reasons do not tell it."""
+    found = _BEGAN_AT.search(reasons_text or "")
+    return found[1] if found else ""
+
+
+def band_of(reasons_text: str | None) -> float | None:
+    """The band that PV shows, unit of OP; None where the reasons tell none."""
+    found = _BAND.search(reasons_text or "")
+    return float(found[1]) if found else None
+
+
 def _shape(name: str, found: Measured) -> Shape | None:
     """None of a shape that this release has no words for any more."""
     if not is_spoken(name, found.passed):
         return None
     told = figure(name, found.statistic)
-    return Shape(sentence(name, found.passed, found.statistic), told, None if told is None else found.statistic)
+    value = None if told is None else found.statistic
+    return Shape(sentence(name, found.passed, found.statistic), told, value, found.passed)
 
 
 def _shapes_of_sentences(codes: str | None, text: str | None) -> dict[str, Shape]:
     """Nothing where the sentences cannot be told apart."""
     named, told = (codes or "").split(";"), (text or "").split(". ")
     found = zip(named, told, strict=True) if len(named) == len(told) else ()
-    return {code: _shape_of_sentence(sentence) for code, sentence in found if code.startswith(SHAPE)}
+    return {code: _shape_of_sentence(code.removeprefix(SHAPE), told) for code, told in found if code.startswith(SHAPE)}
 
 
-def _shape_of_sentence(text: str) -> Shape:
-    found = _NUMBER.search(text)
+def _shape_of_sentence(name: str, text: str) -> Shape:
+    found, side = _NUMBER.search(text), _side(name, text)
     if found is None:
-        return Shape(text, None, None)
+        return Shape(text, None, None, side)
     share = found[0].endswith("%")
-    return Shape(text, found[0], float(found[0].removesuffix(" %")) / (100.0 if share else 1.0))
+    return Shape(text, found[0], float(found[0].removesuffix(" %")) / (100.0 if share else 1.0), side)
+
+
+def _side(name: str, text: str) -> bool | None:
+    """Whether a shape's sentence is the one for stiction, the one against it, or none of this release."""
+    for side in (True, False):
+        if is_spoken(name, side) and _NUMBER.sub("", sentence(name, side, 0.5)) == _NUMBER.sub("", text):
+            return side
+    return None
 
 
 def _votes_of_sentence(detail: Mapping[str, Any]) -> Votes | None:

@@ -10,7 +10,6 @@ from app.services.wording import LIKELY, STICKS, cause_words, measured_probabili
 Says = Literal["agrees", "otherwise", "nothing"]
 MARKS: dict[Says, str] = {"agrees": "✓", "otherwise": "✗", "nothing": "·"}
 JUDGED = ("stiction", "no_stiction")
-BESIDE = "does not move the verdict"
 
 UNCLEAR = ("evidence_not_clear", "not_cleared", "set_point_moves", "nearly_sinusoidal", "keeps_time")
 APART = ("uncoupled", "uncoupled_slowly", "same_signal", "no_answer", "foreign_cycle", "hidden_band", "pv_stands")
@@ -34,10 +33,19 @@ DISAGREES = (
     "it does (probability {probability})."
 )
 
+LEAST_DERIVATIVE = 0.1
+"""Derivative time in sampling intervals: what is read off noise is less."""
+
+DERIVATIVE = (
+    "The controller of this loop has derivative action. A valve that sticks is often missed then, even where the "
+    "verdict is to be relied on: of 220 simulated ones 62 were cleared reliably. A stroke test tells more."
+)
+
 
 @dataclass(frozen=True)
 class Point:
-    """One thing that a verdict may rest on. moves: whether the verdict, or its reliability, depends on it."""
+    """One thing that a verdict may rest on. moves: whether the verdict, or its reliability, depends on it; what does
+    not was only heard."""
 
     says: Says
     text: str
@@ -46,10 +54,6 @@ class Point:
     @property
     def mark(self) -> str:
         return MARKS[self.says]
-
-    @property
-    def words(self) -> str:
-        return self.text if self.moves else f"{self.text} ({BESIDE})"
 
 
 def points(row: Mapping[str, Any], detail: Mapping[str, Any]) -> list[Point]:
@@ -81,6 +85,20 @@ def contradiction(row: Mapping[str, Any], explanation: Mapping[str, Any] | None)
     if likeliest is None or likeliest["effect"] != STICKS or likeliest["probability"] < LIKELY:
         return None
     return DISAGREES.format(probability=probability(likeliest["probability"]))
+
+
+def derivative(row: Mapping[str, Any], explanation: Mapping[str, Any] | None) -> str | None:
+    """Says so where a valve is not accused and the newest explanation found a controller that differentiates."""
+    closed = (explanation or {}).get("closed_loop")
+    if row["verdict"] not in ("no_stiction", "inconclusive") or not closed:
+        return None
+    found = any(_differentiates(closed.get(name)) for name in ("controller", "given_controller"))
+    return DERIVATIVE if found else None
+
+
+def _differentiates(law: Mapping[str, Any] | None) -> bool:
+    kc, kd = (law or {}).get("kc") or 0.0, (law or {}).get("kd") or 0.0
+    return kc != 0.0 and kd / kc >= LEAST_DERIVATIVE
 
 
 def _kept(name: str, told: str, against: Sequence[str], reasons: Mapping[str, str]) -> Point:

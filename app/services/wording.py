@@ -26,8 +26,8 @@ NOT_EVALUATED = "not evaluated"
 """In place of a health where too little was measured to say anything."""
 
 RELIABILITY_WORDS = {
-    "reliable": "what must agree agrees; rely on it",
-    "not_reliable": "the evidence does not suffice; look before you act",
+    "reliable": "all that counts agrees; rely on it",
+    "not_reliable": "the evidence does not suffice; look first",
 }
 
 LOOK_TODAY_WORDS = "a stuck valve or a dead transmitter; look today"
@@ -85,11 +85,15 @@ STATE_WORDS = {
 NO_ROOM_YET = "waits for room on the disk"
 """Of an upload that is received and cannot be read for that."""
 
-STARTERS = {"schedule": "the nightly schedule", "command line": "the command line"}
+STARTERS = {
+    "schedule": "the nightly schedule",
+    "command line": "the command line",
+    "anyone on this machine": "a local user without a key",
+}
 
 
 def starter_words(started_by: str | None) -> str:
-    """Who started a run: as the trail has it, but for what is no one's name."""
+    """Who did something: as the trail has it, but for what is no one's name."""
     return "not known" if started_by is None else STARTERS.get(started_by, started_by)
 
 
@@ -106,7 +110,7 @@ def _of_before_repair(row: Mapping[str, Any]) -> bool:
 def headline(row: Mapping[str, Any]) -> str:
     """What stands behind the verdict of a row, as a sentence would go on."""
     if _of_before_repair(row):
-        return "of before the repair; wait for what is recorded since"
+        return "judged from before the repair; wait for newer records"
     return LOOK_TODAY_WORDS if looked_at_today(row) else RELIABILITY_WORDS[row["reliability"]]
 
 
@@ -122,7 +126,7 @@ def rely(row: Mapping[str, Any]) -> str:
 
 def _short(row: Mapping[str, Any], words: Mapping[str, str]) -> str:
     if _of_before_repair(row):
-        return "of before the repair"
+        return "from before the repair"
     return "look today" if looked_at_today(row) else words[row["reliability"]]
 
 

@@ -14,6 +14,7 @@ from app.http.backend import Caller, Identifier, Services
 from app.http.paths import LoopTag
 from app.services.addresses import tag_in_url
 from app.services.auditing.audits import LoopFilter, start_audit
+from app.services.auditing.reason_wording import NO_VOTE
 from app.services.auditing.repairs import of_before
 from app.services.auditing.rival_wording import why_first, worth_a_look
 from app.services.auditing.size_wording import size_in_words
@@ -32,7 +33,7 @@ from app.services.plant.nights import nights as nights_of
 from app.services.plant.periods import periods
 from app.services.plant.shelving import shelf, step_of
 from app.services.results import LoopView
-from app.services.why_rely import contradiction, points
+from app.services.why_rely import contradiction, derivative, points
 from app.web.explanation import newest_in_words
 from app.web.rendering import page
 
@@ -117,6 +118,8 @@ def _loop_page(
         next_step=step_of(row, repaired_at, shelved, backend.clock, disagrees=bool(disagrees)),
         disagrees=disagrees,
         points=points(row, detail),
+        no_vote=NO_VOTE,
+        derivative=derivative(row, explanation),
         size=size_in_words(row, detail),
         periods=periods(backend, tag, row, detail),
         rivals=worth_a_look(detail.get("rivals", ())),

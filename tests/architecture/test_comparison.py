@@ -14,6 +14,8 @@ from app.settings import Settings
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 TEXT = (DOCS / "COMPARISON.md").read_text(encoding="utf-8")
 TABLE = [line.strip("|").split("|") for line in TEXT.splitlines() if line.startswith("| ")]
+ROWS = [row for row in TABLE if row[0].strip() != "feature"]
+OURS, OTHERS = [row for row in ROWS if len(row) == 3], [row for row in ROWS if len(row) > 3]
 FEATURES = (
     "plant table",
     "health number",
@@ -48,23 +50,25 @@ FEATURES = (
 
 @pytest.mark.parametrize("feature", FEATURES)
 def test_every_feature_has_its_row(feature):
-    assert any(feature in row[0] for row in TABLE)
+    for table in (OURS, OTHERS):
+        assert any(feature in row[0] for row in table)
 
 
 def test_every_cell_is_one_of_the_answers():
-    assert len({len(row) for row in TABLE}) == 1
-    for row in TABLE[1:]:
+    assert {len(row) for row in OTHERS} == {10}
+    assert {row[0] for row in OURS} == {row[0] for row in OTHERS}
+    for row in OTHERS:
         assert all(re.match(r"(yes|no|part|\?)", cell.strip()) for cell in row[1:]), row[0]
-        assert row[1].strip() != "?", row[0]
+    assert {row[1].strip() for row in OURS} == {"yes", "no", "part"}
 
 
 def test_every_note_that_is_referred_to_is_there():
     letters = {
-        letter for row in TABLE[1:] for cell in row[2:] for inner in re.findall(r"\(([a-z, ]+)\)", cell)
+        letter for row in OTHERS for cell in row[1:] for inner in re.findall(r"\(([a-z, ]+)\)", cell)
         for letter in inner.split(", ")
     }  # fmt: skip
-    assert letters == set(re.findall(r"\(([a-z])\) ", TEXT.split("## What the others say")[1]))
-    numbers = {number for row in TABLE[1:] for number in re.findall(r"\((\d+)\)", row[1])}
+    assert letters == set(re.findall(r"\(([a-z])\) ", TEXT.split("## Sources: what the others say")[1]))
+    numbers = {number for row in OURS for number in re.findall(r"\((\d+)\)", row[2])}
     assert numbers == set(re.findall(r"^(\d+)\. ", TEXT, re.MULTILINE))
 
 

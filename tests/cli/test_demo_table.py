@@ -39,7 +39,7 @@ def test_verdict_and_reliability_stand_whole_in_the_line_of_a_loop(monkeypatch, 
     assert max(map(len, lines)) <= columns
     for loop in loops:
         (line,) = (line for line in lines if line.strip().startswith(loop.tag))
-        assert {"valve sticks", "not reliable", size} <= set(re.split(r" {2,}", line.strip()))
+        assert {"valve sticks", "look first", size} <= set(re.split(r" {2,}", line.strip()))
         assert line.rstrip().endswith("right")
 
 

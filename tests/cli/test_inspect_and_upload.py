@@ -2,15 +2,19 @@
 
 import json
 import socket
+import threading
+import time
+from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import numpy as np
 import pytest
 from scipy.io import savemat
 from typer.testing import CliRunner, Result
 
+from app.cli.client import ServiceClient
 from app.cli.main import main
 from app.cli.serve import asks_for_keys
-from app.cli.upload import once_without_room, report
+from app.cli.upload import await_start, once_without_room, report
 from app.errors import RequestError
 from app.main import create_app
 from app.services.backend import Backend
@@ -78,6 +82,19 @@ def test_inspect_of_a_file_without_a_loop_is_2(tmp_path, monkeypatch, capsys):
     assert (code, out) == (2, "")
     assert err.startswith("loopaudit: ")
     assert err.count("\n") == 1
+
+
+def test_inspect_takes_many_files_and_folders(tmp_path, monkeypatch, capsys):
+    folder = tmp_path / "exports"
+    folder.mkdir()
+    (folder / "one.csv").write_text(WIDE)
+    (folder / "two.csv").write_text(WIDE)
+    code, out, _ = as_program(monkeypatch, capsys, "inspect", folder)
+    assert code == 0
+    assert out.index("one.csv: ") < out.index("two.csv: ")
+    code, out, err = as_program(monkeypatch, capsys, "inspect", folder / "one.csv", tmp_path / "none.csv")
+    assert (code, "one.csv: " in out) == (1, True)
+    assert "none.csv is not there or not a file [no_such_file]" in err
 
 
 def test_inspect_of_what_is_not_there_is_2(tmp_path, monkeypatch, capsys):
@@ -233,10 +250,47 @@ def test_upload_without_a_service_is_2_and_says_where_it_looked(tmp_path, monkey
     with socket.socket() as closed:
         closed.bind(("127.0.0.1", 0))
         url = f"http://127.0.0.1:{closed.getsockname()[1]}"
+    monkeypatch.setattr("app.cli.upload.START_S", 0.3)
     code, out, err = as_program(monkeypatch, capsys, "upload", tmp_path, "--url", url)
     assert (code, out) == (2, "")
+    assert "waiting up to 0 s for a service that starts" in err
     assert "[no_service]" in err
     assert url in err
+
+
+def test_upload_waits_for_a_service_of_this_machine_that_starts(monkeypatch, capsys):
+    with socket.socket() as later:
+        later.bind(("127.0.0.1", 0))
+        port = later.getsockname()[1]
+    asked = []
+
+    class Answering(BaseHTTPRequestHandler):
+        def do_GET(self):
+            asked.append(self.path)
+            self.send_response(200)
+            self.send_header("Content-Length", "0")
+            self.end_headers()
+
+        def log_message(self, *_):
+            pass
+
+    def start():
+        time.sleep(0.5)
+        with HTTPServer(("127.0.0.1", port), Answering) as server:
+            server.handle_request()
+
+    starting = threading.Thread(target=start)
+    starting.start()
+    with ServiceClient(f"http://127.0.0.1:{port}") as client:
+        await_start(client)
+    starting.join()
+    assert asked == ["/readyz"]
+    assert f"nothing answers at http://127.0.0.1:{port} yet; waiting up to 30 s" in capsys.readouterr().err
+
+
+def test_upload_waits_for_no_service_of_another_machine():
+    with ServiceClient("http://plant.example:8000") as client:
+        assert not client.local
 
 
 @pytest.mark.parametrize("url", ["not an address", "http://[", "ftp://127.0.0.1"])

@@ -14,7 +14,7 @@ import httpx
 import pytest
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-GUIDES = ("TUTORIAL.md", "guides/ENGINEER.md", "guides/ADMINISTRATOR.md")
+GUIDES = ("TUTORIAL.md", "guides/ENGINEER.md", "guides/EXPORTS.md", "guides/ADMINISTRATOR.md")
 LINK = re.compile(r"\]\((?!http)([^)#]+)(?:#[^)]*)?\)")
 
 

@@ -2,7 +2,22 @@
 
 import numpy as np
 
-from app.services.explaining.plot import as_many
+from app.services.explaining.plot import COLOURS, as_many
+from app.services.explaining.svg import DIFFERS, UNSEEN, legend, panel, ticks
+
+
+def test_ticks_are_round_numbers_within_the_axis() -> None:
+    assert ticks(0.0, 2700.0) == [0.0, 1000.0, 2000.0]
+    assert ticks(-0.31, 0.42) == [-0.2, 0.0, 0.2, 0.4]
+
+
+def test_a_drawing_has_what_was_given_and_two_colours_for_two_kinds_of_stretch() -> None:
+    t = np.arange(20.0)
+    drawn = "".join(panel((0, 0), (100, 50), t, [("recording", t), ("given", 2 * t)], "PV", [(2.0, 5.0)], DIFFERS))
+    assert COLOURS["given"] in drawn
+    assert DIFFERS in drawn
+    said = "".join(legend(0, 0, ["recording", "given"]))
+    assert all(words in said for words in ("given", "where they differ", "held out of the fit", UNSEEN))
 
 
 def test_op_keeps_step_with_traces_at_an_interval_that_is_no_whole_number_of_samples() -> None:

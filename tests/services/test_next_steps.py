@@ -5,7 +5,10 @@ from typing import get_args
 
 import pytest
 
+from app.engine.causality.hidden_band import HiddenBand
 from app.engine.codes import UNANSWERED, Cause
+from app.engine.long_records.episodes import BEGAN, episode_text
+from app.engine.verdict.doubts import _band_reason
 from app.services import next_steps
 from app.services.auditing.reason_wording import REASON_WORDS
 from app.services.auditing.repairs import BEFORE_REPAIR
@@ -50,6 +53,23 @@ def test_a_verdict_of_before_a_repair_sends_nobody_out():
     assert next_step(unsure | {"reliability": "reliable", "reasons": "stiction_began"}) == next_steps.STICKS
 
 
+def test_a_step_carries_the_hour_and_the_band_that_its_reasons_name():
+    began = row_of("stiction", "not_reliable", "stiction") | {"reasons": "stiction_began"}
+    text = episode_text(BEGAN, 0.9, "2026-11-29 00:22 UTC", "")
+    assert "since 2026-11-29 00:22 UTC," in next_step(began | {"reasons_text": text})
+    band = row_of("no_stiction", "not_reliable", None) | {"reasons": "hidden_band"}
+    (reason,) = _band_reason(HiddenBand(1.6, 9.0, 3.0))
+    assert "in steps of 0.4 units (a quarter of the band, 1.6)," in next_step(band | {"reasons_text": reason.text})
+
+
+def test_what_a_step_says_of_one_loop_is_told_apart():
+    row = row_of("stiction", "not_reliable", "stiction") | {"reasons": "stiction_began;few_cycles"}
+    row |= {"oscillation_period_s": 2067.0, "reasons_text": episode_text(BEGAN, 0.9, "2026-11-29 00:22 UTC", "")}
+    particular = "a longer record tells more: 5 swings of this one take 2.9 h"
+    assert next_steps.apart(next_step(row)) == (next_steps.BEGAN_TO_STICK, particular)
+    assert next_steps.apart(next_steps.STICKS) == (next_steps.STICKS, "")
+
+
 def test_every_cause_has_words_and_a_step():
     no_engine_says = {"data"}
     assert set(CAUSE_WORDS) - no_engine_says == set(get_args(Cause))
@@ -89,6 +109,7 @@ def test_a_loop_that_is_stated_to_move_no_valve_is_not_asked_for_one():
         ("disturbance", next_steps.HAS_BAND),
         ("set_point_following", next_steps.BY_CAUSE["set_point_following"]),
         ("backlash", next_steps.BY_CAUSE["backlash"]),
+        ("external_oscillation", next_steps.BY_CAUSE["external_oscillation"]),
     ],
 )
 def test_a_band_is_looked_for_at_the_valve_unless_a_nearer_cause_is_named(cause, step):

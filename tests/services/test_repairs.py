@@ -193,8 +193,8 @@ def test_plant_and_loop_page_part_a_record_by_what_was_judged_of_it(
     assert notes.newest_repair(backend, "FIC1").after is None
     (row,) = overview.table(backend, 1).rows
     assert row["next_step"] == WAIT
-    assert headline(row) == "of before the repair; wait for what is recorded since"
-    assert rely(row) == "of before the repair"
+    assert headline(row) == "judged from before the repair; wait for newer records"
+    assert rely(row) == "from before the repair"
 
 
 def test_a_pv_that_died_after_its_repair_is_looked_at_today(

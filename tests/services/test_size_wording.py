@@ -27,11 +27,11 @@ def finding(code: str, outcome: str = "fail") -> dict:
 def test_a_size_has_its_interval_and_a_check_in_the_field():
     told = size_in_words(ROW, {})
     assert told.headline == (
-        "S = 10.0 units of OP, with 95 % certainty between 5.7 and 12.8; that is 80 % of the range that OP covers "
-        "(45 to 102 %)."
+        "S = 10.0 units of OP, with 95 % certainty between 5.7 and 12.8; that is 79.8 % of the range that OP covers "
+        "(45.3 to 101.7 %)."
     )
-    assert "by less than 5.7 units" in told.lines[1]
-    assert "by more than 12.8" in told.lines[1]
+    assert "by less than 5.7 units" in told.lines[-1]
+    assert "by more than 12.8" in told.lines[-1]
 
 
 def test_size_and_interval_have_equal_digits():
@@ -40,7 +40,7 @@ def test_size_and_interval_have_equal_digits():
 
 
 def test_the_span_of_op_is_named_where_it_is_known():
-    assert "that is 11 % of OP's span" in size_in_words(ROW | {"stiction_S_pct_of_span": 11.2}, {}).headline
+    assert "that is 11.2 % of OP's span" in size_in_words(ROW | {"stiction_S_pct_of_span": 11.2}, {}).headline
 
 
 def test_a_record_without_a_range_has_no_share():

@@ -3,7 +3,7 @@
 import pytest
 
 from app.services.auditing.reason_wording import REASON_WORDS
-from app.services.why_rely import APART, BESIDE, DIVIDED, DOUBTED, OLDER, POOR, UNCLEAR, contradiction, points
+from app.services.why_rely import APART, DIVIDED, DOUBTED, OLDER, POOR, UNCLEAR, contradiction, derivative, points
 
 FIT = "fitted on one half of each window a sticky valve explains 19 % of PV, a linear one 34 %: it is the shapes"
 METHODS = (
@@ -31,7 +31,7 @@ def test_a_reliable_verdict_shows_what_agrees_and_what_does_not():
         "fit: a sticky valve explains 19 % of PV, a linear one 34 %",
         "published methods: 3 say stiction, 6 say none",
     ]
-    assert all((BESIDE in point.words) is not point.moves for point in found)
+    assert [point.mark for point in found if point.moves] == ["✓"] * 6
 
 
 def test_the_same_figures_agree_with_a_valve_that_is_cleared():
@@ -49,13 +49,32 @@ def test_what_takes_the_reliability_is_crossed(code, point):
     assert marks(*told(reasons=[(code, "told")]))[point] == "✗"
 
 
-def test_a_cross_beside_a_reliable_verdict_says_that_it_does_not_move_it():
+def test_a_cross_beside_a_reliable_verdict_was_only_heard():
     quantised = [("pv_quantised", "PV moves in steps")]
     (crossed,) = (point for point in points(*told(reasons=quantised)) if point.text.startswith("record"))
-    assert crossed.words == f"record: PV moves in steps ({BESIDE})"
+    assert (crossed.text, crossed.moves) == ("record: PV moves in steps", False)
     unsure = told(reasons=quantised, reliability="not_reliable")
     (crossed,) = (point for point in points(*unsure) if point.text.startswith("record"))
-    assert crossed.words == "record: PV moves in steps"
+    assert (crossed.text, crossed.moves) == ("record: PV moves in steps", True)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "laws", "said"),
+    [
+        ("no_stiction", {"controller": {"kc": -2.0, "kd": -8.0}}, True),
+        ("no_stiction", {"controller": {"kc": 2.0, "kd": 0.1}, "given_controller": None}, False),
+        ("no_stiction", {"controller": {"kc": 2.0, "kd": 0.0}, "given_controller": {"kc": 1.0, "kd": 3.0}}, True),
+        ("no_stiction", {"controller": {"kc": 0.0, "kd": 0.0}}, False),
+        ("stiction", {"controller": {"kc": 2.0, "kd": 8.0}}, False),
+    ],
+)
+def test_derivative_action_is_told_where_it_is_known_and_no_valve_is_accused(verdict, laws, said):
+    assert bool(derivative(told(verdict)[0], {"closed_loop": laws})) is said
+
+
+def test_without_a_known_law_nothing_is_said_of_it():
+    row = told("no_stiction")[0]
+    assert [derivative(row, found) for found in (None, {}, {"closed_loop": None})] == [None] * 3
 
 
 def test_every_code_that_is_looked_for_is_one():

@@ -78,8 +78,46 @@ def test_from_the_plant_to_the_worst_loop_and_its_charts(opened: Page):
     worst.click()
     expect(opened.get_by_role("heading", level=1)).to_have_text(tag)
     expect(opened.locator("#charts")).to_have_attribute("data-drawn", "yes")
-    for chart in ("trend", "pv-op", "errors", "spectra"):
+    for chart in ("trend", "pv-op", "errors"):
         expect(opened.locator(f"#{chart} .main-svg").first).to_be_visible()
+
+
+def test_what_is_folded_is_drawn_at_its_width_once_it_opens_and_for_print(opened: Page):
+    settled(opened, "/loops/LIC7")
+    expect(opened.locator("#spectra .main-svg").first).to_be_hidden()
+    opened.locator("#published > summary").click()
+    expect(opened.locator("#spectra .main-svg").first).to_be_visible()
+    inner = opened.locator("#published").bounding_box()
+    opened.wait_for_function("document.querySelector('#spectra .main-svg').getBoundingClientRect().width > 700")
+    assert box(opened, "#spectra .main-svg")["width"] <= inner["width"]
+    opened.locator("#published > summary").click()
+    opened.evaluate("dispatchEvent(new Event('beforeprint'))")
+    expect(opened.locator("#spectra .main-svg").first).to_be_visible()
+    opened.evaluate("dispatchEvent(new Event('afterprint'))")
+    expect(opened.locator("#spectra .main-svg").first).to_be_hidden()
+
+
+def test_a_record_of_days_opens_at_the_stretch_that_speaks_for_it(opened: Page):
+    """The charts of a longer record are made of those of a short one: the same samples, further apart."""
+
+    def stretched(route):
+        told = route.fetch().json()
+        trend = told["trend"]
+        count = len(trend["time"])
+        trend["time"] = [
+            f"2026-01-{1 + 4 * k // count:02d}T{(96 * k // count) % 24:02d}:{k % 60:02d}:00Z" for k in range(count)
+        ]
+        told["judged"] = ["2026-01-01T12:00:00Z", "2026-01-01T18:00:00Z"]
+        route.fulfill(json=told)
+
+    opened.route("**/loops/LIC7/charts", stretched)
+    settled(opened, "/loops/LIC7")
+    shown = "document.getElementById('trend').layout.xaxis.range[1].slice(0, 10)"
+    opened.wait_for_function(f"{shown} === '2026-01-01'")
+    opened.get_by_role("button", name="Show the whole record").click()
+    opened.wait_for_function(f"{shown} === '2026-01-04'")
+    opened.get_by_role("button", name="Show the stretch that speaks for the record").click()
+    opened.wait_for_function(f"{shown} === '2026-01-01'")
 
 
 def test_a_click_in_the_treemap_opens_the_loop(opened: Page):

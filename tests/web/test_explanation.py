@@ -5,12 +5,17 @@ import re
 import pytest
 
 from app.services.explaining.wording import (
+    LEFT,
     NO_SIZE,
+    RANGES,
+    SAME_HELD_OUT,
     effect_in_words,
     effect_words,
+    left_in_words,
     loops,
     parameters_in_words,
     residuals_in_words,
+    unmoved,
     windows_in_words,
 )
 from app.services.moments import UTC_CLOCK
@@ -44,6 +49,7 @@ DONE = ASKED | {
             "block": "disturbance",
             "condition": "when <b>X</b> moves",
             "parameters": ["gain = 0.5 PV/X (0.4 to 0.6)"],
+            "no_size": "",
             "windows": "0-10 s",
             "reasons": ["because"],
         }
@@ -51,6 +57,8 @@ DONE = ASKED | {
     "errors": [("as given", "1.2", "40", "no (p < 0.001)", "yes (p 0.4)")],
     "loops": [("recorded", "120", "1.4", "3.1", "0.87"), ("simulation as given", "none", "0.2", "8.0", "0.90")],
     "reasons": ["the controller does its part"],
+    "ranges": RANGES,
+    "unmoved": [],
 }
 
 
@@ -84,7 +92,7 @@ def test_what_comes_from_the_plant_is_escaped() -> None:
 
 def test_tests_of_the_residuals_and_the_loop_closed_again_are_shown() -> None:
     html = re.sub(r"\s+", " ", part(DONE))
-    assert "What is left is noise alone" in html
+    assert "A pattern left beside its noise" in html
     assert "no (p &lt; 0.001)" in html
     assert 'simulation as given</td><td class="number" data-label="Period, s">none</td>' in html
     assert "Loop closed again" not in part(DONE | {"loops": []})
@@ -94,11 +102,28 @@ def test_words_for_residuals_and_loops() -> None:
     white = {"statistic": 12.0, "limit": 31.4, "p": 0.62, "lags": 20}
     owing = {"statistic": 96.0, "limit": 31.4, "p": 1e-9, "lags": 20}
     fit = {"residuals": {"given": None, "refitted": {"whiteness": white, "independence": owing}}}
-    assert residuals_in_words(fit, "refitted") == ("yes (p 0.62)", "no (p < 0.001)")
+    assert residuals_in_words(fit, "refitted") == ("none seen (p 0.62)", "yes (p < 0.001)")
     assert residuals_in_words(fit, "given") == residuals_in_words({}, "explained") == ("–", "–")
     figures = {"period_s": None, "amplitude": 1.4, "yper_pct": 3.0, "shape": 0.9}
     assert loops({"recorded": figures, "explained": None}) == [("recorded", "–", "1.4", "3", "0.9")]
     assert loops(None) == []
+
+
+def test_a_named_effect_that_the_unseen_stretch_does_not_hold_says_so() -> None:
+    effect = {"effect": "sensor.stuck", "windows": [[0.0, 10.0]]}
+    fit = {"rmse_refitted": 0.361, "rmse_explained": 0.3611, "held_out": [[20.0, 50.0]]}
+    (told,) = unmoved(fit, [effect])
+    assert told.startswith("sensor.stuck does not act in the stretch")
+    assert unmoved(fit, [effect | {"windows": [[0.0, 30.0]]}]) == [SAME_HELD_OUT]
+    assert unmoved(fit | {"rmse_explained": 0.3}, [effect]) == unmoved(fit, []) == []
+
+
+def test_what_is_left_is_told_with_whose_it_is() -> None:
+    white = {"statistic": 12.0, "limit": 31.4, "p": 0.62, "lags": 20}
+    fit = {"residuals": {"given": {"whiteness": white, "independence": None}}}
+    told = left_in_words(fit, {"given": "the given model", "refitted": "our own", "explained": None})
+    assert told == [LEFT, "given: the given model; pattern: none seen (p 0.62), OP in it: –", "refitted: our own"]
+    assert left_in_words({"residuals": {}}, {"refitted": "our own"}) == ["refitted: our own"]
 
 
 def test_words_for_effects_parameters_and_windows() -> None:
@@ -131,5 +156,9 @@ def test_a_fitted_stiction_says_that_it_is_no_size():
         "windows": [],
         "evidence": [],
     }
-    assert effect_in_words(effect)["parameters"] == ["S = 13.8 OP (no interval)", NO_SIZE]
-    assert effect_in_words(effect | {"effect": "sensor.drift"})["parameters"] == ["S = 13.8 OP (no interval)"]
+    told = effect_in_words(effect)
+    assert (told["parameters"], told["no_size"]) == (["S = 13.8 OP (no interval)"], NO_SIZE)
+    assert effect_in_words(effect | {"effect": "sensor.drift"})["no_size"] == ""
+    html = part(DONE | {"told_effects": [told | {"no_size": NO_SIZE}]})
+    assert "<summary>of the model, not the size</summary>S = 13.8 OP" in html
+    assert "in 11 of 33 loops" in html

@@ -91,7 +91,7 @@ def test_the_period_of_each_figure_is_told(client, web_backend):
         )
         assert any("of the whole record, 2026-01-01 00:00 to 2026-01-01 00:49" in text for text in texts)
     row, detail = loop_health(web_backend, "LIC7"), verdict_detail(web_backend, "LIC7")
-    assert periods(web_backend, "LIC7", row, detail).lines[1:] == ("All of it was audited.",)
+    assert periods(web_backend, "LIC7", row, detail).lines[1:] == ("All of it was looked at.",)
     part = {"start_s": 0.0, "end_s": 995.0, "samples": 200}
     detail |= {
         "window": part | {"end_s": 1995.0, "samples": 400},
@@ -104,6 +104,7 @@ def test_the_period_of_each_figure_is_told(client, web_backend):
         "The stretch that speaks for it: 200 samples, 2026-01-01 00:00 to 2026-01-01 00:16.",
     )
     assert told.of_figures.endswith("oscillation, Yper and band d are of what was judged")
+    assert told.of_old == ""
 
 
 def test_audit_again_starts_a_run_of_this_loop(client, web_backend):
@@ -276,3 +277,25 @@ def test_settings_that_cannot_be_taken_are_shown_again_with_what_is_wrong_at_eac
     assert all(part in said[name] for name, part in wrong.items())
     assert answer.text.count('aria-invalid="true"') == len(wrong)
     assert client.get(f"/v1/loops/{tag_in_url(HOSTILE)}").json() == before
+
+
+def test_what_has_no_vote_is_folded_away_from_what_was_seen(client):
+    page = client.get("/loops/LIC7").text
+    heard, _, rest = page.partition('<details id="also-heard">')[2].partition("</details>")
+    assert "published method" in heard
+    assert "does not move the verdict" not in rest
+    assert "do not move the verdict" not in rest
+
+
+def test_the_glossary_has_the_size_and_the_words_of_reliability(client):
+    texts = seen(client, "/glossary").texts
+    assert {"S", "J", "Rely on it? look first", "Also heard"} <= set(texts)
+
+
+def test_a_stretch_of_days_ago_is_told_with_its_age(client, web_backend):
+    row, detail = loop_health(web_backend, "LIC7"), verdict_detail(web_backend, "LIC7")
+    part = {"start_s": 0.0, "end_s": 5940.0, "samples": 200}
+    detail |= {"window": part | {"samples": 400}, "identified": part, "reasons": [{"code": "stretches"}]}
+    early = row | {"window_start": "2025-12-29T12:40:00Z", "window_end": "2025-12-29T14:19:00Z"}
+    found = periods(web_backend, "LIC7", early, detail)
+    assert found.of_old == "2025-12-29 12:40 to 14:19, 2.4 days before the newest sample"

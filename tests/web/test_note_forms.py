@@ -40,7 +40,7 @@ def test_a_repair_is_withdrawn_on_the_page_and_the_trail_keeps_it(client):
     assert form not in page
     assert "Before and after the repair of 2025-12-30 00:00" not in page
     assert "not this loop" in page
-    assert "by anyone on this machine" in page
+    assert "by a local user without a key" in page
     row = client.get("/v1/trail?action=repair.withdraw").json()["rows"][0]
     assert (row["who"], row["outcome"]) == ("anyone on this machine", "done")
 
@@ -84,7 +84,7 @@ def test_a_loop_is_shelved_on_its_page_left_out_of_the_worst_and_listed_again(cl
     assert (answer.status_code, answer.headers["location"]) == (303, "/loops/LIC7#notes")
     page = client.get("/loops/LIC7").text
     assert form not in page
-    assert "by anyone on this machine" in page
+    assert "by a local user without a key" in page
     assert href in worst.search(client.get("/").text)[0]
     row = client.get("/v1/trail?action=shelving.withdraw").json()["rows"][0]
     assert (row["who"], row["outcome"]) == ("anyone on this machine", "done")

@@ -25,12 +25,12 @@ def test_runs_say_who_started_them_in_the_words_of_the_trail(client, web_backend
     who = client.get("/v1/trail?action=audit.start").json()["rows"][0]["who"]
     assert run["started_by"] == who == "anyone on this machine"
     for address in (f"/runs/{run['id']}", again, whole):
-        assert "by anyone on this machine" in " ".join(client.get(address).text.split())
+        assert "by a local user without a key" in " ".join(client.get(address).text.split())
     night = nightly(web_backend)
     assert night.started_by == "schedule"
     assert "by the nightly schedule" in client.get(f"/runs/{night.id}").text
     assert " by " not in client.get("/runs/1").text.partition("</p>")[0].partition("Started")[2]
     texts = seen(client, "/runs").texts
-    assert {"anyone on this machine", "the nightly schedule", "not known"} <= set(texts)
+    assert {"a local user without a key", "the nightly schedule", "not known"} <= set(texts)
     for ended in (run["id"], again.rpartition("/")[2], whole.rpartition("/")[2], night.id):
         audit_chunk(web_backend, int(ended), "test")

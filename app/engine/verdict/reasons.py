@@ -25,8 +25,8 @@ def own_cycle_reason(own: OwnCycle) -> tuple[Reason, ...]:
     if not own.shown:
         return ()
     text = (
-        "PV goes as behind a valve that sticks for much of what OP moves in a cycle: where the stem of such a valve is "
-        "tells what PV does next, as nothing in PV and OP themselves does"
+        "PV moves as it would behind a valve that stands still for a large part of each cycle; the position of such a "
+        "valve foretells PV better than PV and OP alone do"
     )
     return (Reason(OWN_CYCLE, text),)
 

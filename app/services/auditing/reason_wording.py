@@ -70,6 +70,9 @@ _METHODS = {
     "record_too_short_to_widen": "Published rule: the record is too short for the next search space.",
     "reference_only": "Verdict and probability come from the published rule alone and are not calibrated.",
 }
+NO_VOTE = frozenset(_METHODS)
+"""Codes of what is only heard."""
+
 _EPISODES = {
     "stretches": "A long record was judged stretch by stretch; the middle one speaks for it.",
     "stretches_disagree": "Of a long record's stretches fewer than two of three, or none of the newest two, agree.",

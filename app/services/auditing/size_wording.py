@@ -23,8 +23,8 @@ NO_SWING = (
     "A record in which the loop cycles would tell."
 )
 NOT_TOLD = (
-    "The record cannot tell how large it is, so no size is measured. What the estimated position and the published "
-    "identification take for S and J are assumptions of theirs."
+    "The record cannot tell how large it is, so no size is measured. Other values of S and J on this page are "
+    "assumptions of the method that they stand with."
 )
 
 
@@ -56,7 +56,7 @@ def stated(row: Mapping[str, Any]) -> str:
     told = ""
     if share is not None:
         least, most = (share * row[name] / row["stiction_S"] for name in ("stiction_S_low", "stiction_S_high"))
-        told = f"; that is {share:.0f} % of {of} ({least:.0f} to {most:.0f} %)"
+        told = f"; that is {share:.1f} % of {of} ({least:.1f} to {most:.1f} %)"
     return f"S = {size} units of OP, with 95 % certainty between {low} and {high}{told}."
 
 
@@ -70,6 +70,7 @@ def meaning(row: Mapping[str, Any]) -> tuple[str, ...]:
     size, low, high = equal_digits(row["stiction_S"], row["stiction_S_low"], row["stiction_S_high"])
     return (
         f"After OP turns round it must travel about {size} units before the stem moves; until then PV does not answer.",
+        "J, how far the stem jumps when it lets go, is not stated: PV and OP do not tell it.",
         f"To see it in the field: with the controller in manual, move OP by less than {low} units against the last "
         f"move, and PV should stand; by more than {high}, and it should follow.",
     )

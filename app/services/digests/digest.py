@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from datetime import datetime
 from functools import partial
 from itertools import groupby
@@ -16,6 +16,7 @@ from app.services.auditing.audits import get_audit
 from app.services.auditing.repairs import of_before
 from app.services.backend import Backend
 from app.services.cursors import identifier
+from app.services.digests.doings import Asked, Doing, doings
 from app.services.moments import PlantClock, iso_utc, moment_of
 from app.services.plant.arrivals import LATE, arrivals, of_run
 from app.services.plant.judged import judged, to_manual
@@ -35,12 +36,14 @@ from app.services.wording import (
     codes_of,
     health,
     probability,
+    starter_words,
 )
 from app.storage import digests, notes, plant
 from app.storage.notes import Standing
 
 TOP = 5
-CHANGES = 30
+CHANGES, ALL_CHANGES = 30, 100_000
+ALL_WORK = 200
 LONGEST_WHY = 200
 
 
@@ -82,13 +85,14 @@ class Area:
 
 @dataclass(frozen=True)
 class Digest:
-    """What one run came to; the same whenever it is asked for, but for loops that were retired since and, as long as it
-    is the newest run, for notes that were written since. `refused`: how many loops were not auditable, by likely cause;
-    `refused_loops`: the most important of each. `to_manual`: loops that went to manual, and what is still said of them.
-    `old`: the worst of those without a newer sample, `why_old` what that is, and why they stand apart. `work`: what to
-    do first in the plant. `shelf`: the loops that were shelved when the run began, which `work`, `areas`, `old` and
-    `refused_loops` leave out. `reliable`: how many of the valves that stick can be relied on. `retired`: how many of
-    the run's loops are retired and left out."""
+    """What one run came to; the same whenever it is asked for, but for loops that were retired since and, as long
+    as it is the newest run, for notes that were written since. `refused`: how many loops were not auditable, by
+    likely cause; `refused_loops`: the most important of each. `to_manual`: loops that went to manual, and what is
+    still said of them. `old`: the worst of those without a newer sample, `why_old` what that is, and why they stand
+    apart. `work`: what to do first in the plant. `shelf`: the loops that were shelved when the run began, which
+    `work`, `areas`, `old` and `refused_loops` leave out. `reliable`: how many of the valves that stick can be
+    relied on. `new_besides`, `other_changes`: which loops are newly said to stick, and how many verdicts changed
+    otherwise, beyond `changes`. `retired`: how many of the run's loops are retired and left out."""
 
     plant: str
     run: AuditView
@@ -111,6 +115,31 @@ class Digest:
     retired: int = 0
     reliable: int = 0
     why_old: str = ""
+    new_besides: list[str] = field(default_factory=list)
+    other_changes: int = 0
+
+    @property
+    def doings(self) -> list[Doing]:
+        return doings(self.work, self.new)
+
+    @property
+    def new(self) -> set[str]:
+        """Tags of loops that are newly said to stick."""
+        return {change.loop for change in self.changes if change.kind == "new"} | set(self.new_besides)
+
+    @property
+    def others(self) -> list[Area]:
+        """The worst of each unit that no step is listed for."""
+        named = {one.loop for one in self.work}
+        left = [Area(area.unit, [one for one in area.loops if one.loop not in named]) for area in self.areas]
+        return [area for area in left if area.loops]
+
+    @property
+    def besides(self) -> str:
+        """Of what changed, what is not told loop by loop."""
+        told = [f"newly said to stick as well: {', '.join(map(_line, self.new_besides))}"] if self.new_besides else []
+        told += [f"and {self.other_changes} more that changed otherwise"] if self.other_changes else []
+        return "; ".join(told)
 
     def recorded(self, loop: DigestLoop) -> str:
         """ "newest sample 2026-01-31 04:00", for the list of old records."""
@@ -158,7 +187,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         not_auditable = digests.refused_of(connection, number, TOP, shelved.left_out)
         # In a plant's first run every verdict is new: that is no news.
         compared = plant.any_run_before(connection, number)
-        changed = digests.changes_of(connection, number, CHANGES + 1) if compared else []
+        changed = digests.changes_of(connection, number, ALL_CHANGES) if compared else []
         notes_until = _notes_until(connection, run)
         written = notes.standing(connection, [row.tag for row in [*worst, *old]], notes_until)
     verdicts, refused = Counter[str](), Counter[str]()
@@ -169,7 +198,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
     refused_loops: dict[str, list[str]] = {}
     for row in not_auditable:
         refused_loops.setdefault(row.likely_cause or "data", []).append(row.tag)
-    repaired = repairs(backend, number, began)
+    repaired, changes = repairs(backend, number, began), _new_first([change_of(row) for row in changed])
     url = backend.settings.public_url
     of_time, all_the_same = judged(backend, [row.tag for row in [*worst, *old]], number), shelved.by_tag()
 
@@ -187,11 +216,13 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         refused=dict(refused.most_common()),
         refused_loops=refused_loops,
         arrivals=of_run(backend, number, reach),
-        work=work_list(backend, shelved, number, since_ns, notes_until=notes_until),
+        work=work_list(backend, shelved, number, since_ns, most=ALL_WORK, notes_until=notes_until),
         areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
         old=[replace(loop_of(row), recorded_to=iso_utc(moment_of(row.input_end_ns))) for row in old],
-        changes=[change_of(row) for row in changed[:CHANGES]],
-        more_changes=len(changed) > CHANGES,
+        changes=changes[:CHANGES],
+        more_changes=len(changes) > CHANGES,
+        new_besides=[change.loop for change in changes[CHANGES:] if change.kind == "new"],
+        other_changes=sum(change.kind != "new" for change in changes[CHANGES:]),
         to_manual=_to_manual(backend, number) if compared else [],
         repairs=repaired.listed,
         more_repairs=repaired.more,
@@ -211,8 +242,8 @@ def subject(digest: Digest) -> str:
     sticking = digest.verdicts.get("stiction", 0)
     relied = f" ({digest.reliable} can be relied on)" if sticking else ""
     new = [change.reliability == "reliable" for change in digest.changes if change.kind == "new"]
-    of_them = "" if all(new) else f" ({sum(new)} can be relied on)"
-    news = f", {len(new)}{'+' if digest.more_changes else ''} new{of_them}" if new else ""
+    of_them = "" if digest.new_besides or all(new) else f" ({sum(new)} can be relied on)"
+    news = f", {len(digest.new)} new{of_them}" if digest.new else ""
     day = digest.clock.date(datetime.fromisoformat(digest.run.created_at))
     return f"{words}: {sticking} valves stick{relied}{news} ({day})"
 
@@ -229,16 +260,17 @@ def as_text(digest: Digest) -> str:
             lines += [f"         {told}" for told in _refused(digest)]
     lines += [f"  {run.failed:6d} failed"] if run.failed else []
     lines += digest.arrivals
-    lines += _listed("WHAT TO DO FIRST", _work_lines, digest.work)
     lines += ["", "WHAT CHANGED SINCE THE RUN BEFORE", ""]
     lines += _change_lines(digest) or [_no_change(digest)]
-    lines += ["  ... and more"] if digest.more_changes else []
+    lines += [f"  {digest.besides}"] if digest.besides else []
+    lines += ["", "WHAT TO DO"] if digest.work else []
+    lines += [line for doing in digest.doings for line in _doing_lines(doing, digest.public_url)]
     if digest.repairs:
         lines += ["", "REPAIRS OF THE LAST FORTNIGHT", ""]
         lines += [_repair_line(repair, digest.clock) for repair in digest.repairs]
         lines += ["  ... and more"] if digest.more_repairs else []
-    for area in digest.areas:
-        title = f"WORST OF {_line(area.unit) if area.unit else 'THE LOOPS WITHOUT A UNIT'}"
+    for area in digest.others:
+        title = f"WORST OF {_line(area.unit) if area.unit else 'THE LOOPS WITHOUT A UNIT'}, OF THE OTHERS"
         lines += _listed(title, _loop_lines, area.loops)
     if not digest.areas:
         lines += ["", _nothing_worst(digest)]
@@ -281,7 +313,7 @@ def as_json(digest: Digest) -> dict[str, Any]:
 
 
 HOW_TO_READ = (
-    "In each unit those come first that lack most to full health, times their importance. "
+    "What is newly said to stick comes first, then what lacks most to full health, times its importance. "
     "'Look first' means that the evidence does not suffice: look at the loop before a valve is taken out."
 )
 
@@ -350,10 +382,23 @@ def _listed(title: str, told: Callable[[int, Any], list[str]], found: Sequence[A
     return lines
 
 
-def _work_lines(place: int, work: Work) -> list[str]:
-    unit = f" ({_line(work.unit)})" if work.unit else ""
-    facts = [f"     {_line(work.facts)}"] if work.facts else []
-    return [f"  {place}. {_line(work.loop)}{unit}: {work.told}", *facts, f"     {work.step}"]
+def _doing_lines(doing: Doing, url: str) -> list[str]:
+    """The step once, and under it a line a loop."""
+    more = [f"  - and {doing.more} more"] if doing.more else []
+    head = f"{doing.told[:1].upper()}{doing.told[1:]}. {doing.step}"
+    return ["", head, *(_asked_line(one, url) for one in doing.loops), *more]
+
+
+def _asked_line(one: Asked, url: str) -> str:
+    facts = ("NEW" if one.new else "", _line(one.facts), loop_address(url, one.loop))
+    told = "; ".join(fact for fact in facts if fact)
+    unit = f" ({_line(one.unit)})" if one.unit else ""
+    return f"  - {_line(one.loop)}{unit}{f': {told}' if told else ''}"
+
+
+def _new_first(changes: list[ChangeView]) -> list[ChangeView]:
+    """Those that are newly said to stick are told whatever else changed."""
+    return sorted(changes, key=lambda change: change.kind != "new")
 
 
 def _change_lines(digest: Digest) -> list[str]:
@@ -386,7 +431,7 @@ def _shelved_lines(digest: Digest) -> list[str]:
     if not digest.shelf.listed:
         return []
     told = [
-        f"  {_line(one.loop)}, {one.words(digest.clock)}; by {_line(one.by)}; now: {one.said}"
+        f"  {_line(one.loop)}, {one.words(digest.clock)}; by {_line(starter_words(one.by))}; now: {one.said}"
         for one in digest.shelf.listed
     ]
     return ["", digest.shelf.count_words.upper(), "", *told]
@@ -395,6 +440,7 @@ def _shelved_lines(digest: Digest) -> list[str]:
 def _addresses(digest: Digest) -> dict[str, str]:
     named = (
         [one.loop for one in digest.work]
+        + digest.new_besides
         + [change.loop for change in digest.changes]
         + [repair.loop for repair in digest.repairs]
         + [one.loop for one in digest.shelf.listed]

@@ -8,8 +8,10 @@ from app.engine.mismatch import Explanation
 from app.engine.recording import FloatArray
 from app.services.explaining.plot import COLOURS, as_many
 
-WIDTH, HEIGHT = 860, 430
-LEFT, TOP, GAP = 62, 34, 40
+WIDTH, HEIGHT = 860, 450
+LEFT, TOP, GAP = 62, 34, 52
+DIFFERS, UNSEEN = "#e6b800", "#0b6fb8"
+TICKS = 5
 WIDE, SIDE = 540, 180
 PANEL = 150
 MOST_POINTS, MOST_DOTS = 700, 350
@@ -19,18 +21,21 @@ def explanation_svg(explanation: Explanation, op: FloatArray) -> str:
     """One SVG, its text as text. op: (N,) as recorded."""
     t = explanation.traces
     op = as_many(op, len(t.pv))
-    lines = [("recording", t.pv), ("refitted", t.refitted), ("explained", t.explained)]
-    residuals = [(name, t.pv - signal) for name, signal in lines[1:]]
+    given = [] if t.given is None else [("given", np.asarray(t.given))]
+    lines = [("recording", t.pv), *given, ("refitted", t.refitted), ("explained", t.explained)]
+    residuals = [(name, t.pv - signal) for name, signal in lines if name in ("refitted", "explained")]
     named = ", ".join(e.code for e in explanation.effects) or "nothing is missing"
     fit = explanation.fit
     title = f"{explanation.name}: {named}; held-out RMSE {fit.refitted.rmse:.3g} refitted, {fit.explained.rmse:.3g}"
     body = [text(LEFT, 16, title + " explained", 13)]
     marks = [(w.start_s, w.end_s) for w in explanation.located.windows[:60]]
-    body += panel((LEFT, TOP), (WIDE, PANEL), t.time_s, lines, "PV", marks)
+    body += panel((LEFT, TOP), (WIDE, PANEL), t.time_s, lines, "PV", marks, DIFFERS)
     held = [(w.start_s, w.end_s) for w in fit.held_out]
-    body += panel((LEFT, TOP + PANEL + GAP), (WIDE, PANEL), t.time_s, residuals, "residual; held out", held)
+    body += panel(
+        (LEFT, TOP + PANEL + GAP), (WIDE, PANEL), t.time_s, residuals, "residual, PV less simulation", held, UNSEEN
+    )
     body += scatter((LEFT + WIDE + GAP, TOP + PANEL + GAP), (SIDE, PANEL), op, residuals)
-    body += legend(LEFT + WIDE + GAP, TOP + 12)
+    body += legend(LEFT + WIDE + GAP, TOP + 12, [name for name, _ in lines])
     body.append(text(LEFT + WIDE / 2, HEIGHT - 8, "time [s]", 11))
     body.append(text(LEFT + WIDE + GAP + 60, HEIGHT - 8, "residual against OP", 11))
     head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif">'
@@ -49,8 +54,9 @@ def panel(
     lines: list[tuple[str, FloatArray]],
     label: str,
     marks: list[tuple[float, float]],
+    colour: str,
 ) -> list[str]:
-    """A frame with lines over time, its marked stretches shaded."""
+    """A frame with lines over time, its marked stretches shaded in a colour, and ticks at round numbers."""
     low, high = limits([signal for _, signal in lines])
     last = float(time_s[-1]) or 1.0
     stride = max(len(time_s) // MOST_POINTS, 1)
@@ -60,7 +66,7 @@ def panel(
 
     said = [
         f'<rect x="{at[0] + size[0] * a / last:.1f}" y="{at[1]}" width="{size[0] * (min(b, last) - a) / last:.1f}" '
-        f'height="{size[1]}" fill="#0b6fb8" opacity="0.09"/>'
+        f'height="{size[1]}" fill="{colour}" opacity="0.16"/>'
         for a, b in marks
     ]
     said += frame(at, size, low, high, label)
@@ -68,8 +74,22 @@ def panel(
         clipped = np.clip(signal[::stride], low, high)
         points = " ".join(place(float(t), float(v)) for t, v in zip(time_s[::stride], clipped, strict=True))
         said.append(f'<polyline fill="none" stroke="{COLOURS[name]}" stroke-width="1" points="{points}"/>')
-    said.append(text(at[0] + size[0] - 40, at[1] + size[1] + 13, f"{last:.4g}", 10))
+    for tick in ticks(0.0, last):
+        x = at[0] + size[0] * tick / last
+        said.append(
+            f'<line x1="{x:.1f}" y1="{at[1] + size[1]}" x2="{x:.1f}" y2="{at[1] + size[1] + 4}" stroke="#999"/>'
+        )
+        said.append(text(x - 8, at[1] + size[1] + 15, f"{tick:g}", 10))
     return said
+
+
+def ticks(low: float, high: float) -> list[float]:
+    """Some round numbers from low to high."""
+    rough = (high - low) / TICKS
+    step = 10.0 ** np.floor(np.log10(rough))
+    step *= next((times for times in (1.0, 2.0, 5.0) if times * step >= rough), 10.0)
+    first = int(np.ceil(low / step - 1e-9))
+    return [round(k * step, 12) for k in range(first, int(np.floor(high / step + 1e-9)) + 1)]
 
 
 def scatter(
@@ -91,16 +111,22 @@ def scatter(
 
 def frame(at: tuple[float, float], size: tuple[float, float], low: float, high: float, label: str) -> list[str]:
     box = f'<rect x="{at[0]}" y="{at[1]}" width="{size[0]}" height="{size[1]}" fill="none" stroke="#999"/>'
-    ends = [text(at[0] - 50, at[1] + 9, f"{high:.4g}", 10), text(at[0] - 50, at[1] + size[1], f"{low:.4g}", 10)]
-    return [box, *ends, text(at[0] + 4, at[1] - 4, label, 11)]
+    marked = [(tick, at[1] + size[1] * (1.0 - (tick - low) / (high - low))) for tick in ticks(low, high)]
+    said = [text(at[0] - 42, y + 3, f"{tick:g}", 10) for tick, y in marked]
+    lines = [f'<line x1="{at[0]}" y1="{y:.1f}" x2="{at[0] + size[0]}" y2="{y:.1f}" stroke="#ddd"/>' for _, y in marked]
+    return [*lines, box, *said, text(at[0] + 4, at[1] - 4, label, 11)]
 
 
-def legend(x: float, y: float) -> list[str]:
+def legend(x: float, y: float, names: list[str]) -> list[str]:
     said = []
-    for k, name in enumerate(("recording", "refitted", "explained")):
+    for k, name in enumerate(names):
         row = y + 18 * k
         said.append(f'<line x1="{x}" y1="{row}" x2="{x + 22}" y2="{row}" stroke="{COLOURS[name]}" stroke-width="2"/>')
         said.append(text(x + 28, row + 4, name, 11))
+    for k, (words, colour) in enumerate((("where they differ", DIFFERS), ("held out of the fit", UNSEEN)), len(names)):
+        row = y + 18 * k
+        said.append(f'<rect x="{x}" y="{row - 6}" width="22" height="12" fill="{colour}" opacity="0.3"/>')
+        said.append(text(x + 28, row + 4, words, 11))
     return said
 
 

@@ -18,7 +18,8 @@ def moved(row: Any) -> str:
         return ""
     of_now = shapes(row.reasons, row.reasons_text, row.extra_json)
     of_before = shapes(row.reasons_before, row.reasons_text_before, row.extra_json_before)
-    return f"{_seen(of_now, of_before)}probability {probability(before)} -> {probability(now)}"
+    for_it = {code: shape for code, shape in of_now.items() if _speaks_for(row.verdict, shape)}
+    return f"{_seen(for_it, of_before)}probability {probability(before)} -> {probability(now)}"
 
 
 def _seen(now: dict[str, Shape], before: dict[str, Shape]) -> str:
@@ -33,3 +34,9 @@ def _seen(now: dict[str, Shape], before: dict[str, Shape]) -> str:
 def _step(now: Shape, before: Shape) -> float:
     """Shares count as they are, so that 8 % and 0.08 weigh alike; nothing where one of them tells no value."""
     return 0.0 if now.value is None or before.value is None else abs(now.value - before.value)
+
+
+def _speaks_for(verdict: str, shape: Shape) -> bool:
+    """Whether a shape is on the side of the verdict: what speaks against it is no news of it."""
+    decided = verdict in ("stiction", "no_stiction")
+    return not decided or shape.for_stiction is None or shape.for_stiction == (verdict == "stiction")

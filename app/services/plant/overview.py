@@ -17,6 +17,7 @@ from app.services.plant.judged import ToManual, to_manual
 from app.services.plant.reliability import checked, following, place_of, with_loop
 from app.services.plant.shelving import Shelf, Shelved, shelf, step_of
 from app.services.results import AuditView, ChangedBy, ChangeView, Page, UnitView
+from app.services.stored_evidence import began_at
 from app.services.wording import UNANSWERED, WHY_WORDS, cause_words
 from app.storage import notes, plant, verdicts
 from app.storage.loops import count as count_loops
@@ -30,7 +31,7 @@ MOST_TILES = 400  # what a browser lays out and paints at once
 LEAST_TILES = 3
 FILLED_MORE = 0.05
 FEWER_SAMPLES = 0.8
-BEGAN_WORDS = "the valve began to stick within the record"
+BEGAN_WORDS = "began to stick"
 LONGER_WORDS = "more was recorded than before"
 OF_REPAIRS = {SINCE_REPAIR, BEFORE_REPAIR}
 
@@ -302,6 +303,8 @@ def _longer(row: Any) -> bool:
 def _because(why: ChangedBy, row: Any) -> str:
     """Where the record is why, what of it moved most comes first: that more was recorded makes no valve stick."""
     words, evidence = _cause(why, row), moved(row) if why in ("loop", "data") else ""
+    if words.startswith(BEGAN_WORDS):
+        return words
     return f"{evidence}; {words}" if evidence else words
 
 
@@ -309,7 +312,8 @@ def _cause(why: ChangedBy, row: Any) -> str:
     if why in ("loop", "data") and row.likely_cause == UNANSWERED != row.likely_cause_before:
         return cause_words(UNANSWERED)
     if why == "loop" and BEGAN in row.reasons.split(";"):
-        return BEGAN_WORDS
+        began = began_at(row.reasons_text)
+        return f"{BEGAN_WORDS} {began}" if began else f"{BEGAN_WORDS} within the record"
     if why == "data" and _longer(row):
         return LONGER_WORDS
     if why != "auditable":

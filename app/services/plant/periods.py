@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime, timedelta
 from typing import Any
 
 from app.services.backend import Backend
@@ -11,20 +12,24 @@ from app.services.plant.loops import find
 from app.services.rendering import figure
 from app.storage import verdicts
 
+A_DAY = timedelta(days=1)
+
 
 @dataclass(frozen=True)
 class Periods:
     """lines: record, window and what was identified, each with its samples and times. of_figures: of what period the
-    key figures are, which are of the whole record."""
+    key figures are, which are of the whole record. of_old: of when the stretch is that speaks for the record, where it
+    ended more than a day before the newest sample."""
 
     lines: tuple[str, ...]
     of_figures: str
+    of_old: str = ""
 
 
 def periods(backend: Backend, tag: str, row: Mapping[str, Any], detail: Mapping[str, Any]) -> Periods:
     """`row`: of the newest verdict; `detail`: what was stored beside it."""
-    record = _record(backend, tag)
-    between = f", {record}" if record else ""
+    ends = _ends(backend, tag)
+    between = f", {_span(backend.clock, *ends)}" if ends else ""
     lines = [f"Record: {row['samples']} samples every {figure(row['sampling_interval_s'], 1)} s{between}."]
     whole = "of the whole record" + between
     window, identified = detail.get("window"), detail.get("identified")
@@ -32,31 +37,48 @@ def periods(backend: Backend, tag: str, row: Mapping[str, Any], detail: Mapping[
         return Periods(tuple(lines), whole)
     judged = window["samples"] < row["samples"]
     span = _span(backend.clock, row["window_start"], row["window_end"])
-    lines.append(f"Audited window: {window['samples']} samples, {span}." if judged else "All of it was audited.")
-    lines += _identified(backend.clock, row, window, identified, detail)
+    lines.append(f"Audited window: {window['samples']} samples, {span}." if judged else "All of it was looked at.")
+    stretch = _speaking(row, window, identified, detail)
+    lines += _identified(backend.clock, stretch, window, identified)
     of_verdict = "; oscillation, Yper and band d are of what was judged"
-    return Periods(tuple(lines), whole + (of_verdict if judged or len(lines) > 2 else ""))
+    of_figures = whole + (of_verdict if judged or len(lines) > 2 else "")
+    return Periods(tuple(lines), of_figures, _of_old(backend.clock, stretch, ends))
 
 
-def _identified(
-    clock: PlantClock, row: Mapping[str, Any], window: Any, identified: Any, detail: Mapping[str, Any]
-) -> list[str]:
+def _speaking(row: Mapping[str, Any], window: Any, identified: Any, detail: Mapping[str, Any]) -> list[str] | None:
+    if identified is None or identified["samples"] >= window["samples"]:
+        return None
+    return judged_stretch([row["window_start"], row["window_end"]], detail)
+
+
+def _of_old(clock: PlantClock, stretch: list[str] | None, ends: tuple[str, str] | None) -> str:
+    """ "2026-11-26 12:40 to 14:19, 3.4 days before the newest sample"; empty where it is of the last day."""
+    if stretch is None or ends is None:
+        return ""
+    age = datetime.fromisoformat(ends[1]) - datetime.fromisoformat(stretch[1])
+    if age <= A_DAY:
+        return ""
+    first, last = (clock.short(at) for at in stretch)
+    until = last.removeprefix(f"{first.partition(' ')[0]} ")
+    return f"{first} to {until}, {age / A_DAY:.1f} days before the newest sample"
+
+
+def _identified(clock: PlantClock, stretch: list[str] | None, window: Any, identified: Any) -> list[str]:
     if identified is None or identified["samples"] >= window["samples"]:
         return []
-    stretch = judged_stretch([row["window_start"], row["window_end"]], detail)
     if stretch is None:
         return [f"The published rule was run on {identified['samples']} samples of it."]
     return [f"The stretch that speaks for it: {identified['samples']} samples, {_span(clock, *stretch)}."]
 
 
-def _record(backend: Backend, tag: str) -> str | None:
+def _ends(backend: Backend, tag: str) -> tuple[str, str] | None:
+    """The first and the last sample of the record that was given."""
     loop = find(backend, tag)
     with backend.database.read() as connection:
         given = verdicts.input_of(connection, loop.id, loop.newest_audit_id or 0)
     if given is None or given.input_start_ns is None:
         return None
-    first, last = (iso_utc(moment_of(at)) or "" for at in (given.input_start_ns, given.input_end_ns))
-    return _span(backend.clock, first, last)
+    return iso_utc(moment_of(given.input_start_ns)) or "", iso_utc(moment_of(given.input_end_ns)) or ""
 
 
 def _span(clock: PlantClock, first: str, last: str) -> str:

@@ -31,7 +31,7 @@ from app.services.plant.shelving import Shelf, shelf, step_of
 from app.services.plant.work_list import work_list
 from app.services.rendering import document
 from app.services.reports.svg import WIDTH, Ends, Line, chart
-from app.services.why_rely import contradiction, points
+from app.services.why_rely import contradiction, derivative, points
 from app.services.wording import measured_probability
 from app.storage import loops as stored_loops
 from app.storage import notes as stored_notes
@@ -68,6 +68,7 @@ def loop_report(backend: Backend, tag: str) -> str:
         next_step=step_of(row, repaired_at, shelf(backend).of(tag), backend.clock, disagrees=bool(disagrees)),
         disagrees=disagrees,
         points=points(row, detail),
+        derivative=derivative(row, explained),
         size=size_in_words(row, detail),
         judged=judged(backend, [tag]).get(tag),
         periods=periods(backend, tag, row, detail),

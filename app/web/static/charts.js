@@ -38,6 +38,11 @@ const folded = (text, chart) => {
   }
   return lines.join("<br>");
 };
+// What is folded is drawn without a width and gets its own when it opens; a print shows all of it.
+const fitted = (part) => { for (const chart of part.querySelectorAll(".js-plotly-plot")) Plotly.Plots.resize(chart); };
+document.addEventListener("toggle", ({ target }) => { if (target.open) fitted(target); }, true);
+addEventListener("beforeprint", () => { for (const part of document.querySelectorAll("details:not([open])")) { part.open = true; part.dataset.printed = ""; fitted(part); } });
+addEventListener("afterprint", () => { for (const part of document.querySelectorAll("details[data-printed]")) { part.open = false; delete part.dataset.printed; } });
 const tell = (chart, text) => { chart.textContent = text; chart.classList.add("empty"); };
 const draw = (id, traces, more, without) => {
   const chart = document.getElementById(id);

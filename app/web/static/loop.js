@@ -3,7 +3,8 @@
 const line = (x, y, name, colour, more) => ({ x, y, name, type: "scatter", mode: "lines", line: { color: paint(colour), width: 1.4 }, ...more });
 
 const WAIT_MS = 200; // a wheel or a drag asks once, when it has come to rest
-const valvesNote = (valve) => `The valve's position is estimated with S ${valve.S.toPrecision(3)} and J ${valve.J.toPrecision(3)} (units of OP). J, how far it jumps when it lets go, is only what this picture is drawn with: PV and OP do not tell it.`;
+const valvesNote = ({ valve, size }) => `The valve's position is an estimate, ${size ? "drawn with the size S above" : `drawn with S ${valve.S.toPrecision(3)} and J ${valve.J.toPrecision(3)} (units of OP), which are assumed, not measured`}.`;
+const LONG_MS = 86400000, AROUND = 0.25; // a record of days is a solid block: it opens at what speaks for it, and some of what is beside it
 const countNote = ({ samples, shown }, back = "") => (shown < samples
   ? `${shown} of ${samples} samples shown, of each stretch the least and the greatest: the lines between them were not recorded. Drag over a part to see all of its samples.${back}`
   : `All ${samples} samples shown.${back}`);
@@ -21,11 +22,11 @@ function trendLines(trend, clock) {
   return [pen(x, trend.op, trend.standing, { showlegend: trend.standing.includes(1), legendrank: 2000 }), pen(x, trend.pv, trend.standing, { yaxis: "y2", showlegend: false }), ...traces];
 }
 
-function drawTrend({ trend, window: shown, judged, valve, damage }) {
+function drawTrend({ trend, window: shown, judged, valve, size, damage }) {
   document.getElementById("damage-note").textContent = damage ?? "";
   if (!trend) return draw("trend", null, {}, "No samples of the audited stretch are kept.");
   const clock = clockAt(trend.time.at(-1), trend.time[0]);
-  if (valve) document.getElementById("valve-note").textContent = valvesNote(valve);
+  if (valve) document.getElementById("valve-note").textContent = valvesNote({ valve, size });
   const stretch = ([from, to], look) => ({ type: "rect", xref: "x", yref: "paper", x0: clock.shown(from), x1: clock.shown(to), y0: 0, y1: 1, layer: "below", ...look });
   const shapes = shown ? [stretch(shown, { fillcolor: paint("--link"), opacity: 0.06, line: { width: 0 } })] : [];
   if (judged) {
@@ -37,6 +38,20 @@ function drawTrend({ trend, window: shown, judged, valve, damage }) {
     yaxis: axis("OP", { domain: [0, 0.46] }), yaxis2: axis("PV and SP", { domain: [0.54, 1] }),
   });
   comeCloser(document.getElementById("trend"), trend, clock);
+  if (judged && Date.parse(trend.time.at(-1)) - Date.parse(trend.time[0]) > LONG_MS) openAt(judged.map(Date.parse), clock);
+}
+
+function openAt([from, to], clock) {
+  const chart = document.getElementById("trend"), all = document.getElementById("trend-all"), margin = AROUND * (to - from);
+  const near = { "xaxis.range[0]": clock.shown(from - margin), "xaxis.range[1]": clock.shown(to + margin) };
+  let whole = false;
+  const go = () => {
+    all.textContent = whole ? "Show the stretch that speaks for the record" : "Show the whole record";
+    return Plotly.relayout(chart, whole ? { "xaxis.autorange": true, "yaxis.autorange": true, "yaxis2.autorange": true } : { ...near, "yaxis.autorange": true, "yaxis2.autorange": true });
+  };
+  all.addEventListener("click", () => { whole = !whole; go(); });
+  document.getElementById("trend-tools").hidden = false;
+  go();
 }
 
 // Of a long record the trend draws extremes, and lines between them are shapes that were never recorded: of the part

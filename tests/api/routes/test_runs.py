@@ -20,6 +20,8 @@ def test_a_run_over_some_loops(client, plant, backend):
     audit_chunk(backend, int(answer.json()["id"]), "test")
     assert client.get(answer.headers["location"]).json()["state"] == "done"
     assert client.post("/v1/audits", json={"tags": ["NOWHERE"]}).json()["code"] == "unknown_loops"
+    refused = client.post("/v1/audits", json={"loops": ["FIC101"]})
+    assert (refused.status_code, "loops are named in `tags`" in refused.json()["detail"]) == (422, True)
 
 
 def test_a_run_without_a_body_is_one_over_the_plant(client, plant, backend):

@@ -17,8 +17,10 @@ from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.digests import deliveries, mailing, webhooks
 from app.services.digests.digest import Digest, as_html, as_json, as_text, digest_of, newest_run, subject
+from app.services.digests.doings import doings
 from app.services.digests.sending import NotSentError, shown
 from app.services.plant.notes import add_note, withdraw_repair
+from app.services.plant.work_list import Work
 from app.services.reports.documents import plant_report
 from app.services.upkeep import doctor
 from app.services.upkeep.operations import sweep
@@ -42,7 +44,8 @@ def test_it_tells_the_worst_of_each_unit_and_what_changed(backend: Backend, nigh
     change = next(change for change in found.changes if change.loop == "A1")
     assert (change.kind, change.before) == ("new", "no_stiction")
     text = as_text(found)
-    assert "1. A1: valve sticks (probability 0.90, rely on it)" in text
+    assert found.areas[0].loops[0].told == "probability 0.90, rely on it"
+    assert text.index("WHAT CHANGED") < text.index("WHAT TO DO")
     assert "A1: newly said to stick (no stiction -> valve sticks)" in text
     assert "https://loops.example/loops/A1" in text
     assert subject(found).startswith("North: 2 valves stick (2 can be relied on), ")
@@ -87,9 +90,10 @@ def test_it_says_what_to_do_first_in_the_whole_plant(backend: Backend, night: st
     found = digest_of(backend, night)
     assert [one.loop for one in found.work] == ["B1", "A1", HOSTILE, "A2"]
     text = as_text(found)
-    assert "1. B1 (U2): not auditable, look today\n" in text
-    assert "2. A1 (U1): valve sticks, rely on it\n     since " in text
-    assert "; work order WO-17\n     Ask for a stroke test" in text
+    assert "\nNot auditable, look today. Look today, at both" in text
+    assert re.search(r"\nValve sticks, rely on it. Ask for a stroke test [^\n]+\n  - A1 \(U1\): NEW; since ", text)
+    assert text.count("Ask for a stroke test in small steps") == 1
+    assert "; work order WO-17; https://loops.example/loops/A1\n" in text
     assert "WO-17" in as_html(found)
     assert "<script>" not in as_html(found)
     assert subject(found).startswith("North: 3 valves stick (2 can be relied on), ")
@@ -103,12 +107,12 @@ def test_a_repair_that_was_written_after_the_run_is_told_in_all_its_lists(backen
     found = digest_of(backend, night)
     assert {one.loop: one.of_before_repair for area in found.areas for one in area.loops}["A1"]
     text = as_text(found)
-    assert "A1 (U1): valve sticks, of before the repair" in text
-    assert "A1: valve sticks (probability 0.90, of before the repair)" in text
-    assert "probability 0.90, of before the repair" in as_html(found)
-    assert "evil@example.com: valve sticks (probability 0.90, rely on it)" in text
+    assert "\nValve sticks, from before the repair. Wait" in text
+    assert found.areas[0].loops[0].told == "probability 0.90, from before the repair"
+    assert "Valve sticks, from before the repair." in as_html(found)
+    assert "evil@example.com (U2)" in text.partition("Valve sticks, rely on it.")[2]
     (row,) = re.findall(r"A1</a></td><td><span.*?</tr>", plant_report(backend))
-    assert "of before the repair" in row
+    assert "from before the repair" in row
 
 
 def test_the_digest_of_an_older_run_reads_as_of_that_run(backend: Backend, night: str) -> None:
@@ -144,7 +148,7 @@ def test_a_prior_is_no_probability(backend: Backend, night: str, add_loops: AddL
     with backend.database.write() as connection:
         mine = (verdicts.c.audit_id == int(night), verdicts.c.loop_id == ids["A2"])
         connection.execute(update(verdicts).where(*mine).values(**frozen, reasons="pv_does_not_answer;prior_only"))
-    assert "A2: cannot tell (look today)" in as_text(digest_of(backend, night))
+    assert re.search(r"\nCannot tell, look today. [^\n]+\n  - A2 ", as_text(digest_of(backend, night)))
     assert "0.60" not in as_html(digest_of(backend, night))
     assert "0.60" not in plant_report(backend)
 
@@ -172,9 +176,25 @@ def test_no_probability_is_told_as_certain(backend: Backend, night: str) -> None
             update(verdicts).where(verdicts.c.audit_id == int(night)).values(stiction_probability=0.9996)
         )
     found = digest_of(backend, night)
-    assert "valve sticks (probability over 0.99, rely on it)" in as_text(found)
-    assert "probability over 0.99, " in as_html(found)
+    assert "probability 0.10 -> over 0.99" in as_text(found) or "probability over 0.99" in found.areas[0].loops[0].told
     assert "1.00" not in as_text(found) + as_html(found)
+
+
+def test_what_is_newly_said_to_stick_never_falls_off_the_lists(
+    backend: Backend, night: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.services.digests.digest.CHANGES", 0)
+    found = digest_of(backend, night)
+    new = found.new_besides
+    assert "A1" in new
+    assert f"  newly said to stick as well: {', '.join(' '.join(tag.split()) for tag in new)}\n" in as_text(found)
+    assert subject(found).startswith(f"North: 2 valves stick (2 can be relied on), {len(new)} new (")
+    work = [Work(f"W{k}", None, "stiction", "valve sticks, rely on it", "Do it.", "", "", "") for k in range(19)]
+    (doing,) = doings(work, {"W12", "W13"})
+    assert [one.loop for one in doing.loops[:3]] == ["W12", "W13", "W0"]
+    assert (len(doing.loops), doing.more) == (15, 4)
+    (all_new,) = doings(work, {one.loop for one in work})
+    assert (len(all_new.loops), all_new.more) == (19, 0)
 
 
 def shelved_before(backend: Backend, audit_id: str, tag: str, **then: object) -> None:
@@ -215,7 +235,7 @@ def test_what_got_worse_since_it_was_shelved_is_listed_all_the_same(backend: Bac
     words = "(work order WO-9), but by now the valve sticks, and that is to be relied on"
     assert first.loop == "A1"
     assert first.shelved.endswith(words)
-    assert f"     {first.shelved}" in as_text(found)
+    assert first.shelved in as_text(found)
     assert first.shelved in as_html(found)
     assert "1 SHELVED, 1 OF THEM LISTED ALL THE SAME" in as_text(found)
 
@@ -276,7 +296,7 @@ def test_after_the_night_it_goes_to_every_receiver_once(
     assert mail["Subject"].startswith("North: 2 valves stick")
     plain, html = mail.get_body(("plain",)), mail.get_body(("html",))
     assert plain is not None
-    assert "WORST OF U1" in plain.get_content()
+    assert "WHAT CHANGED SINCE THE RUN BEFORE" in plain.get_content()
     assert html is not None
     assert "https://loops.example/loops/A1" in html.get_content()
     ((heads, body),) = receiver.posts
