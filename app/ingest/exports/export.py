@@ -230,6 +230,8 @@ class TableExport(Export):
             notes.append(
                 f"{self._tally.stuttering} stamps repeated the one before; their rows went into the missing step"
             )
+        if self._tally.comments:
+            notes.append(f"{self._tally.comments} lines that begin with *, # or [ were passed over as comments")
         notes += self._ahead_of_clock()
         notes += self._tally.writing.notes()
         notes += self._tally.no_data.notes()

@@ -182,7 +182,10 @@ class WideTable:
         if len(without):
             bad[without] = rows.hold_something(without, [value.index for value in group.values])
         bad[short] = False
-        bad &= ~texts.str.contains("^[*#]").to_numpy()
+        comments = texts.str.contains("^[*#]").to_numpy()
+        bad &= ~comments
+        if group.time == self._plan.groups[0].time:
+            self._tally.comments += int(np.count_nonzero(comments))
         at = np.flatnonzero(bad)
         words = (f"{texts[int(row)]!r} is no time that can be read" for row in at)
         self._log.add_many("bad_time", rows.lines(at), words)
