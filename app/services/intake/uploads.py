@@ -98,10 +98,12 @@ class Receiving:
             fingerprint = next((it for it in fingerprints if known[it]), fingerprints[0])
             name = self._values["filename"] or f"upload-{fingerprint[:NAMELESS_DIGITS]}"
             key, keys = _content_key(fingerprint, reading_json, name), known[fingerprint]
-            if keys and key not in keys:
+            if keys and key not in keys and self._values["filename"]:
                 if named is None:
                     return None
                 key = key if named else keys[0]
+            elif keys and key not in keys:
+                key = keys[0]  # without a name nothing says that it is of another loop
             self._keep(fingerprint)
             values = {"filename": name, "fingerprint": fingerprint, "size_bytes": self._file.size, "content_key": key}
             row, created = uploads.receive(connection, {**self._values, **values})
