@@ -123,6 +123,14 @@ def test_content_without_a_name_that_comes_several_times_at_once_is_one_upload(b
     assert len(uploads.list_uploads(backend).rows) == 1
 
 
+def test_an_upload_that_came_damaged_says_so(backend: Backend) -> None:
+    whole, cut = packed(export(2000)), packed(export(2000))[:-400]
+    assert not read(backend, send(backend, whole)).damaged
+    done = read(backend, send(backend, cut, name="cut.csv.gz"))
+    assert (done.state, done.damaged, done.error_code) == ("done", True, None)
+    assert [upload.damaged for upload in uploads.list_uploads(backend).rows] == [True, False]
+
+
 def test_content_that_cannot_be_read_is_the_same_upload_under_another_name(backend: Backend) -> None:
     assert send(backend, b"\0\1\2", name="a.csv").id == send(backend, b"\0\1\2", name="b.csv").id
 

@@ -264,4 +264,5 @@ def _view(row: UploadRow, loops_found: int) -> UploadView:
         times_from=summary.get("times_from"),
         times_to=summary.get("times_to"),
         time_zone=summary.get("time_zone"),
+        damaged=summary.get("damaged", False),
     )
