@@ -28,9 +28,9 @@ class IngestOptions:
         orders; None: found from the data.
     now_ns: the instant (ns since 1970, UTC) at which the file is read or came; samples are not later. None: no clock.
     drop_uncertain: refuse values of uncertain quality (OPC 64) too.
-    max_ratio: what gzip may unpack to, in its own sizes, once that is more than 64 MiB. A second of 2,000 columns that all
-        stand at different values packs 210 to 1, one of 2,000 zeros 510 to 1; measured signals 3 to 1; a bomb 700 to 1 and
-        more, of 1,032 that are possible.
+    max_ratio: what gzip may unpack to, in its own sizes, once that is more than 64 MiB. 2,000 columns that all
+        stand still at values of their own pack 210 to 1, 2,000 zeros 510 to 1, signals with noise 3 to 1; 1,032 to 1
+        is the most there is.
     spill_folder: where a large long file's rows are parted by loop on disk; None: where the system keeps such files.
     """
 

@@ -28,8 +28,8 @@ class Unpacking:
     def steps(self, piece: bytes) -> Iterator[bytes]:
         """What comes out of the next piece, a step at a time.
 
-        Raises zlib.error where it is damaged, DataError beyond the caps of the options: "decompressed_too_large" where it
-        is too much in all, "compression_ratio" where it is too much for its size.
+        Raises zlib.error where it is damaged, DataError beyond the caps of the options:
+        "decompressed_too_large" where it is too much in all, "compression_ratio" where it is too much for its size.
         """
         for start in range(0, len(piece), TAKEN_BYTES):
             yield from self._steps(piece[start : start + TAKEN_BYTES])
@@ -70,5 +70,5 @@ class Unpacking:
         if self.unpacked > RATIO_FREE_BYTES and self.unpacked > self._packed * self._options.max_ratio:
             raise DataError(
                 "compression_ratio",
-                f"unpacks to more than {self._options.max_ratio:g} times its size, which no export does; send it unpacked",
+                f"unpacks to more than {self._options.max_ratio:g} times its size, as no export does; send it unpacked",
             )
