@@ -460,12 +460,12 @@ def test_a_file_of_modes_is_told(read: Read) -> None:
 @pytest.mark.parametrize("chunk_bytes", [200, 1 << 20])
 def test_line_ends_that_were_made_twice(read: Read, encoding: str, chunk_bytes: int) -> None:
     """A file of Windows sent as one of Unix."""
-    rows = [f"2026-01-01 00:00:{k:02d},{k},Größe,{k},AUTO" for k in range(50)]
+    rows = [f"2026-01-01 00:00:{k:02d},{k},{'Größe' if k else 7},{k},AUTO" for k in range(50)]
     text = "\r\r\n".join(["Time,A.PV,Note,A.OP,A.MODE", *rows, ""])
     content = read(text.encode(encoding), options=IngestOptions(chunk_bytes=chunk_bytes))
     assert content.loops["A"].op.tolist() == list(range(50))
     assert content.loops["A"].automatic.tolist() == [1] * 50
-    assert dict(content.rejects.counts) == {"not_a_number": 50}
+    assert dict(content.rejects.counts) == {"not_a_number": 49}
     assert content.rejects.listed[-1].line == 51
 
 

@@ -230,10 +230,18 @@ class TableExport(Export):
             notes.append(
                 f"{self._tally.stuttering} stamps repeated the one before; their rows went into the missing step"
             )
+        if self._tally.repeats:
+            what = "the time of a row before; of each tag the last value of a time was taken"
+            notes.append(f"{self._tally.repeats} rows have {what}")
         if self._tally.comments:
             notes.append(f"{self._tally.comments} lines that begin with *, # or [ were passed over as comments")
         notes += self._ahead_of_clock()
         notes += self._tally.writing.notes()
+        if self._tally.wordy:
+            shown = ", ".join(tag[:80] for tag in self._tally.wordy[:5]) + (
+                ", ..." if len(self._tally.wordy) > 5 else ""
+            )
+            notes.append(f"columns that hold no number were left out: {shown}")
         notes += self._tally.no_data.notes()
         notes += self._tally.modes.notes()
         notes += self._tally.quality.notes()

@@ -13,7 +13,8 @@ from app.ingest.tags.quality import Quality
 class Tally:
     """Rows and values so far; `backward` says that rows were not in order of time; `stuttering` counts rows
     whose stamp repeated the one before and stood for the step after it; `comments` those that hold none but a
-    comment."""
+    comment, `repeats` those whose time their tags had already; `wordy` are columns of words
+    that are no signals."""
 
     rows_read: int = 0
     rows_kept: int = 0
@@ -21,6 +22,8 @@ class Tally:
     backward: bool = False
     stuttering: int = 0
     comments: int = 0
+    repeats: int = 0
+    wordy: list[str] = field(default_factory=list)
     first_time_ns: int | None = None
     last_time_ns: int | None = None
     writing: Writing = field(default_factory=Writing)
