@@ -50,6 +50,7 @@ from app.ingest.tables.scanning import warm_up
 from app.ingest.tables.spilling import NoRoomToPartError
 from app.ingest.tags.grouping import MappedTag, TagMapping, group, loop_of, mapping_text, names_its_loop, unit_of
 from app.ingest.tags.lists import BEYOND, Listed, list_rows, list_text
+from app.ingest.telling import without_controls
 from app.ingest.times.stamps import NO_TIME, check_time_zone
 
 __all__ = [
@@ -97,4 +98,5 @@ __all__ = [
     "to_recording",
     "unit_of",
     "warm_up",
+    "without_controls",
 ]

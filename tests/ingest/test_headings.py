@@ -152,3 +152,12 @@ def test_comments_between_the_rows_are_counted(read: Read, layout: str) -> None:
     content = read(text(*heading, *data[:9], ["# checked", "", ""], ["* by shift B", "", ""], *data[9:]))
     assert told(content) == (199, [])
     assert "2 lines that begin with *, # or [ were passed over as comments" in content.summary.notes
+
+
+def test_control_characters_in_names_are_replaced_and_told(read: Read) -> None:
+    data = text(*rows(STAMPS, lambda time, value: [time, value, value]))
+    content = read(f"time,FIC\a1.PV,FIC\a1.OP\n{data}")
+    assert list(content.loops) == ["FIC\N{REPLACEMENT CHARACTER}1"]
+    shown = "FIC\N{REPLACEMENT CHARACTER}1.PV, FIC\N{REPLACEMENT CHARACTER}1.OP"
+    assert f"control characters in names of tags were replaced: {shown}" in content.summary.notes
+    assert list(read(f"time,PV,OP\n{data}", name="A\nB.csv").loops) == ["A\N{REPLACEMENT CHARACTER}B"]

@@ -361,6 +361,7 @@ def test_a_list_of_uploads_counts_their_tags_and_does_not_read_them(backend: Bac
 
 def test_names_cannot_leave_the_folder(backend: Backend) -> None:
     assert send(backend, export(), name="../../etc/pass\x00wd").filename == "passwd"
+    assert send(backend, export(7), name="a\nb\x07.csv").filename == "a\ufffdb\ufffd.csv"
 
 
 def test_an_upload_is_read_by_one_and_again_after_a_crash(backend: Backend) -> None:

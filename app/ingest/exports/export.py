@@ -254,6 +254,8 @@ class TableExport(Export):
             pairs = list(second.items())[:5]
             shown = ", ".join(f"{tag} ({owner.signal} is {owner.tag})" for tag, owner in pairs)
             notes.append(f"{len(second)} tags name a signal that their loop has already; kept beside it: {shown}")
+        if odd := self._grouping.with_controls:
+            notes.append(f"control characters in names of tags were replaced: {', '.join(list(odd)[:5])}")
         if self._grouping.of_other_number:
             shown = ", ".join(self._grouping.of_other_number[:5])
             notes.append(f"of another number than PV and OP, and not read as set point or mode: {shown}")

@@ -13,7 +13,7 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 from sqlalchemy import Connection
 
 from app.errors import NotFoundError, RequestError
-from app.ingest import TagMapping, mapping_text, stem_of, takes_its_name
+from app.ingest import TagMapping, mapping_text, stem_of, takes_its_name, without_controls
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.intake import places
@@ -155,7 +155,8 @@ def receive(
 
 def _name(given: str) -> str:
     """The name without its folder; empty where nothing but dots, blanks and the suffix of an export would be left."""
-    name = Path(storable(given.replace("\\", "/").replace("\x00", ""))).name[-LONGEST_NAME:]
+    told = without_controls(given.replace("\\", "/").replace("\x00", ""))
+    name = Path(storable(told)).name[-LONGEST_NAME:]
     return name if stem_of(f"x{name}")[1:].strip(". ") else ""
 
 
