@@ -46,7 +46,9 @@ def loops(
     retired: Retired = "any",
     format_: Form = "json",
 ) -> Any:
-    """As CSV all of them at once, to be changed in a spreadsheet and sent back (`PATCH /v1/loops`)."""
+    """As CSV all of them at once, whatever `limit` and `cursor` say, to be changed in a spreadsheet and sent back
+    (`PATCH /v1/loops`); it begins with the byte order mark by which spreadsheets know UTF-8.
+    """
     wanted = service.ListFilter(unit, search, service.RETIRED[retired])
     if format_ == "json":
         return service.list_loops(backend, limit, cursor, wanted)
@@ -124,7 +126,9 @@ def loop(request: Request, response: Response, backend: Services, tag: LoopTag) 
     summary="Say more about a loop",
 )
 def patch(response: Response, backend: Services, tag: LoopTag, changes: LoopPatch, if_match: IfMatch = None) -> Any:
-    """What it answers has the ETag that the loop has from now on."""
+    """What it answers has the ETag that the loop has from now on. A tag may hold slashes: what stands behind
+    one, as in `/loops/FIC1/health`, is a part of the tag here.
+    """
     only_if = None if if_match is None else lambda view: known(if_match, tag_of(vars(view)))
     view = service.patch_loop(backend, tag, changes.model_dump(exclude_unset=True), only_if)
     response.headers["ETag"] = tag_of(vars(view))

@@ -64,6 +64,11 @@ class UploadListed(Read):
     time_zone: str | None = Field(
         None, description="The zone in which times were read that tell none; `in the file` where they do."
     )
+    damaged: bool = Field(
+        False,
+        description="Whether a part of the file could not be read because it came damaged, as a gzip file that was cut "
+        "or a sheet of a workbook; what could be read is kept, and `notes` say what was lost.",
+    )
 
 
 class UploadOut(UploadListed):

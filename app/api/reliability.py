@@ -112,7 +112,8 @@ def reliability(
     """One row a loop, its newest verdict, or that of the run `audit_id`; where neither `retired` nor `audit_id`
     is given, none of loops that are retired. `next_cursor` is always there and null on the last page.
 
-    As CSV, texts that a spreadsheet would calculate begin with an apostrophe; the cursor is in X-Next-Cursor.
+    As CSV, texts that a spreadsheet would calculate begin with an apostrophe; the cursor is in X-Next-Cursor. It
+    has no byte order mark, which programs would take for a part of the first column's name.
     Both have an ETag, which stays the same until a verdict or a loop changes.
     """
     columns = query.wanted_columns()

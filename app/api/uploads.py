@@ -71,7 +71,8 @@ async def receive(
 
     gzip is told by the content. 202 means that the bytes are stored.
     The same content again, packed or not, read in the same way, is the same upload; under another name it is another
-    one only where the file does not name its loops, which are called by its name then.
+    one only where the file does not name its loops, which are called by its name then. Without a name content that is
+    known is always the upload that it was.
     """
     refuse_encodings(request)
     receipt = await store(request, backend, filename, service.ReadingOptions(time_zone, date_order=date_order))

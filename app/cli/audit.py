@@ -7,6 +7,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from enum import StrEnum
 from multiprocessing import active_children, get_context
+from os.path import realpath
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Annotated, Any
 
@@ -134,8 +135,8 @@ def _audit_into(
 
 
 def recording_files(paths: list[Path]) -> list[Path]:
-    """The files to read, folders in the order of their names, and what was named and is not there: that fails by
-    itself. Raises where nothing is left.
+    """The files to read, each once, folders in the order of their names, and what was named and is not there: that
+    fails by itself. Raises where nothing is left.
     """
     from app.ingest import is_export_name
 
@@ -149,7 +150,19 @@ def recording_files(paths: list[Path]) -> list[Path]:
         raise DataError(
             "nothing_to_read", f"no exports (CSV, text, parquet, Excel, MATLAB) in {', '.join(map(str, paths))}"
         )
-    return files
+    return list(each_once(files))
+
+
+def each_once(files: list[Path]) -> Iterator[Path]:
+    """Without those that are one that came before, by whatever path; said on stderr."""
+    first: dict[str, Path] = {}
+    for file in files:
+        before = first.setdefault(realpath(file), file)
+        if before is file:
+            yield file
+        else:
+            how = "named twice" if before == file else f"the same file as {before}"
+            say(f"{file}: {how}, read once [same_file]")
 
 
 def read_files(files: list[Path], named: list[Path], mapping: Path | None, out: Path | None) -> list[Path]:
@@ -262,7 +275,8 @@ def exit_code(audited: list[AuditedFile], named: list[Path]) -> ExitCode:
     """A folder may hold other files too; a file that was named is expected to hold a recording."""
     if not any(result.lines for result in audited):
         return ExitCode.NOTHING_USABLE
-    missed = any(result.failed or (result.skipped and result.path in named) for result in audited)
+    expected = {realpath(path) for path in named}
+    missed = any(result.failed or (result.skipped and realpath(result.path) in expected) for result in audited)
     return ExitCode.SOME_FAILED if missed else ExitCode.DONE
 
 

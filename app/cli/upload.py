@@ -40,7 +40,8 @@ def upload(
 ) -> None:
     """Send export files to a running service. The same file again changes nothing.
 
-    Exit code 1: some files were refused, or (told by --wait) hold no loop; 2: all of them.
+    Exit code 1: some files were refused, or (told by --wait) hold no loop or came damaged; 2: all of them were refused
+    or hold no loop.
 
     [bold]Examples[/bold]
 
@@ -54,7 +55,7 @@ def upload(
 
     files = recording_files(paths)
     how = Reading(mapping_bytes(mapping), time_zone, date_order)
-    failures = empty = 0
+    failures = empty = damaged = 0
     with ServiceClient(url, key) as client:
         await_start(client)
         for file in files:
@@ -62,6 +63,7 @@ def upload(
                 state = send(client, file, timeout_s if wait else None, how)
                 report(file, state)
                 empty += holds_no_loop(file, state)
+                damaged += came_damaged(file, state)
             except RequestError as error:
                 if error.code == "no_service":
                     raise
@@ -76,7 +78,7 @@ def upload(
     unusable = failures + empty
     if unusable == len(files):
         raise typer.Exit(ExitCode.NOTHING_USABLE)
-    raise typer.Exit(ExitCode.SOME_FAILED if unusable else ExitCode.DONE)
+    raise typer.Exit(ExitCode.SOME_FAILED if unusable or damaged else ExitCode.DONE)
 
 
 def await_start(client: "ServiceClient") -> None:
@@ -126,3 +128,11 @@ def holds_no_loop(file: Path, state: dict[str, Any]) -> bool:
     if nothing:
         say(f"{file}: no loop was found in it; `loopaudit inspect` says which columns it has [no_loops]")
     return nothing
+
+
+def came_damaged(file: Path, state: dict[str, Any]) -> bool:
+    """Whether a part of it could not be read; said on stderr, after the note of what was lost."""
+    lost = bool(state.get("damaged"))
+    if lost:
+        say(f"{file}: came damaged; what could be read of it is kept, send it again whole [damaged]")
+    return lost

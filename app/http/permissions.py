@@ -148,7 +148,8 @@ class Routes:
     def methods(self, scope: Scope) -> set[str]:
         """All that the path takes, of whichever route; none where there is no such path."""
         taking = (methods for pattern, _, methods in self._routes if pattern.match(get_route_path(scope)))
-        return set().union(*taking)
+        found = set().union(*taking)
+        return found | set(READING) if "GET" in found else found
 
 
 def listed(app: FastAPI) -> list[tuple[str, frozenset[str]]]:

@@ -21,8 +21,9 @@ For services that store a plant's samples::
 
 Reject codes: bad_time, not_a_number, unclear_mark, not_finite, sentinel, bad_quality, off_line, unknown_mode,
 ragged_row, unbalanced_quote, duplicate_time, name_too_long, no_tag, sheet_not_read.
-DataError codes: empty_file, not_an_export, unknown_layout, nothing_readable, decompressed_too_large, line_too_long,
-too_many_tags, bad_mapping, excel_not_installed, unknown_time_zone, matlab_version, more_fields_than_names.
+DataError codes: empty_file, not_an_export, unknown_layout, nothing_readable, decompressed_too_large, compression_ratio,
+line_too_long, too_many_tags, bad_mapping, excel_not_installed, unknown_time_zone, matlab_version,
+more_fields_than_names.
 
 `read_recordings(path)` gives recordings for the engine, `inspect(path)` a report on a file, `read_named(path)` a table
 whose columns are asked for by name.
@@ -49,6 +50,7 @@ from app.ingest.tables.scanning import warm_up
 from app.ingest.tables.spilling import NoRoomToPartError
 from app.ingest.tags.grouping import MappedTag, TagMapping, group, loop_of, mapping_text, names_its_loop, unit_of
 from app.ingest.tags.lists import BEYOND, Listed, list_rows, list_text
+from app.ingest.telling import without_controls
 from app.ingest.times.stamps import NO_TIME, check_time_zone
 
 __all__ = [
@@ -96,4 +98,5 @@ __all__ = [
     "to_recording",
     "unit_of",
     "warm_up",
+    "without_controls",
 ]

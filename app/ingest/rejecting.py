@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from itertools import repeat
 from types import MappingProxyType
+from typing import Self
 
 from app.ingest.model import Reject, Rejects
 
@@ -35,6 +36,19 @@ class RejectLog:
         for line, text, tag in zip(lines[:room], texts, each, strict=False):
             number = None if line is None else int(line)
             self._listed.append(Reject(number, code, printable(text), printable(tag or "")))
+
+    def take(self, other: Self) -> None:
+        """What another log collected."""
+        self._counts.update(other._counts)
+        self._listed += other._listed[: max(0, self._limit - len(self._listed))]
+
+    @property
+    def codes(self) -> set[str]:
+        return set(self._counts)
+
+    def another(self) -> Self:
+        """An empty one with the same limit."""
+        return type(self)(self._limit)
 
     def result(self) -> Rejects:
         """Listed in the order of the lines, those without one last: each step of reading finds its own."""

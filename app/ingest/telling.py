@@ -1,8 +1,9 @@
-"""What is told of tags in a note: those of which the same is said together, the first of them by name."""
+"""What is told of tags, and how: those of which the same is said together, the first of them by name."""
 
 from collections.abc import Mapping
 
 _SHOWN = 3
+_CONTROLS = dict.fromkeys((*range(0x20), *range(0x7F, 0xA0)), "\N{REPLACEMENT CHARACTER}")
 
 
 def tags_by(said: Mapping[str, str]) -> dict[str, str]:
@@ -13,3 +14,8 @@ def tags_by(said: Mapping[str, str]) -> dict[str, str]:
     return {
         what: f"{', '.join(tags[:_SHOWN])}{', ...' if len(tags) > _SHOWN else ''}" for what, tags in tags_of.items()
     }
+
+
+def without_controls(text: str) -> str:
+    """A name as it can be shown: a line end in it would part a line of a list or of a log in two."""
+    return text.translate(_CONTROLS)

@@ -28,7 +28,8 @@ class RejectView:
 
 @dataclass(frozen=True)
 class UploadView:
-    """An export as it came, and what became of it. `rejects` lists the first; `reject_counts` is exact by code."""
+    """An export as it came, and what became of it. `rejects` lists the first; `reject_counts` is exact by code.
+    damaged: a part of the file was lost on its way here."""
 
     id: str
     state: UploadState
@@ -54,6 +55,7 @@ class UploadView:
     times_from: str | None = None
     times_to: str | None = None
     time_zone: str | None = None
+    damaged: bool = False
     tags: list[dict[str, Any]] = field(default_factory=list)
 
 

@@ -83,6 +83,7 @@ STATE_WORDS = {
 
 
 NO_ROOM_YET = "waits for room on the disk"
+READ_IN_PART = "done, but the file came damaged"
 """Of an upload that is received and cannot be read for that."""
 
 STARTERS = {

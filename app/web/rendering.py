@@ -16,6 +16,7 @@ from app.services.results import UploadView
 from app.services.wording import (
     CHANGE_WORDS,
     NO_ROOM_YET,
+    READ_IN_PART,
     RELIABILITY_BRIEF,
     RELIABILITY_SHORT,
     RELIABILITY_WORDS,
@@ -61,7 +62,9 @@ def as_tags(loops: list[dict[str, Any]]) -> list[tuple[str, str, str]]:
 
 
 def upload_words(upload: UploadView) -> str:
-    return NO_ROOM_YET if upload.waits_for_room_since else STATE_WORDS[upload.state]
+    if upload.waits_for_room_since:
+        return NO_ROOM_YET
+    return READ_IN_PART if upload.damaged else STATE_WORDS[upload.state]
 
 
 def environment() -> Environment:

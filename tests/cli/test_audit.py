@@ -74,6 +74,23 @@ def test_the_lines_have_the_fields_of_the_contract(folder):
         assert all(set(reason) == {"code", "text"} for reason in line["reasons"])
 
 
+def test_a_recording_is_audited_once_by_whatever_paths_it_was_named(folder, tmp_path):
+    (tmp_path / "link.csv").symlink_to(folder / "L0.csv")
+    done = audit(folder / "L0.csv", folder, folder / "L0.csv", tmp_path / "link.csv", "--format", "jsonl")
+    assert done.exit_code == 0, done.stderr
+    assert [line["recording"] for line in lines(done)] == ["L0", "L1", "L2", "L3"]
+    twice = f"{folder / 'L0.csv'}: named twice, read once [same_file]"
+    assert done.stderr.splitlines()[:3] == [
+        twice,
+        twice,
+        f"{tmp_path / 'link.csv'}: the same file as {folder / 'L0.csv'}, read once [same_file]",
+    ]
+
+
+def test_a_file_that_was_named_behind_its_folder_is_expected_to_hold_a_recording(folder):
+    assert audit(folder, folder / ".." / folder.name / "labels.csv", "--format", "jsonl").exit_code == 1
+
+
 def test_what_is_named_and_not_there_keeps_nothing_from_the_rest(folder):
     done = audit(folder / "L0.csv", folder / "none.csv", folder / "L1.csv", "--format", "jsonl")
     assert done.exit_code == 1

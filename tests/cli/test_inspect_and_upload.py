@@ -209,6 +209,8 @@ def test_a_file_that_was_read_and_holds_no_loop_is_said(tmp_path, monkeypatch):
     [
         ("good.csv good.csv", 0),
         ("good.csv empty.csv", 1),
+        ("good.csv cut.csv", 1),
+        ("cut.csv", 1),
         ("good.csv refused.csv", 1),
         ("good.csv empty.csv refused.csv", 1),
         ("empty.csv refused.csv", 2),
@@ -220,14 +222,16 @@ def test_some_files_of_use_are_1_and_none_is_2(tmp_path, monkeypatch, names, cod
     def answer(_, file, *__):
         if file.name == "refused.csv":
             raise RequestError("upload_failed", "the file could not be used")
-        loops = ["A"] if file.name == "good.csv" else []
-        return {"id": "1", "state": "done", "loops": loops, "notes": [], "rejects": []}
+        loops = ["A"] if file.name in ("good.csv", "cut.csv") else []
+        damaged = file.name == "cut.csv"
+        return {"id": "1", "state": "done", "loops": loops, "notes": [], "rejects": [], "damaged": damaged}
 
     monkeypatch.setattr("app.cli.upload.send", answer)
     files = [tmp_path / name for name in names.split()]
     for file in files:
         file.write_text(WIDE)
-    assert run("upload", *files, "--wait").exit_code == code
+    done = run("upload", *files, "--wait")
+    assert (done.exit_code, "[damaged]" in done.stderr) == (code, "cut.csv" in names)
 
 
 def test_an_upload_is_read_in_the_zone_that_is_named(serve, tmp_path):

@@ -13,6 +13,7 @@ from app.ingest import Export, IngestOptions, LoopSamples, SignalBlock, read_exp
 DECLARED = frozenset(
     (
         *("empty_file", "not_an_export", "unknown_layout", "nothing_readable", "decompressed_too_large"),
+        "compression_ratio",
         *(
             "line_too_long",
             "too_many_tags",

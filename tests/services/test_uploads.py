@@ -5,6 +5,7 @@ import hashlib
 import threading
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -94,6 +95,40 @@ def test_content_that_names_its_tags_is_the_same_upload_under_another_name(backe
     elsewhere = send(backend, export(), name="third.csv", options=berlin)
     assert elsewhere.id != first.id
     assert send(backend, export(), name="fourth.csv", options=berlin).id == elsewhere.id
+
+
+def test_content_that_is_known_is_the_same_upload_without_a_name(backend: Backend) -> None:
+    """A raw body after a multipart form: nothing says that it is of another loop."""
+    bare = export().replace(b"LIC2.", b"X").replace(b"FIC1.", b"")
+    named = send(backend, bare, name="FIC7.csv")
+    assert send(backend, bare, name="").id == named.id
+    assert send(backend, packed(bare), name="").id == named.id
+    other = send(backend, bare, name="FIC8.csv")
+    assert other.id != named.id
+    assert send(backend, bare, name="").id == named.id
+    berlin = ReadingOptions(time_zone="Europe/Berlin")
+    nameless = send(backend, bare, name="", options=berlin)
+    assert nameless.filename == f"upload-{nameless.fingerprint[:12]}"
+    assert send(backend, bare, name="", options=berlin).id == nameless.id
+    assert send(backend, bare, name="FIC9.csv", options=berlin).id != nameless.id
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_content_without_a_name_that_comes_several_times_at_once_is_one_upload(backend: Backend, known: bool) -> None:
+    bare = export().replace(b"LIC2.", b"X").replace(b"FIC1.", b"")
+    first = {send(backend, bare, name="FIC7.csv").id} if known else set()
+    with ThreadPoolExecutor(8) as threads:
+        ids = set(threads.map(lambda _: send(backend, bare, name="").id, range(16)))
+    assert len(ids | first) == 1
+    assert len(uploads.list_uploads(backend).rows) == 1
+
+
+def test_an_upload_that_came_damaged_says_so(backend: Backend) -> None:
+    whole, cut = packed(export(2000)), packed(export(2000))[:-400]
+    assert not read(backend, send(backend, whole)).damaged
+    done = read(backend, send(backend, cut, name="cut.csv.gz"))
+    assert (done.state, done.damaged, done.error_code) == ("done", True, None)
+    assert [upload.damaged for upload in uploads.list_uploads(backend).rows] == [True, False]
 
 
 def test_content_that_cannot_be_read_is_the_same_upload_under_another_name(backend: Backend) -> None:
@@ -326,6 +361,7 @@ def test_a_list_of_uploads_counts_their_tags_and_does_not_read_them(backend: Bac
 
 def test_names_cannot_leave_the_folder(backend: Backend) -> None:
     assert send(backend, export(), name="../../etc/pass\x00wd").filename == "passwd"
+    assert send(backend, export(7), name="a\nb\x07.csv").filename == "a\ufffdb\ufffd.csv"
 
 
 def test_an_upload_is_read_by_one_and_again_after_a_crash(backend: Backend) -> None:

@@ -1,5 +1,7 @@
 """The pages of uploads: what was understood, what was refused, and a mapping that is corrected."""
 
+import gzip
+
 import pytest
 
 from app.services.auditing.audits import cancel_audit, list_audits
@@ -41,6 +43,16 @@ def test_an_upload_that_waits_for_room_says_so_on_its_page_and_in_the_list(clien
     assert "waits for room on the disk" in seen(client, "/uploads").texts
     read_upload(web_backend, int(answer["id"]), "test")
     assert "no room" not in client.get(f"/uploads/{answer['id']}").text
+
+
+def test_an_upload_that_came_damaged_is_marked_on_its_page_and_in_the_list(client, web_backend):
+    rows = "".join(f"{k},{k * 7919 % 101},{k * 104729 % 97}\n" for k in range(20_000))
+    sent = gzip.compress(f"time,FIC9.PV,FIC9.OP\n{rows}".encode())[:-500]
+    answer = client.post("/v1/uploads", content=sent).json()
+    read_upload(web_backend, int(answer["id"]), "test")
+    assert client.get(f"/v1/uploads/{answer['id']}").json()["damaged"] is True
+    for page in (f"/uploads/{answer['id']}", "/uploads"):
+        assert "done, but the file came damaged" in seen(client, page).texts
 
 
 def test_a_file_is_read_again_with_another_mapping(client, web_backend):

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 
 from app.ingest.columns.clocks import are_clocks, date_and_clock, joined_stamp
+from app.ingest.columns.headings import below_names
 from app.ingest.columns.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.columns.quality import with_quality
 from app.ingest.columns.widths import named_width
@@ -127,9 +128,15 @@ def first_row_of_times(head: Head, column: int, options: IngestOptions) -> int:
 
 
 def wide_from(
-    head: Head, layout: str, names: tuple[str, ...], first_row: int, options: IngestOptions, time: tuple[int, ...] = ()
+    head: Head,
+    layout: str,
+    names: tuple[str, ...],
+    names_at: tuple[int, ...],
+    first_row: int,
+    options: IngestOptions,
+    time: tuple[int, ...] = (),
 ) -> WidePlan | None:
-    """A wide plan from the row of names and the first row of data."""
+    """A wide plan from the names, the rows in which they stand, and the first row with a time."""
     time = date_and_clock(head, time or time_columns(names) or (0,), first_row, options)
     form = form_of(head, time, first_row, options, names[time[0]] if time[0] < len(names) else "")
     if form is None:
@@ -145,9 +152,11 @@ def wide_from(
         return None
     shown = ", ".join(names[index][:80] for index in stamps[:5])
     notes = (f"columns of further times were not read, neither as times nor as values: {shown}",) if stamps else ()
-    width = named_width(head, names, first_row)
+    below = below_names(head, names_at, first_row, [value.index for value in values])
+    width = named_width(head, names, below.first_row)
     judged = with_quality(head, names, first_row, values, lambda name: plain(name) in QUALITY_NAMES)
-    return WidePlan(layout, first_row, width, (TimedColumns(time, form, judged),), notes=notes)
+    groups = (TimedColumns(time, form, judged),)
+    return WidePlan(layout, below.first_row, width, groups, notes=notes, heading=below.heading)
 
 
 def _may_name_values(name: str) -> bool:

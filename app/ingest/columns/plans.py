@@ -28,7 +28,7 @@ class TimedColumns:
 @dataclass(frozen=True)
 class WidePlan:
     """A row holds one instant (of each group of columns). `first_row` is the index of the first row of data, `width`
-    its fields."""
+    its fields, `heading` the rows between names and data that are neither."""
 
     layout: str
     first_row: int
@@ -36,6 +36,7 @@ class WidePlan:
     groups: tuple[TimedColumns, ...]
     spread: bool = False
     notes: tuple[str, ...] = field(default=())
+    heading: tuple[int, ...] = ()
 
     @property
     def form(self) -> TimeForm:
@@ -57,6 +58,7 @@ class LongPlan:
     quality: int | None = None
     zero_is_good: bool | None = None
     notes: tuple[str, ...] = ()
+    heading: tuple[int, ...] = ()
 
 
 Plan = WidePlan | LongPlan

@@ -230,8 +230,18 @@ class TableExport(Export):
             notes.append(
                 f"{self._tally.stuttering} stamps repeated the one before; their rows went into the missing step"
             )
+        if self._tally.repeats:
+            what = "the time of a row before; of each tag the last value of a time was taken"
+            notes.append(f"{self._tally.repeats} rows have {what}")
+        if self._tally.comments:
+            notes.append(f"{self._tally.comments} lines that begin with *, # or [ were passed over as comments")
         notes += self._ahead_of_clock()
         notes += self._tally.writing.notes()
+        if self._tally.wordy:
+            shown = ", ".join(tag[:80] for tag in self._tally.wordy[:5]) + (
+                ", ..." if len(self._tally.wordy) > 5 else ""
+            )
+            notes.append(f"columns that hold no number were left out: {shown}")
         notes += self._tally.no_data.notes()
         notes += self._tally.modes.notes()
         notes += self._tally.quality.notes()
@@ -244,6 +254,8 @@ class TableExport(Export):
             pairs = list(second.items())[:5]
             shown = ", ".join(f"{tag} ({owner.signal} is {owner.tag})" for tag, owner in pairs)
             notes.append(f"{len(second)} tags name a signal that their loop has already; kept beside it: {shown}")
+        if odd := self._grouping.with_controls:
+            notes.append(f"control characters in names of tags were replaced: {', '.join(list(odd)[:5])}")
         if self._grouping.of_other_number:
             shown = ", ".join(self._grouping.of_other_number[:5])
             notes.append(f"of another number than PV and OP, and not read as set point or mode: {shown}")

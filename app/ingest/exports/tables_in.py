@@ -161,7 +161,7 @@ def _head(table: Table, stem: str, names_in_rows: bool) -> Head:
     rows = [tuple(text.strip() for text in row) for row in zip(*columns, strict=True)]
     rows = rows if names_in_rows else [table.names, *rows]
     lines = tuple("\t".join(row) for row in rows)
-    return Head(stem, lines, tuple(rows), "", find_decimal_mark(tuple(rows), "\t"), typed=True)
+    return Head(stem, lines, tuple(rows), "", find_decimal_mark(tuple(rows), "\t"), True, int(names_in_rows))
 
 
 def _as_text(column: pl.Series) -> pl.Series:

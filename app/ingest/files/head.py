@@ -22,7 +22,8 @@ _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 @dataclass(frozen=True)
 class Head:
     """The start of a file. `rows` are its lines, split at `delimiter`; `stem` is the file's name without suffixes.
-    typed: they are not lines of text, but those of a table whose cells may be numbers."""
+    typed: they are not lines of text, but those of a table whose cells may be numbers. first_line: the number of the
+    first one; 0 where it holds names that are in no row."""
 
     stem: str
     lines: tuple[str, ...]
@@ -30,6 +31,7 @@ class Head:
     delimiter: str
     decimal_mark: str
     typed: bool = False
+    first_line: int = 1
 
     @cached_property
     def marks_told(self) -> bool:

@@ -28,7 +28,8 @@ class Unpacking:
     def steps(self, piece: bytes) -> Iterator[bytes]:
         """What comes out of the next piece, a step at a time.
 
-        Raises zlib.error where it is damaged, DataError("decompressed_too_large") beyond the caps of the options.
+        Raises zlib.error where it is damaged, DataError beyond the caps of the options:
+        "decompressed_too_large" where it is too much in all, "compression_ratio" where it is too much for its size.
         """
         for start in range(0, len(piece), TAKEN_BYTES):
             yield from self._steps(piece[start : start + TAKEN_BYTES])
@@ -68,6 +69,6 @@ class Unpacking:
             )
         if self.unpacked > RATIO_FREE_BYTES and self.unpacked > self._packed * self._options.max_ratio:
             raise DataError(
-                "decompressed_too_large",
-                f"unpacks to more than {self._options.max_ratio:g} times its size; no export does",
+                "compression_ratio",
+                f"unpacks to more than {self._options.max_ratio:g} times its size, as no export does; send it unpacked",
             )

@@ -4,8 +4,10 @@ A new layout is a new file with a function `sniff(head, options) -> Plan | None`
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from app.errors import DataError
+from app.ingest.columns.headings import heading_notes
 from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES, plain, time_columns
 from app.ingest.columns.plans import Plan
 from app.ingest.files.head import PREAMBLE_ROWS, Head
@@ -40,7 +42,8 @@ LAYOUTS: tuple[Sniff, ...] = (
 
 
 def recognise(head: Head, options: IngestOptions) -> Plan | None:
-    return next((plan for sniff in LAYOUTS if (plan := sniff(head, options)) is not None), None)
+    plan = next((plan for sniff in LAYOUTS if (plan := sniff(head, options)) is not None), None)
+    return plan and replace(plan, notes=(*plan.notes, *heading_notes(head, plan.heading)))
 
 
 class NotRecognised(DataError):

@@ -17,6 +17,7 @@ from app.ingest.tags.grouping import place
 
 _FLAGS = {"bopofl": "OP", "bpvofl": "PV", "bspofl": "SP", "bautofl": "MODE"}
 _FIRST_ROW = 5
+_HEADING = (3, 4)
 
 
 def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
@@ -35,7 +36,7 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
     interval = head.row(1)[1:2]
     notes = (f"the header gives a sampling interval of {interval[0]} s",) if interval else ()
     return (
-        WidePlan("dcs_tab", _FIRST_ROW, len(names), (TimedColumns((0,), form, values),), notes=notes)
+        WidePlan("dcs_tab", _FIRST_ROW, len(names), (TimedColumns((0,), form, values),), notes=notes, heading=_HEADING)
         if values
         else None
     )

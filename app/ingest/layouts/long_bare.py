@@ -1,7 +1,8 @@
 """Long without a row of names: a column of times, one of tags, one of values and perhaps one of good and bad, in any
 order."""
 
-from app.ingest.columns.names import mostly_numbers
+from app.ingest.columns.headings import begins_with_data
+from app.ingest.columns.names import first_row_of_times, mostly_numbers
 from app.ingest.columns.plans import LongPlan
 from app.ingest.columns.widths import refuse_parted_decimals, usual_width
 from app.ingest.files.head import Head, is_number
@@ -18,7 +19,7 @@ def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
     columns = [head.column(index, 0) for index in range(width)]
     forms = [find_form(column, "", options) for column in columns]
     times = [index for index, form in enumerate(forms) if form is not None and form.kind != "relative"]
-    if not times or find_form(list(head.row(0)[times[0] : times[0] + 1]), "", options) is None:
+    if not times:
         return None
     rest = [index for index in range(width) if index != times[0]]
     quality = next(
@@ -28,6 +29,8 @@ def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
     tags = [index for index in rest if index != quality and _are_tags(columns[index], head.decimal_mark)]
     form = forms[times[0]]
     if not values or not tags or form is None:
+        return None
+    if not begins_with_data(head, first_row_of_times(head, times[0], options), values[:1]):
         return None
     refuse_parted_decimals(head, values[0])
     return LongPlan("long_bare", 0, width, (times[0],), form, tags[0], values[0], quality)

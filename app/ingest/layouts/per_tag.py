@@ -1,5 +1,7 @@
 """PI, a file a tag: time and value without a row of names; the tag is the file's name."""
 
+from app.ingest.columns.headings import begins_with_data
+from app.ingest.columns.names import first_row_of_times
 from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan
 from app.ingest.columns.widths import usual_width
 from app.ingest.files.head import Head
@@ -10,8 +12,9 @@ from app.ingest.times.stamps import find_form
 def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
     if usual_width(head, 0) != 2:
         return None
-    first = find_form(list(head.row(0)[:1]), "", options)
     form = find_form(head.column(0, 0), "", options)
-    if first is None or form is None or form.kind == "relative":
+    if form is None or form.kind == "relative":
+        return None
+    if not begins_with_data(head, first_row_of_times(head, 0, options), values=(1,)):
         return None
     return WidePlan("per_tag", 0, 2, (TimedColumns((0,), form, (ValueColumn(1, head.stem),)),))

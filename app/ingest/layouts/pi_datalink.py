@@ -2,7 +2,9 @@
 from group to group."""
 
 import re
+from itertools import takewhile
 
+from app.ingest.columns.headings import is_data
 from app.ingest.columns.names import NO_ROWS, QUALITY_NAMES, TIME_NAMES, first_row_of_times, plain
 from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan
 from app.ingest.columns.widths import usual_width
@@ -15,6 +17,8 @@ _GENERIC = frozenset(("", "value", *TIME_NAMES, *QUALITY_NAMES))
 _PLAIN = re.compile(r"[+-]?\d+([.]\d*)?")
 _LEAST_SERIAL = 20_000.0  # a smaller number is no date
 
+Rows = tuple[tuple[str, ...], ...]
+
 
 def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
     first_row = first_row_of_times(head, 0, options)
@@ -24,18 +28,36 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
     forms = {column: form for column in range(width) if (form := _dated(head.column(column, first_row), options))}
     if len(forms) < 2 or 0 not in forms:
         return None
+    start = _first_data(head, first_row, [column for column in range(width) if column not in forms])
+    titles = head.rows[:start]
     groups: list[TimedColumns] = []
     for (column, form), end in zip(forms.items(), [*list(forms)[1:], width], strict=True):
-        values = _values(head, range(column + 1, end), first_row)
-        if not values or (len(values) > 1 and not _named_as_time(head, column, first_row)):
+        values = _values(head, range(column + 1, end), start, first_row)
+        if not values or (len(values) > 1 and not _named_as_time(titles, column)):
             return None
         named = tuple(
-            ValueColumn(value, _tag(head, value, column, first_row, len(groups) + 1), quality=judging)
+            ValueColumn(value, _tag(titles, value, column) or f"{head.stem}.{len(groups) + 1}", quality=judging)
             for value, judging in values.items()
         )
-        names = (row[column] for row in head.rows[:first_row] if column < len(row))
+        names = (row[column] for row in titles if column < len(row))
         groups.append(TimedColumns((column,), with_told_zone(form, " ".join(names)), named))
-    return WidePlan("pi_datalink", first_row, width, tuple(groups))
+    heading = _heading(titles, groups)
+    return WidePlan("pi_datalink", start, width, tuple(groups), heading=heading)
+
+
+def _first_data(head: Head, first_row: int, values: list[int]) -> int:
+    """The row from which on all are rows of data down to the first one with a time."""
+    above = list(takewhile(lambda at: not any(head.row(at)) or is_data(head, at, values), range(first_row)[::-1]))
+    return min((at for at in above if any(head.row(at))), default=first_row)
+
+
+def _heading(titles: Rows, groups: list[TimedColumns]) -> tuple[int, ...]:
+    """The rows below those that name anything; where none does, it is not known which are a title."""
+    tags = {value.tag for group in groups for value in group.values}
+    named = [at for at, row in enumerate(titles) if any(cell in tags or plain(cell) in _GENERIC - {""} for cell in row)]
+    return tuple(
+        at for at in range(max(named, default=len(titles)), len(titles)) if at not in named and any(titles[at])
+    )
 
 
 def _dated(fields: list[str], options: IngestOptions) -> TimeForm | None:
@@ -46,34 +68,31 @@ def _dated(fields: list[str], options: IngestOptions) -> TimeForm | None:
     return form if form is not None and form.kind != "relative" else None
 
 
-def _values(head: Head, columns: range, first_row: int) -> dict[int, int | None]:
+def _values(head: Head, columns: range, start: int, first_row: int) -> dict[int, int | None]:
     """The columns of values of a group, each with the one of qualities right of it; the first of a group may be empty,
     others are not read then."""
     values: dict[int, int | None] = {}
     for column in columns:
         fields = head.column(column, first_row)
-        if values and _are_qualities(head, column, first_row, fields):
+        if values and _are_qualities(head.rows[:start], column, fields):
             values[list(values)[-1]] = column
         elif fields or not values:
             values[column] = None
     return values
 
 
-def _are_qualities(head: Head, column: int, first_row: int, fields: list[str]) -> bool:
-    named = any(plain(row[column]) in QUALITY_NAMES for row in head.rows[:first_row] if column < len(row))
+def _are_qualities(titles: Rows, column: int, fields: list[str]) -> bool:
+    named = any(plain(row[column]) in QUALITY_NAMES for row in titles if column < len(row))
     words = not any(is_number(field) for field in fields)
     return bool(fields) and (named or words) and tells_quality(fields)
 
 
-def _named_as_time(head: Head, column: int, first_row: int) -> bool:
-    return any(plain(row[column]) in TIME_NAMES for row in head.rows[:first_row] if column < len(row))
+def _named_as_time(titles: Rows, column: int) -> bool:
+    return any(plain(row[column]) in TIME_NAMES for row in titles if column < len(row))
 
 
-def _tag(head: Head, value: int, time: int, first_row: int, number: int) -> str:
-    """The first name that stands above the value, or above its time."""
+def _tag(titles: Rows, value: int, time: int) -> str:
+    """The first name that stands above the value, or above its time; empty where none does."""
     columns = (time, value) if value == time + 1 else (value,)
-    for row in head.rows[:first_row]:
-        for name in (row[column] for column in columns if column < len(row)):
-            if plain(name) not in _GENERIC:
-                return name
-    return f"{head.stem}.{number}"
+    names = (row[column] for row in titles for column in columns if column < len(row))
+    return next((name for name in names if plain(name) not in _GENERIC), "")

@@ -1,5 +1,6 @@
 """TrendMiner: four header rows (tag, description, unit, type), then ISO times with an offset."""
 
+from app.ingest.columns.headings import is_data
 from app.ingest.columns.names import first_row_of_times, wide_from
 from app.ingest.columns.plans import WidePlan
 from app.ingest.files.head import Head
@@ -14,4 +15,6 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
     widths = {len(row) for row in head.rows[:_HEADERS]}
     if len(widths) != 1 or widths == {1} or not all(head.row(0)[1:]):
         return None
-    return wide_from(head, "trendminer", head.row(0), _HEADERS, options, time=(0,))
+    if any(is_data(head, at, range(1, len(head.row(0)))) for at in range(1, _HEADERS)):
+        return None  # rows of data, whose times cannot be read
+    return wide_from(head, "trendminer", head.row(0), (0,), _HEADERS, options, time=(0,))

@@ -20,10 +20,11 @@ _TAG = re.compile(r"\S*\d\S*")
 
 @dataclass(frozen=True)
 class Names:
-    """By column: the tag, and the word of its signal, where it has one."""
+    """By column: the tag, and the word of its signal, where it has one. `rows`: those of the words and of the tags."""
 
     tags: Mapping[int, str]
     words: Mapping[int, str]
+    rows: tuple[int, ...]
 
     def of(self, column: int) -> str:
         tag, word = self.tags.get(column, ""), self.words.get(column, "")
@@ -59,7 +60,7 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
 def _plan(head: Head, names: Names, first_row: int, time: tuple[int, ...], options: IngestOptions) -> WidePlan | None:
     width = 1 + max(*names.tags, *names.words, *time)
     joined = tuple(_of_time(head, at, first_row) if at in time else names.of(at) for at in range(width))
-    plan = wide_from(head, "two_rows", joined, first_row, options, time)
+    plan = wide_from(head, "two_rows", joined, names.rows, first_row, options, time)
     shown = ", ".join(joined[column] for column in sorted(names.tags)[:_SHOWN])
     note = f"names stand in two rows, of tags and of signals, and were read as {shown}, ..."
     return plan and replace(plan, notes=(note, *plan.notes))
@@ -87,7 +88,7 @@ def _readings(head: Head, at: int, first_row: int, time: tuple[int, ...]) -> Ite
         width = max(len(head.row(at)), len(head.row(other)))
         words, tags = (_by_column(head.row(index), time) for index in (at, other))
         both = (tags, words), (_filled(tags, width, time), words), (tags, _filled(words, width, time))
-        found = (Names(*pair) for pair in both)
+        found = (Names(*pair, rows=(at, other)) for pair in both)
         yield from (names for names in found if _is_certain(names, signals, above=other < at))
 
 

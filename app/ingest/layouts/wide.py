@@ -19,7 +19,7 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
         if any(names_better(row, names) for row in head.rows[index + 1 : max(first_row, 0)]):
             continue  # a title with a comma in it stands above the names
         if first_row > index and not signal_of_numbers(head, names, first_row, time[0]):
-            return wide_from(head, "wide", names, first_row, options, time)
+            return wide_from(head, "wide", names, (index,), first_row, options, time)
     return None
 
 

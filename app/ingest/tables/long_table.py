@@ -1,5 +1,6 @@
 """Reads a long table: a row a value of one tag. Rows are gathered as numbers and parted by tag, each loop whole."""
 
+import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -197,7 +198,7 @@ class LongTable:
             self._number = np.append(self._number, np.zeros(more, dtype=np.uint32))
         if not self._known.all():
             new = np.flatnonzero(~self._known[codes] & tags.is_not_null().to_numpy())
-            new = new[timed[new] | ~_are_comments(tags[new])]
+            new = new[timed[new] | ~_begin_with("*#[", tags[new])]
             _, first = np.unique(codes[new], return_index=True)
             for row in new[np.sort(first)]:
                 self._place(int(codes[row]), tags[int(row)])
@@ -254,7 +255,9 @@ class LongTable:
             return self._without_long_names(rows, codes, kept)
         short = reader.short_rows(rows, np.flatnonzero(~kept))
         self._log.add_many("ragged_row", rows.lines(short), (f"fewer than {self._plan.width} fields" for _ in short))
-        passed = _passed_over(texts, tags, rows.frame[name_of(self._plan.value)])
+        comments = _begin_with("*#", texts) | _begin_with("*#[", tags)
+        self._tally.comments += int(np.count_nonzero(comments & ~kept))
+        passed = comments | _hold_nothing(texts, tags, rows.frame[name_of(self._plan.value)])
         at = np.setdiff1d(np.flatnonzero(~kept & ~passed), short, assume_unique=True)
         late = at[~timed[at]]
         words = (f"{texts[int(row)] or ''!r} is no time that can be read" for row in late)
@@ -367,13 +370,9 @@ def _codes(tags: pl.Series) -> NDArray[np.uint32]:
     return (codes.fill_null(0) if codes.null_count() else codes).to_numpy()
 
 
-def _passed_over(texts: pl.Series, tags: pl.Series, values: pl.Series) -> NDArray[np.bool_]:
-    """Rows that hold nothing, and comments."""
-    texts = texts.cast(pl.String)
-    empty = (texts.is_null() & tags.is_null() & values.is_null()).to_numpy()
-    comment = texts.str.contains("^[*#]").fill_null(False).to_numpy()
-    return empty | comment | _are_comments(tags)
+def _hold_nothing(texts: pl.Series, tags: pl.Series, values: pl.Series) -> NDArray[np.bool_]:
+    return (texts.is_null() & tags.is_null() & values.is_null()).to_numpy()
 
 
-def _are_comments(tags: pl.Series) -> NDArray[np.bool_]:
-    return tags.cast(pl.String).str.contains("^[*#\\[]").fill_null(False).to_numpy()
+def _begin_with(marks: str, fields: pl.Series) -> NDArray[np.bool_]:
+    return fields.cast(pl.String).str.contains(f"^[{re.escape(marks)}]").fill_null(False).to_numpy()

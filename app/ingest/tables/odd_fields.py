@@ -14,8 +14,8 @@ from app.ingest.numbers.kinds import IN_DOUBT, WITH, tells_nothing
 from app.ingest.numbers.marks import all_doubtful, marked
 from app.ingest.numbers.values import refuse_texts, tagged
 from app.ingest.numbers.writing import MARKED, Writing
-from app.ingest.rejecting import RejectLog
 from app.ingest.tables.frames import Numbers, RowReader, Rows
+from app.ingest.tables.wordy_columns import WordyColumns
 
 Where = NDArray[np.bool_]
 
@@ -69,8 +69,8 @@ class ChunkColumns:
 class OddFields:
     """Reads them, chunk by chunk, and refuses those that are none."""
 
-    def __init__(self, writing: Writing, log: RejectLog) -> None:
-        self._writing, self._log = writing, log
+    def __init__(self, writing: Writing, wordy: WordyColumns) -> None:
+        self._writing, self._wordy = writing, wordy
         self._begun: set[str] = set()  # tags of which a chunk was read
 
     def read(self, chunk: ChunkColumns) -> None:
@@ -93,6 +93,8 @@ class OddFields:
         self._learn(chunk, {p: left[p] for p in late})
         for position in sorted(left):
             self._read_again(chunk, position, left[position], position in stand)
+        kept = chunk.numbers.values if chunk.kept.all() else chunk.numbers.values[chunk.kept]
+        self._wordy.look(kept, {position: value.tag for position, value in chunk.columns.items()})
         self._begun.update(value.tag for value in chunk.columns.values())
 
     def _silent(self, chunk: ChunkColumns, own: Collection[int]) -> set[int]:
@@ -128,5 +130,7 @@ class OddFields:
             left = left | (texts.str.contains(MARKED).fill_null(False).to_numpy() & chunk.kept)
         at = np.flatnonzero(left)
         if len(at):
-            values[at, position] = refuse_texts(texts[at], chunk.rows.lines(at), tag, self._writing, self._log)
+            values[at, position] = refuse_texts(
+                texts[at], chunk.rows.lines(at), tag, self._writing, self._wordy.log_of(tag)
+            )
             chunk.numbers.missing[at, position] = True  # what is refused here is not refused once more for what is left

@@ -91,8 +91,9 @@ class BlocksByTag:
         if order is not None:
             time_ns, values, lines = time_ns[order], values[order], lines[order]
         values = self._without_codes(place, values, lines)
-        time_ns, matrix = last_of_repeats(time_ns, values[:, None], lines, [place.tag], self._log)
-        return self._signal(place, time_ns, matrix[:, 0])
+        once_ns, matrix = last_of_repeats(time_ns, values[:, None], lines, [place.tag], self._log)
+        self._tally.repeats += len(time_ns) - len(once_ns)
+        return self._signal(place, once_ns, matrix[:, 0])
 
 
 def _few(codes: NDArray[np.uint32], counts: NDArray[np.int64]) -> NDArray[np.unsignedinteger]:

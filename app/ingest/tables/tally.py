@@ -12,13 +12,18 @@ from app.ingest.tags.quality import Quality
 @dataclass
 class Tally:
     """Rows and values so far; `backward` says that rows were not in order of time; `stuttering` counts rows
-    whose stamp repeated the one before and stood for the step after it."""
+    whose stamp repeated the one before and stood for the step after it; `comments` those that hold none but a
+    comment, `repeats` those whose time their tags had already; `wordy` are columns of words
+    that are no signals."""
 
     rows_read: int = 0
     rows_kept: int = 0
     values_kept: int = 0
     backward: bool = False
     stuttering: int = 0
+    comments: int = 0
+    repeats: int = 0
+    wordy: list[str] = field(default_factory=list)
     first_time_ns: int | None = None
     last_time_ns: int | None = None
     writing: Writing = field(default_factory=Writing)

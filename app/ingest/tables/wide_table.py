@@ -20,6 +20,7 @@ from app.ingest.tables.spilling import PartOfLoop, Spill
 from app.ingest.tables.spreading import Spreader
 from app.ingest.tables.tally import Tally
 from app.ingest.tables.wide_chunk import Chunk
+from app.ingest.tables.wordy_columns import WordyColumns
 from app.ingest.tags.grouping import Grouping
 from app.ingest.tags.modes import UNKNOWN_MODE
 from app.ingest.tags.quality import Quality
@@ -38,9 +39,10 @@ class WideTable:
         self._times = [TimeReader(group.form, options) for group in plan.groups]
         self._quality = tally.quality = Quality(options.drop_uncertain)
         self._spreaders: list[Spreader] = []
-        self._odd_fields = OddFields(tally.writing, log)
         grouping.place_all(value.tag for group in plan.groups for value in group.values)
         self._places = {value.index: grouping.place(value.tag) for group in plan.groups for value in group.values}
+        self._wordy = WordyColumns([place.tag for place in self._places.values() if place.signal == "OTHER"], log)
+        self._odd_fields = OddFields(tally.writing, self._wordy)
         self._modes = frozenset(index for index, place in self._places.items() if place.signal == "MODE")
         part_of_loop = PartOfLoop()
         self._part_of_column = np.zeros(1 + max(self._places, default=0), dtype=np.uint8)
@@ -66,6 +68,7 @@ class WideTable:
         """Blocks, with all that the file holds of a loop in one batch."""
         for number, groups in enumerate(self._passes(reader)):
             yield from self._one_pass(reader, groups, first=number == 0)
+        self._tally.wordy += self._wordy.settle()
 
     def _passes(self, reader: RowReader) -> Iterator[list[TimedColumns]]:
         """The groups with the columns of so many loops as the reader can give at once: all, unless it reads columns
@@ -182,7 +185,10 @@ class WideTable:
         if len(without):
             bad[without] = rows.hold_something(without, [value.index for value in group.values])
         bad[short] = False
-        bad &= ~texts.str.contains("^[*#]").to_numpy()
+        comments = texts.str.contains("^[*#]").to_numpy()
+        bad &= ~comments
+        if group.time == self._plan.groups[0].time:
+            self._tally.comments += int(np.count_nonzero(comments))
         at = np.flatnonzero(bad)
         words = (f"{texts[int(row)]!r} is no time that can be read" for row in at)
         self._log.add_many("bad_time", rows.lines(at), words)
@@ -300,6 +306,7 @@ class WideTable:
         steady = without_stutter(time_ns)
         self._tally.stuttering += int(np.sum(steady != time_ns))
         time_ns, matrix = last_of_repeats(steady, matrix, lines, [value.tag for value in chunk.columns], self._log)
+        self._tally.repeats += len(steady) - len(time_ns)
         self._tally.saw_times(time_ns)
         self._tally.values_kept += int(np.count_nonzero(np.isfinite(matrix)))
         columns = np.array([value.index for value in chunk.columns], dtype=np.uint32)

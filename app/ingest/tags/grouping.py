@@ -12,6 +12,7 @@ from typing import NamedTuple
 from app.errors import DataError
 from app.ingest.model import SIGNALS, IngestOptions, LoopTags, Signal
 from app.ingest.tags.lists import list_rows, list_text
+from app.ingest.telling import without_controls
 
 _MAPPING = ("the mapping", "bad_mapping")
 """What it is called, and the code of all that is wrong with it."""
@@ -325,7 +326,7 @@ class Grouping:
     as modes from then on."""
 
     def __init__(self, stem: str, mapping: TagMapping | None = None) -> None:
-        self._stem = stem
+        self._stem = without_controls(stem)
         self._mapping = mapping
         self._spelling: dict[str, str] = {}
         self._taken: dict[tuple[str, Signal], str] = {}
@@ -333,6 +334,7 @@ class Grouping:
         self._places: dict[str, Place] = {}
         self.second: dict[str, Place] = {}  # of the tag that has the signal
         self.of_other_number: list[str] = []
+        self.with_controls: dict[str, None] = {}  # tags, as they are shown
 
     def place_all(self, tags: Iterable[str]) -> None:
         """Tags that are known at once; of equal ones the first has the signal."""
@@ -344,7 +346,9 @@ class Grouping:
 
     def place(self, tag: str, in_order: bool = False) -> Place:
         """Of a tag, as far as it is known: a later one may take its signal, unless they come in order."""
-        tag = tag.replace("\0", "\N{REPLACEMENT CHARACTER}")  # no data base takes it in a text
+        written, tag = tag, without_controls(tag)
+        if tag != written:
+            self.with_controls[tag] = None
         known = self._places.get(tag)
         if known is None:
             known = self._places[tag] = self._settle(tag, in_order)

@@ -123,6 +123,7 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
         "reject_counts": dict(refused.counts),
         "notes": [*kept_notes(placing, places), *set_points.notes(), *summary.notes, *_of_retired(retired)],
         "tags_found": summary.tags,
+        "damaged": bool(export.damage()),
         **_times(summary),
     }
     return Read(told, [_tags(loop) for loop in summary.loops[:LISTED_LOOPS]], refused, places)

@@ -13,7 +13,7 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 from sqlalchemy import Connection
 
 from app.errors import NotFoundError, RequestError
-from app.ingest import TagMapping, mapping_text, stem_of, takes_its_name
+from app.ingest import TagMapping, mapping_text, stem_of, takes_its_name, without_controls
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.intake import places
@@ -98,10 +98,12 @@ class Receiving:
             fingerprint = next((it for it in fingerprints if known[it]), fingerprints[0])
             name = self._values["filename"] or f"upload-{fingerprint[:NAMELESS_DIGITS]}"
             key, keys = _content_key(fingerprint, reading_json, name), known[fingerprint]
-            if keys and key not in keys:
+            if keys and key not in keys and self._values["filename"]:
                 if named is None:
                     return None
                 key = key if named else keys[0]
+            elif keys and key not in keys:
+                key = keys[0]  # without a name nothing says that it is of another loop
             self._keep(fingerprint)
             values = {"filename": name, "fingerprint": fingerprint, "size_bytes": self._file.size, "content_key": key}
             row, created = uploads.receive(connection, {**self._values, **values})
@@ -153,7 +155,8 @@ def receive(
 
 def _name(given: str) -> str:
     """The name without its folder; empty where nothing but dots, blanks and the suffix of an export would be left."""
-    name = Path(storable(given.replace("\\", "/").replace("\x00", ""))).name[-LONGEST_NAME:]
+    told = without_controls(given.replace("\\", "/").replace("\x00", ""))
+    name = Path(storable(told)).name[-LONGEST_NAME:]
     return name if stem_of(f"x{name}")[1:].strip(". ") else ""
 
 
@@ -262,4 +265,5 @@ def _view(row: UploadRow, loops_found: int) -> UploadView:
         times_from=summary.get("times_from"),
         times_to=summary.get("times_to"),
         time_zone=summary.get("time_zone"),
+        damaged=summary.get("damaged", False),
     )

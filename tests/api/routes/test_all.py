@@ -116,7 +116,8 @@ def test_a_data_base_that_is_away_is_503_and_nothing_of_it_is_told(serve, tmp_pa
 def test_a_wrong_method_is_told_every_method_of_the_path(client):
     answer = client.delete("/v1/loops/FIC101")
     assert (answer.status_code, answer.json()["code"]) == (405, "method_not_allowed")
-    assert {"GET", "PATCH"} <= set(answer.headers["allow"].split(", "))
+    assert {"GET", "HEAD", "PATCH"} <= set(answer.headers["allow"].split(", "))
+    assert client.head("/v1/loops").status_code == 200
 
 
 def test_a_part_of_a_file_is_not_asked_for_in_bare_text(client):
