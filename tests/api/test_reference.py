@@ -27,7 +27,7 @@ from app.services.wording import CAUSE_WORDS
 ROOT = Path(__file__).resolve().parents[2]
 ENGINE = ROOT / "app" / "engine"
 EXPLAINING = (ENGINE / "mismatch", ROOT / "app" / "services" / "explaining")
-IDENTIFICATION = (ENGINE / "armax", ENGINE / "hammerstein.py", ENGINE / "yper.py")
+IDENTIFICATION = (ENGINE / "armax", ENGINE / "reference" / "hammerstein.py", ENGINE / "reference" / "yper.py")
 TEXT = (ROOT / "docs" / "REFERENCE.md").read_text(encoding="utf-8")
 AGAIN = "write it anew: .venv/bin/python -m app.api.reference > docs/REFERENCE.md"
 BODIES = {"HealthOut", "Read", "ReadyOut"}
