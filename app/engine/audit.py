@@ -7,9 +7,10 @@ import numpy as np
 
 from app.engine import ENGINE_VERSION
 from app.engine.audit_config import AuditConfig
+from app.engine.causality.stuck_stem import StuckStem, stuck_stem
 from app.engine.codes import UNANSWERED, Cause, CheckCode, ReasonCode
-from app.engine.evidence import Finding, Reason, reason_of
-from app.engine.fitness import Fitness
+from app.engine.evidence import Reason, reason_of
+from app.engine.fitness import Fitness, refused_as_standing
 from app.engine.health import Health
 from app.engine.health import health as health_of
 from app.engine.judgement import Judgement
@@ -34,7 +35,7 @@ from app.engine.reference import published_rule
 from app.engine.reference.reliability import LadderConfig, Reference, climb
 from app.engine.verdict import judging
 from app.engine.verdict.reasons import reference_reason
-from app.engine.verdict.unanswered import unanswered
+from app.engine.verdict.unanswered import standing, stuck, unanswered
 from app.errors import DataError
 
 __all__ = ["Audit", "AuditConfig", "Window", "audit", "ladder_for", "newest"]
@@ -119,8 +120,14 @@ def audit(recording: Recording, config: AuditConfig | None = None) -> Audit:
     config = config or _AS_CONFIGURED
     prepared = prepare(recording, config.fitness)
     fitness, oscillation = prepared.fitness, prepared.oscillation
+    if fitness.standstill is not None:
+        fitness = refused_as_standing(fitness)
+        return _result(recording, config, fitness, _refusal(recording, fitness))
+    stem = _stuck_stem(recording, prepared)
+    if stem is not None:
+        return _result(recording, config, fitness, _beside_refusals(stuck(stem), fitness))
     if oscillation is None or not fitness.auditable:
-        return _result(recording, config, fitness, _refusal(recording, fitness.refusals), oscillation=oscillation)
+        return _result(recording, config, fitness, _refusal(recording, fitness), oscillation=oscillation)
     return _identified(recording, config, prepared, oscillation)
 
 
@@ -229,13 +236,33 @@ def _published_reasons(reference: Reference, config: AuditConfig) -> tuple[Reaso
     return tuple(marked)
 
 
-def _refusal(recording: Recording, refusals: tuple[Finding, ...]) -> Judgement:
+def _stuck_stem(recording: Recording, prepared: Preparation) -> StuckStem | None:
+    """Of the whole of what could be audited, where that goes up to the recording's end: what was before and what is."""
+    record = prepared.rest_of or prepared.fitness.whole
+    return stuck_stem(record) if record is not None and ends_with(record, recording) else None
+
+
+def ends_with(record: UniformRecord, recording: Recording) -> bool:
+    """Whether a stretch goes up to the end of the recording that it is of."""
+    length_s = record.samples * record.sampling_interval_s
+    return record.start_s + length_s >= float(recording.time_s[-1] - recording.time_s[0])
+
+
+def _refusal(recording: Recording, fitness: Fitness) -> Judgement:
+    refusals, stands = fitness.refusals, fitness.standstill
     reasons = tuple(reason_of(finding) for finding in refusals)
-    if {reason.code for reason in reasons} == {"pv_flat"}:
+    flat_throughout = stands is None or (stands.from_start and stands.levels == 1)
+    if {reason.code for reason in reasons} == {"pv_flat"} and flat_throughout:
         dead = unanswered(recording)
         return replace(dead, reasons=dead.reasons + reasons)
+    if stands is not None:
+        return _beside_refusals(standing(stands), fitness)
     causes = [SPOILED_BY[finding.code] for finding in refusals if finding.code in SPOILED_BY]
     return Judgement("not_auditable", None, "not_reliable", reasons, causes[0] if causes else None)
+
+
+def _beside_refusals(judgement: Judgement, fitness: Fitness) -> Judgement:
+    return replace(judgement, reasons=judgement.reasons + tuple(reason_of(finding) for finding in fitness.refusals))
 
 
 def _unidentifiable(error: DataError, record: UniformRecord) -> Judgement:

@@ -21,7 +21,7 @@ NOT_JUDGED = 0.5
 TOO_LITTLE = frozenset({"too_short", "missing_values"})
 """Refusals of records in which too little was measured to say anything of a loop, good or bad."""
 
-UNANSWERED_TEXT = "PV never answers OP: the valve is stuck, or the transmitter is dead"
+UNANSWERED_TEXT = "PV {since}: the valve is stuck, or the transmitter is dead"
 """Whichever it is, nothing controls there: the valve's weight is taken off whole, and that of being in automatic where
 the loop is."""
 
@@ -59,12 +59,12 @@ def health(judgement: Judgement, figures: KeyFigures, oscillation: Oscillation |
 
     Stiction counts by its probability, a verdict without reliability for 60 % of it; a valve that could not be judged
     or of which the record shows nothing loses half of the weight, and all of it where PV does not answer OP, whether
-    that is a verdict or what keeps from one: whichever of stuck valve and dead transmitter it is, the loop is not
-    controlled, and being in automatic counts for nothing. Oscillation counts by its strength where it is regular; time
-    out of automatic, time of OP at a limit (50 % of the time is full; its own extremes where no span is known), mean
-    control error (5 % of PV's span is full) and missing samples in proportion. A figure that is not known takes nothing
-    off, and says so; where too few samples have PV and OP there is no health at all, only the reason. Misleads where a
-    loop is meant to swing (averaging level control) or to be in manual.
+    that is a verdict or what keeps from one, and however long it answered before: whichever of stuck valve and dead
+    transmitter it is, the loop is not controlled, and being in automatic counts for nothing. Oscillation counts by its
+    strength where it is regular; time out of automatic, time of OP at a limit (50 % of the time is full; its own
+    extremes where no span is known), mean control error (5 % of PV's span is full) and missing samples in proportion. A
+    figure that is not known takes nothing off, and says so; where too few samples have PV and OP there is no health at
+    all, only the reason. Misleads where a loop is meant to swing (averaging level control) or to be in manual.
     """
     because = _too_little(judgement)
     if because is not None:
@@ -106,12 +106,20 @@ def _part(code: str, share: float, text: str) -> HealthPart:
 def _stiction(judgement: Judgement) -> HealthPart:
     probability = judgement.stiction_probability
     if _unanswered(judgement):
-        return _part("stiction", 1.0, UNANSWERED_TEXT)
+        return _part("stiction", 1.0, UNANSWERED_TEXT.format(since=_since(judgement.unanswered_s)))
     if probability is None or judgement.shows_no_valve:
         return _part("stiction", NOT_JUDGED, "the valve could not be judged")
     if judgement.reliability == "reliable":
         return _part("stiction", probability, f"probability of stiction {told_probability(probability)}")
     return _unsure(probability)
+
+
+def _since(unanswered_s: float | None) -> str:
+    return (
+        "never answers OP"
+        if unanswered_s is None
+        else f"has not answered OP for the last {unanswered_s / 3600.0:.3g} h"
+    )
 
 
 def _unsure(probability: float) -> HealthPart:

@@ -28,6 +28,9 @@ PV_STANDS: ReasonCode = "pv_stands"
 WOUND_UP: ReasonCode = "wound_up"
 """The reasons that by the end of a record nothing is controlled any more."""
 
+ANSWERS_NO_MORE: ReasonCode = "answers_no_more"
+"""The reason that PV, which moves, has stopped to answer OP within the record."""
+
 
 @dataclass(frozen=True)
 class Judgement:
@@ -37,6 +40,7 @@ class Judgement:
     likely_cause: a stable code of what probably drives the loop or spoils the record, or None where nothing is known.
     rivals: stiction and its rival explanations, ranked; empty where nothing could be weighed.
     methods: what each published method says beside the verdict; empty where none was asked.
+    unanswered_s: for how long PV has not answered OP up to the record's end, s; None where that is not known.
     """
 
     verdict: Verdict
@@ -46,6 +50,7 @@ class Judgement:
     likely_cause: Cause | None
     rivals: tuple[Rival, ...] = ()
     methods: tuple[Corroboration, ...] = ()
+    unanswered_s: float | None = None
 
     @property
     def shows_no_valve(self) -> bool:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from app.engine.codes import UNANSWERED, Cause, ReasonCode
-from app.engine.judgement import FOREIGN_CYCLE, HIDDEN_BAND, NO_ANSWER, PV_STANDS, UNCOUPLED, WOUND_UP
+from app.engine.judgement import ANSWERS_NO_MORE, FOREIGN_CYCLE, HIDDEN_BAND, NO_ANSWER, PV_STANDS, UNCOUPLED, WOUND_UP
 from app.engine.long_records.episodes import BEGAN
 from app.engine.verdict.config import VerdictConfig
 from app.services.auditing.hearing import MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR
@@ -138,6 +138,7 @@ BY_REASON: dict[ReasonCode, str] = {
     MOVES_SET_POINT: OUTER,
     SHAKEN_BY_NEIGHBOUR: SHAKEN,
     PV_STANDS: BY_CAUSE[UNANSWERED],
+    ANSWERS_NO_MORE: BY_CAUSE[UNANSWERED],
     WOUND_UP: AT_LIMIT,
 }
 """Whatever the verdict, the first of these that is among its reasons."""

@@ -54,7 +54,7 @@ CAUSE_WORDS = {
     "quantised_sensor": "coarse sensor",
     "sensor_spikes": "sensor spikes",
     "sensor_sticking": "sticking sensor",
-    UNANSWERED: "PV never moves: stuck valve or dead transmitter",
+    UNANSWERED: "PV does not answer OP: stuck valve or dead transmitter",
     "controller_not_acting": "OP never moves: controller not acting",
     "not_in_automatic": "not in automatic",
     "sampled_too_slowly": "sampled too slowly",

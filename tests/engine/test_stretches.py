@@ -92,9 +92,9 @@ def test_a_pv_that_died_lately_comes_before_what_the_valve_did(sticky):
     pv = sticky.pv.copy()
     pv[-5100:] = pv[-5100]
     dead = audit(replace(sticky, pv=pv))
-    assert dead.judgement.verdict == "not_auditable"
+    assert dead.judgement.verdict == "inconclusive"
     assert dead.judgement.likely_cause == "stuck_valve_or_dead_transmitter"
-    assert [reason.code for reason in dead.judgement.reasons] == ["pv_flat"]
+    assert [reason.code for reason in dead.judgement.reasons] == ["pv_stands", "prior_only", "pv_flat"]
 
 
 @pytest.mark.parametrize("hours", [0.5, 2.0, 8.0, 25.0])
@@ -111,11 +111,11 @@ def test_a_healthy_loop_whose_pv_died_lately_is_not_cleared(hours):
     assert f"for the last {hours:.2g} h" in judgement.reasons[0].text
 
 
-def test_a_sticking_valve_whose_pv_died_lately_is_not_accused_reliably(sticky):
+def test_a_sticking_valve_whose_pv_died_lately_is_not_accused(sticky):
     pv = sticky.pv.copy()
     pv[-1500:] = pv[-1500]
     judgement = audit(replace(sticky, pv=pv)).judgement
-    assert (judgement.verdict, judgement.reliability) == ("stiction", "not_reliable")
+    assert (judgement.verdict, judgement.likely_cause) == ("inconclusive", "stuck_valve_or_dead_transmitter")
     assert judgement.reasons[0].code == "pv_stands"
 
 

@@ -91,8 +91,9 @@ def test_what_does_not_clear_a_valve_does_not_read_as_cleared():
 def test_a_loop_that_is_controlled_no_more_comes_first(verdict):
     row = row_of(verdict, "not_reliable", None)
     assert next_step(row | {"reasons": "pv_stands;uncoupled"}).startswith("Look today")
+    assert next_step(row | {"reasons": "answers_no_more;prior_only"}).startswith("Look today")
     assert next_step(row | {"reasons": "wound_up"}) == next_steps.AT_LIMIT
-    assert {"pv_stands", "wound_up"} <= REASON_WORDS.keys()
+    assert {"pv_stands", "wound_up", "answers_no_more"} <= REASON_WORDS.keys()
 
 
 def test_a_loop_that_is_stated_to_move_no_valve_is_not_asked_for_one():

@@ -150,12 +150,15 @@ def test_a_pv_that_does_not_answer_is_looked_at_today_and_news_of_it_first(
         rewrite_newest(backend, ids[tag], **dead)
     rewrite(backend, first, ids["B"], **dead)
     (change,) = [change for change in plant.changes(backend).rows if change.loop == "C"]
-    assert change.because == "cannot be audited now: PV never moves: stuck valve or dead transmitter"
+    assert change.because == "cannot be audited now: PV does not answer OP: stuck valve or dead transmitter"
     rewrite(backend, second, ids["C"], verdict="inconclusive")
     rewrite_newest(backend, ids["C"], verdict="inconclusive")
-    rewrite(backend, first, ids["C"], verdict="no_stiction", samples=100)
+    rewrite(backend, first, ids["C"], **dead)
     (change,) = [change for change in plant.changes(backend).rows if change.loop == "C"]
-    assert change.because == "PV never moves: stuck valve or dead transmitter"
+    assert change.because == "still: PV does not answer OP: stuck valve or dead transmitter"
+    rewrite(backend, first, ids["C"], verdict="no_stiction", likely_cause=None, samples=100)
+    (change,) = [change for change in plant.changes(backend).rows if change.loop == "C"]
+    assert change.because == "PV does not answer OP: stuck valve or dead transmitter"
     today = plant.look_today(backend, plant.changes(backend))
     assert [row["loop"] for row in today] == ["C", "B"]
     assert all(headline(row) == "a stuck valve or a dead transmitter; look today" for row in today)

@@ -11,7 +11,9 @@ from app.engine.fitness.align import Aligned, align
 from app.engine.fitness.config import FitnessConfig
 from app.engine.fitness.holes import newest_without_hole
 from app.engine.fitness.resample import is_regular, to_uniform
+from app.engine.fitness.samples import Samples
 from app.engine.fitness.signals import newest_long_run, run_lengths, still_at_its_end, usable_values
+from app.engine.fitness.standstill import Standstill, standstill
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, Recording, UniformRecord
 from app.engine.signals.sampled import blocks
@@ -59,6 +61,8 @@ class Fitness:
     None.
     wound_up_s: for how long OP has stood at its limit up to the recording's end, as never before, while PV stayed away,
     in s.
+    standstill: since when PV stands up to the recording's end and does not answer OP; None where it does, or where it
+    has its reasons.
     speaks_for: the long record for which `record` speaks; None where `record` is all that is judged.
     """
 
@@ -70,6 +74,7 @@ class Fitness:
     gaps: int
     pv_dead_s: float | None = None
     wound_up_s: float | None = None
+    standstill: Standstill | None = None
     speaks_for: Whole | None = None
 
     @property
@@ -89,6 +94,11 @@ class Fitness:
         return self.audited if self.speaks_for is None else self.speaks_for.record
 
     @property
+    def whole(self) -> UniformRecord | None:
+        """All of the stretch, be it refused, of which `record` is a part; None where there is none."""
+        return self.record if self.speaks_for is None else self.speaks_for.record
+
+    @property
     def long_enough(self) -> bool:
         """Whether there are samples enough to judge by, whatever they are like."""
         return not any(finding.code in checks.OF_LENGTH for finding in self.refusals)
@@ -97,25 +107,6 @@ class Fitness:
     def refusals(self) -> tuple[Finding, ...]:
         """The findings for which the recording is not audited."""
         return checks.refusals(self.findings)
-
-
-@dataclass(frozen=True, eq=False)
-class _Samples:
-    """The samples that are still in: (N,) each, PV and OP finite."""
-
-    time_s: FloatArray
-    pv: FloatArray
-    op: FloatArray
-    sp: FloatArray | None
-    automatic: BoolArray | None
-
-    def __len__(self) -> int:
-        return len(self.time_s)
-
-    def part(self, which: slice | BoolArray) -> "_Samples":
-        sp = None if self.sp is None else self.sp[which]
-        automatic = None if self.automatic is None else self.automatic[which]
-        return _Samples(self.time_s[which], self.pv[which], self.op[which], sp, automatic)
 
 
 def assess(recording: Recording, config: FitnessConfig | None = None) -> Fitness:
@@ -139,7 +130,19 @@ def assess(recording: Recording, config: FitnessConfig | None = None) -> Fitness
     found = (length, checks.check_missing(both, aligned.interpolated, config))
     if len(samples) < config.min_samples:
         return _stopped(fitness, found, LATER_CHECKS)
-    return _assess_stretches(recording, samples, replace(fitness, findings=found), config)
+    stands = standstill(samples, float(recording.time_s[0]), recording.op_range, recording.pv_range)
+    return _assess_stretches(recording, samples, replace(fitness, findings=found, standstill=stands), config)
+
+
+def refused_as_standing(fitness: Fitness) -> Fitness:
+    """The same fitness, refused because PV stands up to the end, where `pv_flat` does not say so already: what was
+    before can be audited, and tells nothing of how the loop is.
+    """
+    if fitness.standstill is None or any(finding.code == "pv_flat" for finding in fitness.refusals):
+        return fitness
+    stands = checks.pv_stands(fitness.standstill)
+    kept = tuple(stands if finding.code == "pv_flat" else finding for finding in fitness.findings)
+    return replace(fitness, findings=kept)
 
 
 def with_cycles(fitness: Fitness, oscillation: Oscillation | None, config: FitnessConfig | None = None) -> Fitness:
@@ -159,15 +162,15 @@ def with_cycles(fitness: Fitness, oscillation: Oscillation | None, config: Fitne
     return replace(fitness, findings=fitness.findings + added)
 
 
-def _samples(recording: Recording, aligned: Aligned) -> _Samples:
+def _samples(recording: Recording, aligned: Aligned) -> Samples:
     sp = None
     if recording.sp is not None:
         sp = np.where(usable_values(recording.sp), recording.sp, np.nan)
     automatic = None if recording.automatic is None else np.asarray(recording.automatic, dtype=bool)
-    return _Samples(recording.time_s, aligned.pv, aligned.op, sp, automatic).part(aligned.both)
+    return Samples(recording.time_s, aligned.pv, aligned.op, sp, automatic).part(aligned.both)
 
 
-def _assess_stretches(recording: Recording, samples: _Samples, fitness: Fitness, config: FitnessConfig) -> Fitness:
+def _assess_stretches(recording: Recording, samples: Samples, fitness: Fitness, config: FitnessConfig) -> Fitness:
     acting = _newest_automatic(samples, config)
     in_automatic, after = samples.part(acting), len(samples) - acting.stop
     found = (*fitness.findings, checks.check_automatic(samples.automatic, len(in_automatic), after, config))
@@ -191,7 +194,7 @@ def _assess_stretches(recording: Recording, samples: _Samples, fitness: Fitness,
     return _assess_record(recording, alive, replace(fitness, findings=found), config)
 
 
-def _assess_record(recording: Recording, samples: _Samples, fitness: Fitness, config: FitnessConfig) -> Fitness:
+def _assess_record(recording: Recording, samples: Samples, fitness: Fitness, config: FitnessConfig) -> Fitness:
     origin_s = float(recording.time_s[0]) if np.isfinite(recording.time_s[0]) else float(samples.time_s[0])
     record = to_uniform(samples.time_s, samples.pv, samples.op, samples.sp, origin_s, config)
     two_values = checks.check_two_values(samples.op, config)
@@ -209,13 +212,13 @@ def _assess_record(recording: Recording, samples: _Samples, fitness: Fitness, co
     return replace(fitness, findings=found, record=record, filled_share=float(np.mean(record.filled)))
 
 
-def _newest_automatic(samples: _Samples, config: FitnessConfig) -> slice:
+def _newest_automatic(samples: Samples, config: FitnessConfig) -> slice:
     if samples.automatic is None:
         return slice(0, len(samples))
     return newest_long_run(samples.automatic, config.newest_share, config.min_samples)
 
 
-def _dead_s(samples: _Samples, config: FitnessConfig) -> float | None:
+def _dead_s(samples: Samples, config: FitnessConfig) -> float | None:
     still, before = still_at_its_end(samples.pv, samples.op)
     if still < max(config.least_still, config.longer_still * before):
         return None
@@ -233,7 +236,7 @@ def _moves_as_ever(op: FloatArray, last: int, config: FitnessConfig) -> bool:
     return float(np.ptp(op[-last:])) >= config.least_move * usual
 
 
-def _wound_up_s(samples: _Samples, config: FitnessConfig) -> float | None:
+def _wound_up_s(samples: Samples, config: FitnessConfig) -> float | None:
     """Since when OP stands mostly at its limits, which it reached by itself, and PV does not come back for it."""
     pv, op = samples.pv, samples.op
     side = np.where(run_lengths(op) >= config.least_at_limit, (op == op.max()) * 1.0 - (op == op.min()), 0.0)
@@ -247,11 +250,11 @@ def _wound_up_s(samples: _Samples, config: FitnessConfig) -> float | None:
     return _since_s(samples, first) if one_sided else None
 
 
-def _since_s(samples: _Samples, first: int) -> float:
+def _since_s(samples: Samples, first: int) -> float:
     return float(samples.time_s[-1] - samples.time_s[first])
 
 
-def _alive(samples: _Samples, config: FitnessConfig) -> BoolArray:
+def _alive(samples: Samples, config: FitnessConfig) -> BoolArray:
     limit = config.flat_share * len(samples)
     return (run_lengths(samples.pv) < limit) & (run_lengths(samples.op) < limit)
 

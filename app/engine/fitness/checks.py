@@ -16,6 +16,7 @@ from app.engine.fitness.signals import (
     stored_points,
     two_levels,
 )
+from app.engine.fitness.standstill import Standstill
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, Span, UniformRecord
 
@@ -84,6 +85,12 @@ def check_flat(name: str, signal: FloatArray, meaning: str, kept: int, config: F
         text += f": {meaning}; {kept} samples in a row remain, at least {config.min_samples} are needed"
     usable = not dead or kept >= config.min_samples
     return _finding(_of(name, "flat"), usable, text, share, config.flat_share, "share", "<")
+
+
+def pv_stands(found: Standstill) -> Finding:
+    """In place of how long PV holds one value at most: what it does by now, whatever share of the record that is."""
+    text = f"{found.text}: a stuck valve or a dead transmitter"
+    return Finding("pv_flat", "fail", text, found.for_s / 3600.0, None, "h")
 
 
 def check_two_values(op: FloatArray, config: FitnessConfig) -> Finding:

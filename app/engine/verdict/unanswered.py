@@ -2,9 +2,11 @@
 
 import numpy as np
 
+from app.engine.causality.stuck_stem import StuckStem
 from app.engine.codes import UNANSWERED
 from app.engine.evidence import Reason
-from app.engine.judgement import Judgement
+from app.engine.fitness.standstill import Standstill
+from app.engine.judgement import ANSWERS_NO_MORE, PV_STANDS, Judgement
 from app.engine.recording import BoolArray, FloatArray, Recording
 
 # What a plant finds when it looks is a stuck valve a little more often than a dead transmitter: a prior, not a fit.
@@ -27,8 +29,28 @@ def unanswered(recording: Recording) -> Judgement:
     reason = Reason("pv_does_not_answer", _TEXT)
     if not _controller_works(recording):
         return Judgement("not_auditable", None, "not_reliable", (reason,), UNANSWERED)
+    return _between_the_two(reason, None)
+
+
+def standing(found: Standstill) -> Judgement:
+    """The judgement on a recording in which PV stands up to the end, whatever it did before."""
+    text = f"{found.text}: the transmitter is dead, or the valve is stuck, unless the unit stands; look at both"
+    return _between_the_two(Reason(PV_STANDS, text), found.for_s)
+
+
+def stuck(found: StuckStem) -> Judgement:
+    """The judgement on a record in which PV, though it moves, has stopped to answer OP, whatever was before."""
+    by = "neither OP nor SP" if found.sp_moved else "OP no more"
+    text = (
+        f"PV has answered {by} for the last {found.for_s / 3600.0:.3g} h, while OP went over {found.times:.2g} times "
+        "as much as before and PV stayed away: the stem stands, or the transmitter reads something else; look at both"
+    )
+    return _between_the_two(Reason(ANSWERS_NO_MORE, text), found.for_s)
+
+
+def _between_the_two(reason: Reason, for_s: float | None) -> Judgement:
     prior = Reason("prior_only", f"the probability {PRIOR:g} is a prior between the two causes, not a measurement")
-    return Judgement("inconclusive", PRIOR, "not_reliable", (reason, prior), UNANSWERED)
+    return Judgement("inconclusive", PRIOR, "not_reliable", (reason, prior), UNANSWERED, unanswered_s=for_s)
 
 
 def _controller_works(recording: Recording) -> bool:

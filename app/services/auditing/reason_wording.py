@@ -42,6 +42,7 @@ _DOUBTS = {
     "nearly_sinusoidal": "PV and OP are nearly one sine, so that their shape need not be the valve's.",
     "keeps_time": "The cycles keep time, as what a timer or a machine drives; a valve that sticks does not.",
     "pv_stands": "PV has stood still up to the end while OP moved, as never before: dead transmitter, or stuck valve.",
+    "answers_no_more": "PV has stopped to answer OP, which runs to and fro: a stem that stands, or another signal.",
     "no_answer": "PV shows no answer to OP: a valve that stands fast looks the same, whatever the shapes say.",
     "hidden_band": "PV goes as behind a valve with a band: it may stick, or have play, whatever the shapes say.",
     "foreign_cycle": "PV does not move as it would if the valve made the swing: it may be made elsewhere.",

@@ -318,6 +318,8 @@ def _cause(why: ChangedBy, row: Any) -> str:
         return LONGER_WORDS
     if why != "auditable":
         return WHY_WORDS[why]
+    if row.likely_cause == UNANSWERED == row.likely_cause_before:
+        return f"still: {cause_words(UNANSWERED)}"
     if row.verdict == "not_auditable":
         return f"cannot be audited now: {cause_words(row.likely_cause or 'data')}"
     return f"could not be audited before: {cause_words(row.likely_cause_before or 'data')}"

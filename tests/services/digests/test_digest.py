@@ -62,7 +62,7 @@ def test_it_names_the_loops_that_were_not_auditable(backend: Backend, night: str
     with backend.database.write() as connection:
         mine = (verdicts.c.audit_id == int(night), verdicts.c.loop_id.in_(ids.values()))
         connection.execute(update(verdicts).where(*mine).values(**refused))
-    told = "2 not auditable: PV never moves: stuck valve or dead transmitter (A2, B1)"
+    told = "2 not auditable: PV does not answer OP: stuck valve or dead transmitter (A2, B1)"
     found = digest_of(backend, night)
     worst = {one.loop: one for area in found.areas for one in area.loops}
     assert {worst[tag].told for tag in named} == {"look today"}

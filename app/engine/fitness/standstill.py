@@ -1,0 +1,205 @@
+"""PV that holds one value up to the end of a recording while OP travels: a dead transmitter, or a stuck valve.
+
+Judged on the newest samples, however much of the recording was recorded before them, and by how far OP went meanwhile,
+not by their number: behind a live transmitter PV moves long before that.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.engine.fitness.config import LIMIT_BAND
+from app.engine.fitness.samples import Samples
+from app.engine.fitness.signals import at_extremes, at_limits, resolution
+from app.engine.recording import BoolArray, FloatArray, IntArray, Span, known_span
+from app.engine.signals.sampled import blocks
+
+LEAST_STILL = 100
+"""Samples of one value that are a stand."""
+
+MOST_BRIEF = 30
+"""Samples that may lie between two stands, as while a transmitter is started again."""
+
+MOST_STANDS = 6
+"""Stands, the newest of them, that are looked at."""
+
+FURTHER = 3.0
+"""Times as far as OP ever went before while PV held one value, but for ODD such times: nothing answers any more."""
+
+ODD, FEW = 2, 20
+"""Of so many values that PV held before those in which OP went furthest are not held for usual: PV may have been dead
+before, and be dead again.
+"""
+
+LEAST_MOVE = 0.5
+"""Share of what OP goes over in such a time else, at least: where all is calm PV may stand."""
+
+FEWEST_VALUES = 10
+"""Of OP while PV stands: a unit that is shut down by hand has fewer."""
+
+NEAREST, NEAREST_UNCOMPARED = 0.6, 2.0
+"""Of PV's least step: so near to SP it is at its set point, as nearly as it can be stored; the latter where nothing was
+recorded before that tells how PV moves."""
+
+AWAY_SHARE = 0.5
+"""Of the time of the newest stand SP is away from PV."""
+
+LIMIT_SHARE = 0.5
+"""Of the time of the newest stand OP is at its limit, where SP is not away."""
+
+
+@dataclass(frozen=True)
+class Standstill:
+    """since_s: when PV came to stand, s from the recording's start. for_s: for how long, up to the end, s.
+
+    levels: values that PV held one after the other. from_start: whether it stood when the recording began.
+    wound_up: whether OP ends at its own extreme.
+    """
+
+    since_s: float
+    for_s: float
+    levels: int
+    from_start: bool
+    wound_up: bool
+
+    @property
+    def text(self) -> str:
+        """As a sentence begins."""
+        told = "one value" if self.levels == 1 else f"{self.levels} values, one after the other,"
+        longer = " or longer" if self.from_start else ""
+        ends = "stands at its limit" if self.wound_up else "travelled"
+        return f"PV has held {told} for the last {self.for_s / 3600.0:.3g} h{longer}, up to the end, while OP {ends}"
+
+
+def standstill(samples: Samples, origin_s: float, op_range: Span | None, pv_range: Span | None) -> Standstill | None:
+    """Since when PV stands and does not answer OP, up to the end of a recording; None where it moves, or has reasons.
+
+    It answers nothing where OP, with FEWEST_VALUES or more, goes over so much that PV always moved before (FURTHER,
+    LEAST_MOVE), while SP is away from PV by more than PV's least step, or, where it is not, OP ends at its limit. Some
+    values one after the other are one stand, if little lies between them: a transmitter that is started again. Reasons
+    are: out of automatic at the end, OP at rest (a unit that is shut down), PV at its set point, OP that went no
+    further than before while PV held a value (coarse or compressed values). Where PV stands from beginning to end, and
+    OP at an end of its known span for as long, SP away from PV in automatic is enough, if PV is not at an end of its
+    own. Misleads where a unit is shut down with its loops in automatic.
+    """
+    if len(samples) < LEAST_STILL or (samples.automatic is not None and not samples.automatic[-1]):
+        return None
+    starts = _starts(samples.pv)
+    stands = _newest_stands(starts, len(samples), _automatic_from(samples.automatic))
+    if not stands:
+        return None
+    first = _first_unanswered(samples, starts, stands)
+    if first is not None:
+        stands = [one for one in stands if one.start >= first]
+        return _found(samples, origin_s, stands) if _at_work(samples, starts, stands) else None
+    if _wound_up_throughout(samples, stands, op_range, pv_range):
+        return _found(samples, origin_s, stands)
+    return None
+
+
+def _starts(pv: FloatArray) -> IntArray:
+    """The first samples of the runs in which PV (N,) holds one value."""
+    moved = np.abs(np.diff(pv)) > resolution(pv)
+    return np.concatenate(([0], np.flatnonzero(moved) + 1))
+
+
+def _automatic_from(automatic: BoolArray | None) -> int:
+    """The first sample of the spell in automatic that goes up to the end."""
+    if automatic is None or automatic.all():
+        return 0
+    return int(np.flatnonzero(~automatic)[-1]) + 1
+
+
+def _newest_stands(starts: IntArray, n: int, since: int) -> list[slice]:
+    """The stands up to the end, in order of time, since a sample; empty where PV moves at the end."""
+    found: list[slice] = []
+    brief, last = 0, n
+    for start in starts[::-1].tolist():
+        length = last - max(start, since)
+        if length >= LEAST_STILL:
+            found.append(slice(max(start, since), last))
+            brief = 0
+        else:
+            brief += length
+        last = start
+        if brief > MOST_BRIEF or len(found) == MOST_STANDS or last <= since:
+            break
+    return found[::-1]
+
+
+def _first_unanswered(samples: Samples, starts: IntArray, stands: list[slice]) -> int | None:
+    """The first sample of the first of these stands in which OP went where PV always moved before."""
+    op = samples.op
+    ranges = np.maximum.reduceat(op, starts) - np.minimum.reduceat(op, starts)
+    for stand in stands:
+        usual, went = _usual(ranges[: int(np.searchsorted(starts, stand.start))]), float(np.ptp(op[stand]))
+        if went <= max(FURTHER * usual, resolution(op)) or not _as_far_as_ever(op, stand, went):
+            continue
+        if len(np.unique(op[stand])) >= FEWEST_VALUES:
+            return stand.start
+    return None
+
+
+def _usual(ranges: FloatArray) -> float:
+    """The greatest of these, but for ODD where they are many."""
+    if len(ranges) < FEW:
+        return float(np.max(ranges, initial=0.0))
+    return float(np.partition(ranges, -1 - ODD)[-1 - ODD])
+
+
+def _as_far_as_ever(op: FloatArray, stand: slice, went: float) -> bool:
+    """Whether OP goes about as far in a stand as before it in such a time."""
+    before, length = op[: stand.start], stand.stop - stand.start
+    if len(before) < LEAST_STILL:
+        return True
+    usual = float(np.median(np.ptp(blocks(before, min(length, len(before))), axis=1)))
+    return went >= LEAST_MOVE * usual
+
+
+def _at_work(samples: Samples, starts: IntArray, stands: list[slice]) -> bool:
+    """Whether something is left to do in the newest stand: PV is away from its set point, or OP at its limit. Where PV
+    moved coarsely at best, and never but from stand to stand, it has to be one or the other more clearly.
+    """
+    newest, compared = stands[-1], stands[0].start >= LEAST_STILL
+    if samples.sp is None:
+        return compared or len(stands) == 1 or _wound_up(samples.op, newest)
+    known = np.isfinite(samples.sp[newest])
+    distance = np.abs(samples.sp[newest][known] - samples.pv[newest][known])
+    near = (NEAREST if compared else NEAREST_UNCOMPARED) * _least_step(samples.pv, starts)
+    if not len(distance) or float(np.mean(distance > near)) >= AWAY_SHARE:
+        return True
+    moved = samples.sp[max(newest.start - LEAST_STILL, 0) :]
+    return _wound_up(samples.op, newest) and float(np.ptp(moved[np.isfinite(moved)])) <= resolution(samples.pv)
+
+
+def _least_step(pv: FloatArray, starts: IntArray) -> float:
+    steps = np.abs(pv[starts[1:]] - pv[starts[1:] - 1])
+    return max(float(np.min(steps)), resolution(pv)) if len(steps) else resolution(pv)
+
+
+def _wound_up(op: FloatArray, part: slice) -> bool:
+    low, high = at_extremes(op)
+    return max(float(np.mean(low[part])), float(np.mean(high[part]))) >= LIMIT_SHARE
+
+
+def _wound_up_throughout(samples: Samples, stands: list[slice], op_range: Span | None, pv_range: Span | None) -> bool:
+    """Whether PV stands from beginning to end and OP at an end of its span, in automatic, with SP away."""
+    span, limits, ends = known_span(pv_range), at_limits(samples.op, op_range), at_limits(samples.pv, pv_range)
+    if samples.automatic is None or samples.sp is None or span is None or limits is None or ends is None:
+        return False
+    throughout = stands[0].start <= MOST_BRIEF and max(float(np.mean(side)) for side in limits) == 1.0
+    if not throughout or not samples.automatic.all() or bool(np.any(ends[0] | ends[1])):
+        return False
+    away = np.abs(np.nan_to_num(samples.sp - samples.pv)) > LIMIT_BAND * (span[1] - span[0])
+    return float(np.mean(away)) >= AWAY_SHARE
+
+
+def _found(samples: Samples, origin_s: float, stands: list[slice]) -> Standstill:
+    first, time_s = stands[0].start, samples.time_s
+    return Standstill(
+        since_s=float(time_s[first]) - origin_s,
+        for_s=float(time_s[-1] - time_s[first]),
+        levels=len(stands),
+        from_start=first <= MOST_BRIEF,
+        wound_up=_wound_up(samples.op, stands[-1]),
+    )
