@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.http.backend import IsoTime
-from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow, VerdictName
+from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow, TableRow, VerdictName
 from app.services.plant.loops import MOST_IMPORTANT
 
 MAX_NAME = 200
@@ -192,7 +192,7 @@ class VerdictPage(Read):
 
 
 class ReliabilityPage(Read):
-    rows: list[ReliabilityRow] = Field(description="One row a loop: its newest verdict.")
+    rows: list[TableRow] = Field(description="One row a loop: its newest verdict.")
     next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
 
 
@@ -315,7 +315,7 @@ class GroupPage(Read):
     next_cursor: str | None = Field(description="Always null: there is one page.")
 
 
-class HealthOut(ReliabilityRow, KeyFiguresLine):
+class HealthOut(TableRow, KeyFiguresLine):
     """The newest verdict of a loop and its key figures, flat, for dashboards."""
 
 

@@ -45,7 +45,8 @@ class LoopsChanged(Answer):
 
 @dataclass(frozen=True, kw_only=True)
 class Row(Answer):
-    """A verdict: a row of the reliability table, of a loop's history, or its health with the key figures in `raw`."""
+    """A verdict: a row of the reliability table, of a loop's history, or its health with the key figures in `raw`. What
+    is written of the loop (from `next_step` on) is None in a history."""
 
     loop: str
     unit: str | None
@@ -69,6 +70,11 @@ class Row(Answer):
     audited_at_ms: int | None
     audit_id: str | None
     engine_version: str
+    next_step: str | None
+    work_order: str | None
+    repaired_at: str | None
+    shelved_until: str | None
+    of_before_repair: bool | None
 
 
 @dataclass(frozen=True, kw_only=True)

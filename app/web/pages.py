@@ -21,7 +21,7 @@ from app.services.plant.repaired import repairs
 from app.services.plant.shelving import shelf
 from app.services.wording import VERDICT_RANK
 from app.web import loop, loop_list, runs, uploads
-from app.web.columns import COLUMNS, OF_PAGES, USUAL, query_without
+from app.web.columns import COLUMNS, USUAL, query_without
 from app.web.rendering import CHARTS, STATIC, page
 
 A_WEEK = {"Cache-Control": "public, max-age=604800"}
@@ -116,7 +116,6 @@ def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLRespons
         form=form,
         names=names,
         columns=COLUMNS,
-        sent=[name for name in names if name not in OF_PAGES],
         units=plants.unit_names(backend),
         ranks=VERDICT_RANK,
         address=query_without(told),

@@ -10,6 +10,7 @@ from app.services.auditing.rows import FORM, KEY_FIGURES, as_row, compact, sent
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.moments import iso_utc, moment_of
+from app.services.plant.written import marks_of, written_of
 from app.services.results import FailureView, LoopsChanged, LoopView, Page
 from app.storage import items, loops, verdicts
 from app.storage.loops import SETTABLE, SPANS, ListFilter, LoopRow
@@ -144,14 +145,15 @@ def loop_health(backend: Backend, tag: str) -> dict[str, Any]:
     if figures is None:  # a verdict that an older version wrote
         with backend.database.read() as connection:
             figures = (verdicts.detail(connection, loop_id, newest["audit_id"]) or {}).get(KEY_FIGURES, {})
-    return as_row(newest) | figures
+    row = as_row(newest)
+    return written_of(backend, [row]).beside(row) | figures
 
 
 def loop_health_json(backend: Backend, tag: str) -> str:
     """`loop_health` as JSON, in most cases as it was written with the verdict."""
     with backend.database.read() as connection:
         written = verdicts.sent_health(connection, tag, FORM)
-    if written is None:
+    if written is None or marks_of(backend, [tag]).tags:
         return compact(loop_health(backend, tag))
     row, figures, unit = written
     return sent(row, unit, figures)

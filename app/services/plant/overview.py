@@ -8,20 +8,19 @@ from typing import Any, Literal
 
 from app.engine.episodes import BEGAN
 from app.services.auditing.audits import get_audit
-from app.services.auditing.repairs import BEFORE_REPAIR, SINCE_REPAIR, of_before
+from app.services.auditing.repairs import BEFORE_REPAIR, SINCE_REPAIR
 from app.services.backend import Backend
-from app.services.moments import PlantClock, iso_utc
-from app.services.plant.contradicted import contradicted
+from app.services.moments import iso_utc
 from app.services.plant.evidence_moved import moved
 from app.services.plant.judged import ToManual, to_manual
 from app.services.plant.reliability import checked, following, place_of, with_loop
-from app.services.plant.shelving import Shelf, Shelved, shelf, step_of
+from app.services.plant.shelving import Shelf, shelf
+from app.services.plant.written import written_of
 from app.services.results import AuditView, ChangedBy, ChangeView, Page, UnitView
 from app.services.wording import UNANSWERED, WHY_WORDS, cause_words
-from app.storage import notes, plant, verdicts
+from app.storage import plant, verdicts
 from app.storage.loops import count as count_loops
 from app.storage.loops import count_retired
-from app.storage.notes import Standing
 from app.storage.verdicts import RowFilter
 
 LISTED_CHANGES = 200
@@ -167,32 +166,10 @@ def table(
     with backend.database.read() as connection:
         place = asked[1] if asked is not None and asked[0] == sort else None
         found = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), place)
-        shown = [with_loop(row) for row in found[:limit]]
-        written = notes.standing(connection, [row["loop"] for row in shown], notes_until)
-        disagree = contradicted(connection, shown)
-    work = WrittenWork(written, (shelved or shelf(backend)).by_tag(), disagree, backend.clock)
-    return Page([_with_work(row, work) for row in shown], following(found, limit, sort))
-
-
-@dataclass(frozen=True)
-class WrittenWork:
-    """What notes say of the loops of a page, by tag, and which of them their newest explanation contradicts."""
-
-    standing: dict[str, Standing]
-    shelved: dict[str, Shelved]
-    disagree: frozenset[str]
-    clock: PlantClock
-
-
-def _with_work(row: dict[str, Any], work: WrittenWork) -> dict[str, Any]:
-    written, shelved = work.standing.get(row["loop"], Standing()), work.shelved.get(row["loop"])
-    repaired_at = iso_utc(written.repaired_at)
-    step = step_of(row, repaired_at, shelved, work.clock, disagrees=row["loop"] in work.disagree)
-    written_of = {"work_order": written.work_order, "repaired_at": repaired_at}
-    told = written_of | {"next_step": step, "of_before_repair": of_before(row, repaired_at)}
-    if shelved is None:
-        return row | told | {"shelved_until": None, "shelved": None}
-    return row | told | {"shelved_until": shelved.until, "shelved": shelved.words(work.clock)}
+    shown = [with_loop(row) for row in found[:limit]]
+    written = written_of(backend, shown, shelved, notes_until)
+    told = [{**written.beside(row), "shelved": written.shelved_words(row)} for row in shown]
+    return Page(told, following(found, limit, sort))
 
 
 def tiles(backend: Backend) -> dict[str, list[Any]]:
