@@ -67,6 +67,7 @@ UNRELATED = (
     "moves when OP does: behind a valve that is stuck PV owes nothing to OP."
 )
 WAIT = "Wait until enough is recorded since the repair: what is said here is of before it."
+REOPEN = "reopen the order."
 UNTIL_THEY_AGREE = (
     "Touch neither valve nor tuning yet, because the audit clears the valve and the newest explanation says that it "
     "sticks: audit and explain a longer record, and where they still disagree, ask for a stroke test."
@@ -157,6 +158,15 @@ def next_step(row: Mapping[str, Any], repaired_at: str | None = None) -> str:
     return f"{step} {LONGER}: {ENOUGH_CYCLES:g} swings of this one take {in_hours(ENOUGH_CYCLES * period_s)}."
 
 
+def after_repair(step: str, repaired: str, order: str | None, *, sure: bool) -> str:
+    """The step for a loop that sticks on though it was repaired. repaired: the day; sure: whether that it sticks can be
+    relied on."""
+    named = f"Repaired {repaired}{f' ({order})' if order else ''}"
+    if not sure:
+        return f"{named}, may not have helped. {step}"
+    return f"{named}, did not help: {REOPEN}" if order and step == STICKS else f"{named}, did not help. {step}"
+
+
 def _objected(row: Mapping[str, Any], reasons: Sequence[str]) -> bool:
     """Whether the published rule takes the valve of a row for one that sticks, or its fit does by much."""
     with_, without = row.get("hammerstein_rmse"), row.get("hammerstein_rmse_without_stiction")
@@ -222,6 +232,10 @@ def as_table() -> str:
         ("anything, but OP is the set point of another loop", OUTER),
         ("anything, but the loop's settings say that OP moves no valve", NO_VALVE),
         ("repaired, and too little recorded since", WAIT),
+        (
+            "repaired in the last fortnight, and the valve sticks since, rely on it",
+            f"That the repair did not help, with its day and its work order: {REOPEN}",
+        ),
         ("shelved, and nothing got worse in kind since", "Wait, until the time that is named."),
         ("anything that is not to be relied on, for too few swings", f"the step for it. {LONGER}: so many hours."),
         ("anything that is not to be relied on, but the valve sticks up to the end of the record", BEGAN_TO_STICK),

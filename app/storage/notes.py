@@ -66,10 +66,12 @@ def withdraw(connection: Connection, note_id: int, withdrawn_by: str) -> None:
 
 @dataclass(frozen=True)
 class Standing:
-    """What is written of a loop and stands: the newest work order, and the repair that was stated last."""
+    """What is written of a loop and stands: the newest work order, the repair that was stated last, and the order that
+    was written with it or before it."""
 
     work_order: str | None = None
     repaired_at: datetime | None = None
+    repair_order: str | None = None
 
 
 def standing(connection: Connection, tags: Iterable[str], at: datetime | None = None) -> dict[str, Standing]:
@@ -85,8 +87,9 @@ def standing(connection: Connection, tags: Iterable[str], at: datetime | None = 
     for tag, work_order, repaired_at, withdrawn_at in connection.execute(query):
         before = found.get(tag, Standing())
         stands = withdrawn_at is None or (at is not None and withdrawn_at > at)
-        repair = repaired_at if repaired_at is not None and stands else before.repaired_at
-        found[tag] = Standing(work_order or before.work_order, repair)
+        order = work_order or before.work_order
+        repair = (repaired_at, order) if repaired_at and stands else (before.repaired_at, before.repair_order)
+        found[tag] = Standing(order, *repair)
     return {tag: one for tag, one in found.items() if one != Standing()}
 
 

@@ -14,7 +14,6 @@ from app.http.backend import Caller, Identifier, Services
 from app.http.paths import LoopTag
 from app.services.addresses import tag_in_url
 from app.services.auditing.audits import LoopFilter, start_audit
-from app.services.auditing.repairs import of_before
 from app.services.auditing.rival_wording import why_first, worth_a_look
 from app.services.auditing.size_wording import size_in_words
 from app.services.backend import Backend
@@ -30,7 +29,7 @@ from app.services.plant.judged import judged
 from app.services.plant.loop_list import number
 from app.services.plant.nights import nights as nights_of
 from app.services.plant.periods import periods
-from app.services.plant.shelving import shelf, step_of
+from app.services.plant.shelving import shelf
 from app.services.results import LoopView
 from app.services.why_rely import contradiction, points
 from app.web.explanation import newest_in_words
@@ -99,7 +98,7 @@ def _loop_page(
     told["settings"] = settings or _as_set(found)
     explanation = told["explanation"] = newest_in_words(backend, tag)
     told["newest"] = newest_sample_in_words(found.samples_to, backend.clock)
-    shelved = told["shelved"] = shelf(backend).of(found.tag)
+    told["shelved"] = shelf(backend).of(found.tag)
     told["failure"] = loops.newest_failure(backend, tag)
     try:
         row = loops.loop_health(backend, tag)
@@ -107,14 +106,13 @@ def _loop_page(
         return page("loop.html", backend.clock, row=None, **told)
     detail = loops.verdict_detail(backend, tag)
     repair = notes.newest_repair(backend, tag)
-    repaired_at = None if repair is None else repair.repaired_at
     disagrees = contradiction(row, explanation)
     return page(
         "loop.html",
         backend.clock,
-        row=row | {"of_before_repair": of_before(row, repaired_at)},
+        row=row,
         detail=detail,
-        next_step=step_of(row, repaired_at, shelved, backend.clock, disagrees=bool(disagrees)),
+        next_step=row["next_step"],
         disagrees=disagrees,
         points=points(row, detail),
         size=size_in_words(row, detail),

@@ -9,6 +9,7 @@ from app.services.plant.work_list import _since, _size
 
 def row(verdict="stiction", **told):
     row = {"verdict": verdict, "likely_cause": verdict, "reasons": "", "episode_start": None}
+    row |= {"repaired_at": None, "of_before_repair": False}
     return row | {"stiction_S": None, "stiction_S_pct_of_span": None} | told
 
 
@@ -33,6 +34,13 @@ def said(*verdicts):
             said("no_stiction", "inconclusive", "not_auditable"),
             "since 2026-03-02",
         ),
+        (
+            row(repaired_at="2026-03-03T08:00:00Z"),
+            said("no_stiction", *["stiction"] * 3),
+            "since 2026-03-02, over the repair of 2026-03-03",
+        ),
+        (row(repaired_at="2026-03-01T08:00:00Z"), said("no_stiction", "stiction"), "since 2026-03-02"),
+        (row(repaired_at="2026-03-03T08:00:00Z", of_before_repair=True), said("stiction"), "since 2026-03-01"),
     ],
 )
 def test_since_when(loop, last, since):

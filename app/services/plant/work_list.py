@@ -12,6 +12,7 @@ from app.services.moments import PlantClock
 from app.services.plant.judged import Judged, judged
 from app.services.plant.nights import NIGHTS, Night, nights
 from app.services.plant.overview import not_shelved
+from app.services.plant.repaired import repairs
 from app.services.plant.shelving import Shelf
 from app.services.wording import UNANSWERED, VERDICT_WORDS, brief, codes_of, looked_at_today
 from app.storage.verdicts import RowFilter
@@ -52,9 +53,9 @@ def work_list(
     notes_until: datetime | None = None,
 ) -> list[Work]:
     """By the newest verdicts, or those of a run, without the loops that are `shelved`; since_ns: only loops with a
-    sample as new as that; notes_until: orders and repairs as they were written then (None: by now). What wants a look
-    today begins with the newest; in the other parts those come first that lack most to full health, times their
-    importance."""
+    sample as new as that; notes_until: orders and repairs as they were written then (None: by now). Repairs that did
+    not help come first, then what wants a look today, which begins with the newest; in the other parts those come first
+    that lack most to full health, times their importance."""
 
     def listed(limit: int, **asked: Any) -> list[Work]:
         wanted = RowFilter(**asked, audit_id=audit_id, recorded_from_ns=since_ns)
@@ -63,10 +64,15 @@ def work_list(
         last, of_time = nights(backend, tags, audit_id), judged(backend, tags, audit_id)
         return [_work(row, last.get(row["loop"], ()), of_time.get(row["loop"]), backend.clock) for row in rows]
 
+    failed = [repair.loop for repair in repairs(backend, audit_id, notes_until).listed if repair.outcome == "sticks"]
+    work = listed(most, tags=tuple(failed), verdict=("stiction",), reliability="reliable") if failed else []
+    again = {one.loop for one in work}
     today = listed(LOOKED_AT, verdict=("inconclusive", "not_auditable"), likely_cause=UNANSWERED)
-    work = sorted(today, key=lambda one: one.since, reverse=True)[: min(MOST_TODAY, most)]
+    work += sorted(today, key=lambda one: one.since, reverse=True)[: min(MOST_TODAY, most - len(work))]
     for reliability in ("reliable", "not_reliable"):
-        work += listed(most - len(work), verdict=("stiction",), reliability=reliability)
+        room = most - len(work)
+        sticking = listed(room and room + len(again), verdict=("stiction",), reliability=reliability)
+        work += [one for one in sticking if one.loop not in again][:room]
     return work
 
 
@@ -95,12 +101,22 @@ def _size(row: Mapping[str, Any]) -> str:
 
 
 def _since(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock) -> str:
-    """Of a valve that began to stick within the record, when; else the first of the nights that said the same."""
+    """Of a valve that began to stick within the record, when; else the first of the nights that said the same. Where a
+    repair came in between that is told."""
     if BEGAN in codes_of(row) and row["episode_start"]:
-        return f"since {clock.short(row['episode_start'])}"
+        began = clock.short(row["episode_start"])
+        return f"since {began}{_over(row, began, clock)}"
     alike = ("inconclusive", "not_auditable") if looked_at_today(row) else (row["verdict"],)
     same = list(takewhile(lambda night: night.verdict in alike, reversed(last)))
     if not same:
         return ""
     longer = " or longer" if len(same) in (len(last), NIGHTS) and len(last) > 1 else ""
-    return f"since {same[-1].date}{longer}"
+    return f"since {same[-1].date}{longer}{_over(row, same[-1].date, clock)}"
+
+
+def _over(row: Mapping[str, Any], since: str, clock: PlantClock) -> str:
+    """Of a valve that sticks since a day or a time before its repair."""
+    if row["verdict"] != "stiction" or not row["repaired_at"] or row["of_before_repair"]:
+        return ""
+    at = datetime.fromisoformat(row["repaired_at"])
+    return f", over the repair of {clock.date(at)}" if since[:10] < clock.date(at) else ""

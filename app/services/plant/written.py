@@ -9,8 +9,10 @@ from typing import Any
 from app.services.auditing.repairs import of_before
 from app.services.backend import Backend
 from app.services.moments import PlantClock, iso_utc
+from app.services.next_steps import UNTIL_THEY_AGREE, after_repair, next_step
 from app.services.plant.contradicted import contradicted
-from app.services.plant.shelving import Shelf, Shelved, shelf, step_of
+from app.services.plant.repaired import Outcome, asked_after, in_vain
+from app.services.plant.shelving import Shelf, Shelved, shelf
 from app.services.wording import STICKS
 from app.storage import explanations, notes
 from app.storage.notes import Standing
@@ -25,21 +27,33 @@ class Written:
     standing: Mapping[str, Standing]
     shelved: Mapping[str, Shelved]
     disagree: frozenset[str]
+    in_vain: Mapping[str, Outcome]
     clock: PlantClock
 
     def beside(self, row: Mapping[str, Any]) -> dict[str, Any]:
         """A row of the reliability table with `WrittenFields`."""
         standing, shelved = self.standing.get(row["loop"], NOTHING), self.shelved.get(row["loop"])
         repaired_at = iso_utc(standing.repaired_at)
-        disagrees = row["loop"] in self.disagree
         return {
             **row,
-            "next_step": step_of(row, repaired_at, shelved, self.clock, disagrees=disagrees),
+            "next_step": self._step(row, standing, shelved),
             "work_order": standing.work_order,
             "repaired_at": repaired_at,
             "shelved_until": None if shelved is None else shelved.until,
             "of_before_repair": of_before(row, repaired_at),
         }
+
+    def _step(self, row: Mapping[str, Any], standing: Standing, shelved: Shelved | None) -> str:
+        """What to do: to wait, as long as the loop is shelved and nothing got worse; what did not help is named."""
+        if shelved is not None and not shelved.worse:
+            return f"Wait: {shelved.words(self.clock)}."
+        if row["loop"] in self.disagree:
+            return UNTIL_THEY_AGREE
+        step, outcome = next_step(row, iso_utc(standing.repaired_at)), self.in_vain.get(row["loop"])
+        if outcome is None or standing.repaired_at is None:
+            return step
+        order = " ".join((standing.repair_order or "").split())
+        return after_repair(step, self.clock.date(standing.repaired_at), order, sure=outcome == "sticks")
 
     def shelved_words(self, row: Mapping[str, Any]) -> str | None:
         shelved = self.shelved.get(row["loop"])
@@ -58,7 +72,9 @@ def written_of(
     known = shelf(backend) if shelved is None else shelved
     with backend.database.read() as connection:
         standing = notes.standing(connection, [row["loop"] for row in rows], notes_until)
-        return Written(standing, known.by_tag(), contradicted(connection, rows), backend.clock)
+        repaired = [tag for tag, one in standing.items() if one.repaired_at is not None]
+        failed = in_vain(connection, rows, repaired, notes_until)
+        return Written(standing, known.by_tag(), contradicted(connection, rows), failed, backend.clock)
 
 
 @dataclass(frozen=True)
@@ -78,8 +94,14 @@ def marks_of(backend: Backend, tags: Collection[str]) -> Marks:
         standing = notes.standing(connection, tags)
         naming = explanations.naming_ids(connection, tags, STICKS)
     told = [
-        sorted((tag, one.work_order, iso_utc(one.repaired_at)) for tag, one in standing.items()),
+        sorted((tag, one.work_order, one.repair_order, *_of_repair(one)) for tag, one in standing.items()),
         sorted((tag, one.until, one.work_order, one.worse) for tag, one in on_shelf.items()),
         sorted(naming.items()),
     ]
     return Marks(frozenset({*standing, *on_shelf, *naming}), told)
+
+
+def _of_repair(standing: Standing) -> tuple[str | None, bool]:
+    """When, and whether it is so fresh that it is asked whether it helped."""
+    at = standing.repaired_at
+    return iso_utc(at), at is not None and asked_after(at)

@@ -27,7 +27,8 @@ from app.services.plant.groups import groups_of
 from app.services.plant.groups import soon as groups_soon
 from app.services.plant.judged import judged
 from app.services.plant.periods import periods
-from app.services.plant.shelving import Shelf, shelf, step_of
+from app.services.plant.repaired import repairs
+from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.work_list import work_list
 from app.services.rendering import document
 from app.services.reports.svg import WIDTH, Ends, Line, chart
@@ -55,7 +56,6 @@ def loop_report(backend: Backend, tag: str) -> str:
     row = loops.loop_health(backend, tag)
     detail = loops.verdict_detail(backend, tag)
     repair = notes.newest_repair(backend, tag)
-    repaired_at = None if repair is None else repair.repaired_at
     history = loops.verdict_history(backend, tag, limit=NIGHTS).rows
     drawn = charts(backend, tag)
     explained = explanations.newest(backend, tag)
@@ -63,9 +63,9 @@ def loop_report(backend: Backend, tag: str) -> str:
     return document(
         "loop_report.html",
         it=found,
-        row=row | {"of_before_repair": of_before(row, repaired_at)},
+        row=row,
         detail=detail,
-        next_step=step_of(row, repaired_at, shelf(backend).of(tag), backend.clock, disagrees=bool(disagrees)),
+        next_step=row["next_step"],
         disagrees=disagrees,
         points=points(row, detail),
         size=size_in_words(row, detail),
@@ -112,6 +112,7 @@ def plant_report(backend: Backend) -> str:
         judged=judged(backend, listed),
         shelf=shelved,
         refused=refused.rows,
+        repairs=repairs(backend),
         groups=[group for group in groups_soon(backend) or () if not group.by_chance],
         public_url=backend.settings.public_url,
         address_of=lambda tag: loop_address(backend.settings.public_url, tag),
