@@ -103,6 +103,8 @@ def headline(row: Mapping[str, Any]) -> str:
     """What stands behind the verdict of a row, as a sentence would go on."""
     if _of_before_repair(row):
         return "of before the repair; wait for what is recorded since"
+    if row.get("of_old_record"):
+        return "of an old record; nothing newer has come"
     return LOOK_TODAY_WORDS if looked_at_today(row) else RELIABILITY_WORDS[row["reliability"]]
 
 
@@ -119,6 +121,8 @@ def rely(row: Mapping[str, Any]) -> str:
 def _short(row: Mapping[str, Any], words: Mapping[str, str]) -> str:
     if _of_before_repair(row):
         return "of before the repair"
+    if row.get("of_old_record"):
+        return "of an old record"
     return "look today" if looked_at_today(row) else words[row["reliability"]]
 
 

@@ -22,10 +22,10 @@ from app.services.plant.arrivals import (
     arrivals,
     newest_in_words,
     nothing_new,
-    of_run,
 )
 from app.services.plant.arrivals import sentences as sentences_by
 from app.services.plant.shelving import shelf
+from app.services.plant.silent import of_run
 from app.services.reports import documents
 from app.storage import series
 from app.storage.samples import Samples

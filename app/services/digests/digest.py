@@ -17,11 +17,12 @@ from app.services.auditing.repairs import of_before
 from app.services.backend import Backend
 from app.services.cursors import identifier
 from app.services.moments import PlantClock, iso_utc, moment_of
-from app.services.plant.arrivals import LATE, arrivals, of_run
+from app.services.plant.arrivals import LATE, arrivals
 from app.services.plant.judged import judged, to_manual
 from app.services.plant.overview import change_of, nothing_worst
 from app.services.plant.repaired import RepairView, repairs
 from app.services.plant.shelving import Shelf, shelf
+from app.services.plant.silent import of_run
 from app.services.plant.work_list import Work, work_list
 from app.services.rendering import document, figure
 from app.services.results import AuditView, ChangeView
@@ -49,7 +50,7 @@ class DigestLoop:
     `judged` of which time its verdict is, where that is not up to its newest samples. `measured`: whether its
     probability is, and not a prior. `shelved` until when it is shelved, and why it is listed all the same.
     `of_before_repair`: whether its verdict is of before a repair that is stated by now. `recorded_to`: its newest
-    sample (ISO 8601, UTC), of those that are listed for an old one."""
+    sample (ISO 8601, UTC), of those that are listed for an old one, `of_old_record`."""
 
     loop: str
     verdict: str
@@ -65,6 +66,7 @@ class DigestLoop:
     shelved: str = ""
     of_before_repair: bool = False
     recorded_to: str | None = None
+    of_old_record: bool = False
 
     @property
     def told(self) -> str:
@@ -187,7 +189,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         arrivals=of_run(backend, number, began),
         work=work_list(backend, shelved, number, since_ns, notes_until=notes_until),
         areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
-        old=[replace(loop_of(row), recorded_to=iso_utc(moment_of(row.input_end_ns))) for row in old],
+        old=[_of_old_record(loop_of(row), row.input_end_ns) for row in old],
         changes=[change_of(row) for row in changed[:CHANGES]],
         more_changes=len(changed) > CHANGES,
         to_manual=_to_manual(backend, number) if compared else [],
@@ -297,6 +299,10 @@ def _loop(row: Any, url: str, of_time: str, shelved: str) -> DigestLoop:
     shown = (row.verdict, row.reliability, row.stiction_probability, row.likely_cause, row.health, row.importance)
     measured = PRIOR_ONLY not in codes_of(row._mapping)
     return DigestLoop(row.tag, *shown, why, loop_address(url, row.tag), of_time, measured, shelved)
+
+
+def _of_old_record(loop: DigestLoop, newest_ns: int) -> DigestLoop:
+    return replace(loop, recorded_to=iso_utc(moment_of(newest_ns)), of_old_record=True)
 
 
 def _refused(digest: Digest) -> list[str]:

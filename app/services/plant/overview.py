@@ -124,12 +124,13 @@ def worst(
     """The loops at the head of the list by what is missing to full health x importance, without those that are
     shelved; `beside`: tags of those that are listed elsewhere; since_ns: only loops with a sample as new as that."""
     rows = not_shelved(backend, limit + len(beside), RowFilter(recorded_from_ns=since_ns))
-    return [row for row in rows if row["loop"] not in beside][:limit]
+    return [row | {"of_old_record": False} for row in rows if row["loop"] not in beside][:limit]
 
 
 def worst_of_old(backend: Backend, since_ns: int | None, limit: int = WORST) -> list[dict[str, Any]]:
     """The same of the loops that are left out there: what is said of them is of an old record."""
-    return [] if since_ns is None else not_shelved(backend, limit, RowFilter(recorded_before_ns=since_ns))
+    found = [] if since_ns is None else not_shelved(backend, limit, RowFilter(recorded_before_ns=since_ns))
+    return [row | {"of_old_record": True} for row in found]
 
 
 def nothing_worst(sticking: int, old: bool) -> str:

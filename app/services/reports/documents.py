@@ -29,6 +29,7 @@ from app.services.plant.judged import judged
 from app.services.plant.periods import periods
 from app.services.plant.repaired import repairs
 from app.services.plant.shelving import Shelf, shelf
+from app.services.plant.silent import silences
 from app.services.plant.work_list import work_list
 from app.services.rendering import document
 from app.services.reports.svg import WIDTH, Ends, Line, chart
@@ -103,7 +104,7 @@ def plant_report(backend: Backend) -> str:
         seen=seen,
         bars={unit.unit: _bar(unit.verdicts) for unit in seen.units},
         changed=plant.changes(backend),
-        arrivals=sentences(reach, backend.clock),
+        arrivals=[*sentences(reach, backend.clock), *silences(backend)],
         work=work_list(backend, shelved, since_ns=reach.current_ns),
         worst=worst,
         nothing_worst=plant.nothing_worst(seen.verdicts.get("stiction", 0), bool(old)),
@@ -140,7 +141,7 @@ def _worst_of_old(backend: Backend, shelved: Shelf, since_ns: int | None) -> lis
         return []
     with backend.database.read() as connection:
         placed = stored_plant.worst_of_old(connection, plant.WORST, since_ns, shelved.left_out)
-        return [row for _, row in _told(connection, placed, shelved)]
+        return [row | {"of_old_record": True} for _, row in _told(connection, placed, shelved)]
 
 
 def _told(connection: Connection, placed: Sequence[Any], shelved: Shelf) -> list[tuple[str | None, dict[str, Any]]]:
