@@ -18,6 +18,7 @@ from app.services.wording import (
     measured_probability,
     probability,
     rely,
+    unusual_importance,
 )
 
 
@@ -32,7 +33,7 @@ def _environment() -> Environment:
     templates.trim_blocks = templates.lstrip_blocks = True
     templates.filters |= {"figure": figure, "probability": probability}
     templates.filters |= {"cause_words": cause_words, "measured_probability": measured_probability}
-    templates.filters |= {"headline": headline, "brief": brief, "rely": rely}
+    templates.filters |= {"headline": headline, "brief": brief, "rely": rely, "unusual_importance": unusual_importance}
     templates.globals |= {
         "verdict_words": VERDICT_WORDS,
         "reliability_words": RELIABILITY_WORDS,

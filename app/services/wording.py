@@ -148,6 +148,12 @@ def measured_probability(row: Mapping[str, Any]) -> float | None:
     return None if PRIOR_ONLY in codes_of(row) else row["stiction_probability"]
 
 
+def unusual_importance(row: Any) -> str:
+    """ "importance 3", which is why a loop stands above one of less health; empty where it is the usual one."""
+    importance = row["importance"] if isinstance(row, Mapping) else row.importance
+    return "" if importance == 1.0 else f"importance {importance:g}"
+
+
 def worst_first(lines: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     """Sticky valves first, the surest of them at the top, with loops where PV never answers among those that want a
     look; loops without a complaint last; ties by name.

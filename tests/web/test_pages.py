@@ -195,6 +195,21 @@ def test_a_table_that_there_is_not_is_refused_in_words(client, query):
     assert client.get(f"/table?{query}").status_code in (400, 422)
 
 
+def test_an_importance_that_orders_loops_is_shown_where_it_is_not_the_usual_one(client):
+    def told() -> list[bool]:
+        return [
+            "importance 2.5" in client.get(f"/table?search=FIC101{more}").text for more in ("", "&column=importance")
+        ]
+
+    assert "worst first, by health and importance" in client.get("/table").text
+    assert told() == [False, False]
+    client.patch("/v1/loops/FIC101", json={"importance": 2.5}).raise_for_status()
+    try:
+        assert told() == [True, False]
+    finally:
+        client.patch("/v1/loops/FIC101", json={"importance": 1}).raise_for_status()
+
+
 def test_columns_that_there_are_not_are_left_out(client):
     assert "Verdict" in seen(client, "/table?column=nonsense").texts
 

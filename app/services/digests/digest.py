@@ -35,6 +35,7 @@ from app.services.wording import (
     cause_words,
     codes_of,
     probability,
+    unusual_importance,
 )
 from app.storage import digests, notes, plant
 from app.storage.notes import Standing
@@ -318,7 +319,9 @@ def _refused(digest: Digest) -> list[str]:
 
 def _loop_lines(place: int, loop: DigestLoop) -> list[str]:
     told = f"{VERDICT_WORDS[loop.verdict]} ({loop.told})"
-    head = f"  {place}. {_line(loop.loop)}: {told}, health {figure(loop.health, 0)}"
+    weight = unusual_importance(loop)
+    health = f"health {figure(loop.health, 0)}{f', {weight}' if weight else ''}"
+    head = f"  {place}. {_line(loop.loop)}: {told}, {health}"
     of_time = [f"     {loop.judged}"] if loop.judged else []
     shelved = [f"     {loop.shelved}"] if loop.shelved else []
     return [head, *of_time, *shelved, f"     {_line(loop.why)}", *([f"     {loop.address}"] if loop.address else [])]
