@@ -93,6 +93,9 @@ class LoopOut(Read):
         "or not; null: cascades are found from the records."
     )
     retired: bool = Field(description="Gone, or never a loop: kept, but neither audited with the plant nor counted.")
+    continues: str | None = Field(
+        description="The tag that it had before: that loop is retired, and its notes are with this one."
+    )
     samples_to: str | None = Field(description="Time of the newest sample, ISO 8601, UTC; null where there is none.")
 
 
@@ -131,6 +134,12 @@ class LoopPatch(BaseModel):
         description="Whether it is gone, or never was a loop: what is stored of it stays, but it is neither audited "
         "with the plant nor counted; null: it is not.",
     )
+    continues: Name | None = Field(
+        None,
+        description="The tag that it had before. That loop is retired; what nobody said of this one is taken of it, "
+        "and its notes, work orders, repairs and shelving go along. null: it continues none, and the other is in "
+        "service again.",
+    )
 
 
 class NoteIn(BaseModel):
@@ -167,6 +176,9 @@ class NoteOut(Read):
         description="Since when that repair, or that shelving, counts no longer; null: it was not withdrawn."
     )
     withdrawn_by: str | None = Field(description="Who withdrew it.")
+    written_of: str | None = Field(
+        None, description="The tag that the loop had when it was written; null: the one that it has."
+    )
 
 
 class NotePage(Read):

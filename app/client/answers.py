@@ -31,6 +31,7 @@ class Loop(Answer):
     integrating: bool | None
     moves_valve: bool | None
     retired: bool
+    continues: str | None
     samples_to: str | None
 
 
@@ -128,6 +129,7 @@ class Note(Answer):
     shelved_until: str | None
     withdrawn_at: str | None
     withdrawn_by: str | None
+    written_of: str | None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -68,7 +68,8 @@ class Receipt:
 @dataclass(frozen=True)
 class LoopView:
     """A control loop. Spans are in the unit of their signal; `samples_to` is the newest sample's time; `moves_valve`:
-    stated of its OP, None where nobody did; `retired`: not audited, not counted."""
+    stated of its OP, None where nobody did; `retired`: not audited, not counted; `continues`: the tag that it had
+    before."""
 
     tag: str
     unit: str | None
@@ -83,6 +84,7 @@ class LoopView:
     integrating: bool | None
     moves_valve: bool | None
     retired: bool
+    continues: str | None
     samples_to: str | None
 
 
@@ -257,6 +259,7 @@ class NoteView:
     shelved_until: str | None = None
     withdrawn_at: str | None = None
     withdrawn_by: str | None = None
+    written_of: str | None = None
 
 
 ChangedBy = Literal["first", "method", "repair", "auditable", "data", "loop"]

@@ -22,6 +22,7 @@ class NoteRow:
     shelved_until: datetime | None
     withdrawn_at: datetime | None
     withdrawn_by: str
+    written_of: str | None
 
 
 COLUMNS = [notes.c[name] for name in NoteRow.__dataclass_fields__]

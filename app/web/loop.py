@@ -24,6 +24,7 @@ from app.services.plant.arrivals import newest_in_words as newest_sample_in_word
 from app.services.plant.before_after import compared
 from app.services.plant.charts import charts as charts_of
 from app.services.plant.charts import closer
+from app.services.plant.continuing import goes_on_as, maybe_before
 from app.services.plant.groups import groups_of, unnamed
 from app.services.plant.judged import judged
 from app.services.plant.loop_list import number
@@ -99,6 +100,7 @@ def _loop_page(
     explanation = told["explanation"] = newest_in_words(backend, tag)
     told["newest"] = newest_sample_in_words(found.samples_to, backend.clock)
     told["shelved"] = shelf(backend).of(found.tag)
+    told |= {"maybe_before": maybe_before(backend, found.tag), "goes_on_as": goes_on_as(backend, found.tag)}
     told["failure"] = loops.newest_failure(backend, tag)
     try:
         row = loops.loop_health(backend, tag)
@@ -123,7 +125,7 @@ def _loop_page(
         last_nights=nights_of(backend, [tag]).get(tag, ()),
         judged=judged(backend, [tag]).get(tag),
         beside=_beside(backend, found.tag),
-        history=loops.verdict_history(backend, tag, limit=HISTORY_NIGHTS).rows,
+        history=loops.chained_history(backend, tag, HISTORY_NIGHTS),
         groups=groups_of(backend, tag),
         unnamed=unnamed,
         repair=repair,
@@ -181,6 +183,13 @@ def unshelve(backend: Services, caller: Caller, tag: LoopTag, note_id: Identifie
     return back_to(tag, "notes")
 
 
+@router.post("/loops/{tag:path}/continues")
+def continues(backend: Services, tag: LoopTag, earlier: Field = "") -> RedirectResponse:
+    """What the page offers where the loop may be another one under a new tag."""
+    loops.patch_loop(backend, tag, {"continues": earlier})
+    return back_to(tag, "settings")
+
+
 @router.post("/loops/{tag:path}/settings")
 def settings(
     backend: Services,
@@ -196,8 +205,9 @@ def settings(
     op_high: Field = "",
     moves_valve: Annotated[Literal["", "yes", "no"], Form()] = "",
     retired: Annotated[Literal["", "yes"], Form()] = "",
+    continues: Field = "",
 ) -> Response:
-    words = {"unit": unit, "type": type, "description": description, "pv_unit": pv_unit}
+    words = {"unit": unit, "type": type, "description": description, "pv_unit": pv_unit, "continues": continues}
     spans = {"pv_low": pv_low, "pv_high": pv_high, "op_low": op_low, "op_high": op_high}
     numbers, wrong = _numbers({"importance": importance, **spans})
     stated = {"moves_valve": ANSWERS[moves_valve], "retired": retired == "yes"}

@@ -195,6 +195,24 @@ def test_a_table_that_there_is_not_is_refused_in_words(client, query):
     assert client.get(f"/table?{query}").status_code in (400, 422)
 
 
+def test_a_loop_that_continues_another_one_says_so_on_both_pages(client):
+    told = {"importance": "1", "continues": "FIC101"}
+    client.post("/v1/loops/FIC101/notes", json={"work_order": "WO-77"}).raise_for_status()
+    assert client.post("/loops/LIC7/settings", data=told).status_code == 303
+    try:
+        assert 'id="continues"' in client.get("/loops/LIC7").text
+        assert "WO-77" in client.get("/loops/LIC7").text
+        assert 'id="goes-on-as"' in client.get("/loops/FIC101").text
+        assert client.get("/v1/loops/FIC101").json()["retired"]
+        refused = client.post("/loops/FIC101/settings", data={"importance": "1", "continues": "LIC7"})
+        assert (refused.status_code, "continues it" in refused.text) == (400, True)
+    finally:
+        client.patch("/v1/loops/LIC7", json={"continues": None}).raise_for_status()
+    assert not client.get("/v1/loops/FIC101").json()["retired"]
+    assert client.post("/loops/LIC7/continues", data={"earlier": "FIC101"}).status_code == 303
+    client.patch("/v1/loops/LIC7", json={"continues": None}).raise_for_status()
+
+
 def test_an_importance_that_orders_loops_is_shown_where_it_is_not_the_usual_one(client):
     def told() -> list[bool]:
         return [

@@ -6,6 +6,7 @@ from typing import Any
 
 from app.services.backend import Backend
 from app.services.wording import RELIABILITY_BRIEF, VERDICT_WORDS
+from app.storage import continuing
 from app.storage import nights as stored
 
 NIGHTS = 7
@@ -37,13 +38,24 @@ class Night:
 
 def nights(backend: Backend, tags: Sequence[str], until: int | None = None) -> dict[str, tuple[Night, ...]]:
     """Of each loop the last verdict of each of its newest dates, the oldest first; a loop without one is left out.
+    Those of the loop that it continues are among them.
     until: the last run that counts."""
     with backend.database.read() as connection:
-        rows = stored.recent(connection, tags, AUDITS, until)
-    found: dict[str, dict[str, Any]] = {}
+        chains = continuing.earlier_of(connection, tags)
+        before = [one for chain in chains.values() for one in chain]
+        rows = stored.recent(connection, [*tags, *before], AUDITS, until)
+    by_tag: dict[str, dict[str, Any]] = {}
     for row in rows:
-        found.setdefault(row.tag, {})[backend.clock.date(row.audited_at)] = row
+        by_tag.setdefault(row.tag, {})[backend.clock.date(row.audited_at)] = row
+    found = {tag: _together([by_tag.get(one, {}) for one in (*chains.get(tag, ())[::-1], tag)]) for tag in tags}
+    found = {tag: dated for tag, dated in found.items() if dated}
     return {tag: _nights(dated)[-NIGHTS:] for tag, dated in found.items()}
+
+
+def _together(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """By date, in its order; where a loop had two tags on one date, what was said under the later one."""
+    whole = {date: row for part in parts for date, row in part.items()}
+    return dict(sorted(whole.items()))
 
 
 def _nights(dated: Mapping[str, Any]) -> tuple[Night, ...]:

@@ -148,4 +148,5 @@ def _view(note: NoteRow | None) -> NoteView:
         shelved_until=iso_utc(note.shelved_until),
         withdrawn_at=iso_utc(note.withdrawn_at),
         withdrawn_by=note.withdrawn_by or None,
+        written_of=note.written_of,
     )

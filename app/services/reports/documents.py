@@ -57,7 +57,7 @@ def loop_report(backend: Backend, tag: str) -> str:
     row = loops.loop_health(backend, tag)
     detail = loops.verdict_detail(backend, tag)
     repair = notes.newest_repair(backend, tag)
-    history = loops.verdict_history(backend, tag, limit=NIGHTS).rows
+    history = loops.chained_history(backend, tag, NIGHTS)
     drawn = charts(backend, tag)
     explained = explanations.newest(backend, tag)
     disagrees = contradiction(row, explained)
