@@ -267,11 +267,12 @@ ChangedBy = Literal["first", "method", "repair", "auditable", "data", "loop"]
 
 @dataclass(frozen=True)
 class ChangeView:
-    """A loop whose verdict is another one than before. `why`: what changed, `because` the same in words."""
+    """A loop whose verdict is another one than before. `why`: what changed, `because` the same in words. "wavers": a
+    change that is no news, because neither verdict nor evidence is sure."""
 
     loop: str
     unit: str | None
-    kind: Literal["new", "cured", "flipped"]
+    kind: Literal["new", "cured", "flipped", "wavers"]
     before: str | None
     now: str
     why: ChangedBy

@@ -57,13 +57,18 @@ CAUSE_WORDS = {
     "data": "too little usable data",
 }
 
-CHANGE_WORDS = {"new": "newly said to stick", "cured": "no longer sticks", "flipped": "verdict changed"}
+CHANGE_WORDS = {
+    "new": "newly said to stick",
+    "cured": "no longer sticks",
+    "flipped": "verdict changed",
+    "wavers": "wavers",
+}
 WHY_WORDS = {
     "first": "first verdict",
     "method": "the method changed (engine or settings)",
     "repair": "a repair was stated",
     "data": "the record changed (gaps, length or sampling)",
-    "loop": "another record of the loop; nothing else changed",
+    "loop": "what was seen differs a little from the record before",
 }
 
 STATE_WORDS = {

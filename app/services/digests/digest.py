@@ -19,7 +19,7 @@ from app.services.cursors import identifier
 from app.services.moments import PlantClock, iso_utc, moment_of
 from app.services.plant.arrivals import LATE, arrivals
 from app.services.plant.judged import judged, to_manual
-from app.services.plant.overview import change_of, nothing_worst
+from app.services.plant.overview import change_of, nothing_worst, quiet_last
 from app.services.plant.repaired import RepairView, repairs
 from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.silent import of_run
@@ -191,7 +191,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         work=work_list(backend, shelved, number, since_ns, notes_until=notes_until),
         areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
         old=[_of_old_record(loop_of(row), row.input_end_ns) for row in old],
-        changes=[change_of(row) for row in changed[:CHANGES]],
+        changes=quiet_last([change_of(row) for row in changed[:CHANGES]]),
         more_changes=len(changed) > CHANGES,
         to_manual=_to_manual(backend, number) if compared else [],
         repairs=repaired.listed,

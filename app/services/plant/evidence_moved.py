@@ -23,6 +23,14 @@ def moved(row: Any) -> str:
     return f"{seen}probability {probability(before)} -> {probability(now)}"
 
 
+def hardly_moved(row: Any) -> str:
+    """ "probability 0.48 -> 0.55", of a verdict whose evidence is about the same; empty where it has no measured
+    probability."""
+    now, before = row.probability, row.probability_before
+    prior = PRIOR_ONLY in f"{row.reasons};{row.reasons_before or ''}".split(";")
+    return "" if prior or now is None or before is None else f"probability {probability(before)} -> {probability(now)}"
+
+
 def _shapes(codes: str | None, text: str | None) -> dict[str, str]:
     """What a verdict says of shapes, by code, the loudest first; nothing where its sentences cannot be told apart."""
     named, told = (codes or "").split(";"), (text or "").split(". ")

@@ -11,7 +11,7 @@ from app.services.auditing.audits import get_audit
 from app.services.auditing.repairs import BEFORE_REPAIR, SINCE_REPAIR
 from app.services.backend import Backend
 from app.services.moments import iso_utc
-from app.services.plant.evidence_moved import moved
+from app.services.plant.evidence_moved import hardly_moved, moved
 from app.services.plant.judged import ToManual, to_manual
 from app.services.plant.reliability import checked, following, place_of, with_loop
 from app.services.plant.shelving import Shelf, shelf
@@ -29,6 +29,8 @@ MOST_TILES = 400  # what a browser lays out and paints at once
 LEAST_TILES = 3
 FILLED_MORE = 0.05
 FEWER_SAMPLES = 0.8
+NEWS_FROM = 0.3
+"""By so much the probability has moved where a change that is not to be relied on is news."""
 BEGAN_WORDS = "the valve began to stick within the record"
 LONGER_WORDS = "more was recorded than before"
 OF_REPAIRS = {SINCE_REPAIR, BEFORE_REPAIR}
@@ -96,7 +98,7 @@ def changes(backend: Backend, limit: int = LISTED_CHANGES) -> Changes:
         since = run.id + 1 if first else run.id
         compared = not first or plant.any_run_since(connection, run.id)
         found = plant.changes(connection, since, limit + 1) if compared else []
-    rows = [change_of(row) for row in found[:limit]]
+    rows = quiet_last([change_of(row) for row in found[:limit]])
     manual = to_manual(backend, since, and_since=True) if compared else []
     return Changes(str(run.id), iso_utc(run.created_at), rows, len(found) > limit, compared, manual, first)
 
@@ -240,8 +242,14 @@ def _mean_health(rows: list[Any]) -> float | None:
     return sum(row.weighted_health for row in told) / weight if weight else None
 
 
+def quiet_last(changes: Sequence[ChangeView]) -> list[ChangeView]:
+    """What wavers is listed behind what is news."""
+    return sorted(changes, key=lambda change: change.kind == "wavers")
+
+
 def change_of(row: Any) -> ChangeView:
-    kind, why = _kind(row.verdict_before, row.verdict), _why(row)
+    why = _why(row)
+    kind = "wavers" if _wavers(row, why) else _kind(row.verdict_before, row.verdict)
     verdicts_told = (row.verdict_before, row.verdict, why, _because(why, row))
     of_now = (row.reasons_text, row.health, row.reliability, row.likely_cause)
     return ChangeView(row.tag, row.unit, kind, *verdicts_told, *of_now)
@@ -252,6 +260,16 @@ def _kind(before: str | None, now: str) -> Literal["new", "cured", "flipped"]:
     if now == "stiction":
         return "new"
     return "cured" if before == "stiction" and now == "no_stiction" else "flipped"
+
+
+def _wavers(row: Any, why: ChangedBy) -> bool:
+    """Whether a change is that of a loop on the edge: not to be relied on, and its probability has hardly moved. A
+    valve that began to stick, and a PV that never answers, are news all the same."""
+    if why not in ("loop", "data") or row.reliability == "reliable" or row.likely_cause == UNANSWERED:
+        return False
+    probabilities = (row.probability_before, row.probability)
+    near = None in probabilities or abs(probabilities[1] - probabilities[0]) < NEWS_FROM
+    return near and BEGAN not in row.reasons.split(";")
 
 
 def _why(row: Any) -> ChangedBy:
@@ -280,6 +298,8 @@ def _longer(row: Any) -> bool:
 def _because(why: ChangedBy, row: Any) -> str:
     """Where the record is why, what of it moved most comes first: that more was recorded makes no valve stick."""
     words, evidence = _cause(why, row), moved(row) if why in ("loop", "data") else ""
+    if words == WHY_WORDS["loop"]:
+        return evidence or hardly_moved(row) or words
     return f"{evidence}; {words}" if evidence else words
 
 
