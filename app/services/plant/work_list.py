@@ -10,7 +10,7 @@ from app.engine.episodes import BEGAN
 from app.services.backend import Backend
 from app.services.moments import PlantClock
 from app.services.plant.judged import Judged, judged
-from app.services.plant.nights import NIGHTS, Night, nights
+from app.services.plant.nights import NIGHTS, Night, Onset, nights, onsets
 from app.services.plant.overview import not_shelved
 from app.services.plant.repaired import repairs
 from app.services.plant.shelving import Shelf
@@ -62,7 +62,14 @@ def work_list(
         rows = not_shelved(backend, limit, wanted, shelved, notes_until) if limit else []
         tags = [row["loop"] for row in rows]
         last, of_time = nights(backend, tags, audit_id), judged(backend, tags, audit_id)
-        return [_work(row, last.get(row["loop"], ()), of_time.get(row["loop"]), backend.clock) for row in rows]
+        began = onsets(backend, tags, audit_id)
+
+        def told(row: Mapping[str, Any]) -> Work:
+            tag = row["loop"]
+            since = _since(row, last.get(tag, ()), backend.clock, began.get(tag))
+            return _work(row, since, of_time.get(tag), backend.clock)
+
+        return [told(row) for row in rows]
 
     failed = [repair.loop for repair in repairs(backend, audit_id, notes_until).listed if repair.outcome == "sticks"]
     work = listed(most, tags=tuple(failed), verdict=("stiction",), reliability="reliable") if failed else []
@@ -76,7 +83,7 @@ def work_list(
     return work
 
 
-def _work(row: Mapping[str, Any], last: Sequence[Night], of_time: Judged | None, clock: PlantClock) -> Work:
+def _work(row: Mapping[str, Any], since: str, of_time: Judged | None, clock: PlantClock) -> Work:
     written = [f"work order {row['work_order']}"] if row["work_order"] else []
     written += [f"repaired {clock.short(row['repaired_at'])}"] if row["repaired_at"] else []
     return Work(
@@ -86,7 +93,7 @@ def _work(row: Mapping[str, Any], last: Sequence[Night], of_time: Judged | None,
         told=f"{VERDICT_WORDS[row['verdict']]}, {brief(row)}",
         step=row["next_step"],
         size=_size(row),
-        since=_since(row, last, clock),
+        since=since,
         written=", ".join(written),
         judged=of_time.words(clock) if of_time else "",
         shelved=row["shelved"] or "",
@@ -100,18 +107,33 @@ def _size(row: Mapping[str, Any]) -> str:
     return f"S {size:.3g}" if of_span is None else f"S {of_span:.1f} % of OP's span"
 
 
-def _since(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock) -> str:
-    """Of a valve that began to stick within the record, when; else the first of the nights that said the same. Where a
-    repair came in between that is told."""
+def _since(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock, onset: Onset | None = None) -> str:
+    """Of a valve that sticks, when it began to, as its first verdict told it; else the first of the nights that said
+    the same. Where a repair came in between that is told."""
+    if row["verdict"] == "stiction" and onset is not None:
+        return _since_onset(row, last, clock, onset)
     if BEGAN in codes_of(row) and row["episode_start"]:
-        began = clock.short(row["episode_start"])
-        return f"since {began}{_over(row, began, clock)}"
+        return f"since {clock.short(row['episode_start'])}"
+    return _since_night(row, last, clock)
+
+
+def _since_night(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock) -> str:
     alike = ("inconclusive", "not_auditable") if looked_at_today(row) else (row["verdict"],)
     same = list(takewhile(lambda night: night.verdict in alike, reversed(last)))
     if not same:
         return ""
     longer = " or longer" if len(same) in (len(last), NIGHTS) and len(last) > 1 else ""
     return f"since {same[-1].date}{longer}{_over(row, same[-1].date, clock)}"
+
+
+def _since_onset(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock, onset: Onset) -> str:
+    """Where the nights of a tag before this one said the same, it is older than the loop's own first verdict."""
+    day = clock.date(datetime.fromisoformat(onset.at))
+    if onset.first and last and last[0].date < day:
+        return _since_night(row, last, clock)
+    began = clock.short(onset.at) if onset.seen else day
+    longer = " or longer" if onset.first and not onset.seen and len(last) > 1 else ""
+    return f"since {began}{longer}{_over(row, began, clock)}"
 
 
 def _over(row: Mapping[str, Any], since: str, clock: PlantClock) -> str:
