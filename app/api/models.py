@@ -319,6 +319,9 @@ class GroupOut(Read):
     source: str | None = Field(
         description="The likeliest source; null where no member probably sticks, or chance_probability is above 0.1."
     )
+    set_points_together: bool = Field(
+        False, description="Where no source is named: the set points of most members move at the same times."
+    )
     members: list[GroupMemberOut] = Field(description="The likeliest source first.")
 
 

@@ -169,6 +169,7 @@ class Group(Answer):
     by_chance: bool
     chance_probability: float
     source: str | None
+    set_points_together: bool | None
     members: list[dict[str, Any]]
 
 

@@ -233,7 +233,8 @@ class GroupView:
     """Loops that oscillate together, the likeliest source first. `source` is None where no member probably sticks.
 
     `by_chance`: so many loops may share a period without having anything to do with each other; where that is likelier
-    than `app.engine.plant_wide.UNNAMED`, no source is named.
+    than `app.engine.plant_wide.UNNAMED`, no source is named. `set_points_together`: whether, where none is, the set
+    points of most members move at the same times.
     """
 
     id: str
@@ -243,6 +244,7 @@ class GroupView:
     chance_probability: float
     source: str | None
     members: list[GroupMember]
+    set_points_together: bool = False
 
 
 @dataclass(frozen=True)
