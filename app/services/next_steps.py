@@ -7,9 +7,8 @@ from typing import Any
 from app.engine.episodes import BEGAN
 from app.engine.judgement import FOREIGN_CYCLE, HIDDEN_BAND, NO_ANSWER, PV_STANDS, UNCOUPLED, WOUND_UP
 from app.engine.verdict_config import VerdictConfig
-from app.services.auditing.hearing import MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR
-from app.services.auditing.repairs import of_before
-from app.services.wording import CAUSE_WORDS, codes_of
+from app.services.repair_sides import of_before
+from app.services.wording import CAUSE_WORDS, MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR, codes_of
 
 STICKS = (
     "Ask for a stroke test in small steps, up and down, then for a look at packing, positioner and air supply. Tuning "

@@ -21,6 +21,9 @@ several that the record hardly tells apart."""
 PRIOR_ONLY = "prior_only"
 """The reason that the record tells no probability, as the engine calls it."""
 
+SHAKEN_BY_NEIGHBOUR, MOVES_SET_POINT, MOVES_NO_VALVE = "shaken_by_neighbour", "moves_set_point", "moves_no_valve"
+"""The reasons that other loops give for not relying on a verdict."""
+
 RELIABILITY_WORDS = {
     "reliable": "what must agree agrees; rely on it",
     "not_reliable": "the evidence does not suffice; look before you act",

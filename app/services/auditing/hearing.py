@@ -10,11 +10,13 @@ from app.engine.cascades import Cascade, cascades
 from app.engine.excerpts import Excerpts
 from app.engine.health import HealthPart, doubted_health
 from app.engine.plant_wide import Candidate, Group, Suspect, groups
-from app.services.wording import RELIABILITY_BRIEF, VERDICT_WORDS
-
-SHAKEN_BY_NEIGHBOUR = "shaken_by_neighbour"
-MOVES_SET_POINT = "moves_set_point"
-MOVES_NO_VALVE = "moves_no_valve"
+from app.services.wording import (
+    MOVES_NO_VALVE,
+    MOVES_SET_POINT,
+    RELIABILITY_BRIEF,
+    SHAKEN_BY_NEIGHBOUR,
+    VERDICT_WORDS,
+)
 
 
 @dataclass(frozen=True)

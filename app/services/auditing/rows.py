@@ -15,9 +15,9 @@ from app.services.auditing.audit_detail import detail
 from app.services.auditing.audit_line import audit_line, reliability_row
 from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow, TableRow
 from app.services.auditing.dating import dated, instant
-from app.services.auditing.repairs import of_before
 from app.services.moments import PlantClock, epoch_ms, iso_utc, moment_of
 from app.services.next_steps import as_table, next_step
+from app.services.repair_sides import of_before
 from app.storage.json_texts import short_json
 from app.storage.tables import verdicts
 from app.storage.verdicts import NewVerdict, pack_detail

@@ -13,7 +13,6 @@ from sqlalchemy import Connection
 from app.errors import RequestError
 from app.services.addresses import loop_address
 from app.services.auditing.audits import get_audit
-from app.services.auditing.repairs import of_before
 from app.services.backend import Backend
 from app.services.cursors import identifier
 from app.services.moments import PlantClock, iso_utc, moment_of
@@ -25,6 +24,7 @@ from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.silent import of_run
 from app.services.plant.work_list import Work, work_list
 from app.services.rendering import document, figure
+from app.services.repair_sides import of_before
 from app.services.results import AuditView, ChangeView
 from app.services.wording import (
     CHANGE_WORDS,

@@ -8,7 +8,6 @@ from typing import Any, Literal
 
 from app.engine.episodes import BEGAN
 from app.services.auditing.audits import get_audit
-from app.services.auditing.repairs import BEFORE_REPAIR, SINCE_REPAIR
 from app.services.backend import Backend
 from app.services.moments import iso_utc
 from app.services.plant.evidence_moved import hardly_moved, moved
@@ -16,6 +15,7 @@ from app.services.plant.judged import ToManual, to_manual
 from app.services.plant.reliability import checked, following, place_of, with_loop
 from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.written import written_of
+from app.services.repair_sides import BEFORE_REPAIR, SINCE_REPAIR
 from app.services.results import AuditView, ChangedBy, ChangeView, Page, UnitView
 from app.services.wording import UNANSWERED, WHY_WORDS, cause_words
 from app.storage import plant, verdicts

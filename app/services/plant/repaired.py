@@ -7,9 +7,9 @@ from typing import Any, Literal
 
 from sqlalchemy import Connection
 
-from app.services.auditing.repairs import side_of
 from app.services.backend import Backend
 from app.services.moments import iso_utc
+from app.services.repair_sides import side_of
 from app.services.wording import VERDICT_WORDS, brief
 from app.storage import repaired as stored
 

@@ -10,7 +10,6 @@ from sqlalchemy import Connection
 
 from app.errors import NotFoundError
 from app.services.addresses import loop_address
-from app.services.auditing.repairs import of_before
 from app.services.auditing.rival_wording import why_first
 from app.services.auditing.rows import as_row
 from app.services.auditing.size_wording import size_in_words
@@ -32,6 +31,7 @@ from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.silent import silences
 from app.services.plant.work_list import work_list
 from app.services.rendering import document
+from app.services.repair_sides import of_before
 from app.services.reports.svg import WIDTH, Ends, Line, chart
 from app.services.why_rely import contradiction, points
 from app.services.wording import measured_probability
