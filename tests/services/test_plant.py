@@ -135,6 +135,26 @@ def test_a_loop_on_the_edge_wavers_and_is_no_news(
     assert told == ([("C", "new"), ("B", "wavers")] if kind == "wavers" else [("B", "new"), ("C", "new")])
 
 
+def test_what_wavered_is_news_where_it_stands_for_a_second_night(
+    backend: Backend, two_runs: tuple[dict[str, int], int]
+) -> None:
+    ids, first = two_runs
+    third = audited(backend)
+    for tag, before in (("B", 0.4), ("C", 0.1)):
+        told = {"reliability": "not_reliable", "reasons": "shape_x", "stiction_probability": 0.55}
+        rewrite(backend, third, ids[tag], verdict="stiction", **told)
+        rewrite_newest(backend, ids[tag], verdict="stiction")
+        rewrite(backend, first + 1, ids[tag], verdict="stiction", **told)
+        rewrite(backend, first, ids[tag], **told | {"verdict": "no_stiction", "stiction_probability": before})
+    (change,) = plant.changes(backend).rows
+    assert (change.loop, change.kind, change.before) == ("B", "new", "no_stiction"), "C was news the night before"
+    assert change.because == "said for the second night; probability 0.40 -> 0.55"
+    told = digest_of(backend, str(third))
+    assert [(one.loop, one.kind) for one in told.changes] == [("B", "new")]
+    audited(backend)
+    assert [row.loop for row in plant.changes(backend).rows if row.kind == "new" and row.loop == "C"] == []
+
+
 def test_a_changed_verdict_names_the_evidence_that_moved_most(
     backend: Backend, two_runs: tuple[dict[str, int], int]
 ) -> None:

@@ -18,7 +18,7 @@ from app.services.cursors import identifier
 from app.services.moments import PlantClock, iso_utc, moment_of
 from app.services.plant.arrivals import LATE, arrivals
 from app.services.plant.judged import judged, to_manual
-from app.services.plant.overview import change_of, nothing_worst, quiet_last
+from app.services.plant.overview import change_of, nothing_worst, quiet_last, second_night
 from app.services.plant.repaired import RepairView, repairs
 from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.silent import of_run
@@ -160,6 +160,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         # In a plant's first run every verdict is new: that is no news.
         compared = plant.any_run_before(connection, number)
         changed = digests.changes_of(connection, number, CHANGES + 1) if compared else []
+        again = plant.second_nights(connection, number, CHANGES) if compared else []
         notes_until = _notes_until(connection, run)
         written = notes.standing(connection, [row.tag for row in [*worst, *old]], notes_until)
     verdicts, refused = Counter[str](), Counter[str]()
@@ -191,7 +192,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         work=work_list(backend, shelved, number, since_ns, notes_until=notes_until),
         areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
         old=[_of_old_record(loop_of(row), row.input_end_ns) for row in old],
-        changes=quiet_last([change_of(row) for row in changed[:CHANGES]]),
+        changes=quiet_last([*(change_of(row) for row in changed[:CHANGES]), *second_night(again, changed)]),
         more_changes=len(changed) > CHANGES,
         to_manual=_to_manual(backend, number) if compared else [],
         repairs=repaired.listed,

@@ -29,6 +29,7 @@ MOST_TILES = 400  # what a browser lays out and paints at once
 LEAST_TILES = 3
 FILLED_MORE = 0.05
 FEWER_SAMPLES = 0.8
+SECOND_NIGHT = "said for the second night"
 NEWS_FROM = 0.3
 """By so much the probability has moved where a change that is not to be relied on is news."""
 BEGAN_WORDS = "the valve began to stick within the record"
@@ -98,7 +99,8 @@ def changes(backend: Backend, limit: int = LISTED_CHANGES) -> Changes:
         since = run.id + 1 if first else run.id
         compared = not first or plant.any_run_since(connection, run.id)
         found = plant.changes(connection, since, limit + 1) if compared else []
-    rows = quiet_last([change_of(row) for row in found[:limit]])
+        again = plant.second_nights(connection, run.id, limit) if compared and not first else []
+    rows = quiet_last([*(change_of(row) for row in found[:limit]), *second_night(again, found)])
     manual = to_manual(backend, since, and_since=True) if compared else []
     return Changes(str(run.id), iso_utc(run.created_at), rows, len(found) > limit, compared, manual, first)
 
@@ -245,6 +247,21 @@ def _mean_health(rows: list[Any]) -> float | None:
 def quiet_last(changes: Sequence[ChangeView]) -> list[ChangeView]:
     """What wavers is listed behind what is news."""
     return sorted(changes, key=lambda change: change.kind == "wavers")
+
+
+def second_night(again: Sequence[Any], changed: Sequence[Any]) -> list[ChangeView]:
+    """Those of `plant.second_nights` that are news, and that have not changed since."""
+    since = {row.tag for row in changed}
+    return [told for row in again if row.tag not in since and (told := of_second_night(row)) is not None]
+
+
+def of_second_night(row: Any) -> ChangeView | None:
+    """A change that wavered the night before and stands: news now. None where it was news then."""
+    before, between = row.probability_before, row.probability_between
+    if None not in (before, between) and abs(between - before) >= NEWS_FROM:
+        return None
+    told = change_of(row)
+    return replace(told, kind="new", because=f"{SECOND_NIGHT}; {told.because}")
 
 
 def change_of(row: Any) -> ChangeView:
