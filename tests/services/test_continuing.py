@@ -104,6 +104,14 @@ def test_neither_a_circle_nor_two_that_continue_one(renamed: Backend) -> None:
     assert len(nights(renamed, ["FIC102"])["FIC102"]) == 2
 
 
+def test_what_goes_on_under_another_tag_is_not_taken_back_by_an_older_list(renamed: Backend) -> None:
+    before = "".join(written(renamed)).encode()
+    loops.patch_loop(renamed, "FIC-101A", {"continues": "FIC101"})
+    done = take(renamed, read(before))
+    assert [(one.loop, one.code) for one in done.refused] == [("FIC101", "bad_continues")]
+    assert loops.get_loop(renamed, "FIC101").retired
+
+
 def test_like_tags_are_those_of_one_number() -> None:
     assert likeness("FIC101", "FIC-101A") > 0.75
     assert likeness("FIC101", "FIC102") == 0.0

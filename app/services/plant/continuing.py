@@ -41,6 +41,14 @@ def check(connection: Connection, tag: str, earlier: str) -> LoopRow:
     return row
 
 
+def check_retired(connection: Connection, tag: str) -> None:
+    """Raises FieldError("bad_continues") where a loop is to be in service that goes on under another tag: one loop
+    would count twice."""
+    if (later := stored.later_of(connection, tag)) is not None:
+        text = f"it goes on as {later!r}: say of that one that it continues none"
+        raise FieldError("bad_continues", text, CONTINUES)
+
+
 def taken_over(values: Mapping[str, Any], earlier: LoopRow) -> dict[str, Any]:
     """What a loop takes of the one that it continues: all that nobody has said of it. A span is one value."""
     free = {name: getattr(earlier, name) for name in TAKEN if values[name] is None}

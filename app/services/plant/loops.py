@@ -12,7 +12,7 @@ from app.services.auditing.rows import FORM, KEY_FIGURES, as_row, compact, sent
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.moments import iso_utc, moment_of
-from app.services.plant.continuing import CONTINUES, check, follow, taken_over
+from app.services.plant.continuing import CONTINUES, check, check_retired, follow, taken_over
 from app.services.plant.written import marks_of, written_of
 from app.services.results import FailureView, LoopsChanged, LoopView, Page
 from app.storage import continuing, items, loops, verdicts
@@ -128,6 +128,8 @@ def _named(tag: str, changes: Mapping[str, Any]) -> list[str]:
 
 def _continuing(connection: Connection, row: LoopRow, values: dict[str, Any]) -> tuple[dict[str, Any], LoopRow | None]:
     """The values, with what the loop takes of the one that it continues from now on, and that one."""
+    if row.retired and not values["retired"]:
+        check_retired(connection, row.tag)
     if values[CONTINUES] in (row.continues, None):
         return values, None
     earlier = check(connection, row.tag, values[CONTINUES])
