@@ -128,12 +128,11 @@ def _named(tag: str, changes: Mapping[str, Any]) -> list[str]:
 
 def _continuing(connection: Connection, row: LoopRow, values: dict[str, Any]) -> tuple[dict[str, Any], LoopRow | None]:
     """The values, with what the loop takes of the one that it continues from now on, and that one."""
+    anew = values[CONTINUES] not in (row.continues, None)
+    earlier = check(connection, row.tag, values[CONTINUES]) if anew else None
     if row.retired and not values["retired"]:
         check_retired(connection, row.tag)
-    if values[CONTINUES] in (row.continues, None):
-        return values, None
-    earlier = check(connection, row.tag, values[CONTINUES])
-    return values | taken_over(values, earlier), earlier
+    return values | (taken_over(values, earlier) if earlier else {}), earlier
 
 
 def _named_once(tag: str, ids: Mapping[str, int], rows: Mapping[int, LoopRow], changed: Mapping[int, Any]) -> LoopRow:
