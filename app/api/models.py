@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from app.http.backend import IsoTime
-from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow
+from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow, TableRow
 from app.services.plant.loops import MOST_IMPORTANT
 
 MAX_NAME = 200
@@ -98,6 +98,9 @@ class LoopOut(Read):
         "or not; null: cascades are found from the records."
     )
     retired: bool = Field(description="Gone, or never a loop: kept, but neither audited with the plant nor counted.")
+    continues: str | None = Field(
+        description="The tag that it had before: that loop is retired, and its notes are with this one."
+    )
     samples_to: str | None = Field(description="Time of the newest sample, ISO 8601, UTC; null where there is none.")
 
 
@@ -136,6 +139,12 @@ class LoopPatch(BaseModel):
         description="Whether it is gone, or never was a loop: what is stored of it stays, but it is neither audited "
         "with the plant nor counted; null: it is not.",
     )
+    continues: Name | None = Field(
+        None,
+        description="The tag that it had before. That loop is retired; what nobody said of this one is taken of it, "
+        "and its notes, work orders, repairs and shelving go along. null: it continues none, and the other is in "
+        "service again.",
+    )
 
 
 class NoteIn(BaseModel):
@@ -172,6 +181,9 @@ class NoteOut(Read):
         description="Since when that repair, or that shelving, counts no longer; null: it was not withdrawn."
     )
     withdrawn_by: str | None = Field(description="Who withdrew it.")
+    written_of: str | None = Field(
+        None, description="The tag that the loop had when it was written; null: the one that it has."
+    )
 
 
 class NotePage(Read):
@@ -197,7 +209,7 @@ class VerdictPage(Read):
 
 
 class ReliabilityPage(Read):
-    rows: list[ReliabilityRow] = Field(description="One row a loop: its newest verdict.")
+    rows: list[TableRow] = Field(description="One row a loop: its newest verdict.")
     next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
 
 
@@ -319,6 +331,9 @@ class GroupOut(Read):
     source: str | None = Field(
         description="The likeliest source; null where no member probably sticks, or chance_probability is above 0.1."
     )
+    set_points_together: bool = Field(
+        False, description="Where no source is named: the set points of most members move at the same times."
+    )
     members: list[GroupMemberOut] = Field(description="The likeliest source first.")
 
 
@@ -327,7 +342,7 @@ class GroupPage(Read):
     next_cursor: str | None = Field(description="Always null: there is one page.")
 
 
-class HealthOut(ReliabilityRow, KeyFiguresLine):
+class HealthOut(TableRow, KeyFiguresLine):
     """The newest verdict of a loop and its key figures, flat, for dashboards."""
 
 

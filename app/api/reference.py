@@ -22,6 +22,11 @@ TABLES: tuple[tuple[str, str, type[BaseModel]], ...] = (
         "`GET /v1/reliability`, `/v1/loops/{tag}/verdicts`, CSV",
         audit.ReliabilityRow,
     ),
+    (
+        "What is written of a loop",
+        "with the row in `GET /v1/reliability`, CSV and `GET /v1/loops/{tag}/health`",
+        audit.WrittenFields,
+    ),
     ("Key figures", "with the row in `GET /v1/loops/{tag}/health`; over good samples only", audit.KeyFiguresLine),
     ("Reasons", "`reasons` of `loopaudit audit --format jsonl`", audit.ReasonLine),
     ("Parts of the health", "`health_parts` of `--format jsonl`", audit.HealthPartLine),

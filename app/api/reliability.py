@@ -13,7 +13,7 @@ from app.api.models import ReliabilityPage
 from app.errors import RequestError
 from app.http.backend import Services
 from app.http.problems import responses
-from app.services.auditing.audit_models import ReadingName, ReliabilityName, ReliabilityRow, VerdictName
+from app.services.auditing.audit_models import ReadingName, ReliabilityName, TableRow, VerdictName
 from app.services.auditing.audits import get_audit
 from app.services.cursors import LONGEST as LONGEST_CURSOR
 from app.services.cursors import identifier
@@ -22,7 +22,7 @@ from app.services.plant.loops import RETIRED
 from app.services.spreadsheet import csv_lines
 
 LARGEST_PAGE = 20_000
-COLUMNS = tuple(ReliabilityRow.model_fields)
+COLUMNS = tuple(TableRow.model_fields)
 CHOOSABLE = (*COLUMNS, *service.OF_LOOP)
 ELSEWHERE = tuple(name for name in service.sortable() if name not in COLUMNS)
 SORTING = (
@@ -114,7 +114,7 @@ def reliability(
 
     As CSV, texts that a spreadsheet would calculate begin with an apostrophe; the cursor is in X-Next-Cursor. It
     has no byte order mark, which programs would take for a part of the first column's name.
-    Both have an ETag, which stays the same until a verdict or a loop changes.
+    Both have an ETag, which stays the same until a verdict, a loop or what is written of one changes.
     """
     columns = query.wanted_columns()
     if query.audit_id is not None:

@@ -31,6 +31,7 @@ class Loop(Answer):
     integrating: bool | None
     moves_valve: bool | None
     retired: bool
+    continues: str | None
     samples_to: str | None
 
 
@@ -45,7 +46,8 @@ class LoopsChanged(Answer):
 
 @dataclass(frozen=True, kw_only=True)
 class Row(Answer):
-    """A verdict: a row of the reliability table, of a loop's history, or its health with the key figures in `raw`."""
+    """A verdict: a row of the reliability table, of a loop's history, or its health with the key figures in `raw`. What
+    is written of the loop (from `next_step` on) is None in a history."""
 
     loop: str
     unit: str | None
@@ -69,6 +71,11 @@ class Row(Answer):
     audited_at_ms: int | None
     audit_id: str | None
     engine_version: str
+    next_step: str | None
+    work_order: str | None
+    repaired_at: str | None
+    shelved_until: str | None
+    of_before_repair: bool | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,6 +129,7 @@ class Note(Answer):
     shelved_until: str | None
     withdrawn_at: str | None
     withdrawn_by: str | None
+    written_of: str | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,6 +169,7 @@ class Group(Answer):
     by_chance: bool
     chance_probability: float
     source: str | None
+    set_points_together: bool | None
     members: list[dict[str, Any]]
 
 

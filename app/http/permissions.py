@@ -103,6 +103,7 @@ ROUTES: dict[tuple[str, str], Permission] = {
     ("POST", "/loops/{tag:path}/notes"): audits("note.write", page=True),
     ("POST", "/loops/{tag:path}/notes/{note_id}/withdraw"): audits("repair.withdraw", page=True),
     ("POST", "/loops/{tag:path}/notes/{note_id}/unshelve"): audits("shelving.withdraw", page=True),
+    ("POST", "/loops/{tag:path}/continues"): audits("loop.change", page=True),
     ("POST", "/loops/{tag:path}/settings"): audits("loop.change", page=True),
     ("GET", "/runs"): PAGE,
     ("POST", "/runs"): audits("audit.start", page=True),

@@ -8,10 +8,9 @@ from app.engine.codes import UNANSWERED, Cause, ReasonCode
 from app.engine.judgement import ANSWERS_NO_MORE, FOREIGN_CYCLE, HIDDEN_BAND, NO_ANSWER, PV_STANDS, UNCOUPLED, WOUND_UP
 from app.engine.long_records.episodes import BEGAN
 from app.engine.verdict.config import VerdictConfig
-from app.services.auditing.hearing import MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR
-from app.services.auditing.repairs import of_before
+from app.services.repair_sides import of_before
 from app.services.stored_evidence import band_of, began_at
-from app.services.wording import CAUSE_WORDS, codes_of
+from app.services.wording import CAUSE_WORDS, MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR, codes_of
 
 STICKS = (
     "Ask for a stroke test in small steps, up and down, then for a look at packing, positioner and air supply. Tuning "
@@ -69,6 +68,7 @@ UNRELATED = (
     "moves when OP does: behind a valve that is stuck PV owes nothing to OP."
 )
 WAIT = "Wait until enough is recorded since the repair: what is said here is of before it."
+REOPEN = "reopen the order."
 UNTIL_THEY_AGREE = (
     "Touch neither valve nor tuning yet, because the audit clears the valve and the newest explanation says that it "
     "sticks: audit and explain a longer record, and where they still disagree, ask for a stroke test."
@@ -183,6 +183,15 @@ def apart(step: str) -> tuple[str, str]:
     return general, f"a longer record tells more: {longer.rstrip('.')}" if longer else ""
 
 
+def after_repair(step: str, repaired: str, order: str | None, *, sure: bool) -> str:
+    """The step for a loop that sticks on though it was repaired. repaired: the day; sure: whether that it sticks can be
+    relied on."""
+    named = f"Repaired {repaired}{f' ({order})' if order else ''}"
+    if not sure:
+        return f"{named}, may not have helped. {step}"
+    return f"{named}, did not help: {REOPEN}" if order and step == STICKS else f"{named}, did not help. {step}"
+
+
 def _objected(row: Mapping[str, Any], reasons: Sequence[str]) -> bool:
     """Whether the published rule takes the valve of a row for one that sticks, or its fit does by much."""
     with_, without = row.get("hammerstein_rmse"), row.get("hammerstein_rmse_without_stiction")
@@ -255,6 +264,10 @@ OF_ANY = (
     ("OP is the set point of another loop", OUTER),
     ("the loop's settings say that OP moves no valve", NO_VALVE),
     ("repaired, and too little recorded since", WAIT),
+    (
+        "repaired in the last fortnight, and the valve sticks since, rely on it",
+        f"That the repair did not help, with its day and its work order: {REOPEN}",
+    ),
     ("shelved, and nothing got worse in kind since", "Wait, until the time that is named."),
     ("look first, for too few swings", f"The step for it. {LONGER}: so many hours."),
 )

@@ -20,6 +20,7 @@ from app.services.wording import (
     probability,
     rely,
     starter_words,
+    unusual_importance,
 )
 
 
@@ -34,7 +35,7 @@ def _environment() -> Environment:
     templates.trim_blocks = templates.lstrip_blocks = True
     templates.filters |= {"figure": figure, "probability": probability, "health": health}
     templates.filters |= {"cause_words": cause_words, "measured_probability": measured_probability}
-    templates.filters |= {"headline": headline, "brief": brief, "rely": rely}
+    templates.filters |= {"headline": headline, "brief": brief, "rely": rely, "unusual_importance": unusual_importance}
     templates.filters |= {"starter_words": starter_words}
     templates.globals |= {
         "verdict_words": VERDICT_WORDS,

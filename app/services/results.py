@@ -70,7 +70,8 @@ class Receipt:
 @dataclass(frozen=True)
 class LoopView:
     """A control loop. Spans are in the unit of their signal; `samples_to` is the newest sample's time; `moves_valve`:
-    stated of its OP, None where nobody did; `retired`: not audited, not counted."""
+    stated of its OP, None where nobody did; `retired`: not audited, not counted; `continues`: the tag that it had
+    before."""
 
     tag: str
     unit: str | None
@@ -85,6 +86,7 @@ class LoopView:
     integrating: bool | None
     moves_valve: bool | None
     retired: bool
+    continues: str | None
     samples_to: str | None
 
 
@@ -220,7 +222,8 @@ class GroupView:
     """Loops that oscillate together, the likeliest source first. `source` is None where no member probably sticks.
 
     `by_chance`: so many loops may share a period without having anything to do with each other; where that is likelier
-    than `app.engine.plant_wide.groups.UNNAMED`, no source is named.
+    than `app.engine.plant_wide.groups.UNNAMED`, no source is named. `set_points_together`: whether, where none is, the
+    set points of most members move at the same times.
     """
 
     id: str
@@ -230,6 +233,7 @@ class GroupView:
     chance_probability: float
     source: str | None
     members: list[GroupMember]
+    set_points_together: bool = False
 
 
 @dataclass(frozen=True)
@@ -246,6 +250,7 @@ class NoteView:
     shelved_until: str | None = None
     withdrawn_at: str | None = None
     withdrawn_by: str | None = None
+    written_of: str | None = None
 
 
 ChangedBy = Literal["first", "method", "repair", "auditable", "data", "loop"]
@@ -253,11 +258,12 @@ ChangedBy = Literal["first", "method", "repair", "auditable", "data", "loop"]
 
 @dataclass(frozen=True)
 class ChangeView:
-    """A loop whose verdict is another one than before. `why`: what changed, `because` the same in words."""
+    """A loop whose verdict is another one than before. `why`: what changed, `because` the same in words. "wavers": a
+    change that is no news, because neither verdict nor evidence is sure."""
 
     loop: str
     unit: str | None
-    kind: Literal["new", "cured", "flipped"]
+    kind: Literal["new", "cured", "flipped", "wavers"]
     before: str | None
     now: str
     why: ChangedBy

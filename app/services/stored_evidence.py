@@ -11,9 +11,11 @@ from typing import Any
 
 from app.engine.evidence import Measured
 from app.engine.verdict.wording import figure, is_spoken, sentence
-from app.services.auditing.rows import MEASURED
 
 SHAPE = "shape_"
+MEASURED = "measured"
+"""By code what the reasons of a verdict rest on: statistic, operator, threshold. Kept with the row, which outlives its
+detail, so that two verdicts can be compared."""
 
 _FIT = re.compile(r"a sticky valve explains (-?\d+) % of PV, a linear one (-?\d+) %")
 _VOTE = re.compile(r"(\d+|none) says? (no stiction|stiction)")

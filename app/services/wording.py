@@ -25,6 +25,11 @@ PRIOR_ONLY: ReasonCode = "prior_only"
 NOT_EVALUATED = "not evaluated"
 """In place of a health where too little was measured to say anything."""
 
+SHAKEN_BY_NEIGHBOUR: ReasonCode = "shaken_by_neighbour"
+MOVES_SET_POINT: ReasonCode = "moves_set_point"
+MOVES_NO_VALVE: ReasonCode = "moves_no_valve"
+"""The reasons that other loops give for not relying on a verdict."""
+
 RELIABILITY_WORDS = {
     "reliable": "all that counts agrees; rely on it",
     "not_reliable": "the evidence does not suffice; look first",
@@ -61,13 +66,18 @@ CAUSE_WORDS = {
     "data": "too little usable data",
 }
 
-CHANGE_WORDS = {"new": "newly said to stick", "cured": "no longer sticks", "flipped": "verdict changed"}
+CHANGE_WORDS = {
+    "new": "newly said to stick",
+    "cured": "no longer sticks",
+    "flipped": "verdict changed",
+    "wavers": "wavers",
+}
 WHY_WORDS = {
     "first": "first verdict",
     "method": "the method changed (engine or settings)",
     "repair": "a repair was stated",
     "data": "the record changed (gaps, length or sampling)",
-    "loop": "another record of the loop; nothing else changed",
+    "loop": "what was seen differs a little from the record before",
 }
 
 STATE_WORDS = {
@@ -112,6 +122,8 @@ def headline(row: Mapping[str, Any]) -> str:
     """What stands behind the verdict of a row, as a sentence would go on."""
     if _of_before_repair(row):
         return "judged from before the repair; wait for newer records"
+    if row.get("of_old_record"):
+        return "of an old record; nothing newer has come"
     return LOOK_TODAY_WORDS if looked_at_today(row) else RELIABILITY_WORDS[row["reliability"]]
 
 
@@ -128,6 +140,8 @@ def rely(row: Mapping[str, Any]) -> str:
 def _short(row: Mapping[str, Any], words: Mapping[str, str]) -> str:
     if _of_before_repair(row):
         return "from before the repair"
+    if row.get("of_old_record"):
+        return "of an old record"
     return "look today" if looked_at_today(row) else words[row["reliability"]]
 
 
@@ -154,6 +168,12 @@ def probability(value: float | None) -> str:
 def measured_probability(row: Mapping[str, Any]) -> float | None:
     """None where a row's probability is a prior, not a measurement."""
     return None if PRIOR_ONLY in codes_of(row) else row["stiction_probability"]
+
+
+def unusual_importance(row: Any) -> str:
+    """ "importance 3", which is why a loop stands above one of less health; empty where it is the usual one."""
+    importance = row["importance"] if isinstance(row, Mapping) else row.importance
+    return "" if importance == 1.0 else f"importance {importance:g}"
 
 
 def worst_first(lines: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:

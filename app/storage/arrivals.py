@@ -1,11 +1,13 @@
 """How far records reach: of the plant as it is now, or of what one run was given."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from sqlalchemy import Connection, Subquery, and_, func, or_, select
 
+from app.storage.bulk import among
 from app.storage.loops import IN_SERVICE
-from app.storage.tables import loops, verdicts
+from app.storage.tables import audits, loops, verdicts
 
 
 def newest(connection: Connection, since_ns: int, until_ns: int, audit_id: int | None = None) -> int | None:
@@ -31,6 +33,40 @@ def ending(
     return count, [(tag, end_ns) for tag, end_ns in connection.execute(query)]
 
 
+def middle(connection: Connection, since_ns: int, until_ns: int, audit_id: int | None = None) -> int | None:
+    """How far at least half of the records reach, of those that end between the two; None where there is none."""
+    ends = _ends(audit_id)
+    told = ends.c.end_ns.between(since_ns, until_ns)
+    count = connection.scalar(select(func.count()).select_from(ends).where(told)) or 0
+    query = select(ends.c.end_ns).where(told).order_by(ends.c.end_ns.desc())
+    return connection.scalar(query.offset((count - 1) // 2).limit(1)) if count else None
+
+
+def those_ending(
+    connection: Connection, since_ns: int, before_ns: int, limit: int, audit_id: int | None = None
+) -> list[Any]:
+    """Id, tag and newest sample (end_ns) of the loops whose newest sample is between the two, as in `ending`."""
+    ends = _ends(audit_id)
+    such = and_(ends.c.end_ns >= since_ns, ends.c.end_ns < before_ns)
+    query = select(ends.c.id, ends.c.tag, ends.c.end_ns).where(such)
+    return list(connection.execute(query.order_by(ends.c.importance.desc(), ends.c.tag).limit(limit)))
+
+
+def earlier(
+    connection: Connection, loop_ids: Sequence[int], before: int | None, runs: int
+) -> dict[int, dict[int, int]]:
+    """The newest sample that each of these loops was given in each of the last `runs` runs before one (None: in the
+    last ones), by run and loop."""
+    last = select(audits.c.id).order_by(audits.c.id.desc()).limit(runs)
+    numbers = list(connection.scalars(last if before is None else last.where(audits.c.id < before)))
+    given = (verdicts.c.audit_id.in_(numbers), among(connection, verdicts.c.loop_id, loop_ids))
+    query = select(verdicts.c.audit_id, verdicts.c.loop_id, verdicts.c.input_end_ns)
+    found: dict[int, dict[int, int]] = {}
+    for run, loop, end_ns in connection.execute(query.where(*given, verdicts.c.input_end_ns.is_not(None))):
+        found.setdefault(run, {})[loop] = end_ns
+    return found
+
+
 def anything_new(connection: Connection, audit_id: int) -> bool:
     """Whether a loop of this run was given samples that its verdict before was not, or has none before."""
     earlier = verdicts.alias("earlier")
@@ -44,8 +80,8 @@ def anything_new(connection: Connection, audit_id: int) -> bool:
 
 
 def _ends(audit_id: int | None) -> Subquery:
-    """Tag, importance and newest sample of each loop that is in service: nothing more is to come of the others."""
-    shown: tuple[Any, ...] = (loops.c.tag, loops.c.importance)
+    """Id, tag, importance and newest sample of each loop that is in service: nothing more is to come of the others."""
+    shown: tuple[Any, ...] = (loops.c.id, loops.c.tag, loops.c.importance)
     if audit_id is None:
         query = select(*shown, loops.c.newest_ns.label("end_ns"))
         return query.where(loops.c.newest_ns.is_not(None), IN_SERVICE).subquery()

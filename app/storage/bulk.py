@@ -1,6 +1,7 @@
 """Inserts in the words of both data bases, and many rows in one statement: PostgreSQL takes columns as arrays in one
 round trip; rows one by one cost one each."""
 
+import json
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Any
@@ -36,6 +37,13 @@ def among(connection: Connection, column: Column[Any], values: Iterable[Any]) ->
     if connection.dialect.name != "postgresql":
         return column.in_(listed)
     return column == any_(bindparam(None, listed, type_=postgresql.ARRAY(column.type), unique=True))
+
+
+def among_many(connection: Connection, column: Column[Any], values: Iterable[Any]) -> ColumnElement[bool]:
+    """The same of a whole plant's numbers or texts: SQLite takes so many in a statement, and no more."""
+    if connection.dialect.name == "postgresql":
+        return among(connection, column, values)
+    return column.in_(select(func.json_each(json.dumps(list(values))).table_valued("value").c.value))
 
 
 def from_arrays(table: Table, names: Sequence[str]) -> Select[Any]:

@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy import (
     ColumnElement,
     Connection,
+    Select,
     Update,
     and_,
     exists,
@@ -20,7 +21,7 @@ from sqlalchemy import (
     update,
 )
 
-from app.storage.bulk import insert_new
+from app.storage.bulk import among_many, insert_new
 from app.storage.leases import Reopened, take_back
 from app.storage.loops import IN_SERVICE
 from app.storage.tables import audit_items, audits, explanations, loops, verdicts
@@ -135,13 +136,22 @@ def page(connection: Connection, loop_id: int, limit: int, before_id: int | None
 def newest_naming(connection: Connection, tags: Iterable[str], code: str) -> dict[str, bytes]:
     """The answers, as they were stored, of those loops whose newest explanation is done and has an effect of this code;
     by tag."""
-    of_loops = select(loops.c.id).where(loops.c.tag.in_(list(tags)))
+    found = connection.execute(_naming(connection, tags, code, explanations.c.packed))
+    return {row.tag: row.packed for row in found}
+
+
+def naming_ids(connection: Connection, tags: Iterable[str], code: str) -> dict[str, int]:
+    """The ids of the same explanations."""
+    return {row.tag: row.id for row in connection.execute(_naming(connection, tags, code, explanations.c.id))}
+
+
+def _naming(connection: Connection, tags: Iterable[str], code: str, wanted: ColumnElement[Any]) -> Select[Any]:
+    of_loops = select(loops.c.id).where(among_many(connection, loops.c.tag, tags))
     newest = select(func.max(explanations.c.id)).where(explanations.c.loop_id.in_(of_loops))
-    query = select(loops.c.tag, explanations.c.packed).join(loops, loops.c.id == explanations.c.loop_id)
+    query = select(loops.c.tag, wanted).join(loops, loops.c.id == explanations.c.loop_id)
     query = query.where(explanations.c.id.in_(newest.group_by(explanations.c.loop_id)))
     named = explanations.c.effects.contains(code, autoescape=True)
-    found = connection.execute(query.where(explanations.c.state == "done", named))
-    return {row.tag: row.packed for row in found}
+    return query.where(explanations.c.state == "done", named)
 
 
 def packed_answer(connection: Connection, explanation_id: int) -> bytes | None:

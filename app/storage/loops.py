@@ -24,6 +24,7 @@ SETTABLE = (
     "integrating",
     "moves_valve",
     "retired",
+    "continues",
 )
 SPANS = (("pv_low", "pv_high"), ("op_low", "op_high"))
 IN_SERVICE = ~loops.c.retired
@@ -46,6 +47,7 @@ class LoopRow:
     integrating: bool | None
     moves_valve: bool | None
     retired: bool
+    continues: str | None
     newest_ns: int | None
     newest_audit_id: int | None
 

@@ -4,8 +4,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
 
-from sqlalchemy import Connection, insert, select, update
+from sqlalchemy import Connection, insert, or_, select, update
 
+from app.storage.bulk import among_many
 from app.storage.tables import loops, notes
 from app.storage.types import now
 
@@ -21,6 +22,7 @@ class NoteRow:
     shelved_until: datetime | None
     withdrawn_at: datetime | None
     withdrawn_by: str
+    written_of: str | None
 
 
 COLUMNS = [notes.c[name] for name in NoteRow.__dataclass_fields__]
@@ -65,26 +67,31 @@ def withdraw(connection: Connection, note_id: int, withdrawn_by: str) -> None:
 
 @dataclass(frozen=True)
 class Standing:
-    """What is written of a loop and stands: the newest work order, and the repair that was stated last."""
+    """What is written of a loop and stands: the newest work order, the repair that was stated last, and the order that
+    was written with it or before it."""
 
     work_order: str | None = None
     repaired_at: datetime | None = None
+    repair_order: str | None = None
 
 
 def standing(connection: Connection, tags: Iterable[str], at: datetime | None = None) -> dict[str, Standing]:
     """By tag, of the loops of which there is something. at: what was written until then, and not withdrawn by then;
     None: up to now."""
     query = select(loops.c.tag, notes.c.work_order, notes.c.repaired_at, notes.c.withdrawn_at)
-    query = query.join(loops, loops.c.id == notes.c.loop_id).where(loops.c.tag.in_(list(tags))).order_by(notes.c.id)
+    said = or_(notes.c.work_order != "", notes.c.repaired_at.is_not(None))
+    query = query.join(loops, loops.c.id == notes.c.loop_id).where(said, among_many(connection, loops.c.tag, tags))
+    query = query.order_by(notes.c.id)
     if at is not None:
         query = query.where(notes.c.written_at <= at)
     found: dict[str, Standing] = {}
     for tag, work_order, repaired_at, withdrawn_at in connection.execute(query):
         before = found.get(tag, Standing())
         stands = withdrawn_at is None or (at is not None and withdrawn_at > at)
-        repair = repaired_at if repaired_at is not None and stands else before.repaired_at
-        found[tag] = Standing(work_order or before.work_order, repair)
-    return found
+        order = work_order or before.work_order
+        repair = (repaired_at, order) if repaired_at and stands else (before.repaired_at, before.repair_order)
+        found[tag] = Standing(order, *repair)
+    return {tag: one for tag, one in found.items() if one != Standing()}
 
 
 def repairs_stated_last(connection: Connection, loop_ids: Iterable[int]) -> dict[int, datetime]:

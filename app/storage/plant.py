@@ -154,6 +154,31 @@ def changes(connection: Connection, since_audit: int, limit: int) -> list[Any]:
     return list(connection.execute(query.order_by(found.c.priority.desc().nulls_last(), found.c.tag)))
 
 
+def second_nights(connection: Connection, audit_id: int, limit: int) -> list[Any]:
+    """Loops that a run and the one before said to stick, both not to be relied on, after they were said to do
+    otherwise: as `changes`, against the verdict before both. probability_between: that of the first of the two."""
+    between, third = verdicts.alias("between"), verdicts.alias("third")
+    sticks = (newest.c.verdict == "stiction", newest.c.reliability == "not_reliable")
+    first = and_(between.c.loop_id == newest.c.loop_id, between.c.audit_id == _before(newest))
+    so = (between.c.verdict == "stiction", between.c.reliability == "not_reliable")
+    ground = and_(third.c.loop_id == newest.c.loop_id, third.c.audit_id == _before(between))
+    joined = loops.join(newest, newest.c.loop_id == loops.c.id).join(between, first).join(third, ground)
+    told = (loops.c.tag, loops.c.unit, third.c.verdict.label("verdict_before"), newest.c.verdict, newest.c.health)
+    query = select(*told, *told_of_both(newest, third), between.c.stiction_probability.label("probability_between"))
+    query = query.select_from(joined).where(newest.c.audit_id == audit_id, *sticks, *so, third.c.verdict != "stiction")
+    weight = loops.c.importance * (100.0 - newest.c.health)
+    return list(
+        connection.execute(query.where(IN_SERVICE).order_by(weight.desc().nulls_last(), loops.c.tag).limit(limit))
+    )
+
+
+def _before(row: Any) -> ScalarSelect[Any]:
+    """The run of the loop's verdict before this one."""
+    mine = verdicts.alias()
+    query = select(func.max(mine.c.audit_id)).where(mine.c.loop_id == row.c.loop_id, mine.c.audit_id < row.c.audit_id)
+    return query.correlate(row).scalar_subquery()
+
+
 def _last_before(audit_id: int, column: Column[Any]) -> ScalarSelect[Any]:
     """This column of the loop's last verdict before a run."""
     mine = (verdicts.c.loop_id == rows.c.loop_id, verdicts.c.audit_id < audit_id)

@@ -1,18 +1,27 @@
 """Loops of which a repair was stated, with what was said of them before it and what a run said of them."""
 
+from collections.abc import Collection
 from datetime import datetime
 from typing import Any
 
 from sqlalchemy import Connection, and_, func, literal, or_, select
 
+from app.storage.bulk import among_many
 from app.storage.loops import IN_SERVICE
 from app.storage.tables import loops, notes, verdicts
 
 
-def between(connection: Connection, since: datetime, until: datetime, audit_id: int | None, limit: int) -> list[Any]:
+def between(
+    connection: Connection,
+    since: datetime,
+    until: datetime,
+    audit_id: int | None,
+    limit: int,
+    tags: Collection[str] | None = None,
+) -> list[Any]:
     """The loops with a repair in that time: tag, unit, repaired_at, the verdict before, and verdict, reliability,
     likely cause and judged window of the run, for loops that it audited; without one of the loop's newest
-    verdict, None where it has none. The weightiest first.
+    verdict, None where it has none. The weightiest first. tags: of these loops alone.
 
     Of each loop the note that was written last counts, as for the audit.
     """
@@ -51,4 +60,5 @@ def between(connection: Connection, since: datetime, until: datetime, audit_id: 
         .order_by(loops.c.importance.desc(), notes.c.repaired_at.desc(), loops.c.tag)
         .limit(limit)
     )
+    query = query if tags is None else query.where(among_many(connection, loops.c.tag, tags))
     return list(connection.execute(query))

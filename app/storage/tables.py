@@ -123,6 +123,7 @@ loops = Table(
     Column("integrating", Boolean),
     Column("moves_valve", Boolean),  # and not the set point of another loop; None: found from the records
     Column("retired", Boolean, nullable=False, server_default=false()),  # gone, or never one: kept, and counted nowhere
+    Column("continues", Text),  # the tag that it had before: that loop is retired, and its notes are with this one
     Column("created_at", UtcDateTime, nullable=False),
     Column("newest_ns", BigInteger),  # time of the newest sample
     Column("newest_audit_id", Id),  # the run of the newest verdict
@@ -385,6 +386,7 @@ notes = Table(
     Column("shelved_as", Text),  # what was wrong with the loop then, so that it is seen when something worse is
     Column("withdrawn_at", UtcDateTime),  # since when the repair, or the shelving, does not count
     Column("withdrawn_by", Text, nullable=False, server_default=""),
+    Column("written_of", Text),  # under which tag, where its loop has another one by now
     Index("ix_notes_loop", "loop_id", "id"),
 )
 

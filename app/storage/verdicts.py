@@ -43,7 +43,8 @@ LONGEST_DETAIL = 64 << 20
 @dataclass(frozen=True)
 class RowFilter:
     """Which rows of the table: all that are given must hold. retired: of loops that are retired, by default not; None:
-    of both. recorded_from_ns, recorded_before_ns: by the loop's newest sample. left_out: not of these loops, by id."""
+    of both. recorded_from_ns, recorded_before_ns: by the loop's newest sample. left_out: not of these loops, by id;
+    tags: of these alone."""
 
     verdict: tuple[str, ...] | None = None
     reliability: str | None = None
@@ -58,6 +59,7 @@ class RowFilter:
     recorded_from_ns: int | None = None
     recorded_before_ns: int | None = None
     left_out: tuple[int, ...] = ()
+    tags: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -399,6 +401,8 @@ def _conditions(wanted: RowFilter, columns: Mapping[str, Any] = SORTABLE) -> lis
     conditions += _by_newest_sample(wanted)
     if wanted.left_out:
         conditions.append(loops.c.id.not_in(wanted.left_out))
+    if wanted.tags is not None:
+        conditions.append(loops.c.tag.in_(wanted.tags))
     if wanted.search:
         conditions.append(loops.c.tag.icontains(wanted.search, autoescape=True))
     return conditions

@@ -49,8 +49,6 @@ COLUMNS: Mapping[str, Column] = {
     "repaired_at": Column("Repaired", "time", 1, None),
     "shelved_until": Column("Shelved until", "time", 1, None),
 }
-OF_PAGES = frozenset({"next_step", "work_order", "repaired_at", "shelved_until"})
-"""Columns that the table has on its page alone."""
 
 USUAL = ("unit", "verdict", "reliability", "health", "stiction_probability", "likely_cause", "reasons_text")
 

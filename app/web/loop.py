@@ -15,7 +15,6 @@ from app.http.paths import LoopTag
 from app.services.addresses import tag_in_url
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.reason_wording import NO_VOTE
-from app.services.auditing.repairs import of_before
 from app.services.auditing.rival_wording import why_first, worth_a_look
 from app.services.auditing.size_wording import size_in_words
 from app.services.backend import Backend
@@ -26,12 +25,13 @@ from app.services.plant.arrivals import newest_in_words as newest_sample_in_word
 from app.services.plant.before_after import compared
 from app.services.plant.charts import charts as charts_of
 from app.services.plant.charts import closer
+from app.services.plant.continuing import goes_on_as, maybe_before
 from app.services.plant.groups import groups_of, unnamed
 from app.services.plant.judged import judged
 from app.services.plant.loop_list import number
 from app.services.plant.nights import nights as nights_of
 from app.services.plant.periods import periods
-from app.services.plant.shelving import shelf, step_of
+from app.services.plant.shelving import shelf
 from app.services.results import LoopView
 from app.services.why_rely import contradiction, derivative, points
 from app.web.explanation import newest_in_words
@@ -100,7 +100,8 @@ def _loop_page(
     told["settings"] = settings or _as_set(found)
     explanation = told["explanation"] = newest_in_words(backend, tag)
     told["newest"] = newest_sample_in_words(found.samples_to, backend.clock)
-    shelved = told["shelved"] = shelf(backend).of(found.tag)
+    told["shelved"] = shelf(backend).of(found.tag)
+    told |= {"maybe_before": maybe_before(backend, found.tag), "goes_on_as": goes_on_as(backend, found.tag)}
     told["failure"] = loops.newest_failure(backend, tag)
     try:
         row = loops.loop_health(backend, tag)
@@ -108,14 +109,13 @@ def _loop_page(
         return page("loop.html", backend.clock, row=None, **told)
     detail = loops.verdict_detail(backend, tag)
     repair = notes.newest_repair(backend, tag)
-    repaired_at = None if repair is None else repair.repaired_at
     disagrees = contradiction(row, explanation)
     return page(
         "loop.html",
         backend.clock,
-        row=row | {"of_before_repair": of_before(row, repaired_at)},
+        row=row,
         detail=detail,
-        next_step=step_of(row, repaired_at, shelved, backend.clock, disagrees=bool(disagrees)),
+        next_step=row["next_step"],
         disagrees=disagrees,
         points=points(row, detail),
         no_vote=NO_VOTE,
@@ -128,7 +128,7 @@ def _loop_page(
         last_nights=nights_of(backend, [tag]).get(tag, ()),
         judged=judged(backend, [tag]).get(tag),
         beside=_beside(backend, found.tag),
-        history=loops.verdict_history(backend, tag, limit=HISTORY_NIGHTS).rows,
+        history=loops.chained_history(backend, tag, HISTORY_NIGHTS),
         groups=groups_of(backend, tag),
         unnamed=unnamed,
         repair=repair,
@@ -186,6 +186,13 @@ def unshelve(backend: Services, caller: Caller, tag: LoopTag, note_id: Identifie
     return back_to(tag, "notes")
 
 
+@router.post("/loops/{tag:path}/continues")
+def continues(backend: Services, tag: LoopTag, earlier: Field = "") -> RedirectResponse:
+    """What the page offers where the loop may be another one under a new tag."""
+    loops.patch_loop(backend, tag, {"continues": earlier})
+    return back_to(tag, "settings")
+
+
 @router.post("/loops/{tag:path}/settings")
 def settings(
     backend: Services,
@@ -201,8 +208,9 @@ def settings(
     op_high: Field = "",
     moves_valve: Annotated[Literal["", "yes", "no"], Form()] = "",
     retired: Annotated[Literal["", "yes"], Form()] = "",
+    continues: Field = "",
 ) -> Response:
-    words = {"unit": unit, "type": type, "description": description, "pv_unit": pv_unit}
+    words = {"unit": unit, "type": type, "description": description, "pv_unit": pv_unit, "continues": continues}
     spans = {"pv_low": pv_low, "pv_high": pv_high, "op_low": op_low, "op_high": op_high}
     numbers, wrong = _numbers({"importance": importance, **spans})
     stated = {"moves_valve": ANSWERS[moves_valve], "retired": retired == "yes"}

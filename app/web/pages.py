@@ -19,9 +19,10 @@ from app.services.plant.nights import nights
 from app.services.plant.reliability import RowFilter
 from app.services.plant.repaired import repairs
 from app.services.plant.shelving import shelf
+from app.services.plant.silent import silences
 from app.services.wording import VERDICT_RANK
 from app.web import loop, loop_list, runs, uploads
-from app.web.columns import COLUMNS, OF_PAGES, USUAL, query_without
+from app.web.columns import COLUMNS, USUAL, query_without
 from app.web.rendering import CHARTS, STATIC, page
 
 A_WEEK = {"Cache-Control": "public, max-age=604800"}
@@ -91,7 +92,7 @@ def plant(backend: Services) -> HTMLResponse:
 
 def _arrivals(backend: Services, reach: Arrivals, changed: plants.Changes) -> list[str]:
     news = nothing_new(backend, int(changed.run_id)) if changed.run_id else []
-    return [*sentences(reach, backend.clock), *news]
+    return [*sentences(reach, backend.clock), *silences(backend), *news]
 
 
 @router.get("/plant/tiles")
@@ -116,7 +117,6 @@ def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLRespons
         form=form,
         names=names,
         columns=COLUMNS,
-        sent=[name for name in names if name not in OF_PAGES],
         units=plants.unit_names(backend),
         ranks=VERDICT_RANK,
         address=query_without(told),

@@ -29,6 +29,7 @@ from app.services.wording import (
     probability,
     rely,
     starter_words,
+    unusual_importance,
 )
 
 HERE = Path(__file__).parent
@@ -78,6 +79,7 @@ def environment() -> Environment:
         "cause_words": cause_words,
         "headline": headline,
         "rely": rely,
+        "unusual_importance": unusual_importance,
         "measured_probability": measured_probability,
         "starter_words": starter_words,
         "upload_words": upload_words,

@@ -27,7 +27,7 @@ from app.client import (
     Upload,
 )
 from app.main import create_app
-from app.services.auditing.audit_models import ReliabilityRow
+from app.services.auditing.audit_models import TableRow
 from app.services.backend import Backend
 from app.services.explaining.working import explain_next
 from app.services.intake.reading import read_upload
@@ -61,7 +61,7 @@ def upload(client, backend, tmp_path_factory):
     ("own", "served"),
     [
         (Loop, LoopOut),
-        (Row, ReliabilityRow),
+        (Row, TableRow),
         (Row, HealthOut),
         (Upload, UploadOut),
         (Audit, AuditOut),

@@ -24,10 +24,10 @@ from app.services.plant.arrivals import (
     current_ns,
     newest_in_words,
     nothing_new,
-    of_run,
 )
 from app.services.plant.arrivals import sentences as sentences_by
 from app.services.plant.shelving import shelf
+from app.services.plant.silent import of_run
 from app.services.reports import documents
 from app.storage import arrivals as stored
 from app.storage import series
@@ -131,8 +131,8 @@ def test_a_night_that_nothing_came_for_says_so(backend: Backend, add_loops: AddL
     runs.append(start_audit(backend))
     audit_chunk(backend, int(runs[1].id), "test")
     at = datetime.fromisoformat(runs[1].created_at)
-    assert NOTHING_NEW not in of_run(backend, int(runs[0].id), arrivals(backend, int(runs[0].id), at))
-    assert of_run(backend, int(runs[1].id), arrivals(backend, int(runs[1].id), at))[-1] == NOTHING_NEW
+    assert NOTHING_NEW not in of_run(backend, int(runs[0].id), at, arrivals(backend, int(runs[0].id), at))
+    assert of_run(backend, int(runs[1].id), at, arrivals(backend, int(runs[1].id), at))[-1] == NOTHING_NEW
 
 
 def test_a_digest_asks_once_how_far_records_reach_and_a_page_of_a_loop_for_the_newest_alone(

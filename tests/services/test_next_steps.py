@@ -11,8 +11,8 @@ from app.engine.long_records.episodes import BEGAN, episode_text
 from app.engine.verdict.doubts import _band_reason
 from app.services import next_steps
 from app.services.auditing.reason_wording import REASON_WORDS
-from app.services.auditing.repairs import BEFORE_REPAIR
 from app.services.next_steps import BY_CAUSE, next_step
+from app.services.repair_sides import BEFORE_REPAIR
 from app.services.wording import CAUSE_WORDS
 
 GUIDE = Path(__file__).parents[2] / "docs" / "guides" / "OPERATOR.md"

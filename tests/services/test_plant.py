@@ -19,7 +19,7 @@ from app.services.plant import overview as plant
 from app.services.plant.before_after import compared
 from app.services.plant.groups import groups_of, plant_groups
 from app.services.plant.loops import loop_health, newest_failure, patch_loop, verdict_history
-from app.services.wording import headline
+from app.services.wording import headline, probability
 from app.storage import items, loops
 from app.storage.items import Failure
 from app.storage.tables import audits, newest_rows, verdicts
@@ -86,7 +86,7 @@ def test_nothing_changed(backend: Backend, two_runs: tuple[dict[str, int], int])
 @pytest.mark.parametrize(
     ("before", "why", "because"),
     [
-        ({}, "loop", "another record of the loop; nothing else changed"),
+        ({"stiction_probability": None}, "loop", "what was seen differs a little from the record before"),
         ({"engine_version": "0.0.1"}, "method", "the method changed (engine or settings)"),
         ({"config_fingerprint": "other"}, "method", "the method changed (engine or settings)"),
         ({"samples": 100}, "data", "more was recorded than before"),
@@ -98,12 +98,61 @@ def test_a_changed_verdict_says_why(
     backend: Backend, two_runs: tuple[dict[str, int], int], before: dict[str, object], why: str, because: str
 ) -> None:
     ids, first = two_runs
+    rewrite(backend, first + 1, ids["B"], reliability="reliable")
     now = loop_health(backend, "B")["verdict"]
     other = "no_stiction" if now == "stiction" else "stiction"
     rewrite(backend, first, ids["B"], verdict=other, **before)
     (change,) = plant.changes(backend).rows
     assert (change.loop, change.before, change.now, change.why, change.because) == ("B", other, now, why, because)
     assert change.kind == ("new" if now == "stiction" else "cured" if now == "no_stiction" else "flipped")
+
+
+@pytest.mark.parametrize(
+    ("now", "before", "kind"),
+    [
+        ({"stiction_probability": 0.55}, {"stiction_probability": 0.27}, "wavers"),
+        ({"stiction_probability": 0.55}, {"stiction_probability": 0.2}, "new"),
+        ({"stiction_probability": 0.55, "reliability": "reliable"}, {"stiction_probability": 0.5}, "new"),
+        ({"stiction_probability": 0.55, "reasons": "stiction_began"}, {"stiction_probability": 0.5}, "new"),
+        ({"stiction_probability": 0.55}, {"stiction_probability": 0.5, "engine_version": "0.0.1"}, "new"),
+    ],
+)
+def test_a_loop_on_the_edge_wavers_and_is_no_news(
+    backend: Backend,
+    two_runs: tuple[dict[str, int], int],
+    now: dict[str, object],
+    before: dict[str, object],
+    kind: str,
+) -> None:
+    ids, first = two_runs
+    for tag in ("B", "C"):
+        sticks = {"verdict": "stiction", "reliability": "not_reliable", "reasons": "shape_x", **now}
+        rewrite(backend, first + 1, ids[tag], **sticks)
+        rewrite_newest(backend, ids[tag], verdict="stiction", health=10.0 if tag == "B" else 50.0)
+        rewrite(backend, first, ids[tag], **{"verdict": "no_stiction", "reasons": "shape_x", **before})
+    rewrite(backend, first + 1, ids["C"], reliability="reliable")
+    told = [(change.loop, change.kind) for change in plant.changes(backend).rows]
+    assert told == ([("C", "new"), ("B", "wavers")] if kind == "wavers" else [("B", "new"), ("C", "new")])
+
+
+def test_what_wavered_is_news_where_it_stands_for_a_second_night(
+    backend: Backend, two_runs: tuple[dict[str, int], int]
+) -> None:
+    ids, first = two_runs
+    third = audited(backend)
+    for tag, before in (("B", 0.4), ("C", 0.1)):
+        told = {"reliability": "not_reliable", "reasons": "shape_x", "stiction_probability": 0.55}
+        rewrite(backend, third, ids[tag], verdict="stiction", **told)
+        rewrite_newest(backend, ids[tag], verdict="stiction")
+        rewrite(backend, first + 1, ids[tag], verdict="stiction", **told)
+        rewrite(backend, first, ids[tag], **told | {"verdict": "no_stiction", "stiction_probability": before})
+    (change,) = plant.changes(backend).rows
+    assert (change.loop, change.kind, change.before) == ("B", "new", "no_stiction"), "C was news the night before"
+    assert change.because == "said for the second night; probability 0.40 -> 0.55"
+    told = digest_of(backend, str(third))
+    assert [(one.loop, one.kind) for one in told.changes] == [("B", "new")]
+    audited(backend)
+    assert [row.loop for row in plant.changes(backend).rows if row.kind == "new" and row.loop == "C"] == []
 
 
 def test_a_changed_verdict_names_the_evidence_that_moved_most(
@@ -245,7 +294,7 @@ def test_what_is_started_days_after_the_last_night_takes_its_place(backend: Back
         ({"reasons": "since_repair;shape_x"}, {"verdict": "stiction", "samples": 9000}, "repair",
          "a repair was stated"),
         ({"reasons": "since_repair"}, {"verdict": "stiction", "reasons": "since_repair"}, "loop",
-         "another record of the loop; nothing else changed"),
+         "probability {before} -> {now}"),
     ],
 )  # fmt: skip
 def test_a_change_of_what_can_be_audited_names_the_cause(
@@ -264,7 +313,9 @@ def test_a_change_of_what_can_be_audited_names_the_cause(
         row = newest_rows.c.loop_id == ids["B"]
         connection.execute(update(newest_rows).where(row).values(verdict=newest["verdict"]))
     changes = {change.loop: change for change in plant.changes(backend).rows}
-    assert (changes["B"].why, changes["B"].because) == (why, because)
+    measured = probability(loop_health(backend, "B")["stiction_probability"])
+    told = because.format(before=measured, now=measured)
+    assert (changes["B"].why, changes["B"].because) == (why, told)
 
 
 def test_the_overview_adds_up(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:

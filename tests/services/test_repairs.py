@@ -12,9 +12,12 @@ from app.services.auditing import audits, chunks
 from app.services.backend import Backend
 from app.services.digests import digest
 from app.services.moments import ns_of
-from app.services.next_steps import WAIT
-from app.services.plant import loops, notes, overview, repaired
+from app.services.next_steps import STICKS, WAIT, after_repair
+from app.services.plant import loops, notes, overview, reliability, repaired
 from app.services.plant.before_after import compared
+from app.services.plant.shelving import shelf
+from app.services.plant.work_list import work_list
+from app.services.reports.documents import loop_report, plant_report
 from app.services.wording import RELIABILITY_WORDS, UNANSWERED, headline, rely
 from app.storage import loops as stored_loops
 from app.storage import series
@@ -224,6 +227,43 @@ def test_a_repair_that_did_not_help_is_told_as_such(backend: Backend, arrives, n
     note = notes.list_notes(backend, "FIC1")[0]
     notes.withdraw_repair(backend, "FIC1", note.id, "me")
     assert fortnight(backend, monkeypatch) == []
+
+
+def test_that_a_repair_did_not_help_is_said_where_one_looks(
+    backend: Backend, arrives, night: Night, monkeypatch
+) -> None:
+    monkeypatch.setattr(repaired, "LOOKED_BACK", timedelta(days=4000))
+    arrives(1440)
+    night()
+    sticks = {"verdict": "stiction", "reliability": "reliable", "likely_cause": "stiction"}
+    notes.add_note(backend, "FIC1", "", work_order="WO-63")
+    before = reliability.reliability_json(backend).version
+    notes.add_note(backend, "FIC1", "packing renewed", repaired_at=START + timedelta(minutes=30))
+    night()
+    with backend.database.write() as connection:
+        connection.execute(update(verdicts).values(**sticks, reasons="", window_start=START + timedelta(minutes=30)))
+        connection.execute(update(newest_rows).values(**sticks, form="of the columns"))
+    again = "Repaired 2026-03-01 (WO-63), did not help: reopen the order."
+    assert loops.loop_health(backend, "FIC1")["next_step"] == again
+    first = work_list(backend, shelf(backend))[0]
+    assert (first.loop, first.step) == ("FIC1", again)
+    assert [one.loop for one in work_list(backend, shelf(backend))] == ["FIC1"]
+    sent = reliability.reliability_json(backend)
+    assert again.encode() in sent.write()
+    assert sent.version != before
+    report = plant_report(backend)
+    assert again in report
+    assert "Repairs of the last fortnight" in report
+    assert again in loop_report(backend, "FIC1")
+    notes.withdraw_repair(backend, "FIC1", notes.list_notes(backend, "FIC1")[0].id, "me")
+    assert loops.loop_health(backend, "FIC1")["next_step"] == STICKS
+
+
+def test_what_may_not_have_helped_is_looked_at_first() -> None:
+    assert after_repair("Look.", "2026-11-30", "WO-63", sure=False) == (
+        "Repaired 2026-11-30 (WO-63), may not have helped. Look."
+    )
+    assert after_repair(STICKS, "2026-11-30", None, sure=True) == f"Repaired 2026-11-30, did not help. {STICKS}"
 
 
 @pytest.mark.parametrize(

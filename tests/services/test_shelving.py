@@ -15,8 +15,9 @@ from app.services.next_steps import BY_CAUSE, STICKS, UNTIL_THEY_AGREE, next_ste
 from app.services.plant import notes
 from app.services.plant import overview as plant
 from app.services.plant.loops import loop_health, patch_loop
-from app.services.plant.shelving import LONGEST, Shelf, shelf, step_of
+from app.services.plant.shelving import LONGEST, Shelf, shelf
 from app.services.plant.work_list import work_list
+from app.services.plant.written import Written
 from app.services.reports.documents import loop_report, plant_report
 from app.services.wording import UNANSWERED
 from app.storage.tables import loops, newest_rows, verdicts
@@ -158,9 +159,13 @@ def test_it_is_neither_looked_at_today_nor_among_old_records(judged: Backend) ->
 
 def test_to_wait_comes_before_what_to_do_until_two_answers_agree(judged: Backend) -> None:
     row = loop_health(judged, "A")
-    assert step_of(row, None, None, judged.clock, disagrees=True) == UNTIL_THEY_AGREE
+
+    def step() -> str:
+        return Written({}, shelf(judged).by_tag(), frozenset("A"), {}, judged.clock).beside(row)["next_step"]
+
+    assert step() == UNTIL_THEY_AGREE
     shelve(judged, "A")
-    assert step_of(row, None, shelf(judged).of("A"), judged.clock, disagrees=True).startswith("Wait: ")
+    assert step().startswith("Wait: ")
 
 
 def test_it_ends_by_itself(judged: Backend) -> None:

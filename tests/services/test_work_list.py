@@ -1,14 +1,19 @@
 """Since when the same was said of a loop, and how large its stiction is, in a line of the list of work."""
 
 import pytest
+from sqlalchemy import update
 
+from app.services.auditing.audits import start_audit
+from app.services.auditing.chunks import audit_chunk
 from app.services.moments import UTC_CLOCK
-from app.services.plant.nights import NIGHTS, Night
+from app.services.plant.nights import NIGHTS, Night, Onset, onsets
 from app.services.plant.work_list import _since, _size
+from app.storage.tables import verdicts
 
 
 def row(verdict="stiction", **told):
     row = {"verdict": verdict, "likely_cause": verdict, "reasons": "", "episode_start": None}
+    row |= {"repaired_at": None, "of_before_repair": False}
     return row | {"stiction_S": None, "stiction_S_pct_of_span": None} | told
 
 
@@ -33,6 +38,13 @@ def said(*verdicts):
             said("no_stiction", "inconclusive", "not_auditable"),
             "since 2026-03-02",
         ),
+        (
+            row(repaired_at="2026-03-03T08:00:00Z"),
+            said("no_stiction", *["stiction"] * 3),
+            "since 2026-03-02, over the repair of 2026-03-03",
+        ),
+        (row(repaired_at="2026-03-01T08:00:00Z"), said("no_stiction", "stiction"), "since 2026-03-02"),
+        (row(repaired_at="2026-03-03T08:00:00Z", of_before_repair=True), said("stiction"), "since 2026-03-01"),
     ],
 )
 def test_since_when(loop, last, since):
@@ -44,3 +56,34 @@ def test_a_size_is_told_of_a_valve_that_sticks_where_it_is_known():
     assert _size(row(stiction_S=2.468)) == "S 2.47"
     assert _size(row(stiction_S=2.468, stiction_S_pct_of_span=4.94)) == "S 4.9 % of OP's span"
     assert _size(row("inconclusive", stiction_S=2.468)) == ""
+
+
+@pytest.mark.parametrize(
+    ("onset", "last", "since"),
+    [
+        (Onset("2026-03-01T00:22:00Z", True, False), said(*["stiction"] * 3), "since 2026-03-01 00:22"),
+        (Onset("2026-02-20T02:00:00Z", False, False), said(*["stiction"] * NIGHTS), "since 2026-02-20"),
+        (Onset("2026-02-20T02:00:00Z", False, True), said(*["stiction"] * NIGHTS), "since 2026-02-20 or longer"),
+        (Onset("2026-03-02T02:00:00Z", False, True), said("stiction", "stiction"), "since 2026-03-01 or longer"),
+    ],
+)
+def test_of_a_valve_that_sticks_without_a_break_the_first_onset_holds(onset, last, since):
+    later = row(reasons="stiction_began", episode_start="2026-03-05T04:30:00Z")
+    assert _since(later, last, UTC_CLOCK, onset) == _since(row(), last, UTC_CLOCK, onset) == since
+
+
+def test_the_onset_is_that_of_the_first_verdict_after_another_one(backend, add_loops):
+    ids = add_loops("A", "B", n=150)
+    for _ in range(4):
+        run = start_audit(backend)
+        audit_chunk(backend, int(run.id), "test")
+    said_of_a = {1: ("stiction", "00:01"), 2: ("no_stiction", None), 3: ("stiction", "00:22"), 4: ("stiction", "00:20")}
+    with backend.database.write() as connection:
+        for number, (verdict, at) in said_of_a.items():
+            told = {"verdict": verdict, "reasons": "stiction_began" if at else ""}
+            told["extra_json"] = f'{{"episode_start":"2026-03-0{number}T{at}:00Z"}}'
+            mine = (verdicts.c.loop_id == ids["A"], verdicts.c.audit_id == number)
+            connection.execute(update(verdicts).where(*mine).values(**told))
+        connection.execute(update(verdicts).where(verdicts.c.loop_id == ids["B"]).values(verdict="no_stiction"))
+    assert onsets(backend, ["A", "B"]) == {"A": Onset("2026-03-03T00:22:00Z", True, False)}
+    assert onsets(backend, ["A"], until=1) == {"A": Onset("2026-03-01T00:01:00Z", True, True)}

@@ -41,6 +41,18 @@ def test_a_group_that_something_shakes_stands_before_those_of_chance(client, web
     assert "they do not move in step" not in before
 
 
+@pytest.mark.parametrize(
+    ("moves", "said"), [(True, "their set points move together"), (False, "look outside of these loops")]
+)
+def test_of_healthy_loops_the_set_points_are_asked_first(client, web_backend, monkeypatch, moves, said):
+    members = plant_groups(web_backend)[0].members
+    healthy = GroupView("1", 300.0, True, False, 0.001, None, members, moves)
+    monkeypatch.setattr(groups, "soon", lambda backend: (healthy,))
+    told = client.get("/groups").text
+    assert said in told
+    assert ("look outside" in told) is not moves
+
+
 def test_a_loop_that_shares_its_period_by_chance_is_not_said_to_swing_with_others(client, web_backend, monkeypatch):
     crowded = GroupView("1", 300.0, True, True, 0.84, None, plant_groups(web_backend)[0].members)
     monkeypatch.setattr(loop_page, "groups_of", lambda backend, tag: [crowded])

@@ -299,3 +299,21 @@ def test_a_stretch_of_days_ago_is_told_with_its_age(client, web_backend):
     early = row | {"window_start": "2025-12-29T12:40:00Z", "window_end": "2025-12-29T14:19:00Z"}
     found = periods(web_backend, "LIC7", early, detail)
     assert found.of_old == "2025-12-29 12:40 to 14:19, 2.4 days before the newest sample"
+
+
+def test_a_loop_that_continues_another_one_says_so_on_both_pages(client):
+    told = {"importance": "1", "continues": "FIC101"}
+    client.post("/v1/loops/FIC101/notes", json={"work_order": "WO-77"}).raise_for_status()
+    assert client.post("/loops/LIC7/settings", data=told).status_code == 303
+    try:
+        assert 'id="continues"' in client.get("/loops/LIC7").text
+        assert "WO-77" in client.get("/loops/LIC7").text
+        assert 'id="goes-on-as"' in client.get("/loops/FIC101").text
+        assert client.get("/v1/loops/FIC101").json()["retired"]
+        refused = client.post("/loops/FIC101/settings", data={"importance": "1", "continues": "LIC7"})
+        assert (refused.status_code, "continues it" in refused.text) == (400, True)
+    finally:
+        client.patch("/v1/loops/LIC7", json={"continues": None}).raise_for_status()
+    assert not client.get("/v1/loops/FIC101").json()["retired"]
+    assert client.post("/loops/LIC7/continues", data={"earlier": "FIC101"}).status_code == 303
+    client.patch("/v1/loops/LIC7", json={"continues": None}).raise_for_status()

@@ -4,7 +4,7 @@ import pytest
 from sqlalchemy import select, update
 
 from app.storage.tables import loops as stored_loops
-from app.web.columns import COLUMNS, OF_PAGES
+from app.web.columns import COLUMNS
 from tests.web.conftest import seen
 
 
@@ -34,9 +34,9 @@ def test_what_is_seen_of_the_table_can_be_exported(client):
 
 
 def test_every_column_of_the_table_can_be_exported(client):
-    sent = [name for name in COLUMNS if name not in OF_PAGES]
-    answer = client.get(f"/v1/reliability?format=csv&columns={','.join(sent)}")
-    assert answer.text.splitlines()[0] == ",".join(sent)
+    every = "&".join(f"column={name}" for name in COLUMNS)
+    as_seen = next(link for link in seen(client, f"/table?{every}").links if "columns=" in link)
+    assert client.get(as_seen).text.splitlines()[0] == ",".join(["loop", *COLUMNS])
     one = client.get("/v1/reliability?format=csv&columns=loop,importance,type,priority&search=LIC7").text.splitlines()[
         1
     ]
@@ -58,7 +58,7 @@ def test_the_table_has_what_to_do_and_the_work_order_for_who_asks(client):
     shown = client.get("/table?column=next_step&column=work_order&column=repaired_at&search=FIC101").text
     assert "WO-7" in shown
     assert "What to do" in shown
-    assert "columns=loop&amp;" in shown
+    assert "columns=loop%2Cnext_step%2Cwork_order%2Crepaired_at&amp;" in shown
 
 
 def test_the_table_says_of_an_undated_record_that_it_has_no_date(client, web_backend):
@@ -73,3 +73,18 @@ def test_the_table_says_of_an_undated_record_that_it_has_no_date(client, web_bac
             connection.execute(of_it.values(newest_ns=known))
     assert 'data-label="Recorded until">no date' in page
     assert "1970" not in page
+
+
+def test_an_importance_that_orders_loops_is_shown_where_it_is_not_the_usual_one(client):
+    def told() -> list[bool]:
+        return [
+            "importance 2.5" in client.get(f"/table?search=FIC101{more}").text for more in ("", "&column=importance")
+        ]
+
+    assert "worst first, by health and importance" in client.get("/table").text
+    assert told() == [False, False]
+    client.patch("/v1/loops/FIC101", json={"importance": 2.5}).raise_for_status()
+    try:
+        assert told() == [True, False]
+    finally:
+        client.patch("/v1/loops/FIC101", json={"importance": 1}).raise_for_status()

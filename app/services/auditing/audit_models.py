@@ -203,6 +203,22 @@ class ReliabilityRow(FlatSize, AuditFields):
     episode_probability: float | None = Field(None, description="Probability of stiction in the newest spell.")
 
 
+class WrittenFields(BaseModel):
+    """What is to be done about a loop, and what is written of it: of now, whenever its verdict was made."""
+
+    next_step: str | None = Field(None, description="What to do next about the loop, in words, as its page says.")
+    work_order: str | None = Field(None, description="The work order that was written of the loop last; null: none.")
+    repaired_at: str | None = Field(None, description="When it was repaired last, ISO 8601, UTC; null: not known.")
+    shelved_until: str | None = Field(
+        None, description="Until when it is left out of what to look at first, ISO 8601, UTC; null: it is not shelved."
+    )
+    of_before_repair: bool = Field(False, description="Whether the verdict is of before the repair at repaired_at.")
+
+
+class TableRow(WrittenFields, ReliabilityRow):
+    """A row of the reliability table: the newest verdict of a loop, with what is written of the loop."""
+
+
 class KeyFiguresLine(BaseModel):
     """What engineers expect of a loop monitor, over good samples only; null where a figure cannot be had."""
 

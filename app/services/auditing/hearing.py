@@ -13,11 +13,13 @@ from app.engine.plant_wide.cascades import Cascade, cascades
 from app.engine.plant_wide.excerpts import Excerpts
 from app.engine.plant_wide.groups import Candidate, Group, Suspect, groups
 from app.services.auditing.audit_models import ReasonLine
-from app.services.wording import RELIABILITY_BRIEF, VERDICT_WORDS
-
-SHAKEN_BY_NEIGHBOUR: ReasonCode = "shaken_by_neighbour"
-MOVES_SET_POINT: ReasonCode = "moves_set_point"
-MOVES_NO_VALVE: ReasonCode = "moves_no_valve"
+from app.services.wording import (
+    MOVES_NO_VALVE,
+    MOVES_SET_POINT,
+    RELIABILITY_BRIEF,
+    SHAKEN_BY_NEIGHBOUR,
+    VERDICT_WORDS,
+)
 
 
 @dataclass(frozen=True)

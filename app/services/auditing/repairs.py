@@ -3,41 +3,19 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
-from typing import Any
 
 from sqlalchemy import Connection
 
 from app.engine.audit import Audit
 from app.engine.audit_config import AuditConfig
-from app.engine.codes import ReasonCode
 from app.engine.evidence import Reason
 from app.engine.fitness import assess
 from app.services.auditing.recordings import recording_of
-from app.services.moments import PlantClock, epoch_ms, ns_of
-from app.services.wording import codes_of
+from app.services.moments import PlantClock, ns_of
+from app.services.repair_sides import BEFORE_REPAIR, SINCE_REPAIR
 from app.storage import notes, series
 from app.storage.loops import LoopRow
 from app.storage.samples import Samples
-
-SINCE_REPAIR: ReasonCode = "since_repair"
-BEFORE_REPAIR: ReasonCode = "before_repair"
-
-
-def side_of(window_start: datetime | None, window_end: datetime | None, repaired_at: datetime) -> str | None:
-    """On which side of a repair a judged window lies, "before" or "after", to the millisecond; None: on both, or there
-    is none. Whatever is said of a repair rests on this."""
-    start, end, at = epoch_ms(window_start), epoch_ms(window_end), epoch_ms(repaired_at) or 0
-    if start is not None and start >= at:
-        return "after"
-    return "before" if end is not None and end < at else None
-
-
-def of_before(row: Mapping[str, Any], repaired_at: str | None) -> bool:
-    """Whether what a row of the reliability table says is of before the loop's repair (ISO 8601)."""
-    if BEFORE_REPAIR in codes_of(row):
-        return True
-    start, end = (row.get(name) and datetime.fromisoformat(row[name]) for name in ("window_start", "window_end"))
-    return repaired_at is not None and side_of(start, end, datetime.fromisoformat(repaired_at)) == "before"
 
 
 @dataclass(frozen=True, eq=False)

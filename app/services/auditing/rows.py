@@ -13,9 +13,12 @@ from app.engine.recording import Recording
 from app.services.auditing import excerpts, swings
 from app.services.auditing.audit_detail import detail
 from app.services.auditing.audit_line import audit_line, reliability_row
-from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow
+from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow, TableRow
 from app.services.auditing.dating import dated, instant
 from app.services.moments import PlantClock, epoch_ms, iso_utc, moment_of
+from app.services.next_steps import as_table, next_step
+from app.services.repair_sides import of_before
+from app.services.stored_evidence import MEASURED
 from app.storage.json_texts import check_finite, short_json, stored_json
 from app.storage.tables import verdicts
 from app.storage.verdicts import NewVerdict, pack_detail
@@ -25,17 +28,16 @@ TIMES = ("window_start", "window_end", "audited_at")
 TIMES_MS = tuple(f"{name}_ms" for name in TIMES)
 OF_LOOP = ("recording", "loop", "unit")
 KEY_FIGURES = "key_figures"
-MEASURED = "measured"
-"""By code what the reasons of a verdict rest on: statistic, operator, threshold. Kept with the row, which outlives its
-detail, so that two verdicts can be compared."""
 HELD_SINCE = "held_since"
 STATED, STATED_OF_LOOP = "stated", ("op_range", "pv_range", "integrating")
 """What the verdict took of the loop beside its samples: kept with it, because it may be stated otherwise later."""
 OF_LOOP_NOW = ("unit",)  # what is asked of the loop when a row is sent, because it may have changed since the verdict
 FORM = hashlib.blake2b(
-    json.dumps([3, FIELDS, OF_LOOP_NOW, list(KeyFiguresLine.model_fields)]).encode(), digest_size=8
+    json.dumps([4, list(TableRow.model_fields), OF_LOOP_NOW, list(KeyFiguresLine.model_fields), as_table()]).encode(),
+    digest_size=8,
 ).hexdigest()
-"""Which fields a stored row has: rows that an older version wrote are made anew from their columns."""
+"""Which fields a stored row has, and which steps it may name: rows that an older version wrote are made anew from
+their columns."""
 COLUMNS = frozenset(column.name for column in verdicts.columns)
 
 
@@ -92,8 +94,15 @@ def compact(value: Any) -> str:
 
 
 def fixed_part(row: dict[str, Any]) -> str:
-    """The fields of a row that its verdict fixes, as the inside of a JSON object."""
-    return compact({name: value for name, value in row.items() if name not in OF_LOOP_NOW})[1:-1]
+    """The fields of a row that its verdict fixes, as the inside of a JSON object, and those of which it fixes what they
+    are as long as nothing is written of the loop."""
+    return compact({name: value for name, value in {**row, **unwritten(row)}.items() if name not in OF_LOOP_NOW})[1:-1]
+
+
+def unwritten(row: Mapping[str, Any]) -> dict[str, Any]:
+    """`WrittenFields` of a loop of which nobody wrote anything."""
+    known = {"next_step": next_step(row), "of_before_repair": of_before(row, None)}
+    return {"work_order": None, "repaired_at": None, "shelved_until": None} | known
 
 
 def sent(fixed: str, unit: str | None, figures: str = "{}") -> str:

@@ -13,18 +13,19 @@ from sqlalchemy import Connection
 from app.errors import RequestError
 from app.services.addresses import loop_address
 from app.services.auditing.audits import get_audit
-from app.services.auditing.repairs import of_before
 from app.services.backend import Backend
 from app.services.cursors import identifier
 from app.services.digests.doings import Asked, Doing, doings
 from app.services.moments import PlantClock, iso_utc, moment_of
-from app.services.plant.arrivals import LATE, arrivals, of_run
+from app.services.plant.arrivals import LATE, arrivals
 from app.services.plant.judged import judged, to_manual
-from app.services.plant.overview import change_of, nothing_worst
+from app.services.plant.overview import change_of, nothing_worst, quiet_last, second_night
 from app.services.plant.repaired import RepairView, repairs
 from app.services.plant.shelving import Shelf, shelf
+from app.services.plant.silent import of_run
 from app.services.plant.work_list import Work, work_list
 from app.services.rendering import document
+from app.services.repair_sides import of_before
 from app.services.results import AuditView, ChangeView
 from app.services.wording import (
     CHANGE_WORDS,
@@ -37,6 +38,7 @@ from app.services.wording import (
     health,
     probability,
     starter_words,
+    unusual_importance,
 )
 from app.storage import digests, notes, plant
 from app.storage.notes import Standing
@@ -53,7 +55,7 @@ class DigestLoop:
     `judged` of which time its verdict is, where that is not up to its newest samples. `measured`: whether its
     probability is, and not a prior. `shelved` until when it is shelved, and why it is listed all the same.
     `of_before_repair`: whether its verdict is of before a repair that is stated by now. `recorded_to`: its newest
-    sample (ISO 8601, UTC), of those that are listed for an old one."""
+    sample (ISO 8601, UTC), of those that are listed for an old one, `of_old_record`."""
 
     loop: str
     verdict: str
@@ -69,6 +71,7 @@ class DigestLoop:
     shelved: str = ""
     of_before_repair: bool = False
     recorded_to: str | None = None
+    of_old_record: bool = False
 
     @property
     def told(self) -> str:
@@ -188,6 +191,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         # In a plant's first run every verdict is new: that is no news.
         compared = plant.any_run_before(connection, number)
         changed = digests.changes_of(connection, number, ALL_CHANGES) if compared else []
+        again = plant.second_nights(connection, number, CHANGES) if compared else []
         notes_until = _notes_until(connection, run)
         written = notes.standing(connection, [row.tag for row in [*worst, *old]], notes_until)
     verdicts, refused = Counter[str](), Counter[str]()
@@ -198,7 +202,8 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
     refused_loops: dict[str, list[str]] = {}
     for row in not_auditable:
         refused_loops.setdefault(row.likely_cause or "data", []).append(row.tag)
-    repaired, changes = repairs(backend, number, began), _new_first([change_of(row) for row in changed])
+    repaired = repairs(backend, number, began)
+    changes = quiet_last(_new_first([*(change_of(row) for row in changed), *second_night(again, changed)]))
     url = backend.settings.public_url
     of_time, all_the_same = judged(backend, [row.tag for row in [*worst, *old]], number), shelved.by_tag()
 
@@ -215,10 +220,10 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         verdicts=dict(verdicts),
         refused=dict(refused.most_common()),
         refused_loops=refused_loops,
-        arrivals=of_run(backend, number, reach),
+        arrivals=of_run(backend, number, began, reach),
         work=work_list(backend, shelved, number, since_ns, most=ALL_WORK, notes_until=notes_until),
         areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
-        old=[replace(loop_of(row), recorded_to=iso_utc(moment_of(row.input_end_ns))) for row in old],
+        old=[_of_old_record(loop_of(row), row.input_end_ns) for row in old],
         changes=changes[:CHANGES],
         more_changes=len(changes) > CHANGES,
         new_besides=[change.loop for change in changes[CHANGES:] if change.kind == "new"],
@@ -333,6 +338,10 @@ def _loop(row: Any, url: str, of_time: str, shelved: str) -> DigestLoop:
     return DigestLoop(row.tag, *shown, why, loop_address(url, row.tag), of_time, measured, shelved)
 
 
+def _of_old_record(loop: DigestLoop, newest_ns: int) -> DigestLoop:
+    return replace(loop, recorded_to=iso_utc(moment_of(newest_ns)), of_old_record=True)
+
+
 def _refused(digest: Digest) -> list[str]:
     """Why loops were not auditable, and which: whoever mends a transmitter looks for its tag."""
     told = []
@@ -346,7 +355,9 @@ def _refused(digest: Digest) -> list[str]:
 
 def _loop_lines(place: int, loop: DigestLoop) -> list[str]:
     told = f"{VERDICT_WORDS[loop.verdict]} ({loop.told})"
-    head = f"  {place}. {_line(loop.loop)}: {told}, health {health(loop.health)}"
+    weight = unusual_importance(loop)
+    state = f"health {health(loop.health)}{f', {weight}' if weight else ''}"
+    head = f"  {place}. {_line(loop.loop)}: {told}, {state}"
     of_time = [f"     {loop.judged}"] if loop.judged else []
     shelved = [f"     {loop.shelved}"] if loop.shelved else []
     return [head, *of_time, *shelved, f"     {_line(loop.why)}", *([f"     {loop.address}"] if loop.address else [])]

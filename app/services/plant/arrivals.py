@@ -77,29 +77,24 @@ def sentences(found: Arrivals, clock: PlantClock, since: str = "ago") -> list[st
         told = f"Recorded up to {clock.told(found.recorded_to)}"
         lines.append(f"{told}{old(found.age, since)}: no newer export has come." if found.late else f"{told}.")
     if found.behind:
-        named = _listed(found.named, found.behind, clock)
+        named = listed(found.named, found.behind, clock)
         lines.append(f"{_loops(found.behind)} no samples for two days or more before that: {named}.")
     if found.ahead:
         have = f"{found.ahead} loops have" if found.ahead > 1 else "One loop has"
-        named = _listed(found.named_ahead, found.ahead, clock)
+        named = listed(found.named_ahead, found.ahead, clock)
         lines.append(f"{have} samples ahead of the clock, is their time zone right? {named}.")
     if found.undated:
-        named = _listed(found.named_undated, found.undated)
+        named = listed(found.named_undated, found.undated)
         lines.append(
             f"Without a date, because their files tell no start: {named}. No other loop is compared with them."
         )
     return lines
 
 
-def _listed(named: tuple[tuple[str, str], ...], count: int, clock: PlantClock | None = None) -> str:
-    """With their newest samples, where times are told by a clock."""
+def listed(named: tuple[tuple[str, str], ...], count: int, clock: PlantClock | None = None) -> str:
+    """Tags with their newest samples, where times are told by a clock."""
     shown = ", ".join(f"{' '.join(tag.split())}{f' ({clock.short(end)})' if clock else ''}" for tag, end in named)
     return f"{shown} and {count - len(named)} more" if count > len(named) else shown
-
-
-def of_run(backend: Backend, audit_id: int, found: Arrivals) -> list[str]:
-    """The same of a run, whenever it is asked for. found: `arrivals` of what it was given."""
-    return [*sentences(found, backend.clock, "before the run"), *nothing_new(backend, audit_id)]
 
 
 def nothing_new(backend: Backend, audit_id: int) -> list[str]:

@@ -22,6 +22,14 @@ def moved(row: Any) -> str:
     return f"{_seen(for_it, of_before)}probability {probability(before)} -> {probability(now)}"
 
 
+def hardly_moved(row: Any) -> str:
+    """ "probability 0.48 -> 0.55", of a verdict whose evidence is about the same; empty where it has no measured
+    probability."""
+    now, before = row.probability, row.probability_before
+    prior = PRIOR_ONLY in f"{row.reasons};{row.reasons_before or ''}".split(";")
+    return "" if prior or now is None or before is None else f"probability {probability(before)} -> {probability(now)}"
+
+
 def _seen(now: dict[str, Shape], before: dict[str, Shape]) -> str:
     """The shape that both verdicts tell a value of and that moved most, else the loudest of now."""
     both = [(_step(now[code], before[code]), code) for code in now if code in before]

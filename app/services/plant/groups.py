@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Sequence
 from concurrent.futures import Future, wait
+from dataclasses import replace
 from typing import Any
 
 from app.engine.plant_wide.groups import IN_STEP, UNNAMED, Group, groups
@@ -10,6 +11,7 @@ from app.nanoseconds import NS_PER_S
 from app.services.auditing.swings import candidates
 from app.services.backend import Backend
 from app.services.moments import iso_utc, moment_of
+from app.services.plant.set_points import set_points_together
 from app.services.results import GroupMember, GroupView
 from app.storage import verdicts
 
@@ -23,10 +25,11 @@ _one_at_a_time = threading.Lock()
 IN_STEP_FROM = IN_STEP
 KEPT = 8
 PATIENCE_S = 0.1
+LOOKED_INTO = 20
 
 
 def plant_groups(backend: Backend) -> Groups:
-    """Groups in step first, the larger ones first; no samples are read."""
+    """Groups in step first, the larger ones first; samples are read of few loops, and once."""
     return _begun(backend, _state(backend)).result()
 
 
@@ -71,7 +74,20 @@ def _worked_out(backend: Backend) -> Groups:
     with backend.database.read() as connection:
         rows = verdicts.swings(connection)
     units = {row.tag: row.unit for row in rows}
-    return tuple(_view(number, group, units) for number, group in enumerate(groups(candidates(rows)), 1))
+    found = [_view(number, group, units) for number, group in enumerate(groups(candidates(rows)), 1)]
+    return tuple(_asked_of_set_points(backend, found))
+
+
+def _asked_of_set_points(backend: Backend, found: Sequence[GroupView]) -> list[GroupView]:
+    """The groups that nothing within shakes, and not chance either, with whether their set points move together: of the
+    first LOOKED_INTO, because samples are read for it."""
+    asked = [group.id for group in found if group.source is None and not unnamed(group)][:LOOKED_INTO]
+    return [
+        replace(group, set_points_together=set_points_together(backend, [member.loop for member in group.members]))
+        if group.id in asked
+        else group
+        for group in found
+    ]
 
 
 def groups_of(backend: Backend, tag: str) -> list[GroupView]:

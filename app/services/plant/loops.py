@@ -5,13 +5,17 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cache
 from typing import Any
 
+from sqlalchemy import Connection
+
 from app.errors import FieldError, LoopauditError, NotFoundError, RequestError
 from app.services.auditing.rows import FORM, KEY_FIGURES, as_row, compact, sent
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.moments import iso_utc, moment_of
+from app.services.plant.continuing import CONTINUES, check, check_retired, follow, taken_over
+from app.services.plant.written import marks_of, written_of
 from app.services.results import FailureView, LoopsChanged, LoopView, Page
-from app.storage import items, loops, verdicts
+from app.storage import continuing, items, loops, verdicts
 from app.storage.loops import SETTABLE, SPANS, ListFilter, LoopRow
 from app.storage.types import storable
 
@@ -33,7 +37,7 @@ __all__ = [
 ]
 
 KNOWN_TYPES = ("flow", "pressure", "level", "temperature", "composition", "speed", "position", "other")
-WORDS = ("unit", "type", "description", "pv_unit")
+WORDS = ("unit", "type", "description", "pv_unit", "continues")
 LONGEST_WORDS, MOST_IMPORTANT = 200, 1000
 RETIRED: dict[str, bool | None] = {"true": True, "false": False, "any": None}
 """Which loops are asked for: those that are retired, those that are not, or both."""
@@ -71,13 +75,18 @@ def patch_loop(
     if unknown_fields:
         raise RequestError("unknown_field", f"a loop has no {unknown_fields[0]!r} to set; it has {', '.join(SETTABLE)}")
     with backend.database.write() as connection:
+        loops.to_change(connection, loops.ids_of(connection, _named(tag, changes)).values())  # in one order for all
         row = loops.by_tag(connection, tag, to_change=True)
         if row is None:
             raise unknown(tag)
         if only_if is not None and not only_if(_view(row)):
             text = f"loop {tag!r} is not as the request takes it to be: get it again and look at what has changed"
             raise RequestError("changed_meanwhile", text)
-        loops.change(connection, row.id, _wanted(row, changes, lambda: loops.types(connection)))
+        values = _wanted(row, changes, lambda: loops.types(connection))
+        values, earlier = _continuing(connection, row, values)
+        loops.change(connection, row.id, values)
+        if values[CONTINUES] != row.continues:
+            follow(connection, row, earlier)
         return _view(loops.by_ids(connection, [row.id])[row.id])
 
 
@@ -87,24 +96,43 @@ def change_loops(backend: Backend, wanted: Sequence[tuple[str, Mapping[str, Any]
     """
     refused: list[FailureView] = []
     with backend.database.write() as connection:
-        ids = loops.ids_of(connection, sorted({tag for tag, _ in wanted if storable(tag) == tag}))
+        ids = loops.ids_of(connection, sorted({one for tag, changes in wanted for one in _named(tag, changes)}))
         rows = loops.to_change(connection, ids.values())
         own_types = cache(lambda: frozenset(loops.types(connection)))
         changed: dict[int, dict[str, Any]] = {}
+        before: dict[int, LoopRow | None] = {}
         for tag, changes in wanted:
             try:
                 row = _named_once(tag, ids, rows, changed)
-                changed[row.id] = _wanted(row, changes, own_types)
+                values = _wanted(row, changes, own_types)
+                changed[row.id], before[row.id] = _continuing(connection, row, values)
             except LoopauditError as error:
                 refused.append(refusal(tag, error.code, error.message))
         news = {loop_id: values for loop_id, values in changed.items() if _differs(rows[loop_id], values)}
         loops.change_each(connection, news)
+        for loop_id in (one for one in news if news[one][CONTINUES] != rows[one].continues):
+            follow(connection, rows[loop_id], before[loop_id])
     return LoopsChanged(len(news), len(changed) - len(news), refused)
 
 
 def refusal(tag: str, code: str, text: str) -> FailureView:
     """Whatever a list calls a loop: half of a letter could not be answered."""
     return FailureView(storable(tag), code, storable(text))
+
+
+def _named(tag: str, changes: Mapping[str, Any]) -> list[str]:
+    """The tags that a change is about, as far as they can be stored."""
+    earlier = changes.get(CONTINUES)
+    return sorted({one for one in (tag, earlier) if isinstance(one, str) and storable(one) == one})
+
+
+def _continuing(connection: Connection, row: LoopRow, values: dict[str, Any]) -> tuple[dict[str, Any], LoopRow | None]:
+    """The values, with what the loop takes of the one that it continues from now on, and that one."""
+    anew = values[CONTINUES] not in (row.continues, None)
+    earlier = check(connection, row.tag, values[CONTINUES]) if anew else None
+    if row.retired and not values["retired"]:
+        check_retired(connection, row.tag)
+    return values | (taken_over(values, earlier) if earlier else {}), earlier
 
 
 def _named_once(tag: str, ids: Mapping[str, int], rows: Mapping[int, LoopRow], changed: Mapping[int, Any]) -> LoopRow:
@@ -144,14 +172,15 @@ def loop_health(backend: Backend, tag: str) -> dict[str, Any]:
     if figures is None:  # a verdict that an older version wrote
         with backend.database.read() as connection:
             figures = (verdicts.detail(connection, loop_id, newest["audit_id"]) or {}).get(KEY_FIGURES, {})
-    return as_row(newest) | figures
+    row = as_row(newest)
+    return written_of(backend, [row]).beside(row) | figures
 
 
 def loop_health_json(backend: Backend, tag: str) -> str:
     """`loop_health` as JSON, in most cases as it was written with the verdict."""
     with backend.database.read() as connection:
         written = verdicts.sent_health(connection, tag, FORM)
-    if written is None:
+    if written is None or marks_of(backend, [tag]).tags:
         return compact(loop_health(backend, tag))
     row, figures, unit = written
     return sent(row, unit, figures)
@@ -165,6 +194,16 @@ def verdict_history(backend: Backend, tag: str, limit: int = 100, cursor: str | 
         found = verdicts.history(connection, row.id, limit + 1, before[0] if before else None)
     following = encode(found[limit - 1]["audit_id"]) if len(found) > limit else None
     return Page([as_row(verdict) for verdict in found[:limit]], following)
+
+
+def chained_history(backend: Backend, tag: str, limit: int) -> list[dict[str, Any]]:
+    """The same with the verdicts of the loops that it continues behind its own, `loop` of each the tag that it had."""
+    with backend.database.read() as connection:
+        before = continuing.earlier_of(connection, [tag]).get(tag, [])
+    told: list[dict[str, Any]] = []
+    for one in (tag, *before):
+        told += verdict_history(backend, one, limit - len(told)).rows if len(told) < limit else []
+    return told
 
 
 def newest_failure(backend: Backend, tag: str) -> tuple[int, str] | None:

@@ -1,11 +1,15 @@
 """What the last nights said of a loop: one verdict may be a bad night's, seven that agree are none."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from app.engine.long_records.episodes import BEGAN
 from app.services.backend import Backend
+from app.services.moments import iso_utc
 from app.services.wording import RELIABILITY_BRIEF, VERDICT_WORDS
+from app.storage import continuing
 from app.storage import nights as stored
 
 NIGHTS = 7
@@ -37,13 +41,24 @@ class Night:
 
 def nights(backend: Backend, tags: Sequence[str], until: int | None = None) -> dict[str, tuple[Night, ...]]:
     """Of each loop the last verdict of each of its newest dates, the oldest first; a loop without one is left out.
+    Those of the loop that it continues are among them.
     until: the last run that counts."""
     with backend.database.read() as connection:
-        rows = stored.recent(connection, tags, AUDITS, until)
-    found: dict[str, dict[str, Any]] = {}
+        chains = continuing.earlier_of(connection, tags)
+        before = [one for chain in chains.values() for one in chain]
+        rows = stored.recent(connection, [*tags, *before], AUDITS, until)
+    by_tag: dict[str, dict[str, Any]] = {}
     for row in rows:
-        found.setdefault(row.tag, {})[backend.clock.date(row.audited_at)] = row
+        by_tag.setdefault(row.tag, {})[backend.clock.date(row.audited_at)] = row
+    found = {tag: _together([by_tag.get(one, {}) for one in (*chains.get(tag, ())[::-1], tag)]) for tag in tags}
+    found = {tag: dated for tag, dated in found.items() if dated}
     return {tag: _nights(dated)[-NIGHTS:] for tag, dated in found.items()}
+
+
+def _together(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """By date, in its order; where a loop had two tags on one date, what was said under the later one."""
+    whole = {date: row for part in parts for date, row in part.items()}
+    return dict(sorted(whole.items()))
 
 
 def _nights(dated: Mapping[str, Any]) -> tuple[Night, ...]:
@@ -63,3 +78,25 @@ def _again(row: Any, before: Any) -> str:
         return "nothing new was recorded"
     same_window = row.window_end is not None and row.window_end == before.window_end
     return "judged on what was judged before" if same_window else ""
+
+
+@dataclass(frozen=True)
+class Onset:
+    """When a valve began to stick that has stuck since without a break (ISO 8601, UTC): the hour, where its first
+    verdict saw it begin (`seen`), else when that was said. first: whether nothing else was ever said of the loop."""
+
+    at: str
+    seen: bool
+    first: bool
+
+
+def onsets(backend: Backend, tags: Sequence[str], until: int | None = None) -> dict[str, Onset]:
+    """By tag, of the loops that stick. As the first verdict told it: the later ones see less and less of it."""
+    with backend.database.read() as connection:
+        rows = stored.first_sticking(connection, tags, until)
+    return {row.tag: _onset(row) for row in rows}
+
+
+def _onset(row: Any) -> Onset:
+    began = json.loads(row.extra_json).get("episode_start") if BEGAN in row.reasons.split(";") else None
+    return Onset(began or iso_utc(row.audited_at) or "", bool(began), row.otherwise is None)

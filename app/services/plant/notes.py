@@ -5,13 +5,13 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from app.errors import NotFoundError, RequestError
-from app.services.auditing.repairs import side_of
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.moments import iso_utc
 from app.services.plant.loops import find, verdict_history
 from app.services.plant.shelving import check_shelving, kind_at
 from app.services.plant.shelving import withdraw_shelving as withdraw_from_shelf
+from app.services.repair_sides import side_of
 from app.services.results import NoteView, Page
 from app.storage import notes
 from app.storage.notes import NoteRow
@@ -148,4 +148,5 @@ def _view(note: NoteRow | None) -> NoteView:
         shelved_until=iso_utc(note.shelved_until),
         withdrawn_at=iso_utc(note.withdrawn_at),
         withdrawn_by=note.withdrawn_by or None,
+        written_of=note.written_of,
     )

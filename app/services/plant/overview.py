@@ -8,21 +8,20 @@ from typing import Any, Literal
 
 from app.engine.long_records.episodes import BEGAN
 from app.services.auditing.audits import get_audit
-from app.services.auditing.repairs import BEFORE_REPAIR, SINCE_REPAIR, of_before
 from app.services.backend import Backend
-from app.services.moments import PlantClock, iso_utc
-from app.services.plant.contradicted import contradicted
-from app.services.plant.evidence_moved import moved
+from app.services.moments import iso_utc
+from app.services.plant.evidence_moved import hardly_moved, moved
 from app.services.plant.judged import ToManual, to_manual
 from app.services.plant.reliability import checked, following, place_of, with_loop
-from app.services.plant.shelving import Shelf, Shelved, shelf, step_of
+from app.services.plant.shelving import Shelf, shelf
+from app.services.plant.written import written_of
+from app.services.repair_sides import BEFORE_REPAIR, SINCE_REPAIR
 from app.services.results import AuditView, ChangedBy, ChangeView, Page, UnitView
 from app.services.stored_evidence import began_at
 from app.services.wording import UNANSWERED, WHY_WORDS, cause_words
-from app.storage import notes, plant, verdicts
+from app.storage import plant, verdicts
 from app.storage.loops import count as count_loops
 from app.storage.loops import count_retired
-from app.storage.notes import Standing
 from app.storage.verdicts import RowFilter
 
 LISTED_CHANGES = 200
@@ -31,6 +30,9 @@ MOST_TILES = 400  # what a browser lays out and paints at once
 LEAST_TILES = 3
 FILLED_MORE = 0.05
 FEWER_SAMPLES = 0.8
+SECOND_NIGHT = "said for the second night"
+NEWS_FROM = 0.3
+"""By so much the probability has moved where a change that is not to be relied on is news."""
 BEGAN_WORDS = "began to stick"
 LONGER_WORDS = "more was recorded than before"
 OF_REPAIRS = {SINCE_REPAIR, BEFORE_REPAIR}
@@ -98,7 +100,8 @@ def changes(backend: Backend, limit: int = LISTED_CHANGES) -> Changes:
         since = run.id + 1 if first else run.id
         compared = not first or plant.any_run_since(connection, run.id)
         found = plant.changes(connection, since, limit + 1) if compared else []
-    rows = [change_of(row) for row in found[:limit]]
+        again = plant.second_nights(connection, run.id, limit) if compared and not first else []
+    rows = quiet_last([*(change_of(row) for row in found[:limit]), *second_night(again, found)])
     manual = to_manual(backend, since, and_since=True) if compared else []
     return Changes(str(run.id), iso_utc(run.created_at), rows, len(found) > limit, compared, manual, first)
 
@@ -126,12 +129,13 @@ def worst(
     """The loops at the head of the list by what is missing to full health x importance, without those that are
     shelved; `beside`: tags of those that are listed elsewhere; since_ns: only loops with a sample as new as that."""
     rows = not_shelved(backend, limit + len(beside), RowFilter(recorded_from_ns=since_ns))
-    return [row for row in rows if row["loop"] not in beside][:limit]
+    return [row | {"of_old_record": False} for row in rows if row["loop"] not in beside][:limit]
 
 
 def worst_of_old(backend: Backend, since_ns: int | None, limit: int = WORST) -> list[dict[str, Any]]:
     """The same of the loops that are left out there: what is said of them is of an old record."""
-    return [] if since_ns is None else not_shelved(backend, limit, RowFilter(recorded_before_ns=since_ns))
+    found = [] if since_ns is None else not_shelved(backend, limit, RowFilter(recorded_before_ns=since_ns))
+    return [row | {"of_old_record": True} for row in found]
 
 
 def nothing_worst(sticking: int, old: bool) -> str:
@@ -168,32 +172,10 @@ def table(
     with backend.database.read() as connection:
         place = asked[1] if asked is not None and asked[0] == sort else None
         found = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), place)
-        shown = [with_loop(row) for row in found[:limit]]
-        written = notes.standing(connection, [row["loop"] for row in shown], notes_until)
-        disagree = contradicted(connection, shown)
-    work = WrittenWork(written, (shelved or shelf(backend)).by_tag(), disagree, backend.clock)
-    return Page([_with_work(row, work) for row in shown], following(found, limit, sort))
-
-
-@dataclass(frozen=True)
-class WrittenWork:
-    """What notes say of the loops of a page, by tag, and which of them their newest explanation contradicts."""
-
-    standing: dict[str, Standing]
-    shelved: dict[str, Shelved]
-    disagree: frozenset[str]
-    clock: PlantClock
-
-
-def _with_work(row: dict[str, Any], work: WrittenWork) -> dict[str, Any]:
-    written, shelved = work.standing.get(row["loop"], Standing()), work.shelved.get(row["loop"])
-    repaired_at = iso_utc(written.repaired_at)
-    step = step_of(row, repaired_at, shelved, work.clock, disagrees=row["loop"] in work.disagree)
-    written_of = {"work_order": written.work_order, "repaired_at": repaired_at}
-    told = written_of | {"next_step": step, "of_before_repair": of_before(row, repaired_at)}
-    if shelved is None:
-        return row | told | {"shelved_until": None, "shelved": None}
-    return row | told | {"shelved_until": shelved.until, "shelved": shelved.words(work.clock)}
+    shown = [with_loop(row) for row in found[:limit]]
+    written = written_of(backend, shown, shelved, notes_until)
+    told = [{**written.beside(row), "shelved": written.shelved_words(row)} for row in shown]
+    return Page(told, following(found, limit, sort))
 
 
 def tiles(backend: Backend) -> dict[str, list[Any]]:
@@ -263,8 +245,29 @@ def _mean_health(rows: list[Any]) -> float | None:
     return sum(row.weighted_health for row in told) / weight if weight else None
 
 
+def quiet_last(changes: Sequence[ChangeView]) -> list[ChangeView]:
+    """What wavers is listed behind what is news."""
+    return sorted(changes, key=lambda change: change.kind == "wavers")
+
+
+def second_night(again: Sequence[Any], changed: Sequence[Any]) -> list[ChangeView]:
+    """Those of `plant.second_nights` that are news, and that have not changed since."""
+    since = {row.tag for row in changed}
+    return [told for row in again if row.tag not in since and (told := of_second_night(row)) is not None]
+
+
+def of_second_night(row: Any) -> ChangeView | None:
+    """A change that wavered the night before and stands: news now. None where it was news then."""
+    before, between = row.probability_before, row.probability_between
+    if None not in (before, between) and abs(between - before) >= NEWS_FROM:
+        return None
+    told = change_of(row)
+    return replace(told, kind="new", because=f"{SECOND_NIGHT}; {told.because}")
+
+
 def change_of(row: Any) -> ChangeView:
-    kind, why = _kind(row.verdict_before, row.verdict), _why(row)
+    why = _why(row)
+    kind = "wavers" if _wavers(row, why) else _kind(row.verdict_before, row.verdict)
     verdicts_told = (row.verdict_before, row.verdict, why, _because(why, row))
     of_now = (row.reasons_text, row.health, row.reliability, row.likely_cause)
     return ChangeView(row.tag, row.unit, kind, *verdicts_told, *of_now)
@@ -275,6 +278,16 @@ def _kind(before: str | None, now: str) -> Literal["new", "cured", "flipped"]:
     if now == "stiction":
         return "new"
     return "cured" if before == "stiction" and now == "no_stiction" else "flipped"
+
+
+def _wavers(row: Any, why: ChangedBy) -> bool:
+    """Whether a change is that of a loop on the edge: not to be relied on, and its probability has hardly moved. A
+    valve that began to stick, and a PV that never answers, are news all the same."""
+    if why not in ("loop", "data") or row.reliability == "reliable" or row.likely_cause == UNANSWERED:
+        return False
+    probabilities = (row.probability_before, row.probability)
+    near = None in probabilities or abs(probabilities[1] - probabilities[0]) < NEWS_FROM
+    return near and BEGAN not in row.reasons.split(";")
 
 
 def _why(row: Any) -> ChangedBy:
@@ -305,6 +318,8 @@ def _because(why: ChangedBy, row: Any) -> str:
     words, evidence = _cause(why, row), moved(row) if why in ("loop", "data") else ""
     if words.startswith(BEGAN_WORDS):
         return words
+    if words == WHY_WORDS["loop"]:
+        return evidence or hardly_moved(row) or words
     return f"{evidence}; {words}" if evidence else words
 
 

@@ -1,7 +1,8 @@
 """The per-loop reliability table: a page of rows, as they are or as JSON."""
 
 import hashlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import json
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,7 @@ from app.services.auditing.rows import FORM, as_row, compact
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, refused
 from app.services.moments import iso_utc, moment_of
+from app.services.plant.written import marks_of, written_of
 from app.services.results import Page
 from app.storage import verdicts
 from app.storage.verdicts import SORTABLE, After, RowFilter, SentRow, Settled
@@ -53,7 +55,9 @@ def reliability_page(
     with backend.database.read() as connection:
         after = _after(cursor, sort)
         rows = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), after)
-    return Page([(with_loop if of_loop else as_row)(row) for row in rows[:limit]], following(rows, limit, sort))
+    shown = [(with_loop if of_loop else as_row)(row) for row in rows[:limit]]
+    written = written_of(backend, shown)
+    return Page([written.beside(row) for row in shown], following(rows, limit, sort))
 
 
 def with_loop(stored: dict[str, Any]) -> dict[str, Any]:
@@ -96,8 +100,9 @@ def reliability_json(
     behind = encode(sort, last.value, last.tag) if last else None
     shown = rows[:limit]
     runs = {str(number): list(map(str, times)) for number, times in sorted(settled.items())}
-    said = [FORM, behind, runs, [(row.loop_id, row.audit_id, row.unit) for row in shown]]
-    return TableAnswer(_digest(compact(said).encode()), lambda: _written(backend, shown, settled, behind))
+    marks = marks_of(backend, [row.tag for row in shown])
+    said = [FORM, behind, runs, [(row.loop_id, row.audit_id, row.unit) for row in shown], marks.told]
+    return TableAnswer(_digest(compact(said).encode()), lambda: _written(backend, shown, settled, behind, marks.tags))
 
 
 def _digest(said: bytes) -> str:
@@ -122,23 +127,40 @@ def checked(limit: int, sort: str) -> str:
 
 
 def _written(
-    backend: Backend, rows: Sequence[SentRow], settled: Mapping[int, Settled], next_cursor: str | None
+    backend: Backend,
+    rows: Sequence[SentRow],
+    settled: Mapping[int, Settled],
+    next_cursor: str | None,
+    marked: Collection[str],
 ) -> bytes:
-    """Each row's JSON as stored, else made from its columns; none where its verdict has been dropped meanwhile."""
+    """Each row's JSON as stored, else made from its columns; none where its verdict has been dropped meanwhile.
+
+    marked: tags of loops of which something is written that no stored row tells; few, so that these are made anew.
+    """
     with backend.database.read() as connection:
         texts = backend.row_texts.of(connection, rows, settled, FORM)
         unwritten = [row.loop_id for row in rows if row.loop_id not in texts]
-        made = verdicts.newest_of(connection, unwritten) if unwritten else {}
+        stored = verdicts.newest_of(connection, unwritten) if unwritten else {}
+    told = {tag: as_row(row) for tag, row in stored.items()}
+    told |= {
+        row.tag: _read(texts.pop(row.loop_id), row.unit) for row in rows if row.tag in marked and row.loop_id in texts
+    }
+    written = written_of(backend, list(told.values())) if told else None
     units = {unit: f',"unit":{compact(unit)}}}'.encode() for unit in {row.unit for row in rows}}
     pieces: list[bytes] = []  # put together once: 40 MB are not copied row by row before
     for row in rows:
         text = texts.get(row.loop_id)
         if text is not None:
             pieces += (b",{", text, units[row.unit])
-        elif row.tag in made:
-            pieces += (b",", compact(as_row(made[row.tag])).encode())
+        elif written is not None and row.tag in told:
+            pieces += (b",", compact(written.beside(told[row.tag])).encode())
     pieces[:1] = [piece.removeprefix(b",") for piece in pieces[:1]]
     return b"".join((b'{"rows":[', *pieces, *_ending(next_cursor)))
+
+
+def _read(text: bytes, unit: str | None) -> dict[str, Any]:
+    """A row that is stored as JSON."""
+    return {**json.loads(b"{" + text + b"}"), "unit": unit}
 
 
 def _body(rows: Iterable[bytes], next_cursor: str | None) -> bytes:

@@ -1,12 +1,15 @@
 """Whether the repairs of the last fortnight helped: what is asked first on the morning after one."""
 
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any, Literal
 
-from app.services.auditing.repairs import side_of
+from sqlalchemy import Connection
+
 from app.services.backend import Backend
 from app.services.moments import iso_utc
+from app.services.repair_sides import side_of
 from app.services.wording import VERDICT_WORDS, brief
 from app.storage import repaired as stored
 
@@ -26,6 +29,7 @@ OUTCOME_WORDS: dict[Outcome, str] = {
     "waiting": "not judged since",
 }
 """In the order in which they are listed."""
+IN_VAIN: tuple[Outcome, ...] = ("sticks", "doubtful")
 
 
 @dataclass(frozen=True)
@@ -76,6 +80,29 @@ def repairs(backend: Backend, audit_id: int | None = None, at: datetime | None =
     order = list(OUTCOME_WORDS)
     views = sorted((_view(row) for row in rows), key=lambda view: order.index(view.outcome))
     return Repairs(views[:LISTED], len(views) > LISTED)
+
+
+def asked_after(repaired_at: datetime) -> bool:
+    """Whether a repair is so fresh that it is asked whether it helped."""
+    return repaired_at > datetime.now(UTC) - LOOKED_BACK
+
+
+def in_vain(
+    connection: Connection, rows: Sequence[Mapping[str, Any]], tags: Collection[str], at: datetime | None = None
+) -> dict[str, Outcome]:
+    """By tag of those rows of the reliability table whose loop was repaired in the fortnight up to now, or `at`, and
+    sticks on: "sticks" or "doubtful". tags: the loops of which a repair is known."""
+    at = at or datetime.now(UTC)
+    known = stored.between(connection, at - LOOKED_BACK, at, None, len(tags), tags) if tags else []
+    found = {row.tag: row for row in known}
+    outcomes = {row["loop"]: _of_row(row, found[row["loop"]]) for row in rows if row["loop"] in found}
+    return {tag: outcome for tag, outcome in outcomes.items() if outcome in IN_VAIN}
+
+
+def _of_row(row: Mapping[str, Any], repair: Any) -> Outcome:
+    start, end = (row[name] and datetime.fromisoformat(row[name]) for name in ("window_start", "window_end"))
+    told = side_of(start, end, repair.repaired_at) == "after"
+    return _outcome(repair.verdict_before, row["verdict"] if told else None, row["reliability"] == "reliable")
 
 
 def _view(row: Any) -> RepairView:

@@ -3,17 +3,14 @@
 It is audited and counted as ever, and listed all the same once it is worse in kind than when it was shelved.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from typing import Any
 
 from sqlalchemy import Connection
 
 from app.errors import NotFoundError, RequestError
 from app.services.backend import Backend
 from app.services.moments import PlantClock, iso_utc
-from app.services.next_steps import UNTIL_THEY_AGREE, next_step
 from app.services.wording import UNANSWERED, VERDICT_WORDS, brief
 from app.storage import notes, shelvings
 from app.storage.shelvings import ShelvedRow
@@ -122,21 +119,6 @@ def withdraw_shelving(backend: Backend, loop_id: int, tag: str, note_id: int, wi
         if note is None or note.shelved_until is None:
             raise NotFoundError("no_such_shelving", f"no note {note_id} of loop {tag!r} shelves it")
         shelvings.withdraw(connection, loop_id, note_id, withdrawn_by)
-
-
-def step_of(
-    row: Mapping[str, Any],
-    repaired_at: str | None,
-    shelved: Shelved | None,
-    clock: PlantClock,
-    *,
-    disagrees: bool,
-) -> str:
-    """What to do about a loop: to wait, as long as it is shelved and nothing got worse. disagrees: whether its newest
-    explanation contradicts its verdict."""
-    if shelved is not None and not shelved.worse:
-        return f"Wait: {shelved.words(clock)}."
-    return UNTIL_THEY_AGREE if disagrees else next_step(row, repaired_at)
 
 
 def _kind(verdict: str | None, reliability: str | None, likely_cause: str | None) -> str:

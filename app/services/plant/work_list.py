@@ -10,8 +10,9 @@ from app.engine.long_records.episodes import BEGAN
 from app.services.backend import Backend
 from app.services.moments import PlantClock
 from app.services.plant.judged import Judged, judged
-from app.services.plant.nights import NIGHTS, Night, nights
+from app.services.plant.nights import NIGHTS, Night, Onset, nights, onsets
 from app.services.plant.overview import not_shelved
+from app.services.plant.repaired import repairs
 from app.services.plant.shelving import Shelf, Shelved
 from app.services.wording import UNANSWERED, VERDICT_WORDS, brief, codes_of, looked_at_today
 from app.storage.verdicts import RowFilter
@@ -52,27 +53,38 @@ def work_list(
     notes_until: datetime | None = None,
 ) -> list[Work]:
     """By the newest verdicts, or those of a run, without the loops that are `shelved`; since_ns: only loops with a
-    sample as new as that; notes_until: orders and repairs as they were written then (None: by now). What wants a look
-    today begins with the newest; in the other parts those come first that lack most to full health, times their
-    importance."""
+    sample as new as that; notes_until: orders and repairs as they were written then (None: by now). Repairs that did
+    not help come first, then what wants a look today, which begins with the newest; in the other parts those come first
+    that lack most to full health, times their importance."""
 
     def listed(limit: int, **asked: Any) -> list[Work]:
         wanted = RowFilter(**asked, audit_id=audit_id, recorded_from_ns=since_ns)
         rows = not_shelved(backend, limit, wanted, shelved, notes_until) if limit else []
         tags = [row["loop"] for row in rows]
         last, of_time = nights(backend, tags, audit_id), judged(backend, tags, audit_id)
-        told = [(row, last.get(row["loop"], ()), of_time.get(row["loop"])) for row in rows]
-        return [_work(*one, shelved.of(one[0]["loop"]), backend.clock) for one in told]
+        began = onsets(backend, tags, audit_id)
 
+        def told(row: Mapping[str, Any]) -> Work:
+            tag = row["loop"]
+            since = _since(row, last.get(tag, ()), backend.clock, began.get(tag))
+            return _work(row, since, of_time.get(tag), shelved.of(tag), backend.clock)
+
+        return [told(row) for row in rows]
+
+    failed = [repair.loop for repair in repairs(backend, audit_id, notes_until).listed if repair.outcome == "sticks"]
+    work = listed(most, tags=tuple(failed), verdict=("stiction",), reliability="reliable") if failed else []
+    again = {one.loop for one in work}
     today = listed(LOOKED_AT, verdict=("inconclusive", "not_auditable"), likely_cause=UNANSWERED)
-    work = sorted(today, key=lambda one: one.since, reverse=True)[: min(MOST_TODAY, most)]
+    work += sorted(today, key=lambda one: one.since, reverse=True)[: min(MOST_TODAY, most - len(work))]
     for reliability in ("reliable", "not_reliable"):
-        work += listed(most - len(work), verdict=("stiction",), reliability=reliability)
+        room = most - len(work)
+        sticking = listed(room and room + len(again), verdict=("stiction",), reliability=reliability)
+        work += [one for one in sticking if one.loop not in again][:room]
     return work
 
 
 def _work(
-    row: Mapping[str, Any], last: Sequence[Night], of_time: Judged | None, shelved: Shelved | None, clock: PlantClock
+    row: Mapping[str, Any], since: str, of_time: Judged | None, shelved: Shelved | None, clock: PlantClock
 ) -> Work:
     # What is said of a shelving names the order that it was shelved with.
     told = shelved is not None and shelved.work_order == row["work_order"]
@@ -85,7 +97,7 @@ def _work(
         told=f"{VERDICT_WORDS[row['verdict']]}, {brief(row)}",
         step=row["next_step"],
         size=_size(row),
-        since=_since(row, last, clock),
+        since=since,
         written=", ".join(written),
         judged=of_time.words(clock) if of_time else "",
         shelved=row["shelved"] or "",
@@ -99,13 +111,38 @@ def _size(row: Mapping[str, Any]) -> str:
     return f"S {size:.3g}" if of_span is None else f"S {of_span:.1f} % of OP's span"
 
 
-def _since(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock) -> str:
-    """Of a valve that began to stick within the record, when; else the first of the nights that said the same."""
+def _since(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock, onset: Onset | None = None) -> str:
+    """Of a valve that sticks, when it began to, as its first verdict told it; else the first of the nights that said
+    the same. Where a repair came in between that is told."""
+    if row["verdict"] == "stiction" and onset is not None:
+        return _since_onset(row, last, clock, onset)
     if BEGAN in codes_of(row) and row["episode_start"]:
         return f"since {clock.short(row['episode_start'])}"
+    return _since_night(row, last, clock)
+
+
+def _since_night(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock) -> str:
     alike = ("inconclusive", "not_auditable") if looked_at_today(row) else (row["verdict"],)
     same = list(takewhile(lambda night: night.verdict in alike, reversed(last)))
     if not same:
         return ""
     longer = " or longer" if len(same) in (len(last), NIGHTS) and len(last) > 1 else ""
-    return f"since {same[-1].date}{longer}"
+    return f"since {same[-1].date}{longer}{_over(row, same[-1].date, clock)}"
+
+
+def _since_onset(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock, onset: Onset) -> str:
+    """Where the nights of a tag before this one said the same, it is older than the loop's own first verdict."""
+    day = clock.date(datetime.fromisoformat(onset.at))
+    if onset.first and last and last[0].date < day:
+        return _since_night(row, last, clock)
+    began = clock.short(onset.at) if onset.seen else day
+    longer = " or longer" if onset.first and not onset.seen and len(last) > 1 else ""
+    return f"since {began}{longer}{_over(row, began, clock)}"
+
+
+def _over(row: Mapping[str, Any], since: str, clock: PlantClock) -> str:
+    """Of a valve that sticks since a day or a time before its repair."""
+    if row["verdict"] != "stiction" or not row["repaired_at"] or row["of_before_repair"]:
+        return ""
+    at = datetime.fromisoformat(row["repaired_at"])
+    return f", over the repair of {clock.date(at)}" if since[:10] < clock.date(at) else ""

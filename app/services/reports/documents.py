@@ -10,7 +10,6 @@ from sqlalchemy import Connection
 
 from app.errors import NotFoundError
 from app.services.addresses import loop_address
-from app.services.auditing.repairs import of_before
 from app.services.auditing.rival_wording import why_first
 from app.services.auditing.rows import as_row
 from app.services.auditing.size_wording import size_in_words
@@ -27,9 +26,12 @@ from app.services.plant.groups import groups_of
 from app.services.plant.groups import soon as groups_soon
 from app.services.plant.judged import judged
 from app.services.plant.periods import periods
-from app.services.plant.shelving import Shelf, shelf, step_of
+from app.services.plant.repaired import repairs
+from app.services.plant.shelving import Shelf, shelf
+from app.services.plant.silent import silences
 from app.services.plant.work_list import work_list
 from app.services.rendering import document
+from app.services.repair_sides import of_before
 from app.services.reports.svg import WIDTH, Ends, Line, chart
 from app.services.why_rely import contradiction, derivative, points
 from app.services.wording import measured_probability
@@ -55,17 +57,16 @@ def loop_report(backend: Backend, tag: str) -> str:
     row = loops.loop_health(backend, tag)
     detail = loops.verdict_detail(backend, tag)
     repair = notes.newest_repair(backend, tag)
-    repaired_at = None if repair is None else repair.repaired_at
-    history = loops.verdict_history(backend, tag, limit=NIGHTS).rows
+    history = loops.chained_history(backend, tag, NIGHTS)
     drawn = charts(backend, tag)
     explained = explanations.newest(backend, tag)
     disagrees = contradiction(row, explained)
     return document(
         "loop_report.html",
         it=found,
-        row=row | {"of_before_repair": of_before(row, repaired_at)},
+        row=row,
         detail=detail,
-        next_step=step_of(row, repaired_at, shelf(backend).of(tag), backend.clock, disagrees=bool(disagrees)),
+        next_step=row["next_step"],
         disagrees=disagrees,
         points=points(row, detail),
         derivative=derivative(row, explained),
@@ -104,7 +105,7 @@ def plant_report(backend: Backend) -> str:
         seen=seen,
         bars={unit.unit: _bar(unit.verdicts) for unit in seen.units},
         changed=plant.changes(backend),
-        arrivals=sentences(reach, backend.clock),
+        arrivals=[*sentences(reach, backend.clock), *silences(backend)],
         work=work_list(backend, shelved, since_ns=reach.current_ns),
         worst=worst,
         nothing_worst=plant.nothing_worst(seen.verdicts.get("stiction", 0), bool(old)),
@@ -113,6 +114,7 @@ def plant_report(backend: Backend) -> str:
         judged=judged(backend, listed),
         shelf=shelved,
         refused=refused.rows,
+        repairs=repairs(backend),
         groups=[group for group in groups_soon(backend) or () if not group.by_chance],
         public_url=backend.settings.public_url,
         address_of=lambda tag: loop_address(backend.settings.public_url, tag),
@@ -140,7 +142,7 @@ def _worst_of_old(backend: Backend, shelved: Shelf, since_ns: int | None) -> lis
         return []
     with backend.database.read() as connection:
         placed = stored_plant.worst_of_old(connection, plant.WORST, since_ns, shelved.left_out)
-        return [row for _, row in _told(connection, placed, shelved)]
+        return [row | {"of_old_record": True} for _, row in _told(connection, placed, shelved)]
 
 
 def _told(connection: Connection, placed: Sequence[Any], shelved: Shelf) -> list[tuple[str | None, dict[str, Any]]]:

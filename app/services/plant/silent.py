@@ -1,0 +1,82 @@
+"""Loops that stopped while the others went on, told the morning after: by how far each is usually behind the others."""
+
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime, timedelta
+from statistics import median_low
+
+from app.services.backend import Backend
+from app.services.moments import EPOCH, iso_utc, moment_of, ns_of
+from app.services.plant.arrivals import AHEAD, DATED_NS, LATE, NAMED, Arrivals, listed, nothing_new, sentences
+from app.storage import arrivals as stored
+
+STOPPED = timedelta(hours=12)
+"""Exports come once a day: who is farther behind than usual by half of one lacks the last one."""
+
+RUNS = 14
+SAMPLED = 51
+"""So many of the loops that are up to date stand for all, in the runs before."""
+
+LOOKED_AT = 500
+
+Ends = Mapping[int, Mapping[int, int]]
+"""By run and loop, the newest sample that it was given."""
+
+
+def silences(backend: Backend, audit_id: int | None = None, at: datetime | None = None) -> list[str]:
+    """Says which loops got no sample in the last export or two though at least half of the plant did, where that is
+    not usual for them; of what a run was given that began `at`, or of all as it is now. Those that are behind for
+    longer are told of by `arrivals`."""
+    found = silent(backend, audit_id, at)
+    if not found:
+        return []
+    have = f"{len(found)} loops have" if len(found) > 1 else "One loop has"
+    named = listed(tuple(found[:NAMED]), len(found), backend.clock)
+    return [f"{have} stopped, though the others went on: no newer sample than {named}."]
+
+
+def of_run(backend: Backend, audit_id: int, at: datetime, found: Arrivals) -> list[str]:
+    """What is told of the records of a run that began `at`, whenever it is asked for. found: `arrivals` of what it was
+    given."""
+    told = sentences(found, backend.clock, "before the run")
+    return [*told, *silences(backend, audit_id, at), *nothing_new(backend, audit_id)]
+
+
+def silent(backend: Backend, audit_id: int | None = None, at: datetime | None = None) -> list[tuple[str, str]]:
+    """Their tags and newest samples, the weightiest first."""
+    until_ns = ns_of((at or datetime.now(UTC)) + AHEAD)
+    with backend.database.read() as connection:
+        plant = stored.middle(connection, DATED_NS, until_ns, audit_id)
+        if plant is None:
+            return []
+        newest = stored.newest(connection, DATED_NS, until_ns, audit_id) or plant
+        since_ns, before_ns = max(DATED_NS, newest - _ns(LATE)), plant - _ns(STOPPED)
+        behind = stored.those_ending(connection, since_ns, before_ns, LOOKED_AT, audit_id)
+        if not behind:
+            return []
+        current = stored.those_ending(connection, plant, until_ns, SAMPLED, audit_id)
+        ids = [row.id for row in (*behind, *current)]
+        ends = stored.earlier(connection, ids, audit_id, RUNS)
+    middles = _middles(ends, [row.id for row in current])
+    stopped = [row for row in behind if _stopped(row.id, row.end_ns, plant, ends, middles)]
+    return [(row.tag, iso_utc(moment_of(row.end_ns)) or "") for row in stopped]
+
+
+def _middles(ends: Ends, current: Sequence[int]) -> dict[int, int]:
+    """By run, how far the records of the loops that are up to date reached."""
+    reached = {run: [given[loop] for loop in current if loop in given] for run, given in ends.items()}
+    return {run: median_low(told) for run, told in reached.items() if told}
+
+
+def _stopped(loop: int, end_ns: int, plant_ns: int, ends: Ends, middles: Mapping[int, int]) -> bool:
+    """Whether a loop is farther behind than it ever was while its samples still came; one that is new is not."""
+    lags = [
+        (given[loop], middles[run] - given[loop]) for run, given in ends.items() if loop in given and run in middles
+    ]
+    before = [lag for end, lag in lags if end < end_ns]
+    last = [lag for end, lag in lags if end == end_ns]
+    usual = [*before, *([min(last)] if last else [])]
+    return bool(usual) and plant_ns - end_ns > max(0, *usual) + _ns(STOPPED)
+
+
+def _ns(span: timedelta) -> int:
+    return ns_of(EPOCH + span)

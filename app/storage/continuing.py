@@ -1,0 +1,63 @@
+"""Loops that go on under another tag: which one continues which, and notes that went along."""
+
+from collections.abc import Collection, Sequence
+from datetime import datetime
+
+from sqlalchemy import Connection, func, or_, select, update
+
+from app.storage.bulk import among_many
+from app.storage.loops import IN_SERVICE
+from app.storage.tables import loops, notes, series
+
+LONGEST_CHAIN = 20
+
+
+def earlier_of(connection: Connection, tags: Collection[str]) -> dict[str, list[str]]:
+    """By tag of the loops that continue another one, the tags of those before it, the newest first."""
+    continued = select(loops.c.tag, loops.c.continues).where(loops.c.continues.is_not(None))
+    found: dict[str, list[str]] = {}
+    ends = {tag: tag for tag in tags}
+    while ends:  # few: tags that were renamed
+        before = dict(
+            connection.execute(continued.where(among_many(connection, loops.c.tag, set(ends.values())))).all()
+        )
+        ends = {tag: before[end] for tag, end in ends.items() if end in before}
+        for tag, end in ends.items():
+            found.setdefault(tag, []).append(end)
+        ends = {tag: end for tag, end in ends.items() if len(found[tag]) < LONGEST_CHAIN}
+    return found
+
+
+def later_of(connection: Connection, tag: str) -> str | None:
+    """The tag of the loop that continues this one."""
+    return connection.scalar(select(loops.c.tag).where(loops.c.continues == tag).order_by(loops.c.id).limit(1))
+
+
+def move_notes(connection: Connection, from_id: int, to_id: int, of: Sequence[str]) -> None:
+    """What was written of one loop goes to the other; `of`: only what was written under these tags, else all. Under
+    which tag it was written stays, and is forgotten where it comes home."""
+    home = select(loops.c.tag).where(loops.c.id == to_id).scalar_subquery()
+    left = select(loops.c.tag).where(loops.c.id == from_id).scalar_subquery()
+    mine = notes.c.loop_id == from_id
+    wanted = or_(*(notes.c.written_of == tag for tag in of)) if of else notes.c.id.is_not(None)
+    tag = func.coalesce(notes.c.written_of, left)
+    connection.execute(update(notes).where(mine, wanted).values(loop_id=to_id, written_of=func.nullif(tag, home)))
+
+
+def began(connection: Connection, loop_id: int) -> int | None:
+    """Time of the loop's first sample that is kept."""
+    return connection.scalar(select(func.min(series.c.start_ns)).where(series.c.loop_id == loop_id))
+
+
+def stopped_between(connection: Connection, start_ns: int, end_ns: int, unit: str | None) -> list[str]:
+    """The tags of loops in service whose newest sample is between the two, both included, that no loop continues; of
+    the unit, where one is given."""
+    later = loops.alias("later")
+    gone_on = select(later.c.id).where(later.c.continues == loops.c.tag).exists()
+    such = (IN_SERVICE, loops.c.newest_ns.between(start_ns, end_ns), ~gone_on)
+    query = select(loops.c.tag).where(*such).order_by(loops.c.tag)
+    return list(connection.scalars(query if unit is None else query.where(loops.c.unit == unit)))
+
+
+def created_at(connection: Connection, loop_id: int) -> datetime:
+    return connection.execute(select(loops.c.created_at).where(loops.c.id == loop_id)).scalar_one()
