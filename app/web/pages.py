@@ -92,7 +92,7 @@ def plant(backend: Services) -> HTMLResponse:
 
 def _arrivals(backend: Services, reach: Arrivals, changed: plants.Changes) -> list[str]:
     news = nothing_new(backend, int(changed.run_id)) if changed.run_id else []
-    return [*sentences(reach, backend.clock), *silences(backend), *news]
+    return [*sentences(reach, backend.clock), *silences(backend, reach.current_ns), *news]
 
 
 @router.get("/plant/tiles")

@@ -104,7 +104,7 @@ def test_an_explanation_outlasts_an_outage_at_its_first_attempt(
     asked = explanations.ask(backend, "TIC1")
     for module, name in (
         (working.explanations, "claim_next"),
-        (working.series, "between"),
+        (working.series, "readable"),
         (working.explanations, "end"),
     ):
         monkeypatch.setattr(module, name, breaking(getattr(module, name), 2))
@@ -120,7 +120,7 @@ def test_a_data_base_away_for_long_is_no_fault_of_the_explanation(
 ) -> None:
     keep(backend, "TIC1", record())
     asked = explanations.ask(backend, "TIC1")
-    monkeypatch.setattr(working.series, "between", Away(1000))
+    monkeypatch.setattr(working.series, "readable", Away(1000))
     with pytest.raises(OperationalError):
         working.explain_next(backend, "worker")
     assert explanations.get_explanation(backend, "TIC1", asked["id"])["state"] == "open"

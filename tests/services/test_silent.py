@@ -12,6 +12,7 @@ from app.services.backend import Backend
 from app.services.digests.digest import as_text, digest_of
 from app.services.moments import ns_of
 from app.services.plant import overview
+from app.services.plant.arrivals import current_ns
 from app.services.plant.silent import silences, silent
 from app.services.wording import brief, rely
 from app.storage.tables import audits, loops, newest_rows, verdicts
@@ -58,15 +59,17 @@ def night(day: float, **others: float) -> dict[str, float]:
 
 def test_a_loop_that_stopped_is_told_the_next_morning(backend: Backend, nights: Callable[..., int]) -> None:
     run = nights(night(1), night(2), night(3, E=2))
-    assert silences(backend, run, FIRST + timedelta(days=3, hours=2)) == [f"{STOPPED} E (2026-03-03 00:00)."]
-    assert silences(backend) == [f"{STOPPED} E (2026-03-03 00:00)."]
+    assert silences(backend, current_ns(backend), run, FIRST + timedelta(days=3, hours=2)) == [
+        f"{STOPPED} E (2026-03-03 00:00)."
+    ]
+    assert silences(backend, current_ns(backend)) == [f"{STOPPED} E (2026-03-03 00:00)."]
     assert STOPPED in as_text(digest_of(backend, str(run)))
 
 
 def test_it_is_told_no_more_once_it_came_and_was_not_before(backend: Backend, nights: Callable[..., int]) -> None:
     run = nights(night(1), night(2), night(3, E=2), night(4))
-    assert silent(backend) == []
-    assert silent(backend, run - 2, FIRST + timedelta(days=2, hours=2)) == []
+    assert silent(backend, current_ns(backend)) == []
+    assert silent(backend, current_ns(backend), run - 2, FIRST + timedelta(days=2, hours=2)) == []
 
 
 @pytest.mark.parametrize(
@@ -80,7 +83,7 @@ def test_it_is_told_no_more_once_it_came_and_was_not_before(backend: Backend, ni
 )
 def test_who_is_late_as_usual_is_not_told(backend: Backend, nights: Callable[..., int], told: list) -> None:
     nights(*told)
-    assert silent(backend) == []
+    assert silent(backend, current_ns(backend)) == []
 
 
 def test_a_loop_without_earlier_runs_is_not_told(backend: Backend, nights: Callable[..., int]) -> None:
@@ -88,7 +91,7 @@ def test_a_loop_without_earlier_runs_is_not_told(backend: Backend, nights: Calla
     with backend.database.write() as connection:
         late = {"tag": "NEW", "created_at": FIRST, "newest_ns": ns_of(FIRST + timedelta(days=2))}
         connection.execute(insert(loops).values(**late))
-    assert silent(backend) == []
+    assert silent(backend, current_ns(backend)) == []
 
 
 def test_the_verdict_of_an_old_record_does_not_read_as_if_it_were_of_today(

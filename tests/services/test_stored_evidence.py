@@ -15,11 +15,13 @@ CODES = "shape_sticking;shape_op_kurtosis;few_cycles"
 def test_shapes_are_told_from_what_is_stored_whatever_the_sentences_say():
     found = shapes(CODES, "one. two. three", STANDS)
     assert found == {
-        "shape_sticking": Shape("PV stands while OP moves, and then follows it, for 60 % of the time", "60 %", 0.6),
-        "shape_op_kurtosis": Shape("OP has the spread of a triangle or sine, not of noise", None, None),
+        "shape_sticking": Shape(
+            "PV stands while OP moves, and then follows it, for 60 % of the time", "60 %", 0.6, True
+        ),
+        "shape_op_kurtosis": Shape("OP has the spread of a triangle or sine, not of noise", None, None, True),
     }
     assert shapes(CODES, "", CLEARED)["shape_sticking"] == Shape(
-        "PV hardly ever stands while OP moves and then follows it (8 % of the time)", "8 %", 0.08
+        "PV hardly ever stands while OP moves and then follows it (8 % of the time)", "8 %", 0.08, False
     )
 
 
@@ -33,7 +35,7 @@ def test_of_an_older_release_the_sentences_are_read(extra_json):
     codes = "shape_sticking;shape_op_triangle;shape_gain;few_cycles"
     assert shapes(codes, told, extra_json) == {
         "shape_sticking": Shape("PV stands for 60 % of the time", "60 %", 0.6),
-        "shape_op_triangle": Shape("OP runs in triangles", None, None),
+        "shape_op_triangle": Shape("OP runs in triangles", None, None, True),
         "shape_gain": Shape("-0.42 of it", "-0.42", -0.42),
     }
     assert shapes("shape_gain", "two. sentences", extra_json) == {}
@@ -42,7 +44,7 @@ def test_of_an_older_release_the_sentences_are_read(extra_json):
 def changed(now, before):
     told = {"reasons": CODES, "reasons_text": "PV stands 60 %. OP is smooth. few", "extra_json": now}
     told |= {f"{name}_before": value for name, value in told.items()} | {"extra_json_before": before}
-    return SimpleNamespace(probability=0.99, probability_before=0.1, **told)
+    return SimpleNamespace(verdict="stiction", probability=0.99, probability_before=0.1, **told)
 
 
 def test_what_moved_is_told_in_the_figures_that_are_stored():
@@ -50,6 +52,10 @@ def test_what_moved_is_told_in_the_figures_that_are_stored():
         "PV stands while OP moves, and then follows it, for 60 % of the time (8 % before), probability 0.10 -> 0.99"
     )
     assert moved(changed(STANDS, STANDS)).startswith("PV stands while OP moves, and then follows it, for 60 % of the")
+
+
+def test_what_speaks_against_a_verdict_is_no_news_of_it():
+    assert moved(changed(CLEARED, STANDS)) == "probability 0.10 -> 0.99"
 
 
 def test_a_verdict_of_now_is_compared_with_one_of_an_older_release():

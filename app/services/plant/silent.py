@@ -22,11 +22,13 @@ Ends = Mapping[int, Mapping[int, int]]
 """By run and loop, the newest sample that it was given."""
 
 
-def silences(backend: Backend, audit_id: int | None = None, at: datetime | None = None) -> list[str]:
+def silences(
+    backend: Backend, since_ns: int | None, audit_id: int | None = None, at: datetime | None = None
+) -> list[str]:
     """Says which loops got no sample in the last export or two though at least half of the plant did, where that is
     not usual for them; of what a run was given that began `at`, or of all as it is now. Those that are behind for
     longer are told of by `arrivals`."""
-    found = silent(backend, audit_id, at)
+    found = silent(backend, since_ns, audit_id, at)
     if not found:
         return []
     have = f"{len(found)} loops have" if len(found) > 1 else "One loop has"
@@ -38,19 +40,20 @@ def of_run(backend: Backend, audit_id: int, at: datetime, found: Arrivals) -> li
     """What is told of the records of a run that began `at`, whenever it is asked for. found: `arrivals` of what it was
     given."""
     told = sentences(found, backend.clock, "before the run")
-    return [*told, *silences(backend, audit_id, at), *nothing_new(backend, audit_id)]
+    return [*told, *silences(backend, found.current_ns, audit_id, at), *nothing_new(backend, audit_id)]
 
 
-def silent(backend: Backend, audit_id: int | None = None, at: datetime | None = None) -> list[tuple[str, str]]:
+def silent(
+    backend: Backend, since_ns: int | None, audit_id: int | None = None, at: datetime | None = None
+) -> list[tuple[str, str]]:
     """Their tags and newest samples, the weightiest first."""
     until_ns = ns_of((at or datetime.now(UTC)) + AHEAD)
     with backend.database.read() as connection:
         plant = stored.middle(connection, DATED_NS, until_ns, audit_id)
         if plant is None:
             return []
-        newest = stored.newest(connection, DATED_NS, until_ns, audit_id) or plant
-        since_ns, before_ns = max(DATED_NS, newest - _ns(LATE)), plant - _ns(STOPPED)
-        behind = stored.those_ending(connection, since_ns, before_ns, LOOKED_AT, audit_id)
+        first_ns, before_ns = max(DATED_NS, plant - _ns(LATE) if since_ns is None else since_ns), plant - _ns(STOPPED)
+        behind = stored.those_ending(connection, first_ns, before_ns, LOOKED_AT, audit_id)
         if not behind:
             return []
         current = stored.those_ending(connection, plant, until_ns, SAMPLED, audit_id)

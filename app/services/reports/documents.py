@@ -105,7 +105,7 @@ def plant_report(backend: Backend) -> str:
         seen=seen,
         bars={unit.unit: _bar(unit.verdicts) for unit in seen.units},
         changed=plant.changes(backend),
-        arrivals=[*sentences(reach, backend.clock), *silences(backend)],
+        arrivals=[*sentences(reach, backend.clock), *silences(backend, reach.current_ns)],
         work=work_list(backend, shelved, since_ns=reach.current_ns),
         worst=worst,
         nothing_worst=plant.nothing_worst(seen.verdicts.get("stiction", 0), bool(old)),
