@@ -130,7 +130,7 @@ FILES: dict[str, Hostile] = {
         ).encode(),
         kept=36,
     ),
-    "a bomb": Hostile(lambda: bomb(80), refused=("decompressed_too_large",), name="export.csv.gz"),
+    "a bomb": Hostile(lambda: bomb(80), refused=("compression_ratio",), name="export.csv.gz"),
     "a bomb in a bomb": Hostile(lambda: gzip.compress(bomb(20)), refused=CUT, name="export.csv.gz.gz"),
     "a workbook that is a bomb": Hostile(workbook_bomb, refused=("decompressed_too_large",), name="export.xlsx"),
     "gzip cut": Hostile(lambda: gzip.compress((HEADER + GOOD).encode())[:-30], kept=1, name="export.csv.gz"),

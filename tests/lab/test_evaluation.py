@@ -10,7 +10,7 @@ from app.engine.features import NAMES
 from app.engine.fitness import assess
 from app.engine.judgement import Judgement
 from app.engine.recording import Recording
-from app.engine.verdict import parameters as shipped
+from app.engine.verdict import parameters as shipped_parameters
 from app.engine.verdict.shape_model import fitted_model
 from app.errors import DataError
 from app.ingest import read_recordings
@@ -184,14 +184,14 @@ def test_written_parameters_are_a_module_that_gives_the_model_back(tmp_path):
 def test_the_numbers_that_are_shipped_are_those_of_their_version(tmp_path):
     """A number that is changed by hand, under the version of the others, would make no stored verdict again."""
     parameters.write(fitted_model(), tmp_path / "again.py")
-    assert (tmp_path / "again.py").read_text() == Path(shipped.__file__).read_text()
+    assert (tmp_path / "again.py").read_text() == Path(shipped_parameters.__file__).read_text()
 
 
 def test_the_report_says_whether_the_shipped_numbers_are_those_of_the_fit():
     shipped = fitted_model()
     values = np.array([shipped.centre, shipped.centre + shipped.scale])
     same = report.shipped_beside(shipped, shipped, values)
-    assert same == f"The parameters that are shipped, {shipped.VERSION}, are what this fit gives"
+    assert same == f"The parameters that are shipped, {shipped_parameters.VERSION}, are what this fit gives"
     slope, intercept = shipped.calibration
     other = report.shipped_beside(replace(shipped, calibration=(slope, intercept + 0.5)), shipped, values)
     before, after = 1 / (1 + np.exp(-shipped.log_odds(values))), 1 / (1 + np.exp(-shipped.log_odds(values) - 0.5))
