@@ -28,6 +28,11 @@ WIDE = "DateTime,FIC1.PV,FIC1.OP,FIC2.PV\n" + "".join(
 )
 
 
+@pytest.fixture(autouse=True)
+def no_service_is_about_to_start(monkeypatch) -> None:
+    monkeypatch.setattr("app.cli.upload.START_S", 0.0)
+
+
 def run(*arguments, input_: str | None = None) -> Result:
     from app.cli.main import cli
 

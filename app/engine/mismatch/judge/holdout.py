@@ -21,6 +21,9 @@ WORSE_UNSEEN, MUCH_WORSE = 1.05, 1.3
 SEEN_AT_LEAST = 0.35
 STANDS = 1e-12
 ROUNDS, STEPS = 2, 6
+LOST = 20.0
+"""Nats by which the samples that are left say that a way downhill ended in another valley."""
+
 PLACES = (0.7, 0.0, 0.35, 0.5, 0.2)
 
 
@@ -162,8 +165,9 @@ def refit_without(found: Fit, held: BoolArray) -> Fit:
     A fit that gains nothing stays where it began, and that must not be what has seen the held-out samples: a linear
     model is fitted from the given one again. One with blocks first goes downhill, under the noise of the other samples,
     from where the fit of all ended: without the numbers along which the simulation jumps, because their slopes mislead
-    and a descent of all at once may not move; what was held out still tells in which valley of several it lies, as it
-    does which blocks it has.
+    and a descent of all at once may not move. Where that leaves the valley, as the samples that are left say, it is
+    fitted from where the fit of all ended: what was held out tells in which valley it lies, as it does which blocks it
+    has.
     """
     record = found.record.comparing(found.record.usable & ~held)
     if not found.parts:
@@ -172,4 +176,6 @@ def refit_without(found: Fit, held: BoolArray) -> Fit:
     noise = fit_noise(record.pv_deviation - task.simulated(found.x), record.usable, found.noise)
     smooth = [k for k, free in enumerate(task.free) if "." not in free.name or free.linear]
     begun = descended(task, descend(task, found.x, noise, STEPS, smooth), STEPS)
-    return settle(fit(task, begun.x, begun.noise, ROUNDS, STEPS))
+    blind = settle(fit(task, begun.x, begun.noise, ROUNDS, STEPS))
+    near = settle(fit(task, found.x, found.noise, ROUNDS, STEPS))
+    return near if near.likelihood > blind.likelihood + LOST else blind
