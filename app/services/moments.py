@@ -97,4 +97,8 @@ def moment_of(time_ns: int) -> datetime:
 
 def ns_of(moment: datetime) -> int:
     """Nanoseconds since 1970, UTC."""
-    return (moment - EPOCH) // timedelta(microseconds=1) * 1000
+    return span_ns(moment - EPOCH)
+
+
+def span_ns(span: timedelta) -> int:
+    return span // timedelta(microseconds=1) * 1000

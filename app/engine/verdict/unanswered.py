@@ -5,13 +5,12 @@ import numpy as np
 from app.engine.causality.stuck_stem import StuckStem
 from app.engine.codes import UNANSWERED
 from app.engine.evidence import Reason
-from app.engine.fitness.standstill import Standstill
+from app.engine.fitness.standstill import FEWEST_VALUES, Standstill
 from app.engine.judgement import ANSWERS_NO_MORE, PV_STANDS, Judgement
 from app.engine.recording import BoolArray, FloatArray, Recording
 
 # What a plant finds when it looks is a stuck valve a little more often than a dead transmitter: a prior, not a fit.
 PRIOR = 0.6
-_FEWEST_VALUES = 10
 _OFF_SHARE = 0.5
 _SAME_SHARE = 1e-6
 _LAST_DIGITS = float(np.finfo(np.float32).eps)
@@ -58,7 +57,7 @@ def _controller_works(recording: Recording) -> bool:
         return False
     known = np.isfinite(recording.pv) & np.isfinite(recording.op) & np.asarray(recording.automatic, dtype=bool)
     pv, op, sp = recording.pv[known], recording.op[known], recording.sp[known]
-    if len(np.unique(op)) < _FEWEST_VALUES or len(np.unique(pv)) != 1:
+    if len(np.unique(op)) < FEWEST_VALUES or len(np.unique(pv)) != 1:
         return False
     return float(np.mean(_away(pv, sp))) >= _OFF_SHARE
 

@@ -142,9 +142,9 @@ def _too_strong(p: Plant) -> Made:
     return _with_mode(replace(p, strong=(SAMPLES - 20 * HOUR, 6.0)).run())
 
 
-def _coarse(step: float, **of: float) -> Callable[[Plant], Made]:
+def _coarse(step: float, S: float | None = None) -> Callable[[Plant], Made]:
     def made(p: Plant) -> Made:
-        sp, pv, op = replace(p, **of).run()  # type: ignore[arg-type]
+        sp, pv, op = (p if S is None else replace(p, S=S)).run()
         return _with_mode((sp, step * np.rint(pv / step), op))
 
     return made

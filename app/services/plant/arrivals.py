@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 from app.services.backend import Backend
-from app.services.moments import EPOCH, FIRST_DATED, PlantClock, iso_utc, moment_of, ns_of
+from app.services.moments import FIRST_DATED, PlantClock, iso_utc, moment_of, ns_of, span_ns
 from app.storage import arrivals as stored
 
 LATE = timedelta(days=2)
@@ -49,7 +49,7 @@ def current_ns(backend: Backend) -> int | None:
     """`Arrivals.current_ns` of all that is stored, as it is now: of one loop's page nothing else is asked."""
     with backend.database.read() as connection:
         newest_ns = stored.newest(connection, DATED_NS, ns_of(datetime.now(UTC) + AHEAD))
-    return None if newest_ns is None else newest_ns - ns_of(EPOCH + LATE)
+    return None if newest_ns is None else newest_ns - span_ns(LATE)
 
 
 def arrivals(backend: Backend, audit_id: int | None = None, at: datetime | None = None) -> Arrivals:
@@ -65,7 +65,7 @@ def arrivals(backend: Backend, audit_id: int | None = None, at: datetime | None 
         beside = (*ending(ns_of(at + AHEAD) + 1, EVER_NS), *ending(-EVER_NS, DATED_NS))
         if newest_ns is None:
             return Arrivals(None, timedelta(0), 0, (), *beside)
-        behind = ending(DATED_NS, newest_ns - ns_of(EPOCH + LATE))
+        behind = ending(DATED_NS, newest_ns - span_ns(LATE))
     return Arrivals(iso_utc(moment_of(newest_ns)), at - moment_of(newest_ns), *behind, *beside)
 
 

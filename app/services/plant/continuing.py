@@ -9,7 +9,7 @@ from sqlalchemy import Connection
 
 from app.errors import FieldError
 from app.services.backend import Backend
-from app.services.moments import EPOCH, ns_of
+from app.services.moments import span_ns
 from app.storage import continuing as stored
 from app.storage import loops
 from app.storage.loops import SPANS, LoopRow
@@ -86,9 +86,11 @@ def maybe_before(backend: Backend, tag: str) -> str | None:
         began = stored.began(connection, row.id)
         if began is None or created < datetime.now(UTC) - NEW:
             return None
-        window = (began - _ns(BEFORE), began + _ns(AFTER))
+        window = (began - span_ns(BEFORE), began + span_ns(AFTER))
         found = [one for one in stored.stopped_between(connection, *window, row.unit) if one != tag]
-    return max((one for one in found if likeness(one, tag) >= ALIKE), key=lambda one: likeness(one, tag), default=None)
+    alike = {one: likeness(one, tag) for one in found}
+    best = max(alike, key=alike.__getitem__, default=None)
+    return best if best is not None and alike[best] >= ALIKE else None
 
 
 def likeness(one: str, other: str) -> float:
@@ -101,7 +103,3 @@ def likeness(one: str, other: str) -> float:
 
 def _numbers(tag: str) -> str:
     return "".join(letter for letter in tag if letter.isdigit()).lstrip("0")
-
-
-def _ns(span: timedelta) -> int:
-    return ns_of(EPOCH + span)

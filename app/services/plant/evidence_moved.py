@@ -12,19 +12,17 @@ LEAST_MOVE = 0.1
 def moved(row: Any) -> str:
     """ "PV stands while OP moves, and then follows it, for 60 % of the time (8 % before), probability 0.10 -> 0.99";
     empty where a verdict has no measured probability, or it hardly moved. row: what `plant.changes` tells."""
-    now, before = row.probability, row.probability_before
-    prior = PRIOR_ONLY in f"{row.reasons};{row.reasons_before or ''}".split(";")
-    if prior or now is None or before is None or abs(now - before) < LEAST_MOVE:
+    measured = probability_moved(row)
+    if not measured or abs(row.probability - row.probability_before) < LEAST_MOVE:
         return ""
     of_now = shapes(row.reasons, row.reasons_text, row.extra_json)
     of_before = shapes(row.reasons_before, row.reasons_text_before, row.extra_json_before)
     for_it = {code: shape for code, shape in of_now.items() if _speaks_for(row.verdict, shape)}
-    return f"{_seen(for_it, of_before)}probability {probability(before)} -> {probability(now)}"
+    return f"{_seen(for_it, of_before)}{measured}"
 
 
-def hardly_moved(row: Any) -> str:
-    """ "probability 0.48 -> 0.55", of a verdict whose evidence is about the same; empty where it has no measured
-    probability."""
+def probability_moved(row: Any) -> str:
+    """ "probability 0.48 -> 0.55"; empty where one of the two verdicts has no measured probability."""
     now, before = row.probability, row.probability_before
     prior = PRIOR_ONLY in f"{row.reasons};{row.reasons_before or ''}".split(";")
     return "" if prior or now is None or before is None else f"probability {probability(before)} -> {probability(now)}"

@@ -10,7 +10,7 @@ from app.engine.long_records.episodes import BEGAN
 from app.services.auditing.audits import get_audit
 from app.services.backend import Backend
 from app.services.moments import iso_utc
-from app.services.plant.evidence_moved import hardly_moved, moved
+from app.services.plant.evidence_moved import moved, probability_moved
 from app.services.plant.judged import ToManual, to_manual
 from app.services.plant.reliability import checked, following, place_of, with_loop
 from app.services.plant.shelving import Shelf, shelf
@@ -319,7 +319,7 @@ def _because(why: ChangedBy, row: Any) -> str:
     if words.startswith(BEGAN_WORDS):
         return words
     if words == WHY_WORDS["loop"]:
-        return evidence or hardly_moved(row) or words
+        return evidence or probability_moved(row) or words
     return f"{evidence}; {words}" if evidence else words
 
 

@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 from statistics import median_low
 
 from app.services.backend import Backend
-from app.services.moments import EPOCH, iso_utc, moment_of, ns_of
+from app.services.moments import iso_utc, moment_of, ns_of, span_ns
 from app.services.plant.arrivals import AHEAD, DATED_NS, LATE, NAMED, Arrivals, listed, nothing_new, sentences
 from app.storage import arrivals as stored
 
@@ -52,8 +52,8 @@ def silent(
         plant = stored.middle(connection, DATED_NS, until_ns, audit_id)
         if plant is None:
             return []
-        first_ns, before_ns = max(DATED_NS, plant - _ns(LATE) if since_ns is None else since_ns), plant - _ns(STOPPED)
-        behind = stored.those_ending(connection, first_ns, before_ns, LOOKED_AT, audit_id)
+        first_ns = max(DATED_NS, plant - span_ns(LATE) if since_ns is None else since_ns)
+        behind = stored.those_ending(connection, first_ns, plant - span_ns(STOPPED), LOOKED_AT, audit_id)
         if not behind:
             return []
         current = stored.those_ending(connection, plant, until_ns, SAMPLED, audit_id)
@@ -78,8 +78,4 @@ def _stopped(loop: int, end_ns: int, plant_ns: int, ends: Ends, middles: Mapping
     before = [lag for end, lag in lags if end < end_ns]
     last = [lag for end, lag in lags if end == end_ns]
     usual = [*before, *([min(last)] if last else [])]
-    return bool(usual) and plant_ns - end_ns > max(0, *usual) + _ns(STOPPED)
-
-
-def _ns(span: timedelta) -> int:
-    return ns_of(EPOCH + span)
+    return bool(usual) and plant_ns - end_ns > max(0, *usual) + span_ns(STOPPED)
