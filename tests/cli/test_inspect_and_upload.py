@@ -14,7 +14,7 @@ from typer.testing import CliRunner, Result
 from app.cli.client import ServiceClient
 from app.cli.main import main
 from app.cli.serve import asks_for_keys
-from app.cli.upload import await_start, once_without_room, report
+from app.cli.upload import START_S, await_start, once_without_room, report
 from app.errors import RequestError
 from app.main import create_app
 from app.services.backend import Backend
@@ -268,6 +268,7 @@ def test_upload_without_a_service_is_2_and_says_where_it_looked(tmp_path, monkey
 
 
 def test_upload_waits_for_a_service_of_this_machine_that_starts(monkeypatch, capsys):
+    monkeypatch.setattr("app.cli.upload.START_S", START_S)
     with socket.socket() as later:
         later.bind(("127.0.0.1", 0))
         port = later.getsockname()[1]
@@ -286,6 +287,7 @@ def test_upload_waits_for_a_service_of_this_machine_that_starts(monkeypatch, cap
     def start():
         time.sleep(0.5)
         with HTTPServer(("127.0.0.1", port), Answering) as server:
+            server.timeout = START_S  # a client that never asks fails the test, and does not hang it
             server.handle_request()
 
     starting = threading.Thread(target=start)
