@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from app.http.backend import IsoTime
-from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow, TableRow
+from app.services.audit_json.models import KeyFiguresLine, ReliabilityRow, TableRow
 from app.services.plant.loops import MOST_IMPORTANT
 
 MAX_NAME = 200

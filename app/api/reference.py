@@ -11,10 +11,10 @@ from app.api import models
 from app.api.explanation_models import ExplanationIn
 from app.api.routes import api
 from app.http.permissions import ROUTES
-from app.services import wording
-from app.services.auditing import audit_models as audit
-from app.services.auditing.reason_wording import REASON_WORDS
+from app.services.audit_json import models as audit
 from app.services.explaining import wording as explanation_wording
+from app.services.telling import wording
+from app.services.telling.reason_wording import REASON_WORDS
 
 TABLES: tuple[tuple[str, str, type[BaseModel]], ...] = (
     (

@@ -13,7 +13,7 @@ from app.api.models import ReliabilityPage
 from app.errors import RequestError
 from app.http.backend import Services
 from app.http.problems import responses
-from app.services.auditing.audit_models import ReadingName, ReliabilityName, TableRow, VerdictName
+from app.services.audit_json.models import ReadingName, ReliabilityName, TableRow, VerdictName
 from app.services.auditing.audits import get_audit
 from app.services.cursors import LONGEST as LONGEST_CURSOR
 from app.services.cursors import identifier

@@ -294,7 +294,7 @@ def write_rest(stream: IO[str], format_: Format, audited: list[AuditedFile]) -> 
     if format_ is Format.jsonl or not lines:
         return
     if format_ is Format.csv:
-        from app.services.auditing.audit_line import reliability_row
+        from app.services.audit_json.line import reliability_row
         from app.services.spreadsheet import csv_lines
 
         rows = [reliability_row(line) for line in lines]

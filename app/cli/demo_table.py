@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from app.cli.tables import VERDICT_STYLE, chance, console_for, number
-from app.services.wording import VERDICT_RANK, VERDICT_WORDS, rely
+from app.services.telling.wording import VERDICT_RANK, VERDICT_WORDS, rely
 
 if TYPE_CHECKING:
     from app.services.demo import DemoLoop

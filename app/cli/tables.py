@@ -8,7 +8,14 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from app.services.wording import VERDICT_RANK, VERDICT_WORDS, measured_probability, probability, rely, worst_first
+from app.services.telling.wording import (
+    VERDICT_RANK,
+    VERDICT_WORDS,
+    measured_probability,
+    probability,
+    rely,
+    worst_first,
+)
 
 VERDICT_STYLE = {"stiction": "bold red", "inconclusive": "yellow", "not_auditable": "dim", "no_stiction": "green"}
 PIPE_WIDTH = 180

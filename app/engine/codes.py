@@ -1,6 +1,6 @@
 """The stable codes of the engine's reasons and causes, spelled once: a type checker finds what is spelled otherwise.
 
-What each means to people is told by the services (`wording`, `auditing.reason_wording`, `explaining.wording`).
+What each means to people is told by the services (`telling.wording`, `telling.reason_wording`, `explaining.wording`).
 """
 
 from typing import Literal, cast

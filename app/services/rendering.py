@@ -5,7 +5,7 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from app.services.wording import (
+from app.services.telling.wording import (
     CHANGE_WORDS,
     RELIABILITY_BRIEF,
     RELIABILITY_SHORT,

@@ -14,30 +14,25 @@ from app.http.backend import Caller, Identifier, Services
 from app.http.paths import LoopTag
 from app.services.addresses import tag_in_url
 from app.services.auditing.audits import LoopFilter, start_audit
-from app.services.auditing.reason_wording import NO_VOTE
-from app.services.auditing.rival_wording import why_first, worth_a_look
-from app.services.auditing.size_wording import size_in_words
 from app.services.backend import Backend
 from app.services.moments import PlantClock
-from app.services.plant import glossary, loops, notes, overview
+from app.services.plant import loops, notes, overview
 from app.services.plant.arrivals import current_ns
 from app.services.plant.arrivals import newest_in_words as newest_sample_in_words
-from app.services.plant.before_after import compared
 from app.services.plant.charts import charts as charts_of
 from app.services.plant.charts import closer
 from app.services.plant.continuing import goes_on_as, maybe_before
-from app.services.plant.groups import groups_of, unnamed
-from app.services.plant.judged import judged
+from app.services.plant.groups import unnamed
 from app.services.plant.loop_list import number
+from app.services.plant.loop_sheet import loop_sheet
 from app.services.plant.nights import nights as nights_of
-from app.services.plant.periods import periods
 from app.services.plant.shelving import shelf
 from app.services.results import LoopView
-from app.services.why_rely import contradiction, derivative, points
+from app.services.telling.reason_wording import NO_VOTE
+from app.services.telling.rival_wording import worth_a_look
 from app.web.explanation import newest_in_words
 from app.web.rendering import page
 
-HISTORY_NIGHTS = 60
 SEE_OTHER, BAD_REQUEST = 303, 400
 ANSWERS = {"": None, "yes": True, "no": False}
 
@@ -104,36 +99,18 @@ def _loop_page(
     told |= {"maybe_before": maybe_before(backend, found.tag), "goes_on_as": goes_on_as(backend, found.tag)}
     told["failure"] = loops.newest_failure(backend, tag)
     try:
-        row = loops.loop_health(backend, tag)
+        sheet = loop_sheet(backend, found, explanation)
     except NotFoundError:
         return page("loop.html", backend.clock, row=None, **told)
-    detail = loops.verdict_detail(backend, tag)
-    repair = notes.newest_repair(backend, tag)
-    disagrees = contradiction(row, explanation)
     return page(
         "loop.html",
         backend.clock,
-        row=row,
-        detail=detail,
-        next_step=row["next_step"],
-        disagrees=disagrees,
-        points=points(row, detail),
         no_vote=NO_VOTE,
-        derivative=derivative(row, explanation),
-        size=size_in_words(row, detail),
-        periods=periods(backend, tag, row, detail),
-        rivals=worth_a_look(detail.get("rivals", ())),
-        why_first=why_first(detail.get("rivals", ()), row["rival_winner"]),
-        figures=[told for told in glossary.figures(row, found.pv_unit) if told[1] is not None],
+        rivals=worth_a_look(sheet["detail"].get("rivals", ())),
         last_nights=nights_of(backend, [tag]).get(tag, ()),
-        judged=judged(backend, [tag]).get(tag),
         beside=_beside(backend, found.tag),
-        history=loops.chained_history(backend, tag, HISTORY_NIGHTS),
-        groups=groups_of(backend, tag),
         unnamed=unnamed,
-        repair=repair,
-        compared=compared(backend, tag, repair, found.pv_unit),
-        **told,
+        **(told | sheet),
     )
 
 

@@ -20,7 +20,7 @@ from app.services.plant.reliability import RowFilter
 from app.services.plant.repaired import repairs
 from app.services.plant.shelving import shelf
 from app.services.plant.silent import silences
-from app.services.wording import VERDICT_RANK
+from app.services.telling.wording import VERDICT_RANK
 from app.web import loop, loop_list, runs, uploads
 from app.web.columns import COLUMNS, USUAL, query_without
 from app.web.rendering import CHARTS, STATIC, page

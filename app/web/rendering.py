@@ -13,7 +13,7 @@ from app.services.addresses import tag_in_url
 from app.services.moments import PlantClock
 from app.services.rendering import figure
 from app.services.results import UploadView
-from app.services.wording import (
+from app.services.telling.wording import (
     CHANGE_WORDS,
     NO_ROOM_YET,
     READ_IN_PART,

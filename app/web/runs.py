@@ -8,7 +8,7 @@ from app.http.backend import Caller, Identifier, Services
 from app.services.auditing.audits import cancel_audit, failures, list_audits, start_audit
 from app.services.digests.deliveries import deliveries_of
 from app.services.plant.overview import run_figures
-from app.services.wording import VERDICT_RANK
+from app.services.telling.wording import VERDICT_RANK
 from app.web.rendering import page
 
 SHOWN = 50

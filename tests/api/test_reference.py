@@ -20,9 +20,9 @@ from app.engine.recording import Recording
 from app.engine.reference.published_rule import READINGS
 from app.engine.verdict.wording import WORDED
 from app.http.permissions import ROUTES
-from app.services.auditing.reason_wording import REASON_WORDS
 from app.services.explaining.wording import EVIDENCE_WORDS
-from app.services.wording import CAUSE_WORDS
+from app.services.telling.reason_wording import REASON_WORDS
+from app.services.telling.wording import CAUSE_WORDS
 
 ROOT = Path(__file__).resolve().parents[2]
 ENGINE = ROOT / "app" / "engine"

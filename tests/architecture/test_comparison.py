@@ -8,7 +8,7 @@ from typer.main import get_command
 
 from app.cli.main import cli
 from app.main import create_app
-from app.services.auditing.audit_models import ReliabilityRow
+from app.services.audit_json.models import ReliabilityRow
 from app.settings import Settings
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from app.cli.main import cli
 from app.engine.simulate import SimulatedLoop
 from app.lab.testbench import neighbours
-from app.services.auditing.audit_line import flat_reasons
+from app.services.audit_json.line import flat_reasons
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.hearing import SHAKEN_BY_NEIGHBOUR

@@ -27,7 +27,7 @@ from app.client import (
     Upload,
 )
 from app.main import create_app
-from app.services.auditing.audit_models import TableRow
+from app.services.audit_json.models import TableRow
 from app.services.backend import Backend
 from app.services.explaining.working import explain_next
 from app.services.intake.reading import read_upload

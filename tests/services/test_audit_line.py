@@ -10,9 +10,9 @@ import pytest
 from app.engine.audit import audit
 from app.engine.audit_config import AuditConfig
 from app.engine.recording import Recording
-from app.services.auditing.audit_detail import detail
-from app.services.auditing.audit_line import audit_line, reliability_row
-from app.services.auditing.audit_models import AuditLine, ReliabilityRow
+from app.services.audit_json.detail import detail
+from app.services.audit_json.line import audit_line, reliability_row
+from app.services.audit_json.models import AuditLine, ReliabilityRow
 from app.services.moments import iso_utc
 
 CONTRACT = [
@@ -161,7 +161,7 @@ def test_spectra_are_thinned_to_what_a_chart_shows():
 
 
 def test_a_new_field_needs_no_second_place(audited, monkeypatch):
-    monkeypatch.setattr("app.services.auditing.audit_line.LINE_ORDER", ("recording", "loop"))
+    monkeypatch.setattr("app.services.audit_json.line.LINE_ORDER", ("recording", "loop"))
     line = audit_line(audited, 0.1)
     assert list(line)[:2] == ["recording", "loop"]
     assert set(line) == set(AuditLine.model_fields)

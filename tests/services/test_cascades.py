@@ -28,9 +28,9 @@ from app.services.auditing.hearing import (
     reworded,
 )
 from app.services.backend import Backend
-from app.services.next_steps import OUTER, next_step
 from app.services.plant.loops import loop_health, patch_loop, verdict_detail
 from app.services.plant.reliability import RowFilter, reliability_page
+from app.services.telling.next_steps import OUTER, next_step
 from app.storage import loops, series
 from app.storage.audits import LoopFilter
 from app.storage.samples import Samples

@@ -6,9 +6,9 @@ from datetime import datetime, timedelta
 import numpy as np
 import pytest
 
+from app.services.audit_json.spectra import STORED_FREQUENCIES
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
-from app.services.auditing.spectra import STORED_FREQUENCIES
 from app.services.backend import Backend
 from app.services.moments import iso_utc, moment_of
 from app.services.plant import charts as charts_module

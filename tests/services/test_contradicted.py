@@ -9,8 +9,8 @@ from sqlalchemy import Engine, event, update
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
-from app.services.next_steps import UNTIL_THEY_AGREE
 from app.services.plant import overview as plant
+from app.services.telling.next_steps import UNTIL_THEY_AGREE
 from app.storage import explanations
 from app.storage.documents import Document, pack_document
 from app.storage.tables import explanations as explanations_table

@@ -7,7 +7,7 @@ import pytest
 
 from app.engine.audit import audit
 from app.lab.testbench.spells import spell
-from app.services.auditing.rows import FIELDS, new_verdict
+from app.services.audit_json.rows import FIELDS, new_verdict
 from app.services.moments import UTC_CLOCK
 
 ORIGIN = datetime(2026, 1, 1, tzinfo=UTC)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.engine.plant_wide.excerpts import LENGTH, Excerpts
-from app.services.auditing.excerpts import as_json, from_json
+from app.services.audit_json.excerpts import as_json, from_json
 
 NUMBERS = np.array([3, 7], np.int64)
 

@@ -14,9 +14,9 @@ from app.engine.plant_wide.excerpts import Excerpts
 from app.engine.plant_wide.groups import Candidate, Suspect, groups
 from app.lab.testbench import neighbours
 from app.lab.testbench.neighbours import SOURCE
-from app.services.auditing import swings
-from app.services.auditing.audit_line import audit_line
-from app.services.auditing.excerpts import as_json, by_tag
+from app.services.audit_json import swings
+from app.services.audit_json.excerpts import as_json, by_tag
+from app.services.audit_json.line import audit_line
 from app.services.auditing.hearing import SHAKEN_BY_NEIGHBOUR, heard_together, neighbour_text
 
 SHAKEN = ("shaken 0", "shaken 1", "shaken 2")

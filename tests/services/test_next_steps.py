@@ -9,11 +9,11 @@ from app.engine.causality.hidden_band import HiddenBand
 from app.engine.codes import UNANSWERED, Cause
 from app.engine.long_records.episodes import BEGAN, episode_text
 from app.engine.verdict.doubts import _band_reason
-from app.services import next_steps
-from app.services.auditing.reason_wording import REASON_WORDS
-from app.services.next_steps import BY_CAUSE, next_step
-from app.services.repair_sides import BEFORE_REPAIR
-from app.services.wording import CAUSE_WORDS
+from app.services.telling import next_steps
+from app.services.telling.next_steps import BY_CAUSE, next_step
+from app.services.telling.reason_wording import REASON_WORDS
+from app.services.telling.repair_sides import BEFORE_REPAIR
+from app.services.telling.wording import CAUSE_WORDS
 
 GUIDE = Path(__file__).parents[2] / "docs" / "guides" / "OPERATOR.md"
 

@@ -19,7 +19,7 @@ from app.services.plant import overview as plant
 from app.services.plant.before_after import compared
 from app.services.plant.groups import groups_of, plant_groups
 from app.services.plant.loops import loop_health, newest_failure, patch_loop, verdict_history
-from app.services.wording import headline, probability
+from app.services.telling.wording import headline, probability
 from app.storage import items, loops
 from app.storage.items import Failure
 from app.storage.tables import audits, newest_rows, verdicts

@@ -13,9 +13,9 @@ from sqlalchemy import Connection, select, update
 
 from app.api.models import HealthOut
 from app.errors import DataError, NotFoundError, RequestError
+from app.services.audit_json.models import ReliabilityRow, TableRow
+from app.services.audit_json.rows import COLUMNS
 from app.services.auditing import audits, chunks
-from app.services.auditing.audit_models import ReliabilityRow, TableRow
-from app.services.auditing.rows import COLUMNS
 from app.services.backend import Backend
 from app.services.cursors import encode
 from app.services.plant import loops, overview, reliability

@@ -12,13 +12,13 @@ from app.services.auditing import audits, chunks
 from app.services.backend import Backend
 from app.services.digests import digest
 from app.services.moments import ns_of
-from app.services.next_steps import STICKS, WAIT, after_repair
 from app.services.plant import loops, notes, overview, reliability, repaired
 from app.services.plant.before_after import compared
 from app.services.plant.shelving import shelf
 from app.services.plant.work_list import work_list
 from app.services.reports.documents import loop_report, plant_report
-from app.services.wording import RELIABILITY_WORDS, UNANSWERED, headline, rely
+from app.services.telling.next_steps import STICKS, WAIT, after_repair
+from app.services.telling.wording import RELIABILITY_WORDS, UNANSWERED, headline, rely
 from app.storage import loops as stored_loops
 from app.storage import series
 from app.storage.samples import Samples

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from app.engine.rivals import Rival, contest, winner
-from app.services.auditing.rival_wording import why_first
+from app.services.telling.rival_wording import why_first
 
 SEEN = SimpleNamespace(named=lambda name: 0.5)  # what a fit in free run explains, for the text of stiction alone
 

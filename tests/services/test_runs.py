@@ -18,8 +18,8 @@ from app.engine.audit import Audit, audit
 from app.engine.recording import Recording
 from app.errors import DataError, NotFoundError, RequestError
 from app.services.access.trail import list_trail
+from app.services.audit_json.models import ReliabilityRow
 from app.services.auditing import audits, chunks, nightly
-from app.services.auditing.audit_models import ReliabilityRow
 from app.services.auditing.audits import LoopFilter
 from app.services.backend import Backend
 from app.services.plant import loops

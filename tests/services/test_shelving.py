@@ -11,7 +11,6 @@ from app.errors import NotFoundError, RequestError
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
-from app.services.next_steps import BY_CAUSE, STICKS, UNTIL_THEY_AGREE, next_step
 from app.services.plant import notes
 from app.services.plant import overview as plant
 from app.services.plant.loops import loop_health, patch_loop
@@ -19,7 +18,8 @@ from app.services.plant.shelving import LONGEST, Shelf, shelf
 from app.services.plant.work_list import work_list
 from app.services.plant.written import Written
 from app.services.reports.documents import loop_report, plant_report
-from app.services.wording import UNANSWERED
+from app.services.telling.next_steps import BY_CAUSE, STICKS, UNTIL_THEY_AGREE, next_step
+from app.services.telling.wording import UNANSWERED
 from app.storage.tables import loops, newest_rows, verdicts
 from app.storage.tables import notes as notes_table
 

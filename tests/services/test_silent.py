@@ -14,7 +14,7 @@ from app.services.moments import ns_of
 from app.services.plant import overview
 from app.services.plant.arrivals import current_ns
 from app.services.plant.silent import silences, silent
-from app.services.wording import brief, rely
+from app.services.telling.wording import brief, rely
 from app.storage.tables import audits, loops, newest_rows, verdicts
 
 AddLoops = Callable[..., dict[str, int]]

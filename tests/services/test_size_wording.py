@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from app.services.auditing.size_wording import LACKING, NO_SWING, NOT_STUCK, NOT_TOLD, size_in_words
+from app.services.telling.size_wording import LACKING, NO_SWING, NOT_STUCK, NOT_TOLD, size_in_words
 
 quantify = import_module("app.engine.quantification.quantify")
 

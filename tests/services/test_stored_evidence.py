@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from app.services.plant.evidence_moved import moved
-from app.services.stored_evidence import Explained, Shape, Votes, explained, shapes, votes
+from app.services.telling.stored_evidence import Explained, Shape, Votes, explained, shapes, votes
 
 STANDS = '{"measured":{"shape_sticking":[0.6,">",0.2],"shape_op_kurtosis":[-1.2,"<",0.1],"few_cycles":[3.0,">=",5.0]}}'
 CLEARED = '{"measured":{"shape_sticking":[0.08,">",0.2],"shape_op_kurtosis":[2.4,"<",0.1]}}'

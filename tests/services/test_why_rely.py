@@ -2,8 +2,18 @@
 
 import pytest
 
-from app.services.auditing.reason_wording import REASON_WORDS
-from app.services.why_rely import APART, DIVIDED, DOUBTED, OLDER, POOR, UNCLEAR, contradiction, derivative, points
+from app.services.telling.reason_wording import REASON_WORDS
+from app.services.telling.why_rely import (
+    APART,
+    DIVIDED,
+    DOUBTED,
+    OLDER,
+    POOR,
+    UNCLEAR,
+    contradiction,
+    derivative,
+    points,
+)
 
 FIT = "fitted on one half of each window a sticky valve explains 19 % of PV, a linear one 34 %: it is the shapes"
 METHODS = (

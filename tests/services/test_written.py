@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 from sqlalchemy import Engine, event
 
+from app.services.audit_json.models import TableRow, WrittenFields
 from app.services.auditing import audits, chunks
-from app.services.auditing.audit_models import TableRow, WrittenFields
 from app.services.backend import Backend
-from app.services.next_steps import WAIT
 from app.services.plant import loops, notes, overview, reliability
 from app.services.plant.reliability import RowFilter
+from app.services.telling.next_steps import WAIT
 
 AddLoops = Callable[..., dict[str, int]]
 TAGS = ("FIC0", "FIC1", "FIC2", "FIC3")

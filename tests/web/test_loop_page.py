@@ -10,11 +10,11 @@ from app.services.addresses import tag_in_url
 from app.services.auditing.chunks import audit_chunk
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import receive
-from app.services.next_steps import next_step
 from app.services.plant import loops, overview
 from app.services.plant.loops import loop_health, verdict_detail
 from app.services.plant.periods import periods
-from app.services.wording import UNANSWERED
+from app.services.telling.next_steps import next_step
+from app.services.telling.wording import UNANSWERED
 from app.storage.tables import loops as stored_loops
 from app.storage.tables import newest_rows
 from app.web import loop as loop_page

@@ -3,9 +3,9 @@
 import pytest
 
 from app.cli.tables import verdict_cells
-from app.services.auditing.audit_models import ReliabilityRow
+from app.services.audit_json.models import ReliabilityRow
 from app.services.rendering import figure
-from app.services.wording import measured_probability, probability, worst_first
+from app.services.telling.wording import measured_probability, probability, worst_first
 from app.web.columns import query_without
 from app.web.rendering import as_tags, cause_words, first_reasons, other_way
 

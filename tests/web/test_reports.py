@@ -12,11 +12,11 @@ from app.services.addresses import tag_in_url
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
-from app.services.next_steps import next_step
 from app.services.plant.loops import loop_health
 from app.services.plant.notes import add_note
 from app.services.reports import documents as reports
 from app.services.reports.svg import Ends, Line, chart, ticks
+from app.services.telling.next_steps import next_step
 from app.storage import loops
 
 HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"

@@ -10,11 +10,11 @@ from app.engine.audit_config import AuditConfig
 from app.engine.plant_wide.excerpts import excerpts_of
 from app.errors import LoopauditError
 from app.logs import about
+from app.services.audit_json.rows import new_verdict
 from app.services.auditing.ending import end_if_complete
 from app.services.auditing.limits import TimeLimitError, time_limit
 from app.services.auditing.recordings import origin_ns, recording_of
 from app.services.auditing.repairs import Window, windows_since_repair
-from app.services.auditing.rows import new_verdict
 from app.services.backend import DATABASE_AWAY, Backend
 from app.services.moments import PlantClock, moment_of
 from app.services.patience import patiently

@@ -7,12 +7,12 @@ from typing import Any
 from sqlalchemy import Connection
 from sqlalchemy.exc import SQLAlchemyError
 
+from app.services.audit_json.excerpts import by_tag
+from app.services.audit_json.line import flat_health, flat_reasons
+from app.services.audit_json.rows import as_row, fixed_part
+from app.services.audit_json.swings import candidates
 from app.services.auditing import hearing
-from app.services.auditing.audit_line import flat_health, flat_reasons
-from app.services.auditing.excerpts import by_tag
 from app.services.auditing.hearing import Heard, Said
-from app.services.auditing.rows import as_row, fixed_part
-from app.services.auditing.swings import candidates
 from app.services.backend import Backend
 from app.services.patience import patiently
 from app.storage import audits, verdicts

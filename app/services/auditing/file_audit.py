@@ -7,10 +7,10 @@ from typing import Any
 from app.engine.audit import audit
 from app.engine.plant_wide.excerpts import Excerpts, excerpts_of
 from app.ingest import RecordingsRead
-from app.services.auditing import swings
-from app.services.auditing.audit_line import audit_line
-from app.services.auditing.dating import dated
-from app.services.auditing.excerpts import as_json, from_json
+from app.services.audit_json import swings
+from app.services.audit_json.dating import dated
+from app.services.audit_json.excerpts import as_json, from_json
+from app.services.audit_json.line import audit_line
 from app.services.auditing.hearing import heard_together
 from app.services.moments import EPOCH, UTC_CLOCK, PlantClock
 

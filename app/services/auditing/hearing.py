@@ -12,8 +12,8 @@ from app.engine.health import HealthPart, doubted_health
 from app.engine.plant_wide.cascades import Cascade, cascades
 from app.engine.plant_wide.excerpts import Excerpts
 from app.engine.plant_wide.groups import Candidate, Group, Suspect, groups
-from app.services.auditing.audit_models import ReasonLine
-from app.services.wording import (
+from app.services.audit_json.models import ReasonLine
+from app.services.telling.wording import (
     MOVES_NO_VALVE,
     MOVES_SET_POINT,
     RELIABILITY_BRIEF,

@@ -12,7 +12,7 @@ from app.engine.evidence import Reason
 from app.engine.fitness import assess
 from app.services.auditing.recordings import recording_of
 from app.services.moments import PlantClock, ns_of
-from app.services.repair_sides import BEFORE_REPAIR, SINCE_REPAIR
+from app.services.telling.repair_sides import BEFORE_REPAIR, SINCE_REPAIR
 from app.storage import notes, series
 from app.storage.loops import LoopRow
 from app.storage.samples import Samples

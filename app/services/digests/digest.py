@@ -25,9 +25,9 @@ from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.silent import of_run
 from app.services.plant.work_list import Work, work_list
 from app.services.rendering import document
-from app.services.repair_sides import of_before
 from app.services.results import AuditView, ChangeView
-from app.services.wording import (
+from app.services.telling.repair_sides import of_before
+from app.services.telling.wording import (
     CHANGE_WORDS,
     PRIOR_ONLY,
     VERDICT_RANK,

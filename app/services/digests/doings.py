@@ -3,8 +3,8 @@
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from app.services.next_steps import apart
 from app.services.plant.work_list import Work
+from app.services.telling.next_steps import apart
 
 SHOWN = 15
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from app.services.wording import LIKELY
+from app.services.telling.wording import LIKELY
 
 LEAST_P = 0.001
 VERDICT_WORDS = {

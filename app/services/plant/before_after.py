@@ -3,14 +3,14 @@
 from typing import Any
 
 from app.errors import NotFoundError
-from app.services.auditing.rows import KEY_FIGURES
-from app.services.auditing.size_wording import equal_digits
+from app.services.audit_json.rows import KEY_FIGURES
 from app.services.backend import Backend
 from app.services.moments import PlantClock
 from app.services.plant.loops import verdict_detail
 from app.services.plant.notes import Repair
 from app.services.rendering import figure
-from app.services.wording import VERDICT_WORDS, health, probability, rely
+from app.services.telling.size_wording import equal_digits
+from app.services.telling.wording import VERDICT_WORDS, health, probability, rely
 
 NONE = "–"
 NOT_TOLD = "the record does not tell"

@@ -18,7 +18,7 @@ from app.engine.reference import yper
 from app.errors import DataError
 from app.ingest import carried
 from app.nanoseconds import NS_PER_S
-from app.services.auditing.spectra import spectra
+from app.services.audit_json.spectra import spectra
 from app.services.backend import Backend
 from app.services.damage import damage_in_words
 from app.services.moments import iso_utc, moment_of

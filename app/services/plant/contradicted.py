@@ -6,8 +6,8 @@ from typing import Any
 
 from sqlalchemy import Connection
 
-from app.services.why_rely import contradiction
-from app.services.wording import STICKS
+from app.services.telling.why_rely import contradiction
+from app.services.telling.wording import STICKS
 from app.storage import explanations
 from app.storage.documents import told_of
 from app.storage.samples import DAMAGED

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from app.services.stored_evidence import Shape, shapes
-from app.services.wording import PRIOR_ONLY, probability
+from app.services.telling.stored_evidence import Shape, shapes
+from app.services.telling.wording import PRIOR_ONLY, probability
 
 LEAST_MOVE = 0.1
 """Of the probability; where it moved less, the verdict's edge is what changed."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from app.services.auditing.audit_models import AuditFields, KeyFiguresLine, ReliabilityRow
+from app.services.audit_json.models import AuditFields, KeyFiguresLine, ReliabilityRow
 
 JELALI = ("Jelali 2013, Control Performance Management in Industrial Automation", "10.1007/978-1-4471-4546-2")
 HARRIS = ("Harris 1989; Desborough and Harris 1992", "10.1002/cjce.5450670519")

@@ -8,7 +8,7 @@ from typing import Any
 
 from app.engine.plant_wide.groups import IN_STEP, UNNAMED, Group, groups
 from app.nanoseconds import NS_PER_S
-from app.services.auditing.swings import candidates
+from app.services.audit_json.swings import candidates
 from app.services.backend import Backend
 from app.services.moments import iso_utc, moment_of
 from app.services.plant.set_points import set_points_together

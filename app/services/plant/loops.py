@@ -8,7 +8,7 @@ from typing import Any
 from sqlalchemy import Connection
 
 from app.errors import FieldError, LoopauditError, NotFoundError, RequestError
-from app.services.auditing.rows import FORM, KEY_FIGURES, as_row, compact, sent
+from app.services.audit_json.rows import FORM, KEY_FIGURES, as_row, compact, sent
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.moments import iso_utc, moment_of

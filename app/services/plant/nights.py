@@ -8,7 +8,7 @@ from typing import Any
 from app.engine.long_records.episodes import BEGAN
 from app.services.backend import Backend
 from app.services.moments import iso_utc
-from app.services.wording import RELIABILITY_BRIEF, VERDICT_WORDS
+from app.services.telling.wording import RELIABILITY_BRIEF, VERDICT_WORDS
 from app.storage import continuing
 from app.storage import nights as stored
 

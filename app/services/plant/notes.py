@@ -11,8 +11,8 @@ from app.services.moments import iso_utc
 from app.services.plant.loops import find, verdict_history
 from app.services.plant.shelving import check_shelving, kind_at
 from app.services.plant.shelving import withdraw_shelving as withdraw_from_shelf
-from app.services.repair_sides import side_of
 from app.services.results import NoteView, Page
+from app.services.telling.repair_sides import side_of
 from app.storage import notes
 from app.storage.notes import NoteRow
 

@@ -15,10 +15,10 @@ from app.services.plant.judged import ToManual, to_manual
 from app.services.plant.reliability import checked, following, place_of, with_loop
 from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.written import written_of
-from app.services.repair_sides import BEFORE_REPAIR, SINCE_REPAIR
 from app.services.results import AuditView, ChangedBy, ChangeView, Page, UnitView
-from app.services.stored_evidence import began_at
-from app.services.wording import UNANSWERED, WHY_WORDS, cause_words
+from app.services.telling.repair_sides import BEFORE_REPAIR, SINCE_REPAIR
+from app.services.telling.stored_evidence import began_at
+from app.services.telling.wording import UNANSWERED, WHY_WORDS, cause_words
 from app.storage import plant, verdicts
 from app.storage.loops import count as count_loops
 from app.storage.loops import count_retired

@@ -9,7 +9,7 @@ from typing import Any
 from sqlalchemy import BigInteger, ColumnElement
 
 from app.errors import RequestError
-from app.services.auditing.rows import FORM, as_row, compact
+from app.services.audit_json.rows import FORM, as_row, compact
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, refused
 from app.services.moments import iso_utc, moment_of

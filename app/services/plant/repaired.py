@@ -9,8 +9,8 @@ from sqlalchemy import Connection
 
 from app.services.backend import Backend
 from app.services.moments import iso_utc
-from app.services.repair_sides import side_of
-from app.services.wording import VERDICT_WORDS, brief
+from app.services.telling.repair_sides import side_of
+from app.services.telling.wording import VERDICT_WORDS, brief
 from app.storage import repaired as stored
 
 LOOKED_BACK = timedelta(days=14)

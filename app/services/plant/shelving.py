@@ -11,7 +11,7 @@ from sqlalchemy import Connection
 from app.errors import NotFoundError, RequestError
 from app.services.backend import Backend
 from app.services.moments import PlantClock, iso_utc
-from app.services.wording import UNANSWERED, VERDICT_WORDS, brief
+from app.services.telling.wording import UNANSWERED, VERDICT_WORDS, brief
 from app.storage import notes, shelvings
 from app.storage.shelvings import ShelvedRow
 

@@ -14,7 +14,7 @@ from app.services.plant.nights import NIGHTS, Night, Onset, nights, onsets
 from app.services.plant.overview import not_shelved
 from app.services.plant.repaired import repairs
 from app.services.plant.shelving import Shelf, Shelved
-from app.services.wording import UNANSWERED, VERDICT_WORDS, brief, codes_of, looked_at_today
+from app.services.telling.wording import UNANSWERED, VERDICT_WORDS, brief, codes_of, looked_at_today
 from app.storage.verdicts import RowFilter
 
 MOST, MOST_TODAY = 10, 5

@@ -8,12 +8,12 @@ from typing import Any
 
 from app.services.backend import Backend
 from app.services.moments import PlantClock, iso_utc
-from app.services.next_steps import UNTIL_THEY_AGREE, after_repair, next_step
 from app.services.plant.contradicted import contradicted
 from app.services.plant.repaired import Outcome, asked_after, in_vain
 from app.services.plant.shelving import Shelf, Shelved, shelf
-from app.services.repair_sides import of_before
-from app.services.wording import STICKS
+from app.services.telling.next_steps import UNTIL_THEY_AGREE, after_repair, next_step
+from app.services.telling.repair_sides import of_before
+from app.services.telling.wording import STICKS
 from app.storage import explanations, notes
 from app.storage.notes import Standing
 

@@ -10,31 +10,26 @@ from sqlalchemy import Connection
 
 from app.errors import NotFoundError
 from app.services.addresses import loop_address
-from app.services.auditing.rival_wording import why_first
-from app.services.auditing.rows import as_row
-from app.services.auditing.size_wording import size_in_words
+from app.services.audit_json.rows import as_row
 from app.services.backend import Backend
 from app.services.explaining import explanations
 from app.services.explaining.wording import in_words
 from app.services.moments import PlantClock, iso_utc
-from app.services.plant import glossary, loops, notes
+from app.services.plant import loops, notes
 from app.services.plant import overview as plant
 from app.services.plant.arrivals import LATE, arrivals, sentences
-from app.services.plant.before_after import compared
 from app.services.plant.charts import charts
-from app.services.plant.groups import groups_of
 from app.services.plant.groups import soon as groups_soon
 from app.services.plant.judged import judged
-from app.services.plant.periods import periods
+from app.services.plant.loop_sheet import loop_sheet
 from app.services.plant.repaired import repairs
 from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.silent import silences
 from app.services.plant.work_list import work_list
 from app.services.rendering import document
-from app.services.repair_sides import of_before
 from app.services.reports.svg import WIDTH, Ends, Line, chart
-from app.services.why_rely import contradiction, derivative, points
-from app.services.wording import measured_probability
+from app.services.telling.repair_sides import of_before
+from app.services.telling.wording import measured_probability
 from app.storage import loops as stored_loops
 from app.storage import notes as stored_notes
 from app.storage import plant as stored_plant
@@ -42,7 +37,6 @@ from app.storage import verdicts
 from app.storage.notes import Standing
 from app.storage.verdicts import RowFilter
 
-NIGHTS = 60
 NOTES = 20
 WORST_OF_UNIT = 5
 REFUSED = 200
@@ -53,39 +47,19 @@ BAR_WIDTH = 180
 
 def loop_report(backend: Backend, tag: str) -> str:
     """Raises NotFoundError for a loop that there is not, or that was never audited."""
-    found = loops.get_loop(backend, tag)
-    row = loops.loop_health(backend, tag)
-    detail = loops.verdict_detail(backend, tag)
-    repair = notes.newest_repair(backend, tag)
-    history = loops.chained_history(backend, tag, NIGHTS)
-    drawn = charts(backend, tag)
     explained = explanations.newest(backend, tag)
-    disagrees = contradiction(row, explained)
+    sheet = loop_sheet(backend, loops.get_loop(backend, tag), explained)
+    drawn = charts(backend, tag)
     return document(
         "loop_report.html",
-        it=found,
-        row=row,
-        detail=detail,
-        next_step=row["next_step"],
-        disagrees=disagrees,
-        points=points(row, detail),
-        derivative=derivative(row, explained),
-        size=size_in_words(row, detail),
-        judged=judged(backend, [tag]).get(tag),
-        periods=periods(backend, tag, row, detail),
-        why_first=why_first(detail.get("rivals", ()), row["rival_winner"]),
-        figures=[told for told in glossary.figures(row, found.pv_unit) if told[1] is not None],
-        history=history,
-        groups=groups_of(backend, tag),
-        repair=repair,
-        compared=compared(backend, tag, repair, found.pv_unit),
+        **sheet,
         notes=notes.list_notes(backend, tag)[:NOTES],
         explanation=in_words(explained) if explained and explained["state"] == "done" else None,
         trend=_trend(drawn, backend.clock),
         damage=drawn["damage"],
         path=_path(drawn),
         path_of=_path_of(drawn),
-        course=_course(history, backend.clock),
+        course=_course(sheet["history"], backend.clock),
         address=loop_address(backend.settings.public_url, tag),
         **_made(backend),
     )

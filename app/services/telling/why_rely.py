@@ -4,17 +4,39 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from app.services.stored_evidence import explained, votes
-from app.services.wording import LIKELY, STICKS, cause_words, measured_probability, probability
+from app.engine.codes import ReasonCode
+from app.services.telling.stored_evidence import explained, votes
+from app.services.telling.wording import LIKELY, STICKS, cause_words, measured_probability, probability
 
 Says = Literal["agrees", "otherwise", "nothing"]
 MARKS: dict[Says, str] = {"agrees": "✓", "otherwise": "✗", "nothing": "·"}
 JUDGED = ("stiction", "no_stiction")
 
-UNCLEAR = ("evidence_not_clear", "not_cleared", "set_point_moves", "nearly_sinusoidal", "keeps_time")
-APART = ("uncoupled", "uncoupled_slowly", "same_signal", "no_answer", "foreign_cycle", "hidden_band", "pv_stands")
-DIVIDED = ("few_cycles", "windows_disagree", "stretches_disagree", "stiction_began", "short_lived_stiction")
-POOR = (
+UNCLEAR: tuple[ReasonCode, ...] = (
+    "evidence_not_clear",
+    "not_cleared",
+    "set_point_moves",
+    "nearly_sinusoidal",
+    "keeps_time",
+)
+APART: tuple[ReasonCode, ...] = (
+    "uncoupled",
+    "uncoupled_slowly",
+    "same_signal",
+    "no_answer",
+    "foreign_cycle",
+    "hidden_band",
+    "pv_stands",
+    "answers_no_more",
+)
+DIVIDED: tuple[ReasonCode, ...] = (
+    "few_cycles",
+    "windows_disagree",
+    "stretches_disagree",
+    "stiction_began",
+    "short_lived_stiction",
+)
+POOR: tuple[ReasonCode, ...] = (
     "filled_share",
     "filled",
     "mode_share",
@@ -24,8 +46,8 @@ POOR = (
     "op_flat",
     "pv_flat",
 )
-DOUBTED = ("moves_set_point", "moves_no_valve", "shaken_by_neighbour")
-OLDER = ("before_repair",)
+DOUBTED: tuple[ReasonCode, ...] = ("moves_set_point", "moves_no_valve", "shaken_by_neighbour")
+OLDER: tuple[ReasonCode, ...] = ("before_repair",)
 """Codes of reasons, by what they speak against."""
 
 DISAGREES = (

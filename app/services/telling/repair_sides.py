@@ -6,7 +6,7 @@ from typing import Any
 
 from app.engine.codes import ReasonCode
 from app.services.moments import epoch_ms
-from app.services.wording import codes_of
+from app.services.telling.wording import codes_of
 
 SINCE_REPAIR: ReasonCode = "since_repair"
 BEFORE_REPAIR: ReasonCode = "before_repair"

@@ -8,10 +8,10 @@ from app.engine.audit import Audit
 from app.engine.corroborate import Corroboration
 from app.engine.reference.hammerstein import OneParameterResult, TwoParameterResult
 from app.engine.reference.reliability import Rung
-from app.services.auditing.audit_line import episode_line, rival_line, space_of
-from app.services.auditing.json_numbers import numbers, scalars
-from app.services.auditing.size_line import stiction_size_detail
-from app.services.auditing.spectra import spectra
+from app.services.audit_json.line import episode_line, rival_line, space_of
+from app.services.audit_json.numbers import numbers, scalars
+from app.services.audit_json.size import stiction_size_detail
+from app.services.audit_json.spectra import spectra
 
 
 def detail(audit: Audit) -> dict[str, Any]:

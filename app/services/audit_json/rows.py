@@ -10,15 +10,15 @@ from typing import Any
 from app.engine.audit import Audit
 from app.engine.plant_wide.excerpts import Excerpts
 from app.engine.recording import Recording
-from app.services.auditing import excerpts, swings
-from app.services.auditing.audit_detail import detail
-from app.services.auditing.audit_line import audit_line, reliability_row
-from app.services.auditing.audit_models import KeyFiguresLine, ReliabilityRow, TableRow
-from app.services.auditing.dating import dated, instant
+from app.services.audit_json import excerpts, swings
+from app.services.audit_json.dating import dated, instant
+from app.services.audit_json.detail import detail
+from app.services.audit_json.line import audit_line, reliability_row
+from app.services.audit_json.models import KeyFiguresLine, ReliabilityRow, TableRow
 from app.services.moments import PlantClock, epoch_ms, iso_utc, moment_of
-from app.services.next_steps import as_table, next_step
-from app.services.repair_sides import of_before
-from app.services.stored_evidence import MEASURED
+from app.services.telling.next_steps import as_table, next_step
+from app.services.telling.repair_sides import of_before
+from app.services.telling.stored_evidence import MEASURED
 from app.storage.json_texts import check_finite, short_json, stored_json
 from app.storage.tables import verdicts
 from app.storage.verdicts import NewVerdict, pack_detail

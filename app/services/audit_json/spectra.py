@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from app.engine.reference.yper import YperResult
-from app.services.auditing.json_numbers import numbers
+from app.services.audit_json.numbers import numbers
 
 STORED_FREQUENCIES = 256
 

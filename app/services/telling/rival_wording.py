@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from app.services.wording import cause_words
+from app.services.telling.wording import cause_words
 
 STICTION = "stiction"
 LEFT = (

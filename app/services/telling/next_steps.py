@@ -8,9 +8,9 @@ from app.engine.codes import UNANSWERED, Cause, ReasonCode
 from app.engine.judgement import ANSWERS_NO_MORE, FOREIGN_CYCLE, HIDDEN_BAND, NO_ANSWER, PV_STANDS, UNCOUPLED, WOUND_UP
 from app.engine.long_records.episodes import BEGAN
 from app.engine.verdict.config import VerdictConfig
-from app.services.repair_sides import of_before
-from app.services.stored_evidence import band_of, began_at
-from app.services.wording import CAUSE_WORDS, MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR, codes_of
+from app.services.telling.repair_sides import of_before
+from app.services.telling.stored_evidence import band_of, began_at
+from app.services.telling.wording import CAUSE_WORDS, MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR, codes_of
 
 STICKS = (
     "Ask for a stroke test in small steps, up and down, then for a look at packing, positioner and air supply. Tuning "

@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from app.services.auditing.size_line import FlatSize, StictionSizeLine
+from app.services.audit_json.size import FlatSize, StictionSizeLine
 
 VerdictName = Literal["stiction", "no_stiction", "inconclusive", "not_auditable"]
 ReliabilityName = Literal["reliable", "not_reliable"]

@@ -10,7 +10,7 @@ from app.engine.fitness.signals import set_point_activity
 from app.engine.long_records.episodes import Episode
 from app.engine.reference.reliability import Rung
 from app.engine.rivals import Rival, runner_up, winner
-from app.services.auditing.audit_models import (
+from app.services.audit_json.models import (
     AuditFields,
     AuditLine,
     EpisodeLine,
@@ -20,8 +20,8 @@ from app.services.auditing.audit_models import (
     ReliabilityRow,
     RivalLine,
 )
-from app.services.auditing.json_numbers import number
-from app.services.auditing.size_line import flat_size, stiction_size_line
+from app.services.audit_json.numbers import number
+from app.services.audit_json.size import flat_size, stiction_size_line
 from app.services.moments import epoch_ms, iso_utc
 
 # The order of the contract first, then what was added to it; a field that is not named here comes last.
