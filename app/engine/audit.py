@@ -7,51 +7,33 @@ import numpy as np
 
 from app.engine import ENGINE_VERSION
 from app.engine.audit_config import AuditConfig
-from app.engine.causality.stuck_stem import StuckStem, stuck_stem
-from app.engine.codes import UNANSWERED, Cause, CheckCode, ReasonCode
+from app.engine.codes import UNANSWERED, CheckCode, ReasonCode
 from app.engine.evidence import Reason, reason_of
-from app.engine.fitness import Fitness, refused_as_standing
+from app.engine.fitness import Fitness
 from app.engine.health import Health
 from app.engine.health import health as health_of
+from app.engine.judged import Judged, judge
 from app.engine.judgement import Judgement
 from app.engine.key_figures import KeyFigures
 from app.engine.key_figures import compute as key_figures_of
 from app.engine.long_records.episodes import (
-    BEGAN,
     NO_EPISODES,
-    EpisodeConfig,
     Episodes,
-    episode_reasons,
-    find,
-    samples_wanted,
 )
 from app.engine.long_records.stretches import newest, newest_moving
 from app.engine.oscillation import Oscillation, detect
 from app.engine.plant_wide.swing import Swing, swing_of
-from app.engine.preparation import Preparation, prepare
 from app.engine.quantification import StictionSize, quantify
 from app.engine.recording import Recording, UniformRecord, known_span
 from app.engine.reference import published_rule
 from app.engine.reference.reliability import LadderConfig, Reference, climb
-from app.engine.verdict import judging
 from app.engine.verdict.reasons import reference_reason
-from app.engine.verdict.unanswered import standing, stuck, unanswered
 from app.errors import DataError
 
 __all__ = ["Audit", "AuditConfig", "Window", "audit", "ladder_for", "newest"]
 
-SPOILED_BY: dict[CheckCode, Cause] = {
-    "pv_flat": UNANSWERED,
-    "op_flat": "controller_not_acting",
-    "not_in_automatic": "not_in_automatic",
-    "op_two_values": "on_off_control",
-    "op_at_limits": "op_at_limits",
-    "samples_per_cycle": "sampled_too_slowly",
-}
-
 # Findings that show a historian's compression: what lies between the stored values is not the loop's.
 _REBUILT: frozenset[CheckCode] = frozenset({"pv_interpolated", "op_interpolated"})
-_OF_STRETCHES: frozenset[ReasonCode] = frozenset({"stretches", "stretches_disagree"})
 _SAME_PERIOD = 0.2  # difference of logarithms
 _AS_CONFIGURED = AuditConfig()  # one of it, because its fingerprint costs as much as a stage of the audit
 
@@ -118,27 +100,17 @@ def audit(recording: Recording, config: AuditConfig | None = None) -> Audit:
     verdict.
     """
     config = config or _AS_CONFIGURED
-    prepared = prepare(recording, config.fitness)
-    fitness, oscillation = prepared.fitness, prepared.oscillation
-    if fitness.standstill is not None:
-        fitness = refused_as_standing(fitness)
-        return _result(recording, config, fitness, _refusal(recording, fitness))
-    stem = _stuck_stem(recording, prepared)
-    if stem is not None:
-        return _result(recording, config, fitness, _beside_refusals(stuck(stem), fitness))
-    if oscillation is None or not fitness.auditable:
-        return _result(recording, config, fitness, _refusal(recording, fitness), oscillation=oscillation)
-    return _identified(recording, config, prepared, oscillation)
+    found = judge(recording, config)
+    if found.of_record is None or found.oscillation is None:
+        return _result(recording, config, found.fitness, found.judgement, oscillation=found.oscillation)
+    return _identified(recording, config, found, found.of_record, found.oscillation)
 
 
-def _identified(recording: Recording, config: AuditConfig, prepared: Preparation, oscillation: Oscillation) -> Audit:
-    fitness = prepared.fitness
+def _identified(
+    recording: Recording, config: AuditConfig, found: Judged, of_record: Judgement, oscillation: Oscillation
+) -> Audit:
+    fitness, judgement = found.fitness, found.judgement
     record = newest_moving(fitness.audited, config.max_samples)
-    by_itself = judging.judge(fitness.audited, oscillation, fitness, config.judgement, recording.integrating)
-    if prepared.rest_of is not None:
-        by_itself = replace(by_itself, reasons=(*by_itself.reasons, _rest_reason(fitness, prepared.rest_of)))
-    episodes = find(fitness.looked_at, _quicker(oscillation, fitness, config.episodes), config.episodes)
-    judgement = _with_episodes(by_itself, episodes)
     try:
         reference = climb(record, ladder_for(judgement, config), config.hammerstein)
     except DataError as error:
@@ -153,56 +125,9 @@ def _identified(recording: Recording, config: AuditConfig, prepared: Preparation
         oscillation=oscillation,
         record=record,
         reference=reference,
-        episodes=episodes,
+        episodes=found.episodes,
     )
-    # What was judged by itself is not the spell that turned the verdict.
-    return replace(result, stiction_size=_stiction_size(record, fitness, oscillation, by_itself, config))
-
-
-def _quicker(oscillation: Oscillation, fitness: Fitness, config: EpisodeConfig) -> Oscillation:
-    """Of the oscillations of a long record and of the stretch that speaks for it the one by which shorter spells are
-    seen.
-    """
-    if fitness.speaks_for is None:
-        return oscillation
-    return min((oscillation, fitness.speaks_for.oscillation), key=lambda one: samples_wanted(one, config))
-
-
-def _with_episodes(judgement: Judgement, episodes: Episodes) -> Judgement:
-    """What reliable spells add. A valve that sticks for a part of the record is not cleared by the rest of it; one that
-    sticks up to the end sticks, whatever it did before, and that comes first.
-    """
-    reasons = episode_reasons(episodes)
-    if judgement.verdict == "stiction" or not reasons:
-        told = (*judgement.reasons, *reasons)
-        return replace(judgement, reasons=told if judgement.reliability == "reliable" else _began_first(told))
-    if all(reason.code != BEGAN for reason in reasons):
-        return replace(judgement, reliability="not_reliable", reasons=(*judgement.reasons, *reasons))
-    # What explains the rest of the record, and which parts of it agree, is not said of the spell.
-    left = {rival.cause for rival in judgement.rivals} | _OF_STRETCHES
-    kept = tuple(reason for reason in judgement.reasons if reason.code not in left)
-    return replace(
-        judgement,
-        verdict="stiction",
-        stiction_probability=[episode for episode in episodes.found if episode.at_end][-1].probability,
-        reliability="not_reliable",
-        reasons=_began_first((*reasons, *kept)),
-        likely_cause="stiction",
-    )
-
-
-def _began_first(reasons: tuple[Reason, ...]) -> tuple[Reason, ...]:
-    """When it began is what nobody should have to look for below why the record of before says otherwise."""
-    return tuple(sorted(reasons, key=lambda reason: reason.code != BEGAN))
-
-
-def _rest_reason(fitness: Fitness, rest_of: UniformRecord) -> Reason:
-    share = fitness.audited.samples / rest_of.samples
-    text = (
-        f"the set point moves PV more than all else; judged where it stands, on {100 * share:.0f} % of the record, "
-        "because the loop cycles there by itself; the remainder is not judged"
-    )
-    return Reason("set_point_rests", text)
+    return replace(result, stiction_size=_stiction_size(record, fitness, oscillation, of_record, config))
 
 
 def _stiction_size(
@@ -234,35 +159,6 @@ def _published_reasons(reference: Reference, config: AuditConfig) -> tuple[Reaso
     reasons = published_rule.judge(reference, config.verdict).reasons
     marked = (replace(r, text=f"published rule: {r.text}") for r in reasons if r.code != "reference_only")
     return tuple(marked)
-
-
-def _stuck_stem(recording: Recording, prepared: Preparation) -> StuckStem | None:
-    """Of the whole of what could be audited, where that goes up to the recording's end: what was before and what is."""
-    record = prepared.rest_of or prepared.fitness.whole
-    return stuck_stem(record) if record is not None and ends_with(record, recording) else None
-
-
-def ends_with(record: UniformRecord, recording: Recording) -> bool:
-    """Whether a stretch goes up to the end of the recording that it is of."""
-    length_s = record.samples * record.sampling_interval_s
-    return record.start_s + length_s >= float(recording.time_s[-1] - recording.time_s[0])
-
-
-def _refusal(recording: Recording, fitness: Fitness) -> Judgement:
-    refusals, stands = fitness.refusals, fitness.standstill
-    reasons = tuple(reason_of(finding) for finding in refusals)
-    flat_throughout = stands is None or (stands.from_start and stands.levels == 1)
-    if {reason.code for reason in reasons} == {"pv_flat"} and flat_throughout:
-        dead = unanswered(recording)
-        return replace(dead, reasons=dead.reasons + reasons)
-    if stands is not None:
-        return _beside_refusals(standing(stands), fitness)
-    causes = [SPOILED_BY[finding.code] for finding in refusals if finding.code in SPOILED_BY]
-    return Judgement("not_auditable", None, "not_reliable", reasons, causes[0] if causes else None)
-
-
-def _beside_refusals(judgement: Judgement, fitness: Fitness) -> Judgement:
-    return replace(judgement, reasons=judgement.reasons + tuple(reason_of(finding) for finding in fitness.refusals))
 
 
 def _unidentifiable(error: DataError, record: UniformRecord) -> Judgement:

@@ -90,8 +90,9 @@ class AuditConfig:
 
 def _merged(default: Any, values: dict[str, Any], path: str) -> Any:
     known = {f.name for f in fields(default)}
+    own = {f.name for f in fields(default) if not f.init}  # what this version is, whatever another one was
     changed = {}
-    for name, value in values.items():
+    for name, value in ((name, value) for name, value in values.items() if name not in own):
         if name not in known:
             raise DataError("unknown_setting", f"no setting {path}{name}; known are {', '.join(sorted(known))}")
         before = getattr(default, name)

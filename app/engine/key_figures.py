@@ -104,7 +104,8 @@ def compute(recording: Recording) -> KeyFigures:
     upset = error.values if len(error) else recording.pv[used]
     pv, op, op_used = timed(recording.pv, good), timed(recording.op, good), timed(recording.op, used)
     size = error.of(np.abs)
-    travel, reversals = _travel(recording, good)
+    held = _each_held(recording.time_s, held_s)
+    travel, reversals = _travel(recording.op[good], held[good])
     low, median, high = error.percentiles((5.0, 50.0, 95.0))
     return KeyFigures(
         good_share_pct=100.0 * float(good.mean()) if recording.samples else 0.0,
@@ -125,7 +126,7 @@ def compute(recording: Recording) -> KeyFigures:
         op_travel_per_h=travel,
         op_reversals_per_h=reversals,
         op_travel_pct_of_span_per_h=_pct_of_span(travel, recording.op_range),
-        response_time_s=_response_time_s(upset, recording.time_s),
+        response_time_s=_response_time_s(upset, held[controlled]),
         harris_index=_harris_index(upset, _runs(controlled, recording.time_s)),
         harris_horizon_samples=HARRIS_HORIZON,
     )
@@ -140,8 +141,17 @@ def _pct_of_span(value: float | None, span: Span | None) -> float | None:
     return None if value is None or known is None else 100.0 * value / (known[1] - known[0])
 
 
-def _response_time_s(error: FloatArray, time_s: FloatArray) -> float | None:
-    """How long an upset is felt: where the autocorrelation of the error (N,) first falls below 1/e.
+def _each_held(time_s: FloatArray, held_s: FloatArray | None) -> FloatArray:
+    """(N,) in s for how long each sample holds, also where all do for equally long."""
+    if held_s is not None:
+        return held_s
+    span_s = float(time_s[-1] - time_s[0]) if len(time_s) > 1 else 0.0
+    return np.full(len(time_s), span_s / max(len(time_s) - 1, 1))
+
+
+def _response_time_s(error: FloatArray, held_s: FloatArray) -> float | None:
+    """How long an upset is felt: where the autocorrelation of the error (N,) first falls below 1/e, in samples that
+    hold for held_s (N,) on average.
 
     Gaps are closed up, so that a record with long gaps gives a value that is too short.
     """
@@ -149,7 +159,7 @@ def _response_time_s(error: FloatArray, time_s: FloatArray) -> float | None:
         return None
     below = np.flatnonzero(autocorrelation(error) < np.exp(-1.0))
     # At no lag at all it is 1, or 0 where the square of the error is too small a number.
-    return None if len(below) == 0 or below[0] == 0 else float(below[0] * np.median(np.diff(time_s)))
+    return None if len(below) == 0 or below[0] == 0 else float(below[0] * held_s.mean())
 
 
 def _saturation_pct(op: Timed, op_range: Span | None) -> float | None:
@@ -173,14 +183,15 @@ def _variability_pct(pv: Timed) -> float | None:
     return 200.0 * std / abs(mean) if abs(mean) > std else None
 
 
-def _travel(recording: Recording, good: BoolArray) -> tuple[float, float] | tuple[None, None]:
-    """(travel, reversals) an hour, or None for fewer than two good samples."""
-    if good.sum() < 2:
+def _travel(op: FloatArray, held_s: FloatArray) -> tuple[float, float] | tuple[None, None]:
+    """(travel, reversals) an hour of OP (N,) that holds for held_s (N,): what was not recorded is no time in which it
+    rested. None for fewer than two samples.
+    """
+    if len(op) < 2:
         return None, None
-    time_s, op = recording.time_s[good], recording.op[good]
     low, high = np.percentile(op, [5.0, 95.0])
     travel, reversals = _turning(np.ascontiguousarray(op), REVERSAL_SHARE * float(high - low))
-    hours = float(time_s[-1] - time_s[0]) / 3600.0
+    hours = float(held_s[:-1].sum()) / 3600.0
     return travel / hours, reversals / hours
 
 

@@ -9,7 +9,7 @@ from numba import njit
 from scipy import fft
 
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.signals.sampled import block_means, moving_average, unlike
+from app.engine.signals.sampled import ROUNDING, block_means, moving_average, unlike
 
 REGULAR_ABOVE = 1.0
 FEW_INTERVALS = 0.3
@@ -20,6 +20,7 @@ _MIN_PERIOD_SAMPLES = 3.0
 _HYSTERESIS = 0.05
 _CROSSINGS = 11
 _LONGEST_SEARCHED = 16384
+_OF_ROUNDING = 0.35  # of a step: a ramp that is rounded to steps leaves 0.29 of one, a swing between two of them 0.5
 
 
 @dataclass(frozen=True)
@@ -106,14 +107,16 @@ def detect(record: UniformRecord) -> Oscillation:
     samples are then not seen.
     """
     stride = max(1, -(-record.samples // _LONGEST_SEARCHED))
-    candidates = []
-    for (name, x), share in product(_signals(record, stride), _TREND_SHARES):
-        swing = _swing(autocorrelation(_without_trend(x, share)))
+    signals, candidates = _signals(record, stride), []
+    for name, share in product(signals, _TREND_SHARES):
+        swing = _swing(autocorrelation(_without_trend(signals[name], share)))
         if swing is not None:
             candidates.append((swing.score, -share, name, swing))
-    if not candidates:
+    strongest = sorted(candidates, key=lambda c: c[:2], reverse=True)
+    found = next((c for c in strongest if not _is_rounding(signals[c[2]], -c[1])), None)
+    if found is None:
         return _NO_OSCILLATION
-    _, minus_share, name, swing = max(candidates, key=lambda c: c[:2])
+    _, minus_share, name, swing = found
     per_cycle = swing.period * stride
     return Oscillation(
         period_s=per_cycle * record.sampling_interval_s,
@@ -126,11 +129,20 @@ def detect(record: UniformRecord) -> Oscillation:
     )
 
 
-def _signals(record: UniformRecord, stride: int) -> list[tuple[str, FloatArray]]:
+def _is_rounding(x: FloatArray, share: float) -> bool:
+    """Whether what swings in x (n,), less its trend, is no more than what rounding to the steps of x adds to a ramp."""
+    differences = np.diff(np.sort(x))
+    differences = differences[differences > ROUNDING * float(np.ptp(x))]
+    if len(differences) == 0:
+        return True
+    return float(np.std(_without_trend(x, share))) < _OF_ROUNDING * float(differences.min())
+
+
+def _signals(record: UniformRecord, stride: int) -> dict[str, FloatArray]:
     signals = [("pv", record.pv), ("op", record.op)]
     if record.sp is not None and np.ptp(record.sp) > 0.0:
         signals.append(("error", unlike(record.pv, record.sp)))
-    return [(name, block_means(x, stride)) for name, x in signals if _varies(x)]
+    return {name: block_means(x, stride) for name, x in signals if _varies(x)}
 
 
 def _varies(x: FloatArray) -> bool:

@@ -10,6 +10,7 @@ from app.engine.fitness import Fitness, FitnessConfig, assess, with_cycles
 from app.engine.long_records.stretches import NEWEST_SAMPLES, newest_moving, speaking_stretch
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import FloatArray, Recording, UniformRecord
+from app.engine.verdict.shape_model import ShapeModel
 
 # A part is judged for the whole only where it swings beyond doubt.
 _STRONG_SWING, _FEWEST_CYCLES = 0.6, 5.0
@@ -30,12 +31,13 @@ class Preparation:
     rest_of: UniformRecord | None = None
 
 
-def prepare(recording: Recording, config: FitnessConfig | None = None) -> Preparation:
+def prepare(recording: Recording, config: FitnessConfig | None = None, model: ShapeModel | None = None) -> Preparation:
     """The fitness checks, the oscillation, and the stretch that shows it best.
 
     A step of the set point much larger than a limit cycle makes most of what PV and OP do: where the set point rests
     for long and the loop cycles meanwhile, the rest is judged alone, from when PV and OP have settled. Misleads as any
-    judgement of a part does: what the valve did in the remainder is not looked at.
+    judgement of a part does: what the valve did in the remainder is not looked at. model: by which a stretch of a long
+    record is the middle one; the shipped one where None.
     """
     fitness = assess(recording, config)
     if fitness.record is None or not fitness.auditable:
@@ -45,7 +47,7 @@ def prepare(recording: Recording, config: FitnessConfig | None = None) -> Prepar
     if alone is not None:
         return replace(alone, rest_of=fitness.record)
     oscillation = detect(fitness.record)
-    spoken_for = _spoken_for(fitness, oscillation, config)
+    spoken_for = _spoken_for(fitness, oscillation, config, model)
     return spoken_for or Preparation(with_cycles(fitness, oscillation, config), oscillation)
 
 
@@ -59,9 +61,11 @@ def identified_part(recording: Recording, max_samples: int = NEWEST_SAMPLES) -> 
     return newest_moving(prepared.fitness.audited, max_samples)
 
 
-def _spoken_for(fitness: Fitness, oscillation: Oscillation, config: FitnessConfig | None) -> Preparation | None:
+def _spoken_for(
+    fitness: Fitness, oscillation: Oscillation, config: FitnessConfig | None, model: ShapeModel | None
+) -> Preparation | None:
     """The stretch of a long record that is judged for it, where there is one."""
-    stretch = speaking_stretch(fitness.audited, oscillation)
+    stretch = speaking_stretch(fitness.audited, oscillation, model)
     if stretch is None:
         return None
     part = replace(fitness, record=stretch.record, speaks_for=stretch.whole)

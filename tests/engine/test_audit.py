@@ -295,6 +295,8 @@ def test_a_configuration_can_be_read_back():
     config = AuditConfig(max_samples=700, fitness=FitnessConfig(flat_share=0.4))
     assert AuditConfig.from_json(config.canonical_json()) == config
     assert AuditConfig.from_json('{"max_samples": 700}') == AuditConfig(max_samples=700)
+    of_another = AuditConfig.from_json('{"judgement": {"parameters_version": "0123456789ab"}}')
+    assert of_another == AuditConfig()  # the numbers that judge are those of this version
 
 
 def test_an_unknown_setting_is_refused():

@@ -174,3 +174,22 @@ def test_travel_in_per_cent_of_the_span():
     figures = compute(Recording("x", np.arange(1000.0), np.zeros(1000), op, op_range=(0.0, 200.0)))
     assert figures.op_travel_pct_of_span_per_h == pytest.approx(figures.op_travel_per_h / 2.0)
     assert compute(Recording("x", np.arange(1000.0), np.zeros(1000), op)).op_travel_pct_of_span_per_h is None
+
+
+def test_time_that_was_not_recorded_is_no_time_in_which_op_rested():
+    op = np.tile([0.0, 10.0], 360)
+    whole = compute(recording(op, interval_s=10.0))
+    with_hole = Recording("loop", np.arange(720.0) * 10.0 + np.where(np.arange(720) < 360, 0.0, 79_200.0), op, op)
+    lost = np.where((np.arange(7200) < 360) | (np.arange(7200) >= 6840), np.tile(op, 10), np.nan)
+    for it in (with_hole, recording(lost, interval_s=10.0)):
+        assert compute(it).op_travel_per_h == pytest.approx(whole.op_travel_per_h, rel=0.02)
+        assert compute(it).op_reversals_per_h == pytest.approx(whole.op_reversals_per_h, rel=0.02)
+
+
+def test_an_upset_lasts_as_long_however_unevenly_it_was_stored():
+    rng = np.random.default_rng(5)
+    time_s = np.cumsum(np.where(rng.random(4000) < 0.6, 10.0, 40.0))
+    disturbance = lfilter([1.0], [1.0, -0.9], rng.normal(size=4000))
+    uneven = Recording("loop", time_s, disturbance, np.arange(4000.0), np.zeros(4000))
+    even = replace(uneven, time_s=22.0 * np.arange(4000))
+    assert compute(uneven).response_time_s == pytest.approx(compute(even).response_time_s, rel=0.05)

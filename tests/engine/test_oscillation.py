@@ -93,3 +93,16 @@ def test_autocorrelation_of_a_sine_is_a_cosine_and_of_a_constant_zero():
 def test_the_strength_of_a_pure_cycle_is_one_and_not_more():
     found = detect(record(cycle(20, 120), cycle(20, 120)))
     assert found.strength == 1.0
+
+
+@pytest.mark.parametrize("ramp", [0.0013, 0.003])
+def test_a_rounded_ramp_does_not_swing_by_its_rounding(ramp):
+    noise = np.random.default_rng(3).normal(size=N)
+    found = detect(record(cycle(60.0) + 0.8 * noise, np.round(50.0 + ramp * np.arange(N), 2)))
+    assert found.signal == "pv"
+    assert found.period_s == pytest.approx(60.0, rel=0.05)
+
+
+def test_a_cycle_between_two_steps_of_a_coarse_sensor_swings():
+    found = detect(record(np.round(0.5 + 0.4 * cycle(60.0)), np.round(50.0 + 0.003 * np.arange(N), 2)))
+    assert (found.signal, found.regular) == ("pv", True)

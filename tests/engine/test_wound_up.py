@@ -50,6 +50,14 @@ def test_units_and_signs_are_free():
     assert assess(other).wound_up_s == assess(given).wound_up_s
 
 
+@pytest.mark.parametrize("missing", [slice(SINCE + 900, SINCE + 901), slice(0, 700), slice(None)])
+def test_a_set_point_that_is_missing_for_a_while_hides_nothing(missing):
+    given = record()
+    sp = given.sp.copy()
+    sp[missing] = np.nan
+    assert assess(Recording("loop", given.time_s, given.pv, given.op, sp)).wound_up_s == assess(given).wound_up_s
+
+
 def test_without_a_set_point_pv_is_away_from_where_it_was():
     given = record()
     assert assess(Recording("loop", given.time_s, given.pv, given.op)).wound_up_s == assess(given).wound_up_s

@@ -43,22 +43,27 @@ def _fit(window: ShapeWindow) -> float:
 def fitted_correlation(x: FloatArray, y: FloatArray) -> float:
     """Correlation of y (n,) in 0..1 with the sigmoid of x (n,) that fits it best (Levenberg and Marquardt)."""
     a, b = 4.0 * np.mean((x - x.mean()) * (y - y.mean())), 0.0
-    damping, best = 1e-2, np.inf
+    damping, best, best_a, best_b = 1e-2, np.inf, a, b
+    aa, ab, bb, ga, gb = 0.0, 0.0, 0.0, 0.0, 0.0
     for _ in range(_ITERATIONS):
         s = 1.0 / (1.0 + np.exp(-np.minimum(np.maximum(a * x + b, -_LARGEST), _LARGEST)))
         slope, rest = s * (1.0 - s), y - s
         cost = np.sum(rest * rest)
-        aa, ab, bb = np.sum((slope * x) ** 2), np.sum(slope * slope * x), np.sum(slope * slope)
-        ga, gb = np.sum(slope * x * rest), np.sum(slope * rest)
-        if best - cost < 1e-12 * cost:
-            break
-        best = cost
+        if cost < best:
+            gained, best, best_a, best_b = best - cost, cost, a, b
+            aa, ab, bb = np.sum((slope * x) ** 2), np.sum(slope * slope * x), np.sum(slope * slope)
+            ga, gb = np.sum(slope * x * rest), np.sum(slope * rest)
+            damping *= 0.5
+            if gained < 1e-12 * cost:
+                break
+        else:
+            damping *= 10.0
         determinant = aa * bb * (1.0 + damping) ** 2 - ab * ab
         if determinant <= 0.0:
             break
-        a += (ga * bb * (1.0 + damping) - gb * ab) / determinant
-        b += (gb * aa * (1.0 + damping) - ga * ab) / determinant
-    s = 1.0 / (1.0 + np.exp(-np.minimum(np.maximum(a * x + b, -_LARGEST), _LARGEST)))
+        a = best_a + (ga * bb * (1.0 + damping) - gb * ab) / determinant
+        b = best_b + (gb * aa * (1.0 + damping) - ga * ab) / determinant
+    s = 1.0 / (1.0 + np.exp(-np.minimum(np.maximum(best_a * x + best_b, -_LARGEST), _LARGEST)))
     ds, dy = s - s.mean(), y - y.mean()
     scale = np.sqrt(np.sum(ds * ds) * np.sum(dy * dy))
     return np.sum(ds * dy) / scale if scale > 0.0 else 0.0

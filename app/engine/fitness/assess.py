@@ -238,16 +238,24 @@ def _moves_as_ever(op: FloatArray, last: int, config: FitnessConfig) -> bool:
 
 def _wound_up_s(samples: Samples, config: FitnessConfig) -> float | None:
     """Since when OP stands mostly at its limits, which it reached by itself, and PV does not come back for it."""
-    pv, op = samples.pv, samples.op
+    op = samples.op
     side = np.where(run_lengths(op) >= config.least_at_limit, (op == op.max()) * 1.0 - (op == op.min()), 0.0)
     first = int(np.argmax(side != 0.0))
     if len(op) - first < config.least_still or first < config.least_still or np.mean(side[first:] != 0.0) < 0.5:
         return None
     if abs(op[first] - op[first - 1]) > config.most_jump * float(np.ptp(op)):  # as by hand
         return None
-    away = np.sign(pv - (np.median(pv[:first]) if samples.sp is None else samples.sp))
-    one_sided = abs(float(np.mean((away * side)[side != 0.0]))) >= config.one_sided
+    away = _away(samples, first)
+    known = (side != 0.0) & np.isfinite(away)
+    one_sided = known.any() and abs(float(np.mean((away * side)[known]))) >= config.one_sided
     return _since_s(samples, first) if one_sided else None
+
+
+def _away(samples: Samples, first: int) -> FloatArray:
+    """(N,) on which side of SP, where it is known, PV is: 1, 0 or -1; without SP, of where PV was before `first`."""
+    if samples.sp is None or np.isnan(samples.sp).all():
+        return np.sign(samples.pv - np.median(samples.pv[:first]))
+    return np.sign(samples.pv - samples.sp)
 
 
 def _since_s(samples: Samples, first: int) -> float:

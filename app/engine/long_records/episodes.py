@@ -16,7 +16,7 @@ from app.engine.long_records.episode_edges import refined
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import UniformRecord
 from app.engine.rivals import compete
-from app.engine.verdict.shape_model import fitted_model
+from app.engine.verdict.shape_model import ShapeModel, fitted_model
 from app.engine.verdict.weighing import weigh_features
 
 SPELL: ReasonCode = "short_lived_stiction"
@@ -98,10 +98,16 @@ def is_long(record: UniformRecord, oscillation: Oscillation, config: EpisodeConf
     return many or record.samples > config.long_samples
 
 
-def find(record: UniformRecord, oscillation: Oscillation, config: EpisodeConfig | None = None) -> Episodes:
+def find(
+    record: UniformRecord,
+    oscillation: Oscillation,
+    config: EpisodeConfig | None = None,
+    model: ShapeModel | None = None,
+) -> Episodes:
     """The stretches of a long record in which the valve sticks, in order of time.
 
-    record: the whole stretch that is audited. oscillation: of the whole; each window finds its own. Windows overlap by
+    record: the whole stretch that is audited. oscillation: of the whole; each window finds its own. model: of
+    the shapes, the shipped one where None. Windows overlap by
     half; edges are then moved to where the movement of the loop changes most. Costs at most `most_windows` detections
     and extractions of one feature window each. Spells shorter than a window and a half are not seen, and of a spell
     whose loop moves like the rest the edges are as coarse as half a window.
@@ -110,7 +116,8 @@ def find(record: UniformRecord, oscillation: Oscillation, config: EpisodeConfig 
     if not is_long(record, oscillation, config):
         return Episodes()
     spans = window_spans(record, oscillation, config)
-    windows = tuple(_weighed(record, part, config) for part in spans)
+    shapes = model or fitted_model()
+    windows = tuple(_weighed(record, part, config, shapes) for part in spans)
     sticky = [window.probability >= config.sticky_from for window in windows]
     runs = [run for run in _runs(sticky, config) if _differs(windows, run, config)]
     found = tuple(_episode(record, windows, spans, run, config) for run in runs if not _spoiled(record, spans, run))
@@ -154,7 +161,7 @@ def samples_wanted(oscillation: Oscillation, config: EpisodeConfig) -> float:
     return config.cycles * (oscillation.samples_per_cycle or 0.0) if known else 0.0
 
 
-def _weighed(record: UniformRecord, part: slice, config: EpisodeConfig) -> WindowEvidence:
+def _weighed(record: UniformRecord, part: slice, config: EpisodeConfig, model: ShapeModel) -> WindowEvidence:
     window = record.part(part)
     end_s = window.start_s + (window.samples - 1) * window.sampling_interval_s
     oscillation = detect(window)
@@ -163,7 +170,7 @@ def _weighed(record: UniformRecord, part: slice, config: EpisodeConfig) -> Windo
     features = extract(window, oscillation, most_windows=1)
     if features is None:
         return WindowEvidence(window.start_s, end_s, 0.0, oscillation.period_s)
-    weighing = weigh_features(features, (), fitted_model())
+    weighing = weigh_features(features, (), model)
     return WindowEvidence(window.start_s, end_s, weighing.probability, oscillation.period_s)
 
 

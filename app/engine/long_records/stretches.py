@@ -14,6 +14,7 @@ from app.engine.fitness.signals import newest_long_run, run_lengths, standing, s
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import IntArray, UniformRecord
 from app.engine.signals.sampled import blocks, slow_share, unlike
+from app.engine.verdict.shape_model import ShapeModel
 from app.engine.verdict.weighing import weigh
 
 LONG_SAMPLES = 2000
@@ -46,7 +47,9 @@ class Stretch:
     whole: Whole
 
 
-def speaking_stretch(record: UniformRecord, oscillation: Oscillation) -> Stretch | None:
+def speaking_stretch(
+    record: UniformRecord, oscillation: Oscillation, model: ShapeModel | None = None
+) -> Stretch | None:
     """The stretch whose log-odds of stiction are the middle ones of up to seven spread over a long record; None where
     the record is not long, where no scale is found to judge it on, or where fewer than three are left.
 
@@ -54,7 +57,7 @@ def speaking_stretch(record: UniformRecord, oscillation: Oscillation) -> Stretch
     most clearly; what stands still for half of its time (a unit that is shut down) is not judged. Where most of it does
     not swing on any scale, and the whole has the few cycles of its load alone, it is the scale of what swings faintly,
     where that says no stiction and the valve answers: a limit cycle would swing. Misleads where a valve sticks for less
-    than half of the time: that is for the episodes to say.
+    than half of the time: that is for the episodes to say. model: of the shapes; the shipped one where None.
     """
     if record.samples <= LONG_SAMPLES:
         return None
@@ -70,7 +73,7 @@ def speaking_stretch(record: UniformRecord, oscillation: Oscillation) -> Stretch
     if left_out:
         more = [part for part in _spread(record, per_cycle, _CLOSER * _MOST) if not _touches(stands, part)]
         moving = [more[k] for k in _evenly(len(more), _MOST)]
-    weighed = [found for part in moving if (found := _weighed(record.part(part))) is not None]
+    weighed = [found for part in moving if (found := _weighed(record.part(part), model)) is not None]
     cycling = [one for one in weighed if one.oscillation.cycles >= _FEWEST_CYCLES]
     if scale.quiet and len(cycling) >= _FEWEST:  # the load's few cycles say as little in a stretch as in the whole
         weighed = cycling
@@ -237,7 +240,7 @@ class _Weighed:
     log_odds: float
 
 
-def _weighed(part: UniformRecord) -> _Weighed | None:
+def _weighed(part: UniformRecord, model: ShapeModel | None) -> _Weighed | None:
     oscillation = detect(part)
-    weighing = weigh(part, oscillation)
+    weighing = weigh(part, oscillation, model)
     return None if weighing is None else _Weighed(part, oscillation, weighing.log_odds)

@@ -4,6 +4,7 @@ import numpy as np
 
 from app.engine.codes import CheckCode
 from app.engine.evidence import Finding, Measured, Outcome
+from app.engine.fitness.signals import resolution
 from app.engine.oscillation import Oscillation
 from app.engine.quantification.config import QuantificationConfig
 from app.engine.quantification.kernel import residuals
@@ -50,7 +51,7 @@ def quantify(
     length -= length % stride
     pv, op = record.pv[-length:], record.op[-length:]
     op_range = lively_range(op, round(per_cycle))
-    if length // stride < _FEWEST_SAMPLES or not op_range > 0.0 or not np.ptp(pv) > 0.0:
+    if length // stride < _FEWEST_SAMPLES or not op_range > 0.0 or not np.ptp(pv[::stride]) > resolution(pv):
         return None
     weights = _weights(pv[::stride], (op - op.mean()) / op_range, stride, config)
     return _size(weights, op_range, oscillation, as_sampled, config)

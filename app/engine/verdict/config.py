@@ -1,6 +1,6 @@
 """How calibrated evidence becomes a verdict: thresholds, none of them fitted to single loops."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from app.engine.rivals import BEHIND_ALL
 from app.engine.verdict.parameters import VERSION
@@ -51,7 +51,7 @@ class VerdictConfig:
     max_cycling_phase: float = 0.78
     min_jitter: float = 0.015
     min_jitter_of_unlike: float = 0.035
-    parameters_version: str = VERSION
+    parameters_version: str = field(default=VERSION, init=False)
 
     def __post_init__(self) -> None:
         clear, cycling, sticks = self.reliable_no_stiction_to, self.reliable_cycling_from, self.reliable_stiction_from

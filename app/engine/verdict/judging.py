@@ -22,6 +22,7 @@ from app.engine.verdict.doubts import (
     unrelated_signals,
 )
 from app.engine.verdict.reasons import methods_reason, own_cycle_reason, rival_reasons, shape_reasons, stretches_reason
+from app.engine.verdict.shape_model import ShapeModel
 from app.engine.verdict.weighing import Weighing, weigh
 
 
@@ -31,13 +32,15 @@ def judge(
     fitness: Fitness,
     config: VerdictConfig | None = None,
     integrating: bool | None = None,
+    model: ShapeModel | None = None,
 ) -> Judgement:
     """Verdict, probability, reliability, reasons and likely cause of one record that is fit to be audited.
 
     integrating: whether the process integrates, None where it is not known; only the published methods ask for it.
+    model: of the shapes; the shipped one where None.
     """
     config = config or VerdictConfig()
-    weighing = weigh(record, oscillation)
+    weighing = weigh(record, oscillation, model)
     if weighing is None:
         text = "PV or OP does not vary in the audited stretch: nothing can be said"
         return Judgement("inconclusive", 0.5, "not_reliable", (Reason("no_variation", text),), None)

@@ -15,24 +15,24 @@ from pathlib import Path
 
 import numpy as np
 
+from app.engine.audit_config import AuditConfig
+from app.engine.judged import judge
 from app.engine.judgement import Judgement
-from app.engine.recording import FloatArray, IntArray
+from app.engine.recording import BoolArray, FloatArray, IntArray
 from app.engine.rivals import compete
 from app.engine.verdict import shape_model
-from app.engine.verdict.config import VerdictConfig
-from app.engine.verdict.judging import conclude
 from app.engine.verdict.shape_model import ShapeModel
-from app.engine.verdict.unanswered import unanswered
-from app.engine.verdict.weighing import counted_against, weigh_features
+from app.engine.verdict.weighing import counted_against
 from app.lab.evaluation import parameters, report, scoring
 from app.lab.evaluation.components import component_scores
-from app.lab.evaluation.fitting import FitConfig, Samples, TextArray, fit, platt, valve_weights
+from app.lab.evaluation.fitting import FitConfig, Samples, TextArray, fit, platt, resembling_weights, valve_weights
 from app.lab.evaluation.leave_one_out import Table, by_valve, simulated_samples
 from app.lab.evaluation.leave_pair_out import area_by_pairs
 from app.lab.evaluation.recordings import Labelled, labelled
 from app.lab.evaluation.strangers import judged as judged_strangers
 from app.lab.evaluation.strangers import strangers
 
+_CONFIG = AuditConfig()
 _PARAMETERS = Path(shape_model.__file__).with_name("parameters.py")
 
 
@@ -45,7 +45,7 @@ def main(arguments: list[str] | None = None) -> int:
     usable = [loop for loop in loops if loop.features is not None]
     table = _table(usable)
     config = FitConfig()
-    simulated = simulated_samples(options.simulated, options.seed, table.values)
+    simulated = simulated_samples(options.simulated, options.seed)
     models = _models_without_each_valve(table, simulated, config)
     raw = np.array([float(models[v].raw_log_odds(x)) for v, x in zip(table.valves, table.values, strict=True)])
     against = np.array([_against(loop) for loop in usable])
@@ -59,7 +59,7 @@ def main(arguments: list[str] | None = None) -> int:
         _print_strangers(usable, options.strangers, options.seed)
     if options.verdicts:
         options.verdicts.write_text("".join(_line(loop, j) for loop, j in zip(loops, judged, strict=True)))
-    whole = replace(fit(table.samples(), simulated, config), calibration=calibration)
+    whole = replace(_fit(table.samples(), np.full(len(table.valves), True), simulated, config), calibration=calibration)
     _say("\n" + report.shipped_beside(whole, shape_model.fitted_model(), table.values))
     if options.write:
         _say(f"wrote {_PARAMETERS.name}, version {parameters.write(whole, _PARAMETERS)}")
@@ -92,7 +92,13 @@ def _table(loops: list[Labelled]) -> Table:
 def _models_without_each_valve(table: Table, simulated: Samples, config: FitConfig) -> dict[str, ShapeModel]:
     whole = table.samples()
     valves: TextArray = np.unique(table.valves)
-    return {str(v): fit(whole.part(table.valves != v), simulated, config) for v in valves}
+    return {str(v): _fit(whole, table.valves != v, simulated, config) for v in valves}
+
+
+def _fit(whole: Samples, kept: BoolArray, simulated: Samples, config: FitConfig) -> ShapeModel:
+    """Of the recordings that are kept (n,) alone: the simulated loops are weighted by what looks like these."""
+    real = whole.part(kept)
+    return fit(real, resembling_weights(simulated, real.values), config)
 
 
 def _against(loop: Labelled) -> float:
@@ -118,14 +124,8 @@ def _judged_all(
 
 
 def _judged(loop: Labelled, models: dict[str, ShapeModel]) -> Judgement:
-    """What the engine would say of the loop, with a model that has not seen its valve."""
-    config = VerdictConfig()
-    if loop.features is None or loop.oscillation is None or loop.fitness.record is None:
-        flat = {finding.code for finding in loop.fitness.refusals} == {"pv_flat"}
-        return unanswered(loop.recording) if flat else Judgement("not_auditable", None, "not_reliable", (), None)
-    rivals = compete(loop.fitness.record, loop.oscillation, loop.features)
-    weighing = weigh_features(loop.features, rivals, models[loop.valve])
-    return conclude(weighing, loop.oscillation, loop.fitness, config)
+    """What an audit would say of the loop, with a model that has not seen its valve."""
+    return judge(loop.recording, _CONFIG, models.get(loop.valve)).judgement
 
 
 def _print(loops: list[Labelled], judged: list[Judgement], models: dict[str, ShapeModel], reference: bool) -> None:
@@ -159,7 +159,7 @@ def _print_pairs(loops: list[Labelled], table: Table, raw: FloatArray, against: 
     whole = table.samples()
 
     def compared(*pair: str) -> tuple[float, float]:
-        model = fit(whole.part(~np.isin(table.valves, pair)), simulated, FitConfig())
+        model = _fit(whole, ~np.isin(table.valves, pair), simulated, FitConfig())
         calibrated = replace(model, calibration=_calibration(table, raw, against, without=pair))
         first, second = (_stated([loop for loop in loops if loop.valve == valve], calibrated) for valve in pair)
         return first, second

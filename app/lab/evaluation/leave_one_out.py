@@ -11,7 +11,6 @@ from app.lab.evaluation.fitting import (
     Samples,
     TextArray,
     class_weights,
-    resembling_weights,
     valve_weights,
 )
 from app.lab.testbench.known_loops import known_loops
@@ -31,8 +30,8 @@ class Table:
         return Samples(self.values, self.sticky, valve_weights(self.valves, self.sticky, self.trust))
 
 
-def simulated_samples(count: int, seed: int, real: FloatArray) -> Samples:
-    """Features of `count` simulated loops, weighted towards those that look like the recordings `real` (n, F)."""
+def simulated_samples(count: int, seed: int) -> Samples:
+    """Features of `count` simulated loops, each of one window."""
     values, sticky = [], []
     for loop in known_loops(count, seed):
         features = extract(loop.record, detect(loop.record), most_windows=1)
@@ -40,8 +39,7 @@ def simulated_samples(count: int, seed: int, real: FloatArray) -> Samples:
             values.append(features.values)
             sticky.append(loop.cause == "stiction")
     labels = np.array(sticky, dtype=np.int64)
-    samples = Samples(np.array(values), labels, class_weights(np.ones(len(labels)), labels))
-    return resembling_weights(samples, real)
+    return Samples(np.array(values), labels, class_weights(np.ones(len(labels)), labels))
 
 
 def by_valve(valves: TextArray, values: FloatArray) -> tuple[TextArray, FloatArray]:

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.engine.audit import ends_with
 from app.engine.causality.stuck_stem import stuck_stem
 from app.engine.fitness import assess
+from app.engine.judged import ends_with
 from app.engine.recording import BoolArray, FloatArray, Recording
 from app.engine.simulate import Compression, keep, rebuild
 from app.lab.testbench.wiring import Lag, Pi, Valve, Wandering

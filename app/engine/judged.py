@@ -1,0 +1,152 @@
+"""What one recording says by itself: whether it is fit, how it oscillates, the verdict, the spells that turn it. The
+published rule is run beside that (`audit`)."""
+
+from dataclasses import dataclass, replace
+
+from app.engine.audit_config import AuditConfig
+from app.engine.causality.stuck_stem import StuckStem, stuck_stem
+from app.engine.codes import UNANSWERED, Cause, CheckCode, ReasonCode
+from app.engine.evidence import Reason, reason_of
+from app.engine.fitness import Fitness, refused_as_standing
+from app.engine.judgement import Judgement
+from app.engine.long_records.episodes import (
+    BEGAN,
+    NO_EPISODES,
+    EpisodeConfig,
+    Episodes,
+    episode_reasons,
+    find,
+    samples_wanted,
+)
+from app.engine.oscillation import Oscillation
+from app.engine.preparation import Preparation, prepare
+from app.engine.recording import Recording, UniformRecord
+from app.engine.verdict import judging
+from app.engine.verdict.shape_model import ShapeModel
+from app.engine.verdict.unanswered import standing, stuck, unanswered
+
+__all__ = ["Judged", "judge"]
+
+SPOILED_BY: dict[CheckCode, Cause] = {
+    "pv_flat": UNANSWERED,
+    "op_flat": "controller_not_acting",
+    "not_in_automatic": "not_in_automatic",
+    "op_two_values": "on_off_control",
+    "op_at_limits": "op_at_limits",
+    "samples_per_cycle": "sampled_too_slowly",
+}
+
+_OF_STRETCHES: frozenset[ReasonCode] = frozenset({"stretches", "stretches_disagree"})
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """What a recording says by itself.
+
+    fitness: of the stretch that is judged. oscillation: in it; None where there is none to be judged. judgement: the
+    verdict with its spells. of_record: the verdict of what was judged by itself, without the spells, of which a size is
+    told; None where nothing was identifiable: then the judgement is all that is said.
+    """
+
+    fitness: Fitness
+    oscillation: Oscillation | None
+    judgement: Judgement
+    of_record: Judgement | None = None
+    episodes: Episodes = NO_EPISODES
+
+
+def judge(recording: Recording, config: AuditConfig, model: ShapeModel | None = None) -> Judged:
+    """The verdict of one recording, whatever is run beside it. model: the fitted numbers; the ones that this version
+    ships where None (another one judges what these were fitted on).
+    """
+    prepared = prepare(recording, config.fitness, model)
+    fitness, oscillation = prepared.fitness, prepared.oscillation
+    if fitness.standstill is not None:
+        fitness = refused_as_standing(fitness)
+        return Judged(fitness, None, _refusal(recording, fitness))
+    stem = _stuck_stem(recording, prepared)
+    if stem is not None:
+        return Judged(fitness, None, _beside_refusals(stuck(stem), fitness))
+    if oscillation is None or not fitness.auditable:
+        return Judged(fitness, oscillation, _refusal(recording, fitness))
+    by_itself = judging.judge(fitness.audited, oscillation, fitness, config.judgement, recording.integrating, model)
+    if prepared.rest_of is not None:
+        by_itself = replace(by_itself, reasons=(*by_itself.reasons, _rest_reason(fitness, prepared.rest_of)))
+    quicker = _quicker(oscillation, fitness, config.episodes)
+    episodes = find(fitness.looked_at, quicker, config.episodes, model)
+    return Judged(fitness, oscillation, _with_episodes(by_itself, episodes), by_itself, episodes)
+
+
+def _quicker(oscillation: Oscillation, fitness: Fitness, config: EpisodeConfig) -> Oscillation:
+    """Of the oscillations of a long record and of the stretch that speaks for it the one by which shorter spells are
+    seen.
+    """
+    if fitness.speaks_for is None:
+        return oscillation
+    return min((oscillation, fitness.speaks_for.oscillation), key=lambda one: samples_wanted(one, config))
+
+
+def _with_episodes(judgement: Judgement, episodes: Episodes) -> Judgement:
+    """What reliable spells add. A valve that sticks for a part of the record is not cleared by the rest of it; one that
+    sticks up to the end sticks, whatever it did before, and that comes first.
+    """
+    reasons = episode_reasons(episodes)
+    if judgement.verdict == "stiction" or not reasons:
+        told = (*judgement.reasons, *reasons)
+        return replace(judgement, reasons=told if judgement.reliability == "reliable" else _began_first(told))
+    if all(reason.code != BEGAN for reason in reasons):
+        return replace(judgement, reliability="not_reliable", reasons=(*judgement.reasons, *reasons))
+    # What explains the rest of the record, and which parts of it agree, is not said of the spell.
+    left = {rival.cause for rival in judgement.rivals} | _OF_STRETCHES
+    kept = tuple(reason for reason in judgement.reasons if reason.code not in left)
+    return replace(
+        judgement,
+        verdict="stiction",
+        stiction_probability=[episode for episode in episodes.found if episode.at_end][-1].probability,
+        reliability="not_reliable",
+        reasons=_began_first((*reasons, *kept)),
+        likely_cause="stiction",
+    )
+
+
+def _began_first(reasons: tuple[Reason, ...]) -> tuple[Reason, ...]:
+    """When it began is what nobody should have to look for below why the record of before says otherwise."""
+    return tuple(sorted(reasons, key=lambda reason: reason.code != BEGAN))
+
+
+def _rest_reason(fitness: Fitness, rest_of: UniformRecord) -> Reason:
+    share = fitness.audited.samples / rest_of.samples
+    text = (
+        f"the set point moves PV more than all else; judged where it stands, on {100 * share:.0f} % of the record, "
+        "because the loop cycles there by itself; the remainder is not judged"
+    )
+    return Reason("set_point_rests", text)
+
+
+def _stuck_stem(recording: Recording, prepared: Preparation) -> StuckStem | None:
+    """Of the whole of what could be audited, where that goes up to the recording's end: what was before and what is."""
+    record = prepared.rest_of or prepared.fitness.whole
+    return stuck_stem(record) if record is not None and ends_with(record, recording) else None
+
+
+def ends_with(record: UniformRecord, recording: Recording) -> bool:
+    """Whether a stretch goes up to the end of the recording that it is of."""
+    length_s = record.samples * record.sampling_interval_s
+    return record.start_s + length_s >= float(recording.time_s[-1] - recording.time_s[0])
+
+
+def _refusal(recording: Recording, fitness: Fitness) -> Judgement:
+    refusals, stands = fitness.refusals, fitness.standstill
+    reasons = tuple(reason_of(finding) for finding in refusals)
+    flat_throughout = stands is None or (stands.from_start and stands.levels == 1)
+    if {reason.code for reason in reasons} == {"pv_flat"} and flat_throughout:
+        dead = unanswered(recording)
+        return replace(dead, reasons=dead.reasons + reasons)
+    if stands is not None:
+        return _beside_refusals(standing(stands), fitness)
+    causes = [SPOILED_BY[finding.code] for finding in refusals if finding.code in SPOILED_BY]
+    return Judgement("not_auditable", None, "not_reliable", reasons, causes[0] if causes else None)
+
+
+def _beside_refusals(judgement: Judgement, fitness: Fitness) -> Judgement:
+    return replace(judgement, reasons=judgement.reasons + tuple(reason_of(finding) for finding in fitness.refusals))
