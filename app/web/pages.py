@@ -20,7 +20,6 @@ from app.services.plant.reliability import RowFilter
 from app.services.plant.repaired import repairs
 from app.services.plant.shelving import shelf
 from app.services.plant.silent import silences
-from app.services.telling.wording import VERDICT_RANK
 from app.web import loop, loop_list, runs, uploads
 from app.web.columns import COLUMNS, USUAL, query_without
 from app.web.rendering import CHARTS, STATIC, page
@@ -74,7 +73,6 @@ def plant(backend: Services) -> HTMLResponse:
         "plant.html",
         backend.clock,
         seen=seen,
-        ranks=VERDICT_RANK,
         changed=changed,
         arrivals=_arrivals(backend, reach, changed) if seen.audited else [],
         repairs=repairs(backend) if seen.audited else None,
@@ -118,7 +116,6 @@ def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLRespons
         names=names,
         columns=COLUMNS,
         units=plants.unit_names(backend),
-        ranks=VERDICT_RANK,
         address=query_without(told),
         export=query_without(told, "column", **({"sort": form.sort} if form.sort else {})),
         told=told,

@@ -26,6 +26,7 @@ from app.services.plant.silent import of_run
 from app.services.plant.work_list import Work, work_list
 from app.services.rendering import document
 from app.services.results import AuditView, ChangeView
+from app.services.telling.reasons import reasons_of
 from app.services.telling.repair_sides import of_before
 from app.services.telling.wording import (
     CHANGE_WORDS,
@@ -332,7 +333,7 @@ def _to_manual(backend: Backend, number: int) -> list[str]:
 
 
 def _loop(row: Any, url: str, of_time: str, shelved: str) -> DigestLoop:
-    why = row.reasons_text.split(". ")[0][:LONGEST_WHY]
+    why = reasons_of(row._mapping)[0][:LONGEST_WHY]
     shown = (row.verdict, row.reliability, row.stiction_probability, row.likely_cause, row.health, row.importance)
     measured = PRIOR_ONLY not in codes_of(row._mapping)
     return DigestLoop(row.tag, *shown, why, loop_address(url, row.tag), of_time, measured, shelved)

@@ -11,6 +11,7 @@ from typing import Any
 
 from app.engine.evidence import Measured
 from app.engine.verdict.wording import figure, is_spoken, sentence
+from app.services.telling.reasons import reasons_of
 
 SHAPE = "shape_"
 MEASURED = "measured"
@@ -106,7 +107,7 @@ def _shape(name: str, found: Measured) -> Shape | None:
 
 def _shapes_of_sentences(codes: str | None, text: str | None) -> dict[str, Shape]:
     """Nothing where the sentences cannot be told apart."""
-    named, told = (codes or "").split(";"), (text or "").split(". ")
+    named, told = (codes or "").split(";"), reasons_of({"reasons": codes, "reasons_text": text})
     found = zip(named, told, strict=True) if len(named) == len(told) else ()
     return {code: _shape_of_sentence(code.removeprefix(SHAPE), told) for code, told in found if code.startswith(SHAPE)}
 
