@@ -10,7 +10,7 @@ from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.plant import overview as plant
-from app.services.telling.next_steps import UNTIL_THEY_AGREE
+from app.services.telling.next_steps import Ask
 from app.storage import explanations
 from app.storage.documents import Document, pack_document
 from app.storage.tables import explanations as explanations_table
@@ -42,7 +42,8 @@ def ids(backend: Backend, add_loops: AddLoops) -> dict[str, int]:
 
 
 def contradicted(backend: Backend) -> list[str]:
-    return [row["loop"] for row in plant.table(backend, 10, sort="loop").rows if row["next_step"] == UNTIL_THEY_AGREE]
+    rows = plant.table(backend, 10, sort="loop").rows
+    return [row["loop"] for row in rows if row["next_step"] == Ask.UNTIL_THEY_AGREE]
 
 
 def test_the_table_knows_what_the_page_knows(backend: Backend, ids: dict[str, int]) -> None:

@@ -11,6 +11,7 @@ from app.errors import NotFoundError, RequestError
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
+from app.services.moments import UTC_CLOCK
 from app.services.plant import notes
 from app.services.plant import overview as plant
 from app.services.plant.loops import loop_health, patch_loop
@@ -18,7 +19,7 @@ from app.services.plant.shelving import LONGEST, Shelf, shelf
 from app.services.plant.work_list import work_list
 from app.services.plant.written import Written
 from app.services.reports.documents import loop_report, plant_report
-from app.services.telling.next_steps import BY_CAUSE, STICKS, UNTIL_THEY_AGREE, next_step
+from app.services.telling.next_steps import BY_CAUSE, Ask, next_step
 from app.services.telling.wording import UNANSWERED
 from app.storage.tables import loops, newest_rows, verdicts
 from app.storage.tables import notes as notes_table
@@ -90,7 +91,7 @@ def test_a_shelved_loop_is_left_out_of_the_worst_and_of_nothing_else(judged: Bac
     assert rows["B"]["shelved_until"] is None
     told = judged.clock.short(one.until)
     assert rows["A"]["next_step"] == f"Wait: shelved until {told} (work order WO-17)."
-    assert rows["B"]["next_step"] == next_step(rows["B"])
+    assert rows["B"]["next_step"] == next_step(rows["B"], UTC_CLOCK)
     assert rows["A"]["next_step"] in loop_report(judged, "A")
     assert start_audit(judged).total == 3
 
@@ -111,7 +112,7 @@ def test_it_is_not_in_the_work_list_until_it_is_worse(judged: Backend) -> None:
     assert '<td class="tag">A</td>' not in plant_report(judged).partition("1 shelved</summary>")[0]
     say(judged, "A", **SURE)
     first = work_list(judged, shelf(judged))[0]
-    assert (first.loop, first.step.startswith(STICKS)) == ("A", True)
+    assert (first.loop, first.step.text.startswith(Ask.STICKS)) == ("A", True)
     assert "(work order WO-17), but by now the valve sticks, and that is to be relied on" in first.facts
     assert first.facts.count("WO-17") == 1
     assert first.shelved in plant_report(judged)
@@ -124,7 +125,7 @@ def test_the_work_of_a_run_goes_by_what_was_shelved_when_it_began(judged: Backen
     (run,) = {int(row["audit_id"]) for row in plant.table(judged, 10).rows}
     as_it_began = work_list(judged, Shelf([], ()), run)
     assert [one.loop for one in as_it_began] == ["A", "B", "C"]
-    assert not as_it_began[0].step.startswith("Wait")
+    assert not as_it_began[0].step.text.startswith("Wait")
 
 
 def test_of_a_loop_that_a_run_left_out_its_shelf_tells_the_verdict_before(judged: Backend) -> None:
@@ -163,7 +164,7 @@ def test_to_wait_comes_before_what_to_do_until_two_answers_agree(judged: Backend
     def step() -> str:
         return Written({}, shelf(judged).by_tag(), frozenset("A"), {}, judged.clock).beside(row)["next_step"]
 
-    assert step() == UNTIL_THEY_AGREE
+    assert step() == Ask.UNTIL_THEY_AGREE
     shelve(judged, "A")
     assert step().startswith("Wait: ")
 
@@ -239,7 +240,7 @@ def test_a_repair_that_is_stated_after_it_ends_it_as_long_as_it_stands(judged: B
 @pytest.mark.parametrize(
     ("then", "now", "words", "step"),
     [
-        (UNSURE, SURE, "by now the valve sticks, and that is to be relied on", STICKS),
+        (UNSURE, SURE, "by now the valve sticks, and that is to be relied on", Ask.STICKS),
         (UNSURE, DEAD, "by now PV never answers OP: look today", BY_CAUSE[UNANSWERED]),
         (SURE, DEAD, "by now PV never answers OP: look today", BY_CAUSE[UNANSWERED]),
     ],

@@ -10,6 +10,7 @@ from app.services.addresses import tag_in_url
 from app.services.auditing.chunks import audit_chunk
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import receive
+from app.services.moments import UTC_CLOCK
 from app.services.plant import loops, overview
 from app.services.plant.loops import loop_health, verdict_detail
 from app.services.plant.periods import periods
@@ -62,7 +63,7 @@ def test_a_loop_says_how_large_its_stiction_is_or_why_not(client):
 def test_a_loop_says_what_to_do_next_and_which_end_of_a_figure_is_good(client):
     row = client.get("/v1/loops/FIC101/health").json()
     text = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
-    assert next_step(row) in text
+    assert next_step(row, UTC_CLOCK) in text
     assert "(regular above 1; at most 100)" in text
     assert "(1 is best, 0 worst)" in text
 

@@ -204,7 +204,9 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
     for row in not_auditable:
         refused_loops.setdefault(row.likely_cause or "data", []).append(row.tag)
     repaired = repairs(backend, number, began)
-    changes = quiet_last(_new_first([*(change_of(row) for row in changed), *second_night(again, changed)]))
+    changes = quiet_last(
+        _new_first([*(change_of(row, backend.clock) for row in changed), *second_night(again, changed, backend.clock)])
+    )
     url = backend.settings.public_url
     of_time, all_the_same = judged(backend, [row.tag for row in [*worst, *old]], number), shelved.by_tag()
 
@@ -304,6 +306,8 @@ def as_json(digest: Digest) -> dict[str, Any]:
     told = asdict(digest)
     run, shelved = told.pop("run"), told.pop("shelf")["listed"]
     del told["public_url"], told["clock"]
+    for work in told["work"]:
+        work["step"] = work["step"]["text"]
     return (
         {"type": "loopaudit.digest", "subject": subject(digest), "text": as_text(digest)}
         | told

@@ -1,5 +1,6 @@
 """The plant on one page: counts, units, what changed since last night, and the worst loops."""
 
+import json
 from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -9,7 +10,7 @@ from typing import Any, Literal
 from app.engine.long_records.episodes import BEGAN
 from app.services.auditing.audits import get_audit
 from app.services.backend import Backend
-from app.services.moments import iso_utc
+from app.services.moments import PlantClock, iso_utc
 from app.services.plant.evidence_moved import moved, probability_moved
 from app.services.plant.judged import ToManual, to_manual
 from app.services.plant.reliability import checked, following, place_of, with_loop
@@ -33,7 +34,6 @@ FEWER_SAMPLES = 0.8
 SECOND_NIGHT = "said for the second night"
 NEWS_FROM = 0.3
 """By so much the probability has moved where a change that is not to be relied on is news."""
-BEGAN_WORDS = "began to stick"
 LONGER_WORDS = "more was recorded than before"
 OF_REPAIRS = {SINCE_REPAIR, BEFORE_REPAIR}
 
@@ -101,7 +101,9 @@ def changes(backend: Backend, limit: int = LISTED_CHANGES) -> Changes:
         compared = not first or plant.any_run_since(connection, run.id)
         found = plant.changes(connection, since, limit + 1) if compared else []
         again = plant.second_nights(connection, run.id, limit) if compared and not first else []
-    rows = quiet_last([*(change_of(row) for row in found[:limit]), *second_night(again, found)])
+    rows = quiet_last(
+        [*(change_of(row, backend.clock) for row in found[:limit]), *second_night(again, found, backend.clock)]
+    )
     manual = to_manual(backend, since, and_since=True) if compared else []
     return Changes(str(run.id), iso_utc(run.created_at), rows, len(found) > limit, compared, manual, first)
 
@@ -174,7 +176,7 @@ def table(
         found = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), place)
     shown = [with_loop(row) for row in found[:limit]]
     written = written_of(backend, shown, shelved, notes_until)
-    told = [{**written.beside(row), "shelved": written.shelved_words(row)} for row in shown]
+    told = [{**written.beside(row), "step": written.step(row), "shelved": written.shelved_words(row)} for row in shown]
     return Page(told, following(found, limit, sort))
 
 
@@ -250,25 +252,25 @@ def quiet_last(changes: Sequence[ChangeView]) -> list[ChangeView]:
     return sorted(changes, key=lambda change: change.kind == "wavers")
 
 
-def second_night(again: Sequence[Any], changed: Sequence[Any]) -> list[ChangeView]:
+def second_night(again: Sequence[Any], changed: Sequence[Any], clock: PlantClock) -> list[ChangeView]:
     """Those of `plant.second_nights` that are news, and that have not changed since."""
     since = {row.tag for row in changed}
-    return [told for row in again if row.tag not in since and (told := of_second_night(row)) is not None]
+    return [told for row in again if row.tag not in since and (told := of_second_night(row, clock)) is not None]
 
 
-def of_second_night(row: Any) -> ChangeView | None:
+def of_second_night(row: Any, clock: PlantClock) -> ChangeView | None:
     """A change that wavered the night before and stands: news now. None where it was news then."""
     before, between = row.probability_before, row.probability_between
     if None not in (before, between) and abs(between - before) >= NEWS_FROM:
         return None
-    told = change_of(row)
+    told = change_of(row, clock)
     return replace(told, kind="new", because=f"{SECOND_NIGHT}; {told.because}")
 
 
-def change_of(row: Any) -> ChangeView:
+def change_of(row: Any, clock: PlantClock) -> ChangeView:
     why = _why(row)
     kind = "wavers" if _wavers(row, why) else _kind(row.verdict_before, row.verdict)
-    verdicts_told = (row.verdict_before, row.verdict, why, _because(why, row))
+    verdicts_told = (row.verdict_before, row.verdict, why, _because(why, row, clock))
     of_now = (row.reasons_text, row.health, row.reliability, row.likely_cause)
     return ChangeView(row.tag, row.unit, kind, *verdicts_told, *of_now)
 
@@ -313,22 +315,29 @@ def _longer(row: Any) -> bool:
     return row.samples_ratio is not None and row.samples_ratio > 1 / FEWER_SAMPLES
 
 
-def _because(why: ChangedBy, row: Any) -> str:
+def _because(why: ChangedBy, row: Any, clock: PlantClock) -> str:
     """Where the record is why, what of it moved most comes first: that more was recorded makes no valve stick."""
+    if why == "loop" and BEGAN in row.reasons.split(";") and not _answers_no_more(row):
+        return _began(row, clock)
     words, evidence = _cause(why, row), moved(row) if why in ("loop", "data") else ""
-    if words.startswith(BEGAN_WORDS):
-        return words
     if words == WHY_WORDS["loop"]:
         return evidence or probability_moved(row) or words
     return f"{evidence}; {words}" if evidence else words
 
 
+def _answers_no_more(row: Any) -> bool:
+    return bool(row.likely_cause == UNANSWERED != row.likely_cause_before)
+
+
+def _began(row: Any, clock: PlantClock) -> str:
+    start = json.loads(row.extra_json or "{}").get("episode_start")
+    began = began_at({"episode_start": start, "reasons_text": row.reasons_text}, clock)
+    return f"began to stick {began or 'within the record'}"
+
+
 def _cause(why: ChangedBy, row: Any) -> str:
-    if why in ("loop", "data") and row.likely_cause == UNANSWERED != row.likely_cause_before:
+    if why in ("loop", "data") and _answers_no_more(row):
         return cause_words(UNANSWERED)
-    if why == "loop" and BEGAN in row.reasons.split(";"):
-        began = began_at(row.reasons_text)
-        return f"{BEGAN_WORDS} {began}" if began else f"{BEGAN_WORDS} within the record"
     if why == "data" and _longer(row):
         return LONGER_WORDS
     if why != "auditable":

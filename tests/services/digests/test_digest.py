@@ -22,6 +22,7 @@ from app.services.digests.sending import NotSentError, shown
 from app.services.plant.notes import add_note, withdraw_repair
 from app.services.plant.work_list import Work
 from app.services.reports.documents import plant_report
+from app.services.telling.next_steps import Step
 from app.services.upkeep import doctor
 from app.services.upkeep.operations import sweep
 from app.settings import Settings
@@ -95,6 +96,7 @@ def test_it_says_what_to_do_first_in_the_whole_plant(backend: Backend, night: st
     assert text.count("Ask for a stroke test in small steps") == 1
     assert "; work order WO-17; https://loops.example/loops/A1\n" in text
     assert "WO-17" in as_html(found)
+    assert as_json(found)["work"][0]["step"].startswith("Look today")
     assert "<script>" not in as_html(found)
     assert subject(found).startswith("North: 3 valves stick (2 can be relied on), ")
     assert "What to do first" in plant_report(backend)
@@ -189,9 +191,13 @@ def test_what_is_newly_said_to_stick_never_falls_off_the_lists(
     assert "A1" in new
     assert f"  newly said to stick as well: {', '.join(' '.join(tag.split()) for tag in new)}\n" in as_text(found)
     assert subject(found).startswith(f"North: 2 valves stick (2 can be relied on), {len(new)} new (")
-    work = [Work(f"W{k}", None, "stiction", "valve sticks, rely on it", "Do it.", "", "", "") for k in range(19)]
+    steps = [Step("do", "Do it.", f"Do it. Swing {k}.", f"swing {k}") for k in range(19)]
+    work = [
+        Work(f"W{k}", None, "stiction", "valve sticks, rely on it", step, "", "", "") for k, step in enumerate(steps)
+    ]
     (doing,) = doings(work, {"W12", "W13"})
     assert [one.loop for one in doing.loops[:3]] == ["W12", "W13", "W0"]
+    assert (doing.step, doing.loops[2].facts) == ("Do it.", "swing 0")
     assert (len(doing.loops), doing.more) == (15, 4)
     (all_new,) = doings(work, {one.loop for one in work})
     assert (len(all_new.loops), all_new.more) == (19, 0)
