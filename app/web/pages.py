@@ -11,7 +11,9 @@ from starlette.responses import FileResponse, JSONResponse
 from app.http.backend import Services
 from app.services.plant import groups as grouped
 from app.services.plant import overview as plants
+from app.services.plant import reliability
 from app.services.plant.arrivals import LATE, Arrivals, arrivals, nothing_new, sentences
+from app.services.plant.changes import Changes, changes
 from app.services.plant.glossary import FIGURES
 from app.services.plant.judged import judged
 from app.services.plant.loops import RETIRED
@@ -20,6 +22,7 @@ from app.services.plant.reliability import RowFilter
 from app.services.plant.repaired import repairs
 from app.services.plant.shelving import shelf
 from app.services.plant.silent import silences
+from app.services.plant.worst import listed_first, worst_of_old
 from app.web import loop, loop_list, runs, uploads
 from app.web.columns import COLUMNS, USUAL, query_without
 from app.web.rendering import CHARTS, STATIC, page
@@ -63,11 +66,11 @@ class TableForm(BaseModel):
 @router.get("/")
 def plant(backend: Services) -> HTMLResponse:
     seen = plants.overview(backend)
-    changed = plants.changes(backend)
+    changed = changes(backend)
     reach = arrivals(backend)
     since_ns = reach.current_ns
-    today, worst = plants.listed_first(backend, since_ns, changed) if seen.audited else ([], [])
-    old = plants.worst_of_old(backend, since_ns) if seen.audited and (reach.behind or reach.undated) else []
+    today, worst = listed_first(backend, since_ns, changed) if seen.audited else ([], [])
+    old = worst_of_old(backend, since_ns) if seen.audited and (reach.behind or reach.undated) else []
     listed = [row["loop"] for row in [*today[:CHANGES], *worst, *old]]
     return page(
         "plant.html",
@@ -88,7 +91,7 @@ def plant(backend: Services) -> HTMLResponse:
     )
 
 
-def _arrivals(backend: Services, reach: Arrivals, changed: plants.Changes) -> list[str]:
+def _arrivals(backend: Services, reach: Arrivals, changed: Changes) -> list[str]:
     news = nothing_new(backend, int(changed.run_id)) if changed.run_id else []
     return [*sentences(reach, backend.clock), *silences(backend, reach.current_ns), *news]
 
@@ -102,7 +105,7 @@ def tiles(backend: Services, unit: Annotated[str | None, Query(max_length=200)] 
 @router.get("/table")
 def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLResponse:
     names = [name for name in form.column if name in COLUMNS] or list(USUAL)
-    found = plants.table(backend, ROWS_A_PAGE, form.cursor or None, form.sort, form.filters())
+    found = reliability.table(backend, ROWS_A_PAGE, form.cursor or None, form.sort, form.filters())
     listed = [row["loop"] for row in found.rows]
     told: dict[str, Any] = form.model_dump(exclude={"cursor"}) | {"column": names}
     return page(

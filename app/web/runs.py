@@ -6,8 +6,8 @@ from starlette.responses import RedirectResponse
 
 from app.http.backend import Caller, Identifier, Services
 from app.services.auditing.audits import cancel_audit, failures, list_audits, start_audit
+from app.services.auditing.run_figures import run_figures
 from app.services.digests.deliveries import deliveries_of
-from app.services.plant.overview import run_figures
 from app.web.rendering import page
 
 SHOWN = 50

@@ -14,7 +14,7 @@ from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.digests.digest import as_html, as_text, digest_of
 from app.services.moments import UTC_CLOCK, iso_utc, moment_of, ns_of
-from app.services.plant import overview
+from app.services.plant import worst
 from app.services.plant.arrivals import (
     LATE,
     NAMED,
@@ -211,9 +211,9 @@ def test_loops_whose_records_are_old_have_a_list_of_their_own(backend: Backend, 
             end_ns = ns_of(NOON - timedelta(days=days))
             connection.execute(update(loops).where(loops.c.tag == tag).values(newest_ns=end_ns))
     since_ns = arrivals(backend, at=NOON).current_ns
-    assert {row["loop"] for row in overview.worst(backend, since_ns=since_ns)} == {"A", "C"}
-    assert {row["loop"] for row in overview.worst_of_old(backend, since_ns)} == {"B", "D"}
-    assert overview.worst_of_old(backend, None) == []
+    assert {row["loop"] for row in worst.worst(backend, since_ns=since_ns)} == {"A", "C"}
+    assert {row["loop"] for row in worst.worst_of_old(backend, since_ns)} == {"B", "D"}
+    assert worst.worst_of_old(backend, None) == []
     with backend.database.write() as connection:
         for row in connection.execute(select(loops.c.id, loops.c.newest_ns)).all():
             mine = update(verdicts).where(verdicts.c.loop_id == row.id)

@@ -12,7 +12,7 @@ from app.services.auditing import audits, chunks
 from app.services.backend import Backend
 from app.services.digests import digest
 from app.services.moments import ns_of
-from app.services.plant import loops, notes, overview, reliability, repaired
+from app.services.plant import loops, notes, reliability, repaired
 from app.services.plant.before_after import compared
 from app.services.plant.shelving import shelf
 from app.services.plant.work_list import work_list
@@ -188,13 +188,13 @@ def test_plant_and_loop_page_part_a_record_by_what_was_judged_of_it(
     notes.add_note(backend, "FIC1", "packing renewed", repaired_at=begins)
     assert fortnight(backend, monkeypatch) == [("FIC1", "sticks", None, "stiction", True)]
     assert notes.newest_repair(backend, "FIC1").after["verdict"] == "stiction"
-    (row,) = overview.table(backend, 1).rows
+    (row,) = reliability.table(backend, 1).rows
     assert (row["of_before_repair"], headline(row)) == (False, RELIABILITY_WORDS["reliable"])
     later = datetime.now(UTC)
     notes.add_note(backend, "FIC1", "it was later", repaired_at=later)
     assert fortnight(backend, monkeypatch) == [("FIC1", "waiting", "stiction", None, False)]
     assert notes.newest_repair(backend, "FIC1").after is None
-    (row,) = overview.table(backend, 1).rows
+    (row,) = reliability.table(backend, 1).rows
     assert row["next_step"] == Ask.WAIT
     assert headline(row) == "judged from before the repair; wait for newer records"
     assert rely(row) == "from before the repair"

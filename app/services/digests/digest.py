@@ -18,12 +18,13 @@ from app.services.cursors import identifier
 from app.services.digests.doings import Asked, Doing, doings
 from app.services.moments import PlantClock, iso_utc, moment_of
 from app.services.plant.arrivals import LATE, arrivals
+from app.services.plant.changes import change_of, quiet_last, second_night
 from app.services.plant.judged import judged, to_manual
-from app.services.plant.overview import change_of, nothing_worst, quiet_last, second_night
 from app.services.plant.repaired import RepairView, repairs
 from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.silent import of_run
 from app.services.plant.work_list import Work, work_list
+from app.services.plant.worst import nothing_worst
 from app.services.rendering import document
 from app.services.results import AuditView, ChangeView
 from app.services.telling.reasons import reasons_of

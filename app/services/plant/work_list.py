@@ -11,9 +11,9 @@ from app.services.backend import Backend
 from app.services.moments import PlantClock
 from app.services.plant.judged import Judged, judged
 from app.services.plant.nights import NIGHTS, Night, Onset, nights, onsets
-from app.services.plant.overview import not_shelved
 from app.services.plant.repaired import repairs
 from app.services.plant.shelving import Shelf, Shelved
+from app.services.plant.worst import not_shelved
 from app.services.telling.next_steps import Step
 from app.services.telling.wording import UNANSWERED, VERDICT_WORDS, brief, codes_of, looked_at_today
 from app.storage.verdicts import RowFilter

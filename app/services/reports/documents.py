@@ -16,16 +16,19 @@ from app.services.explaining import explanations
 from app.services.explaining.wording import in_words
 from app.services.moments import PlantClock, iso_utc
 from app.services.plant import loops, notes
-from app.services.plant import overview as plant
 from app.services.plant.arrivals import LATE, arrivals, sentences
+from app.services.plant.changes import changes
 from app.services.plant.charts import charts
 from app.services.plant.groups import soon as groups_soon
 from app.services.plant.judged import judged
 from app.services.plant.loop_sheet import loop_sheet
+from app.services.plant.overview import overview
+from app.services.plant.reliability import table
 from app.services.plant.repaired import repairs
 from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.silent import silences
 from app.services.plant.work_list import work_list
+from app.services.plant.worst import WORST, nothing_worst
 from app.services.rendering import document
 from app.services.reports.svg import WIDTH, Ends, Line, chart
 from app.services.telling.repair_sides import of_before
@@ -67,22 +70,22 @@ def loop_report(backend: Backend, tag: str) -> str:
 
 def plant_report(backend: Backend) -> str:
     """Raises NotFoundError where nothing has been audited."""
-    seen = plant.overview(backend)
+    seen = overview(backend)
     if not seen.audited:
         raise NotFoundError("not_audited", "no loop of the plant has been audited yet")
     reach, shelved = arrivals(backend), shelf(backend)
     worst, old = _worst(backend, shelved, reach.current_ns), _worst_of_old(backend, shelved, reach.current_ns)
     listed = [row["loop"] for rows in (*(rows for _, rows in worst), old) for row in rows]
-    refused = plant.table(backend, REFUSED, sort="loop", filters=RowFilter(verdict=("not_auditable",)))
+    refused = table(backend, REFUSED, sort="loop", filters=RowFilter(verdict=("not_auditable",)))
     return document(
         "plant_report.html",
         seen=seen,
         bars={unit.unit: _bar(unit.verdicts) for unit in seen.units},
-        changed=plant.changes(backend),
+        changed=changes(backend),
         arrivals=[*sentences(reach, backend.clock), *silences(backend, reach.current_ns)],
         work=work_list(backend, shelved, since_ns=reach.current_ns),
         worst=worst,
-        nothing_worst=plant.nothing_worst(seen.verdicts.get("stiction", 0), bool(old)),
+        nothing_worst=nothing_worst(seen.verdicts.get("stiction", 0), bool(old)),
         old=old,
         late_days=LATE.days,
         judged=judged(backend, listed),
@@ -115,7 +118,7 @@ def _worst_of_old(backend: Backend, shelved: Shelf, since_ns: int | None) -> lis
     if since_ns is None:
         return []
     with backend.database.read() as connection:
-        placed = stored_plant.worst_of_old(connection, plant.WORST, since_ns, shelved.left_out)
+        placed = stored_plant.worst_of_old(connection, WORST, since_ns, shelved.left_out)
         return [row | {"of_old_record": True} for _, row in _told(connection, placed, shelved)]
 
 
