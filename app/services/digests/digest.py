@@ -1,6 +1,5 @@
 """The digest of a run: the worst loops of each unit, and what changed, in words, for a mail or a webhook."""
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import datetime
@@ -20,6 +19,7 @@ from app.services.moments import PlantClock, iso_utc, moment_of
 from app.services.plant.arrivals import LATE, arrivals
 from app.services.plant.changes import change_of, quiet_last, second_night
 from app.services.plant.judged import judged, to_manual
+from app.services.plant.overview import cause_of_refusal, tally
 from app.services.plant.repaired import RepairView, repairs
 from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.silent import of_run
@@ -196,14 +196,10 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         again = plant.second_nights(connection, number, CHANGES) if compared else []
         notes_until = _notes_until(connection, run)
         written = notes.standing(connection, [row.tag for row in [*worst, *old]], notes_until)
-    verdicts, refused = Counter[str](), Counter[str]()
-    for row in counted:
-        verdicts[row.verdict] += row.loops
-        if row.verdict == "not_auditable":
-            refused[row.likely_cause or "data"] += row.loops
+    told = tally(counted)
     refused_loops: dict[str, list[str]] = {}
     for row in not_auditable:
-        refused_loops.setdefault(row.likely_cause or "data", []).append(row.tag)
+        refused_loops.setdefault(cause_of_refusal(row), []).append(row.tag)
     repaired = repairs(backend, number, began)
     changes = quiet_last(
         _new_first([*(change_of(row, backend.clock) for row in changed), *second_night(again, changed, backend.clock)])
@@ -221,8 +217,8 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
     return Digest(
         plant=backend.settings.plant,
         run=run,
-        verdicts=dict(verdicts),
-        refused=dict(refused.most_common()),
+        verdicts=told.verdicts,
+        refused=told.refused,
         refused_loops=refused_loops,
         arrivals=of_run(backend, number, began, reach),
         work=work_list(backend, shelved, number, since_ns, most=ALL_WORK, notes_until=notes_until),
@@ -241,7 +237,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         clock=backend.clock,
         retired=retired,
         why_old=_why_old(since_ns, backend.clock) if old else "",
-        reliable=sum(row.loops for row in counted if (row.verdict, row.reliability) == ("stiction", "reliable")),
+        reliable=told.reliable.get("stiction", 0),
     )
 
 
@@ -325,6 +321,7 @@ def as_json(digest: Digest) -> dict[str, Any]:
 
 HOW_TO_READ = (
     "What is newly said to stick comes first, then what lacks most to full health, times its importance. "
+    "The worst are told of loops that stick, may, or show no answer of PV to OP; the page of the plant has all. "
     "'Look first' means that the evidence does not suffice: look at the loop before a valve is taken out."
 )
 

@@ -1,6 +1,7 @@
 """The plant as it stands: counts over all its loops, its units, and the tiles of its map."""
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,22 +30,42 @@ class Overview:
     retired: int = 0
 
 
+@dataclass(frozen=True)
+class Tally:
+    """Loops by verdict, of these the ones to rely on, and those that are not auditable by likely cause, the most
+    frequent first."""
+
+    verdicts: dict[str, int]
+    reliable: dict[str, int]
+    refused: dict[str, int]
+
+
+def tally(counted: Iterable[Any]) -> Tally:
+    """counted: rows with verdict, reliability, likely_cause and how many loops."""
+    verdicts, reliable, refused = Counter[str](), Counter[str](), Counter[str]()
+    for row in counted:
+        verdicts[row.verdict] += row.loops
+        reliable[row.verdict] += row.loops * (row.reliability == "reliable")
+        if row.verdict == "not_auditable":
+            refused[cause_of_refusal(row)] += row.loops
+    return Tally(dict(verdicts), dict(reliable), dict(refused.most_common()))
+
+
+def cause_of_refusal(row: Any) -> str:
+    return row.likely_cause or "data"
+
+
 def overview(backend: Backend) -> Overview:
     with backend.database.read() as connection:
         known, counted = count_loops(connection), plant.counts(connection)
         retired = count_retired(connection)
-    verdict_count, reliable, refused = Counter[str](), Counter[str](), Counter[str]()
-    for row in counted:
-        verdict_count[row.verdict] += row.loops
-        reliable[row.verdict] += row.loops * (row.reliability == "reliable")
-        if row.verdict == "not_auditable":
-            refused[row.likely_cause or "data"] += row.loops
+    told = tally(counted)
     return Overview(
         loops=known,
-        audited=verdict_count.total(),
-        verdicts=dict(verdict_count),
-        reliable=dict(reliable),
-        refused=dict(refused.most_common()),
+        audited=sum(told.verdicts.values()),
+        verdicts=told.verdicts,
+        reliable=told.reliable,
+        refused=told.refused,
         units=_units(counted),
         health=_mean_health(counted),
         retired=retired,
