@@ -17,7 +17,7 @@ from app.services.cursors import identifier
 from app.services.digests.doings import Asked, Doing, doings
 from app.services.moments import PlantClock, iso_utc, moment_of
 from app.services.plant.arrivals import LATE, arrivals
-from app.services.plant.changes import change_of, quiet_last, second_night
+from app.services.plant.changes import change_of, kind_of, second_night
 from app.services.plant.judged import judged, to_manual
 from app.services.plant.overview import cause_of_refusal, tally
 from app.services.plant.repaired import RepairView, repairs
@@ -46,7 +46,7 @@ from app.storage import digests, notes, plant
 from app.storage.notes import Standing
 
 TOP = 5
-CHANGES, ALL_CHANGES = 30, 100_000
+CHANGES = 30
 ALL_WORK = 200
 LONGEST_WHY = 200
 
@@ -175,11 +175,44 @@ def _notes_until(connection: Connection, run: AuditView) -> datetime | None:
     return datetime.fromisoformat(run.ended_at)
 
 
-def digest_of(backend: Backend, audit_id: str) -> Digest:
-    """Raises NotFoundError("unknown_audit") and RequestError("run_goes_on")."""
+@dataclass(frozen=True)
+class _Changed:
+    """listed: what changed, told loop by loop; new_besides: those that are newly said to stick and stand not there;
+    others: how many verdicts changed otherwise and stand not there."""
+
+    listed: list[ChangeView]
+    new_besides: list[str]
+    others: int
+
+
+NOTHING_CHANGED = _Changed([], [], 0)
+TOLD_FIRST = {"new": 0, "cured": 1, "flipped": 1, "wavers": 2}
+
+
+def _changed(connection: Connection, number: int, clock: PlantClock) -> _Changed:
+    """Those that are newly said to stick are told whatever else changed; what wavers comes last."""
+    found = digests.changed_of(connection, number)
+    again = {one.loop: one for one in second_night(plant.second_nights(connection, number, CHANGES), found, clock)}
+    kinds = {row.tag: kind_of(row) for row in found} | {tag: one.kind for tag, one in again.items()}
+    tags = sorted(kinds, key=lambda tag: TOLD_FIRST[kinds[tag]])
+    listed, besides = tags[:CHANGES], tags[CHANGES:]
+    rows = digests.changes_of(connection, number, [tag for tag in listed if tag not in again])
+    told = {row.tag: change_of(row, clock) for row in rows} | again
+    new_besides = [tag for tag in besides if kinds[tag] == "new"]
+    return _Changed([told[tag] for tag in listed if tag in told], new_besides, len(besides) - len(new_besides))
+
+
+def ended_run(backend: Backend, audit_id: str) -> AuditView:
+    """The run, where it has a digest. Raises NotFoundError("unknown_audit") and RequestError("run_goes_on")."""
     run = get_audit(backend, audit_id)
     if not run.ended:
         raise RequestError("run_goes_on", f"the run {run.id} has not ended yet: {run.open} loops are open")
+    return run
+
+
+def digest_of(backend: Backend, audit_id: str) -> Digest:
+    """Raises as `ended_run`."""
+    run = ended_run(backend, audit_id)
     number, began = identifier(audit_id), datetime.fromisoformat(run.created_at)
     reach = arrivals(backend, number, began)
     since_ns = reach.current_ns
@@ -192,8 +225,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         not_auditable = digests.refused_of(connection, number, TOP, shelved.left_out)
         # In a plant's first run every verdict is new: that is no news.
         compared = plant.any_run_before(connection, number)
-        changed = digests.changes_of(connection, number, ALL_CHANGES) if compared else []
-        again = plant.second_nights(connection, number, CHANGES) if compared else []
+        changed = _changed(connection, number, backend.clock) if compared else NOTHING_CHANGED
         notes_until = _notes_until(connection, run)
         written = notes.standing(connection, [row.tag for row in [*worst, *old]], notes_until)
     told = tally(counted)
@@ -201,9 +233,6 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
     for row in not_auditable:
         refused_loops.setdefault(cause_of_refusal(row), []).append(row.tag)
     repaired = repairs(backend, number, began)
-    changes = quiet_last(
-        _new_first([*(change_of(row, backend.clock) for row in changed), *second_night(again, changed, backend.clock)])
-    )
     url = backend.settings.public_url
     of_time, all_the_same = judged(backend, [row.tag for row in [*worst, *old]], number), shelved.by_tag()
 
@@ -224,10 +253,10 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         work=work_list(backend, shelved, number, since_ns, most=ALL_WORK, notes_until=notes_until),
         areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
         old=[_of_old_record(loop_of(row), row.input_end_ns) for row in old],
-        changes=changes[:CHANGES],
-        more_changes=len(changes) > CHANGES,
-        new_besides=[change.loop for change in changes[CHANGES:] if change.kind == "new"],
-        other_changes=sum(change.kind != "new" for change in changes[CHANGES:]),
+        changes=changed.listed,
+        more_changes=bool(changed.new_besides or changed.others),
+        new_besides=changed.new_besides,
+        other_changes=changed.others,
         to_manual=_to_manual(backend, number) if compared else [],
         repairs=repaired.listed,
         more_repairs=repaired.more,
@@ -408,11 +437,6 @@ def _asked_line(one: Asked, url: str) -> str:
     told = "; ".join(fact for fact in facts if fact)
     unit = f" ({_line(one.unit)})" if one.unit else ""
     return f"  - {_line(one.loop)}{unit}{f': {told}' if told else ''}"
-
-
-def _new_first(changes: list[ChangeView]) -> list[ChangeView]:
-    """Those that are newly said to stick are told whatever else changed."""
-    return sorted(changes, key=lambda change: change.kind != "new")
 
 
 def _change_lines(digest: Digest) -> list[str]:

@@ -3,14 +3,14 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 from app.engine.long_records.episodes import BEGAN
 from app.services.backend import Backend
 from app.services.moments import PlantClock, iso_utc
 from app.services.plant.evidence_moved import moved, probability_moved
 from app.services.plant.judged import ToManual, to_manual
-from app.services.results import ChangedBy, ChangeView
+from app.services.results import ChangedBy, ChangeView, Kind
 from app.services.telling.repair_sides import BEFORE_REPAIR, SINCE_REPAIR
 from app.services.telling.stored_evidence import began_at
 from app.services.telling.wording import UNANSWERED, WHY_WORDS, cause_words
@@ -64,6 +64,15 @@ def quiet_last(changes: Sequence[ChangeView]) -> list[ChangeView]:
     return sorted(changes, key=lambda change: change.kind == "wavers")
 
 
+def kind_of(row: Any) -> Kind:
+    """new: it is now said to stick. cured: it was, and now it is said not to. wavers: no news. flipped: any other."""
+    if _wavers(row, _why(row)):
+        return "wavers"
+    if row.verdict == "stiction":
+        return "new"
+    return "cured" if row.verdict_before == "stiction" and row.verdict == "no_stiction" else "flipped"
+
+
 def second_night(again: Sequence[Any], changed: Sequence[Any], clock: PlantClock) -> list[ChangeView]:
     """Those of `plant.second_nights` that are news, and that have not changed since."""
     since = {row.tag for row in changed}
@@ -81,17 +90,9 @@ def of_second_night(row: Any, clock: PlantClock) -> ChangeView | None:
 
 def change_of(row: Any, clock: PlantClock) -> ChangeView:
     why = _why(row)
-    kind = "wavers" if _wavers(row, why) else _kind(row.verdict_before, row.verdict)
     verdicts_told = (row.verdict_before, row.verdict, why, _because(why, row, clock))
     of_now = (row.reasons_text, row.health, row.reliability, row.likely_cause)
-    return ChangeView(row.tag, row.unit, kind, *verdicts_told, *of_now)
-
-
-def _kind(before: str | None, now: str) -> Literal["new", "cured", "flipped"]:
-    """new: it is now said to stick. cured: it was, and now it is said not to. flipped: any other change."""
-    if now == "stiction":
-        return "new"
-    return "cured" if before == "stiction" and now == "no_stiction" else "flipped"
+    return ChangeView(row.tag, row.unit, kind_of(row), *verdicts_told, *of_now)
 
 
 def _wavers(row: Any, why: ChangedBy) -> bool:
