@@ -130,11 +130,12 @@ def _longer(row: Any) -> bool:
 
 def _because(why: ChangedBy, row: Any, clock: PlantClock) -> str:
     """Where the record is why, what of it moved most comes first: that more was recorded makes no valve stick."""
-    if why == "loop" and BEGAN in row.reasons.split(";") and not _answers_no_more(row):
-        return _began(row, clock)
-    words, evidence = _cause(why, row), moved(row) if why in ("loop", "data") else ""
-    if words == WHY_WORDS["loop"]:
-        return evidence or probability_moved(row) or words
+    evidence = moved(row) if why in ("loop", "data") else ""
+    if why == "loop" and not _answers_no_more(row):
+        if BEGAN in row.reasons.split(";"):
+            return _began(row, clock)
+        return evidence or probability_moved(row) or WHY_WORDS["loop"]
+    words = _cause(why, row)
     return f"{evidence}; {words}" if evidence else words
 
 
