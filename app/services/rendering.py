@@ -1,10 +1,12 @@
 """Templates of what leaves the service as a document of its own: mails, reports. What comes from a plant is escaped."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from app.services.telling.reasons import first_reasons
 from app.services.telling.wording import (
     CHANGE_WORDS,
     RELIABILITY_BRIEF,
@@ -29,22 +31,36 @@ def figure(value: float | None, digits: int) -> str:
     return "–" if value is None else f"{value:z.{digits}f}"
 
 
+FILTERS: dict[str, Callable[..., Any]] = {
+    "brief": brief,
+    "cause_words": cause_words,
+    "figure": figure,
+    "first_reasons": first_reasons,
+    "headline": headline,
+    "health": health,
+    "measured_probability": measured_probability,
+    "probability": probability,
+    "rely": rely,
+    "starter_words": starter_words,
+    "unusual_importance": unusual_importance,
+}
+GLOBALS = {
+    "verdict_words": VERDICT_WORDS,
+    "reliability_words": RELIABILITY_WORDS,
+    "reliability_short": RELIABILITY_SHORT,
+    "reliability_brief": RELIABILITY_BRIEF,
+    "change_words": CHANGE_WORDS,
+    "ranks": VERDICT_RANK,
+}
+"""What all templates may call, those of the pages too."""
+
+
 def _environment() -> Environment:
     folder = Path(__file__).parent / "templates"
     templates = Environment(loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined)
     templates.trim_blocks = templates.lstrip_blocks = True
-    templates.filters |= {"figure": figure, "probability": probability, "health": health}
-    templates.filters |= {"cause_words": cause_words, "measured_probability": measured_probability}
-    templates.filters |= {"headline": headline, "brief": brief, "rely": rely, "unusual_importance": unusual_importance}
-    templates.filters |= {"starter_words": starter_words}
-    templates.globals |= {
-        "verdict_words": VERDICT_WORDS,
-        "reliability_words": RELIABILITY_WORDS,
-        "reliability_short": RELIABILITY_SHORT,
-        "reliability_brief": RELIABILITY_BRIEF,
-        "change_words": CHANGE_WORDS,
-        "ranks": VERDICT_RANK,
-    }
+    templates.filters |= FILTERS
+    templates.globals |= GLOBALS
     return templates
 
 

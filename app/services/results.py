@@ -254,6 +254,7 @@ class NoteView:
 
 
 ChangedBy = Literal["first", "method", "repair", "auditable", "data", "loop"]
+Kind = Literal["new", "cured", "flipped", "wavers"]
 
 
 @dataclass(frozen=True)
@@ -263,7 +264,7 @@ class ChangeView:
 
     loop: str
     unit: str | None
-    kind: Literal["new", "cured", "flipped", "wavers"]
+    kind: Kind
     before: str | None
     now: str
     why: ChangedBy

@@ -1,15 +1,17 @@
 """What a digest tells of one run, whenever it is asked: later runs change nothing of it. Loops that have been retired
 since are not told of."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
-from sqlalchemy import Connection, Select, and_, func, or_, select
+from sqlalchemy import ColumnElement, Connection, Select, and_, func, or_, select
 
 from app.storage.loops import IN_SERVICE
-from app.storage.newest import heads, heads_of_units
+from app.storage.newest import heads, heads_of_units, worst_first
 from app.storage.plant import complains, told_of_both
 from app.storage.tables import loops, verdicts
+
+TEXTS = ("reasons_text", "reasons_text_before", "extra_json", "extra_json_before")
 
 this = verdicts.alias("of_the_run")
 before = verdicts.alias("earlier")
@@ -56,9 +58,21 @@ def refused_of(connection: Connection, audit_id: int, each: int, left_out: Seque
     return list(connection.execute(select(found).where(found.c.place <= each).order_by(found.c.place)))
 
 
-def changes_of(connection: Connection, audit_id: int, limit: int) -> list[Any]:
-    """Loops whose verdict in this run is another one than their verdict before, the worst first; what is told is what
-    `plant.changes` tells."""
+def changed_of(connection: Connection, audit_id: int) -> list[Any]:
+    """Loops whose verdict in this run is another one than their verdict before, the worst first: what tells which kind
+    of change each is. In a night of a new method they are all loops of the plant, and most of a row are its texts."""
+    told = [column for column in told_of_both(this, before) if column.key not in TEXTS]
+    query = _changed(audit_id, told).order_by(*worst_first(this))
+    return list(connection.execute(query))
+
+
+def changes_of(connection: Connection, audit_id: int, tags: Collection[str]) -> list[Any]:
+    """Of these of them what `plant.changes` tells."""
+    query = _changed(audit_id, told_of_both(this, before)).where(loops.c.tag.in_(tags))
+    return list(connection.execute(query))
+
+
+def _changed(audit_id: int, told: Iterable[ColumnElement[Any]]) -> Select[Any]:
     earlier = (
         select(func.max(before.c.audit_id))
         .where(before.c.loop_id == this.c.loop_id, before.c.audit_id < audit_id)
@@ -66,12 +80,9 @@ def changes_of(connection: Connection, audit_id: int, limit: int) -> list[Any]:
         .scalar_subquery()
     )
     joined = _OF_RUN.outerjoin(before, and_(before.c.loop_id == this.c.loop_id, before.c.audit_id == earlier))
-    query = select(
-        *(loops.c.tag, loops.c.unit, before.c.verdict.label("verdict_before"), this.c.verdict, this.c.health),
-        *told_of_both(this, before),
-    ).select_from(joined)
+    of_loop = (loops.c.tag, loops.c.unit, before.c.verdict.label("verdict_before"), this.c.verdict, this.c.health)
     news = or_(this.c.verdict != before.c.verdict, and_(before.c.verdict.is_(None), this.c.verdict == "stiction"))
-    return heads(connection, query.where(this.c.audit_id == audit_id, news), this, limit)
+    return select(*of_loop, *told).select_from(joined).where(this.c.audit_id == audit_id, news)
 
 
 def counts_of(connection: Connection, audit_id: int) -> list[Any]:

@@ -16,7 +16,7 @@ from app.services.addresses import tag_in_url
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.backend import Backend
 from app.services.moments import PlantClock
-from app.services.plant import loops, notes, overview
+from app.services.plant import loops, notes
 from app.services.plant.arrivals import current_ns
 from app.services.plant.arrivals import newest_in_words as newest_sample_in_words
 from app.services.plant.charts import charts as charts_of
@@ -27,6 +27,7 @@ from app.services.plant.loop_list import number
 from app.services.plant.loop_sheet import loop_sheet
 from app.services.plant.nights import nights as nights_of
 from app.services.plant.shelving import shelf
+from app.services.plant.worst import listed_first
 from app.services.results import LoopView
 from app.services.telling.reason_wording import NO_VOTE
 from app.services.telling.rival_wording import worth_a_look
@@ -116,7 +117,7 @@ def _loop_page(
 
 def _beside(backend: Backend, tag: str) -> tuple[str | None, str | None]:
     """The loops before and after this one among the worst that the plant's page lists; None where there is none."""
-    _, worst = overview.listed_first(backend, current_ns(backend))
+    _, worst = listed_first(backend, current_ns(backend))
     tags = [row["loop"] for row in worst]
     if tag not in tags:
         return None, None

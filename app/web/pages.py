@@ -11,23 +11,22 @@ from starlette.responses import FileResponse, JSONResponse
 from app.http.backend import Services
 from app.services.plant import groups as grouped
 from app.services.plant import overview as plants
-from app.services.plant.arrivals import LATE, Arrivals, arrivals, nothing_new, sentences
+from app.services.plant import reliability
+from app.services.plant.arrivals import arrivals
 from app.services.plant.glossary import FIGURES
 from app.services.plant.judged import judged
 from app.services.plant.loops import RETIRED
 from app.services.plant.nights import nights
+from app.services.plant.plant_sheet import plant_sheet
 from app.services.plant.reliability import RowFilter
-from app.services.plant.repaired import repairs
-from app.services.plant.shelving import shelf
-from app.services.plant.silent import silences
-from app.services.telling.wording import VERDICT_RANK
+from app.services.plant.worst import listed_first, worst_of_old
 from app.web import loop, loop_list, runs, uploads
 from app.web.columns import COLUMNS, USUAL, query_without
 from app.web.rendering import CHARTS, STATIC, page
 
 A_WEEK = {"Cache-Control": "public, max-age=604800"}
 ROWS_A_PAGE = 100
-CHANGES = 10
+CHANGES, GROUPS = 10, 5
 
 router = APIRouter(include_in_schema=False)
 for module in (loop, loop_list, runs, uploads):
@@ -63,36 +62,25 @@ class TableForm(BaseModel):
 
 @router.get("/")
 def plant(backend: Services) -> HTMLResponse:
-    seen = plants.overview(backend)
-    changed = plants.changes(backend)
     reach = arrivals(backend)
-    since_ns = reach.current_ns
-    today, worst = plants.listed_first(backend, since_ns, changed) if seen.audited else ([], [])
-    old = plants.worst_of_old(backend, since_ns) if seen.audited and (reach.behind or reach.undated) else []
+    sheet = plant_sheet(backend, reach)
+    audited, changed, shelved, since_ns = sheet["seen"].audited, sheet["changed"], sheet["shelf"], reach.current_ns
+    today, worst = listed_first(backend, since_ns, changed, shelved) if audited else ([], [])
+    any_old = audited and (reach.behind or reach.undated)
+    old = worst_of_old(backend, since_ns, shelved=shelved) if any_old else []
     listed = [row["loop"] for row in [*today[:CHANGES], *worst, *old]]
     return page(
         "plant.html",
         backend.clock,
-        seen=seen,
-        ranks=VERDICT_RANK,
-        changed=changed,
-        arrivals=_arrivals(backend, reach, changed) if seen.audited else [],
-        repairs=repairs(backend) if seen.audited else None,
+        **sheet,
         today=today,
         worst=worst,
         old=old,
-        late_days=LATE.days,
         last_nights=nights(backend, listed + [row.loop for row in changed.rows[:CHANGES]]),
         judged=judged(backend, listed),
-        shelf=shelf(backend),
         most_changes=CHANGES,
-        groups=[found for found in grouped.soon(backend) or () if not found.by_chance][:5],
+        most_groups=GROUPS,
     )
-
-
-def _arrivals(backend: Services, reach: Arrivals, changed: plants.Changes) -> list[str]:
-    news = nothing_new(backend, int(changed.run_id)) if changed.run_id else []
-    return [*sentences(reach, backend.clock), *silences(backend, reach.current_ns), *news]
 
 
 @router.get("/plant/tiles")
@@ -104,7 +92,7 @@ def tiles(backend: Services, unit: Annotated[str | None, Query(max_length=200)] 
 @router.get("/table")
 def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLResponse:
     names = [name for name in form.column if name in COLUMNS] or list(USUAL)
-    found = plants.table(backend, ROWS_A_PAGE, form.cursor or None, form.sort, form.filters())
+    found = reliability.table(backend, ROWS_A_PAGE, form.cursor or None, form.sort, form.filters())
     listed = [row["loop"] for row in found.rows]
     told: dict[str, Any] = form.model_dump(exclude={"cursor"}) | {"column": names}
     return page(
@@ -118,7 +106,6 @@ def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLRespons
         names=names,
         columns=COLUMNS,
         units=plants.unit_names(backend),
-        ranks=VERDICT_RANK,
         address=query_without(told),
         export=query_without(told, "column", **({"sort": form.sort} if form.sort else {})),
         told=told,

@@ -11,37 +11,14 @@ from starlette.responses import HTMLResponse
 from app.services.access.identity import Identity, Role, current
 from app.services.addresses import tag_in_url
 from app.services.moments import PlantClock
-from app.services.rendering import figure
+from app.services.rendering import FILTERS, GLOBALS
 from app.services.results import UploadView
-from app.services.telling.wording import (
-    CHANGE_WORDS,
-    NO_ROOM_YET,
-    READ_IN_PART,
-    RELIABILITY_BRIEF,
-    RELIABILITY_SHORT,
-    RELIABILITY_WORDS,
-    STATE_WORDS,
-    VERDICT_WORDS,
-    cause_words,
-    headline,
-    health,
-    measured_probability,
-    probability,
-    rely,
-    starter_words,
-    unusual_importance,
-)
+from app.services.telling.wording import NO_ROOM_YET, READ_IN_PART, STATE_WORDS
 
 HERE = Path(__file__).parent
 STATIC = HERE / "static"
 CHARTS = Path(plotly.__file__).parent / "package_data" / "plotly.min.js"
 SIGNALS = ("pv", "op", "sp", "mode")
-
-
-def first_reasons(text: str, count: int = 2) -> str:
-    """The weightiest reasons of a verdict; the loop's page has all of them."""
-    sentences = text.split(". ")
-    return ". ".join(sentences[:count]) + (" ..." if len(sentences) > count else "")
 
 
 def words(code: str) -> str:
@@ -70,26 +47,14 @@ def upload_words(upload: UploadView) -> str:
 
 def environment() -> Environment:
     templates = Environment(loader=FileSystemLoader(HERE / "templates"), autoescape=True, undefined=StrictUndefined)
-    templates.filters |= {
-        "figure": figure,
-        "probability": probability,
-        "health": health,
+    templates.filters |= FILTERS | {
         "tag_in_url": tag_in_url,
-        "first_reasons": first_reasons,
-        "cause_words": cause_words,
-        "headline": headline,
-        "rely": rely,
-        "unusual_importance": unusual_importance,
-        "measured_probability": measured_probability,
-        "starter_words": starter_words,
         "upload_words": upload_words,
         "words": words,
         "other_way": other_way,
         "as_tags": as_tags,
     }
-    templates.globals |= {"verdict_words": VERDICT_WORDS, "reliability_words": RELIABILITY_WORDS}
-    templates.globals |= {"reliability_short": RELIABILITY_SHORT, "state_words": STATE_WORDS}
-    templates.globals |= {"change_words": CHANGE_WORDS, "reliability_brief": RELIABILITY_BRIEF}
+    templates.globals |= GLOBALS | {"state_words": STATE_WORDS}
     templates.globals |= {"csrf_field": csrf_field, "csrf_token": csrf_token, "may": may, "logged_in": logged_in}
     return templates
 

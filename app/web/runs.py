@@ -6,9 +6,8 @@ from starlette.responses import RedirectResponse
 
 from app.http.backend import Caller, Identifier, Services
 from app.services.auditing.audits import cancel_audit, failures, list_audits, start_audit
+from app.services.auditing.run_figures import run_figures
 from app.services.digests.deliveries import deliveries_of
-from app.services.plant.overview import run_figures
-from app.services.telling.wording import VERDICT_RANK
 from app.web.rendering import page
 
 SHOWN = 50
@@ -34,7 +33,7 @@ def run(backend: Services, audit_id: Identifier) -> HTMLResponse:
     failed = failures(backend, audit_id, SHOWN_FAILURES) if figures.run.failed else []
     sent = deliveries_of(backend, audit_id)
     told = {"run": figures.run, "figures": figures, "failures": failed, "deliveries": sent}
-    return page("run.html", backend.clock, ranks=VERDICT_RANK, **told)
+    return page("run.html", backend.clock, **told)
 
 
 @router.post("/runs/{audit_id}/cancel")

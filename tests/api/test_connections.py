@@ -15,7 +15,7 @@ from app.main import create_app
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.warming import warm_up
 from app.services.backend import Backend
-from app.services.digests.sending import Outgoing
+from app.services.digests.sending import Post
 from app.services.digests.webhooks import signature
 from app.services.intake.reading import read_upload
 from app.services.upkeep.metrics import metrics
@@ -100,7 +100,7 @@ def test_the_receiver_of_the_page_knows_our_signature(secret):
     page = (DOCS / "CONNECTIONS.md").read_text(encoding="utf-8")
     sample: dict = {}
     exec(re.search(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL)[1], sample)  # noqa: S102 - of our own page
-    sent, moment = Outgoing("msg_1", "", "", "", b'{"loops": 2}'), int(time.time())
+    sent, moment = Post("msg_1", b'{"loops": 2}'), int(time.time())
     headers = {"webhook-id": sent.id, "webhook-timestamp": str(moment)}
     headers["webhook-signature"] = signature(secret, sent, moment)
     assert sample["verified"](secret, headers, sent.body)

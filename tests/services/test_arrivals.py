@@ -14,7 +14,7 @@ from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.digests.digest import as_html, as_text, digest_of
 from app.services.moments import UTC_CLOCK, iso_utc, moment_of, ns_of
-from app.services.plant import overview
+from app.services.plant import worst
 from app.services.plant.arrivals import (
     LATE,
     NAMED,
@@ -26,9 +26,10 @@ from app.services.plant.arrivals import (
     nothing_new,
 )
 from app.services.plant.arrivals import sentences as sentences_by
+from app.services.plant.plant_sheet import plant_sheet
 from app.services.plant.shelving import shelf
 from app.services.plant.silent import of_run
-from app.services.reports import documents
+from app.services.reports.documents import plant_report
 from app.storage import arrivals as stored
 from app.storage import series
 from app.storage.samples import Samples
@@ -133,6 +134,8 @@ def test_a_night_that_nothing_came_for_says_so(backend: Backend, add_loops: AddL
     at = datetime.fromisoformat(runs[1].created_at)
     assert NOTHING_NEW not in of_run(backend, int(runs[0].id), at, arrivals(backend, int(runs[0].id), at))
     assert of_run(backend, int(runs[1].id), at, arrivals(backend, int(runs[1].id), at))[-1] == NOTHING_NEW
+    assert plant_sheet(backend, arrivals(backend))["arrivals"][-1] == NOTHING_NEW
+    assert NOTHING_NEW in plant_report(backend)
 
 
 def test_a_digest_asks_once_how_far_records_reach_and_a_page_of_a_loop_for_the_newest_alone(
@@ -211,9 +214,9 @@ def test_loops_whose_records_are_old_have_a_list_of_their_own(backend: Backend, 
             end_ns = ns_of(NOON - timedelta(days=days))
             connection.execute(update(loops).where(loops.c.tag == tag).values(newest_ns=end_ns))
     since_ns = arrivals(backend, at=NOON).current_ns
-    assert {row["loop"] for row in overview.worst(backend, since_ns=since_ns)} == {"A", "C"}
-    assert {row["loop"] for row in overview.worst_of_old(backend, since_ns)} == {"B", "D"}
-    assert overview.worst_of_old(backend, None) == []
+    assert {row["loop"] for row in worst.worst(backend, since_ns=since_ns)} == {"A", "C"}
+    assert {row["loop"] for row in worst.worst_of_old(backend, since_ns)} == {"B", "D"}
+    assert worst.worst_of_old(backend, None) == []
     with backend.database.write() as connection:
         for row in connection.execute(select(loops.c.id, loops.c.newest_ns)).all():
             mine = update(verdicts).where(verdicts.c.loop_id == row.id)
@@ -232,7 +235,7 @@ def test_loops_whose_records_are_old_have_a_list_of_their_own(backend: Backend, 
     assert "Worst of old records" in html
     assert "No sample since 2026-02-27 00:00 UTC" in html
     assert "newest sample 2026-01-20 12:00" in html
-    ((_, rows),) = documents._worst(backend, shelf(backend), since_ns)
+    ((_, rows),) = worst.complaints_of_units(backend, since_ns, shelf(backend), 5)
     assert {row["loop"] for row in rows} == {"A", "C"}
 
 
@@ -255,7 +258,7 @@ def test_that_no_valve_sticks_is_not_said_where_one_of_an_old_record_does(
                     told = said | ({"input_end_ns": end_ns} if table is verdicts else {})
                     connection.execute(update(table).where(table.c.loop_id == loop_id).values(**told))
         found = digest_of(backend, run.id)
-        return as_text(found), as_html(found), documents.plant_report(backend)
+        return as_text(found), as_html(found), plant_report(backend)
 
     for text in told(A="no_stiction", B="stiction"):
         assert "No other valve sticks, as far as the newest records tell." in text

@@ -14,6 +14,7 @@ from app.services.audit_json.detail import detail
 from app.services.audit_json.line import audit_line, reliability_row
 from app.services.audit_json.models import AuditLine, ReliabilityRow
 from app.services.moments import iso_utc
+from app.services.telling.reasons import reasons_of
 
 CONTRACT = [
     "recording", "loop", "samples", "sampling_interval_s", "verdict", "stiction_probability", "reliability", "reasons",
@@ -117,6 +118,7 @@ def test_row_is_flat(which, request):
     assert row["hammerstein_d"] == line["hammerstein"]["d"]
     assert (row["unit"], row["audited_at"], row["audit_id"]) == ("U200", "2026-01-31T03:00:00Z", "17")
     assert row["reasons"].split(";") == [reason["code"] for reason in line["reasons"]]
+    assert reasons_of(row) == [reason["text"] for reason in line["reasons"]]
 
 
 def test_search_space_in_a_row_is_one_word(audited):

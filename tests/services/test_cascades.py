@@ -28,9 +28,10 @@ from app.services.auditing.hearing import (
     reworded,
 )
 from app.services.backend import Backend
+from app.services.moments import UTC_CLOCK
 from app.services.plant.loops import loop_health, patch_loop, verdict_detail
 from app.services.plant.reliability import RowFilter, reliability_page
-from app.services.telling.next_steps import OUTER, next_step
+from app.services.telling.next_steps import Ask, next_step
 from app.storage import loops, series
 from app.storage.audits import LoopFilter
 from app.storage.samples import Samples
@@ -91,7 +92,7 @@ def test_an_outer_loop_is_not_cleared_beside_an_inner_one_that_sticks(backend: B
     detail = verdict_detail(backend, "TIC1")
     assert detail["reasons"][0]["code"] == MOVES_SET_POINT
     assert loop_health(backend, "TIC1")["reliability"] == "not_reliable"
-    assert next_step(outer) == OUTER
+    assert next_step(outer, UTC_CLOCK) == Ask.OUTER
 
 
 def test_an_outer_loop_stays_cleared_with_its_inner_one(backend: Backend, warm_kernels: None) -> None:

@@ -10,7 +10,7 @@ from app.errors import FieldError
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
-from app.services.plant import loops, notes, overview
+from app.services.plant import loops, notes, reliability
 from app.services.plant.continuing import likeness, maybe_before
 from app.services.plant.loop_list import read, take, written
 from app.services.plant.nights import nights
@@ -52,14 +52,14 @@ def test_it_takes_what_nobody_said_of_it_and_the_other_is_retired(renamed: Backe
     assert (it.op_low, it.op_high) == (10.0, 90.0), "what was said of it stays"
     assert loops.get_loop(renamed, "FIC101").retired
     assert maybe_before(renamed, "FIC-101A") is None
-    assert "FIC101" not in [row["loop"] for row in overview.table(renamed, 10).rows]
+    assert "FIC101" not in [row["loop"] for row in reliability.table(renamed, 10).rows]
 
 
 def test_notes_orders_and_shelving_go_along_and_come_back(renamed: Backend) -> None:
     loops.patch_loop(renamed, "FIC-101A", {"continues": "FIC101"})
     told = notes.list_notes(renamed, "FIC-101A")
     assert [(note.work_order, note.written_of) for note in told] == [("", "FIC101"), ("WO-9", "FIC101")]
-    (row,) = [row for row in overview.table(renamed, 10).rows if row["loop"] == "FIC-101A"]
+    (row,) = [row for row in reliability.table(renamed, 10).rows if row["loop"] == "FIC-101A"]
     assert (row["work_order"], row["shelved_until"] is None) == ("WO-9", False)
     assert shelf(renamed).of("FIC-101A") is not None
     notes.add_note(renamed, "FIC-101A", "seen")

@@ -9,8 +9,8 @@ from sqlalchemy import Engine, event, update
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
-from app.services.plant import overview as plant
-from app.services.telling.next_steps import UNTIL_THEY_AGREE
+from app.services.plant import reliability
+from app.services.telling.next_steps import Ask
 from app.storage import explanations
 from app.storage.documents import Document, pack_document
 from app.storage.tables import explanations as explanations_table
@@ -42,7 +42,8 @@ def ids(backend: Backend, add_loops: AddLoops) -> dict[str, int]:
 
 
 def contradicted(backend: Backend) -> list[str]:
-    return [row["loop"] for row in plant.table(backend, 10, sort="loop").rows if row["next_step"] == UNTIL_THEY_AGREE]
+    rows = reliability.table(backend, 10, sort="loop").rows
+    return [row["loop"] for row in rows if row["next_step"] == Ask.UNTIL_THEY_AGREE]
 
 
 def test_the_table_knows_what_the_page_knows(backend: Backend, ids: dict[str, int]) -> None:
@@ -81,13 +82,13 @@ def test_as_many_loops_as_there_are_take_one_query(backend: Backend, ids: dict[s
 
     event.listen(Engine, "before_cursor_execute", note)
     try:
-        plant.table(backend, 10)
+        reliability.table(backend, 10)
         without = len(asked)
         asked.clear()
         for loop_id in ids.values():
             explain(backend, loop_id, ("valve.stiction", 0.7))
         asked.clear()
-        plant.table(backend, 10)
+        reliability.table(backend, 10)
     finally:
         event.remove(Engine, "before_cursor_execute", note)
     assert len(asked) == without

@@ -12,7 +12,7 @@ from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.nightly import nightly
 from app.services.backend import Backend
 from app.services.digests.digest import as_html, as_text, digest_of
-from app.services.plant import overview as plant
+from app.services.plant import changes
 from app.services.plant.judged import judged, to_manual
 from app.services.plant.nights import nights
 from app.services.reports.documents import plant_report
@@ -65,7 +65,7 @@ def test_a_loop_that_went_to_manual_says_so(backend: Backend, left: tuple[int, i
 
 
 def test_it_is_what_changed(backend: Backend, left: tuple[int, int]) -> None:
-    assert [one.loop for one in plant.changes(backend).to_manual] == ["A"]
+    assert [one.loop for one in changes.changes(backend).to_manual] == ["A"]
     third = run(backend, start_audit(backend).id)
     assert to_manual(backend, third) == []  # news once
     with backend.database.write() as connection:

@@ -15,10 +15,10 @@ from aiosmtpd.smtp import AuthResult, LoginPassword
 
 from app.cli.demo import free_port
 from app.services.digests.mailing import send_mail
-from app.services.digests.sending import NotSentError, Outgoing
+from app.services.digests.sending import Mail, NotSentError
 from app.settings import Settings
 
-OUTGOING = Outgoing("7", "Night of 1 March", "2 valves stick", "<p>2 valves stick</p>", b"{}")
+OUTGOING = Mail("7", "Night of 1 March", "2 valves stick", "<p>2 valves stick</p>")
 TO = "you@example.com"
 LOGIN = {"digest_smtp_user": "plant", "digest_smtp_password": "hidden"}
 

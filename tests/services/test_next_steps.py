@@ -9,13 +9,18 @@ from app.engine.causality.hidden_band import HiddenBand
 from app.engine.codes import UNANSWERED, Cause
 from app.engine.long_records.episodes import BEGAN, episode_text
 from app.engine.verdict.doubts import _band_reason
+from app.services.moments import UTC_CLOCK, PlantClock
 from app.services.telling import next_steps
-from app.services.telling.next_steps import BY_CAUSE, next_step
+from app.services.telling.next_steps import BY_CAUSE, Ask, step_of
 from app.services.telling.reason_wording import REASON_WORDS
 from app.services.telling.repair_sides import BEFORE_REPAIR
 from app.services.telling.wording import CAUSE_WORDS
 
 GUIDE = Path(__file__).parents[2] / "docs" / "guides" / "OPERATOR.md"
+
+
+def next_step(row: dict[str, object], repaired_at: str | None = None) -> str:
+    return next_steps.next_step(row, UTC_CLOCK, repaired_at)
 
 
 def row_of(verdict: str, reliability: str, likely_cause: str | None) -> dict[str, object]:
@@ -46,11 +51,11 @@ def test_a_step_for_each(row, told):
 def test_a_verdict_of_before_a_repair_sends_nobody_out():
     row = row_of("stiction", "reliable", "stiction")
     assert BEFORE_REPAIR in REASON_WORDS
-    assert next_step(row | {"reasons": "before_repair;shape_sticking"}) == next_steps.WAIT
-    assert next_step(row | {"verdict": "no_stiction", "reasons": "stiction_began"}) == next_steps.BEGAN_TO_STICK
+    assert next_step(row | {"reasons": "before_repair;shape_sticking"}) == Ask.WAIT
+    assert next_step(row | {"verdict": "no_stiction", "reasons": "stiction_began"}) == Ask.BEGAN_TO_STICK
     unsure = row | {"verdict": "stiction", "reliability": "not_reliable"}
-    assert next_step(unsure | {"reasons": "evidence_not_clear;stiction_began"}) == next_steps.BEGAN_TO_STICK
-    assert next_step(unsure | {"reliability": "reliable", "reasons": "stiction_began"}) == next_steps.STICKS
+    assert next_step(unsure | {"reasons": "evidence_not_clear;stiction_began"}) == Ask.BEGAN_TO_STICK
+    assert next_step(unsure | {"reliability": "reliable", "reasons": "stiction_began"}) == Ask.STICKS
 
 
 def test_a_step_carries_the_hour_and_the_band_that_its_reasons_name():
@@ -62,12 +67,25 @@ def test_a_step_carries_the_hour_and_the_band_that_its_reasons_name():
     assert "in steps of 0.4 units (a quarter of the band, 1.6)," in next_step(band | {"reasons_text": reason.text})
 
 
+def test_the_hour_is_the_one_that_is_stored_whatever_the_sentence_says():
+    began = row_of("stiction", "not_reliable", "stiction") | {"reasons": "stiction_began"}
+    stored = {"episode_start": "2026-11-28T23:22:00Z", "reasons_text": "worded otherwise"}
+    assert "since 2026-11-29 00:22 UTC+01:00," in step_of(began | stored, PlantClock("Europe/Berlin")).text
+
+
 def test_what_a_step_says_of_one_loop_is_told_apart():
     row = row_of("stiction", "not_reliable", "stiction") | {"reasons": "stiction_began;few_cycles"}
-    row |= {"oscillation_period_s": 2067.0, "reasons_text": episode_text(BEGAN, 0.9, "2026-11-29 00:22 UTC", "")}
-    particular = "a longer record tells more: 5 swings of this one take 2.9 h"
-    assert next_steps.apart(next_step(row)) == (next_steps.BEGAN_TO_STICK, particular)
-    assert next_steps.apart(next_steps.STICKS) == (next_steps.STICKS, "")
+    row |= {"oscillation_period_s": 2067.0, "episode_start": "2026-11-29T00:22:00Z"}
+    step = step_of(row, UTC_CLOCK)
+    assert (step.code, step.asks) == ("began_to_stick", Ask.BEGAN_TO_STICK)
+    assert step.besides == "a longer record tells more: 5 swings of this one take 2.9 h"
+    assert step.text.endswith("ask for a stroke test. A longer record tells more: 5 swings of this one take 2.9 h.")
+    sure = step_of(row_of("stiction", "reliable", "stiction"), UTC_CLOCK)
+    assert (sure.asks, sure.text, sure.besides) == (Ask.STICKS, Ask.STICKS, "")
+
+
+def test_what_leaves_the_valve_alone_is_told_by_its_code():
+    assert {ask for ask in Ask if ask.startswith("Nothing")} == next_steps.NOTHING
 
 
 def test_every_cause_has_words_and_a_step():
@@ -82,9 +100,9 @@ def test_the_guide_says_the_same():
 
 def test_what_does_not_clear_a_valve_does_not_read_as_cleared():
     unsure = row_of("no_stiction", "not_reliable", None)
-    assert next_step(unsure | {"reasons": "few_cycles"}) == next_steps.NOT_CLEARED
-    assert next_step(unsure | {"likely_cause": "disturbance", "reasons": "no_answer"}) == next_steps.STANDS_FAST
-    assert next_step(unsure | {"reliability": "reliable"}) == next_steps.CLEARED
+    assert next_step(unsure | {"reasons": "few_cycles"}) == Ask.NOT_CLEARED
+    assert next_step(unsure | {"likely_cause": "disturbance", "reasons": "no_answer"}) == Ask.STANDS_FAST
+    assert next_step(unsure | {"reliability": "reliable"}) == Ask.CLEARED
 
 
 @pytest.mark.parametrize("verdict", ["stiction", "inconclusive"])
@@ -92,22 +110,22 @@ def test_a_loop_that_is_controlled_no_more_comes_first(verdict):
     row = row_of(verdict, "not_reliable", None)
     assert next_step(row | {"reasons": "pv_stands;uncoupled"}).startswith("Look today")
     assert next_step(row | {"reasons": "answers_no_more;prior_only"}).startswith("Look today")
-    assert next_step(row | {"reasons": "wound_up"}) == next_steps.AT_LIMIT
+    assert next_step(row | {"reasons": "wound_up"}) == Ask.AT_LIMIT
     assert {"pv_stands", "wound_up", "answers_no_more"} <= REASON_WORDS.keys()
 
 
 def test_a_loop_that_is_stated_to_move_no_valve_is_not_asked_for_one():
     row = row_of("stiction", "not_reliable", "stiction")
-    assert next_step(row | {"reasons": "moves_no_valve"}) == next_steps.NO_VALVE
-    assert "valve of its own" not in next_steps.NO_VALVE
+    assert next_step(row | {"reasons": "moves_no_valve"}) == Ask.NO_VALVE
+    assert "valve of its own" not in Ask.NO_VALVE
 
 
 @pytest.mark.parametrize(
     ("cause", "step"),
     [
-        (None, next_steps.HAS_BAND),
-        ("no_oscillation", next_steps.HAS_BAND),
-        ("disturbance", next_steps.HAS_BAND),
+        (None, Ask.HAS_BAND),
+        ("no_oscillation", Ask.HAS_BAND),
+        ("disturbance", Ask.HAS_BAND),
         ("set_point_following", next_steps.BY_CAUSE["set_point_following"]),
         ("backlash", next_steps.BY_CAUSE["backlash"]),
         ("external_oscillation", next_steps.BY_CAUSE["external_oscillation"]),
@@ -118,13 +136,13 @@ def test_a_band_is_looked_for_at_the_valve_unless_a_nearer_cause_is_named(cause,
     assert next_step(row | {"reasons": "hidden_band"}) == step
     assert "hidden_band" in REASON_WORDS
     sticks = row_of("stiction", "reliable", "stiction")
-    assert next_step(sticks | {"reasons": "hidden_band"}) == next_steps.STICKS
+    assert next_step(sticks | {"reasons": "hidden_band"}) == Ask.STICKS
 
 
 def test_a_swing_that_no_valve_makes_is_looked_for_elsewhere():
     row = row_of("stiction", "not_reliable", "stiction")
-    assert next_step(row | {"reasons": "foreign_cycle"}) == next_steps.MAY_BE_SHAKEN
-    assert next_step(row | {"reasons": "foreign_cycle;stiction_began"}) == next_steps.BEGAN_TO_STICK
+    assert next_step(row | {"reasons": "foreign_cycle"}) == Ask.MAY_BE_SHAKEN
+    assert next_step(row | {"reasons": "foreign_cycle;stiction_began"}) == Ask.BEGAN_TO_STICK
     assert "foreign_cycle" in REASON_WORDS
 
 
@@ -144,14 +162,14 @@ def test_too_few_swings_ask_for_a_longer_record_and_say_how_long():
     assert next_step(row | {"oscillation_period_s": 130.0, "reasons": "few_cycles"}).endswith("take 11 min.")
     assert "longer record" not in next_step(row)
     assert "longer record" not in next_step(row | {"reliability": "reliable", "reasons": "few_cycles"})
-    assert next_step(row | {"reasons": "before_repair;few_cycles"}) == next_steps.WAIT
+    assert next_step(row | {"reasons": "before_repair;few_cycles"}) == Ask.WAIT
 
 
 def test_a_repair_counts_from_when_it_is_written_down():
     row = row_of("stiction", "reliable", "stiction")
     row["window_end"] = "2026-01-02T00:00:00.500Z"
-    assert next_step(row, "2026-01-02T00:00:01Z") == next_steps.WAIT
-    assert next_step(row, "2026-01-02T00:00:00Z") == next_steps.STICKS
+    assert next_step(row, "2026-01-02T00:00:01Z") == Ask.WAIT
+    assert next_step(row, "2026-01-02T00:00:00Z") == Ask.STICKS
 
 
 @pytest.mark.parametrize(
@@ -167,7 +185,7 @@ def test_a_repair_counts_from_when_it_is_written_down():
 )
 def test_nothing_is_no_step_where_the_published_rule_says_stiction(told, objected):
     step = next_step(row_of("no_stiction", "not_reliable", None) | told)
-    assert step.startswith(next_steps.OBJECTED) is objected
+    assert step.startswith(Ask.OBJECTED) is objected
 
 
 def test_a_longer_record_is_not_waited_for_where_a_look_is_due_today():

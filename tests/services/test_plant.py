@@ -14,7 +14,7 @@ from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.nightly import nightly
 from app.services.backend import Backend
 from app.services.digests.digest import as_text, digest_of, newest_run
-from app.services.plant import glossary, groups, notes
+from app.services.plant import changes, glossary, groups, notes, reliability, worst
 from app.services.plant import overview as plant
 from app.services.plant.before_after import compared
 from app.services.plant.groups import groups_of, plant_groups
@@ -73,14 +73,14 @@ def two_runs(backend: Backend, add_loops: AddLoops) -> tuple[dict[str, int], int
 
 
 def test_a_first_run_is_no_news(backend: Backend, add_loops: AddLoops) -> None:
-    assert plant.changes(backend).run_id is None
+    assert changes.changes(backend).run_id is None
     add_loops("A")
     audited(backend)
-    assert plant.changes(backend).rows == []
+    assert changes.changes(backend).rows == []
 
 
 def test_nothing_changed(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:
-    assert plant.changes(backend).rows == []
+    assert changes.changes(backend).rows == []
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_a_changed_verdict_says_why(
     now = loop_health(backend, "B")["verdict"]
     other = "no_stiction" if now == "stiction" else "stiction"
     rewrite(backend, first, ids["B"], verdict=other, **before)
-    (change,) = plant.changes(backend).rows
+    (change,) = changes.changes(backend).rows
     assert (change.loop, change.before, change.now, change.why, change.because) == ("B", other, now, why, because)
     assert change.kind == ("new" if now == "stiction" else "cured" if now == "no_stiction" else "flipped")
 
@@ -131,7 +131,7 @@ def test_a_loop_on_the_edge_wavers_and_is_no_news(
         rewrite_newest(backend, ids[tag], verdict="stiction", health=10.0 if tag == "B" else 50.0)
         rewrite(backend, first, ids[tag], **{"verdict": "no_stiction", "reasons": "shape_x", **before})
     rewrite(backend, first + 1, ids["C"], reliability="reliable")
-    told = [(change.loop, change.kind) for change in plant.changes(backend).rows]
+    told = [(change.loop, change.kind) for change in changes.changes(backend).rows]
     assert told == ([("C", "new"), ("B", "wavers")] if kind == "wavers" else [("B", "new"), ("C", "new")])
 
 
@@ -146,13 +146,13 @@ def test_what_wavered_is_news_where_it_stands_for_a_second_night(
         rewrite_newest(backend, ids[tag], verdict="stiction")
         rewrite(backend, first + 1, ids[tag], verdict="stiction", **told)
         rewrite(backend, first, ids[tag], **told | {"verdict": "no_stiction", "stiction_probability": before})
-    (change,) = plant.changes(backend).rows
+    (change,) = changes.changes(backend).rows
     assert (change.loop, change.kind, change.before) == ("B", "new", "no_stiction"), "C was news the night before"
     assert change.because == "said for the second night; probability 0.40 -> 0.55"
     told = digest_of(backend, str(third))
     assert [(one.loop, one.kind) for one in told.changes] == [("B", "new")]
     audited(backend)
-    assert [row.loop for row in plant.changes(backend).rows if row.kind == "new" and row.loop == "C"] == []
+    assert [row.loop for row in changes.changes(backend).rows if row.kind == "new" and row.loop == "C"] == []
 
 
 def test_a_changed_verdict_names_the_evidence_that_moved_most(
@@ -171,21 +171,21 @@ def test_a_changed_verdict_names_the_evidence_that_moved_most(
     then = "PV hardly ever stands still while OP travels (8 %)"
     before = {"verdict": "no_stiction", "stiction_probability": 0.1, "samples": 100}
     rewrite(backend, first, ids["B"], **before, reasons="shape_flat_eighth", reasons_text=then, **older)
-    (change,) = plant.changes(backend).rows
+    (change,) = changes.changes(backend).rows
     seen = "60 % of the travel of OP finds PV standing still (8 % before), probability 0.10 -> 0.99"
     assert change.because == f"{seen}; more was recorded than before"
     measured = '{"measured":{"shape_op_triangle":[0.4,"<",0.6],"shape_flat_eighth":[0.55,">",0.2]}}'
     rewrite(backend, second, ids["B"], extra_json=measured)
     seen = "55 % of the travel of OP finds PV standing still (8 % before), probability 0.10 -> 0.99"
-    assert plant.changes(backend).rows[0].because == f"{seen}; more was recorded than before"
+    assert changes.changes(backend).rows[0].because == f"{seen}; more was recorded than before"
     rewrite(backend, first, ids["B"], stiction_probability=0.0004)
     rewrite(backend, second, ids["B"], stiction_probability=0.9996)
-    assert "probability under 0.01 -> over 0.99; " in plant.changes(backend).rows[0].because
+    assert "probability under 0.01 -> over 0.99; " in changes.changes(backend).rows[0].because
     rewrite(backend, second, ids["B"], stiction_probability=0.99)
     rewrite(backend, first, ids["B"], stiction_probability=0.95)
-    assert plant.changes(backend).rows[0].because == "more was recorded than before"
+    assert changes.changes(backend).rows[0].because == "more was recorded than before"
     rewrite(backend, first, ids["B"], stiction_probability=0.1, reasons="few_cycles", reasons_text="few")
-    assert plant.changes(backend).rows[0].because.startswith("OP runs in triangles, probability 0.10 -> 0.99; ")
+    assert changes.changes(backend).rows[0].because.startswith("OP runs in triangles, probability 0.10 -> 0.99; ")
 
 
 def test_a_pv_that_does_not_answer_is_looked_at_today_and_news_of_it_first(
@@ -198,20 +198,20 @@ def test_a_pv_that_does_not_answer_is_looked_at_today_and_news_of_it_first(
         rewrite(backend, second, ids[tag], **dead)
         rewrite_newest(backend, ids[tag], **dead)
     rewrite(backend, first, ids["B"], **dead)
-    (change,) = [change for change in plant.changes(backend).rows if change.loop == "C"]
+    (change,) = [change for change in changes.changes(backend).rows if change.loop == "C"]
     assert change.because == "cannot be audited now: PV does not answer OP: stuck valve or dead transmitter"
     rewrite(backend, second, ids["C"], verdict="inconclusive")
     rewrite_newest(backend, ids["C"], verdict="inconclusive")
     rewrite(backend, first, ids["C"], **dead)
-    (change,) = [change for change in plant.changes(backend).rows if change.loop == "C"]
+    (change,) = [change for change in changes.changes(backend).rows if change.loop == "C"]
     assert change.because == "still: PV does not answer OP: stuck valve or dead transmitter"
     rewrite(backend, first, ids["C"], verdict="no_stiction", likely_cause=None, samples=100)
-    (change,) = [change for change in plant.changes(backend).rows if change.loop == "C"]
+    (change,) = [change for change in changes.changes(backend).rows if change.loop == "C"]
     assert change.because == "PV does not answer OP: stuck valve or dead transmitter"
-    today = plant.look_today(backend, plant.changes(backend))
+    today = worst.look_today(backend, changes.changes(backend))
     assert [row["loop"] for row in today] == ["C", "B"]
     assert all(headline(row) == "a stuck valve or a dead transmitter; look today" for row in today)
-    assert {row["loop"] for row in plant.worst(backend, beside={"B", "C"})} == {"A", "D"}
+    assert {row["loop"] for row in worst.worst(backend, beside={"B", "C"})} == {"A", "D"}
 
 
 def rewrite_newest(backend: Backend, loop: int, **values: object) -> None:
@@ -226,7 +226,7 @@ def test_a_valve_that_began_to_stick_is_why_though_more_was_recorded(
     second = loop_health(backend, "B")["audit_id"]
     rewrite(backend, first, ids["B"], verdict="not said", samples=100)
     rewrite(backend, int(second), ids["B"], reasons="stiction_began;stretches")
-    (change,) = plant.changes(backend).rows
+    (change,) = changes.changes(backend).rows
     assert (change.why, change.because) == ("loop", "began to stick within the record")
 
 
@@ -241,7 +241,7 @@ def test_what_a_night_changed_is_news_though_somebody_audits_again(backend: Back
     rewrite(backend, first, ids["B"], verdict=other)
     again = start_audit(backend, trigger="nightly")  # `loopaudit nightly` once the night's run has ended
     audit_chunk(backend, int(again.id), "test")
-    told = plant.changes(backend)
+    told = changes.changes(backend)
     assert told.run_id == run.id
     assert [(change.loop, change.before, change.now) for change in told.rows] == [("B", other, now)]
 
@@ -250,7 +250,7 @@ def test_what_came_since_the_first_run_is_news(backend: Backend, add_loops: AddL
     ids = add_loops("A", "B", n=600)
     first = int(nightly(backend).id)
     audit_chunk(backend, first, "test")
-    assert not plant.changes(backend).compared
+    assert not changes.changes(backend).compared
     assert newest_run(backend) == str(first)
     now = loop_health(backend, "B")["verdict"]
     other = "no_stiction" if now == "stiction" else "stiction"
@@ -258,7 +258,7 @@ def test_what_came_since_the_first_run_is_news(backend: Backend, add_loops: AddL
     rewrite_newest(backend, ids["B"], verdict=other)
     again = start_audit(backend, trigger="nightly")  # the second of this date
     audit_chunk(backend, int(again.id), "test")
-    told = plant.changes(backend)
+    told = changes.changes(backend)
     assert (told.run_id, told.first, told.compared) == (str(first), True, True)
     assert [(change.loop, change.before, change.now) for change in told.rows] == [("B", other, now)]
     assert newest_run(backend) == again.id
@@ -273,11 +273,11 @@ def test_what_is_started_days_after_the_last_night_takes_its_place(backend: Back
     asked_for = audited(backend)
     of_one = start_audit(backend, LoopFilter(tags=("A",)))
     audit_chunk(backend, int(of_one.id), "test")
-    assert plant.changes(backend).run_id == run.id
+    assert changes.changes(backend).run_id == run.id
     with backend.database.write() as connection:
         days_ago = datetime.now(UTC) - timedelta(days=3)
         connection.execute(update(audits).where(audits.c.id == int(run.id)).values(created_at=days_ago))
-    assert plant.changes(backend).run_id == str(asked_for)
+    assert changes.changes(backend).run_id == str(asked_for)
 
 
 @pytest.mark.parametrize(
@@ -312,10 +312,10 @@ def test_a_change_of_what_can_be_audited_names_the_cause(
     with backend.database.write() as connection:
         row = newest_rows.c.loop_id == ids["B"]
         connection.execute(update(newest_rows).where(row).values(verdict=newest["verdict"]))
-    changes = {change.loop: change for change in plant.changes(backend).rows}
+    found = {change.loop: change for change in changes.changes(backend).rows}
     measured = probability(loop_health(backend, "B")["stiction_probability"])
     told = because.format(before=measured, now=measured)
-    assert (changes["B"].why, changes["B"].because) == (why, told)
+    assert (found["B"].why, found["B"].because) == (why, told)
 
 
 def test_the_overview_adds_up(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:
@@ -338,8 +338,8 @@ def test_a_loop_without_a_health_moves_no_mean_and_is_sorted_last(
     seen = plant.overview(backend)
     assert (seen.health, seen.units[0].health, seen.units[0].importance) == (80.0, 80.0, 4.0)
     for sort in ("health", "-health", "-priority"):
-        page = plant.table(backend, 3, sort=sort)
-        last = plant.table(backend, 3, page.next_cursor, sort=sort)
+        page = reliability.table(backend, 3, sort=sort)
+        last = reliability.table(backend, 3, page.next_cursor, sort=sort)
         assert [row["loop"] for row in [*page.rows, *last.rows]] == ["B", "C", "D", "A"]
     assert ["A", "U1", 1.0, loop_health(backend, "A")["verdict"], None] in plant.tiles(backend)["loops"]
     for tag in "BCD":
@@ -351,7 +351,7 @@ def test_the_worst_come_first_by_importance(backend: Backend, add_loops: AddLoop
     add_loops("A", "B", importance=1.0)
     add_loops("C", importance=9.0)
     audited(backend)
-    rows = plant.worst(backend)
+    rows = worst.worst(backend)
     assert [row["priority"] for row in rows] == sorted((row["priority"] for row in rows), reverse=True)
     assert rows[0]["loop"] == "C"
     assert rows[0]["priority"] == pytest.approx(9.0 * (100.0 - rows[0]["health"]))
@@ -520,7 +520,7 @@ def test_the_table_has_the_order_and_the_repair_that_stand(
     notes.withdraw_repair(backend, "A", wrong.id)
     notes.add_note(backend, "A", "runs well")
     notes.add_note(backend, "B", "to be looked at", "WO-3")
-    told = {row["loop"]: (row["work_order"], row["repaired_at"]) for row in plant.table(backend, 10).rows}
+    told = {row["loop"]: (row["work_order"], row["repaired_at"]) for row in reliability.table(backend, 10).rows}
     assert (told["A"], told["B"]) == (("WO-1", "2026-01-02T00:00:00Z"), ("WO-3", None))
 
 

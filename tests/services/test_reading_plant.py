@@ -101,7 +101,7 @@ def test_pages_end_where_a_kept_row_is_not_its_verdict(plant: Backend, sort: str
     assert pages(plant, sort, 2) == order
     rows, cursor = [], None
     for _ in TAGS:
-        page = overview.table(plant, 2, cursor, sort)
+        page = reliability.table(plant, 2, cursor, sort)
         rows += [row["loop"] for row in page.rows]
         cursor = page.next_cursor
         if cursor is None:
@@ -174,7 +174,7 @@ def test_what_cannot_be_asked_is_refused(plant: Backend) -> None:
 def test_a_cursor_that_the_table_never_gave_is_refused(plant: Backend, sort: str, value: object) -> None:
     # As a stranger would write it: half a pair of UTF-16, which no name can hold, is an escape there.
     forged = base64.urlsafe_b64encode(json.dumps([sort, value, "FIC0"]).encode()).decode().rstrip("=")
-    for ask in (reliability.reliability_page, reliability.reliability_json, overview.table):
+    for ask in (reliability.reliability_page, reliability.reliability_json, reliability.table):
         with pytest.raises(RequestError) as refused:
             ask(plant, 2, forged, "loop" if sort == "nothing" else sort)
         assert refused.value.code == "bad_cursor"

@@ -12,12 +12,12 @@ from app.services.auditing import audits, chunks
 from app.services.backend import Backend
 from app.services.digests import digest
 from app.services.moments import ns_of
-from app.services.plant import loops, notes, overview, reliability, repaired
+from app.services.plant import loops, notes, reliability, repaired
 from app.services.plant.before_after import compared
 from app.services.plant.shelving import shelf
 from app.services.plant.work_list import work_list
 from app.services.reports.documents import loop_report, plant_report
-from app.services.telling.next_steps import STICKS, WAIT, after_repair
+from app.services.telling.next_steps import Ask, Step, after_repair, step_for
 from app.services.telling.wording import RELIABILITY_WORDS, UNANSWERED, headline, rely
 from app.storage import loops as stored_loops
 from app.storage import series
@@ -188,14 +188,14 @@ def test_plant_and_loop_page_part_a_record_by_what_was_judged_of_it(
     notes.add_note(backend, "FIC1", "packing renewed", repaired_at=begins)
     assert fortnight(backend, monkeypatch) == [("FIC1", "sticks", None, "stiction", True)]
     assert notes.newest_repair(backend, "FIC1").after["verdict"] == "stiction"
-    (row,) = overview.table(backend, 1).rows
+    (row,) = reliability.table(backend, 1).rows
     assert (row["of_before_repair"], headline(row)) == (False, RELIABILITY_WORDS["reliable"])
     later = datetime.now(UTC)
     notes.add_note(backend, "FIC1", "it was later", repaired_at=later)
     assert fortnight(backend, monkeypatch) == [("FIC1", "waiting", "stiction", None, False)]
     assert notes.newest_repair(backend, "FIC1").after is None
-    (row,) = overview.table(backend, 1).rows
-    assert row["next_step"] == WAIT
+    (row,) = reliability.table(backend, 1).rows
+    assert row["next_step"] == Ask.WAIT
     assert headline(row) == "judged from before the repair; wait for newer records"
     assert rely(row) == "from before the repair"
 
@@ -246,7 +246,7 @@ def test_that_a_repair_did_not_help_is_said_where_one_looks(
     again = "Repaired 2026-03-01 (WO-63), did not help: reopen the order."
     assert loops.loop_health(backend, "FIC1")["next_step"] == again
     first = work_list(backend, shelf(backend))[0]
-    assert (first.loop, first.step) == ("FIC1", again)
+    assert (first.loop, first.step.text) == ("FIC1", again)
     assert [one.loop for one in work_list(backend, shelf(backend))] == ["FIC1"]
     sent = reliability.reliability_json(backend)
     assert again.encode() in sent.write()
@@ -256,14 +256,17 @@ def test_that_a_repair_did_not_help_is_said_where_one_looks(
     assert "Repairs of the last fortnight" in report
     assert again in loop_report(backend, "FIC1")
     notes.withdraw_repair(backend, "FIC1", notes.list_notes(backend, "FIC1")[0].id, "me")
-    assert loops.loop_health(backend, "FIC1")["next_step"] == STICKS
+    assert loops.loop_health(backend, "FIC1")["next_step"] == Ask.STICKS
 
 
 def test_what_may_not_have_helped_is_looked_at_first() -> None:
-    assert after_repair("Look.", "2026-11-30", "WO-63", sure=False) == (
-        "Repaired 2026-11-30 (WO-63), may not have helped. Look."
-    )
-    assert after_repair(STICKS, "2026-11-30", None, sure=True) == f"Repaired 2026-11-30, did not help. {STICKS}"
+    look = Step("look", "Look.", "Look. At 00:22.")
+    told = after_repair(look, "2026-11-30", "WO-63", sure=False)
+    assert told.text == "Repaired 2026-11-30 (WO-63), may not have helped. Look. At 00:22."
+    assert told.asks == "Repaired 2026-11-30 (WO-63), may not have helped. Look."
+    assert told.code not in (look.code, after_repair(look, "2026-11-29", "WO-63", sure=False).code)
+    sticks = after_repair(step_for(Ask.STICKS), "2026-11-30", None, sure=True)
+    assert sticks.text == f"Repaired 2026-11-30, did not help. {Ask.STICKS}"
 
 
 @pytest.mark.parametrize(

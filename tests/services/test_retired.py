@@ -14,7 +14,7 @@ from app.services.auditing.nightly import announce_explanations, nightly
 from app.services.backend import Backend
 from app.services.digests.digest import as_text, digest_of, newest_run
 from app.services.moments import ns_of
-from app.services.plant import groups
+from app.services.plant import changes, groups, reliability, worst
 from app.services.plant import overview as plant
 from app.services.plant.arrivals import arrivals
 from app.services.plant.groups import groups_of, plant_groups
@@ -88,12 +88,12 @@ ASKED: dict[str, Callable[[Backend], float]] = {
     "loops of the plant": lambda b: plant.overview(b).loops,
     "audited loops": lambda b: plant.overview(b).audited,
     "loops of its unit": lambda b: plant.overview(b).units[0].loops,
-    "worst list": lambda b: named(row["loop"] for row in plant.worst(b)),
-    "page of the table": lambda b: named(row["loop"] for row in plant.table(b, 9).rows),
+    "worst list": lambda b: named(row["loop"] for row in worst.worst(b)),
+    "page of the table": lambda b: named(row["loop"] for row in reliability.table(b, 9).rows),
     "treemap": lambda b: named(row[0] for row in plant.tiles(b)["loops"]),
     "units of the treemap": lambda b: plant.tiles(b)["units"][0][1],
     "treemap of its unit": lambda b: named(row[0] for row in plant.unit_tiles(b, "U1")["loops"]),
-    "changes": lambda b: named(change.loop for change in plant.changes(b).rows),
+    "changes": lambda b: named(change.loop for change in changes.changes(b).rows),
     "repairs": lambda b: named(repair.loop for repair in repairs(b).listed),
     "groups": lambda b: named(member.loop for group in plant_groups(b) for member in group.members),
     "groups of a neighbour": lambda b: named(m.loop for group in groups_of(b, "FIC1") for m in group.members),
@@ -196,7 +196,7 @@ def test_a_plant_that_is_smaller_now_has_whole_runs_of_its_size(backend: Backend
     last = start_audit(backend)
     assert last.total == 2
     audit_chunk(backend, int(last.id), "test")
-    assert plant.changes(backend).run_id == last.id
+    assert changes.changes(backend).run_id == last.id
 
 
 def test_a_plant_whose_loops_are_all_retired_has_no_nights(backend: Backend, add_loops: AddLoops) -> None:

@@ -11,14 +11,15 @@ from app.errors import NotFoundError, RequestError
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
-from app.services.plant import notes
+from app.services.moments import UTC_CLOCK
+from app.services.plant import changes, notes, reliability, worst
 from app.services.plant import overview as plant
 from app.services.plant.loops import loop_health, patch_loop
 from app.services.plant.shelving import LONGEST, Shelf, shelf
 from app.services.plant.work_list import work_list
 from app.services.plant.written import Written
 from app.services.reports.documents import loop_report, plant_report
-from app.services.telling.next_steps import BY_CAUSE, STICKS, UNTIL_THEY_AGREE, next_step
+from app.services.telling.next_steps import BY_CAUSE, Ask, next_step
 from app.services.telling.wording import UNANSWERED
 from app.storage.tables import loops, newest_rows, verdicts
 from app.storage.tables import notes as notes_table
@@ -62,8 +63,8 @@ def wait(backend: Backend, note_id: str, past: timedelta) -> None:
         connection.execute(update(notes_table).where(mine).values(**moved))
 
 
-def worst(backend: Backend) -> list[str]:
-    return [row["loop"] for row in plant.worst(backend)]
+def worst_loops(backend: Backend) -> list[str]:
+    return [row["loop"] for row in worst.worst(backend)]
 
 
 @pytest.fixture
@@ -79,9 +80,9 @@ def judged(backend: Backend, add_loops: AddLoops) -> Backend:
 def test_a_shelved_loop_is_left_out_of_the_worst_and_of_nothing_else(judged: Backend) -> None:
     before = plant.overview(judged)
     shelve(judged, "A")
-    assert worst(judged) == ["B", "C"]
+    assert worst_loops(judged) == ["B", "C"]
     assert plant.overview(judged) == before
-    rows = {row["loop"]: row for row in plant.table(judged, 10).rows}
+    rows = {row["loop"]: row for row in reliability.table(judged, 10).rows}
     assert set(rows) == {"A", "B", "C"}
     (one,) = shelf(judged).listed
     assert (one.loop, one.by, one.work_order, one.text) == ("A", "anna", "WO-17", "packing is ordered")
@@ -90,7 +91,7 @@ def test_a_shelved_loop_is_left_out_of_the_worst_and_of_nothing_else(judged: Bac
     assert rows["B"]["shelved_until"] is None
     told = judged.clock.short(one.until)
     assert rows["A"]["next_step"] == f"Wait: shelved until {told} (work order WO-17)."
-    assert rows["B"]["next_step"] == next_step(rows["B"])
+    assert rows["B"]["next_step"] == next_step(rows["B"], UTC_CLOCK)
     assert rows["A"]["next_step"] in loop_report(judged, "A")
     assert start_audit(judged).total == 3
 
@@ -111,7 +112,7 @@ def test_it_is_not_in_the_work_list_until_it_is_worse(judged: Backend) -> None:
     assert '<td class="tag">A</td>' not in plant_report(judged).partition("1 shelved</summary>")[0]
     say(judged, "A", **SURE)
     first = work_list(judged, shelf(judged))[0]
-    assert (first.loop, first.step.startswith(STICKS)) == ("A", True)
+    assert (first.loop, first.step.text.startswith(Ask.STICKS)) == ("A", True)
     assert "(work order WO-17), but by now the valve sticks, and that is to be relied on" in first.facts
     assert first.facts.count("WO-17") == 1
     assert first.shelved in plant_report(judged)
@@ -121,10 +122,10 @@ def test_it_is_not_in_the_work_list_until_it_is_worse(judged: Backend) -> None:
 
 def test_the_work_of_a_run_goes_by_what_was_shelved_when_it_began(judged: Backend) -> None:
     shelve(judged, "A")
-    (run,) = {int(row["audit_id"]) for row in plant.table(judged, 10).rows}
+    (run,) = {int(row["audit_id"]) for row in reliability.table(judged, 10).rows}
     as_it_began = work_list(judged, Shelf([], ()), run)
     assert [one.loop for one in as_it_began] == ["A", "B", "C"]
-    assert not as_it_began[0].step.startswith("Wait")
+    assert not as_it_began[0].step.text.startswith("Wait")
 
 
 def test_of_a_loop_that_a_run_left_out_its_shelf_tells_the_verdict_before(judged: Backend) -> None:
@@ -133,7 +134,7 @@ def test_of_a_loop_that_a_run_left_out_its_shelf_tells_the_verdict_before(judged
     kept = shelve(judged, "A")
     with judged.database.write() as connection:
         connection.execute(update(notes_table).where(notes_table.c.id == int(kept)).values(shelved_as=""))
-    first = int(plant.table(judged, 10).rows[0]["audit_id"])
+    first = int(reliability.table(judged, 10).rows[0]["audit_id"])
     run = start_audit(judged, LoopFilter(tags=("C",)))
     audit_chunk(judged, int(run.id), "test")
     assert shelf(judged, int(run.id)) == shelf(judged, first) == shelf(judged)
@@ -146,7 +147,7 @@ def test_of_a_loop_that_a_run_left_out_its_shelf_tells_the_verdict_before(judged
 
 def test_it_is_neither_looked_at_today_nor_among_old_records(judged: Backend) -> None:
     def listed() -> list[list[str]]:
-        found = (plant.look_today(judged, plant.changes(judged)), plant.worst_of_old(judged, 1 << 62))
+        found = (worst.look_today(judged, changes.changes(judged)), worst.worst_of_old(judged, 1 << 62))
         return [sorted(row["loop"] for row in rows) for rows in found]
 
     for tag in "AB":
@@ -163,7 +164,7 @@ def test_to_wait_comes_before_what_to_do_until_two_answers_agree(judged: Backend
     def step() -> str:
         return Written({}, shelf(judged).by_tag(), frozenset("A"), {}, judged.clock).beside(row)["next_step"]
 
-    assert step() == UNTIL_THEY_AGREE
+    assert step() == Ask.UNTIL_THEY_AGREE
     shelve(judged, "A")
     assert step().startswith("Wait: ")
 
@@ -171,10 +172,10 @@ def test_to_wait_comes_before_what_to_do_until_two_answers_agree(judged: Backend
 def test_it_ends_by_itself(judged: Backend) -> None:
     note_id = shelve(judged, "A", 2)
     wait(judged, note_id, DAY)
-    assert worst(judged) == ["B", "C"]
+    assert worst_loops(judged) == ["B", "C"]
     wait(judged, note_id, DAY)
-    assert worst(judged) == ["A", "B", "C"]
-    assert plant.table(judged, 10).rows[0]["shelved_until"] is None
+    assert worst_loops(judged) == ["A", "B", "C"]
+    assert reliability.table(judged, 10).rows[0]["shelved_until"] is None
     assert notes.list_notes(judged, "A")[0].shelved_until is not None
 
 
@@ -194,7 +195,7 @@ def test_it_is_ended_by_hand_whatever_was_written_before(judged: Backend) -> Non
         (newest, "bert"),
         (first, "bert"),
     ]
-    assert worst(judged) == ["A", "B", "C"]
+    assert worst_loops(judged) == ["A", "B", "C"]
 
 
 def test_to_end_one_leaves_those_before_it_that_ended_by_themselves(judged: Backend) -> None:
@@ -239,7 +240,7 @@ def test_a_repair_that_is_stated_after_it_ends_it_as_long_as_it_stands(judged: B
 @pytest.mark.parametrize(
     ("then", "now", "words", "step"),
     [
-        (UNSURE, SURE, "by now the valve sticks, and that is to be relied on", STICKS),
+        (UNSURE, SURE, "by now the valve sticks, and that is to be relied on", Ask.STICKS),
         (UNSURE, DEAD, "by now PV never answers OP: look today", BY_CAUSE[UNANSWERED]),
         (SURE, DEAD, "by now PV never answers OP: look today", BY_CAUSE[UNANSWERED]),
     ],
@@ -254,13 +255,13 @@ def test_what_got_worse_in_kind_is_listed_all_the_same(
     seen = shelf(judged)
     assert [(one.loop, one.worse) for one in seen.listed] == [("B", words), ("C", "")]
     assert seen.count_words == "2 shelved, 1 of them listed all the same"
-    row = next(row for row in plant.worst(judged) if row["loop"] == "B")
+    row = next(row for row in worst.worst(judged) if row["loop"] == "B")
     assert row["next_step"].startswith(step)
     told = f"shelved until {judged.clock.short(row['shelved_until'])} (work order WO-17), but {words}"
     assert row["shelved"] == told
-    assert "C" not in worst(judged)
+    assert "C" not in worst_loops(judged)
     shelve(judged, "B")  # somebody has seen it, and shelves it as it is now
-    assert worst(judged) == ["A"]
+    assert worst_loops(judged) == ["A"]
 
 
 @pytest.mark.parametrize(("then", "now"), [(SURE, UNSURE), (SURE, SURE), (DEAD, DEAD), (DEAD, UNSURE)])
@@ -270,7 +271,7 @@ def test_what_is_as_bad_as_it_was_stays_left_out(
     say(judged, "A", **then)
     shelve(judged, "A")
     say(judged, "A", **now)
-    assert worst(judged) == ["B", "C"]
+    assert worst_loops(judged) == ["B", "C"]
 
 
 def test_a_loop_that_was_never_audited_can_be_shelved_until_it_is_known_to_stick(
@@ -281,7 +282,7 @@ def test_a_loop_that_was_never_audited_can_be_shelved_until_it_is_known_to_stick
     assert [(one.loop, one.said) for one in shelf(judged).listed] == [("D", "not audited")]
     audit_chunk(judged, int(start_audit(judged).id), "test")
     say(judged, "D", **SURE)
-    assert "D" in worst(judged)
+    assert "D" in worst_loops(judged)
 
 
 def test_a_retired_loop_is_not_shelved(judged: Backend) -> None:
@@ -319,5 +320,5 @@ def test_the_end_of_a_line_counts_once_however_a_browser_sends_it(judged: Backen
 
 def test_a_work_order_is_reason_enough(judged: Backend) -> None:
     notes.add_note(judged, "A", "", "WO-3", shelved_until=datetime.now(UTC) + LONGEST - DAY)
-    assert worst(judged) == ["B", "C"]
+    assert worst_loops(judged) == ["B", "C"]
     assert loop_health(judged, "A")["verdict"] == "stiction"

@@ -11,7 +11,7 @@ from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.digests.digest import as_text, digest_of
 from app.services.moments import ns_of
-from app.services.plant import overview
+from app.services.plant import worst
 from app.services.plant.arrivals import current_ns
 from app.services.plant.silent import silences, silent
 from app.services.telling.wording import brief, rely
@@ -99,7 +99,7 @@ def test_the_verdict_of_an_old_record_does_not_read_as_if_it_were_of_today(
 ) -> None:
     run = nights(night(1), night(9, E=1))
     since_ns = ns_of(FIRST + timedelta(days=7))
-    (row,) = overview.worst_of_old(backend, since_ns)
+    (row,) = worst.worst_of_old(backend, since_ns)
     assert (row["loop"], rely(row), brief(row)) == ("E", "of an old record", "of an old record")
     with backend.database.write() as connection:
         connection.execute(update(verdicts).values(verdict="stiction", reliability="reliable", reasons=""))

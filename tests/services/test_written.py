@@ -11,9 +11,9 @@ from sqlalchemy import Engine, event
 from app.services.audit_json.models import TableRow, WrittenFields
 from app.services.auditing import audits, chunks
 from app.services.backend import Backend
-from app.services.plant import loops, notes, overview, reliability
+from app.services.plant import loops, notes, reliability
 from app.services.plant.reliability import RowFilter
-from app.services.telling.next_steps import WAIT
+from app.services.telling.next_steps import Ask
 
 AddLoops = Callable[..., dict[str, int]]
 TAGS = ("FIC0", "FIC1", "FIC2", "FIC3")
@@ -42,7 +42,7 @@ def write(backend: Backend) -> None:
 def test_rows_tell_what_their_page_tells(plant: Backend) -> None:
     write(plant)
     names = list(WrittenFields.model_fields)
-    on_page = {row["loop"]: {name: row[name] for name in names} for row in overview.table(plant, 10).rows}
+    on_page = {row["loop"]: {name: row[name] for name in names} for row in reliability.table(plant, 10).rows}
     whole = {"rows": sent(plant), "csv": reliability.reliability_page(plant).rows, "run": _of_run(plant)}
     for rows in whole.values():
         assert {row["loop"]: {name: row[name] for name in names} for row in rows} == on_page
@@ -52,7 +52,7 @@ def test_rows_tell_what_their_page_tells(plant: Backend) -> None:
         assert {name: health[name] for name in names} == on_page[tag]
     assert on_page["FIC0"]["next_step"]
     assert (on_page["FIC1"]["work_order"], on_page["FIC1"]["of_before_repair"]) == ("WO-17", False)
-    assert (on_page["FIC2"]["next_step"], on_page["FIC2"]["of_before_repair"]) == (WAIT, True)
+    assert (on_page["FIC2"]["next_step"], on_page["FIC2"]["of_before_repair"]) == (Ask.WAIT, True)
     assert on_page["FIC3"]["next_step"].startswith("Wait: shelved until")
 
 

@@ -139,5 +139,10 @@ def test_changes_lead_with_the_worst(database: Database, runs: tuple[int, int]) 
     with database.read() as connection:
         assert tags(plant.changes(connection, runs[0], 10)) == ["B1", "B2", "A3"]
         assert tags(plant.changes(connection, runs[1], 10)) == ["A1"]
-        assert tags(digests.changes_of(connection, runs[0], 10)) == ["B1", "A1", "B2", "A3"]
-        assert tags(digests.changes_of(connection, runs[1], 10)) == ["A1"]
+        assert tags(digests.changed_of(connection, runs[0])) == ["B1", "A1", "B2", "A3"]
+        assert tags(digests.changed_of(connection, runs[1])) == ["A1"]
+        (whole,) = digests.changes_of(connection, runs[0], ["A1", "no loop"])
+        (short,) = (row for row in digests.changed_of(connection, runs[0]) if row.tag == "A1")
+        told, known = dict(whole._mapping), dict(short._mapping)
+        assert {name: told[name] for name in known} == known
+        assert told.keys() - known.keys() == set(digests.TEXTS)

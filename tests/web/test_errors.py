@@ -68,7 +68,7 @@ def test_a_fault_names_the_request_and_not_its_cause(serve, web_backend, monkeyp
     def fails(*_):
         raise RuntimeError("secret detail")
 
-    monkeypatch.setattr("app.services.plant.overview.overview", fails)
+    monkeypatch.setattr("app.services.plant.plant_sheet.overview", fails)
     with serve(create_app(web_backend.settings)) as client:
         answer = client.get("/", headers=BROWSER | {"X-Request-Id": "asked-by-a-test"})
         assert answer.headers["Connection"] == "close"  # as the server does after a fault

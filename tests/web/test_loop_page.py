@@ -10,9 +10,11 @@ from app.services.addresses import tag_in_url
 from app.services.auditing.chunks import audit_chunk
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import receive
-from app.services.plant import loops, overview
+from app.services.moments import UTC_CLOCK
+from app.services.plant import loops
 from app.services.plant.loops import loop_health, verdict_detail
 from app.services.plant.periods import periods
+from app.services.plant.worst import worst as worst_rows
 from app.services.telling.next_steps import next_step
 from app.services.telling.wording import UNANSWERED
 from app.storage.tables import loops as stored_loops
@@ -34,7 +36,7 @@ def test_a_loop_s_page_leads_to_its_parts_and_to_the_loops_beside_it(client):
 
 def test_the_loops_beside_a_loop_are_those_of_the_list_that_the_plant_s_page_shows(client, web_backend):
     """Neither what is to be looked at today is among them nor a loop whose record is old."""
-    worst = [row["loop"] for row in overview.worst(web_backend)]
+    worst = [row["loop"] for row in worst_rows(web_backend)]
     assert loop_page._beside(web_backend, worst[1]) == (worst[0], worst[2])
     with web_backend.database.read() as connection:
         newest_ns = connection.scalar(select(func.max(stored_loops.c.newest_ns)))
@@ -62,7 +64,7 @@ def test_a_loop_says_how_large_its_stiction_is_or_why_not(client):
 def test_a_loop_says_what_to_do_next_and_which_end_of_a_figure_is_good(client):
     row = client.get("/v1/loops/FIC101/health").json()
     text = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
-    assert next_step(row) in text
+    assert next_step(row, UTC_CLOCK) in text
     assert "(regular above 1; at most 100)" in text
     assert "(1 is best, 0 worst)" in text
 

@@ -5,9 +5,10 @@ import pytest
 from app.cli.tables import verdict_cells
 from app.services.audit_json.models import ReliabilityRow
 from app.services.rendering import figure
-from app.services.telling.wording import measured_probability, probability, worst_first
+from app.services.telling.reasons import first_reasons, reasons_of
+from app.services.telling.wording import cause_words, measured_probability, probability, worst_first
 from app.web.columns import query_without
-from app.web.rendering import as_tags, cause_words, first_reasons, other_way
+from app.web.rendering import as_tags, other_way
 
 
 def row(**changes) -> dict:
@@ -61,8 +62,27 @@ def test_a_pv_that_never_answers_comes_among_what_wants_a_look():
 
 
 def test_the_table_shows_the_weightiest_reasons_only():
-    assert first_reasons("A (0.72). B. C") == "A (0.72). B ..."
-    assert first_reasons("A. B") == "A. B"
+    assert first_reasons(told("a;b;c", "A (0.72). B. C")) == "A (0.72). B ..."
+    assert first_reasons(told("a;b", "A. B")) == "A. B"
+
+
+def test_a_tag_with_a_full_stop_in_it_ends_no_reason():
+    shaken = "PV swings in step with T. 101 (coherence 0.90)"
+    row = told("shaken_by_neighbour;few_cycles", f"{shaken}. few cycles")
+    assert reasons_of(row) == [shaken, "few cycles"]
+    assert first_reasons(row, 1) == f"{shaken} ..."
+    outer = "OP is the set point of FIC. 1 and the set point of FIC. 2"
+    assert reasons_of(told("before_repair;moves_set_point;b", f"A. {outer}. B")) == ["A", outer, "B"]
+
+
+def test_reasons_that_an_older_release_worded_are_told_as_they_stand():
+    assert reasons_of(told("a", "A. and more")) == ["A", "and more"]
+    assert reasons_of(told("shaken_by_neighbour;b", "A")) == ["A"]
+    assert reasons_of({"reasons": None, "reasons_text": None}) == [""]
+
+
+def told(codes: str, text: str) -> dict[str, str]:
+    return {"reasons": codes, "reasons_text": text}
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from app.services.addresses import tag_in_url
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
+from app.services.moments import UTC_CLOCK
 from app.services.plant.loops import loop_health
 from app.services.plant.notes import add_note
 from app.services.reports import documents as reports
@@ -59,7 +60,7 @@ def two_nights(web_backend):
 
 def test_a_report_says_what_to_do_next(two_nights):
     text = " ".join(" ".join(Document(of_loop(two_nights)).texts).split())
-    assert f"What to do: {next_step(loop_health(two_nights, HOSTILE))}" in text
+    assert f"What to do: {next_step(loop_health(two_nights, HOSTILE), UTC_CLOCK)}" in text
 
 
 def of_loop(backend) -> str:

@@ -23,6 +23,7 @@ from app.services.audit_json.models import (
 from app.services.audit_json.numbers import number
 from app.services.audit_json.size import flat_size, stiction_size_line
 from app.services.moments import epoch_ms, iso_utc
+from app.services.telling.reasons import BETWEEN
 
 # The order of the contract first, then what was added to it; a field that is not named here comes last.
 LINE_ORDER = (
@@ -115,7 +116,7 @@ def reliability_row(
 def flat_reasons(reasons: Sequence[Mapping[str, str]]) -> dict[str, str]:
     return {
         "reasons": ";".join(reason["code"] for reason in reasons),
-        "reasons_text": ". ".join(reason["text"] for reason in reasons),
+        "reasons_text": BETWEEN.join(reason["text"] for reason in reasons),
     }
 
 

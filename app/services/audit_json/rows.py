@@ -78,7 +78,7 @@ def new_verdict(
     swing = None if audit.swing is None else swings.as_json(audit.swing, origin.timestamp())
     figures = short_json(told[KEY_FIGURES]).decode()
     check_finite(row)
-    fixed = fixed_part(as_row(stored))
+    fixed = fixed_part(as_row(stored), clock)
     compared = None if kept is None else excerpts.as_json(kept)
     return NewVerdict(loop_id, audit_id, columns, pack_detail(told), fixed, figures, FORM, swing, compared)
 
@@ -93,15 +93,16 @@ def compact(value: Any) -> str:
     return stored_json(value).decode()
 
 
-def fixed_part(row: dict[str, Any]) -> str:
+def fixed_part(row: dict[str, Any], clock: PlantClock) -> str:
     """The fields of a row that its verdict fixes, as the inside of a JSON object, and those of which it fixes what they
     are as long as nothing is written of the loop."""
-    return compact({name: value for name, value in {**row, **unwritten(row)}.items() if name not in OF_LOOP_NOW})[1:-1]
+    whole = {**row, **unwritten(row, clock)}
+    return compact({name: value for name, value in whole.items() if name not in OF_LOOP_NOW})[1:-1]
 
 
-def unwritten(row: Mapping[str, Any]) -> dict[str, Any]:
+def unwritten(row: Mapping[str, Any], clock: PlantClock) -> dict[str, Any]:
     """`WrittenFields` of a loop of which nobody wrote anything."""
-    known = {"next_step": next_step(row), "of_before_repair": of_before(row, None)}
+    known = {"next_step": next_step(row, clock), "of_before_repair": of_before(row, None)}
     return {"work_order": None, "repaired_at": None, "shelved_until": None} | known
 
 

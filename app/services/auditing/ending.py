@@ -14,6 +14,7 @@ from app.services.audit_json.swings import candidates
 from app.services.auditing import hearing
 from app.services.auditing.hearing import Heard, Said
 from app.services.backend import Backend
+from app.services.moments import PlantClock
 from app.services.patience import patiently
 from app.storage import audits, verdicts
 from app.storage.verdicts import Reworded, pack_detail
@@ -77,25 +78,27 @@ def _told(backend: Backend, audit_id: int) -> list[Reworded]:
     wanted = sorted((ids[tag], tag) for tag in found if tag in ids)
     parts = (dict(wanted[at : at + AT_ONCE]) for at in range(0, len(wanted), AT_ONCE))
     with backend.database.read() as connection:
-        return [one for some in parts for one in _all_reworded(connection, audit_id, some, found)]
+        return [one for some in parts for one in _all_reworded(connection, audit_id, some, found, backend.clock)]
 
 
 def _all_reworded(
-    connection: Connection, audit_id: int, some: dict[int, str], heard: Mapping[str, Heard]
+    connection: Connection, audit_id: int, some: dict[int, str], heard: Mapping[str, Heard], clock: PlantClock
 ) -> Iterator[Reworded]:
     """Of these loops, tags by key, those whose newest verdict is of the run."""
     rows = verdicts.newest_of(connection, list(some))
     details = verdicts.details(connection, some, audit_id)
     for loop_id, tag in some.items():
         if tag in rows and rows[tag]["audit_id"] == audit_id:
-            yield _reworded(rows[tag], details.get(loop_id, {}), loop_id, heard[tag])
+            yield _reworded(rows[tag], details.get(loop_id, {}), loop_id, heard[tag], clock)
 
 
-def _reworded(row: Mapping[str, Any], detail: Mapping[str, Any], loop_id: int, heard: Heard) -> Reworded:
+def _reworded(
+    row: Mapping[str, Any], detail: Mapping[str, Any], loop_id: int, heard: Heard, clock: PlantClock
+) -> Reworded:
     said = {"reasons": detail.get("reasons", []), "health_parts": detail.get("health", [])}
     told = hearing.reworded(heard, {**row, **said})
     reasons, parts = told.pop("reasons"), told.pop("health_parts")
     columns = {**told, "health_parts": flat_health(parts), **flat_reasons(reasons)}
     wiring = {"moves_set_point_of": heard.moves, "set_point_moved_by": heard.moved_by}
     packed = pack_detail({**detail, "reasons": reasons, "health": parts, **wiring})
-    return Reworded(loop_id, row["audit_id"], columns, packed, fixed_part(as_row({**row, **columns})))
+    return Reworded(loop_id, row["audit_id"], columns, packed, fixed_part(as_row({**row, **columns}), clock))

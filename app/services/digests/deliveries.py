@@ -8,9 +8,10 @@ import json
 import logging
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from datetime import timedelta
+from functools import cache, partial
 
 import httpx
 
@@ -19,9 +20,9 @@ from app.services.access import trail
 from app.services.access.identity import SCHEDULE
 from app.services.backend import Backend
 from app.services.cursors import identifier
-from app.services.digests.digest import Digest, as_html, as_json, as_text, digest_of, subject
+from app.services.digests.digest import Digest, as_html, as_json, as_text, digest_of, ended_run, subject
 from app.services.digests.mailing import send_mail
-from app.services.digests.sending import NotSentError, Outgoing, shown
+from app.services.digests.sending import Mail, NotSentError, Post, shown
 from app.services.digests.webhooks import checked_address, send_webhook
 from app.services.moments import iso_utc
 from app.storage import deliveries
@@ -68,7 +69,7 @@ def send_now(backend: Backend, owner: str, audit_id: str, *, again: bool = False
     """For whoever sends a digest by hand: this run's to every receiver that has not got it, those given up too, each
     tried once; what fails is tried again by the service. `again`: also to those who have it, with an id of its own
     that it keeps, because mail servers drop what they know by its id."""
-    digest_of(backend, audit_id)
+    ended_run(backend, audit_id)
     run, receivers = identifier(audit_id), backend.settings.digest_receivers
     with backend.database.write() as connection:
         deliveries.plan(connection, run, receivers)
@@ -76,22 +77,28 @@ def send_now(backend: Backend, owner: str, audit_id: str, *, again: bool = False
         if again:
             deliveries.reopen_done(connection, run, receivers, f"-{time.time_ns()}")
         had = {row.receiver for row in deliveries.of_run(connection, run) if row.state == "done"}
+    made = cache(partial(digest_of, backend))
     for receiver in receivers:
-        deliver_next(backend, owner, (run, receiver))
+        deliver_next(backend, owner, (run, receiver), made)
     with backend.database.read() as connection:
         rows = [row for row in deliveries.of_run(connection, run) if row.receiver in receivers]
     return [replace(_view(row), before=row.receiver in had) for row in rows]
 
 
-def deliver_next(backend: Backend, owner: str, this: tuple[int, str] | None = None) -> bool:
+def deliver_next(
+    backend: Backend,
+    owner: str,
+    this: tuple[int, str] | None = None,
+    made: Callable[[str], Digest] | None = None,
+) -> bool:
     """Sends the digest whose turn it is, or `this` run's to this receiver; False where there is none. Sent and not
-    marked is sent again, with the same id."""
+    marked is sent again, with the same id. made: gives the digest of a run; None: it is made anew."""
     with backend.database.write() as connection:
         claim = deliveries.claim_next(connection, owner, backend.settings.lease_s, this)
     if claim is None:
         return False
     try:
-        _send(backend, claim)
+        _send(backend, claim, made or partial(digest_of, backend))
     except NotSentError as error:
         _not_sent(backend, claim, str(error), final=error.final)
     except LoopauditError as error:
@@ -152,27 +159,34 @@ def _no_address(error: Exception) -> str:
     return getattr(error, "strerror", None) or "this is no name"
 
 
-def outgoing(digest: Digest, receiver: str, id_suffix: str = "") -> Outgoing:
-    """The id is made of the run and the receiver: it is the same at every try, and in no other installation.
-    `id_suffix` makes it another one."""
+def mail_of(digest: Digest, receiver: str, id_suffix: str = "") -> Mail:
+    return Mail(delivery_id(digest, receiver, id_suffix), subject(digest), as_text(digest), as_html(digest))
+
+
+def post_of(digest: Digest, receiver: str, id_suffix: str = "") -> Post:
+    named = delivery_id(digest, receiver, id_suffix)
+    return Post(named, json.dumps({"id": named} | as_json(digest), ensure_ascii=False).encode())
+
+
+def delivery_id(digest: Digest, receiver: str, id_suffix: str) -> str:
+    """Made of the run and the receiver: it is the same at every try, and in no other installation. `id_suffix` makes it
+    another one."""
     run = digest.run
     named = json.dumps([digest.plant, run.id, run.created_at, receiver])
-    delivery_id = f"digest-{run.id}-{hashlib.sha256(named.encode()).hexdigest()[:24]}{id_suffix}"
-    body = json.dumps({"id": delivery_id} | as_json(digest), ensure_ascii=False).encode()
-    return Outgoing(delivery_id, subject(digest), as_text(digest), as_html(digest), body)
+    return f"digest-{run.id}-{hashlib.sha256(named.encode()).hexdigest()[:24]}{id_suffix}"
 
 
-def _send(backend: Backend, claim: DeliveryClaim) -> None:
+def _send(backend: Backend, claim: DeliveryClaim, made: Callable[[str], Digest]) -> None:
     if claim.receiver not in backend.settings.digest_receivers:
         raise NotSentError("the receiver stands no longer in the settings", final=True)
     missing = list(missing_settings(backend))
     if missing:
         raise NotSentError(f"not set: {', '.join(missing)}")
-    made = outgoing(digest_of(backend, str(claim.audit_id)), claim.receiver, claim.id_suffix)
+    digest, to = made(str(claim.audit_id)), (claim.receiver, claim.id_suffix)
     if claim.receiver.startswith("mailto:"):
-        send_mail(backend.settings, made, claim.receiver.removeprefix("mailto:"))
+        send_mail(backend.settings, mail_of(digest, *to), claim.receiver.removeprefix("mailto:"))
     else:
-        send_webhook(backend.settings, made, claim.receiver)
+        send_webhook(backend.settings, post_of(digest, *to), claim.receiver)
 
 
 def _sent(backend: Backend, claim: DeliveryClaim) -> None:

@@ -1,6 +1,5 @@
 """The digest of a run: the worst loops of each unit, and what changed, in words, for a mail or a webhook."""
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import datetime
@@ -18,14 +17,17 @@ from app.services.cursors import identifier
 from app.services.digests.doings import Asked, Doing, doings
 from app.services.moments import PlantClock, iso_utc, moment_of
 from app.services.plant.arrivals import LATE, arrivals
+from app.services.plant.changes import change_of, kind_of, second_night
 from app.services.plant.judged import judged, to_manual
-from app.services.plant.overview import change_of, nothing_worst, quiet_last, second_night
+from app.services.plant.overview import cause_of_refusal, tally
 from app.services.plant.repaired import RepairView, repairs
 from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.silent import of_run
 from app.services.plant.work_list import Work, work_list
+from app.services.plant.worst import nothing_worst
 from app.services.rendering import document
 from app.services.results import AuditView, ChangeView
+from app.services.telling.reasons import reasons_of
 from app.services.telling.repair_sides import of_before
 from app.services.telling.wording import (
     CHANGE_WORDS,
@@ -44,7 +46,7 @@ from app.storage import digests, notes, plant
 from app.storage.notes import Standing
 
 TOP = 5
-CHANGES, ALL_CHANGES = 30, 100_000
+CHANGES = 30
 ALL_WORK = 200
 LONGEST_WHY = 200
 
@@ -173,11 +175,44 @@ def _notes_until(connection: Connection, run: AuditView) -> datetime | None:
     return datetime.fromisoformat(run.ended_at)
 
 
-def digest_of(backend: Backend, audit_id: str) -> Digest:
-    """Raises NotFoundError("unknown_audit") and RequestError("run_goes_on")."""
+@dataclass(frozen=True)
+class _Changed:
+    """listed: what changed, told loop by loop; new_besides: those that are newly said to stick and stand not there;
+    others: how many verdicts changed otherwise and stand not there."""
+
+    listed: list[ChangeView]
+    new_besides: list[str]
+    others: int
+
+
+NOTHING_CHANGED = _Changed([], [], 0)
+TOLD_FIRST = {"new": 0, "cured": 1, "flipped": 1, "wavers": 2}
+
+
+def _changed(connection: Connection, number: int, clock: PlantClock) -> _Changed:
+    """Those that are newly said to stick are told whatever else changed; what wavers comes last."""
+    found = digests.changed_of(connection, number)
+    again = {one.loop: one for one in second_night(plant.second_nights(connection, number, CHANGES), found, clock)}
+    kinds = {row.tag: kind_of(row) for row in found} | {tag: one.kind for tag, one in again.items()}
+    tags = sorted(kinds, key=lambda tag: TOLD_FIRST[kinds[tag]])
+    listed, besides = tags[:CHANGES], tags[CHANGES:]
+    rows = digests.changes_of(connection, number, [tag for tag in listed if tag not in again])
+    told = {row.tag: change_of(row, clock) for row in rows} | again
+    new_besides = [tag for tag in besides if kinds[tag] == "new"]
+    return _Changed([told[tag] for tag in listed if tag in told], new_besides, len(besides) - len(new_besides))
+
+
+def ended_run(backend: Backend, audit_id: str) -> AuditView:
+    """The run, where it has a digest. Raises NotFoundError("unknown_audit") and RequestError("run_goes_on")."""
     run = get_audit(backend, audit_id)
     if not run.ended:
         raise RequestError("run_goes_on", f"the run {run.id} has not ended yet: {run.open} loops are open")
+    return run
+
+
+def digest_of(backend: Backend, audit_id: str) -> Digest:
+    """Raises as `ended_run`."""
+    run = ended_run(backend, audit_id)
     number, began = identifier(audit_id), datetime.fromisoformat(run.created_at)
     reach = arrivals(backend, number, began)
     since_ns = reach.current_ns
@@ -190,20 +225,14 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         not_auditable = digests.refused_of(connection, number, TOP, shelved.left_out)
         # In a plant's first run every verdict is new: that is no news.
         compared = plant.any_run_before(connection, number)
-        changed = digests.changes_of(connection, number, ALL_CHANGES) if compared else []
-        again = plant.second_nights(connection, number, CHANGES) if compared else []
+        changed = _changed(connection, number, backend.clock) if compared else NOTHING_CHANGED
         notes_until = _notes_until(connection, run)
         written = notes.standing(connection, [row.tag for row in [*worst, *old]], notes_until)
-    verdicts, refused = Counter[str](), Counter[str]()
-    for row in counted:
-        verdicts[row.verdict] += row.loops
-        if row.verdict == "not_auditable":
-            refused[row.likely_cause or "data"] += row.loops
+    told = tally(counted)
     refused_loops: dict[str, list[str]] = {}
     for row in not_auditable:
-        refused_loops.setdefault(row.likely_cause or "data", []).append(row.tag)
+        refused_loops.setdefault(cause_of_refusal(row), []).append(row.tag)
     repaired = repairs(backend, number, began)
-    changes = quiet_last(_new_first([*(change_of(row) for row in changed), *second_night(again, changed)]))
     url = backend.settings.public_url
     of_time, all_the_same = judged(backend, [row.tag for row in [*worst, *old]], number), shelved.by_tag()
 
@@ -217,17 +246,17 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
     return Digest(
         plant=backend.settings.plant,
         run=run,
-        verdicts=dict(verdicts),
-        refused=dict(refused.most_common()),
+        verdicts=told.verdicts,
+        refused=told.refused,
         refused_loops=refused_loops,
         arrivals=of_run(backend, number, began, reach),
         work=work_list(backend, shelved, number, since_ns, most=ALL_WORK, notes_until=notes_until),
         areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
         old=[_of_old_record(loop_of(row), row.input_end_ns) for row in old],
-        changes=changes[:CHANGES],
-        more_changes=len(changes) > CHANGES,
-        new_besides=[change.loop for change in changes[CHANGES:] if change.kind == "new"],
-        other_changes=sum(change.kind != "new" for change in changes[CHANGES:]),
+        changes=changed.listed,
+        more_changes=bool(changed.new_besides or changed.others),
+        new_besides=changed.new_besides,
+        other_changes=changed.others,
         to_manual=_to_manual(backend, number) if compared else [],
         repairs=repaired.listed,
         more_repairs=repaired.more,
@@ -237,7 +266,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         clock=backend.clock,
         retired=retired,
         why_old=_why_old(since_ns, backend.clock) if old else "",
-        reliable=sum(row.loops for row in counted if (row.verdict, row.reliability) == ("stiction", "reliable")),
+        reliable=told.reliable.get("stiction", 0),
     )
 
 
@@ -303,6 +332,8 @@ def as_json(digest: Digest) -> dict[str, Any]:
     told = asdict(digest)
     run, shelved = told.pop("run"), told.pop("shelf")["listed"]
     del told["public_url"], told["clock"]
+    for work in told["work"]:
+        work["step"] = work["step"]["text"]
     return (
         {"type": "loopaudit.digest", "subject": subject(digest), "text": as_text(digest)}
         | told
@@ -319,6 +350,7 @@ def as_json(digest: Digest) -> dict[str, Any]:
 
 HOW_TO_READ = (
     "What is newly said to stick comes first, then what lacks most to full health, times its importance. "
+    "The worst are told of loops that stick, may, or show no answer of PV to OP; the page of the plant has all. "
     "'Look first' means that the evidence does not suffice: look at the loop before a valve is taken out."
 )
 
@@ -332,7 +364,7 @@ def _to_manual(backend: Backend, number: int) -> list[str]:
 
 
 def _loop(row: Any, url: str, of_time: str, shelved: str) -> DigestLoop:
-    why = row.reasons_text.split(". ")[0][:LONGEST_WHY]
+    why = reasons_of(row._mapping)[0][:LONGEST_WHY]
     shown = (row.verdict, row.reliability, row.stiction_probability, row.likely_cause, row.health, row.importance)
     measured = PRIOR_ONLY not in codes_of(row._mapping)
     return DigestLoop(row.tag, *shown, why, loop_address(url, row.tag), of_time, measured, shelved)
@@ -405,11 +437,6 @@ def _asked_line(one: Asked, url: str) -> str:
     told = "; ".join(fact for fact in facts if fact)
     unit = f" ({_line(one.unit)})" if one.unit else ""
     return f"  - {_line(one.loop)}{unit}{f': {told}' if told else ''}"
-
-
-def _new_first(changes: list[ChangeView]) -> list[ChangeView]:
-    """Those that are newly said to stick are told whatever else changed."""
-    return sorted(changes, key=lambda change: change.kind != "new")
 
 
 def _change_lines(digest: Digest) -> list[str]:

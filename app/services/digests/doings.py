@@ -4,7 +4,6 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from app.services.plant.work_list import Work
-from app.services.telling.next_steps import apart
 
 SHOWN = 15
 
@@ -33,15 +32,18 @@ class Doing:
 def doings(work: Sequence[Work], new: Collection[str], shown: int = SHOWN) -> list[Doing]:
     """In the order of the first loop of each; `new`: tags of loops that are newly said to stick, which come first in
     each and are always listed."""
-    groups: dict[tuple[str, str, str], list[Asked]] = {}
+    groups: dict[tuple[str, str, str], list[Work]] = {}
     for one in work:
-        step, particular = apart(one.step)
-        facts = "; ".join(fact for fact in (one.facts, particular) if fact)
-        asked = Asked(one.loop, one.unit, facts, one.loop in new)
-        groups.setdefault((one.verdict, one.told, step), []).append(asked)
-    return [_doing(*head, sorted(loops, key=lambda one: not one.new), shown) for head, loops in groups.items()]
+        groups.setdefault((one.verdict, one.told, one.step.code), []).append(one)
+    return [_doing(together, new, shown) for together in groups.values()]
 
 
-def _doing(verdict: str, told: str, step: str, loops: list[Asked], shown: int) -> Doing:
+def _doing(work: Sequence[Work], new: Collection[str], shown: int) -> Doing:
+    first, loops = work[0], sorted((_asked(one, new) for one in work), key=lambda one: not one.new)
     kept = max(shown, sum(one.new for one in loops))
-    return Doing(verdict, told, step, loops[:kept], max(len(loops) - kept, 0))
+    return Doing(first.verdict, first.told, first.step.asks, loops[:kept], max(len(loops) - kept, 0))
+
+
+def _asked(one: Work, new: Collection[str]) -> Asked:
+    facts = "; ".join(fact for fact in (one.facts, one.step.besides) if fact)
+    return Asked(one.loop, one.unit, facts, one.loop in new)

@@ -6,30 +6,30 @@ from email.message import EmailMessage
 from email.policy import SMTP
 from email.utils import formatdate
 
-from app.services.digests.sending import NotSentError, Outgoing
+from app.services.digests.sending import Mail, NotSentError
 from app.settings import Settings
 
 TIMEOUT_S = 15.0
 GIVEN_UP = range(500, 600)
 
 
-def message(settings: Settings, outgoing: Outgoing, to: str) -> EmailMessage:
+def message(settings: Settings, made: Mail, to: str) -> EmailMessage:
     """The policy refuses line ends in heads; the subject is one line already."""
     mail = EmailMessage(policy=SMTP)
-    mail["Subject"] = outgoing.subject
+    mail["Subject"] = made.subject
     mail["From"] = settings.digest_mail_from
     mail["To"] = to
     mail["Date"] = formatdate()
-    mail["Message-ID"] = f"<{outgoing.id}@loopaudit>"
+    mail["Message-ID"] = f"<{made.id}@loopaudit>"
     mail["Auto-Submitted"] = "auto-generated"
-    mail.set_content(outgoing.text)
-    mail.add_alternative(outgoing.html, subtype="html")
+    mail.set_content(made.text)
+    mail.add_alternative(made.html, subtype="html")
     return mail
 
 
-def send_mail(settings: Settings, outgoing: Outgoing, to: str) -> None:
+def send_mail(settings: Settings, made: Mail, to: str) -> None:
     """Raises NotSentError with the server's own words; final where it will say the same again."""
-    mail = message(settings, outgoing, to)
+    mail = message(settings, made, to)
     try:
         with _connected(settings) as server:
             if settings.digest_smtp_starttls:

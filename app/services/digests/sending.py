@@ -5,13 +5,20 @@ from urllib.parse import urlsplit
 
 
 @dataclass(frozen=True)
-class Outgoing:
-    """A digest for one receiver; `id` is the same at every try, so that a receiver knows what it has already."""
+class Mail:
+    """A digest for a mailbox; `id` is the same at every try, so that a receiver knows what it has already."""
 
     id: str
     subject: str
     text: str = field(repr=False)
     html: str = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Post:
+    """A digest for a webhook; `id` as a mail has it."""
+
+    id: str
     body: bytes = field(repr=False)
 
 

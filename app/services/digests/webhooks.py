@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 
 import httpx
 
-from app.services.digests.sending import NotSentError, Outgoing
+from app.services.digests.sending import NotSentError, Post
 from app.settings import IN_BASE64, Settings
 
 TIMEOUT = httpx.Timeout(10.0, connect=5.0)
@@ -21,20 +21,20 @@ LATER = (408, 409, 425, 429)
 NAT64 = ipaddress.ip_network("64:ff9b::/96")
 
 
-def send_webhook(settings: Settings, outgoing: Outgoing, address: str) -> None:
+def send_webhook(settings: Settings, made: Post, address: str) -> None:
     """Raises NotSentError; final where the receiver says that it will never take it."""
     timestamp = int(time.time())
     headers = {
         "Content-Type": "application/json",
         "User-Agent": "loopaudit",
-        "webhook-id": outgoing.id,
+        "webhook-id": made.id,
         "webhook-timestamp": str(timestamp),
-        "webhook-signature": signature(settings.digest_webhook_secret.get_secret_value(), outgoing, timestamp),
+        "webhook-signature": signature(settings.digest_webhook_secret.get_secret_value(), made, timestamp),
     }
     try:
         url = httpx.URL(address)
         target = checked_address(url, settings.digest_private_webhooks)
-        status = _post(url, target, headers, outgoing.body)
+        status = _post(url, target, headers, made.body)
     except (httpx.HTTPError, httpx.InvalidURL, OSError, UnicodeError) as error:
         # Their texts may hold the address, and that a secret.
         raise NotSentError(f"the receiver cannot be reached: {type(error).__name__}") from error
@@ -44,9 +44,9 @@ def send_webhook(settings: Settings, outgoing: Outgoing, address: str) -> None:
         raise NotSentError(f"the receiver answered {status}", final=400 <= status < 500 and status not in LATER)
 
 
-def signature(secret: str, outgoing: Outgoing, timestamp: int) -> str:
+def signature(secret: str, made: Post, timestamp: int) -> str:
     """`v1,` and the HMAC-SHA256 of id.timestamp.body in base64."""
-    signed = f"{outgoing.id}.{timestamp}.".encode() + outgoing.body
+    signed = f"{made.id}.{timestamp}.".encode() + made.body
     return "v1," + base64.b64encode(hmac.new(key_of(secret), signed, hashlib.sha256).digest()).decode()
 
 

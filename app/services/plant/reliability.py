@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any
 
 from sqlalchemy import BigInteger, ColumnElement
@@ -13,6 +14,7 @@ from app.services.audit_json.rows import FORM, as_row, compact
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, refused
 from app.services.moments import iso_utc, moment_of
+from app.services.plant.shelving import Shelf
 from app.services.plant.written import marks_of, written_of
 from app.services.results import Page
 from app.storage import verdicts
@@ -23,15 +25,7 @@ OF_LOOP = ("type", "importance", "priority", "recorded_to")  # of the loop, not 
 THE_SAME = {"audited_at_ms": "audited_at", "window_start_ms": "window_start", "window_end_ms": "window_end"}
 ANYTHING: tuple[type, ...] = (object,)
 
-__all__ = [
-    "RowFilter",
-    "checked",
-    "following",
-    "place_of",
-    "reliability_json",
-    "reliability_page",
-    "sortable",
-]
+__all__ = ["RowFilter", "reliability_json", "reliability_page", "sortable", "table"]
 
 
 def sortable() -> tuple[str, ...]:
@@ -51,13 +45,48 @@ def reliability_page(
 
     of_loop: with the loop's type, importance and priority, and its newest sample.
     """
-    name = checked(limit, sort)
-    with backend.database.read() as connection:
-        after = _after(cursor, sort)
-        rows = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), after)
-    shown = [(with_loop if of_loop else as_row)(row) for row in rows[:limit]]
+    found = _stored(backend, limit, cursor, sort, filters)
+    shown = [(with_loop if of_loop else as_row)(row) for row in found.rows]
     written = written_of(backend, shown)
-    return Page([written.beside(row) for row in shown], following(rows, limit, sort))
+    return Page([written.beside(row) for row in shown], found.next_cursor)
+
+
+def table(
+    backend: Backend,
+    limit: int,
+    cursor: str | None = None,
+    sort: str = "-priority",
+    filters: RowFilter | None = None,
+    shelved: Shelf | None = None,
+    notes_until: datetime | None = None,
+) -> Page[dict[str, Any]]:
+    """The same for a page, with what it shows besides: importance and priority, what to do as a `Step`, and what is
+    written of an order or a repair (until `notes_until`) or a shelving (as of `shelved`; None: of now). Whoever chose
+    another order with a cursor in the address begins at its head."""
+    found = _stored(backend, limit, cursor, sort, filters, any_order=True)
+    shown = [with_loop(row) for row in found.rows]
+    written = written_of(backend, shown, shelved, notes_until)
+    beside = [{"step": written.step(row), "shelved": written.shelved_words(row)} for row in shown]
+    return Page([{**written.beside(row), **more} for row, more in zip(shown, beside, strict=True)], found.next_cursor)
+
+
+def _stored(
+    backend: Backend,
+    limit: int,
+    cursor: str | None,
+    sort: str,
+    filters: RowFilter | None,
+    *,
+    any_order: bool = False,
+) -> Page[dict[str, Any]]:
+    """A page of stored verdicts. any_order: a cursor that belongs to another order counts as none; else it is
+    refused."""
+    name = _checked(limit, sort)
+    after = _after(cursor, sort, any_order=any_order)
+    with backend.database.read() as connection:
+        rows = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), after)
+    last = rows[limit - 1] if len(rows) > limit else None
+    return Page(rows[:limit], encode(sort, last["sorted_by"], last["tag"]) if last else None)
 
 
 def with_loop(stored: dict[str, Any]) -> dict[str, Any]:
@@ -91,7 +120,7 @@ def reliability_json(
         told = page.rows if columns is None else [{name: row[name] for name in columns} for row in page.rows]
         body = _body((compact(row).encode() for row in told), page.next_cursor)
         return TableAnswer(_digest(body), lambda: body)
-    name = checked(limit, sort)
+    name = _checked(limit, sort)
     with backend.database.read() as connection:
         after = _after(cursor, sort)
         rows = verdicts.sent_rows(connection, limit + 1, name, sort.startswith("-"), filters, after)
@@ -109,13 +138,7 @@ def _digest(said: bytes) -> str:
     return hashlib.sha256(said).hexdigest()[:32]
 
 
-def following(rows: Sequence[Mapping[str, Any]], limit: int, sort: str) -> str | None:
-    """The cursor behind the first `limit` rows of `verdicts.table`; None where these are all."""
-    last = rows[limit - 1] if len(rows) > limit else None
-    return encode(sort, last["sorted_by"], last["tag"]) if last else None
-
-
-def checked(limit: int, sort: str) -> str:
+def _checked(limit: int, sort: str) -> str:
     """The name to sort by, of an order that there is."""
     if not 1 <= limit <= MOST_ROWS:
         raise RequestError("bad_limit", f"limit must be from 1 to {MOST_ROWS}, got {limit}")
@@ -171,7 +194,7 @@ def _ending(next_cursor: str | None) -> tuple[bytes, ...]:
     return b'],"next_cursor":', compact(next_cursor).encode(), b"}"
 
 
-def place_of(cursor: str | None) -> tuple[str, After] | None:
+def _place_of(cursor: str | None) -> tuple[str, After] | None:
     """The order that a cursor belongs to and the row that it stands behind. Raises RequestError("bad_cursor")."""
     values = decode(cursor, (str, ANYTHING, str))
     if cursor is None or values is None:
@@ -196,9 +219,9 @@ def _largest(column: ColumnElement[Any]) -> int:
     return 2**63 - 1 if isinstance(column.type, BigInteger) else 2**31 - 1
 
 
-def _after(cursor: str | None, sort: str) -> After | None:
-    place = place_of(cursor)
-    if place is None:
+def _after(cursor: str | None, sort: str, *, any_order: bool = False) -> After | None:
+    place = _place_of(cursor)
+    if place is None or (any_order and place[0] != sort):
         return None
     if place[0] != sort:
         raise RequestError("bad_cursor", f"this cursor belongs to sort={place[0]!r}, not to sort={sort!r}")

@@ -43,6 +43,12 @@ def of_run(backend: Backend, audit_id: int, at: datetime, found: Arrivals) -> li
     return [*told, *silences(backend, found.current_ns, audit_id, at), *nothing_new(backend, audit_id)]
 
 
+def of_now(backend: Backend, newest_run: int | None, found: Arrivals) -> list[str]:
+    """The same of all records as they are now; of what was new the newest run tells."""
+    told = [*sentences(found, backend.clock), *silences(backend, found.current_ns)]
+    return told if newest_run is None else [*told, *nothing_new(backend, newest_run)]
+
+
 def silent(
     backend: Backend, since_ns: int | None, audit_id: int | None = None, at: datetime | None = None
 ) -> list[tuple[str, str]]:

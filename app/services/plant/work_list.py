@@ -11,9 +11,10 @@ from app.services.backend import Backend
 from app.services.moments import PlantClock
 from app.services.plant.judged import Judged, judged
 from app.services.plant.nights import NIGHTS, Night, Onset, nights, onsets
-from app.services.plant.overview import not_shelved
 from app.services.plant.repaired import repairs
 from app.services.plant.shelving import Shelf, Shelved
+from app.services.plant.worst import not_shelved
+from app.services.telling.next_steps import Step
 from app.services.telling.wording import UNANSWERED, VERDICT_WORDS, brief, codes_of, looked_at_today
 from app.storage.verdicts import RowFilter
 
@@ -31,7 +32,7 @@ class Work:
     unit: str | None
     verdict: str
     told: str
-    step: str
+    step: Step
     size: str
     since: str
     written: str
@@ -95,7 +96,7 @@ def _work(
         unit=row["unit"],
         verdict=row["verdict"],
         told=f"{VERDICT_WORDS[row['verdict']]}, {brief(row)}",
-        step=row["next_step"],
+        step=row["step"],
         size=_size(row),
         since=since,
         written=", ".join(written),

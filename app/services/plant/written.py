@@ -11,7 +11,7 @@ from app.services.moments import PlantClock, iso_utc
 from app.services.plant.contradicted import contradicted
 from app.services.plant.repaired import Outcome, asked_after, in_vain
 from app.services.plant.shelving import Shelf, Shelved, shelf
-from app.services.telling.next_steps import UNTIL_THEY_AGREE, after_repair, next_step
+from app.services.telling.next_steps import Ask, Step, after_repair, step_for, step_of
 from app.services.telling.repair_sides import of_before
 from app.services.telling.wording import STICKS
 from app.storage import explanations, notes
@@ -36,20 +36,22 @@ class Written:
         repaired_at = iso_utc(standing.repaired_at)
         return {
             **row,
-            "next_step": self._step(row, standing, shelved),
+            "next_step": self.step(row).text,
             "work_order": standing.work_order,
             "repaired_at": repaired_at,
             "shelved_until": None if shelved is None else shelved.until,
             "of_before_repair": of_before(row, repaired_at),
         }
 
-    def _step(self, row: Mapping[str, Any], standing: Standing, shelved: Shelved | None) -> str:
+    def step(self, row: Mapping[str, Any]) -> Step:
         """What to do: to wait, as long as the loop is shelved and nothing got worse; what did not help is named."""
+        standing, shelved = self.standing.get(row["loop"], NOTHING), self.shelved.get(row["loop"])
         if shelved is not None and not shelved.worse:
-            return f"Wait: {shelved.words(self.clock)}."
+            return step_for(Ask.WAIT_ON_SHELF, f"Wait: {shelved.words(self.clock)}.")
         if row["loop"] in self.disagree:
-            return UNTIL_THEY_AGREE
-        step, outcome = next_step(row, iso_utc(standing.repaired_at)), self.in_vain.get(row["loop"])
+            return step_for(Ask.UNTIL_THEY_AGREE)
+        outcome = self.in_vain.get(row["loop"])
+        step = step_of(row, self.clock, iso_utc(standing.repaired_at))
         if outcome is None or standing.repaired_at is None:
             return step
         order = " ".join((standing.repair_order or "").split())

@@ -2,39 +2,28 @@
 
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from itertools import groupby
 from typing import Any
 
 from markupsafe import Markup
-from sqlalchemy import Connection
 
 from app.errors import NotFoundError
 from app.services.addresses import loop_address
-from app.services.audit_json.rows import as_row
 from app.services.backend import Backend
 from app.services.explaining import explanations
 from app.services.explaining.wording import in_words
 from app.services.moments import PlantClock, iso_utc
 from app.services.plant import loops, notes
-from app.services.plant import overview as plant
-from app.services.plant.arrivals import LATE, arrivals, sentences
+from app.services.plant.arrivals import arrivals
 from app.services.plant.charts import charts
-from app.services.plant.groups import soon as groups_soon
 from app.services.plant.judged import judged
 from app.services.plant.loop_sheet import loop_sheet
-from app.services.plant.repaired import repairs
-from app.services.plant.shelving import Shelf, shelf
-from app.services.plant.silent import silences
+from app.services.plant.plant_sheet import plant_sheet
+from app.services.plant.reliability import table
 from app.services.plant.work_list import work_list
+from app.services.plant.worst import complaints_of_old, complaints_of_units, nothing_worst
 from app.services.rendering import document
 from app.services.reports.svg import WIDTH, Ends, Line, chart
-from app.services.telling.repair_sides import of_before
 from app.services.telling.wording import measured_probability
-from app.storage import loops as stored_loops
-from app.storage import notes as stored_notes
-from app.storage import plant as stored_plant
-from app.storage import verdicts
-from app.storage.notes import Standing
 from app.storage.verdicts import RowFilter
 
 NOTES = 20
@@ -67,29 +56,24 @@ def loop_report(backend: Backend, tag: str) -> str:
 
 def plant_report(backend: Backend) -> str:
     """Raises NotFoundError where nothing has been audited."""
-    seen = plant.overview(backend)
+    reach = arrivals(backend)
+    sheet = plant_sheet(backend, reach)
+    seen, shelved, since_ns = sheet["seen"], sheet["shelf"], reach.current_ns
     if not seen.audited:
         raise NotFoundError("not_audited", "no loop of the plant has been audited yet")
-    reach, shelved = arrivals(backend), shelf(backend)
-    worst, old = _worst(backend, shelved, reach.current_ns), _worst_of_old(backend, shelved, reach.current_ns)
+    worst = complaints_of_units(backend, since_ns, shelved, WORST_OF_UNIT)
+    old = complaints_of_old(backend, since_ns, shelved)
     listed = [row["loop"] for rows in (*(rows for _, rows in worst), old) for row in rows]
-    refused = plant.table(backend, REFUSED, sort="loop", filters=RowFilter(verdict=("not_auditable",)))
     return document(
         "plant_report.html",
-        seen=seen,
+        **sheet,
         bars={unit.unit: _bar(unit.verdicts) for unit in seen.units},
-        changed=plant.changes(backend),
-        arrivals=[*sentences(reach, backend.clock), *silences(backend, reach.current_ns)],
-        work=work_list(backend, shelved, since_ns=reach.current_ns),
+        work=work_list(backend, shelved, since_ns=since_ns),
         worst=worst,
-        nothing_worst=plant.nothing_worst(seen.verdicts.get("stiction", 0), bool(old)),
+        nothing_worst=nothing_worst(seen.verdicts.get("stiction", 0), bool(old)),
         old=old,
-        late_days=LATE.days,
         judged=judged(backend, listed),
-        shelf=shelved,
-        refused=refused.rows,
-        repairs=repairs(backend),
-        groups=[group for group in groups_soon(backend) or () if not group.by_chance],
+        refused=table(backend, REFUSED, sort="loop", filters=RowFilter(verdict=("not_auditable",))).rows,
         public_url=backend.settings.public_url,
         address_of=lambda tag: loop_address(backend.settings.public_url, tag),
         **_made(backend),
@@ -98,39 +82,6 @@ def plant_report(backend: Backend) -> str:
 
 def _made(backend: Backend) -> dict[str, Any]:
     return {"plant_name": backend.settings.plant, "made_at": iso_utc(datetime.now(UTC)), "clock": backend.clock}
-
-
-def _worst(backend: Backend, shelved: Shelf, since_ns: int | None) -> list[tuple[str | None, list[dict[str, Any]]]]:
-    """Of each unit the worst loops that stick, may, or show no answer of PV to OP, with what their row says."""
-    with backend.database.read() as connection:
-        placed = stored_plant.worst_of_units(
-            connection, WORST_OF_UNIT, complaints=True, since_ns=since_ns, left_out=shelved.left_out
-        )
-        told = _told(connection, placed, shelved)
-    return [(unit, [row for _, row in some]) for unit, some in groupby(told, lambda pair: pair[0])]
-
-
-def _worst_of_old(backend: Backend, shelved: Shelf, since_ns: int | None) -> list[dict[str, Any]]:
-    """Of all units the same of those that have no newer sample."""
-    if since_ns is None:
-        return []
-    with backend.database.read() as connection:
-        placed = stored_plant.worst_of_old(connection, plant.WORST, since_ns, shelved.left_out)
-        return [row | {"of_old_record": True} for _, row in _told(connection, placed, shelved)]
-
-
-def _told(connection: Connection, placed: Sequence[Any], shelved: Shelf) -> list[tuple[str | None, dict[str, Any]]]:
-    """Each loop's unit, and what its row says."""
-    ids = stored_loops.ids_of(connection, [row.tag for row in placed])
-    rows, all_the_same = verdicts.newest_of(connection, list(ids.values())), shelved.by_tag()
-    written = stored_notes.standing(connection, ids)
-    told = []
-    for row in (row for row in placed if row.tag in rows):
-        said = as_row(rows[row.tag])
-        before = of_before(said, iso_utc(written.get(row.tag, Standing()).repaired_at))
-        more = {"importance": row.importance, "shelved": all_the_same.get(row.tag), "of_before_repair": before}
-        told.append((row.unit, said | more))
-    return told
 
 
 def _trend(drawn: Mapping[str, Any], clock: PlantClock) -> list[Markup]:

@@ -2,116 +2,163 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
 from typing import Any
 
 from app.engine.codes import UNANSWERED, Cause, ReasonCode
 from app.engine.judgement import ANSWERS_NO_MORE, FOREIGN_CYCLE, HIDDEN_BAND, NO_ANSWER, PV_STANDS, UNCOUPLED, WOUND_UP
 from app.engine.long_records.episodes import BEGAN
 from app.engine.verdict.config import VerdictConfig
+from app.services.moments import PlantClock
 from app.services.telling.repair_sides import of_before
 from app.services.telling.stored_evidence import band_of, began_at
 from app.services.telling.wording import CAUSE_WORDS, MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR, codes_of
 
-STICKS = (
-    "Ask for a stroke test in small steps, up and down, then for a look at packing, positioner and air supply. Tuning "
-    "does not cure it."
-)
-MAY_STICK = (
-    "Look before anyone takes a spanner: where operation allows it, put the loop in manual for some periods. A swing "
-    "that goes on comes from outside; one that stops is made here, and a stroke test tells valve from tuning."
-)
-MAY_BE_SHAKEN = (
-    "Look first for what else goes to and fro with this period: another loop (the page of groups), a pump, a batch. "
-    "Where operation allows it, put the loop in manual for some periods: a swing that goes on comes from outside, one "
-    "that stops asks for a stroke test."
-)
-SHAKEN = (
-    "Look at the loop that is named first: once its valve is mended, this one may stop by itself. If it swings on, ask "
-    "for a stroke test here."
-)
-TUNING_UNSURE = (
-    "Before anybody touches the tuning, put the loop in manual for some periods, where operation allows it: a swing "
-    "that goes on comes from outside, one that stops asks for a stroke test, and for weaker tuning where the valve is "
-    "free."
-)
-WEAK_UNSURE = "See how it answers a small step of the set point before its tuning is made stronger."
-OUTER = (
-    "Look at the loop whose set point this OP is: that one moves the valve. Ask for a stroke test here only where OP "
-    "moves a valve of its own besides, and say so in the loop's settings."
-)
-NO_VALVE = "Look at the loop whose set point this OP is: that one moves the valve, this one none, as its settings say."
-HOUR_NAMED = "the hour that is named"
-BEGAN_TO_STICK = f"It sticks, at least since {HOUR_NAMED}, whatever the rest of the record says: ask for a stroke test."
-CLEARED = "Nothing at the valve."
-NOT_CLEARED = (
-    "Nothing now: nothing accuses the valve, and the reasons say what keeps this from clearing it. If it stays like "
-    "that for weeks, a stroke test tells more than another night."
-)
-STANDS_FAST = (
-    "Find out whether the valve moves at all: where operation allows it, move OP by a few per cent by hand and see "
-    "whether PV goes along."
-)
-BAND_NAMED = "a quarter of the band that is named"
-HAS_BAND = (
-    f"When somebody is at the valve anyway, have OP moved in steps of {BAND_NAMED}, some up, then some down, and the "
-    "stem watched: it may stick, or have play, by so much, though the loop does not cycle for it. A load that switches "
-    "to and fro looks the same."
-)
-CANNOT_TELL = "Nothing, unless it stays like that for weeks; then a stroke test tells more than another night."
-OBJECTED = (
-    "Audit a longer record before the valve is left alone: this is not to be relied on, and the published rule, or its "
-    "fit, says that the valve sticks. If it stays like that, ask for a stroke test."
-)
-NOT_AUDITABLE = "Tell the control engineer what the checks say: better recording brings a verdict."
-UNRELATED = (
-    "Find out whether PV and OP are tags of one loop, and recorded. If they are, see in the field whether the stem "
-    "moves when OP does: behind a valve that is stuck PV owes nothing to OP."
-)
-WAIT = "Wait until enough is recorded since the repair: what is said here is of before it."
-REOPEN = "reopen the order."
-UNTIL_THEY_AGREE = (
-    "Touch neither valve nor tuning yet, because the audit clears the valve and the newest explanation says that it "
-    "sticks: audit and explain a longer record, and where they still disagree, ask for a stroke test."
-)
 
-AT_LIMIT = (
-    "Find out why OP stands at its limit: a valve that does not move, its size, a bypass, a set point out of reach; "
-    "too strong tuning where it runs from one limit to the other."
+def _began_to_stick(hour: str) -> str:
+    return f"It sticks, at least since {hour}, whatever the rest of the record says: ask for a stroke test."
+
+
+def _has_band(quarter: str) -> str:
+    return (
+        f"When somebody is at the valve anyway, have OP moved in steps of {quarter}, some up, then some down, and the "
+        "stem watched: it may stick, or have play, by so much, though the loop does not cycle for it. A load that "
+        "switches to and fro looks the same."
+    )
+
+
+class Ask(StrEnum):
+    """What can be asked for, in the words of the guide; which it is, is told by its name."""
+
+    STICKS = (
+        "Ask for a stroke test in small steps, up and down, then for a look at packing, positioner and air supply. "
+        "Tuning does not cure it."
+    )
+    MAY_STICK = (
+        "Look before anyone takes a spanner: where operation allows it, put the loop in manual for some periods. A "
+        "swing that goes on comes from outside; one that stops is made here, and a stroke test tells valve from "
+        "tuning."
+    )
+    MAY_BE_SHAKEN = (
+        "Look first for what else goes to and fro with this period: another loop (the page of groups), a pump, a "
+        "batch. Where operation allows it, put the loop in manual for some periods: a swing that goes on comes from "
+        "outside, one that stops asks for a stroke test."
+    )
+    SHAKEN = (
+        "Look at the loop that is named first: once its valve is mended, this one may stop by itself. If it swings on, "
+        "ask for a stroke test here."
+    )
+    TUNING_UNSURE = (
+        "Before anybody touches the tuning, put the loop in manual for some periods, where operation allows it: a "
+        "swing that goes on comes from outside, one that stops asks for a stroke test, and for weaker tuning where the "
+        "valve is free."
+    )
+    WEAK_UNSURE = "See how it answers a small step of the set point before its tuning is made stronger."
+    OUTER = (
+        "Look at the loop whose set point this OP is: that one moves the valve. Ask for a stroke test here only where "
+        "OP moves a valve of its own besides, and say so in the loop's settings."
+    )
+    NO_VALVE = (
+        "Look at the loop whose set point this OP is: that one moves the valve, this one none, as its settings say."
+    )
+    BEGAN_TO_STICK = _began_to_stick("the hour that is named")
+    CLEARED = "Nothing at the valve."
+    NOT_CLEARED = (
+        "Nothing now: nothing accuses the valve, and the reasons say what keeps this from clearing it. If it stays "
+        "like that for weeks, a stroke test tells more than another night."
+    )
+    STANDS_FAST = (
+        "Find out whether the valve moves at all: where operation allows it, move OP by a few per cent by hand and see "
+        "whether PV goes along."
+    )
+    HAS_BAND = _has_band("a quarter of the band that is named")
+    CANNOT_TELL = "Nothing, unless it stays like that for weeks; then a stroke test tells more than another night."
+    OBJECTED = (
+        "Audit a longer record before the valve is left alone: this is not to be relied on, and the published rule, or "
+        "its fit, says that the valve sticks. If it stays like that, ask for a stroke test."
+    )
+    NOT_AUDITABLE = "Tell the control engineer what the checks say: better recording brings a verdict."
+    UNRELATED = (
+        "Find out whether PV and OP are tags of one loop, and recorded. If they are, see in the field whether the stem "
+        "moves when OP does: behind a valve that is stuck PV owes nothing to OP."
+    )
+    WAIT = "Wait until enough is recorded since the repair: what is said here is of before it."
+    WAIT_ON_SHELF = "Wait, until the time that is named."
+    UNTIL_THEY_AGREE = (
+        "Touch neither valve nor tuning yet, because the audit clears the valve and the newest explanation says that "
+        "it sticks: audit and explain a longer record, and where they still disagree, ask for a stroke test."
+    )
+    AT_LIMIT = (
+        "Find out why OP stands at its limit: a valve that does not move, its size, a bypass, a set point out of "
+        "reach; too strong tuning where it runs from one limit to the other."
+    )
+    LOOK_TODAY = (
+        "Look today, at both: whether the transmitter reads anything (impulse lines, wiring, a frozen signal), and in "
+        "the field whether the stem moves when OP does (air, positioner, packing)."
+    )
+    SHAKEN_FROM_OUTSIDE = (
+        "Leave the valve alone and look for what shakes this loop: the page of groups shows the loops that swing with "
+        "it."
+    )
+    UPSET = "Leave the valve alone and look for what upsets the process."
+    TUNING_OR_SINE = (
+        "Put the loop in manual for some periods, where operation allows it: a swing that stops asks for weaker "
+        "tuning, one that goes on comes from outside."
+    )
+    WEAKER_TUNING = "Ask for weaker tuning: less gain, or a longer integral time."
+    STRONGER_TUNING = "Ask for stronger tuning."
+    HAS_PLAY = "Have linkage and positioner looked at: there is play between OP and the stem."
+    FOLLOWS_SET_POINT = (
+        "Nothing at the valve: PV goes with its set point. Where that should not move so much, look at what moves it."
+    )
+    DOES_NOT_SWING = "Nothing: it does not swing."
+    SWITCHES = "Nothing where it is meant to switch: leave it out of the audits. Else have OP stored finer."
+    COARSE_SENSOR = "Have the resolution of transmitter and historian looked at."
+    SENSOR_SPIKES = "Have transmitter and wiring looked at: single values jump."
+    SENSOR_STICKS = "Have the transmitter looked at: it holds one value and jumps to the next."
+    DOES_NOT_ACT = (
+        "Find out whether the controller acts at all, whether OP stands at a limit, and whether it is recorded."
+    )
+    IN_MANUAL = "Find out why it is in manual, and whether it may be put in automatic."
+    TOO_SLOW = "Have it recorded faster: ten samples a cycle or more."
+
+
+REOPEN = "reopen the order."
+
+NOTHING = frozenset(
+    (Ask.CLEARED, Ask.NOT_CLEARED, Ask.CANNOT_TELL, Ask.FOLLOWS_SET_POINT, Ask.DOES_NOT_SWING, Ask.SWITCHES)
 )
+"""What leaves the valve alone."""
 
 BY_CAUSE = {
-    UNANSWERED: "Look today, at both: whether the transmitter reads anything (impulse lines, "
-    "wiring, a frozen signal), and in the field whether the stem moves when OP does (air, positioner, packing).",
-    "external_oscillation": "Leave the valve alone and look for what shakes this loop: the page of groups shows the "
-    "loops that swing with it.",
-    "disturbance": "Leave the valve alone and look for what upsets the process.",
-    "tuning_or_sinusoidal_disturbance": "Put the loop in manual for some periods, where operation allows it: a swing "
-    "that stops asks for weaker tuning, one that goes on comes from outside.",
-    "tight_tuning": "Ask for weaker tuning: less gain, or a longer integral time.",
-    "aggressive_controller": "Ask for weaker tuning: less gain, or a longer integral time.",
-    "sluggish_controller": "Ask for stronger tuning.",
-    "backlash": "Have linkage and positioner looked at: there is play between OP and the stem.",
-    "set_point_following": "Nothing at the valve: PV goes with its set point. Where that should not move so much, "
-    "look at what moves it.",
-    "no_oscillation": "Nothing: it does not swing.",
-    "saturated_op": AT_LIMIT,
-    "op_at_limits": AT_LIMIT,
-    "on_off_control": "Nothing where it is meant to switch: leave it out of the audits. Else have OP stored finer.",
-    "quantised_sensor": "Have the resolution of transmitter and historian looked at.",
-    "sensor_spikes": "Have transmitter and wiring looked at: single values jump.",
-    "sensor_sticking": "Have the transmitter looked at: it holds one value and jumps to the next.",
-    "controller_not_acting": "Find out whether the controller acts at all, whether OP stands at a limit, and whether "
-    "it is recorded.",
-    "not_in_automatic": "Find out why it is in manual, and whether it may be put in automatic.",
-    "sampled_too_slowly": "Have it recorded faster: ten samples a cycle or more.",
-    "data": NOT_AUDITABLE,
+    UNANSWERED: Ask.LOOK_TODAY,
+    "external_oscillation": Ask.SHAKEN_FROM_OUTSIDE,
+    "disturbance": Ask.UPSET,
+    "tuning_or_sinusoidal_disturbance": Ask.TUNING_OR_SINE,
+    "tight_tuning": Ask.WEAKER_TUNING,
+    "aggressive_controller": Ask.WEAKER_TUNING,
+    "sluggish_controller": Ask.STRONGER_TUNING,
+    "backlash": Ask.HAS_PLAY,
+    "set_point_following": Ask.FOLLOWS_SET_POINT,
+    "no_oscillation": Ask.DOES_NOT_SWING,
+    "saturated_op": Ask.AT_LIMIT,
+    "op_at_limits": Ask.AT_LIMIT,
+    "on_off_control": Ask.SWITCHES,
+    "quantised_sensor": Ask.COARSE_SENSOR,
+    "sensor_spikes": Ask.SENSOR_SPIKES,
+    "sensor_sticking": Ask.SENSOR_STICKS,
+    "controller_not_acting": Ask.DOES_NOT_ACT,
+    "not_in_automatic": Ask.IN_MANUAL,
+    "sampled_too_slowly": Ask.TOO_SLOW,
+    "data": Ask.NOT_AUDITABLE,
 }
 """Where the valve is not said to stick, by likely cause."""
 
 BY_CAUSE_UNSURE = {
-    "tight_tuning": TUNING_UNSURE,
-    "aggressive_controller": TUNING_UNSURE,
-    "sluggish_controller": WEAK_UNSURE,
+    "tight_tuning": Ask.TUNING_UNSURE,
+    "aggressive_controller": Ask.TUNING_UNSURE,
+    "sluggish_controller": Ask.WEAK_UNSURE,
 }
 """Causes that are acted on only where the verdict is relied on, and what to do before."""
 
@@ -133,63 +180,78 @@ BEFORE_A_BAND: frozenset[Cause] = frozenset(
 )
 """Causes whose step comes first where the valve may have a band besides."""
 
-BY_REASON: dict[ReasonCode, str] = {
-    MOVES_NO_VALVE: NO_VALVE,
-    MOVES_SET_POINT: OUTER,
-    SHAKEN_BY_NEIGHBOUR: SHAKEN,
-    PV_STANDS: BY_CAUSE[UNANSWERED],
-    ANSWERS_NO_MORE: BY_CAUSE[UNANSWERED],
-    WOUND_UP: AT_LIMIT,
+BY_REASON: dict[ReasonCode, Ask] = {
+    MOVES_NO_VALVE: Ask.NO_VALVE,
+    MOVES_SET_POINT: Ask.OUTER,
+    SHAKEN_BY_NEIGHBOUR: Ask.SHAKEN,
+    PV_STANDS: Ask.LOOK_TODAY,
+    ANSWERS_NO_MORE: Ask.LOOK_TODAY,
+    WOUND_UP: Ask.AT_LIMIT,
 }
 """Whatever the verdict, the first of these that is among its reasons."""
 
-BY_VERDICT = {"no_stiction": CLEARED, "inconclusive": CANNOT_TELL, "not_auditable": NOT_AUDITABLE}
+BY_VERDICT = {"no_stiction": Ask.CLEARED, "inconclusive": Ask.CANNOT_TELL, "not_auditable": Ask.NOT_AUDITABLE}
 
 
-AT_ONCE = frozenset({WAIT, BY_CAUSE[UNANSWERED]})
+AT_ONCE = frozenset({Ask.WAIT, Ask.LOOK_TODAY})
 """Steps that a longer record adds nothing to."""
 
 
-def next_step(row: Mapping[str, Any], repaired_at: str | None = None) -> str:
-    """What to do about a loop whose row of the reliability table this is; `repaired_at`: when it was repaired last
-    (ISO 8601)."""
+@dataclass(frozen=True)
+class Step:
+    """What to do about a loop. code: what is asked; whoever has the same one is asked the same. asks: that in words;
+    text: with what is known of the loop; besides: what is said of it behind that, for a list under `asks`."""
+
+    code: str
+    asks: str
+    text: str
+    besides: str = ""
+
+
+def next_step(row: Mapping[str, Any], clock: PlantClock, repaired_at: str | None = None) -> str:
+    """`step_of` as the reliability table has it."""
+    return step_of(row, clock, repaired_at).text
+
+
+def step_of(row: Mapping[str, Any], clock: PlantClock, repaired_at: str | None = None) -> Step:
+    """What to do about a loop whose row of the reliability table this is. clock: what the step tells times by;
+    repaired_at: when it was repaired last (ISO 8601)."""
     if of_before(row, repaired_at):
-        return WAIT
+        return step_for(Ask.WAIT)
     reasons = codes_of(row)
-    step, period_s = _with_number(_by_verdict(row, reasons), row), row.get("oscillation_period_s")
-    if step.startswith("Nothing") and row["reliability"] != "reliable" and _objected(row, reasons):
-        step = OBJECTED
-    if FEW_CYCLES not in reasons or row["reliability"] == "reliable" or period_s is None or step in AT_ONCE:
+    ask, period_s = _by_verdict(row, reasons), row.get("oscillation_period_s")
+    if ask in NOTHING and row["reliability"] != "reliable" and _objected(row, reasons):
+        ask = Ask.OBJECTED
+    step = step_for(ask, _with_number(ask, row, clock))
+    if FEW_CYCLES not in reasons or row["reliability"] == "reliable" or period_s is None or ask in AT_ONCE:
         return step
-    return f"{step} {LONGER}: {ENOUGH_CYCLES:g} swings of this one take {in_hours(ENOUGH_CYCLES * period_s)}."
+    longer = f"{LONGER}: {ENOUGH_CYCLES:g} swings of this one take {in_hours(ENOUGH_CYCLES * period_s)}"
+    return replace(step, text=f"{step.text} {longer}.", besides=f"{longer[:1].lower()}{longer[1:]}")
 
 
-def _with_number(step: str, row: Mapping[str, Any]) -> str:
-    """The hour and the band that a step speaks of, as the reasons of the row tell them."""
-    told = row.get("reasons_text")
-    if step == BEGAN_TO_STICK and (began := began_at(told)):
-        return step.replace(HOUR_NAMED, began)
-    if step == HAS_BAND and (size := band_of(told)) is not None:
-        return step.replace(BAND_NAMED, f"{size / 4.0:.2g} units (a quarter of the band, {size:.2g})")
-    return step
+def step_for(ask: Ask, text: str | None = None) -> Step:
+    """text: what is asked, with what is known of the loop; None: nothing is."""
+    return Step(ask.name.lower(), ask.value, text or ask.value)
 
 
-def apart(step: str) -> tuple[str, str]:
-    """What a step asks for, the same of every loop, and what it says of the one loop besides."""
-    general, _, longer = step.partition(f" {LONGER}: ")
-    head, tail = BEGAN_TO_STICK.split(HOUR_NAMED)
-    if general.startswith(head) and general.endswith(tail):
-        general = BEGAN_TO_STICK
-    return general, f"a longer record tells more: {longer.rstrip('.')}" if longer else ""
+def _with_number(ask: Ask, row: Mapping[str, Any], clock: PlantClock) -> str | None:
+    """With the hour or the size that the step speaks of; None where there is none, or it is not known."""
+    if ask is Ask.BEGAN_TO_STICK and (began := began_at(row, clock)):
+        return _began_to_stick(began)
+    if ask is Ask.HAS_BAND and (size := band_of(row.get("reasons_text"))) is not None:
+        return _has_band(f"{size / 4.0:.2g} units (a quarter of the band, {size:.2g})")
+    return None
 
 
-def after_repair(step: str, repaired: str, order: str | None, *, sure: bool) -> str:
-    """The step for a loop that sticks on though it was repaired. repaired: the day; sure: whether that it sticks can be
-    relied on."""
+def after_repair(step: Step, repaired: str, order: str | None, *, sure: bool) -> Step:
+    """The step for a loop that sticks on though it was repaired: one of its own. repaired: the day; sure: whether that
+    it sticks can be relied on."""
     named = f"Repaired {repaired}{f' ({order})' if order else ''}"
-    if not sure:
-        return f"{named}, may not have helped. {step}"
-    return f"{named}, did not help: {REOPEN}" if order and step == STICKS else f"{named}, did not help. {step}"
+    told = f"{named}, did not help" if sure else f"{named}, may not have helped"
+    code = f"{step.code}: {told}"
+    if sure and order and step == step_for(Ask.STICKS):
+        return Step(code, f"{told}: {REOPEN}", f"{told}: {REOPEN}")
+    return replace(step, code=code, asks=f"{told}. {step.asks}", text=f"{told}. {step.text}")
 
 
 def _objected(row: Mapping[str, Any], reasons: Sequence[str]) -> bool:
@@ -206,30 +268,30 @@ def in_hours(seconds: float) -> str:
     return f"{math.ceil(seconds / 360.0) / 10.0:g} h"
 
 
-def _by_verdict(row: Mapping[str, Any], reasons: Sequence[str]) -> str:
+def _by_verdict(row: Mapping[str, Any], reasons: Sequence[str]) -> Ask:
     if first := next((step for reason, step in BY_REASON.items() if reason in reasons), None):
         return first
     if row["verdict"] == "stiction" and row["reliability"] == "reliable":
-        return STICKS
+        return Ask.STICKS
     if BEGAN in reasons:
-        return BEGAN_TO_STICK
+        return Ask.BEGAN_TO_STICK
     if row["verdict"] == "stiction":
-        return MAY_BE_SHAKEN if FOREIGN_CYCLE in reasons else MAY_STICK
+        return Ask.MAY_BE_SHAKEN if FOREIGN_CYCLE in reasons else Ask.MAY_STICK
     if row["verdict"] == "inconclusive" and UNCOUPLED in reasons:
-        return UNRELATED
+        return Ask.UNRELATED
     if NO_ANSWER in reasons:
-        return STANDS_FAST
+        return Ask.STANDS_FAST
     if HIDDEN_BAND in reasons and row["likely_cause"] not in BEFORE_A_BAND:
-        return HAS_BAND
+        return Ask.HAS_BAND
     cause = row["likely_cause"] or ""
     if row["reliability"] != "reliable" and cause in BY_CAUSE_UNSURE:
         return BY_CAUSE_UNSURE[cause]
     return BY_CAUSE.get(cause, _without_cause(row))
 
 
-def _without_cause(row: Mapping[str, Any]) -> str:
+def _without_cause(row: Mapping[str, Any]) -> Ask:
     if row["verdict"] == "no_stiction" and row["reliability"] != "reliable":
-        return NOT_CLEARED
+        return Ask.NOT_CLEARED
     return BY_VERDICT[row["verdict"]]
 
 
@@ -242,33 +304,33 @@ OF_NO_VERDICT = ("not_in_automatic", "sampled_too_slowly", "on_off_control", "op
 """Causes that keep a record from being judged; the others stand beside a valve that is not said to stick."""
 
 MOST_MET = (
-    ("valve sticks, rely on it", STICKS),
-    ("valve sticks, look first", MAY_STICK),
-    ("no stiction, rely on it, and no cause is named", f"{CLEARED} {PID_CAVEAT}"),
-    ("no stiction, look first, and no cause is named", NOT_CLEARED),
-    ("cannot tell, and no cause is named", CANNOT_TELL),
+    ("valve sticks, rely on it", Ask.STICKS),
+    ("valve sticks, look first", Ask.MAY_STICK),
+    ("no stiction, rely on it, and no cause is named", f"{Ask.CLEARED} {PID_CAVEAT}"),
+    ("no stiction, look first, and no cause is named", Ask.NOT_CLEARED),
+    ("cannot tell, and no cause is named", Ask.CANNOT_TELL),
 )
 OF_STICTION = (
-    ("PV does not move as it would if the valve made the swing", MAY_BE_SHAKEN),
-    ("a neighbour may shake it", SHAKEN),
-    ("look first, but it sticks up to the end of the record", BEGAN_TO_STICK),
+    ("PV does not move as it would if the valve made the swing", Ask.MAY_BE_SHAKEN),
+    ("a neighbour may shake it", Ask.SHAKEN),
+    ("look first, but it sticks up to the end of the record", Ask.BEGAN_TO_STICK),
 )
 OF_NO_STICTION = (
-    ("PV shows no answer to OP", STANDS_FAST),
-    ("PV goes as behind a valve with a band, and no nearer cause is named", HAS_BAND),
-    ("look first, the step would be nothing, and the published rule or its fit says stiction", OBJECTED),
-    ("the newest explanation says, likelier than not, that the valve sticks", UNTIL_THEY_AGREE),
+    ("PV shows no answer to OP", Ask.STANDS_FAST),
+    ("PV goes as behind a valve with a band, and no nearer cause is named", Ask.HAS_BAND),
+    ("look first, the step would be nothing, and the published rule or its fit says stiction", Ask.OBJECTED),
+    ("the newest explanation says, likelier than not, that the valve sticks", Ask.UNTIL_THEY_AGREE),
 )
-OF_CANNOT_TELL = (("PV has nothing to do with OP", UNRELATED),)
+OF_CANNOT_TELL = (("PV has nothing to do with OP", Ask.UNRELATED),)
 OF_ANY = (
-    ("OP is the set point of another loop", OUTER),
-    ("the loop's settings say that OP moves no valve", NO_VALVE),
-    ("repaired, and too little recorded since", WAIT),
+    ("OP is the set point of another loop", Ask.OUTER),
+    ("the loop's settings say that OP moves no valve", Ask.NO_VALVE),
+    ("repaired, and too little recorded since", Ask.WAIT),
     (
         "repaired in the last fortnight, and the valve sticks since, rely on it",
         f"That the repair did not help, with its day and its work order: {REOPEN}",
     ),
-    ("shelved, and nothing got worse in kind since", "Wait, until the time that is named."),
+    ("shelved, and nothing got worse in kind since", Ask.WAIT_ON_SHELF),
     ("look first, for too few swings", f"The step for it. {LONGER}: so many hours."),
 )
 
@@ -284,7 +346,7 @@ def as_table() -> str:
         "Valve sticks, and": OF_STICTION,
         "No stiction, and": (*OF_NO_STICTION, *unsure, *causes.values()),
         "Cannot tell, and": (dead, *OF_CANNOT_TELL),
-        "Not auditable, and": (dead, *refused, ("no cause is named", NOT_AUDITABLE)),
+        "Not auditable, and": (dead, *refused, ("no cause is named", Ask.NOT_AUDITABLE)),
         "Whatever the verdict": OF_ANY,
     }
     return "\n\n".join(f"### {title}\n\n{_table(rows)}" for title, rows in parts.items())

@@ -11,6 +11,8 @@ from typing import Any
 
 from app.engine.evidence import Measured
 from app.engine.verdict.wording import figure, is_spoken, sentence
+from app.services.moments import PlantClock
+from app.services.telling.reasons import reasons_of
 
 SHAPE = "shape_"
 MEASURED = "measured"
@@ -23,8 +25,10 @@ _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?: %)?")
 """As engines up to 1.0.0 worded them, whose figures were kept nowhere else."""
 
 _BEGAN_AT = re.compile(r"has been sticking since ([^;]+);")
+"""Of rows without the start of an episode."""
+
 _BAND = re.compile(r"only after OP has gone some (\d\S*) units")
-"""Of rows, which keep the figures of shapes alone."""
+"""Of all rows: the engine tells the size of the band in its sentence alone."""
 
 
 @dataclass(frozen=True)
@@ -83,9 +87,11 @@ def votes(detail: Mapping[str, Any]) -> Votes | None:
     return Votes(said.count("stiction"), said.count("no_stiction")) if said else None
 
 
-def began_at(reasons_text: str | None) -> str:
-    """Since when the valve sticks; empty where the reasons do not tell it."""
-    found = _BEGAN_AT.search(reasons_text or "")
+def began_at(row: Mapping[str, Any], clock: PlantClock) -> str:
+    """Since when the valve sticks, of a row whose reasons say that it began to; empty where it is not known."""
+    if start := row.get("episode_start"):
+        return clock.told(start)
+    found = _BEGAN_AT.search(row.get("reasons_text") or "")
     return found[1] if found else ""
 
 
@@ -106,7 +112,7 @@ def _shape(name: str, found: Measured) -> Shape | None:
 
 def _shapes_of_sentences(codes: str | None, text: str | None) -> dict[str, Shape]:
     """Nothing where the sentences cannot be told apart."""
-    named, told = (codes or "").split(";"), (text or "").split(". ")
+    named, told = (codes or "").split(";"), reasons_of({"reasons": codes, "reasons_text": text})
     found = zip(named, told, strict=True) if len(named) == len(told) else ()
     return {code: _shape_of_sentence(code.removeprefix(SHAPE), told) for code, told in found if code.startswith(SHAPE)}
 

@@ -19,7 +19,7 @@ from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.digests import deliveries
-from app.services.digests.digest import newest_run
+from app.services.digests.digest import Digest, digest_of, newest_run
 from app.services.upkeep import doctor
 from app.services.upkeep.operations import sweep
 from app.storage.tables import audits
@@ -76,6 +76,21 @@ def test_who_has_it_gets_it_again_where_that_is_wanted(
     assert {json.loads(body)["id"] for _, body in receiver.posts} == {
         heads["webhook-id"] for heads, _ in receiver.posts
     }
+
+
+def test_a_digest_is_made_once_for_all_who_get_it(
+    backend: Backend, night: str, receiver: Receiver, mailbox: Mailbox, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[str] = []
+
+    def counted(of: Backend, run: str) -> Digest:
+        made.append(run)
+        return digest_of(of, run)
+
+    monkeypatch.setattr(deliveries, "digest_of", counted)
+    assert sent(backend, night) is ExitCode.DONE
+    assert (len(mailbox.mails), len(receiver.posts)) == (1, 1)
+    assert made == [night]
 
 
 def test_what_is_sent_once_more_keeps_its_new_id_at_every_try(backend: Backend, night: str, receiver: Receiver) -> None:

@@ -18,10 +18,11 @@ from app.services.backend import Backend
 from app.services.digests import deliveries, mailing, webhooks
 from app.services.digests.digest import Digest, as_html, as_json, as_text, digest_of, newest_run, subject
 from app.services.digests.doings import doings
-from app.services.digests.sending import NotSentError, shown
+from app.services.digests.sending import NotSentError, Post, shown
 from app.services.plant.notes import add_note, withdraw_repair
 from app.services.plant.work_list import Work
 from app.services.reports.documents import plant_report
+from app.services.telling.next_steps import Step
 from app.services.upkeep import doctor
 from app.services.upkeep.operations import sweep
 from app.settings import Settings
@@ -95,6 +96,7 @@ def test_it_says_what_to_do_first_in_the_whole_plant(backend: Backend, night: st
     assert text.count("Ask for a stroke test in small steps") == 1
     assert "; work order WO-17; https://loops.example/loops/A1\n" in text
     assert "WO-17" in as_html(found)
+    assert as_json(found)["work"][0]["step"].startswith("Look today")
     assert "<script>" not in as_html(found)
     assert subject(found).startswith("North: 3 valves stick (2 can be relied on), ")
     assert "What to do first" in plant_report(backend)
@@ -189,9 +191,13 @@ def test_what_is_newly_said_to_stick_never_falls_off_the_lists(
     assert "A1" in new
     assert f"  newly said to stick as well: {', '.join(' '.join(tag.split()) for tag in new)}\n" in as_text(found)
     assert subject(found).startswith(f"North: 2 valves stick (2 can be relied on), {len(new)} new (")
-    work = [Work(f"W{k}", None, "stiction", "valve sticks, rely on it", "Do it.", "", "", "") for k in range(19)]
+    steps = [Step("do", "Do it.", f"Do it. Swing {k}.", f"swing {k}") for k in range(19)]
+    work = [
+        Work(f"W{k}", None, "stiction", "valve sticks, rely on it", step, "", "", "") for k, step in enumerate(steps)
+    ]
     (doing,) = doings(work, {"W12", "W13"})
     assert [one.loop for one in doing.loops[:3]] == ["W12", "W13", "W0"]
+    assert (doing.step, doing.loops[2].facts) == ("Do it.", "swing 0")
     assert (len(doing.loops), doing.more) == (15, 4)
     (all_new,) = doings(work, {one.loop for one in work})
     assert (len(all_new.loops), all_new.more) == (19, 0)
@@ -268,7 +274,7 @@ def test_what_a_plant_is_called_stays_text(backend: Backend, night: str) -> None
     assert "<script>" not in as_html(found)
     assert "&lt;script&gt;" in as_html(found)
     hostile = Digest(**(vars(found) | {"plant": HOSTILE}))
-    mail = mailing.message(backend.settings, deliveries.outgoing(hostile, "mailto:you@example.com"), "you@example.com")
+    mail = mailing.message(backend.settings, deliveries.mail_of(hostile, "mailto:you@example.com"), "you@example.com")
     head = mail.as_bytes().partition(b"\r\n\r\n")[0]
     assert b"\nBcc" not in head
     assert mail["To"] == "you@example.com"
@@ -303,7 +309,7 @@ def test_after_the_night_it_goes_to_every_receiver_once(
     told = json.loads(body)
     assert told["id"] == heads["webhook-id"]
     assert told["areas"][0]["loops"][0]["loop"] == "A1"
-    made = deliveries.outgoing(digest_of(backend, night), backend.settings.digest_webhooks)
+    made = deliveries.post_of(digest_of(backend, night), backend.settings.digest_webhooks)
     assert heads["webhook-signature"] == webhooks.signature(SIGNED_WITH, made, int(heads["webhook-timestamp"]))
     sent = list_trail(backend, action=deliveries.ACTION).rows
     assert len(sent) == 2
@@ -312,7 +318,7 @@ def test_after_the_night_it_goes_to_every_receiver_once(
 
 def test_the_signature_is_that_of_the_published_example() -> None:
     # https://github.com/standard-webhooks/standard-webhooks/blob/main/libraries/python/tests/test_webhooks.py
-    made = deliveries.Outgoing("msg_p5jXN8AQM9LWM0D4loKWxJek", "", "", "", b'{"test": 2432232314}')
+    made = Post("msg_p5jXN8AQM9LWM0D4loKWxJek", b'{"test": 2432232314}')
     signed = webhooks.signature("whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw", made, 1614265330)
     assert signed == "v1,g0hM9SsE+OTPJTGt/tmIKtSyZlE3uFJELVlNIOLJ1OE="
 

@@ -1,0 +1,30 @@
+"""What a run came to, and how long its loops took."""
+
+from dataclasses import dataclass
+
+from app.services.auditing.audits import get_audit
+from app.services.backend import Backend
+from app.services.results import AuditView
+from app.storage import plant
+
+
+@dataclass(frozen=True)
+class RunFigures:
+    """What a run came to: verdicts by kind, and how long its loops took."""
+
+    run: AuditView
+    verdicts: dict[str, int]
+    loops: int
+    mean_s: float | None
+    longest_s: float | None
+    total_s: float | None
+    slowest: list[tuple[str, float]]
+
+
+def run_figures(backend: Backend, audit_id: str) -> RunFigures:
+    run = get_audit(backend, audit_id)
+    with backend.database.read() as connection:
+        took = plant.durations(connection, int(run.id))
+        slowest = [(row.tag, row.elapsed_s) for row in plant.slowest(connection, int(run.id), 5)]
+        counted = plant.verdict_counts(connection, int(run.id))
+    return RunFigures(run, counted, took.loops, took.mean, took.longest, took.total, slowest)

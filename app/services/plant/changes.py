@@ -1,0 +1,163 @@
+"""Which verdicts are other ones than before, and why."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from app.engine.long_records.episodes import BEGAN
+from app.services.backend import Backend
+from app.services.moments import PlantClock, iso_utc
+from app.services.plant.evidence_moved import moved, probability_moved
+from app.services.plant.judged import ToManual, to_manual
+from app.services.results import ChangedBy, ChangeView, Kind
+from app.services.telling.repair_sides import BEFORE_REPAIR, SINCE_REPAIR
+from app.services.telling.stored_evidence import began_at
+from app.services.telling.wording import UNANSWERED, WHY_WORDS, cause_words
+from app.storage import plant
+
+LISTED_CHANGES = 200
+FILLED_MORE = 0.05
+FEWER_SAMPLES = 0.8
+SECOND_NIGHT = "said for the second night"
+NEWS_FROM = 0.3
+"""By so much the probability has moved where a change that is not to be relied on is news."""
+LONGER_WORDS = "more was recorded than before"
+OF_REPAIRS = {SINCE_REPAIR, BEFORE_REPAIR}
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What became of verdicts in the newest whole run (and since then), against each loop's verdict before. to_manual:
+    loops that went to manual, whose verdict is the one of before. first: the run is the plant's first, and what is told
+    is what came since."""
+
+    run_id: str | None
+    run_at: str | None
+    rows: list[ChangeView]
+    more: bool
+    compared: bool = True
+    to_manual: Sequence[ToManual] = ()
+    first: bool = False
+
+
+def changes(backend: Backend, limit: int = LISTED_CHANGES) -> Changes:
+    with backend.database.read() as connection:
+        run = plant.last_whole_run(connection)
+        if run is None:
+            return Changes(None, None, [], False)
+        # In a plant's first run every verdict is new: that is no news, but what came since is.
+        first = not plant.any_run_before(connection, run.id)
+        since = run.id + 1 if first else run.id
+        compared = not first or plant.any_run_since(connection, run.id)
+        found = plant.changes(connection, since, limit + 1) if compared else []
+        again = plant.second_nights(connection, run.id, limit) if compared and not first else []
+    rows = quiet_last(
+        [*(change_of(row, backend.clock) for row in found[:limit]), *second_night(again, found, backend.clock)]
+    )
+    manual = to_manual(backend, since, and_since=True) if compared else []
+    return Changes(str(run.id), iso_utc(run.created_at), rows, len(found) > limit, compared, manual, first)
+
+
+def quiet_last(changes: Sequence[ChangeView]) -> list[ChangeView]:
+    """What wavers is listed behind what is news."""
+    return sorted(changes, key=lambda change: change.kind == "wavers")
+
+
+def kind_of(row: Any) -> Kind:
+    """new: it is now said to stick. cured: it was, and now it is said not to. wavers: no news. flipped: any other."""
+    if _wavers(row, _why(row)):
+        return "wavers"
+    if row.verdict == "stiction":
+        return "new"
+    return "cured" if row.verdict_before == "stiction" and row.verdict == "no_stiction" else "flipped"
+
+
+def second_night(again: Sequence[Any], changed: Sequence[Any], clock: PlantClock) -> list[ChangeView]:
+    """Those of `plant.second_nights` that are news, and that have not changed since."""
+    since = {row.tag for row in changed}
+    return [told for row in again if row.tag not in since and (told := of_second_night(row, clock)) is not None]
+
+
+def of_second_night(row: Any, clock: PlantClock) -> ChangeView | None:
+    """A change that wavered the night before and stands: news now. None where it was news then."""
+    before, between = row.probability_before, row.probability_between
+    if None not in (before, between) and abs(between - before) >= NEWS_FROM:
+        return None
+    told = change_of(row, clock)
+    return replace(told, kind="new", because=f"{SECOND_NIGHT}; {told.because}")
+
+
+def change_of(row: Any, clock: PlantClock) -> ChangeView:
+    why = _why(row)
+    verdicts_told = (row.verdict_before, row.verdict, why, _because(why, row, clock))
+    of_now = (row.reasons_text, row.health, row.reliability, row.likely_cause)
+    return ChangeView(row.tag, row.unit, kind_of(row), *verdicts_told, *of_now)
+
+
+def _wavers(row: Any, why: ChangedBy) -> bool:
+    """Whether a change is that of a loop on the edge: not to be relied on, and its probability has hardly moved. A
+    valve that began to stick, and a PV that never answers, are news all the same."""
+    if why not in ("loop", "data") or row.reliability == "reliable" or row.likely_cause == UNANSWERED:
+        return False
+    probabilities = (row.probability_before, row.probability)
+    near = None in probabilities or abs(probabilities[1] - probabilities[0]) < NEWS_FROM
+    return near and BEGAN not in row.reasons.split(";")
+
+
+def _why(row: Any) -> ChangedBy:
+    """Another engine or configuration is the method; a record much poorer, shorter or longer is the data."""
+    if row.verdict_before is None:
+        return "first"
+    if row.engine_changed or row.config_changed:
+        return "method"
+    new = set(row.reasons.split(";")) - set((row.reasons_before or "").split(";"))
+    if OF_REPAIRS & new:
+        return "repair"
+    if BEGAN in new:
+        return "loop"
+    if "not_auditable" in (row.verdict_before, row.verdict):
+        return "auditable"
+    poorer = (row.filled_more or 0.0) > FILLED_MORE
+    shorter = row.samples_ratio is not None and row.samples_ratio < FEWER_SAMPLES
+    resampled = row.interval_ratio is not None and not 0.99 <= row.interval_ratio <= 1.01
+    return "data" if poorer or shorter or resampled or _longer(row) else "loop"
+
+
+def _longer(row: Any) -> bool:
+    return row.samples_ratio is not None and row.samples_ratio > 1 / FEWER_SAMPLES
+
+
+def _because(why: ChangedBy, row: Any, clock: PlantClock) -> str:
+    """Where the record is why, what of it moved most comes first: that more was recorded makes no valve stick."""
+    evidence = moved(row) if why in ("loop", "data") else ""
+    if why == "loop" and not _answers_no_more(row):
+        if BEGAN in row.reasons.split(";"):
+            return _began(row, clock)
+        return evidence or probability_moved(row) or WHY_WORDS["loop"]
+    words = _cause(why, row)
+    return f"{evidence}; {words}" if evidence else words
+
+
+def _answers_no_more(row: Any) -> bool:
+    return bool(row.likely_cause == UNANSWERED != row.likely_cause_before)
+
+
+def _began(row: Any, clock: PlantClock) -> str:
+    start = json.loads(row.extra_json or "{}").get("episode_start")
+    began = began_at({"episode_start": start, "reasons_text": row.reasons_text}, clock)
+    return f"began to stick {began or 'within the record'}"
+
+
+def _cause(why: ChangedBy, row: Any) -> str:
+    if why in ("loop", "data") and _answers_no_more(row):
+        return cause_words(UNANSWERED)
+    if why == "data" and _longer(row):
+        return LONGER_WORDS
+    if why != "auditable":
+        return WHY_WORDS[why]
+    if row.likely_cause == UNANSWERED == row.likely_cause_before:
+        return f"still: {cause_words(UNANSWERED)}"
+    if row.verdict == "not_auditable":
+        return f"cannot be audited now: {cause_words(row.likely_cause or 'data')}"
+    return f"could not be audited before: {cause_words(row.likely_cause_before or 'data')}"

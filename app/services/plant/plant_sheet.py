@@ -1,0 +1,27 @@
+"""What the page of the plant and its report both tell."""
+
+from typing import Any
+
+from app.services.backend import Backend
+from app.services.plant import groups
+from app.services.plant.arrivals import LATE, Arrivals
+from app.services.plant.changes import changes
+from app.services.plant.overview import overview
+from app.services.plant.repaired import repairs
+from app.services.plant.shelving import shelf
+from app.services.plant.silent import of_now
+
+
+def plant_sheet(backend: Backend, reach: Arrivals) -> dict[str, Any]:
+    """By the names of the templates. reach: `arrivals` of now."""
+    seen, changed = overview(backend), changes(backend)
+    newest_run = None if changed.run_id is None else int(changed.run_id)
+    return {
+        "seen": seen,
+        "changed": changed,
+        "arrivals": of_now(backend, newest_run, reach) if seen.audited else [],
+        "late_days": LATE.days,
+        "repairs": repairs(backend),
+        "shelf": shelf(backend),
+        "groups": [group for group in groups.soon(backend) or () if not group.by_chance],
+    }

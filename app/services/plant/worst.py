@@ -1,0 +1,112 @@
+"""The loops that are looked at first: those that want it today, and the worst of the others.
+
+The worst are everywhere those that lack most to full health, times their importance. The page of the plant asks it of
+all loops, as its table and its map do: who sits before it mends tuning and transmitters too. A report or a digest sends
+people to valves: they ask it of those loops alone that stick, may, or show no answer of PV to OP, unit by unit, and say
+so.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from datetime import datetime
+from itertools import groupby
+from typing import Any
+
+from app.services.backend import Backend
+from app.services.plant.changes import Changes
+from app.services.plant.reliability import table
+from app.services.plant.shelving import Shelf, shelf
+from app.services.telling.wording import UNANSWERED
+from app.storage import plant
+from app.storage.verdicts import RowFilter
+
+WORST = 12
+MOST_TODAY = 200
+
+
+def listed_first(
+    backend: Backend, since_ns: int | None, changed: Changes | None = None, shelved: Shelf | None = None
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """What the plant's page lists at its head: the loops to look at today, and the worst of the others."""
+    known = shelf(backend) if shelved is None else shelved
+    today = look_today(backend, changed, since_ns, known)
+    return today, worst(backend, beside={row["loop"] for row in today}, since_ns=since_ns, shelved=known)
+
+
+def look_today(
+    backend: Backend, changed: Changes | None, since_ns: int | None = None, shelved: Shelf | None = None
+) -> list[dict[str, Any]]:
+    """The loops in which PV does not answer OP, those first of which that is news, without those that are shelved;
+    since_ns: as of `worst`."""
+    refused = ("inconclusive", "not_auditable")
+    asked = RowFilter(verdict=refused, likely_cause=UNANSWERED, recorded_from_ns=since_ns)
+    news = {row.loop for row in changed.rows} if changed else set()
+    return sorted(not_shelved(backend, MOST_TODAY, asked, shelved), key=lambda row: row["loop"] not in news)
+
+
+def worst(
+    backend: Backend,
+    limit: int = WORST,
+    beside: Collection[str] = (),
+    since_ns: int | None = None,
+    shelved: Shelf | None = None,
+) -> list[dict[str, Any]]:
+    """The loops at the head of the list by what is missing to full health x importance, without those that are
+    shelved; `beside`: tags of those that are listed elsewhere; since_ns: only loops with a sample as new as that."""
+    rows = not_shelved(backend, limit + len(beside), RowFilter(recorded_from_ns=since_ns), shelved)
+    return [row | {"of_old_record": False} for row in rows if row["loop"] not in beside][:limit]
+
+
+def worst_of_old(
+    backend: Backend, since_ns: int | None, limit: int = WORST, shelved: Shelf | None = None
+) -> list[dict[str, Any]]:
+    """The same of the loops that are left out there: what is said of them is of an old record."""
+    found = [] if since_ns is None else not_shelved(backend, limit, RowFilter(recorded_before_ns=since_ns), shelved)
+    return [row | {"of_old_record": True} for row in found]
+
+
+def complaints_of_units(
+    backend: Backend, since_ns: int | None, shelved: Shelf, each: int
+) -> list[tuple[str | None, list[dict[str, Any]]]]:
+    """Of each unit the worst of the loops that stick, may, or show no answer of PV to OP."""
+    with backend.database.read() as connection:
+        placed = plant.worst_of_units(connection, each, complaints=True, since_ns=since_ns, left_out=shelved.left_out)
+    rows = _rows_of(backend, placed, shelved)
+    return [(unit, list(some)) for unit, some in groupby(rows, lambda row: row["unit"])]
+
+
+def complaints_of_old(
+    backend: Backend, since_ns: int | None, shelved: Shelf, limit: int = WORST
+) -> list[dict[str, Any]]:
+    """The same of those of all units without a sample as new as that."""
+    if since_ns is None:
+        return []
+    with backend.database.read() as connection:
+        placed = plant.worst_of_old(connection, limit, since_ns, shelved.left_out)
+    return [row | {"of_old_record": True} for row in _rows_of(backend, placed, shelved)]
+
+
+def _rows_of(backend: Backend, placed: Sequence[Any], shelved: Shelf) -> list[dict[str, Any]]:
+    """Rows of `table` of these loops, in their order; a loop that was audited or retired meanwhile may be missing."""
+    tags = tuple(row.tag for row in placed)
+    rows = table(backend, len(tags), filters=RowFilter(tags=tags), shelved=shelved).rows if tags else []
+    by_tag = {row["loop"]: row for row in rows}
+    return [by_tag[tag] for tag in tags if tag in by_tag]
+
+
+def nothing_worst(sticking: int, old: bool) -> str:
+    """What is said where no loop is listed as a worst one. sticking: how many verdicts say that the valve sticks; those
+    are shelved, or of old records, which have a list of their own (`old`)."""
+    if not sticking:
+        return "No valve sticks, as far as the records tell."
+    return f"No other valve sticks, as far as the {'newest ' if old else ''}records tell."
+
+
+def not_shelved(
+    backend: Backend, limit: int, asked: RowFilter, shelved: Shelf | None = None, notes_until: datetime | None = None
+) -> list[dict[str, Any]]:
+    """Rows of `table`, the weightiest first, without loops that are shelved; one that is worse than when it was shelved
+    is among them, and says so (`shelved`)."""
+    known = shelf(backend) if shelved is None else shelved
+    wanted = replace(asked, left_out=known.left_out)
+    return table(backend, limit, filters=wanted, shelved=known, notes_until=notes_until).rows
