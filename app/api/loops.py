@@ -16,7 +16,7 @@ from app.http.paths import LoopTag
 from app.http.problems import responses
 from app.services.plant import loops as service
 from app.services.plant.loop_list import written
-from app.services.plant.trend import instant_ns
+from app.services.plant.trend import MOST_POINTS, instant_ns
 from app.services.plant.trend import trend as thinned
 
 router = APIRouter(tags=["loops"])
@@ -26,7 +26,7 @@ Unit = Annotated[str | None, Query(max_length=200, description="Plant unit.")]
 Form = Annotated[Literal["json", "csv"], Query(alias="format", description="json or csv.")]
 WhichRetired = Literal["true", "false", "any"]
 Retired = Annotated[WhichRetired, Query(description="true: retired loops; false: those that are not; any: both.")]
-Points = Annotated[int, Query(ge=2, le=10000, description="About how many points are wanted.")]
+Points = Annotated[int, Query(ge=2, le=MOST_POINTS, description="About how many points are wanted.")]
 Instant = Annotated[IsoTime | None, Query(description="ISO 8601; without an offset it is UTC.")]
 From = Annotated[IsoTime | None, Query(alias="from", description="Another name of start, as explanations have it.")]
 IfMatch = Annotated[str | None, Header(max_length=500, description="ETag of the loop as it is to be changed.")]

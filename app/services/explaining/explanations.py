@@ -27,7 +27,7 @@ from app.storage.loops import LoopRow
 from app.storage.samples import Samples
 
 EARLIEST_NS = -(1 << 63)  # that a time of a sample can hold
-LONGEST_WINDOW_H = 10 * 365 * 24.0
+LONGEST_WINDOW_H = 10 * 365 * 24
 MOST_UNPACKED = 5_000_000
 """Samples of stretches that a window touches, at most: they are unpacked to find those inside."""
 LINE_FIELDS = (
@@ -254,7 +254,7 @@ def _bounds(newest_ns: int, wanted: Wanted, window_h: float) -> tuple[int, int]:
     end_ns = newest_ns if wanted.end is None else instant_ns(wanted.end)
     hours = window_h if wanted.window_h is None else wanted.window_h
     if not 0.0 < hours <= LONGEST_WINDOW_H:
-        raise RequestError("bad_window", f"a window may be up to {LONGEST_WINDOW_H:.0f} hours long, got {hours}")
+        raise RequestError("bad_window", f"a window may be up to {LONGEST_WINDOW_H} hours long, got {hours}")
     start_ns = max(int(end_ns - hours * NS_PER_H), EARLIEST_NS) if wanted.start is None else instant_ns(wanted.start)
     if start_ns >= end_ns:
         raise RequestError("bad_window", f"the window must end after it starts, got {_iso(start_ns)} to {_iso(end_ns)}")
