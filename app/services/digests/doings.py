@@ -30,7 +30,7 @@ class Doing:
     more: int
 
 
-def doings(work: Sequence[Work], new: Collection[str], shown: int = SHOWN) -> list[Doing]:
+def doings(work: Sequence[Work], new: Collection[str]) -> list[Doing]:
     """In the order of the first loop of each; `new`: tags of loops that are newly said to stick, which come first in
     each and are always listed."""
     groups: dict[tuple[str, str, str], list[Asked]] = {}
@@ -39,9 +39,9 @@ def doings(work: Sequence[Work], new: Collection[str], shown: int = SHOWN) -> li
         facts = "; ".join(fact for fact in (one.facts, particular) if fact)
         asked = Asked(one.loop, one.unit, facts, one.loop in new)
         groups.setdefault((one.verdict, one.told, step), []).append(asked)
-    return [_doing(*head, sorted(loops, key=lambda one: not one.new), shown) for head, loops in groups.items()]
+    return [_doing(*head, sorted(loops, key=lambda one: not one.new)) for head, loops in groups.items()]
 
 
-def _doing(verdict: str, told: str, step: str, loops: list[Asked], shown: int) -> Doing:
-    kept = max(shown, sum(one.new for one in loops))
+def _doing(verdict: str, told: str, step: str, loops: list[Asked]) -> Doing:
+    kept = max(SHOWN, sum(one.new for one in loops))
     return Doing(verdict, told, step, loops[:kept], max(len(loops) - kept, 0))

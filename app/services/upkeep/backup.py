@@ -28,7 +28,6 @@ from app.storage.types import now
 SQLITE, POSTGRESQL = "loopaudit.db", "loopaudit.dump"
 MANIFEST, UPLOADS, MOVING = "manifest.json", "uploads", ".moving"
 COPIED_PAGES = 2000
-BLOCK_BYTES = 1 << 20
 NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EACCES)
 
 
