@@ -92,7 +92,7 @@ fuzz: install
 
 # By hand and in a pipeline, beside `make test`: measuring costs what the tests of these parts cost once more.
 coverage: install
-	$(BIN)/coverage run -m pytest -q -p no:cacheprovider tests/ingest tests/storage tests/services/test_uploads.py
+	$(BIN)/coverage run -m pytest -q -p no:cacheprovider tests/ingest tests/storage tests/services/test_uploads.py tests/services/test_same_upload.py tests/services/test_tag_files.py
 	$(BIN)/coverage report --include='app/storage/leases.py,app/storage/items.py,app/storage/uploads.py,app/storage/explanations.py'
 	$(BIN)/coverage report --include='app/ingest/*'
 

@@ -6,7 +6,6 @@ import os
 import re
 from collections.abc import Mapping
 from datetime import time
-from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 from urllib.parse import urlsplit
@@ -385,12 +384,6 @@ def sync_folder(folder: Path) -> None:
         os.fsync(opened)
     finally:
         os.close(opened)
-
-
-@lru_cache(maxsize=1)
-def load_settings() -> Settings:
-    """The settings of this process, from its environment."""
-    return Settings()
 
 
 def use_one_thread() -> None:

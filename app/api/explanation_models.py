@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, Strict
 
 from app.api.models import Name
 from app.http.backend import IsoTime
+from app.services.explaining.explanations import LONGEST_WINDOW_H
 from app.services.explaining.simulations import LARGEST_TRACE
 
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
@@ -40,7 +41,10 @@ class ExplanationIn(BaseModel):
     )
     end: IsoTime | None = Field(None, alias="to", description="End of the window; left out: the newest sample.")
     window_h: Annotated[float, Strict()] | None = Field(
-        None, gt=0, le=87_600, description="Length of the window in hours, up to `to`; not together with `from`."
+        None,
+        gt=0,
+        le=LONGEST_WINDOW_H,
+        description="Length of the window in hours, up to `to`; not together with `from`.",
     )
     trace: TraceIn | None = Field(None, description=f"A simulated trace, at most {LARGEST_TRACE} values.")
     csv: str | None = Field(

@@ -14,9 +14,10 @@ from app.http.backend import Cursor, IsoTime, Limit, Services
 from app.http.parameters import json_alone
 from app.http.paths import LoopTag
 from app.http.problems import responses
+from app.services.moments import ns_of
 from app.services.plant import loops as service
 from app.services.plant.loop_list import written
-from app.services.plant.trend import instant_ns
+from app.services.plant.trend import MOST_POINTS
 from app.services.plant.trend import trend as thinned
 
 router = APIRouter(tags=["loops"])
@@ -26,7 +27,7 @@ Unit = Annotated[str | None, Query(max_length=200, description="Plant unit.")]
 Form = Annotated[Literal["json", "csv"], Query(alias="format", description="json or csv.")]
 WhichRetired = Literal["true", "false", "any"]
 Retired = Annotated[WhichRetired, Query(description="true: retired loops; false: those that are not; any: both.")]
-Points = Annotated[int, Query(ge=2, le=10000, description="About how many points are wanted.")]
+Points = Annotated[int, Query(ge=2, le=MOST_POINTS, description="About how many points are wanted.")]
 Instant = Annotated[IsoTime | None, Query(description="ISO 8601; without an offset it is UTC.")]
 From = Annotated[IsoTime | None, Query(alias="from", description="Another name of start, as explanations have it.")]
 IfMatch = Annotated[str | None, Header(max_length=500, description="ETag of the loop as it is to be changed.")]
@@ -95,14 +96,14 @@ def trend(
 
 
 def refuse_backwards(start: datetime | None, end: datetime | None, named: str = "start") -> None:
-    if start is not None and end is not None and instant_ns(start) > instant_ns(end):
+    if start is not None and end is not None and ns_of(start) > ns_of(end):
         text = f"a window begins before it ends, got {start.isoformat()} to {end.isoformat()}"
         raise RequestValidationError([{"type": "value_error", "loc": ("query", named), "msg": text}])
 
 
 def one_of(name: str, moment: datetime | None, other: datetime | None) -> datetime | None:
     """A bound that has two names; given by both it has to be the same instant."""
-    if moment is not None and other is not None and instant_ns(moment) != instant_ns(other):
+    if moment is not None and other is not None and ns_of(moment) != ns_of(other):
         text = f"given by two names, as {moment.isoformat()} and {other.isoformat()}; give one of them"
         raise RequestValidationError([{"type": "value_error", "loc": ("query", name), "msg": text}])
     return other if moment is None else moment

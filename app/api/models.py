@@ -6,12 +6,9 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from app.http.backend import IsoTime
 from app.services.audit_json.models import KeyFiguresLine, ReliabilityRow, TableRow
-from app.services.plant.loops import MOST_IMPORTANT
-
-MAX_NAME = 200
-
-UploadState = Literal["received", "reading", "done", "failed"]
-AuditState = Literal["planned", "running", "done", "partial", "cancelled"]
+from app.services.plant.loops import KNOWN_TYPES, LONGEST_WORDS, MOST_IMPORTANT
+from app.services.plant.notes import LONGEST_TEXT, LONGEST_WORK_ORDER
+from app.services.results import AuditState, UploadState
 
 
 class Read(BaseModel):
@@ -104,7 +101,7 @@ class LoopOut(Read):
     samples_to: str | None = Field(description="Time of the newest sample, ISO 8601, UTC; null where there is none.")
 
 
-Name = Annotated[str, Field(max_length=MAX_NAME, pattern=r"^[^\x00]*$")]
+Name = Annotated[str, Field(max_length=LONGEST_WORDS, pattern=r"^[^\x00]*$")]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -116,8 +113,7 @@ class LoopPatch(BaseModel):
     unit: Name | None = Field(None, description="Plant unit or area.")
     type: Name | None = Field(
         None,
-        description="flow, pressure, level, temperature, composition, speed, position, other, or one that the plant's "
-        "mapping gave to a loop.",
+        description=f"{', '.join(KNOWN_TYPES)}, or one that the plant's mapping gave to a loop.",
     )
     description: Name | None = Field(None, description="What it controls, in words.")
     importance: Annotated[float, Field(ge=0, le=MOST_IMPORTANT)] = Field(
@@ -152,8 +148,10 @@ class NoteIn(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    text: Annotated[str, Field(max_length=4000)] = Field("", description="What there is to say.")
-    work_order: Annotated[str, Field(max_length=100)] = Field("", description="Number of the work order.")
+    text: Annotated[str, Field(max_length=LONGEST_TEXT)] = Field("", description="What there is to say.")
+    work_order: Annotated[str, Field(max_length=LONGEST_WORK_ORDER)] = Field(
+        "", description="Number of the work order."
+    )
     repaired_at: IsoTime | None = Field(
         None, description="When the loop was repaired; ISO 8601, without an offset it is UTC."
     )

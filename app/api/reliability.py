@@ -21,7 +21,6 @@ from app.services.plant import reliability as service
 from app.services.plant.loops import RETIRED
 from app.services.spreadsheet import csv_lines
 
-LARGEST_PAGE = 20_000
 COLUMNS = tuple(TableRow.model_fields)
 CHOOSABLE = (*COLUMNS, *service.OF_LOOP)
 ELSEWHERE = tuple(name for name in service.sortable() if name not in COLUMNS)
@@ -48,7 +47,7 @@ def parted(given: Any) -> Any:
 class TableQuery(BaseModel):
     """Which rows, in which order; all filters that are given must hold."""
 
-    limit: int = Field(1000, ge=1, le=LARGEST_PAGE, description="Rows a page.")
+    limit: int = Field(1000, ge=1, le=service.MOST_ROWS, description="Rows a page.")
     cursor: str | None = Field(None, max_length=LONGEST_CURSOR, description="`next_cursor` of the page before.")
     sort: str = Field("loop", max_length=60, description=SORTING)
     format: Format = Field(Format.json, description="json or csv.")

@@ -35,7 +35,6 @@ PROCESSES_PAY_FROM_FILES = 8
 NO_SIGNALS = "unknown_layout"
 SHOWN_REJECTS = 3
 INTERRUPTED_WITHIN_S = 0.2
-KNOWN_TO_A_SERVICE = ("unit", "window_start", "window_end", "audited_at", "audit_id")
 
 
 class Format(StrEnum):
@@ -294,7 +293,7 @@ def write_rest(stream: IO[str], format_: Format, audited: list[AuditedFile]) -> 
     if format_ is Format.jsonl or not lines:
         return
     if format_ is Format.csv:
-        from app.services.audit_json.line import reliability_row
+        from app.services.audit_json.line import KNOWN_TO_A_SERVICE, reliability_row
         from app.services.spreadsheet import csv_lines
 
         rows = [reliability_row(line) for line in lines]

@@ -6,7 +6,7 @@ import socket
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -19,6 +19,7 @@ from app.services.addresses import tag_in_url
 
 if TYPE_CHECKING:
     from app.cli.client import ServiceClient
+    from app.client import Audit
     from app.services.demo import DemoExport, DemoLoop
 
 START_WITHIN_S = 180.0
@@ -27,7 +28,6 @@ READ_WITHIN_S = 900.0
 AUDIT_WITHIN_S = 900.0
 STOP_WITHIN_S = 30.0
 NOT_KEPT = ("loopaudit: the demo's service is stopped and removed; `loopaudit demo --serve` keeps its pages up",)
-OPEN_STATES = ("planned", "running")
 
 
 def demo(
@@ -68,8 +68,7 @@ def demo(
 
 def at_the_top(client: "ServiceClient") -> str:
     """The loop with which the plant's page begins."""
-    tag: str = client.get("/v1/reliability", sort="-priority", limit=1)["rows"][0]["loop"]
-    return tag
+    return next(client.reliability(sort="-priority")).loop
 
 
 def where_to_look(url: str, worst: str) -> tuple[str, ...]:
@@ -129,7 +128,7 @@ def stop(process: "subprocess.Popen[bytes]") -> None:
 
 def audited(
     client: "ServiceClient", exports: tuple["DemoExport", ...], loops: tuple["DemoLoop", ...]
-) -> list[dict[str, Any]]:
+) -> list[Mapping[str, Any]]:
     """Uploads the exports, tells units and spans, audits the plant: the rows of the reliability table."""
     from app.cli.upload import send
 
@@ -138,13 +137,11 @@ def audited(
         state = send(client, export.path, READ_WITHIN_S)
         say(f"loopaudit: uploaded {export.path.name}: {len(state['loops'])} loops")
     for loop in loops:
-        client.patch(f"/v1/loops/{tag_in_url(loop.tag)}", loop.what_it_is)
-    run = client.post("/v1/audits", {})
+        client.change_loop(loop.tag, **loop.what_it_is)
+    id_ = client.start_audit().id
     with progress("auditing", len(loops)) as advance:
-        client.until(
-            f"/v1/audits/{run['id']}", lambda s: s["state"] not in OPEN_STATES, Advanced(advance), AUDIT_WITHIN_S
-        )
-    return client.get("/v1/reliability", limit=20000)["rows"]
+        client.until_ended(f"/v1/audits/{id_}", lambda: client.get_audit(id_), Advanced(advance), AUDIT_WITHIN_S)
+    return [row.raw for row in client.reliability()]
 
 
 class Advanced:
@@ -154,8 +151,8 @@ class Advanced:
         self._advance = advance
         self._done = 0
 
-    def __call__(self, state: dict[str, Any]) -> None:
-        done = state["done"] + state["failed"]
+    def __call__(self, run: "Audit") -> None:
+        done = run.done + run.failed
         self._advance(done - self._done)
         self._done = done
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from app.cli.keys import opened
 from app.cli.messages import ExitCode, say
+from app.cli.opening import opened
 from app.errors import RequestError
 
 if TYPE_CHECKING:

@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Iterator
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +12,7 @@ from app.cli.mapping import MappingOption, mapping_bytes
 from app.cli.messages import ExitCode, say
 from app.cli.stamps import DateOrderOption, TimeZoneOption, read_in
 from app.errors import DataError, LoopauditError
+from app.services.moments import moment_of
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -142,7 +142,7 @@ def auditable(loop: "LoopReport") -> bool:
 
 
 def utc(time_ns: int) -> str:
-    return datetime.fromtimestamp(time_ns / 1e9, UTC).strftime("%Y-%m-%d %H:%M:%S")
+    return moment_of(time_ns).strftime("%Y-%m-%d %H:%M:%S")
 
 
 def refused(report: "InspectReport", shown: int = 10) -> Iterator[str]:

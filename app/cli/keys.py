@@ -1,20 +1,17 @@
 """`loopaudit keys`: who may talk to the service."""
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
 from datetime import timedelta
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from app.cli.configuration import load_settings
 from app.cli.messages import ExitCode, say, stdout_console
+from app.cli.opening import opened
 from app.services.access.identity import Role
 
 if TYPE_CHECKING:
     from app.services.access.keys import NewKey
-    from app.services.backend import Backend
     from app.services.moments import PlantClock
 
 cli = typer.Typer(no_args_is_help=True, help="Keys of the service: create, list, revoke, rotate.")
@@ -128,29 +125,3 @@ def show(made: "NewKey", clock: "PlantClock") -> None:
     until = clock.told(made.key.expires_at) if made.key.expires_at else "it is revoked"
     say(f"loopaudit: key {made.key.id} of {made.key.name}, role {made.key.role}, good until {until}. Shown this once:")
     typer.echo(made.text)
-
-
-@contextmanager
-def opened(*, new: bool = False) -> "Iterator[Backend]":
-    """The data base of the settings, brought to this version's tables where it is the embedded one; it is made where it
-    may be `new`. Elsewhere RequestError("no_tables") or ("older_tables") asks for `loopaudit migrate`.
-    """
-    from app.errors import RequestError
-    from app.services.backend import DATABASE_AWAY, Backend
-    from app.services.upkeep.operations import migrate
-    from app.services.upkeep.tables import refuse_missing, refuse_other_tables
-
-    settings = load_settings()
-    if not new:
-        refuse_missing(settings)
-    if not settings.database_url:
-        migrate(settings)
-    backend = Backend.open(settings)
-    try:
-        refuse_other_tables(backend.database)
-        yield backend
-    except DATABASE_AWAY as error:
-        text = f"the data base cannot be used: {getattr(error, 'orig', error)}"
-        raise RequestError("database_away", text) from error
-    finally:
-        backend.close()

@@ -42,7 +42,7 @@ def loops(
         if file is None:
             sys.stdout.write(client.loop_list())
             raise typer.Exit(ExitCode.DONE)
-        done = client.change_loops(_bytes_of(file))
+        done = client.take_loop_list(_bytes_of(file))
     typer.echo(f"{file}\tchanged {done['changed']}\tunchanged {done['unchanged']}\trefused {len(done['refused'])}")
     if done["ignored"]:
         say(f"{file}: not of a loop here, and left out: {', '.join(done['ignored'])}")

@@ -5,13 +5,13 @@ import os
 import socket
 import sys
 import time
-from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from app.cli.configuration import load_settings
 from app.cli.messages import ExitCode, progress, say
+from app.cli.opening import opened
 from app.errors import RequestError
 
 if TYPE_CHECKING:
@@ -45,39 +45,26 @@ def nightly(
     from app.services.access.trail import record
     from app.services.auditing.audits import start_audit
     from app.services.auditing.nightly import nightly as start
-    from app.services.backend import Backend
-    from app.services.upkeep.operations import migrate, refuse_empty
+    from app.services.upkeep.operations import refuse_empty
     from app.services.upkeep.presence import at_work
-    from app.services.upkeep.tables import refuse_missing
 
     settings = load_settings()
-    refuse_missing(settings)
-    if settings.embedded:
-        migrate(settings)
-    backend = Backend.open(settings)
-    try:
-        with at_work(settings):
-            refuse_unready(backend)
-            refuse_empty(backend)
-            run = start(backend, started_by=COMMAND_LINE.who)
-            if run.ended:  # this night's run is done; whoever asks again wants another one
-                run = start_audit(backend, trigger="nightly", started_by=COMMAND_LINE.who)
-            record(backend, COMMAND_LINE, "audit.start", f"/v1/audits/{run.id}", "done")
-            if wait:
-                run = watched(backend, run, timeout_s)
-    finally:
-        backend.close()
+    with opened(settings, migrates=settings.embedded) as backend, at_work(settings):
+        refuse_unready(backend)
+        refuse_empty(backend)
+        run = start(backend, started_by=COMMAND_LINE.who)
+        if run.ended:  # this night's run is done; whoever asks again wants another one
+            run = start_audit(backend, trigger="nightly", started_by=COMMAND_LINE.who)
+        record(backend, COMMAND_LINE, "audit.start", f"/v1/audits/{run.id}", "done")
+        if wait:
+            run = watched(backend, run, timeout_s)
     sys.stdout.write(json.dumps(asdict(run)) + "\n")
     raise typer.Exit(ExitCode.SOME_FAILED if run.failed else ExitCode.DONE)
 
 
 def refuse_unready(backend: "Backend") -> None:
-    from app.services.backend import DATABASE_AWAY
     from app.services.upkeep.operations import readiness
-    from app.services.upkeep.tables import refuse_other_tables
 
-    with suppress(*DATABASE_AWAY):  # which the readiness tells
-        refuse_other_tables(backend.database)
     found = readiness(backend)
     if found.state == "not_ready":
         checks = ", ".join(f"{name} {value}" for name, value in found.checks.items())

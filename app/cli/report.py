@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from app.cli.configuration import load_settings
-from app.cli.keys import opened
 from app.cli.messages import ExitCode, say
+from app.cli.opening import opened
 from app.cli.outputs import written
 from app.errors import RequestError
 

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from app.cli.keys import opened
 from app.cli.messages import ExitCode, stdout_console
+from app.cli.opening import opened
 
 if TYPE_CHECKING:
     from app.services.moments import PlantClock

@@ -1,6 +1,7 @@
 """`loopaudit upload`: sends export files to a running service."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,12 +14,22 @@ from app.cli.stamps import DateOrderOption
 from app.errors import RequestError
 
 if TYPE_CHECKING:
-    from app.cli.client import Reading, ServiceClient
+    from app.cli.client import ServiceClient
+    from app.client import Upload
 
-ENDED = ("done", "failed")
 DEFAULT_URL = "http://127.0.0.1:8000"
 START_S = 30.0
 """So long a service of this machine may take to start."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How the service is to read a file: the plant's tag mapping, the zone of stamps that name none, and what stands
+    first in dates that do not tell."""
+
+    mapping: bytes | None = None
+    time_zone: str | None = None
+    date_order: str | None = None
 
 
 def upload(
@@ -51,7 +62,7 @@ def upload(
 
       loopaudit upload export.csv --mapping tags.csv --time-zone Europe/Berlin --wait
     """
-    from app.cli.client import Reading, ServiceClient
+    from app.cli.client import ServiceClient
 
     files = recording_files(paths)
     how = Reading(mapping_bytes(mapping), time_zone, date_order)
@@ -88,32 +99,32 @@ def await_start(client: "ServiceClient") -> None:
         client.ready(START_S)
 
 
-def send(client: "ServiceClient", file: Path, wait_s: float | None, how: "Reading | None" = None) -> dict[str, Any]:
+def send(client: "ServiceClient", file: Path, wait_s: float | None, how: Reading | None = None) -> Mapping[str, Any]:
     """Uploads one file and, if asked, waits until it is read; raises RequestError where it could not be used."""
     with progress(file.name, file.stat().st_size, bytes_=True) as advance:
-        state = client.upload(file, advance, how)
+        kept = client.upload(file, sent=advance, **vars(how or Reading()))
     if wait_s is not None:
-        seen = once_without_room(file)
-        state = client.until(f"/v1/uploads/{state['id']}", lambda s: s["state"] in ENDED, seen, wait_s)
-    if state["state"] == "failed":
-        raise RequestError("upload_failed", state.get("reason") or "the file could not be used")
-    return state
+        id_, seen = kept.id, once_without_room(file)
+        kept = client.until_ended(f"/v1/uploads/{id_}", lambda: client.get_upload(id_), seen, wait_s)
+    if kept.state == "failed":
+        raise RequestError("upload_failed", kept.reason or "the file could not be used")
+    return kept.raw
 
 
-def once_without_room(file: Path) -> Callable[[dict[str, Any]], None]:
+def once_without_room(file: Path) -> Callable[["Upload"], None]:
     """Says, the first time that it is so, that an upload waits for room: this is no worker that is missing."""
     said = False
 
-    def seen(state: dict[str, Any]) -> None:
+    def seen(upload: "Upload") -> None:
         nonlocal said
-        if state.get("waits_for_room_since") and not said:
+        if upload.waits_for_room_since and not said:
             said = True
             say(f"{file}: waits for room on the disk of the service, which keeps it and tries again")
 
     return seen
 
 
-def report(file: Path, state: dict[str, Any]) -> None:
+def report(file: Path, state: Mapping[str, Any]) -> None:
     """The result on stdout; what was odd and the rows that were refused on stderr, with their lines."""
     typer.echo(f"{file}\t{state['id']}\t{state['state']}\tloops {len(state.get('loops') or ())}")
     for note in state.get("notes") or ():
@@ -122,7 +133,7 @@ def report(file: Path, state: dict[str, Any]) -> None:
         say(f"{file}: line {reject['line']}: {reject['text']} [{reject['code']}]")
 
 
-def holds_no_loop(file: Path, state: dict[str, Any]) -> bool:
+def holds_no_loop(file: Path, state: Mapping[str, Any]) -> bool:
     """Whether it was read to its end without finding a loop; said on stderr."""
     nothing = state["state"] == "done" and not state.get("loops")
     if nothing:
@@ -130,7 +141,7 @@ def holds_no_loop(file: Path, state: dict[str, Any]) -> bool:
     return nothing
 
 
-def came_damaged(file: Path, state: dict[str, Any]) -> bool:
+def came_damaged(file: Path, state: Mapping[str, Any]) -> bool:
     """Whether a part of it could not be read; said on stderr, after the note of what was lost."""
     lost = bool(state.get("damaged"))
     if lost:

@@ -6,6 +6,7 @@ import typer
 
 from app.cli.configuration import load_settings
 from app.cli.messages import ExitCode, say
+from app.cli.opening import opened
 from app.cli.starting import ready_to_work
 from app.errors import RequestError
 
@@ -61,20 +62,10 @@ def beat(until_parent_ends: UntilParentEnds = False) -> None:
 
 def refuse_standstill(settings: "Settings") -> None:
     """A worker that hears nothing looks alive to everyone but the data base: work waits and nobody has taken any."""
-    from app.services.backend import DATABASE_AWAY, Backend
     from app.services.upkeep.metrics import standstill_s
-    from app.services.upkeep.tables import refuse_missing, refuse_other_tables
 
-    refuse_missing(settings)
-    backend = Backend.open(settings)
-    try:
-        refuse_other_tables(backend.database)
+    with opened(settings, migrates=False) as backend:
         waited_s = standstill_s(backend)
-    except DATABASE_AWAY as error:
-        text = f"the data base cannot be used: {getattr(error, 'orig', error)}"
-        raise RequestError("database_away", text) from error
-    finally:
-        backend.close()
     if waited_s > 10 * settings.stalled_s:
         raise RequestError("standstill", f"loops have been waiting for {waited_s:.0f} s and no worker has taken any")
     say("loopaudit: work goes on, or there is none")

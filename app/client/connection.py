@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
+from io import FileIO
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, Protocol, Self, TypeVar
@@ -14,8 +15,13 @@ from app.client.answers import Answer, Audit, Explanation, Group, Loop, LoopsCha
 
 BUSY = (429, 503)
 LONGEST_WAIT_S = 60.0
-POLL_S = 1.0
+PAUSE_S = 1.0
+POLL_S = 0.5
+SLOWEST_WRITE_S = 300.0
+"""A service whose disk is slow takes an export in pauses."""
 PAGE = 1000
+NO_PROBLEM = "no_problem_details"
+"""The code where something else than the service refuses, such as a proxy."""
 
 A = TypeVar("A", bound=Answer)
 
@@ -46,6 +52,19 @@ class NoServiceError(ServiceError):
         super().__init__(0, "no_service", f"{address} does not answer: {told}")
 
 
+class TellingFile(FileIO):
+    """A file that tells how many bytes are taken of it."""
+
+    def __init__(self, path: Path, sent: Callable[[int], None]) -> None:
+        super().__init__(path)
+        self._sent = sent
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        part = super().read(-1 if size is None else size)
+        self._sent(len(part))
+        return part
+
+
 class Client:
     """A connection. `tries`: how often a request is sent while the service says that it is busy."""
 
@@ -60,7 +79,8 @@ class Client:
     ) -> None:
         headers = {"Authorization": f"Bearer {key}"} if key else {}
         # Redirects are not followed: the key would go where the redirect leads.
-        self._http = httpx.Client(base_url=url, headers=headers, timeout=timeout_s, transport=transport)
+        times = httpx.Timeout(timeout_s, write=max(timeout_s, SLOWEST_WRITE_S))
+        self._http = httpx.Client(base_url=url, headers=headers, timeout=times, transport=transport)
         self._tries = max(1, tries)
 
     def __enter__(self) -> Self:
@@ -173,18 +193,20 @@ class Client:
         self,
         file: Path | str,
         *,
-        mapping: Path | str | None = None,
+        mapping: Path | str | bytes | None = None,
         time_zone: str | None = None,
         date_order: str | None = None,
+        sent: Callable[[int], None] = lambda _: None,
     ) -> Upload:
         """Sends an export; the same content, read in the same way, is the same upload.
 
-        mapping: a file (CSV or JSON) that says which tag is which signal of which loop. time_zone: of stamps that name
-        none (IANA). date_order: `day` or `month`, what stands first in dates that can be read in both orders.
+        mapping: a file (CSV or JSON), or what it holds, that says which tag is which signal of which loop. time_zone:
+        of stamps that name none (IANA). date_order: `day` or `month`, what stands first in dates that can be read in
+        both orders. sent: told how many bytes go out, part by part.
         """
         path = Path(file)
-        tags = None if mapping is None else Path(mapping).read_bytes()
-        with path.open("rb") as stream:
+        tags = Path(mapping).read_bytes() if isinstance(mapping, Path | str) else mapping
+        with TellingFile(path, sent) as stream:
             told = _given({"filename": path.name, "time_zone": time_zone, "date_order": date_order})
             return Upload.of(self._asked("POST", "/v1/uploads", params=told, **_body(stream, tags)))
 
@@ -282,7 +304,7 @@ def _given(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _pause_s(answer: httpx.Response) -> float:
     told = answer.headers.get("Retry-After", "")
-    return min(float(told), LONGEST_WAIT_S) if told.isdigit() else POLL_S
+    return min(float(told), LONGEST_WAIT_S) if told.isdigit() else PAUSE_S
 
 
 def _refusal(answer: httpx.Response) -> ServiceError:
@@ -293,5 +315,5 @@ def _refusal(answer: httpx.Response) -> ServiceError:
         told = None
     told = told if isinstance(told, dict) else {}
     return ServiceError(
-        answer.status_code, str(told.get("code", "no_problem_details")), str(told.get("detail", answer.reason_phrase))
+        answer.status_code, str(told.get("code", NO_PROBLEM)), str(told.get("detail", answer.reason_phrase))
     )

@@ -7,7 +7,7 @@ from starlette.datastructures import Headers
 from starlette.requests import cookie_parser
 from starlette.types import Scope
 
-from app.http.permissions import READING, Matched, Permission
+from app.http.permissions import READING, Permission
 
 SESSION = "loopaudit_session"
 SECURE_SESSION = f"__Host-{SESSION}"  # browsers take it over https only, and from no other host
@@ -17,7 +17,6 @@ SECURE_SESSION = f"__Host-{SESSION}"  # browsers take it over https only, and fr
 class Asked:
     scope: Scope
     headers: Headers
-    matched: Matched
     permission: Permission
 
     @property

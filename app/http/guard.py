@@ -63,7 +63,7 @@ class Guard:
             raise self._no_route(scope)
         if matched.permission is None:
             raise Refusal(403, "route_not_listed", f"{matched.path} has no entry in the table of permissions")
-        asked = Asked(scope, headers, matched, matched.permission)
+        asked = Asked(scope, headers, matched.permission)
         if asked.changes and crosses_sites(headers):
             raise Refusal(403, "cross_site", "a page of another site sent this; only pages of this service may")
         identity = await self._callers.identified(asked, closed=closed)

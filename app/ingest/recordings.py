@@ -8,9 +8,9 @@ from types import MappingProxyType
 import numpy as np
 
 from app.engine.recording import Recording
-from app.ingest.align import align, carried
+from app.ingest.align import carried
 from app.ingest.exports.reading import read_export
-from app.ingest.model import FloatArray, IngestOptions, LoopSamples, Reject, SignalBlock, TimeArray
+from app.ingest.model import FloatArray, IngestOptions, LoopSamples, Reject, TimeArray
 from app.ingest.tags.grouping import TagMapping
 from app.nanoseconds import NS_PER_S
 
@@ -35,14 +35,14 @@ class RecordingsRead:
 
 
 def read_recordings(
-    path: Path, *, filename: str | None = None, mapping: TagMapping | None = None, options: IngestOptions | None = None
+    path: Path, *, mapping: TagMapping | None = None, options: IngestOptions | None = None
 ) -> RecordingsRead:
     """Every loop of a file that has PV and OP, as a recording; a file of one loop names it by the file, one of
     several by file and loop.
 
     Raises DataError where the file is no export at all.
     """
-    export = read_export(path, filename=filename, mapping=mapping, options=options)
+    export = read_export(path, mapping=mapping, options=options)
     loops = {samples.loop: samples for samples in export.loops()}
     audited = {loop: samples for loop, samples in loops.items() if samples.pv is not None and samples.op is not None}
     single = len(audited) == 1
@@ -120,4 +120,4 @@ def _flags(automatic: np.ndarray) -> np.ndarray:
     return np.where(np.isnan(held), first, held) == 1
 
 
-__all__ = ["RecordingsRead", "SignalBlock", "align", "read_recordings", "second_zero_ns", "to_recording"]
+__all__ = ["RecordingsRead", "read_recordings", "second_zero_ns", "to_recording"]

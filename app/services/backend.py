@@ -1,12 +1,15 @@
 """What every service works with: the settings, the data base and the queue of one process."""
 
 import errno
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 
 from sqlalchemy.exc import InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as NoFreeConnection
 
+from app.errors import RequestError
 from app.queue import Queue
 from app.services.moments import PlantClock
 from app.settings import Settings
@@ -16,6 +19,18 @@ from app.storage.row_texts import RowTexts
 
 DATABASE_AWAY = (OperationalError, InterfaceError, NoFreeConnection)
 """What every service raises where the data base does not answer or ends the statement."""
+
+
+@contextmanager
+def away_in_words(*errors: type[Exception]) -> Iterator[None]:
+    """Where the data base is away, or one of `errors` is raised, RequestError("database_away") says so to who called a
+    command."""
+    away: tuple[type[Exception], ...] = (*DATABASE_AWAY, *errors)
+    try:
+        yield
+    except away as error:
+        text = f"the data base cannot be used: {getattr(error, 'orig', None) or error}"
+        raise RequestError("database_away", text) from error
 
 
 def commit_lost(error: Exception) -> bool:

@@ -8,6 +8,8 @@ EPOCH = datetime.fromtimestamp(0, UTC)
 FIRST_DATED = datetime(1971, 1, 1, tzinfo=UTC)
 """No export is read to have dates before it: what stands there counts from a start that nobody told, each loop from its
 own."""
+FARTHEST_NS = 9 * 10**18
+"""The years 1684 to 2255: in 64 bits, with room for the day before a time."""
 NO_DATE = "no date"
 
 
@@ -96,8 +98,10 @@ def moment_of(time_ns: int) -> datetime:
 
 
 def ns_of(moment: datetime) -> int:
-    """Nanoseconds since 1970, UTC."""
-    return span_ns(moment - EPOCH)
+    """Nanoseconds since 1970, UTC, exact; without an offset the moment is UTC. Beyond what the time of a sample can be
+    it is the end of that: nothing lies outside of it anyway."""
+    aware = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+    return max(-FARTHEST_NS, min(FARTHEST_NS, span_ns(aware - EPOCH)))
 
 
 def span_ns(span: timedelta) -> int:

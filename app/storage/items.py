@@ -88,14 +88,6 @@ def fail(connection: Connection, failures: Sequence[Failure]) -> None:
     connection.execute(one, [_failed(failure) for failure in failures])
 
 
-def release(connection: Connection, claims: Sequence[Claim]) -> None:
-    """Gives claims back untried, as when a worker is told to stop."""
-    if claims:
-        connection.execute(
-            _held(claims).values(state="open", owner=None, lease_until_s=None, attempts=audit_items.c.attempts - 1)
-        )
-
-
 def reopen_expired(connection: Connection, max_attempts: int, lease_s: float) -> Reopened:
     """Takes loops back whose lease has ended; those that were tried too often are failed(worker_lost)."""
     lost = f"the worker was lost {max_attempts} times while it audited this loop"

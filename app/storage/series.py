@@ -186,14 +186,6 @@ def pieces(connection: Connection, loop_id: int, start_ns: int, end_ns: int, mos
     return list(zip(cuts, [*(cut - 1 for cut in cuts[1:]), end_ns], strict=True))
 
 
-def extent(connection: Connection, loop_id: int) -> tuple[int, int] | None:
-    """Times of a loop's first and newest sample."""
-    row = connection.execute(
-        select(func.min(series.c.start_ns), func.max(series.c.end_ns)).where(series.c.loop_id == loop_id)
-    ).one()
-    return None if row[0] is None else (row[0], row[1])
-
-
 def _touches(loop_id: int, start_ns: int, end_ns: int) -> tuple[ColumnElement[bool], ...]:
     return series.c.loop_id == loop_id, series.c.end_ns >= start_ns, series.c.start_ns <= end_ns
 

@@ -6,6 +6,7 @@ import threading
 import time
 from http.server import BaseHTTPRequestHandler, HTTPServer
 
+import httpx
 import numpy as np
 import pytest
 from scipy.io import savemat
@@ -14,7 +15,8 @@ from typer.testing import CliRunner, Result
 from app.cli.client import ServiceClient
 from app.cli.main import main
 from app.cli.serve import asks_for_keys
-from app.cli.upload import START_S, await_start, once_without_room, report
+from app.cli.upload import START_S, await_start, once_without_room, report, send
+from app.client import Upload
 from app.errors import RequestError
 from app.main import create_app
 from app.services.backend import Backend
@@ -299,12 +301,54 @@ def test_upload_waits_for_a_service_of_this_machine_that_starts(monkeypatch, cap
     assert f"nothing answers at http://127.0.0.1:{port} yet; waiting up to 30 s" in capsys.readouterr().err
 
 
+def answering(*answers: httpx.Response) -> ServiceClient:
+    left = iter(answers)
+    return ServiceClient("http://server", transport=httpx.MockTransport(lambda _: next(left)))
+
+
+@pytest.mark.parametrize("later", ["0", "Thu, 01 Jan 2026 00:00:00 GMT"])
+def test_a_service_that_is_busy_while_it_is_polled_fails_no_file(tmp_path, monkeypatch, later):
+    monkeypatch.setattr("app.client.connection.PAUSE_S", 0.0)
+    (tmp_path / "plant.csv").write_text(WIDE)
+    busy = httpx.Response(503, headers={"Retry-After": later}, json={"code": "database_away", "detail": "try again"})
+    stored, read = ({"id": "7", "state": state, "loops": []} for state in ("received", "done"))
+    with answering(busy, httpx.Response(202, json=stored), busy, httpx.Response(200, json=read)) as client:
+        assert send(client, tmp_path / "plant.csv", 60.0) == read
+
+
+@pytest.mark.parametrize(
+    ("answer", "code", "message"),
+    [
+        (
+            httpx.Response(404, json={"code": "unknown_upload", "detail": "there is none"}),
+            "unknown_upload",
+            "there is none",
+        ),
+        (httpx.Response(502, text="<html>"), "http_502", "Bad Gateway"),
+    ],
+)
+def test_what_the_service_or_a_proxy_refuses_is_told_with_its_code(answer, code, message):
+    with answering(answer) as client, pytest.raises(RequestError) as refusal:
+        client.get_upload("7")
+    assert (refusal.value.code, refusal.value.message) == (code, message)
+
+
+def test_an_upload_that_does_not_end_in_time_is_said():
+    stored = httpx.Response(200, json={"id": "7", "state": "reading"})
+    with (
+        answering(stored) as client,
+        pytest.raises(RequestError, match="/v1/uploads/7 has not ended after 0 s") as late,
+    ):
+        client.until_ended("/v1/uploads/7", lambda: client.get_upload("7"), lambda _: None, 0.0)
+    assert late.value.code == "timeout"
+
+
 def test_upload_waits_for_no_service_of_another_machine():
     with ServiceClient("http://plant.example:8000") as client:
         assert not client.local
 
 
-@pytest.mark.parametrize("url", ["not an address", "http://[", "ftp://127.0.0.1"])
+@pytest.mark.parametrize("url", ["not an address", "http://[", "ftp://127.0.0.1", "http://127.0.0.1:http"])
 def test_upload_to_no_address_is_2(tmp_path, monkeypatch, capsys, url):
     (tmp_path / "plant.csv").write_text(WIDE)
     code, _, err = as_program(monkeypatch, capsys, "upload", tmp_path, "--url", url)
@@ -417,8 +461,8 @@ def test_a_check_without_tables_is_one_line(tmp_path, monkeypatch, capsys):
 def test_an_upload_that_waits_for_room_is_told_once(tmp_path, capsys):
     seen = once_without_room(tmp_path / "night.csv")
     for since in (None, "2026-01-31T03:00:00Z", "2026-01-31T03:00:00Z"):
-        seen({"id": "7", "state": "received", "waits_for_room_since": since})
-    seen({"id": "7", "state": "done"})
+        seen(Upload.of({"id": "7", "state": "received", "waits_for_room_since": since}))
+    seen(Upload.of({"id": "7", "state": "done"}))
     told = capsys.readouterr().err.splitlines()
     assert len(told) == 1
     assert "night.csv: waits for room on the disk" in told[0]

@@ -53,6 +53,15 @@ def test_a_data_base_without_tables_is_told_in_a_line(
     assert (done.returncode, done.stdout, done.stderr) == (2, "", NOT_MIGRATED)
 
 
+@pytest.mark.parametrize("command", [("worker", "--check"), ("nightly",), ("trail",)], ids=" ".join)
+def test_a_data_base_that_is_away_is_told_in_words(tmp_path: Path, command: tuple[str, ...]) -> None:
+    servers = {"database_url": "postgresql://127.0.0.1:1/nobody", "broker_url": "redis://127.0.0.1:1/0"}
+    done = run(*command, data_dir=tmp_path, **servers)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("loopaudit: the data base cannot be used: ")
+    assert done.stderr.endswith(" [database_away]\n")
+
+
 @pytest.mark.postgres
 @pytest.mark.parametrize("command", [*AT_THE_BASE[:4], ("keys", "list")], ids=" ".join)
 def test_tables_of_an_older_version_are_refused(

@@ -217,9 +217,11 @@ def test_a_busy_service_is_asked_again_with_the_whole_body(tmp_path):
         busy = len(bodies) == 1
         return httpx.Response(503, headers={"Retry-After": "0"}) if busy else httpx.Response(202, json={"id": "7"})
 
+    told: list[int] = []
     with Client("http://server", transport=httpx.MockTransport(answer)) as client:
-        assert client.upload(file).id == "7"
+        assert client.upload(file, sent=told.append).id == "7"
     assert bodies == [file.read_bytes()] * 2
+    assert sum(told) == 2 * len(file.read_bytes())
 
 
 def test_a_service_that_stays_busy_is_told_as_such():

@@ -1,7 +1,5 @@
 """A small plant whose loops have samples."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from sqlalchemy import update
@@ -11,11 +9,10 @@ from app.storage import loops, series
 from app.storage.samples import Samples
 from app.storage.series import Stretch
 from app.storage.tables import loops as loops_table
+from tests.services.audited_plant import AddLoops, audited
 
 MINUTE = 60_000_000_000
 START_NS = 1_750_000_000_000_000_000
-
-AddLoops = Callable[..., dict[str, int]]
 
 
 @pytest.fixture
@@ -40,3 +37,12 @@ def add_loops(backend: Backend, warm_kernels: None) -> AddLoops:
         return ids
 
     return add
+
+
+@pytest.fixture
+def two_runs(backend: Backend, add_loops: AddLoops) -> tuple[dict[str, int], int]:
+    """Four loops audited twice, with the ids of the loops and of the first run."""
+    ids = add_loops("A", "B", "C", "D", n=600, unit="U1")
+    first = audited(backend)
+    audited(backend)
+    return ids, first

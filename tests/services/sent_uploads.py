@@ -1,4 +1,8 @@
-"""An export of two loops, sent and read, for the tests of uploads."""
+"""An export of two loops, and files of one tag, sent and read, for the tests of uploads."""
+
+import gzip
+from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 from sqlalchemy import update
@@ -19,6 +23,17 @@ def export(rows: int = 200, start: int = 1_750_000_000, spoiled: bool = False) -
     if spoiled:
         lines[5] = f"{start + 4},Bad Input,40,50,1,1\n"
     return "".join(lines).encode()
+
+
+def of_one_tag(values: Sequence[str], shift_s: int = 0) -> bytes:
+    """A file without a row of names, a value a minute: its tag is its name."""
+    start = datetime(2026, 3, 1, tzinfo=UTC) + timedelta(seconds=shift_s)
+    return "".join(f"{start + timedelta(minutes=i):%Y-%m-%d %H:%M:%S},{v}\n" for i, v in enumerate(values)).encode()
+
+
+def packed(data: bytes, at_s: int = 1) -> bytes:
+    """gzip stamps the time, so that whoever packs once more sends other bytes."""
+    return gzip.compress(data, mtime=at_s)
 
 
 def send(backend: Backend, data: bytes, name: str = "night.csv", options: ReadingOptions | None = None) -> UploadView:

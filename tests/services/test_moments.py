@@ -4,7 +4,7 @@ from datetime import UTC, datetime, timedelta, timezone
 
 import pytest
 
-from app.services.moments import PlantClock, epoch_ms, iso_utc
+from app.services.moments import FARTHEST_NS, PlantClock, epoch_ms, iso_utc, moment_of, ns_of
 
 MOMENTS = [
     datetime(2026, 11, 21, 12, 0, 29, 865_700, tzinfo=UTC),
@@ -13,6 +13,13 @@ MOMENTS = [
     datetime(2026, 11, 21, 14, 0, 29, 500, tzinfo=timezone(timedelta(hours=2))),
     datetime(1969, 12, 31, 23, 59, 59, 999_400, tzinfo=UTC),
 ]
+NANOSECONDS = [
+    1_795_262_429_865_700_000,
+    1_795_262_429_999_999_000,
+    1_795_262_429_000_000_000,
+    1_795_262_429_000_500_000,
+    -600_000,
+]
 
 
 @pytest.mark.parametrize("moment", MOMENTS)
@@ -20,6 +27,18 @@ def test_milliseconds_are_those_of_the_written_time(moment):
     written = datetime.fromisoformat(iso_utc(moment) or "")
     assert epoch_ms(moment) == round(written.timestamp() * 1000)
     assert timedelta(0) <= moment - written < timedelta(milliseconds=1)
+
+
+@pytest.mark.parametrize(("moment", "ns"), list(zip(MOMENTS, NANOSECONDS, strict=True)))
+def test_nanoseconds_are_exact(moment, ns):
+    assert ns_of(moment) == ns
+    assert moment_of(ns) == moment
+
+
+def test_beyond_the_times_of_samples_nanoseconds_are_their_ends():
+    last = datetime(9999, 12, 31, tzinfo=timezone(timedelta(hours=-12)))
+    assert (ns_of(datetime.min), ns_of(last)) == (-FARTHEST_NS, FARTHEST_NS)
+    assert ns_of(datetime(1970, 1, 2)) == 86_400 * 10**9
 
 
 @pytest.mark.parametrize(

@@ -456,6 +456,17 @@ def _audit(backend: Backend) -> str:
     return run.id
 
 
+def test_a_trend_from_and_to_the_stamp_of_a_sample_holds_it(backend: Backend) -> None:
+    """In floats a bound was up to 100 ns off, and the sample that was named was left out."""
+    start_ns = 1_769_828_400_007_000_000  # 2026-01-31T03:00:00.007Z
+    with backend.database.write() as connection:
+        ids = stored_loops.ensure(connection, ["FIC1"])
+        samples = Samples(start_ns + 1_237_000_000 * np.arange(40), {"pv": np.arange(40.0)})
+        series.add(connection, [Stretch(ids["FIC1"], samples)], None)
+    stamps = [datetime.fromisoformat(stamp) for stamp in trend(backend, "FIC1").time]
+    assert [trend(backend, "FIC1", start=stamp, end=stamp).pv for stamp in stamps] == [[k] for k in range(40)]
+
+
 def test_a_trend_of_any_instants_is_told(backend: Backend, add_loops: AddLoops) -> None:
     add_loops("FIC1", n=150)
     first, last = datetime.min.replace(tzinfo=timezone(timedelta(hours=14))), datetime.max.replace(tzinfo=UTC)

@@ -1,11 +1,7 @@
-"""Uploads: acknowledged only when stored, the same content once, read with the same effect however often."""
+"""Uploads: acknowledged only when stored, read with the same effect however often."""
 
-import gzip
-import hashlib
 import threading
 import time
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -14,27 +10,17 @@ import numpy as np
 import pytest
 from sqlalchemy import Engine, event, func, select, update
 
-from app.engine.recording import Recording
 from app.errors import LoopauditError, NotFoundError
-from app.services.auditing import audits, chunks
 from app.services.backend import Backend
-from app.services.intake import content, reading, uploads
+from app.services.intake import reading, uploads
 from app.services.intake.uploads import ReadingOptions
 from app.services.plant import loops
-from app.services.plant.trend import trend
 from app.services.upkeep import operations
-from app.storage import loops as stored_loops
-from app.storage import samples, series
+from app.storage import samples
 from app.storage import uploads as stored
 from app.storage.tables import series as series_table
 from app.storage.tables import uploads as uploads_table
-from tests.services.sent_uploads import expire, export, read, send
-
-
-def of_one_tag(values: Sequence[str], shift_s: int = 0) -> bytes:
-    """A file without a row of names, a value a minute: its tag is its name."""
-    start = datetime(2026, 3, 1, tzinfo=UTC) + timedelta(seconds=shift_s)
-    return "".join(f"{start + timedelta(minutes=i):%Y-%m-%d %H:%M:%S},{v}\n" for i, v in enumerate(values)).encode()
+from tests.services.sent_uploads import expire, export, packed, read, send
 
 
 def test_samples_are_packed_before_the_transaction_that_stores_them(
@@ -73,228 +59,12 @@ def test_a_new_upload_is_told_to_a_worker_at_once_and_the_same_again_is_not(back
     assert told == [1]
 
 
-def test_the_same_content_under_the_same_name_is_the_same_upload(backend: Backend) -> None:
-    data = export()
-    first = send(backend, data)
-    with uploads.receive(backend, filename="C:\\exports\\night.CSV") as receiving:
-        receiving.write(data)
-        receipt = receiving.commit()
-    assert (receipt.upload.id, receipt.created) == (first.id, False)
-    assert len(list(backend.settings.uploads_dir.iterdir())) == 1
-
-
-def test_content_that_names_its_tags_is_the_same_upload_under_another_name(backend: Backend) -> None:
-    first = send(backend, export())
-    with uploads.receive(backend, filename="other name.csv") as receiving:
-        receiving.write(export())
-        again = receiving.commit()
-    assert (again.upload.id, again.upload.filename, again.created) == (first.id, "night.csv", False)
-    assert len(list(backend.settings.uploads_dir.iterdir())) == 1
-    assert read(backend, send(backend, export(), name="third.csv")).id == first.id
-    berlin = ReadingOptions(time_zone="Europe/Berlin")
-    elsewhere = send(backend, export(), name="third.csv", options=berlin)
-    assert elsewhere.id != first.id
-    assert send(backend, export(), name="fourth.csv", options=berlin).id == elsewhere.id
-
-
-def test_content_that_is_known_is_the_same_upload_without_a_name(backend: Backend) -> None:
-    """A raw body after a multipart form: nothing says that it is of another loop."""
-    bare = export().replace(b"LIC2.", b"X").replace(b"FIC1.", b"")
-    named = send(backend, bare, name="FIC7.csv")
-    assert send(backend, bare, name="").id == named.id
-    assert send(backend, packed(bare), name="").id == named.id
-    other = send(backend, bare, name="FIC8.csv")
-    assert other.id != named.id
-    assert send(backend, bare, name="").id == named.id
-    berlin = ReadingOptions(time_zone="Europe/Berlin")
-    nameless = send(backend, bare, name="", options=berlin)
-    assert nameless.filename == f"upload-{nameless.fingerprint[:12]}"
-    assert send(backend, bare, name="", options=berlin).id == nameless.id
-    assert send(backend, bare, name="FIC9.csv", options=berlin).id != nameless.id
-
-
-@pytest.mark.parametrize("known", [False, True])
-def test_content_without_a_name_that_comes_several_times_at_once_is_one_upload(backend: Backend, known: bool) -> None:
-    bare = export().replace(b"LIC2.", b"X").replace(b"FIC1.", b"")
-    first = {send(backend, bare, name="FIC7.csv").id} if known else set()
-    with ThreadPoolExecutor(8) as threads:
-        ids = set(threads.map(lambda _: send(backend, bare, name="").id, range(16)))
-    assert len(ids | first) == 1
-    assert len(uploads.list_uploads(backend).rows) == 1
-
-
 def test_an_upload_that_came_damaged_says_so(backend: Backend) -> None:
     whole, cut = packed(export(2000)), packed(export(2000))[:-400]
     assert not read(backend, send(backend, whole)).damaged
     done = read(backend, send(backend, cut, name="cut.csv.gz"))
     assert (done.state, done.damaged, done.error_code) == ("done", True, None)
     assert [upload.damaged for upload in uploads.list_uploads(backend).rows] == [True, False]
-
-
-def test_content_that_cannot_be_read_is_the_same_upload_under_another_name(backend: Backend) -> None:
-    assert send(backend, b"\0\1\2", name="a.csv").id == send(backend, b"\0\1\2", name="b.csv").id
-
-
-def test_a_loop_without_a_name_is_another_upload_under_another_name(backend: Backend) -> None:
-    bare = export().replace(b"LIC2.", b"X").replace(b"FIC1.", b"")
-    first, other = (read(backend, send(backend, bare, name=f"{name}.csv")) for name in ("FIC7", "FIC8"))
-    assert (first.loops, other.loops) == (["FIC7"], ["FIC8"])
-    mapping = ReadingOptions(mapping=b"tag,loop,signal\nPV,A,PV\nOP,A,OP\nSP,A,SP\nMODE,A,MODE\n")
-    assert (
-        send(backend, bare, name="x.csv", options=mapping).id == send(backend, bare, name="y.csv", options=mapping).id
-    )
-
-
-def test_the_same_bytes_are_another_tag_under_another_name(backend: Backend) -> None:
-    same = of_one_tag(["50.0"] * 60)
-    done = [read(backend, send(backend, same, name=f"{loop}.SP.csv")) for loop in ("FIC201", "FIC202")]
-    assert [(upload.loops, upload.samples_added) for upload in done] == [(["FIC201"], 60), (["FIC202"], 60)]
-
-
-@pytest.mark.parametrize("last", ["MODE", "PV"])
-@pytest.mark.parametrize("modes", [["0"] * 300, ["MAN"]], ids=["every_scan", "when_it_changes"])
-def test_a_mode_in_a_file_of_its_own_counts_in_the_audit(
-    backend: Backend, warm_kernels: None, modes: list[str], last: str
-) -> None:
-    steps = np.arange(300)
-    signals = {
-        "PV": (50 + 2 * np.sin(steps / 6 - 0.8)).astype(str),
-        "OP": (40 + 5 * np.sin(steps / 6)).astype(str),
-        "MODE": modes,
-    }
-    for name in sorted(signals, key=last.__eq__):
-        shift_s = -7 if len(signals[name]) == 1 else 0
-        sent = send(backend, of_one_tag(signals[name], shift_s), name=f"FIC204.{name}.csv")
-        done = read(backend, sent)
-        assert (done.loops, done.samples_added) == (["FIC204"], len(signals[name]))
-    run = audits.start_audit(backend)
-    chunks.audit_chunk(backend, int(run.id), "w")
-    line = loops.loop_health(backend, "FIC204")
-    assert (line["verdict"], line["automatic_share"]) == ("not_auditable", 0.0)
-    assert line["reasons"] == "not_in_automatic"
-
-
-def stored_record(backend: Backend, tag: str, hours: float) -> Recording:
-    with backend.database.read() as connection:
-        row = stored_loops.by_tag(connection, tag)
-        samples = series.windows(connection, [row.id], hours, 100_000)[row.id]
-    return chunks.recording_of(row, samples)
-
-
-@pytest.mark.parametrize("last", ["SP", "PV"])
-def test_a_set_point_stored_when_it_changes_holds_over_uploads(backend: Backend, last: str) -> None:
-    changes = f"{of_one_tag(['48'], -86_400 * 90).decode()}{of_one_tag(['50'], 30).decode()}".encode()
-    files = {"SP": changes, "PV": of_one_tag(["1.5"] * 120), "OP": of_one_tag(["2.5"] * 120)}
-    for name in sorted(files, key=last.__eq__):
-        read(backend, send(backend, files[name], name=f"FIC7.{name}.csv"))
-    record = stored_record(backend, "FIC7", 24.0)
-    assert record.sp is not None
-    assert record.sp.tolist() == [48.0] + [50.0] * 119
-    assert stored_record(backend, "FIC7", 1.0).sp.tolist() == [50.0] * 61
-
-
-def test_a_mode_that_changed_long_before_the_window_is_known(backend: Backend, warm_kernels: None) -> None:
-    steps = np.arange(300)
-    read(backend, send(backend, of_one_tag(["AUTO", "MAN"], -86_400 * 30), name="FIC8.MODE.csv"))
-    read(backend, send(backend, of_one_tag((50 + np.sin(steps / 6)).astype(str)), name="FIC8.PV.csv"))
-    read(backend, send(backend, of_one_tag((40 + np.cos(steps / 6)).astype(str)), name="FIC8.OP.csv"))
-    run = audits.start_audit(backend)
-    chunks.audit_chunk(backend, int(run.id), "w")
-    line = loops.loop_health(backend, "FIC8")
-    assert (line["verdict"], line["reasons"], line["automatic_share"]) == ("not_auditable", "not_in_automatic", 0.0)
-
-
-def test_a_trend_shows_the_set_point_that_holds(backend: Backend) -> None:
-    read(backend, send(backend, of_one_tag(["48"], -86_400 * 30), name="FIC9.SP.csv"))
-    read(backend, send(backend, of_one_tag(["1.5"] * 5), name="FIC9.PV.csv"))
-    shown = trend(backend, "FIC9", points=100)
-    assert shown.sp == [48.0] * 5
-    assert shown.sp_held_since == "2026-01-30T00:00:00Z"
-    assert shown.mode_held_since is None
-
-
-def test_a_set_point_that_is_no_longer_exported_ceases_to_hold(backend: Backend, warm_kernels: None) -> None:
-    steps = np.arange(300)
-    for name, values in (("PV", 50 + np.sin(steps / 6)), ("OP", 40 + np.cos(steps / 6))):
-        read(backend, send(backend, of_one_tag(values.astype(str)), name=f"FIC10.{name}.csv"))
-    assert audited_with_set_point(backend, days_before=36) == ({}, None)
-    since, error = audited_with_set_point(backend, days_before=34)
-    assert since == {"sp": "2026-01-26T00:00:00Z"}
-    assert error == pytest.approx(2.0, abs=0.2)
-
-
-def audited_with_set_point(backend: Backend, days_before: int) -> tuple[dict[str, str], float | None]:
-    read(backend, send(backend, of_one_tag(["52"], -86_400 * days_before), name="FIC10.SP.csv"))
-    run = audits.start_audit(backend)
-    chunks.audit_chunk(backend, int(run.id), "w")
-    error = loops.loop_health(backend, "FIC10")["error_mean"]
-    return loops.verdict_detail(backend, "FIC10")["held_since"], error
-
-
-def test_a_loop_of_which_only_the_mode_was_sent_is_not_auditable(backend: Backend) -> None:
-    read(backend, send(backend, of_one_tag(["AUTO"] * 60), name="FIC204.MODE.csv"))
-    run = audits.start_audit(backend)
-    chunks.audit_chunk(backend, int(run.id), "w")
-    assert audits.get_audit(backend, run.id).failed == 0
-    assert loops.loop_health(backend, "FIC204")["verdict"] == "not_auditable"
-
-
-def test_the_same_samples_in_other_bytes_change_nothing(backend: Backend) -> None:
-    read(backend, send(backend, export()))
-    again = read(backend, send(backend, export().replace(b"\n", b"\r\n"), name="night.csv"))
-    assert (again.state, again.samples_added) == ("done", 0)
-
-
-def packed(data: bytes, at_s: int = 1) -> bytes:
-    """gzip stamps the time, so that whoever packs once more sends other bytes."""
-    return gzip.compress(data, mtime=at_s)
-
-
-@pytest.mark.parametrize("name", ["", "night.csv"])
-def test_the_same_content_packed_otherwise_is_the_same_upload(backend: Backend, name: str) -> None:
-    data = export().replace(b"LIC2.", b"X").replace(b"FIC1.", b"")
-    halves = packed(data[:3000]) + packed(data[3000:])
-    first = send(backend, packed(data), name=name)
-    for again in (packed(data, 2), data, halves, packed(data, 3)):
-        assert send(backend, again, name=name).id == first.id
-    assert first.fingerprint == hashlib.sha256(data).hexdigest()
-    assert [file.name for file in backend.settings.uploads_dir.iterdir()] == [first.fingerprint]
-    assert read(backend, first).loops == [name.removesuffix(".csv") or f"upload-{first.fingerprint[:12]}"]
-
-
-@pytest.mark.parametrize(
-    "sent",
-    [
-        packed(export())[:-20],
-        packed(export()) + b"and more",
-        packed(packed(export())),
-        packed(b"PAR1" + export()),
-        packed(b"PK\x03\x04" + export()),
-    ],
-    ids=["cut", "followed", "twice", "parquet", "workbook"],
-)
-def test_what_is_no_whole_text_in_gzip_is_known_by_its_bytes(backend: Backend, sent: bytes) -> None:
-    """A parquet file is read, and packed it is not: one answer cannot do for both."""
-    assert send(backend, sent).fingerprint == hashlib.sha256(sent).hexdigest()
-
-
-def test_what_unpacks_beyond_the_caps_is_known_by_its_bytes(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
-    sent = packed(export())
-    monkeypatch.setattr(content, "LARGEST_CONTENT_BYTES", 3000)
-    assert send(backend, sent).fingerprint == hashlib.sha256(sent).hexdigest()
-
-
-@pytest.mark.parametrize("name", ["", "night.csv.gz"])
-def test_an_upload_that_is_known_by_its_packed_bytes_stays_the_same(backend: Backend, name: str) -> None:
-    """Before, fingerprints were of the bytes as they came."""
-    sent = packed(export())
-    monkey = pytest.MonkeyPatch()
-    with monkey.context() as before:
-        before.setattr(content.ContentDigest, "hexdigest", lambda self: None)
-        first = send(backend, sent, name=name)
-    assert first.fingerprint == hashlib.sha256(sent).hexdigest()
-    assert send(backend, sent, name=name).id == first.id
-    assert send(backend, packed(export(), 2), name=name).id != first.id
 
 
 def test_an_upload_that_breaks_off_leaves_nothing(backend: Backend) -> None:

@@ -68,16 +68,13 @@ def test_claims_at_the_same_time_never_meet(database: Database, run: int) -> Non
 
 
 def test_what_has_ended_is_nobodys_and_a_failure_keeps_its_reason(database: Database, run: int) -> None:
-    done, failed, given_back = claim(database, run, "a", 3)
+    done, failed = claim(database, run, "a", 2)
     row = select(*(audit_items.c[name] for name in ("state", "owner", "lease_until_s", "attempts", "code", "text")))
     with database.write() as connection:
         items.finish(connection, [done])
         items.fail(connection, [Failure(failed, "fault", "ValueError: x")])
-        items.release(connection, [given_back])
         rows = [connection.execute(row.where(audit_items.c.loop_id == one.loop_id)).one() for one in (done, failed)]
-        back = connection.execute(row.where(audit_items.c.loop_id == given_back.loop_id)).one()
     assert rows == [("done", None, None, 1, None, None), ("failed", None, None, 1, "fault", "ValueError: x")]
-    assert back == ("open", None, None, 0, None, None)
 
 
 def test_a_run_ends_once_nothing_is_left(database: Database, run: int) -> None:
@@ -131,13 +128,6 @@ def test_a_loop_that_takes_its_worker_down_is_set_aside(database: Database, run:
         assert {f.code for f in items.failures(connection, run, 20)} == {"worker_lost"}
 
 
-def test_what_was_not_begun_is_given_back_untried(database: Database, run: int) -> None:
-    claims = claim(database, run, "a", 20)
-    with database.write() as connection:
-        items.release(connection, claims)
-    assert [c.attempt for c in claim(database, run, "b", 20)] == [1] * 20
-
-
 def test_a_cancelled_run_gives_out_nothing(database: Database, run: int) -> None:
     held = claim(database, run, "a", 5)
     with database.write() as connection:
@@ -180,11 +170,10 @@ def test_claims_use_the_partial_index(database: Database, run: int) -> None:
         connection.execute(update(audit_items).values(state="open"))
 
 
-def test_nothing_claimed_is_nothing_to_renew_finish_fail_or_release(database: Database, run: int) -> None:
+def test_nothing_claimed_is_nothing_to_renew_finish_or_fail(database: Database, run: int) -> None:
     with database.write() as connection:
         before = audits.progress(connection, [run])[run]
         assert items.renew(connection, [], 60.0) == 0
         assert items.finish(connection, []) == set()
         items.fail(connection, [])
-        items.release(connection, [])
         assert audits.progress(connection, [run])[run] == before

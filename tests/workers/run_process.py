@@ -9,7 +9,7 @@ import sys
 import time
 
 from app.queue import run_beat, run_worker
-from app.settings import load_settings, use_one_thread
+from app.settings import Settings, use_one_thread
 
 
 def spoil() -> None:
@@ -41,6 +41,6 @@ if __name__ == "__main__":
     use_one_thread()
     if sys.argv[1] == "worker":
         spoil()
-        run_worker(load_settings(), log_level="INFO")
+        run_worker(Settings(), log_level="INFO")
     else:
-        run_beat(load_settings(), log_level="INFO")
+        run_beat(Settings(), log_level="INFO")

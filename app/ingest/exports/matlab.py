@@ -25,7 +25,6 @@ MOST_LOOPS = 10_000
 MOST_NOTES = 20
 INTERVAL_NAMES = ("ts", "sampling_period", "samplingperiod", "sampling_interval", "sampling_time", "dt")
 TIME_NAMES = ("t", "time")
-SIGNALS = ("pv", "op", "sp")
 
 # The prefixes by which the data base's loops are cited.
 INDUSTRIES = (

@@ -11,7 +11,7 @@ import polars as pl
 
 from app.ingest.telling import tags_by
 
-COMMA, POINT, RETURN, LINE_FEED, QUOTE, BLANK = b',.\r\n" '
+POINT, RETURN, LINE_FEED, QUOTE, BLANK = b'.\r\n" '
 _BEFORE, _BEHIND = r"^[ \"]*[+-]?", r"(?:[^\d.,eE].*)?$"
 GROUPED = _BEFORE + r"[1-9]\d{0,2}(?:%s\d{3})+(?:%s\d+)?" + _BEHIND
 DOUBTFUL = r"^[ \"]*([+-]?[1-9]\d{0,2}[.,]\d{3})" + _BEHIND

@@ -46,7 +46,7 @@ def run(bench: Bench) -> Figures:
             paths = _paths(backend)
             found["idle"] = {name: _measured(url, pid, bench.sizes.load_s / 2, some) for name, some in paths.items()}
             found["browser"] = pages_open(url)
-            with workers(backend, 2), _auditing(backend, busy) as audited:
+            with workers(backend, 2), _auditing(backend) as audited:
                 found["busy"] = {name: _measured(url, pid, bench.sizes.load_s, some) for name, some in paths.items()}
             found["audits_meanwhile"] = audited
         found["peak_mb"] = memory.peak_mb
@@ -101,7 +101,7 @@ def _measured(url: str, pid: int, seconds: float, paths: list[str]) -> Figures:
 
 
 @contextmanager
-def _auditing(backend: Backend, loops: int) -> Iterator[dict[str, int]]:
+def _auditing(backend: Backend) -> Iterator[dict[str, int]]:
     """Audits of the loops that have samples, one after the other, as long as the block lasts."""
     stop = threading.Event()
     audited = {"runs": 0, "loops": 0}

@@ -1,7 +1,6 @@
 """The one place where an Audit becomes JSON: the audit line and its flat twin for tables."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from datetime import datetime
 from typing import Any
 
 from app.engine.audit import Audit
@@ -22,7 +21,6 @@ from app.services.audit_json.models import (
 )
 from app.services.audit_json.numbers import number
 from app.services.audit_json.size import flat_size, stiction_size_line
-from app.services.moments import epoch_ms, iso_utc
 from app.services.telling.reasons import BETWEEN
 
 # The order of the contract first, then what was added to it; a field that is not named here comes last.
@@ -32,6 +30,8 @@ LINE_ORDER = (
     "engine_version", "elapsed_s", "oscillation_period_s", "oscillation_regularity", "window_start_s", "window_end_s",
     "filled_share", "rival_winner", "rival_runner_up", "rivals", "episodes", "input_fingerprint", "config_fingerprint",
 )  # fmt: skip
+KNOWN_TO_A_SERVICE = ("unit", "window_start", "window_end", "audited_at", "audit_id")
+"""What a row has of its loop and its run, beside what its line tells."""
 
 
 def audit_line(audit: Audit, elapsed_s: float, loop: str | None = None) -> dict[str, Any]:
@@ -76,16 +76,9 @@ def audit_line(audit: Audit, elapsed_s: float, loop: str | None = None) -> dict[
     return {name: line[name] for name in (*LINE_ORDER, *line)}  # a name that is there already keeps its place
 
 
-def reliability_row(
-    line: dict[str, Any],
-    *,
-    unit: str | None = None,
-    window_start: datetime | None = None,
-    window_end: datetime | None = None,
-    audited_at: datetime | None = None,
-    audit_id: str | None = None,
-) -> dict[str, Any]:
-    """The flat twin of an audit line, every value a number, a string or None. The times must know their zone."""
+def reliability_row(line: dict[str, Any]) -> dict[str, Any]:
+    """The flat twin of an audit line, every value a number, a string or None. What only a service
+    knows is None, until `rows.as_row` fills it."""
     flat = {name: line[name] for name in AuditFields.model_fields}
     hammerstein = {f"hammerstein_{name}": value for name, value in line["hammerstein"].items()}
     space = line["hammerstein"]["search_space"]
@@ -96,14 +89,7 @@ def reliability_row(
         **flat,
         **hammerstein,
         **flat_size(line["stiction_size"]),
-        unit=unit,
-        window_start=iso_utc(window_start),
-        window_end=iso_utc(window_end),
-        audited_at=iso_utc(audited_at),
-        window_start_ms=epoch_ms(window_start),
-        window_end_ms=epoch_ms(window_end),
-        audited_at_ms=epoch_ms(audited_at),
-        audit_id=audit_id,
+        **dict.fromkeys(KNOWN_TO_A_SERVICE),
         episodes=len(episodes),
         episode_start=newest["start"],
         episode_end=newest["end"],

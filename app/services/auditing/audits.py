@@ -27,7 +27,6 @@ def start_audit(
     trigger: str = "request",
     nightly_for: str | None = None,
     started_by: str = "",
-    config: AuditConfig | None = None,
 ) -> AuditView:
     """Plans a run over the loops with samples that fit the filter, and wakes the workers.
 
@@ -36,7 +35,7 @@ def start_audit(
     """
     wanted = wanted or LoopFilter()
     _check_tags(backend, wanted)
-    settings, config = backend.settings, config or AuditConfig()
+    settings, config = backend.settings, AuditConfig()
     values = {
         "trigger": trigger,
         "plant": settings.plant,

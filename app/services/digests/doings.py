@@ -29,18 +29,18 @@ class Doing:
     more: int
 
 
-def doings(work: Sequence[Work], new: Collection[str], shown: int = SHOWN) -> list[Doing]:
+def doings(work: Sequence[Work], new: Collection[str]) -> list[Doing]:
     """In the order of the first loop of each; `new`: tags of loops that are newly said to stick, which come first in
     each and are always listed."""
     groups: dict[tuple[str, str, str], list[Work]] = {}
     for one in work:
         groups.setdefault((one.verdict, one.told, one.step.code), []).append(one)
-    return [_doing(together, new, shown) for together in groups.values()]
+    return [_doing(together, new) for together in groups.values()]
 
 
-def _doing(work: Sequence[Work], new: Collection[str], shown: int) -> Doing:
+def _doing(work: Sequence[Work], new: Collection[str]) -> Doing:
     first, loops = work[0], sorted((_asked(one, new) for one in work), key=lambda one: not one.new)
-    kept = max(shown, sum(one.new for one in loops))
+    kept = max(SHOWN, sum(one.new for one in loops))
     return Doing(first.verdict, first.told, first.step.asks, loops[:kept], max(len(loops) - kept, 0))
 
 

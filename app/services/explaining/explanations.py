@@ -18,7 +18,6 @@ from app.services.damage import damage_in_words
 from app.services.explaining.simulations import GivenSimulation, comparison_with, kept, kind_of
 from app.services.moments import iso_utc, moment_of, ns_of
 from app.services.plant.loops import find
-from app.services.plant.trend import instant_ns
 from app.services.results import Page
 from app.storage import explanations, notes, series, verdicts
 from app.storage.documents import Document, pack_document, unpack_document
@@ -27,7 +26,7 @@ from app.storage.loops import LoopRow
 from app.storage.samples import Samples
 
 EARLIEST_NS = -(1 << 63)  # that a time of a sample can hold
-LONGEST_WINDOW_H = 10 * 365 * 24.0
+LONGEST_WINDOW_H = 10 * 365 * 24
 MOST_UNPACKED = 5_000_000
 """Samples of stretches that a window touches, at most: they are unpacked to find those inside."""
 LINE_FIELDS = (
@@ -251,11 +250,11 @@ def _window(backend: Backend, loop: LoopRow, wanted: Wanted) -> _Asked:
 def _bounds(newest_ns: int, wanted: Wanted, window_h: float) -> tuple[int, int]:
     if wanted.start is not None and wanted.window_h is not None:
         raise RequestError("bad_window", "a window has a start or a length, not both")
-    end_ns = newest_ns if wanted.end is None else instant_ns(wanted.end)
+    end_ns = newest_ns if wanted.end is None else ns_of(wanted.end)
     hours = window_h if wanted.window_h is None else wanted.window_h
     if not 0.0 < hours <= LONGEST_WINDOW_H:
-        raise RequestError("bad_window", f"a window may be up to {LONGEST_WINDOW_H:.0f} hours long, got {hours}")
-    start_ns = max(int(end_ns - hours * NS_PER_H), EARLIEST_NS) if wanted.start is None else instant_ns(wanted.start)
+        raise RequestError("bad_window", f"a window may be up to {LONGEST_WINDOW_H} hours long, got {hours}")
+    start_ns = max(int(end_ns - hours * NS_PER_H), EARLIEST_NS) if wanted.start is None else ns_of(wanted.start)
     if start_ns >= end_ns:
         raise RequestError("bad_window", f"the window must end after it starts, got {_iso(start_ns)} to {_iso(end_ns)}")
     return start_ns, end_ns

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta, tzinfo
+from datetime import datetime, tzinfo
 from typing import Any
 from zoneinfo import ZoneInfo
 
@@ -29,13 +29,12 @@ from app.services.explaining.comparisons import (
 )
 from app.services.explaining.given_model import simulation_from_json
 from app.services.explaining.line import Kind
+from app.services.moments import ns_of
 from app.storage.documents import Document
 from app.storage.loops import LoopRow
 from app.storage.samples import Samples, TimeArray
 
 LARGEST_TRACE = 200_000
-EPOCH = datetime.fromtimestamp(0, UTC)
-FARTHEST_US = 9 * 10**15
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,13 +177,7 @@ def _placed(values: FloatArray, at_ns: TimeArray | None, samples: Samples, recor
 
 def _instants(moments: Sequence[datetime], zone: tzinfo) -> TimeArray:
     zoned = [moment if moment.tzinfo else moment.replace(tzinfo=zone) for moment in moments]
-    return np.array([_instant_ns(moment) for moment in zoned], dtype=np.int64)
-
-
-def _instant_ns(moment: datetime) -> int:
-    """Exact, as the recording's own times are; beyond what 64 bits hold it is their end."""
-    microseconds = (moment - EPOCH) // timedelta(microseconds=1)
-    return 1000 * max(-FARTHEST_US, min(FARTHEST_US, microseconds))
+    return np.array([ns_of(moment) for moment in zoned], dtype=np.int64)
 
 
 def _column(recording: Recording, wanted: str | None) -> str | None:

@@ -28,7 +28,7 @@ from app.services.heartbeat import Heartbeat
 from app.services.intake.places import TagPlace, kept_notes, note_read, places_of, with_kept
 from app.services.intake.swapped import SetPoints
 from app.services.intake.uploads import path_of
-from app.services.moments import FIRST_DATED, iso_utc, moment_of
+from app.services.moments import FIRST_DATED, iso_utc, moment_of, ns_of
 from app.services.patience import patiently
 from app.storage import loops, receipts, series, uploads
 from app.storage.samples import Samples, prepare
@@ -168,7 +168,7 @@ def _options(backend: Backend, reading: dict[str, Any], row: UploadRow) -> Inges
     return IngestOptions(
         time_zone=reading.get("time_zone") or backend.settings.time_zone,
         day_first=None if order == "auto" else order == "day",
-        now_ns=int(row.received_at.timestamp() * 1e9),
+        now_ns=ns_of(row.received_at),
         max_rejects=backend.settings.max_rejects,
         buffered_values=backend.settings.buffered_samples,
         spill_folder=backend.settings.uploads_dir,

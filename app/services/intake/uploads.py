@@ -160,8 +160,8 @@ def _name(given: str) -> str:
     return name if stem_of(f"x{name}")[1:].strip(". ") else ""
 
 
-def receive_file(backend: Backend, path: Path, reading: ReadingOptions | None = None) -> Receipt:
-    with receive(backend, filename=path.name, reading=reading) as receiving, path.open("rb") as file:
+def receive_file(backend: Backend, path: Path) -> Receipt:
+    with receive(backend, filename=path.name) as receiving, path.open("rb") as file:
         while part := file.read(COPY_BYTES):
             receiving.write(part)
         return receiving.commit()

@@ -21,10 +21,10 @@ from app.nanoseconds import NS_PER_S
 from app.services.audit_json.spectra import spectra
 from app.services.backend import Backend
 from app.services.damage import damage_in_words
-from app.services.moments import iso_utc, moment_of
+from app.services.moments import iso_utc, moment_of, ns_of
 from app.services.plant.loops import find, verdict_detail
 from app.services.plant.standing import judged_part, where_pv_stands
-from app.services.plant.trend import extremes, instant_ns, numbers
+from app.services.plant.trend import extremes, numbers
 from app.storage import series, verdicts
 from app.storage.samples import FloatArray, Samples
 
@@ -87,8 +87,8 @@ def closer(backend: Backend, tag: str, start: datetime, end: datetime) -> dict[s
     record = _drawn(backend, tag, None, detail).record
     if record is None:
         return {"trend": None}
-    first = int(np.searchsorted(record.samples.time_ns, instant_ns(start)))
-    last = int(np.searchsorted(record.samples.time_ns, instant_ns(end), side="right"))
+    first = int(np.searchsorted(record.samples.time_ns, ns_of(start)))
+    last = int(np.searchsorted(record.samples.time_ns, ns_of(end), side="right"))
     part = slice(max(first - 1, 0), last + 1)
     return {"trend": _trend(record, _valve(detail), part)}
 
@@ -146,7 +146,7 @@ def _together(samples: Samples, given: Any, detail: dict[str, Any], stretch: lis
 
 
 def _between(time_ns: np.ndarray, stretch: list[str]) -> np.ndarray:
-    first, last = (instant_ns(datetime.fromisoformat(moment)) for moment in stretch)
+    first, last = (ns_of(datetime.fromisoformat(moment)) for moment in stretch)
     return (time_ns >= first) & (time_ns <= last)
 
 
@@ -158,8 +158,7 @@ def _usable(signal: FloatArray | None) -> FloatArray | None:
 def _inside(samples: Samples, given: Any) -> np.ndarray:
     start_ns, end_ns = given.input_start_ns, given.input_end_ns
     if given.window_start is not None:
-        start_ns = round(given.window_start.timestamp() * NS_PER_S)
-        end_ns = round(given.window_end.timestamp() * NS_PER_S)
+        start_ns, end_ns = ns_of(given.window_start), ns_of(given.window_end)
     return (samples.time_ns >= start_ns) & (samples.time_ns <= end_ns)
 
 

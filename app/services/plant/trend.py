@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Mapping
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import datetime
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from app.errors import DataError, RequestError
 from app.ingest import carried
 from app.nanoseconds import NS_PER_S
 from app.services.backend import Backend
-from app.services.moments import iso_utc, moment_of
+from app.services.moments import iso_utc, moment_of, ns_of
 from app.services.plant.loops import find
 from app.services.results import TrendView
 from app.storage import series
@@ -25,7 +25,6 @@ MOST_POINTS = 10_000
 PIECE_SAMPLES = 1_000_000  # that are read at once: some 200 MB
 FINER = 4
 DEFAULT_S = 24 * 3600
-FARTHEST_S = 9_000_000_000  # the years 1684 to 2255: nanoseconds of them, and DEFAULT_S before them, fit into 64 bits
 
 
 def trend(
@@ -41,8 +40,8 @@ def trend(
     row = find(backend, tag)
     if row.newest_ns is None:
         return TrendView(tag, 0, [], [], [], None)
-    end_ns = row.newest_ns if end is None else instant_ns(end)
-    start_ns = end_ns - DEFAULT_S * NS_PER_S if start is None else instant_ns(start)
+    end_ns = row.newest_ns if end is None else ns_of(end)
+    start_ns = end_ns - DEFAULT_S * NS_PER_S if start is None else ns_of(start)
     try:
         found = _stretch(backend, row.id, start_ns, end_ns, points)
     except DamagedStretchError as error:
@@ -138,10 +137,3 @@ def extremes(signals: list[FloatArray], n: int, points: int) -> NDArray[np.int64
 
 def numbers(values: FloatArray) -> list[float | None]:
     return [None if np.isnan(value) else float(value) for value in values]
-
-
-def instant_ns(moment: datetime) -> int:
-    """Instants beyond what a sample's time can hold are its ends: nothing lies outside of them anyway."""
-    aware = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-    seconds = (aware - datetime.fromtimestamp(0, UTC)).total_seconds()
-    return round(max(-FARTHEST_S, min(FARTHEST_S, seconds)) * NS_PER_S)

@@ -8,7 +8,7 @@ import shutil
 import sqlite3
 import subprocess
 from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -18,6 +18,7 @@ from sqlalchemy import URL
 from sqlalchemy.exc import DatabaseError
 
 from app.errors import RequestError
+from app.services.backend import away_in_words
 from app.services.upkeep.operations import migrate
 from app.services.upkeep.presence import alone
 from app.services.upkeep.tables import refuse_missing
@@ -28,7 +29,8 @@ from app.storage.types import now
 SQLITE, POSTGRESQL = "loopaudit.db", "loopaudit.dump"
 MANIFEST, UPLOADS, MOVING = "manifest.json", "uploads", ".moving"
 COPIED_PAGES = 2000
-BLOCK_BYTES = 1 << 20
+UNUSABLE = (DatabaseError, sqlite3.Error)
+"""What is raised of a file that is no data base."""
 NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EACCES)
 
 
@@ -56,7 +58,7 @@ def backup(settings: Settings, folder: Path) -> BackupReport:
     made = [parent for parent in draft.parents if not parent.exists()]
     draft.mkdir(mode=0o700, parents=True)
     try:
-        with _away_in_words():
+        with away_in_words(*UNUSABLE):
             kind, revision = _copy_database(settings, draft)
         _copy_uploads(settings, draft / UPLOADS)
         files = {path.relative_to(draft).as_posix(): _digest(path) for path in _files(draft)}
@@ -81,7 +83,7 @@ def restore(settings: Settings, folder: Path, *, force: bool = False) -> BackupR
     unless `force`, where there are loops, uploads or keys already.
     """
     told = _checked_manifest(folder)
-    with _away_in_words(), alone(settings):
+    with away_in_words(*UNUSABLE), alone(settings):
         return _restored(settings, folder, told, force)
 
 
@@ -138,15 +140,6 @@ def _move_in(settings: Settings, file: Path) -> None:
         source.close()
         target.close()
         shutil.rmtree(place, ignore_errors=True)
-
-
-@contextmanager
-def _away_in_words() -> Iterator[None]:
-    try:
-        yield
-    except (DatabaseError, sqlite3.Error) as error:
-        text = f"the data base cannot be used: {getattr(error, 'orig', error)}"
-        raise RequestError("database_away", text) from error
 
 
 def _copy_database(settings: Settings, draft: Path) -> tuple[str, str]:

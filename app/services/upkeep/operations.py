@@ -3,13 +3,13 @@
 import shutil
 from datetime import UTC, datetime
 
-from sqlalchemy.exc import OperationalError, SQLAlchemyError
+from sqlalchemy.exc import SQLAlchemyError
 
 from app.errors import RequestError
 from app.services.auditing import audits as audit_runs
 from app.services.auditing.ending import end_if_complete
 from app.services.auditing.nightly import announce_explanations, nightly_if_due
-from app.services.backend import Backend
+from app.services.backend import Backend, away_in_words
 from app.services.digests.deliveries import announce_digests
 from app.services.moments import iso_utc
 from app.services.results import Readiness, SweepReport
@@ -31,11 +31,10 @@ def migrate(settings: Settings) -> str:
     settings.prepare_folders()
     database = Database(settings.resolved_database_url)
     try:
-        refuse_newer(schema.current_revision(database))
-        schema.migrate(database)
-        return schema.current_revision(database) or "none"
-    except OperationalError as error:
-        raise RequestError("database_away", f"the data base cannot be used: {error.orig}") from error
+        with away_in_words():
+            refuse_newer(schema.current_revision(database))
+            schema.migrate(database)
+            return schema.current_revision(database) or "none"
     finally:
         database.close()
 

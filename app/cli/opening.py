@@ -1,0 +1,38 @@
+"""The data base, opened for a command."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from app.cli.configuration import load_settings
+
+if TYPE_CHECKING:
+    from app.services.backend import Backend
+    from app.settings import Settings
+
+
+@contextmanager
+def opened(
+    settings: "Settings | None" = None, *, new: bool = False, migrates: bool | None = None
+) -> "Iterator[Backend]":
+    """The data base of the settings (without them, of this process's); it is made where it may be `new`. migrates:
+    whether it is brought to this version's tables; None: where it is the embedded one. Where it is not,
+    RequestError("no_tables") or ("older_tables") asks for `loopaudit migrate`; ("database_away") where it is away.
+    """
+    from app.services.backend import Backend, away_in_words
+    from app.services.upkeep.tables import refuse_missing, refuse_other_tables
+
+    settings = settings or load_settings()
+    if not new:
+        refuse_missing(settings)
+    if migrates if migrates is not None else not settings.database_url:
+        from app.services.upkeep.operations import migrate  # with the engine, which a health check does not wait for
+
+        migrate(settings)
+    backend = Backend.open(settings)
+    try:
+        with away_in_words():
+            refuse_other_tables(backend.database)
+            yield backend
+    finally:
+        backend.close()

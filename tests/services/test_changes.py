@@ -1,0 +1,258 @@
+"""What changed in the plant, and why."""
+
+from datetime import UTC, datetime, timedelta
+
+import pytest
+from sqlalchemy import update
+
+from app.services.auditing.audits import LoopFilter, start_audit
+from app.services.auditing.chunks import audit_chunk
+from app.services.auditing.nightly import nightly
+from app.services.backend import Backend
+from app.services.digests.digest import as_text, digest_of, newest_run
+from app.services.plant import changes, worst
+from app.services.plant.loops import loop_health
+from app.services.telling.wording import headline, probability
+from app.storage.tables import audits, newest_rows
+from tests.services.audited_plant import AddLoops, audited, rewrite, rewrite_newest
+
+
+def test_a_first_run_is_no_news(backend: Backend, add_loops: AddLoops) -> None:
+    assert changes.changes(backend).run_id is None
+    add_loops("A")
+    audited(backend)
+    assert changes.changes(backend).rows == []
+
+
+def test_nothing_changed(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:
+    assert changes.changes(backend).rows == []
+
+
+@pytest.mark.parametrize(
+    ("before", "why", "because"),
+    [
+        ({"stiction_probability": None}, "loop", "what was seen differs a little from the record before"),
+        ({"engine_version": "0.0.1"}, "method", "the method changed (engine or settings)"),
+        ({"config_fingerprint": "other"}, "method", "the method changed (engine or settings)"),
+        ({"samples": 100}, "data", "more was recorded than before"),
+        ({"samples": 100_000}, "data", "the record changed (gaps, length or sampling)"),
+        ({"sampling_interval_s": 1.0}, "data", "the record changed (gaps, length or sampling)"),
+    ],
+)
+def test_a_changed_verdict_says_why(
+    backend: Backend, two_runs: tuple[dict[str, int], int], before: dict[str, object], why: str, because: str
+) -> None:
+    ids, first = two_runs
+    rewrite(backend, first + 1, ids["B"], reliability="reliable")
+    now = loop_health(backend, "B")["verdict"]
+    other = "no_stiction" if now == "stiction" else "stiction"
+    rewrite(backend, first, ids["B"], verdict=other, **before)
+    (change,) = changes.changes(backend).rows
+    assert (change.loop, change.before, change.now, change.why, change.because) == ("B", other, now, why, because)
+    assert change.kind == ("new" if now == "stiction" else "cured" if now == "no_stiction" else "flipped")
+
+
+@pytest.mark.parametrize(
+    ("now", "before", "kind"),
+    [
+        ({"stiction_probability": 0.55}, {"stiction_probability": 0.27}, "wavers"),
+        ({"stiction_probability": 0.55}, {"stiction_probability": 0.2}, "new"),
+        ({"stiction_probability": 0.55, "reliability": "reliable"}, {"stiction_probability": 0.5}, "new"),
+        ({"stiction_probability": 0.55, "reasons": "stiction_began"}, {"stiction_probability": 0.5}, "new"),
+        ({"stiction_probability": 0.55}, {"stiction_probability": 0.5, "engine_version": "0.0.1"}, "new"),
+    ],
+)
+def test_a_loop_on_the_edge_wavers_and_is_no_news(
+    backend: Backend,
+    two_runs: tuple[dict[str, int], int],
+    now: dict[str, object],
+    before: dict[str, object],
+    kind: str,
+) -> None:
+    ids, first = two_runs
+    for tag in ("B", "C"):
+        sticks = {"verdict": "stiction", "reliability": "not_reliable", "reasons": "shape_x", **now}
+        rewrite(backend, first + 1, ids[tag], **sticks)
+        rewrite_newest(backend, ids[tag], verdict="stiction", health=10.0 if tag == "B" else 50.0)
+        rewrite(backend, first, ids[tag], **{"verdict": "no_stiction", "reasons": "shape_x", **before})
+    rewrite(backend, first + 1, ids["C"], reliability="reliable")
+    told = [(change.loop, change.kind) for change in changes.changes(backend).rows]
+    assert told == ([("C", "new"), ("B", "wavers")] if kind == "wavers" else [("B", "new"), ("C", "new")])
+
+
+def test_what_wavered_is_news_where_it_stands_for_a_second_night(
+    backend: Backend, two_runs: tuple[dict[str, int], int]
+) -> None:
+    ids, first = two_runs
+    third = audited(backend)
+    for tag, before in (("B", 0.4), ("C", 0.1)):
+        told = {"reliability": "not_reliable", "reasons": "shape_x", "stiction_probability": 0.55}
+        rewrite(backend, third, ids[tag], verdict="stiction", **told)
+        rewrite_newest(backend, ids[tag], verdict="stiction")
+        rewrite(backend, first + 1, ids[tag], verdict="stiction", **told)
+        rewrite(backend, first, ids[tag], **told | {"verdict": "no_stiction", "stiction_probability": before})
+    (change,) = changes.changes(backend).rows
+    assert (change.loop, change.kind, change.before) == ("B", "new", "no_stiction"), "C was news the night before"
+    assert change.because == "said for the second night; probability 0.40 -> 0.55"
+    told = digest_of(backend, str(third))
+    assert [(one.loop, one.kind) for one in told.changes] == [("B", "new")]
+    audited(backend)
+    assert [row.loop for row in changes.changes(backend).rows if row.kind == "new" and row.loop == "C"] == []
+
+
+def test_a_changed_verdict_names_the_evidence_that_moved_most(
+    backend: Backend, two_runs: tuple[dict[str, int], int]
+) -> None:
+    """As data where it was stored so; of an older release out of its sentences."""
+    ids, first = two_runs
+    second = int(loop_health(backend, "B")["audit_id"])
+    rewrite_newest(backend, ids["B"], verdict="stiction")
+    reasons = {"reasons": "shape_op_triangle;shape_flat_eighth;few_cycles"}
+    now = "OP runs in triangles. 60 % of the travel of OP finds PV standing still. few"
+    older = {"extra_json": "{}"}
+    called = {"verdict": "stiction", "stiction_probability": 0.99, "reasons_text": now}
+    rewrite(backend, second, ids["B"], **called, **reasons, **older)
+    rewrite_newest(backend, ids["B"], verdict="stiction")
+    then = "PV hardly ever stands still while OP travels (8 %)"
+    before = {"verdict": "no_stiction", "stiction_probability": 0.1, "samples": 100}
+    rewrite(backend, first, ids["B"], **before, reasons="shape_flat_eighth", reasons_text=then, **older)
+    (change,) = changes.changes(backend).rows
+    seen = "60 % of the travel of OP finds PV standing still (8 % before), probability 0.10 -> 0.99"
+    assert change.because == f"{seen}; more was recorded than before"
+    measured = '{"measured":{"shape_op_triangle":[0.4,"<",0.6],"shape_flat_eighth":[0.55,">",0.2]}}'
+    rewrite(backend, second, ids["B"], extra_json=measured)
+    seen = "55 % of the travel of OP finds PV standing still (8 % before), probability 0.10 -> 0.99"
+    assert changes.changes(backend).rows[0].because == f"{seen}; more was recorded than before"
+    rewrite(backend, first, ids["B"], stiction_probability=0.0004)
+    rewrite(backend, second, ids["B"], stiction_probability=0.9996)
+    assert "probability under 0.01 -> over 0.99; " in changes.changes(backend).rows[0].because
+    rewrite(backend, second, ids["B"], stiction_probability=0.99)
+    rewrite(backend, first, ids["B"], stiction_probability=0.95)
+    assert changes.changes(backend).rows[0].because == "more was recorded than before"
+    rewrite(backend, first, ids["B"], stiction_probability=0.1, reasons="few_cycles", reasons_text="few")
+    assert changes.changes(backend).rows[0].because.startswith("OP runs in triangles, probability 0.10 -> 0.99; ")
+
+
+def test_a_pv_that_does_not_answer_is_looked_at_today_and_news_of_it_first(
+    backend: Backend, two_runs: tuple[dict[str, int], int]
+) -> None:
+    ids, first = two_runs
+    second = int(loop_health(backend, "B")["audit_id"])
+    dead = {"verdict": "not_auditable", "likely_cause": "stuck_valve_or_dead_transmitter"}
+    for tag in ("B", "C"):
+        rewrite(backend, second, ids[tag], **dead)
+        rewrite_newest(backend, ids[tag], **dead)
+    rewrite(backend, first, ids["B"], **dead)
+    (change,) = [change for change in changes.changes(backend).rows if change.loop == "C"]
+    assert change.because == "cannot be audited now: PV does not answer OP: stuck valve or dead transmitter"
+    rewrite(backend, second, ids["C"], verdict="inconclusive")
+    rewrite_newest(backend, ids["C"], verdict="inconclusive")
+    rewrite(backend, first, ids["C"], **dead)
+    (change,) = [change for change in changes.changes(backend).rows if change.loop == "C"]
+    assert change.because == "still: PV does not answer OP: stuck valve or dead transmitter"
+    rewrite(backend, first, ids["C"], verdict="no_stiction", likely_cause=None, samples=100)
+    (change,) = [change for change in changes.changes(backend).rows if change.loop == "C"]
+    assert change.because == "PV does not answer OP: stuck valve or dead transmitter"
+    today = worst.look_today(backend, changes.changes(backend))
+    assert [row["loop"] for row in today] == ["C", "B"]
+    assert all(headline(row) == "a stuck valve or a dead transmitter; look today" for row in today)
+    assert {row["loop"] for row in worst.worst(backend, beside={"B", "C"})} == {"A", "D"}
+
+
+def test_a_valve_that_began_to_stick_is_why_though_more_was_recorded(
+    backend: Backend, two_runs: tuple[dict[str, int], int]
+) -> None:
+    ids, first = two_runs
+    second = loop_health(backend, "B")["audit_id"]
+    rewrite(backend, first, ids["B"], verdict="not said", samples=100)
+    rewrite(backend, int(second), ids["B"], reasons="stiction_began;stretches")
+    (change,) = changes.changes(backend).rows
+    assert (change.why, change.because) == ("loop", "began to stick within the record")
+
+
+def test_what_a_night_changed_is_news_though_somebody_audits_again(backend: Backend, add_loops: AddLoops) -> None:
+    ids = add_loops("A", "B", n=600)
+    first = audited(backend)
+    run = nightly(backend)
+    assert run is not None
+    audit_chunk(backend, int(run.id), "test")
+    now = loop_health(backend, "B")["verdict"]
+    other = "no_stiction" if now == "stiction" else "stiction"
+    rewrite(backend, first, ids["B"], verdict=other)
+    again = start_audit(backend, trigger="nightly")  # `loopaudit nightly` once the night's run has ended
+    audit_chunk(backend, int(again.id), "test")
+    told = changes.changes(backend)
+    assert told.run_id == run.id
+    assert [(change.loop, change.before, change.now) for change in told.rows] == [("B", other, now)]
+
+
+def test_what_came_since_the_first_run_is_news(backend: Backend, add_loops: AddLoops) -> None:
+    ids = add_loops("A", "B", n=600)
+    first = int(nightly(backend).id)
+    audit_chunk(backend, first, "test")
+    assert not changes.changes(backend).compared
+    assert newest_run(backend) == str(first)
+    now = loop_health(backend, "B")["verdict"]
+    other = "no_stiction" if now == "stiction" else "stiction"
+    rewrite(backend, first, ids["B"], verdict=other)
+    rewrite_newest(backend, ids["B"], verdict=other)
+    again = start_audit(backend, trigger="nightly")  # the second of this date
+    audit_chunk(backend, int(again.id), "test")
+    told = changes.changes(backend)
+    assert (told.run_id, told.first, told.compared) == (str(first), True, True)
+    assert [(change.loop, change.before, change.now) for change in told.rows] == [("B", other, now)]
+    assert newest_run(backend) == again.id
+    assert f"run {again.id}, " in as_text(digest_of(backend, again.id)).splitlines()[0]
+
+
+def test_what_is_started_days_after_the_last_night_takes_its_place(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("A", "B", "C")
+    run = nightly(backend)
+    assert run is not None
+    audit_chunk(backend, int(run.id), "test")
+    asked_for = audited(backend)
+    of_one = start_audit(backend, LoopFilter(tags=("A",)))
+    audit_chunk(backend, int(of_one.id), "test")
+    assert changes.changes(backend).run_id == run.id
+    with backend.database.write() as connection:
+        days_ago = datetime.now(UTC) - timedelta(days=3)
+        connection.execute(update(audits).where(audits.c.id == int(run.id)).values(created_at=days_ago))
+    assert changes.changes(backend).run_id == str(asked_for)
+
+
+@pytest.mark.parametrize(
+    ("now", "before", "why", "because"),
+    [
+        (
+            {"verdict": "not_auditable", "likely_cause": "op_at_limits"},
+            {},
+            "auditable",
+            "cannot be audited now: OP at its limit",
+        ),
+        ({}, {"verdict": "not_auditable", "likely_cause": None}, "auditable",
+         "could not be audited before: too little usable data"),
+        ({"reasons": "since_repair;shape_x"}, {"verdict": "stiction", "samples": 9000}, "repair",
+         "a repair was stated"),
+        ({"reasons": "since_repair"}, {"verdict": "stiction", "reasons": "since_repair"}, "loop",
+         "probability {before} -> {now}"),
+    ],
+)  # fmt: skip
+def test_a_change_of_what_can_be_audited_names_the_cause(
+    backend: Backend,
+    two_runs: tuple[dict[str, int], int],
+    now: dict[str, object],
+    before: dict[str, object],
+    why: str,
+    because: str,
+) -> None:
+    ids, first = two_runs
+    newest = {"verdict": "no_stiction", **now}
+    rewrite(backend, first + 1, ids["B"], **newest)
+    rewrite(backend, first, ids["B"], **{"verdict": "no_stiction", **before})
+    with backend.database.write() as connection:
+        row = newest_rows.c.loop_id == ids["B"]
+        connection.execute(update(newest_rows).where(row).values(verdict=newest["verdict"]))
+    found = {change.loop: change for change in changes.changes(backend).rows}
+    measured = probability(loop_health(backend, "B")["stiction_probability"])
+    told = because.format(before=measured, now=measured)
+    assert (found["B"].why, found["B"].because) == (why, told)

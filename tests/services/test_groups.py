@@ -1,0 +1,59 @@
+"""Which loops swing together."""
+
+import threading
+
+import pytest
+
+from app.services.backend import Backend
+from app.services.plant import groups
+from app.services.plant.groups import groups_of, plant_groups
+from app.services.plant.loops import patch_loop
+
+
+def test_loops_with_one_swing_are_a_group(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:
+    group = plant_groups(backend)[0]
+    assert {member.loop for member in group.members} == set("ABCD")
+    assert group.in_step
+    assert plant_groups(backend) is plant_groups(backend)  # found once
+    assert groups_of(backend, "A") == [group]
+
+
+def test_groups_know_the_units_that_loops_have_now(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:
+    assert {member.unit for member in plant_groups(backend)[0].members} == {"U1"}
+    patch_loop(backend, "A", {"unit": "U2"})
+    assert {member.loop: member.unit for member in plant_groups(backend)[0].members}["A"] == "U2"
+
+
+def test_pages_that_cannot_wait_share_one_search_for_groups(
+    backend: Backend, two_runs: tuple[dict[str, int], int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    going, asked = threading.Event(), []
+
+    def slow(candidates: object) -> tuple[()]:
+        asked.append(candidates)
+        going.wait(60)
+        return ()
+
+    monkeypatch.setattr(groups, "_found", {})
+    monkeypatch.setattr(groups, "groups", slow)
+    assert [groups.soon(backend, 0.01) for _ in range(3)] == [None] * 3
+    patch_loop(backend, "A", {"unit": "U2"})
+    assert groups.soon(backend, 0.01) is None  # another state, while the last one is worked out
+    assert sum(thread.name == "groups" for thread in threading.enumerate()) == 1
+    going.set()
+    assert groups.plant_groups(backend) == ()
+    assert len(asked) == 2
+
+
+def test_a_search_for_groups_that_failed_is_made_again(
+    backend: Backend, two_runs: tuple[dict[str, int], int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(candidates: object) -> tuple[()]:
+        raise MemoryError
+
+    monkeypatch.setattr(groups, "_found", {})
+    with monkeypatch.context() as spoiled:
+        spoiled.setattr(groups, "groups", broken)
+        with pytest.raises(MemoryError):
+            plant_groups(backend)
+    assert len(plant_groups(backend)) == 1
