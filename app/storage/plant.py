@@ -166,10 +166,7 @@ def second_nights(connection: Connection, audit_id: int, limit: int) -> list[Any
     told = (loops.c.tag, loops.c.unit, third.c.verdict.label("verdict_before"), newest.c.verdict, newest.c.health)
     query = select(*told, *told_of_both(newest, third), between.c.stiction_probability.label("probability_between"))
     query = query.select_from(joined).where(newest.c.audit_id == audit_id, *sticks, *so, third.c.verdict != "stiction")
-    weight = loops.c.importance * (100.0 - newest.c.health)
-    return list(
-        connection.execute(query.where(IN_SERVICE).order_by(weight.desc().nulls_last(), loops.c.tag).limit(limit))
-    )
+    return heads(connection, query.where(IN_SERVICE), newest, limit)
 
 
 def _before(row: Any) -> ScalarSelect[Any]:

@@ -332,8 +332,8 @@ def input_of(connection: Connection, loop_id: int, audit_id: int) -> Any:
 
 def swings(connection: Connection) -> list[Any]:
     """What is kept of the oscillations of all loops in service whose newest verdict saw one."""
-    query = select(loops.c.tag, loops.c.unit, verdicts.c.stiction_probability, newest_rows.c.swing_json)
-    query = query.select_from(NEWEST_ROWS.join(verdicts, is_newest(verdicts)))
+    told = (newest_rows.c.stiction_probability, newest_rows.c.swing_json)
+    query = select(loops.c.tag, loops.c.unit, *told).select_from(NEWEST_ROWS)
     seen = newest_rows.c.swing_json.is_not(None)
     return list(connection.execute(query.where(seen, IN_SERVICE).order_by(loops.c.tag)))
 

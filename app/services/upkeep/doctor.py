@@ -22,7 +22,6 @@ from app.services.backend import Backend
 from app.services.digests import deliveries
 from app.services.digests.webhooks import forbidden_hosts, is_taken_as_it_is
 from app.services.plant.arrivals import arrivals, sentences
-from app.services.upkeep.metrics import standstill_s
 from app.services.upkeep.operations import LEAST_FREE_BYTES
 from app.services.upkeep.retention import oldest_export
 from app.settings import Settings, misspelt
@@ -217,19 +216,20 @@ def clock(backend: Backend) -> Check:
 
 def workers(backend: Backend) -> Check:
     """Alive is who gets on: a worker that hears nothing looks alive to everything but the data base."""
-    waited_s = standstill_s(backend)
-    if waited_s > 10 * backend.settings.stalled_s:
-        advice = "start `loopaudit worker` and `loopaudit beat`, or look at their logs"
-        return Check("workers", "problem", f"loops have waited for {waited_s:.0f} s and nobody took any", advice)
     with backend.database.read() as connection:
-        found = figures.collect(connection)
+        found = figures.waiting(connection)
+    if found.standstill_s > 10 * backend.settings.stalled_s:
+        advice = "start `loopaudit worker` and `loopaudit beat`, or look at their logs"
+        return Check(
+            "workers", "problem", f"loops have waited for {found.standstill_s:.0f} s and nobody took any", advice
+        )
     open_, claimed = found.items.get("open", 0), found.items.get("claimed", 0)
     return Check("workers", "ok", f"{claimed} loops in work, {open_} waiting" if open_ or claimed else "nothing to do")
 
 
 def oldest_work(backend: Backend) -> Check:
     with backend.database.read() as connection:
-        found = figures.collect(connection)
+        found = figures.waiting(connection)
     text = f"oldest open run {found.oldest_open_s:.0f} s, oldest unread upload {found.oldest_unread_s:.0f} s"
     if max(found.oldest_open_s, found.oldest_unread_s) > OLD_WORK_S:
         return Check(
