@@ -5,6 +5,7 @@ from datetime import datetime, timedelta
 
 from sqlalchemy import ColumnElement, Connection, func, select
 
+from app.storage.audits import of_a_night
 from app.storage.loops import IN_SERVICE, count, count_retired
 from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS
 from app.storage.tables import UNFINISHED, audit_items, audits, explanations, keys, newest_rows, uploads, verdicts
@@ -78,7 +79,7 @@ def waiting(connection: Connection) -> Waiting:
 def collect(connection: Connection) -> Figures:
     said = select(newest_rows.c.verdict, func.count()).select_from(NEWEST_ROWS).where(IN_SERVICE)
     took = select(func.avg(verdicts.c.elapsed_s)).select_from(NEWEST_VERDICTS).where(IN_SERVICE)
-    night = _newest_ended(connection, audits.c.nightly_for.is_not(None))
+    night = _newest_ended(connection, of_a_night(the_first=True))
     today = audits.c.ended_at >= now() - DAY
     return Figures(
         loops=count(connection),
