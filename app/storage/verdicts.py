@@ -323,6 +323,13 @@ def history(connection: Connection, loop_id: int, limit: int, before_audit: int 
     return [_dict(row) for row in connection.execute(query).mappings()]
 
 
+def of_runs(connection: Connection, loop_id: int, audit_ids: Collection[int]) -> dict[int, dict[str, Any]]:
+    """A loop's verdicts of these runs, by run; one that it has none of is left out."""
+    query = _select().join(loops, loops.c.id == verdicts.c.loop_id)
+    mine = (verdicts.c.loop_id == loop_id, verdicts.c.audit_id.in_(audit_ids))
+    return {row["audit_id"]: _dict(row) for row in connection.execute(query.where(*mine)).mappings()}
+
+
 def input_of(connection: Connection, loop_id: int, audit_id: int) -> Any:
     """What was given to the engine and what it used of it; None without such a verdict."""
     columns = [verdicts.c[name] for name in ("input_start_ns", "input_end_ns", "window_start", "window_end")]

@@ -5,16 +5,17 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from app.errors import NotFoundError, RequestError
+from app.services.audit_json.rows import as_row
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.moments import iso_utc
-from app.services.plant.loops import find, verdict_history
+from app.services.plant.loops import find
 from app.services.plant.shelving import check_shelving, kind_at
 from app.services.plant.shelving import withdraw_shelving as withdraw_from_shelf
 from app.services.results import NoteView, Page
-from app.services.telling.repair_sides import side_of
-from app.storage import notes
+from app.storage import notes, verdicts
 from app.storage.notes import NoteRow
+from app.storage.repaired import sides
 
 LONGEST_TEXT = 4000
 LONGEST_WORK_ORDER = 100
@@ -113,11 +114,12 @@ def newest_repair(backend: Backend, tag: str) -> Repair | None:
     row = find(backend, tag)
     with backend.database.read() as connection:
         at = notes.repairs_stated_last(connection, [row.id]).get(row.id)
-    if at is None:
-        return None
-    sides = [(_side(verdict, at), verdict) for verdict in verdict_history(backend, tag, limit=1000).rows]
-    before, after = ([verdict for side, verdict in sides if side == wanted] for wanted in ("before", "after"))
-    return Repair(iso_utc(at) or "", before[0] if before else None, after[0] if after else None)
+        if at is None:
+            return None
+        runs = sides(connection, row.id, at)
+        found = verdicts.of_runs(connection, row.id, [run for run in (runs.before, runs.after) if run is not None])
+    before, after = (as_row(found[run]) if run in found else None for run in (runs.before, runs.after))
+    return Repair(iso_utc(at) or "", before, after)
 
 
 def _in_utc(moment: datetime) -> datetime:
@@ -126,13 +128,6 @@ def _in_utc(moment: datetime) -> datetime:
         return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
     except OverflowError:
         raise RequestError("bad_time", f"{moment} is beyond the years that there are") from None
-
-
-def _side(verdict: dict[str, Any], repaired_at: datetime) -> str | None:
-    """One without a window is of before a repair where it was made before it, and else of neither side."""
-    names = ("window_start", "window_end" if verdict["window_end"] else "audited_at")
-    start, end = (datetime.fromisoformat(verdict[name]) if verdict[name] else None for name in names)
-    return side_of(start, end, repaired_at)
 
 
 def _view(note: NoteRow | None) -> NoteView:
