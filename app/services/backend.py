@@ -8,6 +8,7 @@ from sqlalchemy.exc import InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as NoFreeConnection
 
 from app.queue import Queue
+from app.services.found_groups import FoundGroups
 from app.services.moments import PlantClock
 from app.settings import Settings
 from app.storage import Database
@@ -46,6 +47,7 @@ class Backend:
     database: Database
     queue: Queue
     row_texts: RowTexts = field(default_factory=RowTexts)
+    found_groups: FoundGroups = field(default_factory=FoundGroups)
 
     @classmethod
     def open(cls, settings: Settings, *, worker: bool = False, looks_only: bool = False) -> "Backend":
@@ -62,5 +64,6 @@ class Backend:
         return PlantClock(self.settings.time_zone)
 
     def close(self) -> None:
+        self.found_groups.close()
         self.database.close()
         self.queue.close()
