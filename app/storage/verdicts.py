@@ -9,7 +9,20 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import zstandard
-from sqlalchemy import ColumnElement, Connection, Select, Table, and_, bindparam, case, func, or_, select, update
+from sqlalchemy import (
+    BigInteger,
+    ColumnElement,
+    Connection,
+    Select,
+    Table,
+    and_,
+    bindparam,
+    case,
+    func,
+    or_,
+    select,
+    update,
+)
 
 from app.storage.bulk import among, insert_for, insert_new
 from app.storage.json_texts import short_json
@@ -225,6 +238,22 @@ def table(
 def _order(column: ColumnElement[Any], descending: bool) -> tuple[Any, ...]:
     """By value, unknown ones last, then by tag."""
     return (column.desc() if descending else column.asc()).nulls_last(), loops.c.tag
+
+
+def comparable(sort: str, value: Any) -> bool:
+    """Whether the table can be sorted by this name, and a row of it could have this value there."""
+    column = SORTABLE.get(sort)
+    if column is None or value is None:
+        return column is not None
+    kind = column.type.python_type
+    if isinstance(value, int):
+        return kind is float or (kind is int and abs(value) <= _largest(column))
+    return isinstance(value, kind)
+
+
+def _largest(column: ColumnElement[Any]) -> int:
+    """The largest number that a column of whole numbers can be compared with on PostgreSQL."""
+    return 2**63 - 1 if isinstance(column.type, BigInteger) else 2**31 - 1
 
 
 def sent_rows(
