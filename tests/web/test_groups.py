@@ -78,7 +78,7 @@ def test_a_loop_is_sent_to_no_source_of_loops_that_are_not_in_step(client, web_b
     members = plant_groups(web_backend)[0].members
     alike = GroupView("1", 300.0, False, True, 0.03, "LIC7", members)
     monkeypatch.setattr(loop_page, "groups_of", lambda backend, tag: [alike])
-    monkeypatch.setattr(loop_page, "_beside", lambda backend, tag: (None, None))
+    monkeypatch.setattr(loop_page, "_beside", lambda *_: (None, None))
     told = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
     assert "oscillates together with" in told
     assert "LIC7" not in told

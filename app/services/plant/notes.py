@@ -9,7 +9,7 @@ from app.services.audit_json.rows import as_row
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.moments import iso_utc
-from app.services.plant.loops import find
+from app.services.plant.loops import OneLoop, find
 from app.services.plant.shelving import check_shelving, kind_at
 from app.services.plant.shelving import withdraw_shelving as withdraw_from_shelf
 from app.services.results import NoteView, Page
@@ -92,26 +92,26 @@ def withdraw_shelving(backend: Backend, tag: str, note_id: str, withdrawn_by: st
         return _view(notes.by_id(connection, row.id, key))
 
 
-def list_notes(backend: Backend, tag: str) -> list[NoteView]:
+def list_notes(backend: Backend, loop: OneLoop) -> list[NoteView]:
     """The newest `SHOWN`, the newest first."""
-    return note_page(backend, tag, SHOWN).rows
+    return note_page(backend, loop, SHOWN).rows
 
 
-def note_page(backend: Backend, tag: str, limit: int = 100, cursor: str | None = None) -> Page[NoteView]:
+def note_page(backend: Backend, loop: OneLoop, limit: int = 100, cursor: str | None = None) -> Page[NoteView]:
     """The newest first."""
-    row, before = find(backend, tag), decode(cursor, (int,))
+    row, before = find(backend, loop), decode(cursor, (int,))
     with backend.database.read() as connection:
         found = notes.of_loop(connection, row.id, limit + 1, before[0] if before else None)
     following = encode(found[limit - 1].id) if len(found) > limit else None
     return Page([_view(note) for note in found[:limit]], following)
 
 
-def newest_repair(backend: Backend, tag: str) -> Repair | None:
+def newest_repair(backend: Backend, loop: OneLoop) -> Repair | None:
     """The repair that was stated last with the verdicts on both sides of it, by the end of the audited window.
 
     A wrong time is mended by a further note with the right one; a repair that never was is withdrawn.
     """
-    row = find(backend, tag)
+    row = find(backend, loop)
     with backend.database.read() as connection:
         at = notes.repairs_stated_last(connection, [row.id]).get(row.id)
         if at is None:
