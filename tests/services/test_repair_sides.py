@@ -9,6 +9,7 @@ from app.services.backend import Backend
 from app.services.plant import notes
 from app.services.telling.repair_sides import side_of
 from app.storage import loops, repaired, tables
+from app.storage import notes as stored_notes
 
 REPAIRED = datetime(2026, 1, 2, 12, 0, 0, 250_700, tzinfo=UTC)
 RUN = {"trigger": "nightly", "plant": "p", "state": "done", "config_json": "{}", "config_fingerprint": "c"}
@@ -42,8 +43,11 @@ def test_both_cut_what_is_below_a_millisecond(backend: Backend, loop_id: int, st
     with backend.database.write() as connection:
         (run,) = said(connection, loop_id, [(start, end)])
         sides = repaired.sides(connection, loop_id, REPAIRED)
+        stored_notes.add(connection, loop_id, "", "packing renewed", "", REPAIRED)
+        (listed,) = repaired.between(connection, REPAIRED - timedelta(days=1), datetime.now(UTC), None, 10)
     side = side_of(start, end, REPAIRED)
     assert sides == repaired.Sides(run if side == "before" else None, run if side == "after" else None)
+    assert listed.verdict_before == (f"of {run}" if side == "before" else None)
 
 
 def test_a_verdict_without_a_window_is_of_before_where_it_was_made_before(backend: Backend, loop_id: int) -> None:
