@@ -18,8 +18,8 @@ intake       uploads: received and synced, then read
 audit_json   an audit as its line, its row, and what is stored beside       access       keys, sessions, roles, trail
 telling      a verdict in words: what it says, what it rests on, what to do next
 
-Beside them: demo (a simulated plant), and what all share: backend, results, addresses, cursors, moments, spreadsheet,
-rendering, heartbeat, patience.
+Beside them: demo (a simulated plant), and what all share: backend, found_groups, results, addresses, cursors, moments,
+spreadsheet, rendering, heartbeat, patience.
 
 The worker and the schedule are run by `app.queue.run_worker(settings, concurrency)` and `app.queue.run_beat(settings)`.
 """

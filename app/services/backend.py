@@ -11,6 +11,7 @@ from sqlalchemy.exc import TimeoutError as NoFreeConnection
 
 from app.errors import RequestError
 from app.queue import Queue
+from app.services.found_groups import FoundGroups
 from app.services.moments import PlantClock
 from app.settings import Settings
 from app.storage import Database
@@ -61,6 +62,7 @@ class Backend:
     database: Database
     queue: Queue
     row_texts: RowTexts = field(default_factory=RowTexts)
+    found_groups: FoundGroups = field(default_factory=FoundGroups)
 
     @classmethod
     def open(cls, settings: Settings, *, worker: bool = False, looks_only: bool = False) -> "Backend":
@@ -77,5 +79,6 @@ class Backend:
         return PlantClock(self.settings.time_zone)
 
     def close(self) -> None:
+        self.found_groups.close()
         self.database.close()
         self.queue.close()

@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Any, Generic, Literal, TypeVar
 
+from app.storage.audits import ENDED
+
 UploadState = Literal["received", "reading", "done", "failed"]
 AuditState = Literal["planned", "running", "done", "partial", "cancelled"]
 Row = TypeVar("Row")
@@ -128,7 +130,7 @@ class AuditView:
 
     @property
     def ended(self) -> bool:
-        return self.state in ("done", "partial", "cancelled")
+        return self.state in ENDED
 
     @property
     def broken(self) -> int:

@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any
 
-from sqlalchemy import Connection, and_, case, exists, func, insert, literal, or_, select, update
+from sqlalchemy import ColumnElement, Connection, and_, case, exists, func, insert, literal, or_, select, update
 
 from app.storage.bulk import insert_new
 from app.storage.items import CANCELLED
@@ -13,6 +13,10 @@ from app.storage.loops import IN_SERVICE
 from app.storage.tables import UNFINISHED, audit_items, audits, loops
 from app.storage.types import clock_s, long_ago, now
 
+WITH_RESULTS = ("done", "partial")
+"""States of a run that ended with what it could do: what it says of loops counts."""
+ENDED = (*WITH_RESULTS, "cancelled")
+"""States of a run that is not worked on any more."""
 TO_DO = ("open", "claimed")
 MANY = 1000
 """Loops of a run that are worth the tenth of a second in which PostgreSQL looks at the table anew."""
@@ -89,6 +93,26 @@ def by_night(connection: Connection, plant: str, nightly_for: str) -> AuditRow |
     query = select(*COLUMNS).where(audits.c.plant == plant, audits.c.nightly_for == nightly_for)
     row = connection.execute(query).one_or_none()
     return None if row is None else AuditRow(*row)
+
+
+def of_a_night(*, the_first: bool = False) -> ColumnElement[bool]:
+    """Runs of the whole plant as each night has one, whoever began them, those too that somebody asked for once that
+    night's had ended; the_first: the one that a date's night is, without those."""
+    return audits.c.nightly_for.is_not(None) if the_first else audits.c.trigger == "nightly"
+
+
+def newest_night(
+    connection: Connection, *, at_most_old: timedelta | None = None, passes_by: bool = False
+) -> int | None:
+    """The night that was planned last, where it has ended with results; at_most_old: and that not longer ago. While it
+    goes on, or where it was cancelled, there is none: what follows a night waits for it. passes_by: one that goes on or
+    was cancelled is passed by, for the last that has results."""
+    nights = select(func.max(audits.c.id)).where(of_a_night())
+    with_results = audits.c.state.in_(WITH_RESULTS)
+    if passes_by:
+        nights = nights.where(with_results)
+    query = select(audits.c.id).where(audits.c.id == nights.scalar_subquery(), with_results)
+    return connection.scalar(query if at_most_old is None else query.where(audits.c.ended_at > now() - at_most_old))
 
 
 def page(connection: Connection, limit: int, before_id: int | None) -> list[AuditRow]:

@@ -2,8 +2,10 @@
 
 import os
 import sqlite3
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from typing import Any
 
 from sqlalchemy import Connection, Engine, create_engine, event, make_url
@@ -51,6 +53,13 @@ class Database:
         with self._reader.connect() as connection:
             yield connection
 
+    def answers(self) -> float:
+        """In how many seconds. Raises what SQLAlchemy raises where it does not."""
+        begun = time.perf_counter()
+        with self.read() as connection:
+            connection.exec_driver_sql("SELECT 1")
+        return time.perf_counter() - begun
+
     @property
     def writer(self) -> Engine:
         """For migrations."""
@@ -93,6 +102,22 @@ def parsed(url: str) -> URL:
         need = "postgresql+psycopg://user@host/name or sqlite:///path is needed"
         raise RequestError("database_url", f"LOOPAUDIT_DATABASE_URL is no address of a data base that we use; {need}")
     return parsed if backend == "sqlite" else parsed.set(drivername="postgresql+psycopg")
+
+
+@dataclass(frozen=True)
+class ProgramAddress:
+    """A data base as the programs of PostgreSQL take it: all that its address says (TLS too) but the password, which
+    other users of the machine must not see among their arguments."""
+
+    url: str
+    password: str | None
+
+
+def program_address(url: URL) -> ProgramAddress:
+    password = url.password or url.query.get("password")
+    shown = URL.create("postgresql", url.username, None, url.host, url.port, url.database, url.query)
+    shown = shown.difference_update_query(["password"])
+    return ProgramAddress(shown.render_as_string(), None if password is None else str(password))
 
 
 def journal_mode() -> str:

@@ -2,13 +2,13 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import datetime
 
 from sqlalchemy import ColumnElement, Connection, Update, and_, or_, select, update
 
 from app.storage.bulk import insert_new
 from app.storage.leases import Reopened, take_back
-from app.storage.tables import audits, deliveries
+from app.storage.tables import deliveries
 from app.storage.types import clock_s, now
 
 
@@ -58,13 +58,6 @@ def _reopen(connection: Connection, audit_id: int, receivers: Iterable[str], sta
     wanted = (deliveries.c.receiver.in_(tuple(receivers)), deliveries.c.state == state)
     anew = {"state": "open", "attempts": 0, "next_try_s": None, "ended_at": None, "error_text": None, **values}
     connection.execute(update(deliveries).where(deliveries.c.audit_id == audit_id, *wanted).values(anew))
-
-
-def newest_nightly(connection: Connection, at_most_old: timedelta) -> int | None:
-    """The newest nightly run, where it has ended with what it could do, and that not long ago."""
-    newest = select(audits.c.id).where(audits.c.trigger == "nightly").order_by(audits.c.id.desc()).limit(1)
-    ended = and_(audits.c.state.in_(("done", "partial")), audits.c.ended_at > now() - at_most_old)
-    return connection.scalar(select(audits.c.id).where(audits.c.id == newest.scalar_subquery(), ended))
 
 
 def of_run(connection: Connection, audit_id: int) -> list[DeliveryRow]:

@@ -24,7 +24,7 @@ from sqlalchemy import (
 from app.storage.bulk import among_many, insert_new
 from app.storage.leases import Reopened, take_back
 from app.storage.loops import IN_SERVICE
-from app.storage.tables import audit_items, audits, explanations, loops, verdicts
+from app.storage.tables import audit_items, explanations, loops, verdicts
 from app.storage.types import clock_s, long_ago, now
 from app.storage.verdicts import SORTABLE
 
@@ -111,12 +111,6 @@ def _asked_before() -> ColumnElement[bool]:
     asked = and_(explanations.c.loop_id == earlier.c.loop_id, explanations.c.audit_id == earlier.c.audit_id)
     joined = explanations.join(earlier, asked)
     return exists(select(explanations.c.id).select_from(joined).where(same_loop, *same_input).correlate(verdicts))
-
-
-def newest_nightly(connection: Connection) -> int | None:
-    """The newest nightly run, where it has ended with what it could do."""
-    newest = select(func.max(audits.c.id)).where(audits.c.trigger == "nightly").scalar_subquery()
-    return connection.scalar(select(audits.c.id).where(audits.c.id == newest, audits.c.state.in_(("done", "partial"))))
 
 
 def by_id(connection: Connection, loop_id: int, explanation_id: int) -> ExplanationRow | None:

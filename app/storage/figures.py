@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
-from sqlalchemy import ColumnElement, Connection, and_, func, select
+from sqlalchemy import ColumnElement, Connection, func, select
 
+from app.storage.audits import of_a_night
 from app.storage.loops import IN_SERVICE, count, count_retired
-from app.storage.newest import is_newest
-from app.storage.tables import UNFINISHED, audit_items, audits, explanations, keys, loops, uploads, verdicts
+from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS
+from app.storage.tables import UNFINISHED, audit_items, audits, explanations, keys, newest_rows, uploads, verdicts
 from app.storage.tallies import UPLOAD_BYTES, tallied
 from app.storage.types import now
 from app.storage.uploads import UNREAD_STATES
@@ -25,24 +26,36 @@ class EndedRun:
 
 
 @dataclass(frozen=True)
+class Waiting:
+    """items: loops of unfinished runs by state. oldest_open_s: age of the oldest run that is not ended, in seconds (0:
+    none). oldest_unread_s: age of the oldest upload that is still to be read."""
+
+    items: dict[str, int]
+    oldest_open_s: float
+    oldest_unread_s: float
+
+    @property
+    def standstill_s(self) -> float:
+        """For how long loops have been waiting while no worker holds any; 0 where none waits or one is at work."""
+        return self.oldest_open_s if self.items.get("open") and not self.items.get("claimed") else 0.0
+
+
+@dataclass(frozen=True)
 class Figures:
-    """loops: those in service; retired: the others. items: loops of unfinished runs by state. verdicts: loops by their
-    newest verdict. failures: failed loops of the newest night that ended, by code; failures_day: of all runs that ended
-    within 24 h. oldest_open_s: age of the oldest run that is not ended, in seconds (0: none). audit_seconds: mean time
-    of an audit over the newest verdicts. oldest_unread_s: age of the oldest upload that is still to be read.
-    uploads_bytes: of all uploads as they came, those too that are not kept any more.
-    last_run: the newest that ended, of any kind; last_night: the newest nightly one."""
+    """loops: those in service; retired: the others. waiting: what is still to be done. verdicts: loops by their newest
+    verdict. failures: failed loops of the newest night that ended, by code; failures_day: of all runs that ended within
+    24 h. audit_seconds: mean time of an audit over the newest verdicts. uploads_bytes: of all uploads as they came,
+    those too that are not kept any more. last_run: the newest that ended, of any kind; last_night: the newest nightly
+    one."""
 
     loops: int
     retired: int
     uploads: dict[str, int]
-    items: dict[str, int]
+    waiting: Waiting
     verdicts: dict[str, int]
     failures: dict[str, int]
     failures_day: dict[str, int]
-    oldest_open_s: float
     audit_seconds: float | None
-    oldest_unread_s: float
     uploads_bytes: int
     explanations: dict[str, int]
     last_run: EndedRun | None
@@ -50,37 +63,39 @@ class Figures:
     active_keys: int
 
 
-def collect(connection: Connection) -> Figures:
+def waiting(connection: Connection) -> Waiting:
+    """From what is unfinished alone, however much has been done: cheap enough for a probe every few seconds."""
     unfinished = select(audits.c.id).where(audits.c.state.in_(UNFINISHED))
-    newest = loops.join(verdicts, and_(is_newest(verdicts), IN_SERVICE))
-    night = _newest_ended(connection, audits.c.nightly_for.is_not(None))
+    by_state = select(audit_items.c.state, func.count()).where(audit_items.c.audit_id.in_(unfinished))
+    unread = select(func.min(uploads.c.received_at)).where(uploads.c.state.in_(UNREAD_STATES))
+    oldest = select(func.min(audits.c.created_at)).where(audits.c.id.in_(unfinished))
+    return Waiting(
+        items=_counts(connection, by_state.group_by(audit_items.c.state)),
+        oldest_open_s=_age_s(connection.scalar(oldest)),
+        oldest_unread_s=_age_s(connection.scalar(unread)),
+    )
+
+
+def collect(connection: Connection) -> Figures:
+    said = select(newest_rows.c.verdict, func.count()).select_from(NEWEST_ROWS).where(IN_SERVICE)
+    took = select(func.avg(verdicts.c.elapsed_s)).select_from(NEWEST_VERDICTS).where(IN_SERVICE)
+    night = _newest_ended(connection, of_a_night(the_first=True))
     today = audits.c.ended_at >= now() - DAY
-    unread = connection.scalar(select(func.min(uploads.c.received_at)).where(uploads.c.state.in_(UNREAD_STATES)))
-    oldest = connection.scalar(select(func.min(audits.c.created_at)).where(audits.c.id.in_(unfinished)))
     return Figures(
         loops=count(connection),
         retired=count_retired(connection),
         uploads=_counts(connection, select(uploads.c.state, func.count()).group_by(uploads.c.state)),
-        items=_counts(
-            connection,
-            select(audit_items.c.state, func.count())
-            .where(audit_items.c.audit_id.in_(unfinished))
-            .group_by(audit_items.c.state),
-        ),
-        verdicts=_counts(
-            connection, select(verdicts.c.verdict, func.count()).select_from(newest).group_by(verdicts.c.verdict)
-        ),
+        waiting=waiting(connection),
+        verdicts=_counts(connection, said.group_by(newest_rows.c.verdict)),
         failures=_failures(connection, audits.c.id == (night.id if night else None)),
         failures_day=_failures(connection, today),
-        oldest_open_s=_age_s(oldest),
-        oldest_unread_s=_age_s(unread),
         uploads_bytes=int(connection.scalar(select(func.sum(uploads.c.size_bytes))) or 0)
         + tallied(connection, UPLOAD_BYTES),
         explanations=_counts(connection, select(explanations.c.state, func.count()).group_by(explanations.c.state)),
         last_run=_newest_ended(connection),
         last_night=night,
         active_keys=_active_keys(connection),
-        audit_seconds=connection.scalar(select(func.avg(verdicts.c.elapsed_s)).select_from(newest)),
+        audit_seconds=connection.scalar(took),
     )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
 
-from sqlalchemy import Connection, insert, or_, select, update
+from sqlalchemy import ColumnElement, Connection, FromClause, and_, insert, or_, select, true, update
 
 from app.storage.bulk import among_many
 from app.storage.tables import loops, notes
@@ -59,6 +59,17 @@ def by_id(connection: Connection, loop_id: int, note_id: int) -> NoteRow | None:
     return None if row is None else NoteRow(*row)
 
 
+def stands(table: FromClause, at: datetime | None = None) -> ColumnElement[bool]:
+    """Of `notes` or an alias of them: written until then, and not withdrawn by then; None: up to now."""
+    withdrawn = table.c.withdrawn_at
+    kept = withdrawn.is_(None) if at is None else or_(withdrawn.is_(None), withdrawn > at)
+    return and_(_written(table, at), kept)
+
+
+def _written(table: FromClause, at: datetime | None) -> ColumnElement[bool]:
+    return true() if at is None else table.c.written_at <= at
+
+
 def withdraw(connection: Connection, note_id: int, withdrawn_by: str) -> None:
     """The note's repair counts no longer; who withdrew it first stays."""
     standing = (notes.c.id == note_id, notes.c.withdrawn_at.is_(None))
@@ -78,18 +89,17 @@ class Standing:
 def standing(connection: Connection, tags: Iterable[str], at: datetime | None = None) -> dict[str, Standing]:
     """By tag, of the loops of which there is something. at: what was written until then, and not withdrawn by then;
     None: up to now."""
-    query = select(loops.c.tag, notes.c.work_order, notes.c.repaired_at, notes.c.withdrawn_at)
+    query = select(loops.c.tag, notes.c.work_order, notes.c.repaired_at, stands(notes, at).label("stands"))
     said = or_(notes.c.work_order != "", notes.c.repaired_at.is_not(None))
     query = query.join(loops, loops.c.id == notes.c.loop_id).where(said, among_many(connection, loops.c.tag, tags))
-    query = query.order_by(notes.c.id)
-    if at is not None:
-        query = query.where(notes.c.written_at <= at)
     found: dict[str, Standing] = {}
-    for tag, work_order, repaired_at, withdrawn_at in connection.execute(query):
+    # An order that was written with a repair that was withdrawn is an order all the same.
+    for tag, work_order, repaired_at, counts in connection.execute(
+        query.where(_written(notes, at)).order_by(notes.c.id)
+    ):
         before = found.get(tag, Standing())
-        stands = withdrawn_at is None or (at is not None and withdrawn_at > at)
         order = work_order or before.work_order
-        repair = (repaired_at, order) if repaired_at and stands else (before.repaired_at, before.repair_order)
+        repair = (repaired_at, order) if repaired_at and counts else (before.repaired_at, before.repair_order)
         found[tag] = Standing(order, *repair)
     return {tag: one for tag, one in found.items() if one != Standing()}
 
@@ -97,6 +107,6 @@ def standing(connection: Connection, tags: Iterable[str], at: datetime | None = 
 def repairs_stated_last(connection: Connection, loop_ids: Iterable[int]) -> dict[int, datetime]:
     """By loop, of the newest note that states a repair that stands, be it earlier than another note's: so a wrong time
     can be put right."""
-    standing = (notes.c.repaired_at.is_not(None), notes.c.withdrawn_at.is_(None))
-    query = select(notes.c.loop_id, notes.c.repaired_at).where(notes.c.loop_id.in_(list(loop_ids)), *standing)
+    standing = and_(notes.c.repaired_at.is_not(None), stands(notes))
+    query = select(notes.c.loop_id, notes.c.repaired_at).where(notes.c.loop_id.in_(list(loop_ids)), standing)
     return {row.loop_id: row.repaired_at for row in connection.execute(query.order_by(notes.c.id))}

@@ -19,6 +19,7 @@ from sqlalchemy import (
 )
 
 from app.engine.codes import UNANSWERED
+from app.storage.audits import WITH_RESULTS, of_a_night
 from app.storage.loops import IN_SERVICE
 from app.storage.newest import NEWEST_ROWS, heads, heads_of_units, is_newest, priority, worst_first
 from app.storage.tables import audits, loops, newest_rows, verdicts
@@ -92,10 +93,10 @@ def last_whole_run(connection: Connection) -> Any:
 
     What somebody starts within a day after a night does not take the night's place: what changed in it is still news.
     """
-    ended = audits.c.state.in_(("done", "partial"))
+    ended = audits.c.state.in_(WITH_RESULTS)
     query = select(audits.c.id, audits.c.created_at, audits.c.trigger, audits.c.total).where(ended)
     query = query.order_by(audits.c.id.desc()).limit(1)
-    nightly = audits.c.nightly_for.is_not(None)  # not one that somebody asked for once that night's had ended
+    nightly = of_a_night(the_first=True)
     night = connection.execute(query.where(nightly)).one_or_none()
     largest = connection.scalar(select(func.max(audits.c.total)).where(ended)) or 0
     today = connection.scalar(select(func.count()).where(IN_SERVICE, loops.c.newest_ns.is_not(None))) or 0
@@ -105,14 +106,8 @@ def last_whole_run(connection: Connection) -> Any:
     return asked_for if asked_for.created_at - night.created_at > A_DAY else night
 
 
-def last_night(connection: Connection) -> int | None:
-    """The newest ended run that was a night's, though it was the second of its date."""
-    ended = audits.c.state.in_(("done", "partial"))
-    return connection.scalar(select(func.max(audits.c.id)).where(ended, audits.c.trigger == "nightly"))
-
-
 def any_run_since(connection: Connection, audit_id: int) -> bool:
-    ended = audits.c.state.in_(("done", "partial"))
+    ended = audits.c.state.in_(WITH_RESULTS)
     return connection.scalar(select(audits.c.id).where(audits.c.id > audit_id, ended).limit(1)) is not None
 
 
@@ -166,10 +161,7 @@ def second_nights(connection: Connection, audit_id: int, limit: int) -> list[Any
     told = (loops.c.tag, loops.c.unit, third.c.verdict.label("verdict_before"), newest.c.verdict, newest.c.health)
     query = select(*told, *told_of_both(newest, third), between.c.stiction_probability.label("probability_between"))
     query = query.select_from(joined).where(newest.c.audit_id == audit_id, *sticks, *so, third.c.verdict != "stiction")
-    weight = loops.c.importance * (100.0 - newest.c.health)
-    return list(
-        connection.execute(query.where(IN_SERVICE).order_by(weight.desc().nulls_last(), loops.c.tag).limit(limit))
-    )
+    return heads(connection, query.where(IN_SERVICE), newest, limit)
 
 
 def _before(row: Any) -> ScalarSelect[Any]:

@@ -1,14 +1,50 @@
 """Loops of which a repair was stated, with what was said of them before it and what a run said of them."""
 
 from collections.abc import Collection
+from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Connection, and_, func, literal, or_, select
+from sqlalchemy import ColumnElement, Connection, FromClause, ScalarSelect, and_, func, literal, select
 
 from app.storage.bulk import among_many
 from app.storage.loops import IN_SERVICE
+from app.storage.notes import stands
 from app.storage.tables import loops, notes, verdicts
+from app.storage.types import UtcDateTime, whole_ms
+
+
+@dataclass(frozen=True)
+class Sides:
+    """The runs of a loop's last verdict before a repair, and of its newest one after it; None: there is none."""
+
+    before: int | None
+    after: int | None
+
+
+def sides(connection: Connection, loop_id: int, repaired_at: datetime) -> Sides:
+    at = literal(repaired_at, UtcDateTime())
+    runs = (_last_run(loop_id, of_side(verdicts, at)).label(name) for name, of_side in SIDES.items())
+    return Sides(**connection.execute(select(*runs)).mappings().one())
+
+
+def _last_run(loop_id: int, such: ColumnElement[bool]) -> ScalarSelect[int]:
+    """From the newest verdict back to the first that is such a one, however many nights there are."""
+    mine = select(verdicts.c.audit_id).where(verdicts.c.loop_id == loop_id, such)
+    return mine.order_by(verdicts.c.audit_id.desc()).limit(1).scalar_subquery()
+
+
+def _before(said: FromClause, repaired_at: ColumnElement[datetime]) -> ColumnElement[bool]:
+    """Judged by what was recorded before the repair, to the millisecond, as `repair_sides.side_of` tells of one; where
+    there is no window, made before it."""
+    return func.coalesce(said.c.window_end, said.c.audited_at) < whole_ms(repaired_at)
+
+
+def _after(said: FromClause, repaired_at: ColumnElement[datetime]) -> ColumnElement[bool]:
+    return said.c.window_start >= whole_ms(repaired_at)
+
+
+SIDES = {"before": _before, "after": _after}
 
 
 def between(
@@ -26,14 +62,13 @@ def between(
     Of each loop the note that was written last counts, as for the audit.
     """
     run = loops.c.newest_audit_id if audit_id is None else literal(audit_id)
-    stands = or_(notes.c.withdrawn_at.is_(None), notes.c.withdrawn_at > until)
-    standing = and_(notes.c.repaired_at.is_not(None), stands, notes.c.written_at <= until)
+    standing = and_(notes.c.repaired_at.is_not(None), stands(notes, until))
     last = select(func.max(notes.c.id).label("id")).where(standing).group_by(notes.c.loop_id).subquery()
     earlier = verdicts.alias("earlier")
     before = (
         select(earlier.c.verdict)
         .where(earlier.c.loop_id == notes.c.loop_id, earlier.c.audit_id <= run)
-        .where(func.coalesce(earlier.c.window_end, earlier.c.audited_at) < notes.c.repaired_at)
+        .where(_before(earlier, notes.c.repaired_at))
         .order_by(earlier.c.audit_id.desc())
         .limit(1)
         .correlate(notes, loops)

@@ -7,6 +7,7 @@ from typing import Any
 from sqlalchemy import ColumnElement, Connection, Table, and_, delete, exists, func, or_, select, true, tuple_, update
 
 from app.nanoseconds import NS_PER_S
+from app.storage.audits import ENDED
 from app.storage.steps import HOLDING
 from app.storage.tables import (
     AS_RECEIVED,
@@ -26,7 +27,6 @@ from app.storage.tallies import UPLOAD_BYTES, tally
 from app.storage.types import now
 from app.storage.uploads import UNREAD_STATES, going, let_go, lock_bytes
 
-ENDED = ("done", "partial", "cancelled")
 UPLOADS_AT_ONCE = 10  # the row of each may have megabytes of tags and mapping
 
 

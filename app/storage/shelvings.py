@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, FromClause, ScalarSelect, and_, exists, func, or_, select, update
+from sqlalchemy import Connection, ScalarSelect, and_, exists, func, select, update
 
 from app.storage.loops import IN_SERVICE
 from app.storage.newest import NEWEST_ROWS
+from app.storage.notes import stands
 from app.storage.tables import loops, newest_rows, notes, verdicts
 from app.storage.types import now
 
@@ -45,10 +46,10 @@ def shelved(connection: Connection, at: datetime, audit_id: int | None = None) -
     """The loops that are shelved `at` a time, by what was written until then, with their last verdict up to a run, be
     it of a run before; without one with their newest verdict. That which was written last counts, until a repair is
     stated after it. Those that end first come first."""
-    shelves = and_(notes.c.shelved_until.is_not(None), *_stands(notes, at))
+    shelves = and_(notes.c.shelved_until.is_not(None), stands(notes, at))
     last = select(func.max(notes.c.id).label("id")).where(shelves).group_by(notes.c.loop_id).subquery()
     later = (repairs.c.loop_id == notes.c.loop_id, repairs.c.id > notes.c.id, repairs.c.repaired_at.is_not(None))
-    repaired = exists().where(*later, *_stands(repairs, at))
+    repaired = exists().where(*later, stands(repairs, at))
     said = newest_rows if audit_id is None else verdicts
     run = loops.c.newest_audit_id if audit_id is None else _last_until(audit_id)
     source = notes.join(last, last.c.id == notes.c.id).join(loops, loops.c.id == notes.c.loop_id)
@@ -76,8 +77,3 @@ def withdraw(connection: Connection, loop_id: int, note_id: int, withdrawn_by: s
     mine = (notes.c.loop_id == loop_id, notes.c.id <= note_id, notes.c.shelved_until > at)
     standing = update(notes).where(*mine, notes.c.withdrawn_at.is_(None))
     connection.execute(standing.values(withdrawn_at=at, withdrawn_by=withdrawn_by))
-
-
-def _stands(table: FromClause, at: datetime) -> tuple[ColumnElement[bool], ...]:
-    """Written until then, and not withdrawn by then."""
-    return table.c.written_at <= at, or_(table.c.withdrawn_at.is_(None), table.c.withdrawn_at > at)

@@ -55,6 +55,24 @@ def _sqlite_clock(element: clock_s, compiler: Any, **options: Any) -> str:
     return "((julianday('now') - 2440587.5) * 86400.0)"
 
 
+class whole_ms(FunctionElement[datetime]):
+    """An instant as it is told, what is below a millisecond cut."""
+
+    type = UtcDateTime()
+    inherit_cache = True
+
+
+@compiles(whole_ms, "postgresql")
+def _postgresql_whole_ms(element: whole_ms, compiler: Any, **options: Any) -> str:
+    return f"date_trunc('milliseconds', {compiler.process(element.clauses, **options)})"
+
+
+@compiles(whole_ms, "sqlite")
+def _sqlite_whole_ms(element: whole_ms, compiler: Any, **options: Any) -> str:
+    # Kept as text, which sorts as the instants do: 2026-01-31 03:00:00.250000.
+    return f"substr({compiler.process(element.clauses, **options)}, 1, 23)"
+
+
 def run_out(until_s: ColumnElement[float], longest_s: float) -> ColumnElement[bool]:
     """Whether a lease of at most `longest_s` seconds has ended. One that ends later than it could was given before the
     clock of the data base was put back: it would outlast its worker by as much."""

@@ -9,7 +9,20 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import zstandard
-from sqlalchemy import ColumnElement, Connection, Select, Table, and_, bindparam, case, func, or_, select, update
+from sqlalchemy import (
+    BigInteger,
+    ColumnElement,
+    Connection,
+    Select,
+    Table,
+    and_,
+    bindparam,
+    case,
+    func,
+    or_,
+    select,
+    update,
+)
 
 from app.storage.bulk import among, insert_for, insert_new
 from app.storage.json_texts import short_json
@@ -227,6 +240,22 @@ def _order(column: ColumnElement[Any], descending: bool) -> tuple[Any, ...]:
     return (column.desc() if descending else column.asc()).nulls_last(), loops.c.tag
 
 
+def comparable(sort: str, value: Any) -> bool:
+    """Whether the table can be sorted by this name, and a row of it could have this value there."""
+    column = SORTABLE.get(sort)
+    if column is None or value is None:
+        return column is not None
+    kind = column.type.python_type
+    if isinstance(value, int):
+        return kind is float or (kind is int and abs(value) <= _largest(column))
+    return isinstance(value, kind)
+
+
+def _largest(column: ColumnElement[Any]) -> int:
+    """The largest number that a column of whole numbers can be compared with on PostgreSQL."""
+    return 2**63 - 1 if isinstance(column.type, BigInteger) else 2**31 - 1
+
+
 def sent_rows(
     connection: Connection, limit: int, sort: str, descending: bool, wanted: RowFilter, after: After | None
 ) -> list[SentRow]:
@@ -323,6 +352,13 @@ def history(connection: Connection, loop_id: int, limit: int, before_audit: int 
     return [_dict(row) for row in connection.execute(query).mappings()]
 
 
+def of_runs(connection: Connection, loop_id: int, audit_ids: Collection[int]) -> dict[int, dict[str, Any]]:
+    """A loop's verdicts of these runs, by run; one that it has none of is left out."""
+    query = _select().join(loops, loops.c.id == verdicts.c.loop_id)
+    mine = (verdicts.c.loop_id == loop_id, verdicts.c.audit_id.in_(audit_ids))
+    return {row["audit_id"]: _dict(row) for row in connection.execute(query.where(*mine)).mappings()}
+
+
 def input_of(connection: Connection, loop_id: int, audit_id: int) -> Any:
     """What was given to the engine and what it used of it; None without such a verdict."""
     columns = [verdicts.c[name] for name in ("input_start_ns", "input_end_ns", "window_start", "window_end")]
@@ -332,8 +368,8 @@ def input_of(connection: Connection, loop_id: int, audit_id: int) -> Any:
 
 def swings(connection: Connection) -> list[Any]:
     """What is kept of the oscillations of all loops in service whose newest verdict saw one."""
-    query = select(loops.c.tag, loops.c.unit, verdicts.c.stiction_probability, newest_rows.c.swing_json)
-    query = query.select_from(NEWEST_ROWS.join(verdicts, is_newest(verdicts)))
+    told = (newest_rows.c.stiction_probability, newest_rows.c.swing_json)
+    query = select(loops.c.tag, loops.c.unit, *told).select_from(NEWEST_ROWS)
     seen = newest_rows.c.swing_json.is_not(None)
     return list(connection.execute(query.where(seen, IN_SERVICE).order_by(loops.c.tag)))
 

@@ -26,8 +26,8 @@ from app.services.plant.groups import unnamed
 from app.services.plant.loop_list import number
 from app.services.plant.loop_sheet import loop_sheet
 from app.services.plant.nights import nights as nights_of
-from app.services.plant.shelving import shelf
-from app.services.plant.worst import listed_first
+from app.services.plant.shelving import Shelf, shelf
+from app.services.plant.worst import worst_tags
 from app.services.results import LoopView
 from app.services.telling.reason_wording import NO_VOTE
 from app.services.telling.rival_wording import worth_a_look
@@ -91,16 +91,17 @@ def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
 def _loop_page(
     backend: Backend, tag: str, typed: Typed = NOTHING_TYPED, settings: Settings | None = None
 ) -> HTMLResponse:
-    found = loops.get_loop(backend, tag)
-    told: dict[str, Any] = {"it": found, "tag": found.tag, "notes": notes.list_notes(backend, tag), "typed": typed}
+    row, shelved = loops.find(backend, tag), shelf(backend)
+    found = loops.view_of(row)
+    told: dict[str, Any] = {"it": found, "tag": found.tag, "notes": notes.list_notes(backend, row), "typed": typed}
     told["settings"] = settings or _as_set(found)
     explanation = told["explanation"] = newest_in_words(backend, tag)
     told["newest"] = newest_sample_in_words(found.samples_to, backend.clock)
-    told["shelved"] = shelf(backend).of(found.tag)
+    told["shelved"] = shelved.of(found.tag)
     told |= {"maybe_before": maybe_before(backend, found.tag), "goes_on_as": goes_on_as(backend, found.tag)}
-    told["failure"] = loops.newest_failure(backend, tag)
+    told["failure"] = loops.newest_failure(backend, row)
     try:
-        sheet = loop_sheet(backend, found, explanation)
+        sheet = loop_sheet(backend, row, explanation, shelved)
     except NotFoundError:
         return page("loop.html", backend.clock, row=None, **told)
     return page(
@@ -109,16 +110,15 @@ def _loop_page(
         no_vote=NO_VOTE,
         rivals=worth_a_look(sheet["detail"].get("rivals", ())),
         last_nights=nights_of(backend, [tag]).get(tag, ()),
-        beside=_beside(backend, found.tag),
+        beside=_beside(backend, found.tag, shelved),
         unnamed=unnamed,
         **(told | sheet),
     )
 
 
-def _beside(backend: Backend, tag: str) -> tuple[str | None, str | None]:
+def _beside(backend: Backend, tag: str, shelved: Shelf) -> tuple[str | None, str | None]:
     """The loops before and after this one among the worst that the plant's page lists; None where there is none."""
-    _, worst = listed_first(backend, current_ns(backend))
-    tags = [row["loop"] for row in worst]
+    tags = worst_tags(backend, current_ns(backend), shelved)
     if tag not in tags:
         return None, None
     at = tags.index(tag)

@@ -39,6 +39,32 @@ def test_what_people_touch_knows_neither_sql_nor_celery(room):
     assert not strangers
 
 
+def test_services_know_of_sql_no_more_than_a_connection_and_what_it_raises():
+    """Statements, types of columns and the words of one data base stay in `app.storage`."""
+    strangers = {
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in (ROOT / "app" / "services").rglob("*.py")
+        for name in taken_of(path, "sqlalchemy")
+        if name != "sqlalchemy.Connection" and not name.startswith("sqlalchemy.exc.")
+    }
+    assert not strangers
+    spoken = [
+        path for path in (ROOT / "app" / "services").rglob("*.py") if "exec_driver_sql" in path.read_text("utf-8")
+    ]
+    assert not spoken
+
+
+def taken_of(path: Path, package: str) -> set[str]:
+    """The names that a module takes from a package, those of whole modules too."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names.update(f"{node.module}.{alias.name}" for alias in node.names)
+    return {name for name in names if name.split(".")[0] == package}
+
+
 def test_engine_is_pure():
     allowed = {"numpy", "scipy", "numba", "app"}
     strangers = {

@@ -24,6 +24,7 @@ from app.services.upkeep.operations import migrate
 from app.services.upkeep.presence import alone, at_work
 from app.settings import Settings
 from app.storage import loops, schema, tables
+from app.storage.database import program_address
 from app.storage.tables import metadata
 from tests.services.upkeep_plant import EXPORT, audited_twice
 
@@ -222,7 +223,7 @@ def test_what_the_address_says_of_tls_holds_for_a_backup_too(monkeypatch, tmp_pa
     monkeypatch.setattr(backups.subprocess, "run", run)
     monkeypatch.setattr(backups.shutil, "which", lambda name: f"/usr/bin/{name}")
     url = make_url("postgresql+psycopg://who:hunter2@db:5433/plant?sslmode=verify-full")
-    backups._run(["pg_dump", "--format=custom"], url, tmp_path)
+    backups._run(["pg_dump", "--format=custom"], program_address(url), tmp_path)
     command, environment = told[0]
     assert command[2] == "--dbname=postgresql://who@db:5433/plant?sslmode=verify-full"
     assert environment["PGPASSWORD"] == "hunter2"

@@ -34,7 +34,6 @@ def test_pages_that_cannot_wait_share_one_search_for_groups(
         going.wait(60)
         return ()
 
-    monkeypatch.setattr(groups, "_found", {})
     monkeypatch.setattr(groups, "groups", slow)
     assert [groups.soon(backend, 0.01) for _ in range(3)] == [None] * 3
     patch_loop(backend, "A", {"unit": "U2"})
@@ -51,7 +50,6 @@ def test_a_search_for_groups_that_failed_is_made_again(
     def broken(candidates: object) -> tuple[()]:
         raise MemoryError
 
-    monkeypatch.setattr(groups, "_found", {})
     with monkeypatch.context() as spoiled:
         spoiled.setattr(groups, "groups", broken)
         with pytest.raises(MemoryError):

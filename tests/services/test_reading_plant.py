@@ -303,7 +303,7 @@ def test_the_plant_in_numbers(plant: Backend) -> None:
     assert (seen.loops, seen.audited, sum(seen.verdicts.values())) == (7, 7, 7)
     with plant.database.read() as connection:
         found = figures.collect(connection)
-    assert (found.loops, found.oldest_open_s, sum(found.verdicts.values())) == (7, 0.0, 7)
+    assert (found.loops, found.waiting.oldest_open_s, sum(found.verdicts.values())) == (7, 0.0, 7)
     assert operations.readiness(plant).state == "ready"
 
 

@@ -14,7 +14,7 @@ from app.services.auditing.nightly import announce_explanations, nightly
 from app.services.backend import Backend
 from app.services.digests.digest import as_text, digest_of, newest_run
 from app.services.moments import ns_of
-from app.services.plant import changes, groups, reliability, worst
+from app.services.plant import changes, reliability, worst
 from app.services.plant import overview as plant
 from app.services.plant.arrivals import arrivals
 from app.services.plant.groups import groups_of, plant_groups
@@ -39,9 +39,8 @@ DAY = timedelta(days=1)
 
 
 @pytest.fixture
-def night(backend: Backend, add_loops: AddLoops, monkeypatch: pytest.MonkeyPatch) -> str:
+def night(backend: Backend, add_loops: AddLoops) -> str:
     """The second night of a plant whose worst loop, said to stick since then, has sent nothing for four days."""
-    monkeypatch.setattr(groups, "_found", {})  # plants of other tests stood in the same data base, as many loops
     ids = add_loops(GONE, *STAYS, n=600, unit="U1", type="flow")
     now = datetime.now(UTC)
     first = nightly(backend, date(2026, 1, 1))

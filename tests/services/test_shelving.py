@@ -4,6 +4,7 @@ it changes."""
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
+import numpy as np
 import pytest
 from sqlalchemy import update
 
@@ -156,6 +157,29 @@ def test_it_is_neither_looked_at_today_nor_among_old_records(judged: Backend) ->
     shelve(judged, "A")
     assert listed() == [["B"], ["B", "C"]]
     assert shelf(judged).of("A").said == "cannot tell (look today)"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_tags_of_the_worst_are_those_that_the_plant_s_page_lists(
+    backend: Backend, add_loops: AddLoops, seed: int
+) -> None:
+    """In its order, without those that are to be looked at today, are shelved, or are of an old record."""
+    ids = add_loops(*(f"FIC{number}" for number in range(3 * plant.WORST)), n=150)
+    audit_chunk(backend, int(start_audit(backend).id), "test")
+    dice = np.random.default_rng(seed)
+    for tag in ids:
+        said = DEAD if dice.random() < 0.2 else UNSURE
+        say(backend, tag, **said | {"health": dice.choice([None, 0.0, 40.0, 80.0])})
+        patch_loop(backend, tag, {"importance": float(dice.integers(1, 3))})
+    for tag in dice.choice(list(ids), 4, replace=False):
+        shelve(backend, str(tag))
+    old = dice.choice(list(ids.values()), 4, replace=False).tolist()
+    with backend.database.write() as connection:
+        connection.execute(update(loops).where(loops.c.id.in_(old)).values(newest_ns=1000))
+    for since_ns in (None, 1001):
+        _, listed = plant.listed_first(backend, since_ns)
+        assert len(listed) == plant.WORST
+        assert plant.worst_tags(backend, since_ns, shelf(backend)) == [row["loop"] for row in listed]
 
 
 def test_to_wait_comes_before_what_to_do_until_two_answers_agree(judged: Backend) -> None:

@@ -180,7 +180,7 @@ def test_the_worst_loops_of_a_night_are_asked_for_once(database: Database, ids: 
     }
     run = run_with_verdicts(database, ids, told)
     with database.write() as connection:
-        assert explanations.newest_nightly(connection) == run
+        assert audits.newest_night(connection) == run
         assert explanations.plan_for_run(connection, run, 2) == 2
         assert explanations.plan_for_run(connection, run, 5) == 0
         query = select(explanations_table.c.loop_id, explanations_table.c.window_start_ns)
@@ -226,7 +226,7 @@ def test_a_run_that_goes_on_is_not_explained_yet(database: Database, ids: dict[s
     run_with_verdicts(database, ids, {"FIC0": ("stiction", 0.9, None)})
     with database.write() as connection:
         audits.plan(connection, {**RUN, "nightly_for": "2026-02-02"}, LoopFilter())
-        assert explanations.newest_nightly(connection) is None
+        assert audits.newest_night(connection) is None
 
 
 def test_what_a_night_asked_for_waits_for_audits_and_people(database: Database, ids: dict[str, int]) -> None:

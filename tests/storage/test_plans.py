@@ -1,7 +1,8 @@
 """PostgreSQL answers what is asked most by index, at a size at which reading whole tables would be felt."""
 
 import json
-from collections.abc import Iterator
+import re
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from sqlalchemy import Connection, event
 from zstandard import ZstdError
 
-from app.storage import Database, audits, items, loops, series, verdicts
+from app.storage import Database, audits, figures, items, loops, series, verdicts
 from app.storage import plant as plants
 from app.storage.audits import LoopFilter
 from app.storage.samples import Samples, pack
@@ -107,6 +108,16 @@ def test_the_whole_table_reads_no_verdict(plant: Database) -> None:
         ask = lambda c: verdicts.sent_rows(c, 20_000, "stiction_probability", True, RowFilter(), None)  # noqa: E731
         nodes = [node for plan in _plans(connection, ask) for node in _nodes(plan)]
     assert {node["Relation Name"] for node in nodes if "Relation Name" in node} == {"loops", "newest_rows"}
+
+
+@pytest.mark.parametrize("ask", [figures.waiting, verdicts.swings, verdicts.said], ids=["waiting", "swings", "said"])
+def test_a_probe_and_the_end_of_a_night_read_no_verdict(database: Database, ask: Callable[[Connection], Any]) -> None:
+    told: list[str] = []
+    with database.write() as connection:
+        event.listen(connection, "before_cursor_execute", lambda *told_: told.append(told_[2]))
+        ask(connection)
+    assert told
+    assert not [statement for statement in told if re.search(r"\bverdicts\b", statement)]
 
 
 def test_what_changed_is_found_without_the_wide_rows(database: Database) -> None:

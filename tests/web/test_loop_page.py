@@ -14,6 +14,7 @@ from app.services.moments import UTC_CLOCK
 from app.services.plant import loops
 from app.services.plant.loops import loop_health, verdict_detail
 from app.services.plant.periods import periods
+from app.services.plant.shelving import shelf
 from app.services.plant.worst import worst as worst_rows
 from app.services.telling.next_steps import next_step
 from app.services.telling.wording import UNANSWERED
@@ -37,7 +38,7 @@ def test_a_loop_s_page_leads_to_its_parts_and_to_the_loops_beside_it(client):
 def test_the_loops_beside_a_loop_are_those_of_the_list_that_the_plant_s_page_shows(client, web_backend):
     """Neither what is to be looked at today is among them nor a loop whose record is old."""
     worst = [row["loop"] for row in worst_rows(web_backend)]
-    assert loop_page._beside(web_backend, worst[1]) == (worst[0], worst[2])
+    assert loop_page._beside(web_backend, worst[1], shelf(web_backend)) == (worst[0], worst[2])
     with web_backend.database.read() as connection:
         newest_ns = connection.scalar(select(func.max(stored_loops.c.newest_ns)))
     of_loop = {tag: stored_loops.c.tag == tag for tag in worst}
@@ -52,7 +53,7 @@ def test_the_loops_beside_a_loop_are_those_of_the_list_that_the_plant_s_page_sho
 
     store(newest_ns - 40 * 86_400 * 10**9, verdict="inconclusive", likely_cause=UNANSWERED)
     try:
-        assert [loop_page._beside(web_backend, tag) for tag in worst] == [(None, None)] * 3
+        assert [loop_page._beside(web_backend, tag, shelf(web_backend)) for tag in worst] == [(None, None)] * 3
     finally:
         store(newest_ns, **was._mapping)
 
@@ -183,7 +184,7 @@ def test_a_loop_is_retired_on_its_page_and_says_so(client):
 def test_the_loops_of_a_cascade_are_linked_both_ways(client, monkeypatch):
     detail = loops.verdict_detail
     wired = {"moves_set_point_of": [HOSTILE, "FIC3"], "set_point_moved_by": ["AIC1"]}
-    monkeypatch.setattr(loops, "verdict_detail", lambda b, t: detail(b, t) | wired)
+    monkeypatch.setattr(loops, "verdict_detail", lambda *asked: detail(*asked) | wired)
     page = seen(client, "/loops/FIC101")
     told = " ".join(" ".join(page.texts).split())
     assert f"its OP is the set point of {HOSTILE} and of FIC3 ." in told
@@ -194,15 +195,15 @@ def test_the_loops_of_a_cascade_are_linked_both_ways(client, monkeypatch):
 def test_a_winner_with_the_lower_score_is_explained(client, monkeypatch):
     detail, health = loops.verdict_detail, loops.loop_health
 
-    def told(backend, tag):
+    def told(*asked):
         rivals = [
             {"code": "saturated_op", "score": 0.6, "applies": True, "text": "a"},
             {"code": "external_oscillation", "score": 0.9, "applies": True, "text": "b"},
         ]
-        return detail(backend, tag) | {"rivals": rivals}
+        return detail(*asked) | {"rivals": rivals}
 
     monkeypatch.setattr(loops, "verdict_detail", told)
-    monkeypatch.setattr(loops, "loop_health", lambda b, t: health(b, t) | {"rival_winner": "saturated_op"})
+    monkeypatch.setattr(loops, "loop_health", lambda *asked: health(*asked) | {"rival_winner": "saturated_op"})
     assert "wins although “shaken from outside” scored higher" in client.get("/loops/FIC101").text
     assert "wins although" in client.get("/v1/loops/FIC101/report").text
 
@@ -211,8 +212,8 @@ def test_a_health_that_could_not_be_had_is_called_so_with_the_reason(client, mon
     detail, health = loops.verdict_detail, loops.loop_health
     because = "not evaluated, because too little was measured: 3 samples, at least 100 are needed"
     parts = [{"code": "stiction", "weight": 40.0, "lost": 0.0, "text": because}]
-    monkeypatch.setattr(loops, "verdict_detail", lambda b, t: detail(b, t) | {"health": parts})
-    monkeypatch.setattr(loops, "loop_health", lambda b, t: health(b, t) | {"health": None})
+    monkeypatch.setattr(loops, "verdict_detail", lambda *asked: detail(*asked) | {"health": parts})
+    monkeypatch.setattr(loops, "loop_health", lambda *asked: health(*asked) | {"health": None})
     page = client.get("/loops/FIC101").text
     assert '<h2 id="health-head">Health <span class="weak">not evaluated</span></h2>' in page
     assert f'<td class="number">–</td><td>{because}</td>' in page
@@ -229,7 +230,7 @@ def test_explanations_that_nothing_speaks_for_are_folded_away(client, monkeypatc
         {"code": "backlash", "score": 0.09, "applies": True, "text": "hardly seen"},
         {"code": "disturbance", "score": 0.9, "applies": False, "text": "not looked at"},
     ]
-    monkeypatch.setattr(loops, "verdict_detail", lambda backend, tag: detail(backend, tag) | {"rivals": rivals})
+    monkeypatch.setattr(loops, "verdict_detail", lambda *asked: detail(*asked) | {"rivals": rivals})
     html = client.get("/loops/FIC101").text
     table, folded = html[html.index('id="rivals-head"') :].split("<summary>2 more that nothing speaks for", 1)
     assert "first in any case" in table
@@ -242,7 +243,7 @@ def test_a_set_point_from_before_the_record_is_said_to_be_held(client, monkeypat
     detail = loops.verdict_detail
     assert "held since" not in client.get("/loops/FIC101").text
     held = {"held_since": {"sp": "2026-01-25T00:00:00Z", "automatic": "2026-01-26T00:00:00Z"}}
-    monkeypatch.setattr(loops, "verdict_detail", lambda b, t: detail(b, t) | held)
+    monkeypatch.setattr(loops, "verdict_detail", lambda *asked: detail(*asked) | held)
     page = client.get("/loops/FIC101").text
     assert "Set point held since 2026-01-25 00:00" in page
     assert "Mode held since 2026-01-26 00:00" in page

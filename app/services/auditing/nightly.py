@@ -65,7 +65,7 @@ def _tell_once(backend: Backend, action: str, subject: str, text: str) -> None:
 def announce_explanations(backend: Backend) -> int:
     """Asks for the explanations of the night's worst loops once its run has ended, and rings for all that wait."""
     with backend.database.write() as connection:
-        run = explanations.newest_nightly(connection)
+        run = audits.newest_night(connection)
         if run is not None and backend.settings.nightly_explanations:
             explanations.plan_for_run(connection, run, backend.settings.nightly_explanations)
         waiting = len(explanations.to_announce(connection, backend.settings.stalled_s))

@@ -26,6 +26,7 @@ from app.services.digests.sending import Mail, NotSentError, Post, shown
 from app.services.digests.webhooks import checked_address, send_webhook
 from app.services.moments import iso_utc
 from app.storage import deliveries
+from app.storage.audits import newest_night
 from app.storage.deliveries import DeliveryClaim, DeliveryRow
 
 FIRST_WAIT_S = 60.0
@@ -57,7 +58,7 @@ def announce_digests(backend: Backend) -> int:
     that is due. A night that ended long ago is not told of: who sets a receiver up waits for the next one."""
     with backend.database.write() as connection:
         deliveries.reopen_expired(connection, backend.settings.digest_attempts, backend.settings.lease_s)
-        run = deliveries.newest_nightly(connection, YOUNG)
+        run = newest_night(connection, at_most_old=YOUNG)
         if run is not None:
             deliveries.plan(connection, run, backend.settings.digest_receivers)
         waiting = deliveries.due(connection)

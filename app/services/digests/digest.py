@@ -43,6 +43,7 @@ from app.services.telling.wording import (
     unusual_importance,
 )
 from app.storage import digests, notes, plant
+from app.storage.audits import newest_night
 from app.storage.notes import Standing
 
 TOP = 5
@@ -163,7 +164,7 @@ def newest_run(backend: Backend) -> str:
 
 def _newest(connection: Connection) -> int | None:
     found = plant.last_whole_run(connection)
-    return None if found is None else max(found.id, plant.last_night(connection) or 0)
+    return None if found is None else max(found.id, newest_night(connection, passes_by=True) or 0)
 
 
 def _notes_until(connection: Connection, run: AuditView) -> datetime | None:

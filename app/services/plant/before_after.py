@@ -6,7 +6,7 @@ from app.errors import NotFoundError
 from app.services.audit_json.rows import KEY_FIGURES
 from app.services.backend import Backend
 from app.services.moments import PlantClock
-from app.services.plant.loops import verdict_detail
+from app.services.plant.loops import OneLoop, verdict_detail
 from app.services.plant.notes import Repair
 from app.services.rendering import figure
 from app.services.telling.size_wording import equal_digits
@@ -19,22 +19,22 @@ Told = dict[str, Any]
 Line = tuple[str, str, str]
 
 
-def compared(backend: Backend, tag: str, repair: Repair | None, pv_unit: str | None) -> list[Line]:
+def compared(backend: Backend, loop: OneLoop, repair: Repair | None, pv_unit: str | None) -> list[Line]:
     """Rows of what, before, after; empty where there is no verdict since the repair. The published band d is none of
     them: it is not the size of stiction, and reads as if some of it were left."""
     if repair is None or repair.after is None:
         return []
-    sides = [_with_figures(backend, tag, side) for side in (repair.before, repair.after)]
+    sides = [_with_figures(backend, loop, side) for side in (repair.before, repair.after)]
     before, after = (_told(side, backend.clock, pv_unit or "unit of PV") for side in sides)
     return [(label, before.get(label, NONE), text) for label, text in after.items()]
 
 
-def _with_figures(backend: Backend, tag: str, row: Told | None) -> Told | None:
+def _with_figures(backend: Backend, loop: OneLoop, row: Told | None) -> Told | None:
     """A row of the history with the key figures that were stored beside it, as far as they are still kept."""
     if row is None:
         return None
     try:
-        figures = verdict_detail(backend, tag, row["audit_id"]).get(KEY_FIGURES) or {}
+        figures = verdict_detail(backend, loop, row["audit_id"]).get(KEY_FIGURES) or {}
     except NotFoundError:
         figures = {}
     return row | figures

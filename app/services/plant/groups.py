@@ -1,29 +1,20 @@
 """Loops that oscillate together: found among what the newest verdicts kept of their oscillations."""
 
-import threading
 from collections.abc import Sequence
 from concurrent.futures import Future, wait
 from dataclasses import replace
-from typing import Any
 
 from app.engine.plant_wide.groups import IN_STEP, UNNAMED, Group, groups
 from app.nanoseconds import NS_PER_S
 from app.services.audit_json.swings import candidates
 from app.services.backend import Backend
+from app.services.found_groups import Groups, State
 from app.services.moments import iso_utc, moment_of
 from app.services.plant.set_points import set_points_together
 from app.services.results import GroupMember, GroupView
 from app.storage import verdicts
 
-Groups = tuple[GroupView, ...]
-State = tuple[Any, ...]
-
-# Found once for a state of the verdicts: who asks again, for a page or a dashboard, gets the same answer at once.
-_found: dict[State, Future[Groups]] = {}
-_looking = threading.Lock()
-_one_at_a_time = threading.Lock()
 IN_STEP_FROM = IN_STEP
-KEPT = 8
 PATIENCE_S = 0.1
 LOOKED_INTO = 20
 
@@ -37,7 +28,7 @@ def soon(backend: Backend, wait_s: float = PATIENCE_S) -> Groups | None:
     """The groups if they are known within `wait_s`; None while a large plant's are still being worked out, or those of
     a state that has passed: while a run goes on each page would find another one."""
     state = _state(backend)
-    if state not in _found and any(not finding.done() for finding in list(_found.values())):
+    if backend.found_groups.only_others_sought(state):
         return None
     finding = _begun(backend, state)
     wait((finding,), wait_s)
@@ -46,28 +37,11 @@ def soon(backend: Backend, wait_s: float = PATIENCE_S) -> Groups | None:
 
 def _state(backend: Backend) -> State:
     with backend.database.read() as connection:
-        return str(backend.database.url), *verdicts.newest_state(connection)
+        return verdicts.newest_state(connection)
 
 
 def _begun(backend: Backend, state: State) -> Future[Groups]:
-    """One for all who ask while it goes on."""
-    with _looking:
-        if state in _found:
-            return _found[state]
-        while len(_found) >= KEPT:
-            _found.pop(next(iter(_found)))
-        finding = _found[state] = Future()
-    threading.Thread(target=_find, args=(backend, state, finding), name="groups", daemon=True).start()
-    return finding
-
-
-def _find(backend: Backend, state: State, finding: Future[Groups]) -> None:
-    try:
-        with _one_at_a_time:
-            finding.set_result(_worked_out(backend))
-    except BaseException as error:  # noqa: BLE001 - whoever waits is told
-        _found.pop(state, None)  # and whoever comes next asks anew
-        finding.set_exception(error)
+    return backend.found_groups.of(state, lambda: _worked_out(backend))
 
 
 def _worked_out(backend: Backend) -> Groups:

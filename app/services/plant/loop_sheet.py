@@ -9,21 +9,25 @@ from app.services.plant.before_after import compared
 from app.services.plant.groups import groups_of
 from app.services.plant.judged import judged
 from app.services.plant.periods import periods
-from app.services.results import LoopView
+from app.services.plant.shelving import Shelf
 from app.services.telling.rival_wording import why_first
 from app.services.telling.size_wording import size_in_words
 from app.services.telling.why_rely import contradiction, derivative, points
+from app.storage.loops import LoopRow
 
 NIGHTS = 60
 
 
-def loop_sheet(backend: Backend, it: LoopView, explained: Mapping[str, Any] | None) -> dict[str, Any]:
-    """By the names of the templates. explained: the newest explanation of the loop. Raises NotFoundError where it was
-    never audited.
+def loop_sheet(
+    backend: Backend, found: LoopRow, explained: Mapping[str, Any] | None, shelved: Shelf | None = None
+) -> dict[str, Any]:
+    """By the names of the templates. explained: the newest explanation of the loop; shelved: None: as of now. Raises
+    NotFoundError where it was never audited.
     """
-    row = loops.loop_health(backend, it.tag)
-    detail = loops.verdict_detail(backend, it.tag)
-    repair = notes.newest_repair(backend, it.tag)
+    it = loops.view_of(found)
+    row = loops.loop_health(backend, it.tag, shelved)
+    detail = loops.verdict_detail(backend, found, row["audit_id"])
+    repair = notes.newest_repair(backend, found)
     return {
         "it": it,
         "row": row,
@@ -33,11 +37,11 @@ def loop_sheet(backend: Backend, it: LoopView, explained: Mapping[str, Any] | No
         "derivative": derivative(row, explained),
         "size": size_in_words(row, detail),
         "judged": judged(backend, [it.tag]).get(it.tag),
-        "periods": periods(backend, it.tag, row, detail),
+        "periods": periods(backend, found, row, detail),
         "why_first": why_first(detail.get("rivals", ()), row["rival_winner"]),
         "figures": [told for told in glossary.figures(row, it.pv_unit) if told[1] is not None],
-        "history": loops.chained_history(backend, it.tag, NIGHTS),
+        "history": loops.chained_history(backend, found, NIGHTS),
         "groups": groups_of(backend, it.tag),
         "repair": repair,
-        "compared": compared(backend, it.tag, repair, it.pv_unit),
+        "compared": compared(backend, found, repair, it.pv_unit),
     }

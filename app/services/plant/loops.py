@@ -13,6 +13,7 @@ from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.moments import iso_utc, moment_of
 from app.services.plant.continuing import CONTINUES, check, check_retired, follow, taken_over
+from app.services.plant.shelving import Shelf
 from app.services.plant.written import marks_of, written_of
 from app.services.results import FailureView, LoopsChanged, LoopView, Page
 from app.storage import continuing, items, loops, verdicts
@@ -34,6 +35,7 @@ __all__ = [
     "unknown",
     "verdict_detail",
     "verdict_history",
+    "view_of",
 ]
 
 KNOWN_TYPES = ("flow", "pressure", "level", "temperature", "composition", "speed", "position", "other")
@@ -41,6 +43,8 @@ WORDS = ("unit", "type", "description", "pv_unit", "continues")
 LONGEST_WORDS, MOST_IMPORTANT = 200, 1000
 RETIRED: dict[str, bool | None] = {"true": True, "false": False, "any": None}
 """Which loops are asked for: those that are retired, those that are not, or both."""
+OneLoop = str | LoopRow
+"""A loop by its tag, or as it was found: a page asks the data base for it once."""
 USUAL = {"importance": 1.0, "retired": False}
 """What a loop is where nobody says otherwise, of what it cannot be without."""
 
@@ -56,11 +60,11 @@ def list_loops(
     with backend.database.read() as connection:
         rows = loops.page(connection, limit + 1, after[0] if after else None, wanted)
     following = encode(rows[limit - 1].tag) if len(rows) > limit else None
-    return Page([_view(row) for row in rows[:limit]], following)
+    return Page([view_of(row) for row in rows[:limit]], following)
 
 
 def get_loop(backend: Backend, tag: str) -> LoopView:
-    return _view(find(backend, tag))
+    return view_of(find(backend, tag))
 
 
 def patch_loop(
@@ -79,7 +83,7 @@ def patch_loop(
         row = loops.by_tag(connection, tag, to_change=True)
         if row is None:
             raise unknown(tag)
-        if only_if is not None and not only_if(_view(row)):
+        if only_if is not None and not only_if(view_of(row)):
             text = f"loop {tag!r} is not as the request takes it to be: get it again and look at what has changed"
             raise RequestError("changed_meanwhile", text)
         values = _wanted(row, changes, lambda: loops.types(connection))
@@ -87,7 +91,7 @@ def patch_loop(
         loops.change(connection, row.id, values)
         if values[CONTINUES] != row.continues:
             follow(connection, row, earlier)
-        return _view(loops.by_ids(connection, [row.id])[row.id])
+        return view_of(loops.by_ids(connection, [row.id])[row.id])
 
 
 def change_loops(backend: Backend, wanted: Sequence[tuple[str, Mapping[str, Any]]]) -> LoopsChanged:
@@ -159,8 +163,9 @@ def _wanted(row: LoopRow, changes: Mapping[str, Any], own_types: Callable[[], Co
     return wanted
 
 
-def loop_health(backend: Backend, tag: str) -> dict[str, Any]:
-    """The newest verdict and the key figures, flat. Raises NotFoundError where the loop was never audited."""
+def loop_health(backend: Backend, tag: str, shelved: Shelf | None = None) -> dict[str, Any]:
+    """The newest verdict and the key figures, flat; shelved: None: as of now. Raises NotFoundError where the loop was
+    never audited."""
     with backend.database.read() as connection:
         found = verdicts.newest(connection, tag)
     if found is None:
@@ -173,7 +178,7 @@ def loop_health(backend: Backend, tag: str) -> dict[str, Any]:
         with backend.database.read() as connection:
             figures = (verdicts.detail(connection, loop_id, newest["audit_id"]) or {}).get(KEY_FIGURES, {})
     row = as_row(newest)
-    return written_of(backend, [row]).beside(row) | figures
+    return written_of(backend, [row], shelved).beside(row) | figures
 
 
 def loop_health_json(backend: Backend, tag: str) -> str:
@@ -186,9 +191,11 @@ def loop_health_json(backend: Backend, tag: str) -> str:
     return sent(row, unit, figures)
 
 
-def verdict_history(backend: Backend, tag: str, limit: int = 100, cursor: str | None = None) -> Page[dict[str, Any]]:
+def verdict_history(
+    backend: Backend, loop: OneLoop, limit: int = 100, cursor: str | None = None
+) -> Page[dict[str, Any]]:
     """A loop's verdicts, the newest first."""
-    row = find(backend, tag)
+    row = find(backend, loop)
     before = decode(cursor, (int,))
     with backend.database.read() as connection:
         found = verdicts.history(connection, row.id, limit + 1, before[0] if before else None)
@@ -196,39 +203,44 @@ def verdict_history(backend: Backend, tag: str, limit: int = 100, cursor: str | 
     return Page([as_row(verdict) for verdict in found[:limit]], following)
 
 
-def chained_history(backend: Backend, tag: str, limit: int) -> list[dict[str, Any]]:
+def chained_history(backend: Backend, loop: OneLoop, limit: int) -> list[dict[str, Any]]:
     """The same with the verdicts of the loops that it continues behind its own, `loop` of each the tag that it had."""
+    row = find(backend, loop)
     with backend.database.read() as connection:
-        before = continuing.earlier_of(connection, [tag]).get(tag, [])
+        before = continuing.earlier_of(connection, [row.tag]).get(row.tag, [])
     told: list[dict[str, Any]] = []
-    for one in (tag, *before):
+    chain: tuple[OneLoop, ...] = (row, *before)
+    for one in chain:
         told += verdict_history(backend, one, limit - len(told)).rows if len(told) < limit else []
     return told
 
 
-def newest_failure(backend: Backend, tag: str) -> tuple[int, str] | None:
+def newest_failure(backend: Backend, loop: OneLoop) -> tuple[int, str] | None:
     """Run and reason where the audit of a loop has failed since its newest verdict."""
-    row = find(backend, tag)
+    row = find(backend, loop)
     with backend.database.read() as connection:
         return items.newest_failure(connection, row.id, row.newest_audit_id or 0)
 
 
-def verdict_detail(backend: Backend, tag: str, audit_id: str | None = None) -> dict[str, Any]:
+def verdict_detail(backend: Backend, loop: OneLoop, audit_id: str | None = None) -> dict[str, Any]:
     """What a verdict rests on: findings, rungs with their curves, spectra. Without `audit_id`: the newest verdict."""
-    row = find(backend, tag)
+    row = find(backend, loop)
     run = row.newest_audit_id if audit_id is None else identifier(audit_id)
     with backend.database.read() as connection:
         found = verdicts.detail(connection, row.id, run or 0)
     if found is None:
-        raise NotFoundError("not_audited", f"loop {tag!r} has no verdict from this run")
+        raise NotFoundError("not_audited", f"loop {row.tag!r} has no verdict from this run")
     return found
 
 
-def find(backend: Backend, tag: str) -> LoopRow:
+def find(backend: Backend, loop: OneLoop) -> LoopRow:
+    """Raises NotFoundError for a tag that no loop has."""
+    if isinstance(loop, LoopRow):
+        return loop
     with backend.database.read() as connection:
-        row = loops.by_tag(connection, tag)
+        row = loops.by_tag(connection, loop)
     if row is None:
-        raise unknown(tag)
+        raise unknown(loop)
     return row
 
 
@@ -267,6 +279,6 @@ def _check_spans(wanted: Mapping[str, Any]) -> None:
             raise FieldError("bad_span", f"{low} must be below {high}, got {ends[0]} and {ends[1]}", low)
 
 
-def _view(row: LoopRow) -> LoopView:
+def view_of(row: LoopRow) -> LoopView:
     own = {name: getattr(row, name) for name in ("tag", *SETTABLE)}
     return LoopView(**own, samples_to=None if row.newest_ns is None else iso_utc(moment_of(row.newest_ns)))

@@ -5,16 +5,17 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from app.errors import NotFoundError, RequestError
+from app.services.audit_json.rows import as_row
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.moments import iso_utc
-from app.services.plant.loops import find, verdict_history
+from app.services.plant.loops import OneLoop, find
 from app.services.plant.shelving import check_shelving, kind_at
 from app.services.plant.shelving import withdraw_shelving as withdraw_from_shelf
 from app.services.results import NoteView, Page
-from app.services.telling.repair_sides import side_of
-from app.storage import notes
+from app.storage import notes, verdicts
 from app.storage.notes import NoteRow
+from app.storage.repaired import sides
 
 LONGEST_TEXT = 4000
 LONGEST_WORK_ORDER = 100
@@ -91,33 +92,34 @@ def withdraw_shelving(backend: Backend, tag: str, note_id: str, withdrawn_by: st
         return _view(notes.by_id(connection, row.id, key))
 
 
-def list_notes(backend: Backend, tag: str) -> list[NoteView]:
+def list_notes(backend: Backend, loop: OneLoop) -> list[NoteView]:
     """The newest `SHOWN`, the newest first."""
-    return note_page(backend, tag, SHOWN).rows
+    return note_page(backend, loop, SHOWN).rows
 
 
-def note_page(backend: Backend, tag: str, limit: int = 100, cursor: str | None = None) -> Page[NoteView]:
+def note_page(backend: Backend, loop: OneLoop, limit: int = 100, cursor: str | None = None) -> Page[NoteView]:
     """The newest first."""
-    row, before = find(backend, tag), decode(cursor, (int,))
+    row, before = find(backend, loop), decode(cursor, (int,))
     with backend.database.read() as connection:
         found = notes.of_loop(connection, row.id, limit + 1, before[0] if before else None)
     following = encode(found[limit - 1].id) if len(found) > limit else None
     return Page([_view(note) for note in found[:limit]], following)
 
 
-def newest_repair(backend: Backend, tag: str) -> Repair | None:
+def newest_repair(backend: Backend, loop: OneLoop) -> Repair | None:
     """The repair that was stated last with the verdicts on both sides of it, by the end of the audited window.
 
     A wrong time is mended by a further note with the right one; a repair that never was is withdrawn.
     """
-    row = find(backend, tag)
+    row = find(backend, loop)
     with backend.database.read() as connection:
         at = notes.repairs_stated_last(connection, [row.id]).get(row.id)
-    if at is None:
-        return None
-    sides = [(_side(verdict, at), verdict) for verdict in verdict_history(backend, tag, limit=1000).rows]
-    before, after = ([verdict for side, verdict in sides if side == wanted] for wanted in ("before", "after"))
-    return Repair(iso_utc(at) or "", before[0] if before else None, after[0] if after else None)
+        if at is None:
+            return None
+        runs = sides(connection, row.id, at)
+        found = verdicts.of_runs(connection, row.id, [run for run in (runs.before, runs.after) if run is not None])
+    before, after = (as_row(found[run]) if run in found else None for run in (runs.before, runs.after))
+    return Repair(iso_utc(at) or "", before, after)
 
 
 def _in_utc(moment: datetime) -> datetime:
@@ -126,13 +128,6 @@ def _in_utc(moment: datetime) -> datetime:
         return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
     except OverflowError:
         raise RequestError("bad_time", f"{moment} is beyond the years that there are") from None
-
-
-def _side(verdict: dict[str, Any], repaired_at: datetime) -> str | None:
-    """One without a window is of before a repair where it was made before it, and else of neither side."""
-    names = ("window_start", "window_end" if verdict["window_end"] else "audited_at")
-    start, end = (datetime.fromisoformat(verdict[name]) if verdict[name] else None for name in names)
-    return side_of(start, end, repaired_at)
 
 
 def _view(note: NoteRow | None) -> NoteView:

@@ -8,9 +8,10 @@ from typing import Any
 from app.services.backend import Backend
 from app.services.moments import PlantClock, iso_utc, moment_of
 from app.services.plant.charts import judged_stretch
-from app.services.plant.loops import find
+from app.services.plant.loops import OneLoop, find
 from app.services.rendering import figure
 from app.storage import verdicts
+from app.storage.loops import LoopRow
 
 A_DAY = timedelta(days=1)
 
@@ -26,9 +27,9 @@ class Periods:
     of_old: str = ""
 
 
-def periods(backend: Backend, tag: str, row: Mapping[str, Any], detail: Mapping[str, Any]) -> Periods:
+def periods(backend: Backend, loop: OneLoop, row: Mapping[str, Any], detail: Mapping[str, Any]) -> Periods:
     """`row`: of the newest verdict; `detail`: what was stored beside it."""
-    ends = _ends(backend, tag)
+    ends = _ends(backend, find(backend, loop))
     between = f", {_span(backend.clock, *ends)}" if ends else ""
     lines = [f"Record: {row['samples']} samples every {figure(row['sampling_interval_s'], 1)} s{between}."]
     whole = "of the whole record" + between
@@ -71,9 +72,8 @@ def _identified(clock: PlantClock, stretch: list[str] | None, window: Any, ident
     return [f"The stretch that speaks for it: {identified['samples']} samples, {_span(clock, *stretch)}."]
 
 
-def _ends(backend: Backend, tag: str) -> tuple[str, str] | None:
+def _ends(backend: Backend, loop: LoopRow) -> tuple[str, str] | None:
     """The first and the last sample of the record that was given."""
-    loop = find(backend, tag)
     with backend.database.read() as connection:
         given = verdicts.input_of(connection, loop.id, loop.newest_audit_id or 0)
     if given is None or given.input_start_ns is None:

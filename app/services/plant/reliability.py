@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import BigInteger, ColumnElement
-
 from app.errors import RequestError
 from app.services.audit_json.rows import FORM, as_row, compact
 from app.services.backend import Backend
@@ -201,22 +199,9 @@ def _place_of(cursor: str | None) -> tuple[str, After] | None:
         return None
     sort, value, tag = values
     name = sort.removeprefix("-")
-    column = SORTABLE.get(THE_SAME.get(name, name))
-    if column is None or not (value is None or _comparable(column, value)):
+    if not verdicts.comparable(THE_SAME.get(name, name), value):
         raise refused(cursor)
     return sort, After(value, tag)
-
-
-def _comparable(column: ColumnElement[Any], value: Any) -> bool:
-    kind = column.type.python_type
-    if isinstance(value, int):
-        return kind is float or (kind is int and abs(value) <= _largest(column))
-    return isinstance(value, kind)
-
-
-def _largest(column: ColumnElement[Any]) -> int:
-    """The largest number that a column of whole numbers can be compared with on PostgreSQL."""
-    return 2**63 - 1 if isinstance(column.type, BigInteger) else 2**31 - 1
 
 
 def _after(cursor: str | None, sort: str, *, any_order: bool = False) -> After | None:

@@ -17,7 +17,7 @@ from app.services.plant.changes import Changes
 from app.services.plant.reliability import table
 from app.services.plant.shelving import Shelf, shelf
 from app.services.telling.wording import UNANSWERED
-from app.storage import plant
+from app.storage import plant, verdicts
 from app.storage.verdicts import RowFilter
 
 WORST = 12
@@ -33,15 +33,32 @@ def listed_first(
     return today, worst(backend, beside={row["loop"] for row in today}, since_ns=since_ns, shelved=known)
 
 
+def worst_tags(backend: Backend, since_ns: int | None, shelved: Shelf) -> list[str]:
+    """The tags of what `listed_first` lists as the worst, in its order, from the narrow rows alone."""
+    with backend.database.read() as connection:
+
+        def first(limit: int, asked: RowFilter) -> list[str]:
+            wanted = replace(asked, left_out=shelved.left_out)
+            return [row.tag for row in verdicts.sent_rows(connection, limit, "priority", True, wanted, None)]
+
+        today = set(first(MOST_TODAY, _asked_today(since_ns)))
+        found = first(WORST + len(today), RowFilter(recorded_from_ns=since_ns))
+    return [tag for tag in found if tag not in today][:WORST]
+
+
 def look_today(
     backend: Backend, changed: Changes | None, since_ns: int | None = None, shelved: Shelf | None = None
 ) -> list[dict[str, Any]]:
     """The loops in which PV does not answer OP, those first of which that is news, without those that are shelved;
     since_ns: as of `worst`."""
-    refused = ("inconclusive", "not_auditable")
-    asked = RowFilter(verdict=refused, likely_cause=UNANSWERED, recorded_from_ns=since_ns)
     news = {row.loop for row in changed.rows} if changed else set()
-    return sorted(not_shelved(backend, MOST_TODAY, asked, shelved), key=lambda row: row["loop"] not in news)
+    rows = not_shelved(backend, MOST_TODAY, _asked_today(since_ns), shelved)
+    return sorted(rows, key=lambda row: row["loop"] not in news)
+
+
+def _asked_today(since_ns: int | None) -> RowFilter:
+    refused = ("inconclusive", "not_auditable")
+    return RowFilter(verdict=refused, likely_cause=UNANSWERED, recorded_from_ns=since_ns)
 
 
 def worst(

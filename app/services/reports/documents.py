@@ -36,13 +36,14 @@ BAR_WIDTH = 180
 
 def loop_report(backend: Backend, tag: str) -> str:
     """Raises NotFoundError for a loop that there is not, or that was never audited."""
+    found = loops.find(backend, tag)
     explained = explanations.newest(backend, tag)
-    sheet = loop_sheet(backend, loops.get_loop(backend, tag), explained)
+    sheet = loop_sheet(backend, found, explained)
     drawn = charts(backend, tag)
     return document(
         "loop_report.html",
         **sheet,
-        notes=notes.list_notes(backend, tag)[:NOTES],
+        notes=notes.list_notes(backend, found)[:NOTES],
         explanation=in_words(explained) if explained and explained["state"] == "done" else None,
         trend=_trend(drawn, backend.clock),
         damage=drawn["damage"],

@@ -14,7 +14,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import URL
 from sqlalchemy.exc import DatabaseError
 
 from app.errors import RequestError
@@ -23,7 +22,8 @@ from app.services.upkeep.operations import migrate
 from app.services.upkeep.presence import alone
 from app.services.upkeep.tables import refuse_missing
 from app.settings import Settings, sync_folder
-from app.storage import Database, copying, schema
+from app.storage import Database, copying, health, schema
+from app.storage.database import ProgramAddress, program_address
 from app.storage.types import now
 
 SQLITE, POSTGRESQL = "loopaudit.db", "loopaudit.dump"
@@ -112,7 +112,7 @@ def _restored(settings: Settings, folder: Path, told: dict[str, Any], force: boo
     else:
         _run(
             ["pg_restore", "--clean", "--if-exists", "--no-owner", "--single-transaction", "--exit-on-error"],
-            url,
+            program_address(url),
             folder / POSTGRESQL,
         )
     for file in _files(folder / UPLOADS):
@@ -151,7 +151,9 @@ def _copy_database(settings: Settings, draft: Path) -> tuple[str, str]:
         if database.is_sqlite:
             _copy_sqlite(Path(database.url.database or ""), draft / SQLITE)
             return SQLITE, revision
-        _run(["pg_dump", "--format=custom", "--no-owner", f"--file={draft / POSTGRESQL}"], database.url)
+        _run(
+            ["pg_dump", "--format=custom", "--no-owner", f"--file={draft / POSTGRESQL}"], program_address(database.url)
+        )
         return POSTGRESQL, revision
     finally:
         database.close()
@@ -261,23 +263,16 @@ def _in_use(database: Database) -> bool:
     if schema.current_revision(database) is None:
         return False
     with database.read() as connection:
-        return any(
-            connection.exec_driver_sql(f"SELECT 1 FROM {table} LIMIT 1").first()  # noqa: S608 - names of ours
-            for table in ("loops", "uploads", "keys")
-        )
+        return health.in_use(connection)
 
 
-def _run(command: list[str], url: URL, *extra: Path) -> None:
-    """A program of PostgreSQL, with all that the address says (TLS too); the password goes by its environment, where
-    other users of the machine cannot see it."""
+def _run(command: list[str], address: ProgramAddress, *extra: Path) -> None:
+    """A program of PostgreSQL; the password goes by its environment."""
     program = shutil.which(command[0])
     if program is None:
         raise RequestError("no_program", f"{command[0]} is not installed; it comes with PostgreSQL's client programs")
-    password = url.password or url.query.get("password")
-    environment = os.environ if password is None else {**os.environ, "PGPASSWORD": str(password)}
-    shown = URL.create("postgresql", url.username, None, url.host, url.port, url.database, url.query)
-    shown = shown.difference_update_query(["password"])
-    name = f"--dbname={shown.render_as_string()}"
+    environment = os.environ if address.password is None else {**os.environ, "PGPASSWORD": address.password}
+    name = f"--dbname={address.url}"
     done = subprocess.run(  # noqa: S603 - a program of PostgreSQL with arguments of ours
         [program, *command[1:], name, *map(str, extra)], env=environment, capture_output=True, text=True
     )

@@ -4,7 +4,6 @@ import os
 import shutil
 import sqlite3
 import stat
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -12,7 +11,6 @@ from itertools import chain
 from pathlib import Path
 from typing import Literal
 
-from sqlalchemy import select
 from sqlalchemy.exc import DatabaseError, SQLAlchemyError
 
 from app.logs import redacted
@@ -22,13 +20,11 @@ from app.services.backend import Backend
 from app.services.digests import deliveries
 from app.services.digests.webhooks import forbidden_hosts, is_taken_as_it_is
 from app.services.plant.arrivals import arrivals, sentences
-from app.services.upkeep.metrics import standstill_s
 from app.services.upkeep.operations import LEAST_FREE_BYTES
 from app.services.upkeep.retention import oldest_export
 from app.settings import Settings, misspelt
-from app.storage import figures, retention, schema, uploads
+from app.storage import figures, health, retention, schema, uploads
 from app.storage.database import WAL_SAFE_FROM, parsed
-from app.storage.types import clock_s
 
 State = Literal["ok", "warning", "problem"]
 COMFORTABLE_FREE_BYTES = 5 << 30
@@ -165,16 +161,13 @@ def sqlite_version(settings: Settings) -> Check:
 
 
 def reachable(backend: Backend) -> Check:
-    started = time.perf_counter()
     try:
-        with backend.database.read() as connection:
-            connection.exec_driver_sql("SELECT 1")
+        took_s = backend.database.answers()
     except SQLAlchemyError as error:
         advice = "start it, or correct LOOPAUDIT_DATABASE_URL"
         if _is_damaged(backend, error):
             advice = "restore a backup: `loopaudit restore`"
         return Check("data base", "problem", f"{_where(backend)} cannot be used: {_reason(error)}", advice)
-    took_s = time.perf_counter() - started
     found = f"{_where(backend)} answers in {1000 * took_s:.0f} ms"
     if took_s >= SLOW_DATABASE_S:
         return Check("data base", "warning", found, "slow")
@@ -195,20 +188,19 @@ def journal(backend: Backend) -> Check:
     if not backend.database.is_sqlite:
         return Check("integrity", "ok", "PostgreSQL looks after it")
     with backend.database.read() as connection:
-        mode = connection.exec_driver_sql("PRAGMA journal_mode").scalar()
-        damaged = connection.exec_driver_sql("PRAGMA quick_check(1)").scalar()
-        broken = connection.exec_driver_sql("PRAGMA foreign_key_check").first() if damaged == "ok" else None
-    if damaged != "ok":
-        return Check("integrity", "problem", f"the file is damaged: {damaged}", "restore a backup: `loopaudit restore`")
-    unsafe = mode == "wal" and sqlite3.sqlite_version_info < WAL_SAFE_FROM
-    if unsafe or broken:
-        return Check("integrity", "problem", f"journal mode {mode}, broken reference: {broken}", "restore a backup")
-    return Check("integrity", "ok", f"journal mode {mode}, no broken reference")
+        found = health.integrity(connection)
+    mode = f"journal mode {found.journal_mode}"
+    if found.damaged is not None:
+        told = f"the file is damaged: {found.damaged}"
+        return Check("integrity", "problem", told, "restore a backup: `loopaudit restore`")
+    if found.unsafe or found.broken:
+        return Check("integrity", "problem", f"{mode}, broken reference: {found.broken}", "restore a backup")
+    return Check("integrity", "ok", f"{mode}, no broken reference")
 
 
 def clock(backend: Backend) -> Check:
     with backend.database.read() as connection:
-        difference_s = abs(float(connection.scalar(select(clock_s())) or 0.0) - time.time())
+        difference_s = health.clock_difference_s(connection)
     found = f"{difference_s:.1f} s apart from the data base's"
     if difference_s > LARGEST_CLOCK_DIFFERENCE_S:
         return Check("clock", "warning", found, "let both keep time by NTP; leases follow the data base's clock")
@@ -217,19 +209,20 @@ def clock(backend: Backend) -> Check:
 
 def workers(backend: Backend) -> Check:
     """Alive is who gets on: a worker that hears nothing looks alive to everything but the data base."""
-    waited_s = standstill_s(backend)
-    if waited_s > 10 * backend.settings.stalled_s:
-        advice = "start `loopaudit worker` and `loopaudit beat`, or look at their logs"
-        return Check("workers", "problem", f"loops have waited for {waited_s:.0f} s and nobody took any", advice)
     with backend.database.read() as connection:
-        found = figures.collect(connection)
+        found = figures.waiting(connection)
+    if found.standstill_s > 10 * backend.settings.stalled_s:
+        advice = "start `loopaudit worker` and `loopaudit beat`, or look at their logs"
+        return Check(
+            "workers", "problem", f"loops have waited for {found.standstill_s:.0f} s and nobody took any", advice
+        )
     open_, claimed = found.items.get("open", 0), found.items.get("claimed", 0)
     return Check("workers", "ok", f"{claimed} loops in work, {open_} waiting" if open_ or claimed else "nothing to do")
 
 
 def oldest_work(backend: Backend) -> Check:
     with backend.database.read() as connection:
-        found = figures.collect(connection)
+        found = figures.waiting(connection)
     text = f"oldest open run {found.oldest_open_s:.0f} s, oldest unread upload {found.oldest_unread_s:.0f} s"
     if max(found.oldest_open_s, found.oldest_unread_s) > OLD_WORK_S:
         return Check(

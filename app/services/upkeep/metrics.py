@@ -8,7 +8,8 @@ from typing import Literal
 
 from app.services.backend import Backend
 from app.services.plant.arrivals import arrivals
-from app.storage.figures import EndedRun, Figures, collect
+from app.storage import figures
+from app.storage.figures import EndedRun, Figures
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class Metric:
 
 def metrics(backend: Backend) -> tuple[Metric, ...]:
     with backend.database.read() as connection:
-        found = collect(connection)
+        found = figures.collect(connection)
     reach = arrivals(backend)
     newest_s = None if reach.recorded_to is None else datetime.fromisoformat(reach.recorded_to).timestamp()
     return (
@@ -38,7 +39,11 @@ def metrics(backend: Backend) -> tuple[Metric, ...]:
             "loopaudit_loops_retired", "Loops that are retired: not audited, not counted.", (Sample(found.retired),)
         ),
         _gauge("loopaudit_uploads", "Uploads by state.", _by("state", found.uploads)),
-        _gauge("loopaudit_open_run_items", "Loops in runs that have not ended, by state.", _by("state", found.items)),
+        _gauge(
+            "loopaudit_open_run_items",
+            "Loops in runs that have not ended, by state.",
+            _by("state", found.waiting.items),
+        ),
         _gauge(
             "loopaudit_failed_items",
             "Loops that failed in the newest nightly run that ended, by code.",
@@ -53,7 +58,7 @@ def metrics(backend: Backend) -> tuple[Metric, ...]:
         _gauge(
             "loopaudit_oldest_open_run_age_seconds",
             "Age of the oldest run that has not ended; 0: none. Old while no worker claims is an alarm.",
-            (Sample(found.oldest_open_s),),
+            (Sample(found.waiting.oldest_open_s),),
         ),
         _gauge(
             "loopaudit_audit_mean_seconds",
@@ -64,7 +69,7 @@ def metrics(backend: Backend) -> tuple[Metric, ...]:
         _gauge(
             "loopaudit_oldest_unread_upload_age_seconds",
             "Age of the oldest upload that has not been read; 0: none.",
-            (Sample(found.oldest_unread_s),),
+            (Sample(found.waiting.oldest_unread_s),),
         ),
         _gauge(
             "loopaudit_newest_sample_timestamp_seconds",
@@ -97,9 +102,7 @@ def metrics(backend: Backend) -> tuple[Metric, ...]:
 def standstill_s(backend: Backend) -> float:
     """For how many seconds loops have been waiting while no worker holds any; 0 where none waits or one is at work."""
     with backend.database.read() as connection:
-        found = collect(connection)
-    waiting = found.items.get("open") and not found.items.get("claimed")
-    return found.oldest_open_s if waiting else 0.0
+        return figures.waiting(connection).standstill_s
 
 
 def _ended(name: str, words: str, run: EndedRun | None) -> Iterator[Metric]:
@@ -119,7 +122,7 @@ def _one(value: float | None) -> tuple[Sample, ...]:
 def _waiting(found: Figures) -> dict[str, int]:
     return {
         "upload": found.uploads.get("received", 0),
-        "loop": found.items.get("open", 0),
+        "loop": found.waiting.items.get("open", 0),
         "explanation": found.explanations.get("open", 0),
     }
 

@@ -91,8 +91,7 @@ def readiness(backend: Backend) -> Readiness:
 
 def _database(backend: Backend) -> str:
     try:
-        with backend.database.read() as connection:
-            connection.exec_driver_sql("SELECT 1")
+        backend.database.answers()
     except SQLAlchemyError as error:
         return f"away: {type(error).__name__}"
     return "ok"

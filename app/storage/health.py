@@ -1,0 +1,45 @@
+"""Whether a data base is sound, and in use."""
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import Connection, literal, select
+
+from app.storage.database import journal_mode
+from app.storage.tables import keys, loops, uploads
+from app.storage.types import clock_s
+
+
+@dataclass(frozen=True)
+class Integrity:
+    """Of an SQLite file. damaged: what its own check found first (None: nothing); broken: a row that names one that is
+    not there: table, number, table of the other, which reference (None: there is none, or the file is damaged)."""
+
+    journal_mode: str
+    damaged: str | None
+    broken: Any
+
+    @property
+    def unsafe(self) -> bool:
+        """Whether it is written ahead by an SQLite that may lose data by that."""
+        return self.journal_mode == "wal" and journal_mode() != "WAL"
+
+
+def integrity(connection: Connection) -> Integrity:
+    mode = connection.exec_driver_sql("PRAGMA journal_mode").scalar()
+    found = connection.exec_driver_sql("PRAGMA quick_check(1)").scalar()
+    if found != "ok":
+        return Integrity(str(mode), str(found), None)
+    return Integrity(str(mode), None, connection.exec_driver_sql("PRAGMA foreign_key_check").first())
+
+
+def clock_difference_s(connection: Connection) -> float:
+    """How far the clock of this machine and that of the data base are apart."""
+    return abs(float(connection.scalar(select(clock_s())) or 0.0) - time.time())
+
+
+def in_use(connection: Connection) -> bool:
+    """Whether a plant has begun to use these tables."""
+    begun = (select(literal(1)).select_from(table).limit(1) for table in (loops, uploads, keys))
+    return any(connection.scalar(query) is not None for query in begun)

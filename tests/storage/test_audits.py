@@ -1,0 +1,46 @@
+"""Which run is the night that something follows."""
+
+from datetime import timedelta
+
+import pytest
+from sqlalchemy import Connection, insert
+
+from app.storage import Database, tables
+from app.storage.audits import ENDED, WITH_RESULTS, newest_night
+from app.storage.types import now
+
+RUN = {
+    "plant": "p",
+    "config_json": "{}",
+    "config_fingerprint": "c",
+    "window_h": 24.0,
+    "window_samples": 100,
+    "total": 1,
+}
+
+
+def night(connection: Connection, state: str, trigger: str = "nightly", hours_ago: float = 1.0) -> int:
+    at = now() - timedelta(hours=hours_ago)
+    told = {"state": state, "trigger": trigger, "created_at": at, "ended_at": at if state in ENDED else None}
+    return connection.scalar(insert(tables.audits).values(**RUN, **told).returning(tables.audits.c.id)) or 0
+
+
+@pytest.mark.parametrize("state", ["planned", "running", "cancelled"])
+def test_what_follows_a_night_waits_for_it_and_a_reader_takes_the_last_that_has_results(
+    database: Database, state: str
+) -> None:
+    with database.write() as connection:
+        before = night(connection, "partial")
+        night(connection, "done", trigger="request")
+        assert newest_night(connection) == newest_night(connection, passes_by=True) == before
+        night(connection, state)
+        assert newest_night(connection) is None
+        assert newest_night(connection, passes_by=True) == before
+
+
+@pytest.mark.parametrize("state", WITH_RESULTS)
+def test_a_night_that_ended_long_ago_is_none_where_it_may_not_be_so_old(database: Database, state: str) -> None:
+    with database.write() as connection:
+        run = night(connection, state, hours_ago=25.0)
+        assert newest_night(connection, at_most_old=timedelta(hours=24)) is None
+        assert newest_night(connection, at_most_old=timedelta(hours=26)) == run
