@@ -18,6 +18,7 @@ from app.ingest import IngestOptions, NamedTable
 from app.services.explaining.comparisons import (
     Columns,
     comparison_of,
+    measured_alone,
     read_comparison,
     read_table,
     seconds,
@@ -172,12 +173,15 @@ def test_a_model_runs_along_a_faster_recording_only_where_it_fits(tmp_path: Path
 @pytest.mark.parametrize("stamps", [["first", "second", "third"], ["", "", ""], ["99/99/9999", "x", "1e400"]])
 def test_stamps_that_are_none_leave_the_order_of_rows(stamps):
     table = NamedTable(pl.DataFrame({"time": stamps, "PV": [1.0, 2.0, 3.0]}), IngestOptions())
-    assert seconds(table).tolist() == [0.0, 1.0, 2.0]
+    found, said = seconds(table)
+    assert found.tolist() == [0.0, 1.0, 2.0]
+    assert [reason.code for reason in said] == ["times_assumed"]
 
 
 def test_a_stamp_that_is_none_among_others_is_not_known():
     stamps = ["2024-03-01 00:00:00", "later", "2024-03-01 00:00:20"]
-    found = seconds(NamedTable(pl.DataFrame({"time": stamps, "PV": [1.0, 2.0, 3.0]}), IngestOptions()))
+    found, said = seconds(NamedTable(pl.DataFrame({"time": stamps, "PV": [1.0, 2.0, 3.0]}), IngestOptions()))
+    assert said == ()
     assert np.isnan(found[1])
     assert found[2] - found[0] == 20.0
 
@@ -335,3 +339,82 @@ def test_one_column_is_not_two_signals(tmp_path: Path) -> None:
             read_comparison(path, columns, simulated)
         assert raised.value.code == "same_column"
     assert read_comparison(path, Columns(op="PV_sim"), None).trace is None
+
+
+@pytest.mark.parametrize(
+    "header",
+    ["Zeit,Istwert,Stellwert,Sollwert", "utc,PV,CV,SP", "LocalTime,ProcessValue,Output,SetPoint", "t,y,u,r"],
+)
+def test_a_file_whose_columns_are_named_is_read_by_the_names_that_exports_are_read_by(
+    tmp_path: Path, header: str
+) -> None:
+    """What names a column must not hang on whether one of the others was named by the user."""
+    lines = "\n".join(f"{2 * k},{50 + k % 7},{40 + k % 5},{50 + k // 60}" for k in range(200))
+    path = write(tmp_path / "F1.csv", f"{header}\n{lines}")
+    pv, op = header.split(",")[1:3]
+    for columns in (Columns(), Columns(op=op), Columns(pv=pv), Columns(op=op, pv=pv)):
+        found = read_comparison(path, columns, None)
+        assert (found.sampling_interval_s, found.measured, found.notes) == (2.0, (), ())
+        assert (found.pv[:3].tolist(), found.op[:3].tolist()) == ([50, 51, 52], [40, 41, 42])
+        assert found.sp is not None
+
+
+def test_date_and_clock_apart_are_one_time_where_columns_are_named(tmp_path: Path) -> None:
+    lines = "\n".join(f"12.11.2026;05:{k // 60:02d}:{k % 60:02d};{k % 7};{k % 5}" for k in range(200))
+    path = write(tmp_path / "F1.csv", f"Datum;Uhrzeit;Istwert;Stellwert\n{lines}")
+    for columns in (Columns(), Columns(op="Stellwert")):
+        found = read_comparison(path, columns, None)
+        assert (found.sampling_interval_s, found.measured, found.notes) == (1.0, (), ())
+
+
+@pytest.mark.parametrize("columns", [Columns(), Columns(op="OP", pv="PV")])
+def test_a_file_without_times_is_told_to_be_taken_for_a_sample_a_second(tmp_path: Path, columns: Columns) -> None:
+    lines = "\n".join(f"{50 + k % 7},{40 + k % 5}" for k in range(200))
+    found = read_comparison(write(tmp_path / "F1.csv", f"PV,OP\n{lines}"), columns, None)
+    assert found.sampling_interval_s == 1.0
+    assert [note.code for note in found.notes] == ["times_assumed"]
+    assert "1 s apart" in found.notes[0].text
+
+
+@pytest.mark.parametrize("columns", [Columns(), Columns(op="OP", pv="PV")])
+def test_numbers_that_no_name_calls_times_are_some_where_they_rise_and_that_is_told(
+    tmp_path: Path, columns: Columns
+) -> None:
+    lines = "\n".join(f"{3 * k},{50 + k % 7},{40 + k % 5}" for k in range(200))
+    found = read_comparison(write(tmp_path / "F1.csv", f"Laufzeit,PV,OP\n{lines}"), columns, None)
+    assert (found.sampling_interval_s, found.measured) == (3.0, ())
+    assert [note.code for note in found.notes] == ["times_assumed"]
+    assert "'Laufzeit'" in found.notes[0].text
+    turns = "\n".join(f"{20 + k % 9},{50 + k % 7},{40 + k % 5}" for k in range(200))
+    found = read_comparison(write(tmp_path / "F2.csv", f"TI7,PV,OP\n{turns}"), columns, None)
+    assert (found.sampling_interval_s, len(found.pv)) == (1.0, 200)
+    assert [name for name, _ in found.measured] == ["TI7"]
+    assert "1 s apart" in found.notes[0].text
+
+
+def test_a_column_that_is_named_as_a_signal_is_not_the_time_as_well(tmp_path: Path) -> None:
+    path = write(tmp_path / "F1.csv", "T,OP\n" + "\n".join(f"{50 + k % 7},{40 + k % 5}" for k in range(200)))
+    found = read_comparison(path, Columns(pv="T"), None)
+    assert (found.sampling_interval_s, len(found.pv)) == (1.0, 200)
+
+
+def test_what_else_was_measured_is_one_thing_whichever_way_a_file_is_read(tmp_path: Path) -> None:
+    header = "time,PV,OP,PV_sim [t/h],sim,Mode,Status,index,T,FI7"
+    lines = "\n".join(f"{k},{k % 7},{k % 5},{k % 7},{k % 7},1,192,{k},{k % 9},{k % 11}" for k in range(200))
+    path = write(tmp_path / "F1.csv", f"{header}\n{lines}")
+    for columns in (Columns(), Columns(op="OP", pv="PV")):
+        for simulated in (None, "PV_sim [t/h]", "sim"):
+            found = read_comparison(path, columns, simulated)
+            assert [name for name, _ in found.measured] == ["T", "FI7"]
+            assert found.trace is not None
+    recording = Recording("F1", np.arange(200.0), np.arange(200.0) % 7, np.arange(200.0) % 5)
+    others = dict.fromkeys(header.split(",")[3:], np.arange(200.0) % 11)
+    assert list(measured_alone(replace(recording, others=others), None).others) == ["T", "FI7"]
+
+
+@pytest.mark.parametrize("other", ["Ts", "T"])
+def test_times_by_their_full_name_go_before_what_may_be_called_so(tmp_path: Path, other: str) -> None:
+    lines = "\n".join(f"4,{k % 7},{k % 5},{2 * k}" for k in range(200))
+    path = write(tmp_path / "F1.csv", f"{other},PV,OP,time\n{lines}")
+    for columns in (Columns(), Columns(op="OP")):
+        assert read_comparison(path, columns, None).sampling_interval_s == 2.0

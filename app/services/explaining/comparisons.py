@@ -1,9 +1,10 @@
 """Files into comparisons: which column is OP, PV, SP, the simulation, and what else was measured."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,22 +15,27 @@ from app.engine.mismatch.compare.comparison import LEAST_SAMPLES
 from app.engine.recording import FloatArray, Recording
 from app.engine.signals.sampled import held
 from app.errors import DataError, RequestError
-from app.ingest import IngestOptions, NamedTable, RecordingsRead, read_named, read_recordings
+from app.ingest import (
+    SIMULATED,
+    IngestOptions,
+    NamedTable,
+    RecordingsRead,
+    names_no_measurement,
+    read_named,
+    read_recordings,
+)
 from app.services.explaining.aligning import Aligned, beyond, covering, onto, sample_by_sample
 
-SYNONYMS = {
-    "time": ("time", "t", "timestamp", "time_s", "datetime", "date", "ts"),
-    "op": ("op", "co", "mv", "out", "output", "controller_output", "u"),
-    "pv": ("pv", "cv", "measurement", "process_value", "process_variable", "y"),
-    "sp": ("sp", "setpoint", "set_point", "set point", "sv", "r"),
-}
-SIMULATED = ("pv_sim", "pvsim", "sim", "simulation", "simulated")
-NOT_MEASURED = ("mode", "quality", "status", "ts", "auto")
+NOT_MEASURED = ("ts", "auto")
 BRACKETS = re.compile(r"\s*[\[(][^\[\]()]*[\])]$")
 GAP_INTERVALS = 3.0
 STAMP_ROUNDING = 1e-6  # of an interval: by so much a grid may miss the stamp that it was laid on
 SPARSE = 3.0
 READ_PLAINLY = IngestOptions()
+A_SECOND_A_SAMPLE = (
+    "no column tells times that can be read: samples are taken to be 1 s apart, and every time that is told rests on "
+    "that; name the column time, or tell the interval in s in a column Ts"
+)
 NO_EXPORT = ("unknown_layout", "not_an_export", "nothing_readable")
 
 
@@ -62,29 +68,54 @@ def read_table(path: Path, options: IngestOptions = READ_PLAINLY) -> NamedTable:
     return read_named(path, options)
 
 
-def find(table: NamedTable, name: str | None, usual: tuple[str, ...]) -> str | None:
-    """The column of that name, or the first of the usual names, with or without its unit, any case. Raises where a name
-    that was given is not there.
-    """
-    by_lower = {column.strip().lower(): column for column in table.names}
-    if name is not None:
-        if name.strip().lower() not in by_lower:
-            raise RequestError("no_such_column", f"there is no column {name}; the file has {', '.join(table.names)}")
-        return by_lower[name.strip().lower()]
-    without_unit = {BRACKETS.sub("", lower): column for lower, column in reversed(by_lower.items())}
-    return next((column for u in usual if (column := by_lower.get(u) or without_unit.get(u))), None)
+def named(names: Iterable[str], name: str) -> str | None:
+    """Which of the names that is, in any case; None where none is."""
+    there = list(names)
+    return name if name in there else {one.strip().lower(): one for one in reversed(there)}.get(name.strip().lower())
 
 
-def seconds(table: NamedTable) -> FloatArray:
-    """Times in s; a second a sample where the table tells none."""
-    time = times_of(table)
-    return np.arange(table.height, dtype=np.float64) if time is None else time
+def simulation_among(names: Iterable[str]) -> str | None:
+    """The first usual name of a simulation, with or without its unit, any case."""
+    by_lower = {name.strip().lower(): name for name in reversed(list(names))}
+    without_unit = {BRACKETS.sub("", lower): name for lower, name in by_lower.items()}
+    return next((name for usual in SIMULATED if (name := by_lower.get(usual) or without_unit.get(usual))), None)
+
+
+def measured_beside(names: Iterable[str], taken: Collection[str | None]) -> list[str]:
+    """Those of the names that may be causes: what is not taken, and no simulation, mode, quality or number of a row."""
+
+    def is_other(name: str) -> bool:
+        lower = name.strip().lower()
+        return BRACKETS.sub("", lower) in SIMULATED or lower in NOT_MEASURED or names_no_measurement(name)
+
+    return [name for name in names if name not in taken and not is_other(name)]
+
+
+def asked_for(table: NamedTable, name: str | None, signal: Literal["PV", "OP", "SP"]) -> str | None:
+    """The column of that name, or by its name that signal. Raises where a name that was given is not there."""
+    if name is None:
+        return table.column_of(signal)
+    found = named(table.names, name)
+    if found is None:
+        raise RequestError("no_such_column", f"there is no column {name}; the file has {', '.join(table.names)}")
+    return found
+
+
+def seconds(table: NamedTable, signals: Collection[str | None] = ()) -> tuple[FloatArray, tuple[Reason, ...]]:
+    """Times in s, and what is to be said of them; a second a sample where no column but the signals tells them."""
+    time = None if set(table.time_columns) & set(signals) else times_of(table)
+    if time is not None:
+        return time, assumed(table.times_assumed)
+    return np.arange(table.height, dtype=np.float64), assumed((A_SECOND_A_SAMPLE,))
+
+
+def assumed(told: Iterable[str]) -> tuple[Reason, ...]:
+    return tuple(Reason("times_assumed", text) for text in told)
 
 
 def times_of(table: NamedTable) -> FloatArray | None:
     """Times in s: from numbers, from stamps, or by the constant interval in a column Ts; None where none are told."""
-    column = find(table, None, SYNONYMS["time"])
-    time = None if column is None else table.times_s(column)
+    time = table.times_s()
     if time is None:
         return None
     known = time[np.isfinite(time)]
@@ -106,7 +137,7 @@ def read_comparison(
         read = exported(path, columns.loop, options)
         if read is not None:
             found = of_export(read.recordings[0], simulated)
-            return replace(found, notes=(*in_doubt(read.doubts), *found.notes))
+            return replace(found, notes=(*in_doubt(read.doubts), *assumed(read.times_assumed), *found.notes))
     return of_table(path, columns, simulated, options)
 
 
@@ -143,44 +174,53 @@ def recording_of_export(path: Path, columns: Columns, options: IngestOptions = R
 
 def of_export(recording: Recording, simulated: str | None) -> Comparison:
     """A recording whose simulation, where there is one, is among its further signals."""
-    wanted = SIMULATED if simulated is None else (simulated.strip().lower(),)
-    name = next((tag for tag in recording.others if tag.strip().lower() in wanted), None)
-    if simulated is not None and name is None:
-        there = ", ".join(recording.others) or "no further signals"
-        raise RequestError(
-            "no_such_column", f"there is no file and no column {simulated}; beside PV, OP and SP there is {there}"
-        )
-    if name is None:
-        return comparison_of(recording)
-    others = {tag: values for tag, values in recording.others.items() if tag != name}
-    return comparison_of(replace(recording, others=others), trace=recording.others[name])
+    name = recorded_simulation(recording, simulated)
+    trace = None if name is None else recording.others[name]
+    return comparison_of(measured_alone(recording, name), trace=trace)
+
+
+def recorded_simulation(recording: Recording, wanted: str | None) -> str | None:
+    """The further signal of that name, or one with a usual name of a simulation. Raises RequestError("no_such_column")
+    where one that was named is missing.
+    """
+    if wanted is None:
+        return simulation_among(recording.others)
+    found = named(recording.others, wanted)
+    if found is None:
+        there = ", ".join(recording.others) or "no further signal"
+        text = f"{wanted!r} is no file and no signal of the loop; beside PV, OP and SP there is {there}"
+        raise RequestError("no_such_column", text)
+    return found
+
+
+def measured_alone(recording: Recording, simulation: str | None) -> Recording:
+    """The recording without what is no measurement: simulations and marks."""
+    kept = measured_beside(recording.others, (simulation,))
+    return replace(recording, others={name: recording.others[name] for name in kept})
 
 
 def of_table(path: Path, columns: Columns, simulated: str | None, options: IngestOptions) -> Comparison:
     table = read_table(path, options)
-    op, pv = find(table, columns.op, SYNONYMS["op"]), find(table, columns.pv, SYNONYMS["pv"])
+    op, pv = asked_for(table, columns.op, "OP"), asked_for(table, columns.pv, "PV")
     if op is None or pv is None:
         missing = " and ".join(n for n, c in (("OP", op), ("PV", pv)) if c is None)
         raise DataError(
             "no_pv_op",
             f"{path} has no column for {missing}; name it with --op or --pv; it has {', '.join(table.names)}",
         )
-    sp = find(table, columns.sp, SYNONYMS["sp"])
+    sp = asked_for(table, columns.sp, "SP")
     sp = None if columns.sp is None and sp in (op, pv) else sp
-    time = seconds(table)
     trace_column, laid = simulated_trace(table, simulated, options, (op, pv))
     check_apart({"OP": op, "PV": pv, "SP": sp, "the simulation": trace_column})
-    used = {op, pv, sp, trace_column, find(table, None, SYNONYMS["time"])}
-    others = {
-        c: table.numbers(c)
-        for c in table.names
-        if c not in used and c.strip().lower() not in NOT_MEASURED and table.may_hold_numbers(c)
-    }
+    time, said = seconds(table, (op, pv, sp, trace_column))
+    beside = measured_beside(table.names, {op, pv, sp, trace_column, *table.time_columns})
+    others = {name: table.numbers(name) for name in beside if table.may_hold_numbers(name)}
     signals = {"op": some_numbers(table, op), "pv": some_numbers(table, pv)}
     signals |= {"sp": table.numbers(sp)} if sp is not None else {}
     signals |= {"trace": laid.trace} if laid is not None else {}
     found = uniform(path.name.partition(".")[0] if path.suffix == ".gz" else path.stem, time, signals, others)
-    return replace(found, notes=(*in_doubt(table.doubts()), *found.notes, *(() if laid is None else laid.notes)))
+    laid_notes = () if laid is None else laid.notes
+    return replace(found, notes=(*in_doubt(table.doubts()), *said, *found.notes, *laid_notes))
 
 
 def check_apart(columns: dict[str, str | None]) -> None:
@@ -230,17 +270,25 @@ def simulated_trace(
     """
     path = None if simulated is None else Path(simulated)
     if path is None or not path.is_file():
-        column = find(table, simulated, SIMULATED)
+        column = simulation_among(table.names) if simulated is None else named(table.names, simulated)
+        if simulated is not None and column is None:
+            there = ", ".join(table.names)
+            raise RequestError("no_such_column", f"there is no file and no column {simulated}; the file has {there}")
         column = None if simulated is None and column in taken else column
         return column, None if column is None else Aligned(table.numbers(column))
     other = read_table(path, options)
-    column = find(other, None, (*SIMULATED, *SYNONYMS["pv"])) or other.names[-1]
+    column = simulated_column(other)
     trace, time, other_time = other.numbers(column), times_of(table), times_of(other)
     if time is None or other_time is None:
         laid = sample_by_sample(table.height, trace)
     else:
         laid = onto(time, other_time, trace)
     return None, replace(laid, notes=(*in_doubt(other.doubts()), *laid.notes))
+
+
+def simulated_column(table: NamedTable) -> str:
+    """The column of a simulation's own table that is the simulation."""
+    return simulation_among(table.names) or table.column_of("PV") or table.names[-1]
 
 
 def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others: dict[str, FloatArray]) -> Comparison:
