@@ -14,6 +14,7 @@ from app.ingest.columns.clocks import date_and_clock, joined_times
 from app.ingest.columns.names import names_no_measurement, rises, time_columns, times_assumed
 from app.ingest.columns.plans import name_of
 from app.ingest.files.head import HEAD_ROWS, Head
+from app.ingest.files.opening import TextFile
 from app.ingest.model import FloatArray, IngestOptions, Signal, TimeArray
 from app.ingest.numbers.marks import POINTED, DoubtfulMarks
 from app.ingest.numbers.values import odd_numbers, same_tag, tagged
@@ -28,10 +29,13 @@ NO_VALUE = ["", "NaN", "nan", "NA", "null"]
 
 
 class NamedTable:
-    """Columns by name. Those of text are read together: one may tell how the others are written."""
+    """Columns by name. Those of text are read together: one may tell how the others are written. damage: what of the
+    file was lost on its way."""
 
-    def __init__(self, frame: pl.DataFrame, options: IngestOptions, separator: str = "") -> None:
-        self._frame, self._options, self._separator = frame, options, separator
+    def __init__(
+        self, frame: pl.DataFrame, options: IngestOptions, separator: str = "", damage: tuple[str, ...] = ()
+    ) -> None:
+        self._frame, self._options, self._separator, self.damage = frame, options, separator, damage
 
     @property
     def names(self) -> list[str]:
@@ -72,9 +76,10 @@ class NamedTable:
     @property
     def times_assumed(self) -> tuple[str, ...]:
         """What was taken for times where no column is named so."""
-        if time_columns(tuple(self.names)) or not self.time_columns or not self._counts_from_a_start:
+        form = None if self.times is None or time_columns(tuple(self.names)) else self._form_of(self.times)
+        if form is None or form.kind != "relative":
             return ()
-        return (times_assumed(self.time_columns[0]),)
+        return (times_assumed(self.time_columns[0], form),)
 
     @cached_property
     def times(self) -> pl.Series | None:
@@ -108,11 +113,6 @@ class NamedTable:
         if form is None or form.kind != "relative":
             return form is not None
         return not names_no_measurement(name) and rises(self.numbers(name))
-
-    @property
-    def _counts_from_a_start(self) -> bool:
-        form = None if self.times is None else self._form_of(self.times)
-        return form is not None and form.kind == "relative"
 
     def _form_of(self, times: pl.Series) -> TimeForm | None:
         return find_form(_texts(times).drop_nulls().to_list(), times.name, self._options)
@@ -160,16 +160,19 @@ def _texts(column: pl.Series) -> pl.Series:
 
 
 def read_named(path: Path, options: IngestOptions) -> NamedTable:
-    """A delimited file or parquet with a row of names. Raises DataError("not_a_table") where it is none."""
+    """A delimited file, in whatever encoding and packed or not, or parquet with a row of names. Raises
+    DataError("not_a_table", "empty_file", "not_an_export") where it is none."""
     try:
         if path.suffix.lower() == ".parquet":
             return NamedTable(pl.read_parquet(path), options)
-        return parse_named(path.read_text(encoding="utf-8-sig", errors="replace"), options)
+        file = TextFile(path, options)
+        text = b"".join(lines.data for lines in file.chunks()).decode("utf-8", "replace")
+        return parse_named(text, options, tuple(file.notes))
     except UNREADABLE as error:
         raise DataError("not_a_table", f"{path} cannot be read as a table: {error}") from error
 
 
-def parse_named(text: str, options: IngestOptions) -> NamedTable:
+def parse_named(text: str, options: IngestOptions, damage: tuple[str, ...] = ()) -> NamedTable:
     """Delimited text with a row of names. Raises DataError("not_a_table") where it is none."""
     separator = max(SEPARATORS, key=text.partition("\n")[0].count)
     try:
@@ -182,7 +185,7 @@ def parse_named(text: str, options: IngestOptions) -> NamedTable:
         )
     except UNREADABLE as error:
         raise DataError("not_a_table", f"the text cannot be read as a table: {error}") from error
-    return NamedTable(frame, options, separator)
+    return NamedTable(frame, options, separator, damage)
 
 
 def read_instants(column: pl.Series, options: IngestOptions) -> TimeArray | None:

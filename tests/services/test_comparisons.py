@@ -1,5 +1,6 @@
 """Recordings and simulations as they come from files and from the store, brought to one time base."""
 
+import gzip
 import re
 from dataclasses import replace
 from datetime import datetime, timedelta
@@ -400,7 +401,7 @@ def test_a_column_that_is_named_as_a_signal_is_not_the_time_as_well(tmp_path: Pa
 
 def test_what_else_was_measured_is_one_thing_whichever_way_a_file_is_read(tmp_path: Path) -> None:
     header = "time,PV,OP,PV_sim [t/h],sim,Mode,Status,index,T,FI7"
-    lines = "\n".join(f"{k},{k % 7},{k % 5},{k % 7},{k % 7},1,192,{k},{k % 9},{k % 11}" for k in range(200))
+    lines = "\n".join(f"{k},{k % 7},{k % 5},{k % 6},{k % 6},1,192,{k},{k % 9},{k % 11}" for k in range(200))
     path = write(tmp_path / "F1.csv", f"{header}\n{lines}")
     for columns in (Columns(), Columns(op="OP", pv="PV")):
         for simulated in (None, "PV_sim [t/h]", "sim"):
@@ -418,3 +419,81 @@ def test_times_by_their_full_name_go_before_what_may_be_called_so(tmp_path: Path
     path = write(tmp_path / "F1.csv", f"{other},PV,OP,time\n{lines}")
     for columns in (Columns(), Columns(op="OP")):
         assert read_comparison(path, columns, None).sampling_interval_s == 2.0
+
+
+def seconds_of(n: int = 200) -> list[str]:
+    return [f"{k},{50 + k % 7},{40 + k % 5},{45 + k % 6}" for k in range(n)]
+
+
+@pytest.mark.parametrize("simulated", [None, "PV_sim"])
+def test_a_simulation_that_is_no_signal_of_the_one_loop_is_found_in_the_table(
+    tmp_path: Path, simulated: str | None
+) -> None:
+    path = write(tmp_path / "F1.csv", "time,FIC1.PV,FIC1.OP,PV_sim\n" + "\n".join(seconds_of()))
+    found = read_comparison(path, Columns(), simulated)
+    assert (found.pv[0], found.op[0], found.measured) == (50.0, 40.0, ())
+    assert found.trace is not None
+    assert found.trace[0] == 45.0
+
+
+def test_a_simulation_in_a_file_is_laid_onto_a_loop_of_any_export(tmp_path: Path) -> None:
+    stamps = [f"2026-03-01 12:{k // 60:02d}:{k % 60:02d}" for k in range(300)]
+    lines = [f"{at},{k % 7},{k % 5},{k % 11},{k % 3}" for k, at in enumerate(stamps)]
+    plant = write(
+        tmp_path / "plant.csv", "Export,of,PI\n\nTimestamp,FIC1.PV,FIC1.OP,FIC2.PV,FIC2.OP\n" + "\n".join(lines)
+    )
+    simulated = write(tmp_path / "s.csv", "Zeit;PV_sim\n" + "\n".join(f"{at};{k},5" for k, at in enumerate(stamps)))
+    found = read_comparison(plant, Columns(loop="FIC2"), str(simulated))
+    assert found.pv.max() == 10.0
+    assert found.trace is not None
+    assert found.trace[:2].tolist() == [0.5, 1.5]
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "cp1252", "gzip"])
+def test_a_table_whose_columns_are_named_may_be_in_any_encoding_and_packed(tmp_path: Path, encoding: str) -> None:
+    text = "Zeit;Temp (°C);Größe\n" + "\n".join(f"{k};{k % 7},5;{k % 5}" for k in range(200))
+    path = tmp_path / "F1.csv"
+    path.write_bytes(gzip.compress(text.encode()) if encoding == "gzip" else text.encode(encoding))
+    found = read_comparison(path, Columns(pv="Temp (°C)", op="Größe"), None)
+    assert found.pv[:2].tolist() == [0.5, 1.5]
+    other = tmp_path / "sim.csv"
+    other.write_bytes(path.read_bytes())
+    with pytest.raises(DataError, match="PV itself") as refused:
+        read_comparison(path, Columns(pv="Größe", op="Temp (°C)"), str(other))
+    assert refused.value.code == "simulation_is_pv"
+
+
+def test_a_packed_file_that_was_cut_is_told(tmp_path: Path) -> None:
+    noise = np.random.default_rng(1).normal(size=(4000, 2))
+    lines = "\n".join(f"{k},{a:.9f},{b:.9f}" for k, (a, b) in enumerate(noise))
+    path = tmp_path / "F1.csv.gz"
+    whole = gzip.compress(f"time,PV,OP\n{lines}".encode())
+    path.write_bytes(whole[: len(whole) * 3 // 4])
+    for columns in (Columns(), Columns(op="OP")):
+        found = read_comparison(path, columns, None)
+        assert [note.code for note in found.notes] == ["samples_damaged"]
+
+
+@pytest.mark.parametrize("simulated", [None, "copy"])
+def test_a_simulation_that_is_pv_itself_is_refused(tmp_path: Path, simulated: str | None) -> None:
+    name = simulated or "PV_sim"
+    lines = "\n".join(f"{k},{k % 7},{k % 5},{k % 7}" for k in range(200))
+    assert (
+        code_of(write(tmp_path / "F1.csv", f"time,PV,OP,{name}\n{lines}"), Columns(), simulated) == "simulation_is_pv"
+    )
+
+
+def test_a_simulation_named_by_a_text_too_long_for_a_file_is_no_column(tmp_path: Path) -> None:
+    path = write(tmp_path / "F1.csv", "time,PV,OP\n" + rows(200))
+    assert code_of(path, Columns(), "x" * 5000) == "no_such_column"
+
+
+@pytest.mark.parametrize("columns", [Columns(), Columns(op="OP", pv="PV")])
+@pytest.mark.parametrize(("heading", "interval"), [("time_ms", 0.002), ("Zeit_min", 120.0), ("elapsed_ms", 0.002)])
+def test_a_unit_behind_the_name_of_times_is_theirs(
+    tmp_path: Path, heading: str, interval: float, columns: Columns
+) -> None:
+    found = read_comparison(write(tmp_path / "F1.csv", f"{heading},PV,OP\n" + rows(200)), columns, None)
+    assert found.sampling_interval_s == pytest.approx(interval)
+    told = [note.text for note in found.notes]
+    assert not told if heading != "elapsed_ms" else told[0].endswith("were read as steps of 0.001 s")

@@ -37,7 +37,7 @@ def _of_times(plan: WidePlan, head: Head, names: tuple[str, ...]) -> WidePlan | 
     texts = [text for text in head.column(column, plan.first_row) if is_number(text, head.decimal_mark)]
     if not rises(np.array([float(without_unit(text).replace(",", ".")) for text in texts])):
         return None
-    told = times_assumed(names[column])
+    told = times_assumed(names[column], plan.form)
     return replace(plan, times_assumed=told, notes=(*plan.notes, told))
 
 

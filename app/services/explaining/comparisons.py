@@ -132,13 +132,9 @@ def read_comparison(
     Any layout that ingest reads, as long as no columns are named; a table with a header otherwise. Without `simulated`
     a column with a usual name (PV_sim) is taken; without that our own identified loop is the simulation.
     """
-    from_file = simulated is not None and Path(simulated).is_file()
-    if not columns.named and not from_file:
-        read = exported(path, columns.loop, options)
-        if read is not None:
-            found = of_export(read.recordings[0], simulated)
-            return replace(found, notes=(*in_doubt(read.doubts), *assumed(read.times_assumed), *found.notes))
-    return of_table(path, columns, simulated, options)
+    read = None if columns.named else exported(path, columns.loop, options)
+    found = None if read is None else of_export(path, read, simulated, options)
+    return of_table(path, columns, simulated, options) if found is None else found
 
 
 def exported(path: Path, loop: str | None, options: IngestOptions) -> RecordingsRead | None:
@@ -172,11 +168,53 @@ def recording_of_export(path: Path, columns: Columns, options: IngestOptions = R
     return None if read is None else read.recordings[0]
 
 
-def of_export(recording: Recording, simulated: str | None) -> Comparison:
-    """A recording whose simulation, where there is one, is among its further signals."""
+def of_export(path: Path, read: RecordingsRead, simulated: str | None, options: IngestOptions) -> Comparison | None:
+    """A loop of an export against a simulation among its further signals, or in a file. None where only the table tells
+    it: a column that is no signal of the loop, or a simulation without times, which belongs to the rows.
+    """
+    recording = read.recordings[0]
+    said = (*damaged(read.damage), *in_doubt(read.doubts), *assumed(read.times_assumed))
+    if is_file(simulated):
+        laid = of_file(Path(simulated or ""), recording, read.starts_s.get(recording.name), options)
+        if laid is None:
+            return None
+        found = comparison_of(measured_alone(recording, None), laid.trace)
+        return replace(found, notes=(*said, *found.notes, *laid.notes))
+    beside = simulation_among(recording.others) if simulated is None else named(recording.others, simulated)
+    if beside is None and in_the_table(path, simulated, options):
+        return None
     name = recorded_simulation(recording, simulated)
-    trace = None if name is None else recording.others[name]
-    return comparison_of(measured_alone(recording, name), trace=trace)
+    found = comparison_of(measured_alone(recording, name), None if name is None else recording.others[name])
+    return replace(found, notes=(*said, *found.notes))
+
+
+def is_file(simulated: str | None) -> bool:
+    try:
+        return simulated is not None and Path(simulated).is_file()
+    except (OSError, ValueError):  # a long text is no name
+        return False
+
+
+def of_file(path: Path, recording: Recording, start_s: float | None, options: IngestOptions) -> Aligned | None:
+    """The simulation in a file, laid onto a recording whose second 0 is at `start_s` on the clock of its file; None
+    where not both tell times.
+    """
+    other = read_table(path, options)
+    time = times_of(other)
+    if time is None or start_s is None:
+        return None
+    laid = onto(start_s + recording.time_s, time, other.numbers(simulated_column(other)))
+    return replace(laid, notes=(*damaged(other.damage), *in_doubt(other.doubts()), *laid.notes))
+
+
+def in_the_table(path: Path, simulated: str | None, options: IngestOptions) -> bool:
+    """Whether the file is a table of one loop with that column, or without a name one that is called a simulation."""
+    try:
+        table = read_table(path, options)
+    except DataError:
+        return False
+    there = simulation_among(table.names) if simulated is None else named(table.names, simulated)
+    return there is not None and table.column_of("PV") is not None and table.column_of("OP") is not None
 
 
 def recorded_simulation(recording: Recording, wanted: str | None) -> str | None:
@@ -220,7 +258,7 @@ def of_table(path: Path, columns: Columns, simulated: str | None, options: Inges
     signals |= {"trace": laid.trace} if laid is not None else {}
     found = uniform(path.name.partition(".")[0] if path.suffix == ".gz" else path.stem, time, signals, others)
     laid_notes = () if laid is None else laid.notes
-    return replace(found, notes=(*in_doubt(table.doubts()), *said, *found.notes, *laid_notes))
+    return replace(found, notes=(*damaged(table.damage), *in_doubt(table.doubts()), *said, *found.notes, *laid_notes))
 
 
 def check_apart(columns: dict[str, str | None]) -> None:
@@ -237,6 +275,10 @@ def check_apart(columns: dict[str, str | None]) -> None:
 
 def in_doubt(doubts: Iterable[str]) -> tuple[Reason, ...]:
     return tuple(Reason("numbers_in_doubt", text) for text in doubts)
+
+
+def damaged(lost: Iterable[str]) -> tuple[Reason, ...]:
+    return tuple(Reason("samples_damaged", text) for text in lost)
 
 
 def some_numbers(table: NamedTable, column: str) -> FloatArray:
@@ -268,22 +310,21 @@ def simulated_trace(
     the recording's times where both tell them, else sample by sample. taken: columns that are OP or PV already, and
     none where no simulation is named.
     """
-    path = None if simulated is None else Path(simulated)
-    if path is None or not path.is_file():
+    if simulated is None or not is_file(simulated):
         column = simulation_among(table.names) if simulated is None else named(table.names, simulated)
         if simulated is not None and column is None:
             there = ", ".join(table.names)
             raise RequestError("no_such_column", f"there is no file and no column {simulated}; the file has {there}")
         column = None if simulated is None and column in taken else column
         return column, None if column is None else Aligned(table.numbers(column))
-    other = read_table(path, options)
+    other = read_table(Path(simulated), options)
     column = simulated_column(other)
     trace, time, other_time = other.numbers(column), times_of(table), times_of(other)
     if time is None or other_time is None:
         laid = sample_by_sample(table.height, trace)
     else:
         laid = onto(time, other_time, trace)
-    return None, replace(laid, notes=(*in_doubt(other.doubts()), *laid.notes))
+    return None, replace(laid, notes=(*damaged(other.damage), *in_doubt(other.doubts()), *laid.notes))
 
 
 def simulated_column(table: NamedTable) -> str:
@@ -306,6 +347,7 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
     notes = faults_of_the_clock(time[present], int(np.sum(~kept)))
     order = order[kept]
     if "trace" in signals:
+        refuse_a_copy(signals["pv"][order], signals["trace"][order])
         notes += whole_trace(time, order, signals["trace"])
     at = time[order] - time[order[0]]
     interval = float(np.median(np.diff(at)))
@@ -339,6 +381,15 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
         trace=resampled(signals["trace"]) if "trace" in signals else None,
         notes=notes,
     )
+
+
+def refuse_a_copy(pv: FloatArray, trace: FloatArray) -> None:
+    """Raises DataError("simulation_is_pv") where a simulation (N,) is the recorded PV itself: no loop is simulated to
+    the last digit of what was measured, and nothing would ever be missing.
+    """
+    if np.array_equal(pv, trace):
+        text = "the simulation is PV itself, sample for sample: there is nothing to compare"
+        raise DataError("simulation_is_pv", text)
 
 
 def whole_trace(time: FloatArray, order: NDArray[np.int64], trace: FloatArray) -> tuple[Reason, ...]:
