@@ -111,7 +111,7 @@ def explain(
     if validate is not None:
         columns = Columns(validate_op or op, validate_pv or pv, sp, loop)
         with of_the_second(validate):
-            column = None if sim is None or Path(sim).is_file() else sim
+            column = None if sim is None or is_file(sim) else sim
             second = read_comparison(validate, columns, column, options)
             second = second if sim_model is None else with_model(second, sim_model)
     explanation = explain_comparison(comparison, second)
@@ -139,7 +139,7 @@ def kind_of(comparison: "Comparison", sim: str | None, sim_model: str | None) ->
         return "model"
     if comparison.trace is None:
         return "identified"
-    return "trace" if sim is not None and Path(sim).is_file() else "column"
+    return "trace" if sim is not None and is_file(sim) else "column"
 
 
 def as_json(line: dict[str, Any]) -> str:

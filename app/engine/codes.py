@@ -45,7 +45,7 @@ EvidenceCode = Literal[
     "simulation_bridged", "second_elsewhere", "given_not_validated", "samples_damaged",
     "controller_cleared", "controller_not_evaluated", "controller_differs", "yper_lacked", "pv_held", "pv_levels",
     "pv_at_limit", "pv_repeats", "pv_straight", "read_back", "wild_samples", "time_runs_back", "part_explained",
-    "numbers_in_doubt", "times_repeated",
+    "numbers_in_doubt", "times_assumed", "times_repeated",
 ]  # fmt: skip
 """What an explanation rests on, and what is said of the comparison."""
 

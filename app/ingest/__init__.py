@@ -26,10 +26,11 @@ line_too_long, too_many_tags, bad_mapping, excel_not_installed, unknown_time_zon
 more_fields_than_names.
 
 `read_recordings(path)` gives recordings for the engine, `inspect(path)` a report on a file, `read_named(path)` a table
-whose columns are asked for by name.
+whose columns are asked for by name, or by what they are: `column_of("PV")` by the names that exports are read by.
 """
 
 from app.ingest.align import align, carried
+from app.ingest.columns.names import names_no_measurement
 from app.ingest.exports.export import Export
 from app.ingest.exports.reading import is_export_name, is_read_packed, read_export, stem_of, takes_its_name
 from app.ingest.files.unpacking import GZIP, Unpacking
@@ -48,7 +49,16 @@ from app.ingest.named_columns import NamedTable, parse_named, read_instants, rea
 from app.ingest.recordings import RecordingsRead, read_recordings, second_zero_ns, to_recording
 from app.ingest.tables.scanning import warm_up
 from app.ingest.tables.spilling import NoRoomToPartError
-from app.ingest.tags.grouping import MappedTag, TagMapping, group, loop_of, mapping_text, names_its_loop, unit_of
+from app.ingest.tags.grouping import (
+    SIMULATED,
+    MappedTag,
+    TagMapping,
+    group,
+    loop_of,
+    mapping_text,
+    names_its_loop,
+    unit_of,
+)
 from app.ingest.tags.lists import BEYOND, Listed, list_rows, list_text
 from app.ingest.telling import without_controls
 from app.ingest.times.stamps import NO_TIME, check_time_zone
@@ -57,6 +67,7 @@ __all__ = [
     "BEYOND",
     "GZIP",
     "NO_TIME",
+    "SIMULATED",
     "Export",
     "FileSummary",
     "IngestOptions",
@@ -87,6 +98,7 @@ __all__ = [
     "loop_of",
     "mapping_text",
     "names_its_loop",
+    "names_no_measurement",
     "parse_named",
     "read_export",
     "read_instants",

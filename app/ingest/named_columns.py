@@ -1,19 +1,27 @@
-"""Tables with a row of names whose columns are asked for one by one: read as an export's are, whatever they mean."""
+"""Tables with a row of names whose columns are asked for one by one, by name or by signal: read as an export's are."""
 
 import io
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import polars as pl
 
 from app.errors import DataError
-from app.ingest.model import FloatArray, IngestOptions, TimeArray
+from app.ingest.columns.clocks import date_and_clock, joined_times
+from app.ingest.columns.names import names_no_measurement, rises, time_columns, times_assumed
+from app.ingest.columns.plans import name_of
+from app.ingest.files.head import HEAD_ROWS, Head
+from app.ingest.files.opening import TextFile
+from app.ingest.model import FloatArray, IngestOptions, Signal, TimeArray
 from app.ingest.numbers.marks import POINTED, DoubtfulMarks
 from app.ingest.numbers.values import odd_numbers, same_tag, tagged
 from app.ingest.numbers.writing import MARKED, Writing
 from app.ingest.tables.frames import UNREADABLE
-from app.ingest.times.stamps import NO_TIME, TimeReader, find_form
+from app.ingest.tags.grouping import SIMULATED, signals_of, without_unit
+from app.ingest.times.stamps import NO_TIME, TimeForm, TimeReader, find_form
 from app.nanoseconds import NS_PER_S
 
 SEPARATORS = ",;\t"
@@ -21,10 +29,13 @@ NO_VALUE = ["", "NaN", "nan", "NA", "null"]
 
 
 class NamedTable:
-    """Columns by name. Those of text are read together: one may tell how the others are written."""
+    """Columns by name. Those of text are read together: one may tell how the others are written. damage: what of the
+    file was lost on its way."""
 
-    def __init__(self, frame: pl.DataFrame, options: IngestOptions, separator: str = "") -> None:
-        self._frame, self._options, self._separator = frame, options, separator
+    def __init__(
+        self, frame: pl.DataFrame, options: IngestOptions, separator: str = "", damage: tuple[str, ...] = ()
+    ) -> None:
+        self._frame, self._options, self._separator, self.damage = frame, options, separator, damage
 
     @property
     def names(self) -> list[str]:
@@ -47,20 +58,74 @@ class NamedTable:
         plain[at] = odd_numbers(column[at], same_tag(name, len(at)), self._writing).values
         return plain
 
-    def times_s(self, name: str) -> FloatArray | None:
-        """(n,) s since 1970 or, where numbers tell no instants, since a start of their own; None where it holds no
+    def column_of(self, asked: Literal["PV", "OP", "SP", "time"]) -> str | None:
+        """The column that is a signal, or the times, by its name, as in an export; None where none is. Of date and
+        clock in two columns the date."""
+        if asked == "time":
+            return self.time_columns[0] if self.time_columns else None
+        return self._signals.get(asked)
+
+    @cached_property
+    def time_columns(self) -> tuple[str, ...]:
+        """The column of times, or date and clock: by name or, as in an export, the first where it holds some."""
+        names = tuple(self.names)
+        named = time_columns(names)
+        found = named or ((0,) if self._first_holds_times() else ())
+        return tuple(names[index] for index in found and date_and_clock(self._head, found, 0, self._options))
+
+    @property
+    def times_assumed(self) -> tuple[str, ...]:
+        """What was taken for times where no column is named so."""
+        form = None if self.times is None or time_columns(tuple(self.names)) else self._form_of(self.times)
+        if form is None or form.kind != "relative":
+            return ()
+        return (times_assumed(self.time_columns[0], form),)
+
+    @cached_property
+    def times(self) -> pl.Series | None:
+        """(n,) the times as they are written, date and clock joined; None where no column has some."""
+        if not self.time_columns:
+            return None
+        numbered = self._frame.rename({name: name_of(index) for index, name in enumerate(self.names)})
+        at = tuple(self.names.index(name) for name in self.time_columns)
+        return joined_times(numbered, at).alias(self.time_columns[0])
+
+    def times_s(self) -> FloatArray | None:
+        """(n,) s since 1970 or, where numbers tell no instants, since a start of their own; None where no column holds
         times."""
-        column = self._frame[name]
-        form = find_form(column.cast(pl.String).drop_nulls().to_list(), name, self._options)
-        if form is None:
+        times = self.times
+        form = None if times is None else self._form_of(times)
+        if times is None or form is None:
             return None
         if form.kind == "relative":
-            return self.numbers(name) * (form.scale / NS_PER_S)
-        at_ns = TimeReader(form, self._options).read(column)
+            return self.numbers(self.time_columns[0]) * (form.scale / NS_PER_S)
+        at_ns = TimeReader(form, self._options).read(times)
         return np.where(at_ns == NO_TIME, np.nan, at_ns / NS_PER_S)
 
-    def column(self, name: str) -> pl.Series:
-        return self._frame[name]
+    def _first_holds_times(self) -> bool:
+        """Beside others, and of no name that tells a signal or a simulation."""
+        if len(self.names) < 2 or self.names[0] in self._signals.values():
+            return False
+        name = self.names[0]
+        if without_unit(name).strip().lower() in SIMULATED:
+            return False
+        form = self._form_of(self._frame[name])
+        if form is None or form.kind != "relative":
+            return form is not None
+        return not names_no_measurement(name) and rises(self.numbers(name))
+
+    def _form_of(self, times: pl.Series) -> TimeForm | None:
+        return find_form(_texts(times).drop_nulls().to_list(), times.name, self._options)
+
+    @cached_property
+    def _signals(self) -> Mapping[Signal, str]:
+        return signals_of(self.names)
+
+    @cached_property
+    def _head(self) -> Head:
+        """The first rows as text."""
+        first = pl.DataFrame([_texts(column).fill_null("").str.strip_chars() for column in self._frame.head(HEAD_ROWS)])
+        return Head("", (), tuple(first.rows()), "", ".", typed=True)
 
     def doubts(self) -> tuple[str, ...]:
         """How numbers were read whose writing is in doubt."""
@@ -88,17 +153,26 @@ class NamedTable:
         return writing
 
 
+def _texts(column: pl.Series) -> pl.Series:
+    """Empty where it holds lists or bytes."""
+    plain = not column.dtype.is_nested() and column.dtype != pl.Binary
+    return column.cast(pl.String) if plain else pl.Series(column.name, [None] * len(column), dtype=pl.String)
+
+
 def read_named(path: Path, options: IngestOptions) -> NamedTable:
-    """A delimited file or parquet with a row of names. Raises DataError("not_a_table") where it is none."""
+    """A delimited file, in whatever encoding and packed or not, or parquet with a row of names. Raises
+    DataError("not_a_table", "empty_file", "not_an_export") where it is none."""
     try:
         if path.suffix.lower() == ".parquet":
             return NamedTable(pl.read_parquet(path), options)
-        return parse_named(path.read_text(encoding="utf-8-sig", errors="replace"), options)
+        file = TextFile(path, options)
+        text = b"".join(lines.data for lines in file.chunks()).decode("utf-8", "replace")
+        return parse_named(text, options, tuple(file.notes))
     except UNREADABLE as error:
         raise DataError("not_a_table", f"{path} cannot be read as a table: {error}") from error
 
 
-def parse_named(text: str, options: IngestOptions) -> NamedTable:
+def parse_named(text: str, options: IngestOptions, damage: tuple[str, ...] = ()) -> NamedTable:
     """Delimited text with a row of names. Raises DataError("not_a_table") where it is none."""
     separator = max(SEPARATORS, key=text.partition("\n")[0].count)
     try:
@@ -111,7 +185,7 @@ def parse_named(text: str, options: IngestOptions) -> NamedTable:
         )
     except UNREADABLE as error:
         raise DataError("not_a_table", f"the text cannot be read as a table: {error}") from error
-    return NamedTable(frame, options, separator)
+    return NamedTable(frame, options, separator, damage)
 
 
 def read_instants(column: pl.Series, options: IngestOptions) -> TimeArray | None:

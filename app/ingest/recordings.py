@@ -20,7 +20,7 @@ class RecordingsRead:
     """The recordings of a file, what was refused (the first of it; `reject_counts` has all by code), and the loops
     passed over. `damage`: what of the file itself was lost on its way. `starts_s`: by name of the recording, where on
     the clock of them all its second 0 is, s; empty where each may have a clock of its own. `dated`: whether that clock
-    counts from 1970, UTC."""
+    counts from 1970, UTC. `times_assumed`: what was taken for times where no column is named so."""
 
     recordings: tuple[Recording, ...]
     rejects: tuple[Reject, ...]
@@ -32,6 +32,7 @@ class RecordingsRead:
     loops: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     starts_s: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     dated: bool = False
+    times_assumed: tuple[str, ...] = ()
 
 
 def read_recordings(
@@ -59,6 +60,7 @@ def read_recordings(
         loops=MappingProxyType(names),
         starts_s=MappingProxyType(_starts_s(audited, names) if export.on_one_clock() else {}),
         dated=export.bears_dates(),
+        times_assumed=export.times_assumed(),
     )
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.errors import DataError
 from app.ingest import inspect, is_export_name, read_recordings
 
 
@@ -73,3 +74,25 @@ def test_the_exports_go_in_whole(shared_dir: Path) -> None:
 )
 def test_files_of_a_folder_that_are_taken(name: str, taken: bool) -> None:
     assert is_export_name(name) is taken
+
+
+def test_numbers_that_no_name_calls_times_are_times_where_they_rise(tmp_path: Path) -> None:
+    rises = tmp_path / "rises.csv"
+    rises.write_text("Laufzeit,PV,OP\n" + "".join(f"{2 * k},{k % 7},{k % 5}\n" for k in range(100)))
+    read = read_recordings(rises)
+    assert read.recordings[0].time_s[:2].tolist() == [0.0, 2.0]
+    assert len(read.times_assumed) == 1
+    assert "'Laufzeit'" in read.times_assumed[0]
+    assert read.times_assumed[0] in read.notes
+    turns = tmp_path / "turns.csv"
+    turns.write_text("TI7,PV,OP\n" + "".join(f"{20 + k % 9},{k % 7},{k % 5}\n" for k in range(100)))
+    with pytest.raises(DataError) as refused:
+        read_recordings(turns)
+    assert refused.value.code == "unknown_layout"
+
+
+def test_a_simulated_pv_is_no_pv_of_a_loop(tmp_path: Path) -> None:
+    path = tmp_path / "plant.csv"
+    path.write_text("time,FIC1.PV,FIC1.OP,PV_sim\n" + "".join(f"{k},{k % 7},{k % 5},{k % 6}\n" for k in range(100)))
+    read = read_recordings(path)
+    assert (len(read.recordings), read.skipped) == (1, ())

@@ -111,7 +111,7 @@ def test_stamps_that_are_cut_to_the_minute(read: Read) -> None:
 
 def test_tables_of_simulations() -> None:
     named = parse_named("time;x\n12 November 2026 05:00:00;1\n12 November 2026 05:00:10;2\n", IngestOptions())
-    times = named.times_s("time")
+    times = named.times_s()
     assert times is not None
     assert np.diff(times).tolist() == [10.0]
 

@@ -1,5 +1,6 @@
 """Recordings and simulations as they come from files and from the store, brought to one time base."""
 
+import gzip
 import re
 from dataclasses import replace
 from datetime import datetime, timedelta
@@ -18,6 +19,7 @@ from app.ingest import IngestOptions, NamedTable
 from app.services.explaining.comparisons import (
     Columns,
     comparison_of,
+    measured_alone,
     read_comparison,
     read_table,
     seconds,
@@ -172,12 +174,15 @@ def test_a_model_runs_along_a_faster_recording_only_where_it_fits(tmp_path: Path
 @pytest.mark.parametrize("stamps", [["first", "second", "third"], ["", "", ""], ["99/99/9999", "x", "1e400"]])
 def test_stamps_that_are_none_leave_the_order_of_rows(stamps):
     table = NamedTable(pl.DataFrame({"time": stamps, "PV": [1.0, 2.0, 3.0]}), IngestOptions())
-    assert seconds(table).tolist() == [0.0, 1.0, 2.0]
+    found, said = seconds(table)
+    assert found.tolist() == [0.0, 1.0, 2.0]
+    assert [reason.code for reason in said] == ["times_assumed"]
 
 
 def test_a_stamp_that_is_none_among_others_is_not_known():
     stamps = ["2024-03-01 00:00:00", "later", "2024-03-01 00:00:20"]
-    found = seconds(NamedTable(pl.DataFrame({"time": stamps, "PV": [1.0, 2.0, 3.0]}), IngestOptions()))
+    found, said = seconds(NamedTable(pl.DataFrame({"time": stamps, "PV": [1.0, 2.0, 3.0]}), IngestOptions()))
+    assert said == ()
     assert np.isnan(found[1])
     assert found[2] - found[0] == 20.0
 
@@ -335,3 +340,160 @@ def test_one_column_is_not_two_signals(tmp_path: Path) -> None:
             read_comparison(path, columns, simulated)
         assert raised.value.code == "same_column"
     assert read_comparison(path, Columns(op="PV_sim"), None).trace is None
+
+
+@pytest.mark.parametrize(
+    "header",
+    ["Zeit,Istwert,Stellwert,Sollwert", "utc,PV,CV,SP", "LocalTime,ProcessValue,Output,SetPoint", "t,y,u,r"],
+)
+def test_a_file_whose_columns_are_named_is_read_by_the_names_that_exports_are_read_by(
+    tmp_path: Path, header: str
+) -> None:
+    """What names a column must not hang on whether one of the others was named by the user."""
+    lines = "\n".join(f"{2 * k},{50 + k % 7},{40 + k % 5},{50 + k // 60}" for k in range(200))
+    path = write(tmp_path / "F1.csv", f"{header}\n{lines}")
+    pv, op = header.split(",")[1:3]
+    for columns in (Columns(), Columns(op=op), Columns(pv=pv), Columns(op=op, pv=pv)):
+        found = read_comparison(path, columns, None)
+        assert (found.sampling_interval_s, found.measured, found.notes) == (2.0, (), ())
+        assert (found.pv[:3].tolist(), found.op[:3].tolist()) == ([50, 51, 52], [40, 41, 42])
+        assert found.sp is not None
+
+
+def test_date_and_clock_apart_are_one_time_where_columns_are_named(tmp_path: Path) -> None:
+    lines = "\n".join(f"12.11.2026;05:{k // 60:02d}:{k % 60:02d};{k % 7};{k % 5}" for k in range(200))
+    path = write(tmp_path / "F1.csv", f"Datum;Uhrzeit;Istwert;Stellwert\n{lines}")
+    for columns in (Columns(), Columns(op="Stellwert")):
+        found = read_comparison(path, columns, None)
+        assert (found.sampling_interval_s, found.measured, found.notes) == (1.0, (), ())
+
+
+@pytest.mark.parametrize("columns", [Columns(), Columns(op="OP", pv="PV")])
+def test_a_file_without_times_is_told_to_be_taken_for_a_sample_a_second(tmp_path: Path, columns: Columns) -> None:
+    lines = "\n".join(f"{50 + k % 7},{40 + k % 5}" for k in range(200))
+    found = read_comparison(write(tmp_path / "F1.csv", f"PV,OP\n{lines}"), columns, None)
+    assert found.sampling_interval_s == 1.0
+    assert [note.code for note in found.notes] == ["times_assumed"]
+    assert "1 s apart" in found.notes[0].text
+
+
+@pytest.mark.parametrize("columns", [Columns(), Columns(op="OP", pv="PV")])
+def test_numbers_that_no_name_calls_times_are_some_where_they_rise_and_that_is_told(
+    tmp_path: Path, columns: Columns
+) -> None:
+    lines = "\n".join(f"{3 * k},{50 + k % 7},{40 + k % 5}" for k in range(200))
+    found = read_comparison(write(tmp_path / "F1.csv", f"Laufzeit,PV,OP\n{lines}"), columns, None)
+    assert (found.sampling_interval_s, found.measured) == (3.0, ())
+    assert [note.code for note in found.notes] == ["times_assumed"]
+    assert "'Laufzeit'" in found.notes[0].text
+    turns = "\n".join(f"{20 + k % 9},{50 + k % 7},{40 + k % 5}" for k in range(200))
+    found = read_comparison(write(tmp_path / "F2.csv", f"TI7,PV,OP\n{turns}"), columns, None)
+    assert (found.sampling_interval_s, len(found.pv)) == (1.0, 200)
+    assert [name for name, _ in found.measured] == ["TI7"]
+    assert "1 s apart" in found.notes[0].text
+
+
+def test_a_column_that_is_named_as_a_signal_is_not_the_time_as_well(tmp_path: Path) -> None:
+    path = write(tmp_path / "F1.csv", "T,OP\n" + "\n".join(f"{50 + k % 7},{40 + k % 5}" for k in range(200)))
+    found = read_comparison(path, Columns(pv="T"), None)
+    assert (found.sampling_interval_s, len(found.pv)) == (1.0, 200)
+
+
+def test_what_else_was_measured_is_one_thing_whichever_way_a_file_is_read(tmp_path: Path) -> None:
+    header = "time,PV,OP,PV_sim [t/h],sim,Mode,Status,index,T,FI7"
+    lines = "\n".join(f"{k},{k % 7},{k % 5},{k % 6},{k % 6},1,192,{k},{k % 9},{k % 11}" for k in range(200))
+    path = write(tmp_path / "F1.csv", f"{header}\n{lines}")
+    for columns in (Columns(), Columns(op="OP", pv="PV")):
+        for simulated in (None, "PV_sim [t/h]", "sim"):
+            found = read_comparison(path, columns, simulated)
+            assert [name for name, _ in found.measured] == ["T", "FI7"]
+            assert found.trace is not None
+    recording = Recording("F1", np.arange(200.0), np.arange(200.0) % 7, np.arange(200.0) % 5)
+    others = dict.fromkeys(header.split(",")[3:], np.arange(200.0) % 11)
+    assert list(measured_alone(replace(recording, others=others), None).others) == ["T", "FI7"]
+
+
+@pytest.mark.parametrize("other", ["Ts", "T"])
+def test_times_by_their_full_name_go_before_what_may_be_called_so(tmp_path: Path, other: str) -> None:
+    lines = "\n".join(f"4,{k % 7},{k % 5},{2 * k}" for k in range(200))
+    path = write(tmp_path / "F1.csv", f"{other},PV,OP,time\n{lines}")
+    for columns in (Columns(), Columns(op="OP")):
+        assert read_comparison(path, columns, None).sampling_interval_s == 2.0
+
+
+def seconds_of(n: int = 200) -> list[str]:
+    return [f"{k},{50 + k % 7},{40 + k % 5},{45 + k % 6}" for k in range(n)]
+
+
+@pytest.mark.parametrize("simulated", [None, "PV_sim"])
+def test_a_simulation_that_is_no_signal_of_the_one_loop_is_found_in_the_table(
+    tmp_path: Path, simulated: str | None
+) -> None:
+    path = write(tmp_path / "F1.csv", "time,FIC1.PV,FIC1.OP,PV_sim\n" + "\n".join(seconds_of()))
+    found = read_comparison(path, Columns(), simulated)
+    assert (found.pv[0], found.op[0], found.measured) == (50.0, 40.0, ())
+    assert found.trace is not None
+    assert found.trace[0] == 45.0
+
+
+def test_a_simulation_in_a_file_is_laid_onto_a_loop_of_any_export(tmp_path: Path) -> None:
+    stamps = [f"2026-03-01 12:{k // 60:02d}:{k % 60:02d}" for k in range(300)]
+    lines = [f"{at},{k % 7},{k % 5},{k % 11},{k % 3}" for k, at in enumerate(stamps)]
+    plant = write(
+        tmp_path / "plant.csv", "Export,of,PI\n\nTimestamp,FIC1.PV,FIC1.OP,FIC2.PV,FIC2.OP\n" + "\n".join(lines)
+    )
+    simulated = write(tmp_path / "s.csv", "Zeit;PV_sim\n" + "\n".join(f"{at};{k},5" for k, at in enumerate(stamps)))
+    found = read_comparison(plant, Columns(loop="FIC2"), str(simulated))
+    assert found.pv.max() == 10.0
+    assert found.trace is not None
+    assert found.trace[:2].tolist() == [0.5, 1.5]
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "cp1252", "gzip"])
+def test_a_table_whose_columns_are_named_may_be_in_any_encoding_and_packed(tmp_path: Path, encoding: str) -> None:
+    text = "Zeit;Temp (°C);Größe\n" + "\n".join(f"{k};{k % 7},5;{k % 5}" for k in range(200))
+    path = tmp_path / "F1.csv"
+    path.write_bytes(gzip.compress(text.encode()) if encoding == "gzip" else text.encode(encoding))
+    found = read_comparison(path, Columns(pv="Temp (°C)", op="Größe"), None)
+    assert found.pv[:2].tolist() == [0.5, 1.5]
+    other = tmp_path / "sim.csv"
+    other.write_bytes(path.read_bytes())
+    with pytest.raises(DataError, match="PV itself") as refused:
+        read_comparison(path, Columns(pv="Größe", op="Temp (°C)"), str(other))
+    assert refused.value.code == "simulation_is_pv"
+
+
+def test_a_packed_file_that_was_cut_is_told(tmp_path: Path) -> None:
+    noise = np.random.default_rng(1).normal(size=(4000, 2))
+    lines = "\n".join(f"{k},{a:.9f},{b:.9f}" for k, (a, b) in enumerate(noise))
+    path = tmp_path / "F1.csv.gz"
+    whole = gzip.compress(f"time,PV,OP\n{lines}".encode())
+    path.write_bytes(whole[: len(whole) * 3 // 4])
+    for columns in (Columns(), Columns(op="OP")):
+        found = read_comparison(path, columns, None)
+        assert [note.code for note in found.notes] == ["samples_damaged"]
+
+
+@pytest.mark.parametrize("simulated", [None, "copy"])
+def test_a_simulation_that_is_pv_itself_is_refused(tmp_path: Path, simulated: str | None) -> None:
+    name = simulated or "PV_sim"
+    lines = "\n".join(f"{k},{k % 7},{k % 5},{k % 7}" for k in range(200))
+    assert (
+        code_of(write(tmp_path / "F1.csv", f"time,PV,OP,{name}\n{lines}"), Columns(), simulated) == "simulation_is_pv"
+    )
+
+
+def test_a_simulation_named_by_a_text_too_long_for_a_file_is_no_column(tmp_path: Path) -> None:
+    path = write(tmp_path / "F1.csv", "time,PV,OP\n" + rows(200))
+    assert code_of(path, Columns(), "x" * 5000) == "no_such_column"
+
+
+@pytest.mark.parametrize("columns", [Columns(), Columns(op="OP", pv="PV")])
+@pytest.mark.parametrize(("heading", "interval"), [("time_ms", 0.002), ("Zeit_min", 120.0), ("elapsed_ms", 0.002)])
+def test_a_unit_behind_the_name_of_times_is_theirs(
+    tmp_path: Path, heading: str, interval: float, columns: Columns
+) -> None:
+    found = read_comparison(write(tmp_path / "F1.csv", f"{heading},PV,OP\n" + rows(200)), columns, None)
+    assert found.sampling_interval_s == pytest.approx(interval)
+    told = [note.text for note in found.notes]
+    assert not told if heading != "elapsed_ms" else told[0].endswith("were read as steps of 0.001 s")

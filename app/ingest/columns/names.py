@@ -4,16 +4,19 @@ import re
 from collections.abc import Mapping
 from functools import lru_cache
 
+import numpy as np
+
 from app.ingest.columns.clocks import are_clocks, date_and_clock, joined_stamp
 from app.ingest.columns.headings import below_names
 from app.ingest.columns.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.columns.quality import with_quality
 from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
-from app.ingest.model import IngestOptions
+from app.ingest.model import FloatArray, IngestOptions
 from app.ingest.tags.grouping import place
 from app.ingest.times.stamps import TimeForm, find_form
 from app.ingest.times.told_zones import told_utc_offset_ns, without_zone
+from app.nanoseconds import NS_PER_S
 
 TIME_NAMES = frozenset(
     [
@@ -40,6 +43,8 @@ TIME_NAMES = frozenset(
         "timeseconds",
     ]
 )
+SHORT_TIME_NAMES = frozenset(("t", "ts"))
+"""Names of times where no other is: a temperature and a sampling interval are called so too."""
 TAG_NAMES = frozenset(
     [
         "tag",
@@ -73,6 +78,8 @@ QUALITY_NAMES = (
 )
 SKIPPED_NAMES = frozenset(("id", "index", "row", "rowid", "ndx", "unnamed0", ""))
 NO_ROWS = -1
+_UNIT_BEHIND = re.compile(r"(?i)[_ ](ms|milliseconds?|s|sec|seconds?|min|minutes?|h|hours?|days?|us|µs)$")
+ONE_WAY = 0.98  # of the steps of times that no name tells, at least
 
 
 @lru_cache(maxsize=1 << 17)
@@ -82,7 +89,7 @@ def plain(name: str) -> str:
 
 def time_columns(names: tuple[str, ...]) -> tuple[int, ...]:
     """The column named as a time; date and time apart are two. Those of UTC go before those of another clock."""
-    known = {index: plain(name) for index, name in enumerate(names)}
+    known = {index: _plain_time(name) for index, name in enumerate(names)}
     told = {index: offset for index, name in enumerate(names) if (offset := told_utc_offset_ns(name)) is not None}
     if told:
         bare = {index: plain(without_zone(names[index])) or known[index] for index in told}
@@ -92,16 +99,36 @@ def time_columns(names: tuple[str, ...]) -> tuple[int, ...]:
 
 
 def _named_as_times(names: Mapping[int, str]) -> tuple[int, ...]:
-    """By their plain names."""
+    """By their plain names, with a unit behind them or without."""
     of = {name: index for index, name in reversed(list(names.items()))}
     if "date" in of and "time" in of:
         return of["date"], of["time"]
-    found = next((index for index, name in names.items() if _is_time(name)), None)
-    return () if found is None else (found,)
+    times = sorted((name in SHORT_TIME_NAMES, index) for index, name in names.items() if _is_time(name))
+    return (times[0][1],) if times else ()
+
+
+def _plain_time(name: str) -> str:
+    """Without a unit behind it, as in `time_ms`; but T_h is a temperature."""
+    bare = plain(_UNIT_BEHIND.sub("", name.strip()))
+    return bare if bare in TIME_NAMES - SHORT_TIME_NAMES else plain(name)
 
 
 def _is_time(name: str) -> bool:
     return name in TIME_NAMES or name.startswith("timestamp")
+
+
+def rises(numbers: FloatArray) -> bool:
+    """Whether numbers (n,) in the order of the rows go one way, but for a few: those of a signal turn."""
+    steps = np.diff(numbers[np.isfinite(numbers)])
+    ways = np.mean(steps >= 0.0), np.mean(steps <= 0.0)
+    return len(steps) > 0 and bool(max(ways) >= ONE_WAY and min(ways) < ONE_WAY)
+
+
+def times_assumed(name: str, form: TimeForm) -> str:
+    """What is to be said where the numbers of a column are taken for times that no name tells."""
+    shown = f", {name.strip()[:80]!r}," if name.strip() else ", which has no name,"
+    unit = "seconds" if form.scale == NS_PER_S else f"steps of {form.scale / NS_PER_S:g} s"
+    return f"no column is named as times: the numbers of the first{shown} were read as {unit}"
 
 
 def form_of(
@@ -161,6 +188,11 @@ def wide_from(
 
 def _may_name_values(name: str) -> bool:
     return plain(name) not in SKIPPED_NAMES and plain(name) not in QUALITY_NAMES
+
+
+def names_no_measurement(name: str) -> bool:
+    """Whether a column is by its name a mode, a quality or a number of the row: nothing that could move a PV."""
+    return not _may_name_values(name) or place(name, "").signal == "MODE"
 
 
 def _holds_times(head: Head, column: int, first_row: int, options: IngestOptions) -> bool:

@@ -28,7 +28,8 @@ class TimedColumns:
 @dataclass(frozen=True)
 class WidePlan:
     """A row holds one instant (of each group of columns). `first_row` is the index of the first row of data, `width`
-    its fields, `heading` the rows between names and data that are neither."""
+    its fields, `heading` the rows between names and data that are neither. times_assumed: what was taken for times
+    where no column is named so."""
 
     layout: str
     first_row: int
@@ -37,6 +38,7 @@ class WidePlan:
     spread: bool = False
     notes: tuple[str, ...] = field(default=())
     heading: tuple[int, ...] = ()
+    times_assumed: str = ""
 
     @property
     def form(self) -> TimeForm:

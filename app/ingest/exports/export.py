@@ -95,6 +95,10 @@ class Export(ABC):
         """How numbers were read whose writing is in doubt."""
 
     @abstractmethod
+    def times_assumed(self) -> tuple[str, ...]:
+        """What was taken for times where no column is named so."""
+
+    @abstractmethod
     def damage(self) -> tuple[str, ...]:
         """What of the file itself was lost on its way here."""
 
@@ -176,6 +180,10 @@ class TableExport(Export):
     def doubts(self) -> tuple[str, ...]:
         """How numbers were read whose writing is in doubt."""
         return tuple(self._tally.writing.doubts())
+
+    def times_assumed(self) -> tuple[str, ...]:
+        told = self._plan.times_assumed if isinstance(self._plan, WidePlan) else ""
+        return (told,) if told else ()
 
     def damage(self) -> tuple[str, ...]:
         """What of the file itself was lost on its way here."""

@@ -75,6 +75,9 @@ class SheetsExport(Export):
     def doubts(self) -> tuple[str, ...]:
         return self._of_sheets(TableExport.doubts)
 
+    def times_assumed(self) -> tuple[str, ...]:
+        return self._of_sheets(TableExport.times_assumed)
+
     def damage(self) -> tuple[str, ...]:
         errors = (f"{_sheet(name)} was not read: {error.message}" for name, error in self._errors.items())
         return (*self._of_sheets(TableExport.damage), *errors)

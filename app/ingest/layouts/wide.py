@@ -1,11 +1,16 @@
 """Wide: a row of names, then a row an instant. Recordings `time,SP,PV,OP[,MODE]` and SQL dumps with date and time
 apart are of this form."""
 
+from dataclasses import replace
+
+import numpy as np
+
 from app.ingest.columns.clocks import date_and_clock
-from app.ingest.columns.names import first_row_of_times, time_columns, wide_from
+from app.ingest.columns.names import first_row_of_times, rises, time_columns, times_assumed, wide_from
 from app.ingest.columns.plans import WidePlan
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions
+from app.ingest.numbers.units import without_unit
 from app.ingest.tags.grouping import AUDITED, place
 
 
@@ -19,8 +24,21 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
         if any(names_better(row, names) for row in head.rows[index + 1 : max(first_row, 0)]):
             continue  # a title with a comma in it stands above the names
         if first_row > index and not signal_of_numbers(head, names, first_row, time[0]):
-            return wide_from(head, "wide", names, (index,), first_row, options, time)
+            plan = wide_from(head, "wide", names, (index,), first_row, options, time)
+            return plan and _of_times(plan, head, names)
     return None
+
+
+def _of_times(plan: WidePlan, head: Head, names: tuple[str, ...]) -> WidePlan | None:
+    """Numbers that no name calls times, and no count since 1970, are some where they rise, and then this is told."""
+    if time_columns(names) or plan.form.kind != "relative":
+        return plan
+    column = plan.groups[0].time[0]
+    texts = [text for text in head.column(column, plan.first_row) if is_number(text, head.decimal_mark)]
+    if not rises(np.array([float(without_unit(text).replace(",", ".")) for text in texts])):
+        return None
+    told = times_assumed(names[column], plan.form)
+    return replace(plan, times_assumed=told, notes=(*plan.notes, told))
 
 
 def names_better(row: tuple[str, ...], names: tuple[str, ...]) -> bool:

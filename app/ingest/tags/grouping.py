@@ -31,11 +31,15 @@ _WORDS: Mapping[str, Signal] = MappingProxyType(
         "BETRIEBSART": "MODE",
     }
 )
+_LETTERS: Mapping[str, Signal] = MappingProxyType({"Y": "PV", "U": "OP", "R": "SP"})
+"""Of textbooks: names where a table is asked for its columns, but no tags of a plant, where they may be anything."""
 _RANKS = MappingProxyType({word: rank for rank, word in enumerate(_WORDS)})
 _SPELLED_OUT = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "AE", "Ö": "OE", "Ü": "UE", "ß": "ss"})
 AUDITED = frozenset({"PV", "OP"})
 """The signals without which a loop cannot be audited."""
 _OPTIONAL = frozenset({"SP", "MODE"})
+SIMULATED = ("pv_sim", "pvsim", "sim", "simulation", "simulated")
+"""What a simulated PV is called, in small letters and without its unit, the usual name first."""
 _ATTRIBUTES = frozenset(
     {"CV", "VALUE", "ACTUAL", "ACT", "VAL", "F"}
 )  # DeltaV writes FIC101/PV.CV and FIC101/MODE.ACTUAL
@@ -298,9 +302,12 @@ def _by_letters(tag: str, name: str) -> Place | None:
 
 
 def _by_start(tag: str, name: str) -> Place | None:
+    """`PV_sim` is simulated, and no PV of a loop `sim`."""
     found = _START.match(name)
     signal = _WORDS.get(found["word"].upper()) if found else None
-    return Place(tag, found["loop"], signal) if found and signal else None
+    if not found or not signal or found["loop"].lower() in SIMULATED:
+        return None
+    return Place(tag, found["loop"], signal)
 
 
 def _number(tag: str) -> str:
@@ -434,3 +441,22 @@ def group(tags: Iterable[str], mapping: TagMapping | None = None, stem: str = ""
     grouping = Grouping(stem, mapping)
     grouping.place_all(tags)
     return grouping.loops()
+
+
+def signals_of(names: Iterable[str]) -> Mapping[Signal, str]:
+    """Which of a table's names tells which signal of its one loop: the one with PV and OP, one without a name before
+    others. None does where several may be meant."""
+    names = list(names)
+    loops = [loop for loop in group(names) if loop.pv or loop.op or loop.sp]
+    loops = [loop for loop in loops if loop.pv and loop.op] or loops
+    loops = [loop for loop in loops if loop.loop == ""] or loops
+    if len(loops) > 1:
+        return {}
+    words = {signal: tag for loop in loops for signal, tag in _signals(loop).items() if tag is not None}
+    letters = {signal: name for name in reversed(names) if (signal := _LETTERS.get(without_unit(name).strip().upper()))}
+    beside = AUDITED & letters.keys() - words.keys()
+    return words | {signal: name for signal, name in letters.items() if beside and signal not in words}
+
+
+def _signals(loop: LoopTags) -> dict[Signal, str | None]:
+    return {"PV": loop.pv, "OP": loop.op, "SP": loop.sp, "MODE": loop.mode}

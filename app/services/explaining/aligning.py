@@ -62,7 +62,7 @@ def covering(time: FloatArray, at: FloatArray) -> tuple[Reason, ...]:
     if first > end or last < begin:
         raise DataError(
             "no_overlap",
-            f"simulation ({first:g} to {last:g} s) and recording ({begin:g} to {end:g} s) do not overlap",
+            f"simulation ({first:.12g} to {last:.12g} s) and recording ({begin:.12g} to {end:.12g} s) do not overlap",
         )
     if first > begin + slack or last < end - slack:
         raise DataError("simulation_length", covered(begin, end, first, last))

@@ -1,9 +1,10 @@
 """Files into comparisons: which column is OP, PV, SP, the simulation, and what else was measured."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,22 +15,27 @@ from app.engine.mismatch.compare.comparison import LEAST_SAMPLES
 from app.engine.recording import FloatArray, Recording
 from app.engine.signals.sampled import held
 from app.errors import DataError, RequestError
-from app.ingest import IngestOptions, NamedTable, RecordingsRead, read_named, read_recordings
+from app.ingest import (
+    SIMULATED,
+    IngestOptions,
+    NamedTable,
+    RecordingsRead,
+    names_no_measurement,
+    read_named,
+    read_recordings,
+)
 from app.services.explaining.aligning import Aligned, beyond, covering, onto, sample_by_sample
 
-SYNONYMS = {
-    "time": ("time", "t", "timestamp", "time_s", "datetime", "date", "ts"),
-    "op": ("op", "co", "mv", "out", "output", "controller_output", "u"),
-    "pv": ("pv", "cv", "measurement", "process_value", "process_variable", "y"),
-    "sp": ("sp", "setpoint", "set_point", "set point", "sv", "r"),
-}
-SIMULATED = ("pv_sim", "pvsim", "sim", "simulation", "simulated")
-NOT_MEASURED = ("mode", "quality", "status", "ts", "auto")
+NOT_MEASURED = ("ts", "auto")
 BRACKETS = re.compile(r"\s*[\[(][^\[\]()]*[\])]$")
 GAP_INTERVALS = 3.0
 STAMP_ROUNDING = 1e-6  # of an interval: by so much a grid may miss the stamp that it was laid on
 SPARSE = 3.0
 READ_PLAINLY = IngestOptions()
+A_SECOND_A_SAMPLE = (
+    "no column tells times that can be read: samples are taken to be 1 s apart, and every time that is told rests on "
+    "that; name the column time, or tell the interval in s in a column Ts"
+)
 NO_EXPORT = ("unknown_layout", "not_an_export", "nothing_readable")
 
 
@@ -62,29 +68,54 @@ def read_table(path: Path, options: IngestOptions = READ_PLAINLY) -> NamedTable:
     return read_named(path, options)
 
 
-def find(table: NamedTable, name: str | None, usual: tuple[str, ...]) -> str | None:
-    """The column of that name, or the first of the usual names, with or without its unit, any case. Raises where a name
-    that was given is not there.
-    """
-    by_lower = {column.strip().lower(): column for column in table.names}
-    if name is not None:
-        if name.strip().lower() not in by_lower:
-            raise RequestError("no_such_column", f"there is no column {name}; the file has {', '.join(table.names)}")
-        return by_lower[name.strip().lower()]
-    without_unit = {BRACKETS.sub("", lower): column for lower, column in reversed(by_lower.items())}
-    return next((column for u in usual if (column := by_lower.get(u) or without_unit.get(u))), None)
+def named(names: Iterable[str], name: str) -> str | None:
+    """Which of the names that is, in any case; None where none is."""
+    there = list(names)
+    return name if name in there else {one.strip().lower(): one for one in reversed(there)}.get(name.strip().lower())
 
 
-def seconds(table: NamedTable) -> FloatArray:
-    """Times in s; a second a sample where the table tells none."""
-    time = times_of(table)
-    return np.arange(table.height, dtype=np.float64) if time is None else time
+def simulation_among(names: Iterable[str]) -> str | None:
+    """The first usual name of a simulation, with or without its unit, any case."""
+    by_lower = {name.strip().lower(): name for name in reversed(list(names))}
+    without_unit = {BRACKETS.sub("", lower): name for lower, name in by_lower.items()}
+    return next((name for usual in SIMULATED if (name := by_lower.get(usual) or without_unit.get(usual))), None)
+
+
+def measured_beside(names: Iterable[str], taken: Collection[str | None]) -> list[str]:
+    """Those of the names that may be causes: what is not taken, and no simulation, mode, quality or number of a row."""
+
+    def is_other(name: str) -> bool:
+        lower = name.strip().lower()
+        return BRACKETS.sub("", lower) in SIMULATED or lower in NOT_MEASURED or names_no_measurement(name)
+
+    return [name for name in names if name not in taken and not is_other(name)]
+
+
+def asked_for(table: NamedTable, name: str | None, signal: Literal["PV", "OP", "SP"]) -> str | None:
+    """The column of that name, or by its name that signal. Raises where a name that was given is not there."""
+    if name is None:
+        return table.column_of(signal)
+    found = named(table.names, name)
+    if found is None:
+        raise RequestError("no_such_column", f"there is no column {name}; the file has {', '.join(table.names)}")
+    return found
+
+
+def seconds(table: NamedTable, signals: Collection[str | None] = ()) -> tuple[FloatArray, tuple[Reason, ...]]:
+    """Times in s, and what is to be said of them; a second a sample where no column but the signals tells them."""
+    time = None if set(table.time_columns) & set(signals) else times_of(table)
+    if time is not None:
+        return time, assumed(table.times_assumed)
+    return np.arange(table.height, dtype=np.float64), assumed((A_SECOND_A_SAMPLE,))
+
+
+def assumed(told: Iterable[str]) -> tuple[Reason, ...]:
+    return tuple(Reason("times_assumed", text) for text in told)
 
 
 def times_of(table: NamedTable) -> FloatArray | None:
     """Times in s: from numbers, from stamps, or by the constant interval in a column Ts; None where none are told."""
-    column = find(table, None, SYNONYMS["time"])
-    time = None if column is None else table.times_s(column)
+    time = table.times_s()
     if time is None:
         return None
     known = time[np.isfinite(time)]
@@ -101,13 +132,9 @@ def read_comparison(
     Any layout that ingest reads, as long as no columns are named; a table with a header otherwise. Without `simulated`
     a column with a usual name (PV_sim) is taken; without that our own identified loop is the simulation.
     """
-    from_file = simulated is not None and Path(simulated).is_file()
-    if not columns.named and not from_file:
-        read = exported(path, columns.loop, options)
-        if read is not None:
-            found = of_export(read.recordings[0], simulated)
-            return replace(found, notes=(*in_doubt(read.doubts), *found.notes))
-    return of_table(path, columns, simulated, options)
+    read = None if columns.named else exported(path, columns.loop, options)
+    found = None if read is None else of_export(path, read, simulated, options)
+    return of_table(path, columns, simulated, options) if found is None else found
 
 
 def exported(path: Path, loop: str | None, options: IngestOptions) -> RecordingsRead | None:
@@ -141,46 +168,97 @@ def recording_of_export(path: Path, columns: Columns, options: IngestOptions = R
     return None if read is None else read.recordings[0]
 
 
-def of_export(recording: Recording, simulated: str | None) -> Comparison:
-    """A recording whose simulation, where there is one, is among its further signals."""
-    wanted = SIMULATED if simulated is None else (simulated.strip().lower(),)
-    name = next((tag for tag in recording.others if tag.strip().lower() in wanted), None)
-    if simulated is not None and name is None:
-        there = ", ".join(recording.others) or "no further signals"
-        raise RequestError(
-            "no_such_column", f"there is no file and no column {simulated}; beside PV, OP and SP there is {there}"
-        )
-    if name is None:
-        return comparison_of(recording)
-    others = {tag: values for tag, values in recording.others.items() if tag != name}
-    return comparison_of(replace(recording, others=others), trace=recording.others[name])
+def of_export(path: Path, read: RecordingsRead, simulated: str | None, options: IngestOptions) -> Comparison | None:
+    """A loop of an export against a simulation among its further signals, or in a file. None where only the table tells
+    it: a column that is no signal of the loop, or a simulation without times, which belongs to the rows.
+    """
+    recording = read.recordings[0]
+    said = (*damaged(read.damage), *in_doubt(read.doubts), *assumed(read.times_assumed))
+    if is_file(simulated):
+        laid = of_file(Path(simulated or ""), recording, read.starts_s.get(recording.name), options)
+        if laid is None:
+            return None
+        found = comparison_of(measured_alone(recording, None), laid.trace)
+        return replace(found, notes=(*said, *found.notes, *laid.notes))
+    beside = simulation_among(recording.others) if simulated is None else named(recording.others, simulated)
+    if beside is None and in_the_table(path, simulated, options):
+        return None
+    name = recorded_simulation(recording, simulated)
+    found = comparison_of(measured_alone(recording, name), None if name is None else recording.others[name])
+    return replace(found, notes=(*said, *found.notes))
+
+
+def is_file(simulated: str | None) -> bool:
+    try:
+        return simulated is not None and Path(simulated).is_file()
+    except (OSError, ValueError):  # a long text is no name
+        return False
+
+
+def of_file(path: Path, recording: Recording, start_s: float | None, options: IngestOptions) -> Aligned | None:
+    """The simulation in a file, laid onto a recording whose second 0 is at `start_s` on the clock of its file; None
+    where not both tell times.
+    """
+    other = read_table(path, options)
+    time = times_of(other)
+    if time is None or start_s is None:
+        return None
+    laid = onto(start_s + recording.time_s, time, other.numbers(simulated_column(other)))
+    return replace(laid, notes=(*damaged(other.damage), *in_doubt(other.doubts()), *laid.notes))
+
+
+def in_the_table(path: Path, simulated: str | None, options: IngestOptions) -> bool:
+    """Whether the file is a table of one loop with that column, or without a name one that is called a simulation."""
+    try:
+        table = read_table(path, options)
+    except DataError:
+        return False
+    there = simulation_among(table.names) if simulated is None else named(table.names, simulated)
+    return there is not None and table.column_of("PV") is not None and table.column_of("OP") is not None
+
+
+def recorded_simulation(recording: Recording, wanted: str | None) -> str | None:
+    """The further signal of that name, or one with a usual name of a simulation. Raises RequestError("no_such_column")
+    where one that was named is missing.
+    """
+    if wanted is None:
+        return simulation_among(recording.others)
+    found = named(recording.others, wanted)
+    if found is None:
+        there = ", ".join(recording.others) or "no further signal"
+        text = f"{wanted!r} is no file and no signal of the loop; beside PV, OP and SP there is {there}"
+        raise RequestError("no_such_column", text)
+    return found
+
+
+def measured_alone(recording: Recording, simulation: str | None) -> Recording:
+    """The recording without what is no measurement: simulations and marks."""
+    kept = measured_beside(recording.others, (simulation,))
+    return replace(recording, others={name: recording.others[name] for name in kept})
 
 
 def of_table(path: Path, columns: Columns, simulated: str | None, options: IngestOptions) -> Comparison:
     table = read_table(path, options)
-    op, pv = find(table, columns.op, SYNONYMS["op"]), find(table, columns.pv, SYNONYMS["pv"])
+    op, pv = asked_for(table, columns.op, "OP"), asked_for(table, columns.pv, "PV")
     if op is None or pv is None:
         missing = " and ".join(n for n, c in (("OP", op), ("PV", pv)) if c is None)
         raise DataError(
             "no_pv_op",
             f"{path} has no column for {missing}; name it with --op or --pv; it has {', '.join(table.names)}",
         )
-    sp = find(table, columns.sp, SYNONYMS["sp"])
+    sp = asked_for(table, columns.sp, "SP")
     sp = None if columns.sp is None and sp in (op, pv) else sp
-    time = seconds(table)
     trace_column, laid = simulated_trace(table, simulated, options, (op, pv))
     check_apart({"OP": op, "PV": pv, "SP": sp, "the simulation": trace_column})
-    used = {op, pv, sp, trace_column, find(table, None, SYNONYMS["time"])}
-    others = {
-        c: table.numbers(c)
-        for c in table.names
-        if c not in used and c.strip().lower() not in NOT_MEASURED and table.may_hold_numbers(c)
-    }
+    time, said = seconds(table, (op, pv, sp, trace_column))
+    beside = measured_beside(table.names, {op, pv, sp, trace_column, *table.time_columns})
+    others = {name: table.numbers(name) for name in beside if table.may_hold_numbers(name)}
     signals = {"op": some_numbers(table, op), "pv": some_numbers(table, pv)}
     signals |= {"sp": table.numbers(sp)} if sp is not None else {}
     signals |= {"trace": laid.trace} if laid is not None else {}
     found = uniform(path.name.partition(".")[0] if path.suffix == ".gz" else path.stem, time, signals, others)
-    return replace(found, notes=(*in_doubt(table.doubts()), *found.notes, *(() if laid is None else laid.notes)))
+    laid_notes = () if laid is None else laid.notes
+    return replace(found, notes=(*damaged(table.damage), *in_doubt(table.doubts()), *said, *found.notes, *laid_notes))
 
 
 def check_apart(columns: dict[str, str | None]) -> None:
@@ -197,6 +275,10 @@ def check_apart(columns: dict[str, str | None]) -> None:
 
 def in_doubt(doubts: Iterable[str]) -> tuple[Reason, ...]:
     return tuple(Reason("numbers_in_doubt", text) for text in doubts)
+
+
+def damaged(lost: Iterable[str]) -> tuple[Reason, ...]:
+    return tuple(Reason("samples_damaged", text) for text in lost)
 
 
 def some_numbers(table: NamedTable, column: str) -> FloatArray:
@@ -228,19 +310,26 @@ def simulated_trace(
     the recording's times where both tell them, else sample by sample. taken: columns that are OP or PV already, and
     none where no simulation is named.
     """
-    path = None if simulated is None else Path(simulated)
-    if path is None or not path.is_file():
-        column = find(table, simulated, SIMULATED)
+    if simulated is None or not is_file(simulated):
+        column = simulation_among(table.names) if simulated is None else named(table.names, simulated)
+        if simulated is not None and column is None:
+            there = ", ".join(table.names)
+            raise RequestError("no_such_column", f"there is no file and no column {simulated}; the file has {there}")
         column = None if simulated is None and column in taken else column
         return column, None if column is None else Aligned(table.numbers(column))
-    other = read_table(path, options)
-    column = find(other, None, (*SIMULATED, *SYNONYMS["pv"])) or other.names[-1]
+    other = read_table(Path(simulated), options)
+    column = simulated_column(other)
     trace, time, other_time = other.numbers(column), times_of(table), times_of(other)
     if time is None or other_time is None:
         laid = sample_by_sample(table.height, trace)
     else:
         laid = onto(time, other_time, trace)
-    return None, replace(laid, notes=(*in_doubt(other.doubts()), *laid.notes))
+    return None, replace(laid, notes=(*damaged(other.damage), *in_doubt(other.doubts()), *laid.notes))
+
+
+def simulated_column(table: NamedTable) -> str:
+    """The column of a simulation's own table that is the simulation."""
+    return simulation_among(table.names) or table.column_of("PV") or table.names[-1]
 
 
 def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others: dict[str, FloatArray]) -> Comparison:
@@ -258,6 +347,7 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
     notes = faults_of_the_clock(time[present], int(np.sum(~kept)))
     order = order[kept]
     if "trace" in signals:
+        refuse_a_copy(signals["pv"][order], signals["trace"][order])
         notes += whole_trace(time, order, signals["trace"])
     at = time[order] - time[order[0]]
     interval = float(np.median(np.diff(at)))
@@ -291,6 +381,15 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
         trace=resampled(signals["trace"]) if "trace" in signals else None,
         notes=notes,
     )
+
+
+def refuse_a_copy(pv: FloatArray, trace: FloatArray) -> None:
+    """Raises DataError("simulation_is_pv") where a simulation (N,) is the recorded PV itself: no loop is simulated to
+    the last digit of what was measured, and nothing would ever be missing.
+    """
+    if np.array_equal(pv, trace):
+        text = "the simulation is PV itself, sample for sample: there is nothing to compare"
+        raise DataError("simulation_is_pv", text)
 
 
 def whole_trace(time: FloatArray, order: NDArray[np.int64], trace: FloatArray) -> tuple[Reason, ...]:

@@ -15,6 +15,7 @@ from app.services.auditing.recordings import recording_of
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.damage import damage_in_words
+from app.services.explaining.line import LINE_FIELDS
 from app.services.explaining.simulations import GivenSimulation, comparison_with, kept, kind_of
 from app.services.moments import iso_utc, moment_of, ns_of
 from app.services.plant.loops import find
@@ -29,21 +30,6 @@ EARLIEST_NS = -(1 << 63)  # that a time of a sample can hold
 LONGEST_WINDOW_H = 10 * 365 * 24
 MOST_UNPACKED = 5_000_000
 """Samples of stretches that a window touches, at most: they are unpacked to find those inside."""
-LINE_FIELDS = (
-    "recording",
-    "figures_of",
-    "verdict",
-    "effects",
-    "located",
-    "fit",
-    "validation",
-    "refit",
-    "evidence",
-    "closed_loop",
-    "model",
-    "engine_version",
-    "elapsed_s",
-)
 
 
 @dataclass(frozen=True)
@@ -182,9 +168,11 @@ def _told(row: ExplanationRow, tag: str, simulation: Document | None, answer: Ma
 
 
 def _line(answer: Mapping[str, Any]) -> dict[str, Any]:
-    """Every field of the contract, null while it is not known, and whatever else the answer has."""
+    """Every field of the contract, null while it is not known, and whatever else the answer has. Verdict and simulation
+    are told with the request.
+    """
     line = answer.get("line", {})
-    first = {name: None for name in LINE_FIELDS if name != "verdict"}
+    first = {name: None for name in LINE_FIELDS if name not in ("verdict", "simulation")}
     return first | {"effects": [], "evidence": []} | dict(line)
 
 

@@ -4,7 +4,7 @@ made.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict
 
 from app.engine.mismatch.fit.closed_loop import ClosedLoop, LoopFigures
 from app.engine.mismatch.fit.windows import Window
@@ -32,13 +32,35 @@ class Second:
     simulation: Kind
 
 
+class ExplanationLine(TypedDict):
+    """The fields of `explanation_line`, in their order."""
+
+    recording: str
+    simulation: Kind
+    figures_of: dict[str, str | None]
+    verdict: str
+    effects: list[dict[str, Any]]
+    located: dict[str, Any]
+    fit: dict[str, Any]
+    validation: dict[str, Any] | None
+    refit: dict[str, Any]
+    evidence: list[dict[str, Any]]
+    closed_loop: dict[str, Any] | None
+    model: dict[str, Any]
+    engine_version: str
+    elapsed_s: float | None
+
+
+LINE_FIELDS = tuple(ExplanationLine.__annotations__)
+
+
 def explanation_line(
     explanation: Explanation,
     elapsed_s: float | None = None,
     simulation: Kind = "identified",
     second: Second | None = None,
 ) -> dict[str, Any]:
-    return {
+    line: ExplanationLine = {
         "recording": explanation.name,
         "simulation": simulation,
         "figures_of": figures_of(explanation.name, simulation, [effect.code for effect in explanation.effects]),
@@ -57,6 +79,7 @@ def explanation_line(
         "engine_version": explanation.engine_version,
         "elapsed_s": None if elapsed_s is None else round(elapsed_s, 3),
     }
+    return {**line}
 
 
 def figures_of(recording: str, simulation: Kind, codes: Sequence[str]) -> dict[str, str | None]:

@@ -20,12 +20,11 @@ from app.nanoseconds import NS_PER_S
 from app.services.auditing.recordings import origin_ns, recording_of
 from app.services.explaining.aligning import Aligned, onto
 from app.services.explaining.comparisons import (
-    NOT_MEASURED,
-    SIMULATED,
-    SYNONYMS,
     comparison_of,
-    find,
     in_doubt,
+    measured_alone,
+    recorded_simulation,
+    simulated_column,
 )
 from app.services.explaining.given_model import simulation_from_json
 from app.services.explaining.line import Kind
@@ -80,7 +79,7 @@ def kept(given: GivenSimulation, samples: Samples, recording: Recording, zone: s
         return _kept_trace(given.trace, samples, recording, options)
     if given.csv is not None:
         return _kept_csv(given.csv, samples, recording, options)
-    column = _column(recording, given.column)
+    column = recorded_simulation(recording, given.column)
     return None if column is None else Document({"kind": "column", "column": column})
 
 
@@ -100,7 +99,7 @@ def comparison_with(
             "too_short", f"the window has {usable} samples with PV and OP, at least {LEAST_SAMPLES} are needed"
         )
     told = {} if simulation is None else simulation.told
-    measured = _measured(recording, told.get("column"))
+    measured = measured_alone(recording, told.get("column"))
     laid = None if simulation is None else _trace(recording, simulation, origin_ns(samples))
     model = simulation_from_json(json.dumps(told["model"])) if told.get("kind") == "model" else None
     found = comparison_of(measured, None if laid is None else laid.trace, model)
@@ -126,11 +125,10 @@ def checked_model(model: Mapping[str, Any]) -> dict[str, Any]:
 def _kept_csv(text: str, samples: Samples, recording: Recording, options: IngestOptions) -> Document:
     """The simulated PV of a table at its times. Raises DataError where it is no table with numbers."""
     table = parse_named(text, options)
-    at = find(table, None, SYNONYMS["time"])
-    column = find(table, None, (*SIMULATED, *SYNONYMS["pv"])) or table.names[-1]
-    if column == at:
+    column = simulated_column(table)
+    if column in table.time_columns:
         raise DataError("no_simulation", "the CSV has a column of times only; a column PV_sim is needed")
-    times = None if at is None else _read_times(table.column(at), options)
+    times = None if table.times is None else _read_times(table.times, options)
     placed = _placed(table.numbers(column), times, samples, recording)
     return replace(placed, told={**placed.told, "doubts": list(table.doubts())})
 
@@ -180,29 +178,9 @@ def _instants(moments: Sequence[datetime], zone: tzinfo) -> TimeArray:
     return np.array([ns_of(moment) for moment in zoned], dtype=np.int64)
 
 
-def _column(recording: Recording, wanted: str | None) -> str | None:
-    """The signal of that name, or one with a usual name of a simulation. Raises where one that was named is missing."""
-    by_lower = {name.strip().lower(): name for name in recording.others}
-    if wanted is None:
-        return next((by_lower[name] for name in SIMULATED if name in by_lower), None)
-    found = by_lower.get(wanted.strip().lower())
-    if found is None:
-        there = ", ".join(recording.others) or "no further signals"
-        raise RequestError("no_such_column", f"nothing named {wanted!r} was recorded with the loop; it has {there}")
-    return found
-
-
-def _measured(recording: Recording, column: str | None) -> Recording:
-    """The recording without what is no measurement: simulations and marks."""
-    left_out = {*SIMULATED, *NOT_MEASURED, *(() if column is None else (column.strip().lower(),))}
-    others = {name: signal for name, signal in recording.others.items() if name.strip().lower() not in left_out}
-    own = {name: getattr(recording, name) for name in Recording.__dataclass_fields__}
-    return Recording(**(own | {"others": others}))
-
-
 def _trace(recording: Recording, simulation: Document, first_ns: int) -> Aligned | None:
     if simulation.told["kind"] == "column":
-        name = _column(recording, simulation.told["column"])
+        name = recorded_simulation(recording, simulation.told["column"])
         return Aligned(recording.others[name or ""])
     if simulation.signals is None:
         return None

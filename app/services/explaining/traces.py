@@ -5,16 +5,13 @@ from typing import Any
 import numpy as np
 
 from app.engine.recording import FloatArray
-from app.nanoseconds import NS_PER_S
 from app.services.backend import Backend
 from app.services.explaining.explanations import stored_answer
-from app.services.explaining.trace_table import as_csv
+from app.services.explaining.trace_table import as_csv, column
 from app.services.moments import iso_utc, moment_of
 from app.services.plant.trend import extremes
-from app.storage.samples import Samples
 
 SHOWN_WINDOWS = 200
-RESIDUAL = "residual_"
 
 
 def trace_csv(backend: Backend, tag: str, explanation_id: str) -> str:
@@ -49,15 +46,6 @@ def plot(backend: Backend, tag: str, explanation_id: str, points: int = 2000) ->
         "windows": line["located"]["windows"][:SHOWN_WINDOWS],
         "held_out": line["fit"]["held_out"][:SHOWN_WINDOWS],
     }
-
-
-def column(signals: Samples, name: str) -> FloatArray:
-    """A column of the trace file, (N,): the time in s, a signal, or PV less a simulation."""
-    if name == "time":
-        return signals.time_ns / NS_PER_S
-    if name.startswith(RESIDUAL):
-        return signals.signals["PV"] - signals.signals["PV_" + name.removeprefix(RESIDUAL)]
-    return signals.signals[name]
 
 
 def _numbers(values: FloatArray) -> list[float | None]:

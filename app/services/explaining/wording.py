@@ -94,6 +94,7 @@ EVIDENCE_WORDS = {
     "time_runs_back": "times run back in the file",
     "part_explained": "of a long record only what its audit judges is explained",
     "numbers_in_doubt": "numbers of the file may be read in two ways",
+    "times_assumed": "no column of the file is named as times: which were taken",
     "times_repeated": "samples whose time was there before are left out",
 }
 SHOWN_WINDOWS = 4

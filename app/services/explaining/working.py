@@ -19,10 +19,10 @@ from app.services.auditing.recordings import origin_ns, recording_of
 from app.services.backend import DATABASE_AWAY, Backend
 from app.services.damage import damage_in_words
 from app.services.explaining.explanations import newest_samples
-from app.services.explaining.line import explanation_line, rounded, windows
+from app.services.explaining.line import explanation_line, location_line
 from app.services.explaining.narrowing import span_to_explain
 from app.services.explaining.simulations import comparison_with, kind_of
-from app.services.explaining.trace_table import trace_rows
+from app.services.explaining.trace_table import stored_columns
 from app.services.explaining.trigger import trigger_of
 from app.services.heartbeat import Heartbeat
 from app.services.patience import patiently
@@ -32,7 +32,6 @@ from app.storage.explanations import ExplanationClaim
 from app.storage.loops import LoopRow
 from app.storage.samples import Samples
 
-RESIDUAL = "residual_"
 LONGEST_TEXT = 2000
 
 log = logging.getLogger("loopaudit.explaining")
@@ -157,21 +156,14 @@ def _judged(task: Task, samples: Samples) -> Samples:
 
 def _tell_first(backend: Backend, claim: ExplanationClaim, first: Location) -> None:
     """Where the two differ, told before it is known why. Should it not arrive, the whole answer will."""
-    located = {
-        "block": first.block,
-        "windows": windows(first.windows),
-        "condition": first.condition,
-        "frequency_hz": rounded(first.frequency_hz),
-    }
-    packed = pack_document(Document({"line": {"located": located}}))
+    packed = pack_document(Document({"line": {"located": location_line(first)}}))
     with suppress(SQLAlchemyError), backend.database.write() as connection:
         explanations.note_first(connection, claim, packed)
 
 
 def answer_of(explanation: Explanation, comparison: Comparison, line: dict[str, Any], start_ns: int) -> Document:
     """The line, what the residual depends on, and the traces; residuals are left out, they are differences."""
-    header, rows = trace_rows(explanation)
-    columns = {name: rows[:, k] for k, name in enumerate(header) if name != "time" and not name.startswith(RESIDUAL)}
+    header, columns = stored_columns(explanation)
     trigger = trigger_of(explanation, comparison)
     time_ns = np.round(explanation.traces.time_s * NS_PER_S).astype(np.int64)
     told = {
