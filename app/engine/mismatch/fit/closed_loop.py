@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from app.engine.mismatch.fit.fitting import Fit
-from app.engine.mismatch.fit.noise import coloured, whiten
+from app.engine.mismatch.fit.noise import coloured, compared_samples, whiten
 from app.engine.mismatch.loop.block import Context, Part
 from app.engine.mismatch.loop.chain import simulate
 from app.engine.mismatch.loop.experiment import Experiment
@@ -135,7 +135,7 @@ def first_stretch(found: Fit) -> Fit:
 def modelled_noise(found: Fit, seed: int = 0) -> FloatArray:
     """Another course (N,) of the noise that the fit found: its innovations in another order, in the same colour."""
     e = whiten(found.residual, found.record.usable, found.noise)
-    known = e[found.record.usable]
+    known = e[compared_samples(found.record.usable)]
     if len(known) == 0:
         return np.zeros(found.record.samples)
     drawn = np.random.default_rng(seed).choice(known - np.mean(known), found.record.samples)
