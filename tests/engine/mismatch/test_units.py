@@ -1,0 +1,57 @@
+"""Neither the unit of a signal, nor its sign, nor how seldom it moves, decides what is looked for."""
+
+import numpy as np
+import pytest
+
+from app.engine.mismatch import Comparison, LinearSimulation, explain
+from app.engine.mismatch.loop.block import Context
+from app.engine.mismatch.loop.experiment import experiment, span
+from app.engine.mismatch.loop.plant import Plant, run_process
+from app.engine.mismatch.physics import library
+from app.engine.recording import FloatArray
+from app.engine.valve import two_parameter_he
+
+TS, HOUR = 1.0, 3600
+PLANT = Plant(K=1.4, tau=60.0, theta=6.0)
+
+
+def pulse(*heights: float) -> FloatArray:
+    """OP up for 30 s in an hour, in so many pulses of equal length."""
+    at, length = np.arange(HOUR), 30 // len(heights)
+    begins = [(1 + k) * HOUR // (len(heights) + 1) for k in range(len(heights))]
+    return 40.0 + sum(high * ((at >= t) & (at < t + length)) for t, high in zip(begins, heights, strict=True))
+
+
+def answered(op: FloatArray) -> FloatArray:
+    return 50.0 + run_process(op - 40.0, PLANT, TS) + 0.02 * np.random.default_rng(4).normal(size=len(op))
+
+
+def test_the_span_of_a_signal_that_moves_seldom_is_its_range() -> None:
+    assert span(pulse(10.0)) == 10.0
+    assert span(np.linspace(0.0, 1.0, 1001)) == pytest.approx(0.98)
+    outlier = np.where(np.arange(1001) == 500, 80.0, np.linspace(0.0, 1.0, 1001))
+    assert span(outlier) == pytest.approx(0.98, abs=0.01)
+    assert 0.0 < span(np.full(100, 3.0)) < 1e-50
+
+
+def test_a_pulse_is_looked_at_in_its_own_size() -> None:
+    record = experiment(TS, pulse(10.0), answered(pulse(10.0)))
+    context = Context(record, PLANT)
+    sizes = {
+        name: block.starts(context, record.pv_deviation)[:, 0]
+        for name in ("valve.deadband", "valve.stiction/he")
+        for block in library(record)
+        if block.name == name
+    }
+    assert all(0.05 < starts.min() < starts.max() < 15.0 for starts in sizes.values())
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_backlash_in_a_pulse_test_is_named() -> None:
+    op = pulse(10.0, -6.0, 8.0)
+    stem = two_parameter_he(op, np.array([3.0]), np.zeros(1), np.array([40.0]))[0]
+    said = explain(Comparison("pulses", TS, op, answered(stem), simulation=LinearSimulation(1.4, (60.0,), 6.0)))
+    assert len(said.effects) == 1
+    assert "valve.deadband" in (said.effects[0].code, *said.effects[0].alternatives)
+    band = said.effects[0].parameters[0]
+    assert 2.0 < band.low < 3.0 < band.value < 4.0
