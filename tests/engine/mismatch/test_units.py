@@ -1,13 +1,17 @@
 """Neither the unit of a signal, nor its sign, nor how seldom it moves, decides what is looked for."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from app.engine.mismatch import Comparison, LinearSimulation, explain
+from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain
+from app.engine.mismatch.compare.comparison import record_of
 from app.engine.mismatch.loop.block import Context
 from app.engine.mismatch.loop.experiment import experiment, span
 from app.engine.mismatch.loop.plant import Plant, run_process
-from app.engine.mismatch.physics import library
+from app.engine.mismatch.physics import library, two_tanks
 from app.engine.recording import FloatArray
 from app.engine.valve import two_parameter_he
 
@@ -55,3 +59,30 @@ def test_backlash_in_a_pulse_test_is_named() -> None:
     assert "valve.deadband" in (said.effects[0].code, *said.effects[0].alternatives)
     band = said.effects[0].parameters[0]
     assert 2.0 < band.low < 3.0 < band.value < 4.0
+
+
+def test_two_tanks_hold_the_gain_in_what_op_drives_alone() -> None:
+    op = 40.0 + np.repeat(np.random.default_rng(1).uniform(-6.0, 6.0, HOUR // 60), 60)
+    one, other = experiment(TS, op, answered(op)), experiment(TS, -op, answered(op))
+    plant = PLANT.changed(tau2=20.0)
+    turned = plant.changed(K=-plant.K)
+    values = np.array([9.0, 12.0, 0.2, 0.2, 0.0, 4.0, 0.5, 8.0])
+    runs = [two_tanks.run(r.op_deviation, p, values, Context(r, p)) for r, p in ((one, plant), (other, turned))]
+    assert np.array_equal(*runs)
+    assert two_tanks.two_lags(Context(one, plant))
+    assert two_tanks.two_lags(Context(other, turned))
+
+
+def test_tanks_under_a_pump_that_counts_down_get_the_same_name(shared_dir: Path) -> None:
+    path = shared_dir / "nonlinear" / "cascaded_tanks.csv"
+    if not path.is_file():
+        pytest.skip("no laboratory records here")
+    rows = np.genfromtxt(path, delimiter=",", names=True)
+    comparison = Comparison("tanks", 4.0, rows["uEst"], rows["yEst"])
+    assert record_of(comparison).samples > 1000
+    one, other = (explain(c) for c in (comparison, replace(comparison, op=-comparison.op)))
+    assert names(other) == names(one) == ["sensor.saturation", "process.outflow_law", "process.overflow"]
+
+
+def names(said: Explanation) -> list[str]:
+    return [effect.code for effect in said.effects]
