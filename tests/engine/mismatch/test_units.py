@@ -8,10 +8,12 @@ import pytest
 
 from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain
 from app.engine.mismatch.compare.comparison import record_of
+from app.engine.mismatch.fit.fitting import quiet_noise
+from app.engine.mismatch.fit.task import Given
 from app.engine.mismatch.loop.block import Context
 from app.engine.mismatch.loop.experiment import experiment, span
 from app.engine.mismatch.loop.plant import Plant, run_process
-from app.engine.mismatch.physics import library, two_tanks
+from app.engine.mismatch.physics import coupling, library, two_tanks, valve_slew_limit
 from app.engine.recording import FloatArray
 from app.engine.valve import two_parameter_he
 
@@ -59,6 +61,28 @@ def test_backlash_in_a_pulse_test_is_named() -> None:
     assert "valve.deadband" in (said.effects[0].code, *said.effects[0].alternatives)
     band = said.effects[0].parameters[0]
     assert 2.0 < band.low < 3.0 < band.value < 4.0
+
+
+@pytest.mark.parametrize("unit", [1e-14, 1e14])
+def test_floors_follow_the_unit(unit: float) -> None:
+    op, pv = pulse(10.0), answered(pulse(10.0))
+    aux = np.random.default_rng(5).normal(size=HOUR)
+    record = experiment(TS, op, pv, measured=(("AUX", aux),))
+    other = experiment(TS, unit * op, unit * pv, measured=(("AUX", unit * aux),))
+    given = Given(PLANT)
+    assert quiet_noise(other, given).deviation == pytest.approx(unit * quiet_noise(record, given).deviation)
+    assert [block.form for block in coupling.blocks(other)] == ["AUX"]
+    still = [replace(r, op=np.full(HOUR, r.op_mid)) for r in (record, other)]
+    one, two = (valve_slew_limit.rates(Context(r, PLANT)) for r in still)
+    assert np.all(one > 0.0)
+    assert two == pytest.approx(unit * one, rel=1e-6)
+
+
+def test_what_is_constant_but_for_rounding_moves_nothing() -> None:
+    rounded = 1e9 / 3.0 + np.where(np.arange(HOUR) % 2, 6e-8, 0.0)
+    assert np.std(rounded) > 1e-12
+    record = experiment(TS, pulse(10.0), answered(pulse(10.0)), measured=(("AUX", rounded), ("ZERO", np.zeros(HOUR))))
+    assert coupling.blocks(record) == ()
 
 
 def test_two_tanks_hold_the_gain_in_what_op_drives_alone() -> None:

@@ -13,6 +13,7 @@ from app.engine.mismatch.loop.plant import Plant
 from app.engine.recording import FloatArray
 
 SLOW_TIMES, SLOW_COST = 5.0, 7.0
+STILL = 1e-12  # of PV's span: the deviation of noise where PV stands
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,4 +241,5 @@ def quiet_noise(record: Experiment, given: Given) -> NoiseModel:
     """
     ts, plant = record.sampling_interval_s, given.plant
     slowest = max(plant.tau if plant.leak > 0.0 else 30.0 * ts, plant.tau2, 3.0 * ts)
-    return NoiseModel((float(np.exp(-ts / slowest)), 0.0), (0.3, 0.0), float(np.std(np.diff(record.pv))) + 1e-12)
+    deviation = float(np.std(np.diff(record.pv))) + STILL * record.pv_span
+    return NoiseModel((float(np.exp(-ts / slowest)), 0.0), (0.3, 0.0), deviation)
