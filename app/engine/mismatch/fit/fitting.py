@@ -225,7 +225,7 @@ def slowness_penalty(noise: NoiseModel, record: Experiment, given: Given) -> flo
     """What a noise slower than loads behind this process usually are costs (nat): nearly a random walk, it fits every
     difference.
 
-    None where the process integrates, because then it makes a random walk of any load.
+    Nothing where the process integrates, because then it makes a random walk of any load.
     """
     if given.integrating:
         return 0.0
