@@ -5,6 +5,9 @@ import pytest
 
 from app.engine.mismatch import Comparison, Controller, Explanation, LinearSimulation, explain
 from app.engine.mismatch.compare.comparison import check, record_of
+from app.engine.mismatch.fit.closed_loop import close_again
+from app.engine.mismatch.fit.fitting import fit_linear
+from app.engine.mismatch.fit.task import Given
 from app.engine.mismatch.judge.controller import in_words
 from app.engine.mismatch.loop.law import controller_of, identify_law, tried_on
 from app.engine.mismatch.loop.plant import Plant, run_process
@@ -140,6 +143,22 @@ def test_a_law_that_is_tried_explains_what_it_explains() -> None:
     assert 0.95 < tried_on(Controller(0.99, 45.0).law(TS), *args).explained < 0.999
     assert tried_on(Controller(-0.9, 45.0).law(TS), *args).explained == 0.0
     assert tried_on(RECORDED.law(TS), args[0], args[1], np.full(N, 40.0)).explained == 0.0
+
+
+def test_the_law_is_read_off_and_tried_where_pv_is_known() -> None:
+    """A controller answers what it saw, not what a gap was filled in with."""
+    signals, at = loop(), np.arange(N)
+    known = at % 12 < 4
+    pv = np.where(known, signals["pv"], np.interp(at, at[known], signals["pv"][known]))
+    args = (signals["sp"], pv, signals["op"])
+    assert tried_on(RECORDED.law(TS), *args).explained < 0.97
+    assert tried_on(RECORDED.law(TS), *args, known).explained == pytest.approx(1.0, abs=1e-6)
+    comparison = Comparison("TIC1", TS, signals["op"], pv, signals["sp"], known=known)
+    base = fit_linear(record_of(comparison), Given(PLANT))
+    closed = close_again(base, base, controller=RECORDED)
+    assert closed is not None
+    assert (closed.law.kc, closed.law.explained) == pytest.approx((0.9, 1.0), rel=1e-3)
+    assert not closed.controller_differs
 
 
 @pytest.mark.parametrize(

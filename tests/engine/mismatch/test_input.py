@@ -97,7 +97,8 @@ def test_a_simulation_that_is_the_recording_lacks_nothing() -> None:
 
 
 def test_a_valve_far_out_of_its_span_stays_finite() -> None:
-    record = experiment(TS, with_one(1000.0), pv())
+    record = experiment(TS, op() + with_one(3000.0), pv())
+    assert np.ptp(record.op) > 100.0 * record.op_span
     context = Context(record, Plant(K=1.4, tau=30.0, theta=6.0))
     with np.errstate(over="raise"):
         assert np.all(np.isfinite(exponential(record.op_deviation, np.array([6.0]), context)))

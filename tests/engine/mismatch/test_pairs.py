@@ -71,7 +71,7 @@ def test_two_differences_are_scored_together(both: Fit) -> None:
     under = type(under)(**{**vars(under), "rows": -(rows[0] + rows[1]), "energy": under.energy / 2.0})
     scores = joint_scores([Candidate(backlash(), row) for row in rows], under)
     assert np.argmax(scores) == 1
-    assert scores[0, 2] == pytest.approx(0.5 * len(under.rows) * np.log(2.0) - 2.0 * DEADBAND.penalty)
+    assert scores[0, 2] == pytest.approx(0.5 * under.count * np.log(2.0) - 2.0 * DEADBAND.penalty)
     assert np.all(np.isneginf(scores[np.tril_indices(3)]))
 
 

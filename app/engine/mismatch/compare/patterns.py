@@ -123,7 +123,7 @@ def away_from_extremes(record: Experiment) -> BoolArray:
 
 
 def innovation_floor(pv: FloatArray) -> float:
-    """Standard deviation of PV's changes from sample to sample."""
+    """Standard deviation of the white noise that would make PV's changes from sample to sample: theirs over sqrt 2."""
     return float(np.std(np.diff(pv)) / np.sqrt(2.0))
 
 

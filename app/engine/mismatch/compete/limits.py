@@ -5,7 +5,7 @@ a sensor's none.
 import numpy as np
 
 from app.engine.mismatch.fit.fitting import Fit
-from app.engine.mismatch.fit.noise import whiten
+from app.engine.mismatch.fit.noise import compared_samples, whiten
 from app.engine.mismatch.fit.windows import active_mask
 from app.engine.mismatch.loop.block import Part
 from app.engine.recording import FloatArray
@@ -38,8 +38,8 @@ def limit_bonus(fit: Fit, part: Part) -> float:
     """
     if part.block.code not in QUIETED:
         return 0.0
-    inside = active_mask(fit, part) & fit.record.usable
-    outside = ~inside & fit.record.usable
+    active, compared = active_mask(fit, part), compared_samples(fit.record.usable)
+    inside, outside = active & compared, ~active & compared
     if inside.sum() < LEAST_SAMPLES or outside.sum() < LEAST_SAMPLES:
         return 0.0
     e = whiten(fit.residual, fit.record.usable, fit.noise)

@@ -95,7 +95,7 @@ def joint_scores(candidates: list[Candidate], under: Ground) -> FloatArray:
     change = 2.0 * (a * slope[:, None] + b * slope[None, :] + a * b * gram) + a**2 * own[:, None] + b**2 * own[None, :]
     left = np.maximum(under.energy + change, 1e-9 * under.energy)
     penalties = np.array([candidate.part.block.penalty for candidate in candidates])
-    scores = 0.5 * len(under.rows) * np.log(under.energy / left) - penalties[:, None] - penalties[None, :]
+    scores = 0.5 * under.count * np.log(under.energy / left) - penalties[:, None] - penalties[None, :]
     scores[np.tril_indices(len(candidates))] = -np.inf
     return scores
 

@@ -8,6 +8,7 @@ from scipy.linalg import solve_toeplitz
 from app.engine.mismatch.compete.competition import Contender
 from app.engine.mismatch.compete.spikes import innovations
 from app.engine.mismatch.fit.fitting import Fit
+from app.engine.mismatch.fit.noise import compared_count
 from app.engine.recording import FloatArray
 
 ORDER = 8
@@ -23,12 +24,12 @@ def taken_by_noise(contender: Contender) -> float:
 
 def predictable(fit: Fit) -> float:
     """The log-likelihood (nat) that an autoregression of ORDER lags gains over white innovations."""
-    e = innovations(fit)
-    if len(e) <= 2 * ORDER:
+    e, count = innovations(fit), compared_count(fit.record.usable)
+    if count <= 2 * ORDER:
         return 0.0
     covariances = autocovariances(e, ORDER)
     left = 1.0 - float(autoregression(e, ORDER) @ covariances[1:]) / float(covariances[0])
-    return -0.5 * len(e) * float(np.log(max(left, RIDGE)))
+    return -0.5 * count * float(np.log(max(left, RIDGE)))
 
 
 def autoregression(series: FloatArray, order: int) -> FloatArray:

@@ -4,8 +4,8 @@ import numpy as np
 
 from app.engine.mismatch.compete.competition import Contender
 from app.engine.mismatch.fit.fitting import Fit
-from app.engine.mismatch.fit.noise import settling_samples, whiten
-from app.engine.recording import FloatArray
+from app.engine.mismatch.fit.noise import compared_samples, settling_samples, whiten
+from app.engine.recording import BoolArray, FloatArray
 
 SPIKES = 4
 FAR = 4.2
@@ -13,9 +13,16 @@ PENALTY_A_SPIKE, MOST = 3.0, 25.0
 
 
 def innovations(fit: Fit) -> FloatArray:
-    """Innovations (N,) over their standard deviation."""
+    """Innovations over their standard deviation, (N - settling,) without those that `settling_samples` counts; zero
+    where there is none.
+    """
     e = whiten(fit.residual, fit.record.usable, fit.noise)
     return e[settling_samples(fit.record.samples) :] / fit.noise.deviation
+
+
+def compared(fit: Fit) -> BoolArray:
+    """(N - settling,) True where `innovations` has one."""
+    return compared_samples(fit.record.usable)[settling_samples(fit.record.samples) :]
 
 
 def steady_gain(contender: Contender) -> float:
@@ -27,6 +34,8 @@ def steady_gain(contender: Contender) -> float:
 
 def tail_penalty(fit: Fit) -> float:
     """What a jump must gain more (nat) where the noise jumps by itself: by the count of innovations far out."""
-    e = innovations(fit)
+    e = innovations(fit)[compared(fit)]
+    if len(e) == 0:
+        return 0.0
     scale = float(np.median(np.abs(e)) / 0.6745) + 1e-300
     return min(PENALTY_A_SPIKE * float(np.sum(np.abs(e) > FAR * scale)), MOST)

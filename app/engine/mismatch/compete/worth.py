@@ -10,6 +10,7 @@ from app.engine.mismatch.compete.richer_noise import taken_by_noise
 from app.engine.mismatch.compete.spikes import steady_gain, tail_penalty
 from app.engine.mismatch.fit.fitting import Fit, descend, residual_rows, task_of
 from app.engine.mismatch.fit.free_run import runs_nearer, stem_swing
+from app.engine.mismatch.fit.noise import compared_count
 from app.engine.mismatch.loop.block import Block, Context
 from app.engine.mismatch.physics.generic import CODE as UNNAMED
 
@@ -118,4 +119,4 @@ def gain_under(fit: Fit, over: Fit) -> float:
     x = descend(task, over.x, fit.noise, STEPS)
     without = residual_rows(task, x, fit.noise).cost
     both = residual_rows(task_of(fit), fit.x, fit.noise).cost
-    return 0.5 * float(np.sum(fit.record.usable)) * float(np.log(without / both))
+    return 0.5 * compared_count(fit.record.usable) * float(np.log(without / both))

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from app.engine.mismatch.fit.fitting import Fit
-from app.engine.mismatch.fit.noise import coloured, whiten
+from app.engine.mismatch.fit.noise import coloured, compared_samples, whiten
 from app.engine.mismatch.loop.block import Context, Part
 from app.engine.mismatch.loop.chain import simulate
 from app.engine.mismatch.loop.experiment import Experiment
@@ -135,7 +135,7 @@ def first_stretch(found: Fit) -> Fit:
 def modelled_noise(found: Fit, seed: int = 0) -> FloatArray:
     """Another course (N,) of the noise that the fit found: its innovations in another order, in the same colour."""
     e = whiten(found.residual, found.record.usable, found.noise)
-    known = e[found.record.usable]
+    known = e[compared_samples(found.record.usable)]
     if len(known) == 0:
         return np.zeros(found.record.samples)
     drawn = np.random.default_rng(seed).choice(known - np.mean(known), found.record.samples)
@@ -160,7 +160,7 @@ def close_again(
     record = base.record
     acted = record if acted is None else acted
     recorded_sp = acted.sp if acted.sp is not None and np.all(np.isfinite(acted.sp)) else None
-    found = identify_law(recorded_sp, acted.pv, acted.op)
+    found = identify_law(recorded_sp, acted.pv, acted.op, acted.usable)
     if found.explained < IDENTIFIED:
         return None
     law = found.at_interval(acted.sampling_interval_s, record.sampling_interval_s)
@@ -182,7 +182,7 @@ def close_again(
     own = None
     if controller is not None:
         asked_for = np.full(acted.samples, found.sp) if recorded_sp is None else recorded_sp
-        own = tried_on(controller.law(acted.sampling_interval_s), asked_for, acted.pv, acted.op)
+        own = tried_on(controller.law(acted.sampling_interval_s), asked_for, acted.pv, acted.op, acted.usable)
         own = own.at_interval(acted.sampling_interval_s, record.sampling_interval_s)
     as_given = None if given is None else close(replace(base, plant=given, parts=()), own or law, sp)
     figures_given = None if as_given is None else figures(as_given)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.engine.mismatch.fit.noise import NoiseModel, fit_noise, scaled_innovations, settling_samples
+from app.engine.mismatch.fit.noise import NoiseModel, compared_count, fit_noise, scaled_innovations, settling_samples
 from app.engine.mismatch.fit.task import Free, Given, Task, clipped, make_task, start_at
 from app.engine.mismatch.loop.block import Part
 from app.engine.mismatch.loop.experiment import Experiment
@@ -13,6 +13,7 @@ from app.engine.mismatch.loop.plant import Plant
 from app.engine.recording import FloatArray
 
 SLOW_TIMES, SLOW_COST = 5.0, 7.0
+STILL = 1e-12  # of PV's span: the deviation of noise where PV stands
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,14 +165,13 @@ def projected_cost(rows: FloatArray, basis: FloatArray) -> float:
 def finish(task: Task, x: FloatArray, noise: NoiseModel) -> Fit:
     """The fit at x (P,), the task's coordinates, under a noise model.
 
-    Its log-likelihood, in nats: -n ln(deviation) - |prior rows|^2 / 2, less what a slow noise model costs; n the
-    samples that are compared once the process has settled, deviation that of the whitened residual, in unit of PV. What
-    is the same for every fit of a record is left out.
+    Its log-likelihood, in nats: -n ln(deviation) - |prior rows|^2 / 2, less what a slow noise model costs; n by
+    `compared_count`, deviation that of the whitened residual, in unit of PV. What is the same for every fit of a record
+    is left out.
     """
     simulated = task.simulated(x)
-    count = int(np.sum(task.record.usable[settling_samples(task.record.samples) :]))
     prior = prior_rows(task, x)
-    likelihood = -count * np.log(noise.deviation) - 0.5 * float(prior @ prior)
+    likelihood = -compared_count(task.record.usable) * np.log(noise.deviation) - 0.5 * float(prior @ prior)
     likelihood -= slowness_penalty(noise, task.record, task.given)
     return Fit(
         task.record, task.given, task.plant_at(x), task.parts_at(x), noise, float(likelihood), simulated, task.free, x
@@ -225,7 +225,7 @@ def slowness_penalty(noise: NoiseModel, record: Experiment, given: Given) -> flo
     """What a noise slower than loads behind this process usually are costs (nat): nearly a random walk, it fits every
     difference.
 
-    None where the process integrates, because then it makes a random walk of any load.
+    Nothing where the process integrates, because then it makes a random walk of any load.
     """
     if given.integrating:
         return 0.0
@@ -241,4 +241,5 @@ def quiet_noise(record: Experiment, given: Given) -> NoiseModel:
     """
     ts, plant = record.sampling_interval_s, given.plant
     slowest = max(plant.tau if plant.leak > 0.0 else 30.0 * ts, plant.tau2, 3.0 * ts)
-    return NoiseModel((float(np.exp(-ts / slowest)), 0.0), (0.3, 0.0), float(np.std(np.diff(record.pv))) + 1e-12)
+    deviation = float(np.std(np.diff(record.pv))) + STILL * record.pv_span
+    return NoiseModel((float(np.exp(-ts / slowest)), 0.0), (0.3, 0.0), deviation)

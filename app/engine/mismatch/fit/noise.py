@@ -241,18 +241,25 @@ def settling_samples(n: int) -> int:
     return min(SETTLING, n // SHARE_OF_SETTLING)
 
 
+def compared_count(usable: BoolArray) -> int:
+    """n of every log-likelihood: how many innovations there are where PV is `usable` (N,), without those that
+    `settling_samples` counts. An innovation that is zero by construction says nothing, and counts for nothing.
+    """
+    return int(np.sum(compared_samples(usable)[settling_samples(len(usable)) :]))
+
+
 def fit_noise(r: FloatArray, usable: BoolArray, start: NoiseModel | None = None) -> NoiseModel:
-    """The noise model of the residual r (N,) by least squares of its innovations over the usable samples.
+    """The noise model of the residual r (N,) by least squares of its innovations over the samples compared.
 
     From a `start` only that one is refined; without, several starts are tried, because slow noise under white noise
     has two optima.
     Source of the form: Box, Jenkins, Reinsel, Ljung, Time Series Analysis, doi 10.1002/9781118619193, chapter 3.
     """
     r = np.ascontiguousarray(r, dtype=np.float64)
-    skip = settling_samples(len(r))
+    skip, count = settling_samples(len(r)), compared_count(usable)
     if start is not None:
         shape = np.array(start.shape)
-        return model_of(shape, _minimise(r, usable, shape, skip, FIRST_STEPS), usable[skip:])
+        return model_of(shape, _minimise(r, usable, shape, skip, FIRST_STEPS), count)
     shapes = [np.array(candidate) for candidate in STARTS]
     tried = [(_minimise(r, usable, shape, skip, FIRST_STEPS), k) for k, shape in enumerate(shapes)]
     best, best_cost = np.zeros(4), np.inf
@@ -260,11 +267,10 @@ def fit_noise(r: FloatArray, usable: BoolArray, start: NoiseModel | None = None)
         cost = _minimise(r, usable, shapes[k], skip, LAST_STEPS)
         if cost < best_cost:
             best, best_cost = shapes[k], cost
-    return model_of(best, best_cost, usable[skip:])
+    return model_of(best, best_cost, count)
 
 
-def model_of(shape: FloatArray, cost: float, compared: BoolArray) -> NoiseModel:
-    """The model of a shape whose innovations have this sum of squares over the samples compared."""
+def model_of(shape: FloatArray, cost: float, count: int) -> NoiseModel:
+    """The model of a shape whose innovations, so many, have this sum of squares."""
     p1, p2, z1, z2 = shape.tolist()
-    count = max(int(np.sum(compared)), 1)
-    return NoiseModel((p1, p2), (z1, z2), float(np.sqrt(max(cost, 1e-300) / count)))
+    return NoiseModel((p1, p2), (z1, z2), float(np.sqrt(max(cost, 1e-300) / max(count, 1))))

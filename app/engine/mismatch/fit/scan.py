@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.mismatch.fit.fitting import Fit, orthonormal, prior_rows, residual_rows, slopes
-from app.engine.mismatch.fit.noise import NoiseModel, scaled_innovations, whiten
+from app.engine.mismatch.fit.noise import NoiseModel, compared_count, scaled_innovations, whiten
 from app.engine.mismatch.fit.task import Task, make_task
 from app.engine.mismatch.loop.block import Block, Context, Parameter, Part
 from app.engine.mismatch.loop.chain import Recent, simulate
@@ -17,8 +17,10 @@ from app.engine.recording import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """The fit so far, ready for scans: its whitened residual and the directions in which its own parameters can
-    move.
+    """The fit so far, ready for scans: its whitened residual and the directions in which its own parameters can move.
+
+    rows: the innovations of all samples, zero where PV is not compared, then the priors' rows. count: how many of them
+    are compared, n of a log-likelihood.
     """
 
     fit: Fit
@@ -29,6 +31,7 @@ class Ground:
     sensor_parts: bool
     whitened: FloatArray
     energy: float
+    count: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +55,8 @@ def ground(fit: Fit, noise: NoiseModel) -> Ground:
     rows = at.rows - basis @ (basis.T @ at.rows)
     sensor = any(part.block.stage == "sensor" for part in fit.parts)
     innovations = whiten(fit.residual, fit.record.usable, fit.noise)
-    return Ground(fit, rows, basis, innovations, prior_rows(task, fit.x), sensor, at.rows, float(rows @ rows))
+    count = compared_count(fit.record.usable)
+    return Ground(fit, rows, basis, innovations, prior_rows(task, fit.x), sensor, at.rows, float(rows @ rows), count)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +171,7 @@ def with_block(ground_: Ground, block: Block, values: FloatArray, recent: Recent
 
 def gained(ground_: Ground, energy: float) -> float:
     """The gain in log-likelihood (nat) where this energy is left of the whitened residual."""
-    return 0.5 * len(ground_.rows) * float(np.log(max(ground_.energy, 1e-300) / max(energy, 1e-300)))
+    return 0.5 * ground_.count * float(np.log(max(ground_.energy, 1e-300) / max(energy, 1e-300)))
 
 
 def moves(ground_: Ground, simulated: FloatArray) -> FloatArray:

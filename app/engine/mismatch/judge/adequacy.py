@@ -34,13 +34,14 @@ class Pays:
 def lack_of_fit(found: Fit) -> tuple[Pays, ...]:
     """The terms that pay beside an explanation, in the order in which they were chosen; none where it is adequate."""
     under = ground(found, found.noise)
-    rows, columns = freed_from(under, lagged(under.rows[: innovations(under)]))
-    return chosen(rows, columns, innovations(under))
+    rows, columns = freed_from(under, lagged(innovations(under)))
+    return chosen(rows, columns, under.count)
 
 
-def innovations(under: Ground) -> int:
-    """How many of the rows are innovations; the others are the priors'."""
-    return under.fit.record.samples - settling_samples(under.fit.record.samples)
+def innovations(under: Ground) -> FloatArray:
+    """(N,) the rows of samples, compared or not; the others are the priors'."""
+    samples = under.fit.record.samples
+    return under.rows[: samples - settling_samples(samples)]
 
 
 def lagged(e: FloatArray) -> FloatArray:
@@ -65,15 +66,16 @@ def whitened_terms(under: Ground) -> FloatArray:
     found = under.fit
     drives = Drives(Context(found.record, found.plant), found.simulated)
     columns = np.zeros((len(SHAPES), len(under.rows)))
-    count, skip = innovations(under), settling_samples(found.record.samples)
+    samples, skip = len(innovations(under)), settling_samples(found.record.samples)
     for column, shape in zip(columns, SHAPES.values(), strict=True):
         term = shape.make(drives)
-        column[:count] = whiten(term - np.mean(term), found.record.usable, found.noise)[skip:]
+        column[:samples] = whiten(term - np.mean(term), found.record.usable, found.noise)[skip:]
     return columns
 
 
 def chosen(rows: FloatArray, columns: FloatArray, count: int) -> tuple[Pays, ...]:
     """Forward selection: the term that takes most of the rows (N,) while it pays, the others (M, N) less what it does.
+    count: how many samples are compared.
 
     A term's price: half the logarithm of the samples for its size, and the logarithm of how many were offered.
     """

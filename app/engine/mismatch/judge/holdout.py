@@ -9,7 +9,7 @@ import numpy as np
 from app.engine.mismatch.compete.competition import descended
 from app.engine.mismatch.fit.fitting import Fit, descend, fit, fit_linear
 from app.engine.mismatch.fit.free_run import beside_load, settle, stem_swing
-from app.engine.mismatch.fit.noise import fit_noise, whiten
+from app.engine.mismatch.fit.noise import compared_samples, fit_noise, whiten
 from app.engine.mismatch.fit.task import make_task
 from app.engine.mismatch.fit.windows import active_mask
 from app.engine.mismatch.judge.residuals import ResidualTests
@@ -154,8 +154,8 @@ def unseen_gain(before: Fit, after: Fit, held: BoolArray) -> float:
 
 
 def unseen_likelihood(found: Fit, held: BoolArray) -> float:
-    record = found.record
-    e = whiten(found.residual, record.usable | held, found.noise)[held] / found.noise.deviation
+    seen = found.record.usable | held
+    e = whiten(found.residual, seen, found.noise)[held & compared_samples(seen)] / found.noise.deviation
     return -len(e) * float(np.log(found.noise.deviation)) - 0.5 * float(e @ e)
 
 

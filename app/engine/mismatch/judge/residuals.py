@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import chdtrc, chdtri
 
 from app.engine.mismatch.compete.richer_noise import autoregression
-from app.engine.mismatch.fit.noise import fit_noise, whiten
+from app.engine.mismatch.fit.noise import compared_samples, fit_noise, whiten
 from app.engine.recording import BoolArray, FloatArray, IntArray
 
 LAGS = 20
@@ -53,20 +53,22 @@ class ResidualTests:
 def residual_tests(
     residual: FloatArray, op: FloatArray, usable: BoolArray, held: BoolArray, late: int = 0
 ) -> ResidualTests | None:
-    """The tests over the samples `held` (N,) of innovations under the noise model of all usable ones; None where `held`
-    is too short or nothing is left.
+    """The tests over the innovations of the samples `held` (N,) under the noise model of all usable ones; None where
+    they are too few or nothing is left.
 
     residual: (N,) PV less a free run. op: (N,). late: samples until OP shows in PV; independence is asked over so many
     lags more. Only OP before PV is asked: at lag zero a controller answers PV.
     """
-    at, lags = np.flatnonzero(held), LAGS + late
+    seen, lags = usable | held, LAGS + late
+    compared = compared_samples(seen)
+    asked = held & compared
+    at = np.flatnonzero(asked)
     if len(at) < LEAST_A_LAG * lags:
         return None
-    noise = fit_noise(residual, usable | held)
-    e = np.where(held, whiten(residual, usable | held, noise), 0.0)
+    e = np.where(asked, whiten(residual, seen, fit_noise(residual, seen)), 0.0)
     if not np.any(e):
         return None
-    share = len(at) / int(np.sum(usable | held))
+    share = len(at) / int(np.sum(compared))
     return ResidualTests(white(e, at, NOISE_NUMBERS * share), independent(e, op, at, lags))
 
 

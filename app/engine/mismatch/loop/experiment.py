@@ -11,6 +11,7 @@ from app.engine.recording import BoolArray, FloatArray
 
 FOLLOWS = 0.8
 FIRST_SAMPLES = 3
+LEAST_SHARE = 1e-3  # of a signal's range: narrower, and what lies within the outermost 1 % does not show how it moves
 LARGEST = 1e100
 """Of what is compared: its square is a number too."""
 
@@ -28,8 +29,7 @@ class Experiment:
     """A record on a uniform time base, ready to be simulated.
 
     sampling_interval_s: Ts in s. op, pv: (N,) in their units, op_mid and pv_mid their means. sp: (N,) or None.
-    op_deviation, pv_deviation: (N,) from those means. op_span, pv_span: their ranges without the outermost 1 % at
-    either end.
+    op_deviation, pv_deviation: (N,) from those means. op_span, pv_span: their ranges as `span` has them.
     measured: further signals (N,) by name. usable: (N,) True where PV is compared.
     rest: (N,) what a given simulation holds beside its linear model, unit of PV; zero where it is linear.
     finer: where PV was taken at some instants only, the record that is simulated between them; None: this one.
@@ -144,9 +144,12 @@ def experiment(
 
 
 def span(signal: FloatArray) -> float:
-    """The range of a signal (N,) without its outermost 1 % at either end; never zero."""
+    """The range of a signal (N,) without its outermost 1 % at either end, all of it where hardly any is left of it, as
+    of one that moves in a short pulse; never zero.
+    """
     low, high = np.quantile(signal, (0.01, 0.99))
-    return float(max(high - low, 1e-12))
+    inner, whole = float(high - low), float(np.ptp(signal))
+    return max(inner if inner > LEAST_SHARE * whole else whole, 1.0 / LARGEST)
 
 
 def alike(first: Experiment, second: Experiment) -> Experiment:

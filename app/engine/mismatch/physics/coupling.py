@@ -9,6 +9,8 @@ from app.engine.mismatch.loop.plant import delay, lag
 from app.engine.mismatch.physics.scales import slowness
 from app.engine.recording import FloatArray
 
+ROUNDING = 1e-12  # of the largest value
+
 
 def _block(name: str, source: FloatArray) -> Block:
     middle, spread = float(np.mean(source)), float(np.std(source))
@@ -57,4 +59,5 @@ def of_causes(record: Experiment) -> tuple[Block, ...]:
 
 
 def moves(signal: FloatArray) -> bool:
-    return bool(np.std(signal) > 1e-12)
+    """Whether a signal (N,) does more than rounding."""
+    return bool(np.std(signal) > ROUNDING * np.max(np.abs(signal)))

@@ -1,8 +1,8 @@
 """A sensor that measures once an interval and shows its last result until the next: an analyser, or a historian that
 holds what it scanned.
 
-Its pattern is found in PV alone (`mismatch.sampling`). Between its instants PV says nothing, so the comparison is made
-at these; what is simulated at a shorter interval is sampled and held alike.
+Its pattern is found in PV alone (`mismatch.compare.sampling`). Between its instants PV says nothing, so the comparison
+is made at these; what is simulated at a shorter interval is sampled and held alike.
 Source: the sampler with a zero-order hold of Ragazzini, Zadeh 1952, doi 10.1109/TAI.1952.6371274.
 """
 

@@ -4,7 +4,7 @@ compression.
 These leave a pattern that no noise makes, so they are found by it and not by a competition; what is simulated passes
 the same stage. Compression by a swinging door (Bristol 1990, US patent 4,669,097), by holding the last value, or by
 straight lines between every m-th sample. Source of the test for compression: Thornhill, Oettinger, Fedenczuk 1999, doi
-10.1016/S0959-1524(98)00054-9; quantisation is told by the spacing of levels (`mismatch.levels`).
+10.1016/S0959-1524(98)00054-9; quantisation is told by the spacing of levels (`mismatch.fit.levels`).
 """
 
 import numpy as np

@@ -60,7 +60,7 @@ def run(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> Fl
 
 def two_lags(context: Context) -> bool:
     """Only a process with two lags, or a lag and slow leaks, can be two tanks."""
-    return context.plant.tau2 > 0.0 and context.plant.leak > 0.0 and context.plant.K > 0.0
+    return context.plant.tau2 > 0.0 and context.plant.leak > 0.0
 
 
 def parameters(context: Context) -> tuple[Parameter, ...]:

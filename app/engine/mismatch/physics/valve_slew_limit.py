@@ -7,6 +7,8 @@ from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.mismatch.physics.stem import PENALTY, start_of_travel
 from app.engine.recording import BoolArray, FloatArray
 
+STILL = 1e-12  # of OP's span: what an OP that stands moves in an interval
+
 
 @njit(cache=True, nogil=True)
 def _limited(u: FloatArray, up: float, down: float, start: float) -> FloatArray:
@@ -18,9 +20,9 @@ def _limited(u: FloatArray, up: float, down: float, start: float) -> FloatArray:
 
 
 def rates(context: Context) -> FloatArray:
-    """The speeds at which OP moves, from slow to fast, OP/s."""
-    moves = np.abs(np.diff(context.record.op)) / context.record.sampling_interval_s
-    fast = max(float(np.max(moves)), 1e-12)
+    """The speeds at which OP moves, from slow to fast, OP/s; never zero."""
+    moves = np.abs(np.diff(context.record.op))
+    fast = max(float(np.max(moves)), STILL * context.record.op_span) / context.record.sampling_interval_s
     slow = max(0.2 * context.record.op_span / context.record.duration_s, 1e-6 * fast)
     return np.array([min(slow, 0.5 * fast), fast])
 
