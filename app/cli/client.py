@@ -12,7 +12,7 @@ from app.client.connection import NO_PROBLEM, E
 from app.errors import DataError, RequestError
 
 ANSWERS_WITHIN_S = 30.0
-TRIES = 31
+TRIES, PATIENCE_S = 31, 60.0
 """A busy service is asked for a minute: it says that it is to be asked again after two seconds."""
 
 
@@ -21,7 +21,14 @@ class ServiceClient(Client):
 
     def __init__(self, url: str, key: str | None = None, transport: httpx.BaseTransport | None = None) -> None:
         try:
-            super().__init__(url.rstrip("/"), key, timeout_s=ANSWERS_WITHIN_S, tries=TRIES, transport=transport)
+            super().__init__(
+                url.rstrip("/"),
+                key,
+                timeout_s=ANSWERS_WITHIN_S,
+                tries=TRIES,
+                patience_s=PATIENCE_S,
+                transport=transport,
+            )
         except httpx.InvalidURL as error:
             raise DataError("url", f"{url} is not an address: {error}") from error
         self.url = url

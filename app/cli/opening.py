@@ -35,4 +35,4 @@ def opened(
             refuse_other_tables(backend.database)
             yield backend
     finally:
-        backend.close()
+        backend.close(parting_s=0.0)  # what the command did not wait for it does not wait for at its end

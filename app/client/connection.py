@@ -1,5 +1,6 @@
 """The connection to a service: one method a route, pages followed to their end, busy servers asked again."""
 
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
@@ -66,7 +67,8 @@ class TellingFile(FileIO):
 
 
 class Client:
-    """A connection. `tries`: how often a request is sent while the service says that it is busy."""
+    """A connection. `tries`: how often a request is sent while the service says that it is busy; patience_s: but not
+    where the next time would be later than this, in seconds from the first."""
 
     def __init__(
         self,
@@ -75,13 +77,14 @@ class Client:
         *,
         timeout_s: float = 60.0,
         tries: int = 5,
+        patience_s: float = math.inf,
         transport: httpx.BaseTransport | None = None,
     ) -> None:
         headers = {"Authorization": f"Bearer {key}"} if key else {}
         # Redirects are not followed: the key would go where the redirect leads.
         times = httpx.Timeout(timeout_s, write=max(timeout_s, SLOWEST_WRITE_S))
         self._http = httpx.Client(base_url=url, headers=headers, timeout=times, transport=transport)
-        self._tries = max(1, tries)
+        self._tries, self._patience_s = max(1, tries), patience_s
 
     def __enter__(self) -> Self:
         return self
@@ -262,6 +265,7 @@ class Client:
         files: Mapping[str, Any] | None = None,
     ) -> httpx.Response:
         """The answer, where it is no refusal."""
+        until = time.monotonic() + self._patience_s
         for left in range(self._tries - 1, -1, -1):
             if content is not None:
                 content.seek(0)  # of `files` httpx takes each from its beginning
@@ -271,9 +275,10 @@ class Client:
                 )
             except httpx.TransportError as error:
                 raise NoServiceError(_shown(self._http.base_url), error) from error
-            if answer.status_code not in BUSY or not left:
+            pause_s = _pause_s(answer)
+            if answer.status_code not in BUSY or not left or time.monotonic() + pause_s > until:
                 break
-            time.sleep(_pause_s(answer))
+            time.sleep(pause_s)
         if answer.is_success:
             return answer
         raise _refusal(answer)

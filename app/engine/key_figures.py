@@ -1,6 +1,7 @@
 """Key figures that engineers expect of a loop monitor, over good samples only: each with its definition and source."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numba import njit
@@ -105,7 +106,7 @@ def compute(recording: Recording) -> KeyFigures:
     pv, op, op_used = timed(recording.pv, good), timed(recording.op, good), timed(recording.op, used)
     size = error.of(np.abs)
     held = _each_held(recording.time_s, held_s)
-    travel, reversals = _travel(recording.op[good], held[good])
+    travel, reversals = _travel(recording, good)
     low, median, high = error.percentiles((5.0, 50.0, 95.0))
     return KeyFigures(
         good_share_pct=100.0 * float(good.mean()) if recording.samples else 0.0,
@@ -183,16 +184,21 @@ def _variability_pct(pv: Timed) -> float | None:
     return 200.0 * std / abs(mean) if abs(mean) > std else None
 
 
-def _travel(op: FloatArray, held_s: FloatArray) -> tuple[float, float] | tuple[None, None]:
-    """(travel, reversals) an hour of OP (N,) that holds for held_s (N,): what was not recorded is no time in which it
-    rested. None for fewer than two samples.
+def _travel(recording: Recording, good: BoolArray) -> tuple[float, float] | tuple[None, None]:
+    """(travel, reversals) an hour that was recorded: within a hole OP neither moved nor rested. None where no two good
+    samples are without a hole between them.
     """
+    time_s, op = recording.time_s[good], np.ascontiguousarray(recording.op[good])
     if len(op) < 2:
         return None, None
     low, high = np.percentile(op, [5.0, 95.0])
-    travel, reversals = _turning(np.ascontiguousarray(op), REVERSAL_SHARE * float(high - low))
-    hours = float(held_s[:-1].sum()) / 3600.0
-    return travel / hours, reversals / hours
+    band, hours, travel, reversals = REVERSAL_SHARE * float(high - low), 0.0, 0.0, 0.0
+    holes = np.flatnonzero(np.diff(time_s) > _AS_CHECKED.max_gap_intervals * typical_interval(recording.time_s)) + 1
+    for first, end in pairwise([0, *holes.tolist(), len(op)]):
+        moved, turned = _turning(op[first:end], band)
+        hours += float(time_s[end - 1] - time_s[first]) / 3600.0
+        travel, reversals = travel + moved, reversals + turned
+    return (travel / hours, reversals / hours) if hours > 0.0 else (None, None)
 
 
 @njit(cache=True, nogil=True)

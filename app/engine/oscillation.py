@@ -20,7 +20,8 @@ _MIN_PERIOD_SAMPLES = 3.0
 _HYSTERESIS = 0.05
 _CROSSINGS = 11
 _LONGEST_SEARCHED = 16384
-_OF_ROUNDING = 0.35  # of a step: a ramp that is rounded to steps leaves 0.29 of one, a swing between two of them 0.5
+# Of the steps, and of one: a ramp that is rounded to steps leaves 0.29 of one, and more where some were filled in.
+_ONE_WAY, _OF_ROUNDING = 0.9, 0.5
 
 
 @dataclass(frozen=True)
@@ -130,12 +131,14 @@ def detect(record: UniformRecord) -> Oscillation:
 
 
 def _is_rounding(x: FloatArray, share: float) -> bool:
-    """Whether what swings in x (n,), less its trend, is no more than what rounding to the steps of x adds to a ramp."""
-    differences = np.diff(np.sort(x))
-    differences = differences[differences > ROUNDING * float(np.ptp(x))]
-    if len(differences) == 0:
-        return True
-    return float(np.std(_without_trend(x, share))) < _OF_ROUNDING * float(differences.min())
+    """Whether x (n,) goes one way in steps, and what swings in it, less its trend, is no more than these add to a ramp:
+    in a swing each step is followed by its opposite.
+    """
+    steps = np.diff(x)
+    steps = steps[np.abs(steps) > ROUNDING * float(np.ptp(x))]
+    if len(steps) == 0 or abs(float(np.mean(np.sign(steps)))) < _ONE_WAY:
+        return False
+    return float(np.std(_without_trend(x, share))) < _OF_ROUNDING * float(np.median(np.abs(steps)))
 
 
 def _signals(record: UniformRecord, stride: int) -> dict[str, FloatArray]:

@@ -11,7 +11,7 @@ from sqlalchemy.exc import TimeoutError as NoFreeConnection
 
 from app.errors import RequestError
 from app.queue import Queue
-from app.services.found_groups import FoundGroups
+from app.services.found_groups import PARTING_S, FoundGroups
 from app.services.moments import PlantClock
 from app.settings import Settings
 from app.storage import Database
@@ -78,7 +78,8 @@ class Backend:
     def clock(self) -> PlantClock:
         return PlantClock(self.settings.time_zone)
 
-    def close(self) -> None:
-        self.found_groups.close()
+    def close(self, parting_s: float = PARTING_S) -> None:
+        """parting_s: how long a search for groups that goes on is waited for, in seconds."""
+        self.found_groups.close(parting_s)
         self.database.close()
         self.queue.close()

@@ -46,12 +46,13 @@ class FoundGroups:
         with self._looking:
             return state not in self._found and any(not finding.done() for finding in self._found.values())
 
-    def close(self) -> None:
-        """Ends with the search that goes on; those that wait for their turn are called off."""
+    def close(self, parting_s: float = PARTING_S) -> None:
+        """Ends with the search that goes on, or after parting_s seconds; those that wait for their turn are called
+        off."""
         with self._looking:
             self._closed = True
             searches = self._searches
-        until = time.monotonic() + PARTING_S
+        until = time.monotonic() + parting_s
         for search in searches:
             search.join(max(0.0, until - time.monotonic()))
 

@@ -102,7 +102,9 @@ def _loop_page(
     told["failure"] = loops.newest_failure(backend, row)
     try:
         sheet = loop_sheet(backend, row, explanation, shelved)
-    except NotFoundError:
+    except NotFoundError as error:
+        if error.code != "not_audited":
+            raise
         return page("loop.html", backend.clock, row=None, **told)
     return page(
         "loop.html",

@@ -316,6 +316,16 @@ def test_a_service_that_is_busy_while_it_is_polled_fails_no_file(tmp_path, monke
         assert send(client, tmp_path / "plant.csv", 60.0) == read
 
 
+def test_a_service_whose_data_base_stays_away_is_asked_for_a_minute(monkeypatch):
+    slept: list[float] = []
+    monkeypatch.setattr("app.client.connection.time.sleep", slept.append)
+    monkeypatch.setattr("app.client.connection.time.monotonic", lambda: sum(slept))
+    away = httpx.Response(503, headers={"Retry-After": "5"}, json={"code": "database_away", "detail": "try again"})
+    with answering(*[away] * 40) as client, pytest.raises(RequestError) as refusal:
+        client.loop_list()
+    assert (refusal.value.code, sum(slept)) == ("database_away", 60.0)
+
+
 @pytest.mark.parametrize(
     ("answer", "code", "message"),
     [

@@ -193,3 +193,12 @@ def test_an_upset_lasts_as_long_however_unevenly_it_was_stored():
     uneven = Recording("loop", time_s, disturbance, np.arange(4000.0), np.zeros(4000))
     even = replace(uneven, time_s=22.0 * np.arange(4000))
     assert compute(uneven).response_time_s == pytest.approx(compute(even).response_time_s, rel=0.05)
+
+
+def test_what_op_did_while_nothing_was_recorded_is_no_travel():
+    op = np.repeat([20.0, 80.0], 60)
+    time_s = 10.0 * np.arange(120.0) + np.where(np.arange(120) < 60, 0.0, 86_400.0)
+    figures = compute(Recording("loop", time_s, op, op))
+    assert (figures.op_travel_per_h, figures.op_reversals_per_h) == (0.0, 0.0)
+    ends = np.where((np.arange(500) == 0) | (np.arange(500) == 499), 1.0, np.nan)
+    assert compute(recording(np.linspace(0.0, 50.0, 500), ends)).op_travel_per_h is None

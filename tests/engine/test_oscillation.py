@@ -103,6 +103,24 @@ def test_a_rounded_ramp_does_not_swing_by_its_rounding(ramp):
     assert found.period_s == pytest.approx(60.0, rel=0.05)
 
 
+def test_a_rounded_ramp_that_was_filled_in_here_and_there_does_not_swing_either():
+    n = 8000
+    noise, op = np.random.default_rng(3).normal(size=n), np.round(50.0 + 0.0013 * np.arange(n), 2)
+    op[4000:4006] = np.linspace(op[4000], op[4006], 6)
+    found = detect(record(cycle(60.0, n) + 0.8 * noise, op))
+    assert found.signal == "pv"
+    found = detect(
+        record(cycle(60.0, 20_000) + 0.8 * np.resize(noise, 20_000), np.round(0.0013 * np.arange(20_000), 2))
+    )
+    assert found.signal == "pv"
+
+
 def test_a_cycle_between_two_steps_of_a_coarse_sensor_swings():
     found = detect(record(np.round(0.5 + 0.4 * cycle(60.0)), np.round(50.0 + 0.003 * np.arange(N), 2)))
     assert (found.signal, found.regular) == ("pv", True)
+
+
+@pytest.mark.parametrize("up", [5, 12, 50])
+def test_a_cycle_of_two_values_swings_however_short_the_one_is(up):
+    found = detect(record(np.where(np.arange(N) % 100 < up, 1.0, 0.0), np.full(N, 50.0)))
+    assert found.period_s == pytest.approx(100.0, rel=0.05)

@@ -17,12 +17,14 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from app.engine.mismatch import Comparison, Explanation, compile_kernels, explain
+from app.engine.recording import BoolArray
 from tests.proof.cases import cut_out, make_case, planned
 from tests.proof.generator import LEAST_ENERGY, SAME, Case
 from tests.proof.outside import SETS, outside_summary, planned_outside
 
 # The shares of clean loops and of loops with two effects in a set.
 SHARES = {"all": (0.25, 0.15), "clean": (1.0, 0.0), "one": (0.0, 0.0), "two": (0.0, 1.0)}
+GAP = (10, 41)  # samples, the second not among them
 
 
 def overlap(found: list[tuple[float, float]], true: list[tuple[float, float]]) -> float:
@@ -35,11 +37,24 @@ def overlap(found: list[tuple[float, float]], true: list[tuple[float, float]]) -
     return both / either if either else 0.0
 
 
-def answer(case: Case, sim: bool) -> tuple[Explanation, float]:
+def answer(case: Case, sim: bool, unknown: float = 0.0) -> tuple[Explanation, float]:
+    """unknown: the share of the samples in which PV was not recorded."""
     started = time.process_time()
-    trace = case.trace if sim else None
-    said = explain(Comparison(case.name, case.ts, case.op, case.pv, case.sp, case.measured, trace=trace))
+    trace, known = case.trace if sim else None, with_gaps(len(case.pv), unknown)
+    pv = np.interp(np.arange(len(case.pv)), np.flatnonzero(known), case.pv[known])
+    said = explain(
+        Comparison(case.name, case.ts, case.op, pv, case.sp, case.measured, known if unknown else None, trace=trace)
+    )
     return said, time.process_time() - started
+
+
+def with_gaps(n: int, unknown: float) -> BoolArray:
+    """(n,) False in gaps of GAP samples, anywhere but at the first sample, until about such a share is unknown."""
+    rng, known = np.random.default_rng(n), np.ones(n, dtype=bool)
+    while 1.0 - known.mean() < unknown:
+        first = int(rng.integers(1, n))
+        known[first : first + int(rng.integers(*GAP))] = False
+    return known
 
 
 def judged(case: Case, said: Explanation, seconds: float) -> dict[str, object]:
@@ -68,11 +83,16 @@ def excess(case: Case, said: Explanation) -> float | None:
 
 
 def one(
-    plan: tuple[int, tuple[str, ...]], foreign: bool, sim: bool, running: bool, least: float = LEAST_ENERGY
+    plan: tuple[int, tuple[str, ...]],
+    foreign: bool,
+    sim: bool,
+    running: bool,
+    least: float = LEAST_ENERGY,
+    unknown: float = 0.0,
 ) -> dict[str, object]:
     case = make_case(*plan, foreign, least)
     case = cut_out(case, plan[0]) if running else case
-    return judged(case, *answer(case, sim))
+    return judged(case, *answer(case, sim, unknown))
 
 
 def summary(lines: list[dict]) -> str:
@@ -118,6 +138,7 @@ def main() -> None:
     options.add_argument("--least-energy", type=float, default=LEAST_ENERGY, help="what an effect leaves at least")
     options.add_argument("--no-simulation", action="store_true")
     options.add_argument("--running", action="store_true", help="records cut out of loops that run already")
+    options.add_argument("--unknown", type=float, default=0.0, help="share of PV that was not recorded, in gaps")
     options.add_argument("--jobs", type=int, default=1, help="processes, one thread each")
     options.add_argument("--out", type=Path)
     given = options.parse_args()
@@ -128,7 +149,9 @@ def main() -> None:
     else:
         plans = planned(given.seed, given.count, *SHARES[given.kinds], foreign)
     sim = not given.no_simulation
-    asked = partial(one, foreign=foreign, sim=sim, running=given.running, least=given.least_energy)
+    asked = partial(
+        one, foreign=foreign, sim=sim, running=given.running, least=given.least_energy, unknown=given.unknown
+    )
     compile_kernels()  # else the first case pays for it
     lines = []
     with ProcessPoolExecutor(given.jobs) as pool:

@@ -243,10 +243,10 @@ class KeyFiguresLine(BaseModel):
     variability_pct: float | None = Field(None, description="2 std(PV) over abs(mean(PV)), per cent.")
     pv_std: float | None = Field(None, description="Standard deviation of PV, in its unit.")
     op_std: float | None = Field(None, description="Standard deviation of OP, in its unit.")
-    op_travel_per_h: float | None = Field(None, description="Travel of OP an hour, in the unit of OP.")
-    op_reversals_per_h: float | None = Field(None, description="Changes of OP's direction an hour.")
+    op_travel_per_h: float | None = Field(None, description="Travel of OP an hour of recorded time, in the unit of OP.")
+    op_reversals_per_h: float | None = Field(None, description="Changes of OP's direction an hour of recorded time.")
     op_travel_pct_of_span_per_h: float | None = Field(
-        None, description="Travel of OP an hour, per cent of its span; null: no span."
+        None, description="Travel of OP an hour of recorded time, per cent of its span; null: no span."
     )
     response_time_s: float | None = Field(
         None, description="Lag at which the autocorrelation of the control error falls below 1/e, in seconds."

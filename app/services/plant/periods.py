@@ -29,7 +29,7 @@ class Periods:
 
 def periods(backend: Backend, loop: OneLoop, row: Mapping[str, Any], detail: Mapping[str, Any]) -> Periods:
     """`row`: of the newest verdict; `detail`: what was stored beside it."""
-    ends = _ends(backend, find(backend, loop))
+    ends = _ends(backend, find(backend, loop), int(row["audit_id"]))
     between = f", {_span(backend.clock, *ends)}" if ends else ""
     lines = [f"Record: {row['samples']} samples every {figure(row['sampling_interval_s'], 1)} s{between}."]
     whole = "of the whole record" + between
@@ -72,10 +72,10 @@ def _identified(clock: PlantClock, stretch: list[str] | None, window: Any, ident
     return [f"The stretch that speaks for it: {identified['samples']} samples, {_span(clock, *stretch)}."]
 
 
-def _ends(backend: Backend, loop: LoopRow) -> tuple[str, str] | None:
-    """The first and the last sample of the record that was given."""
+def _ends(backend: Backend, loop: LoopRow, audit_id: int) -> tuple[str, str] | None:
+    """The first and the last sample of the record that was given to this run."""
     with backend.database.read() as connection:
-        given = verdicts.input_of(connection, loop.id, loop.newest_audit_id or 0)
+        given = verdicts.input_of(connection, loop.id, audit_id)
     if given is None or given.input_start_ns is None:
         return None
     return iso_utc(moment_of(given.input_start_ns)) or "", iso_utc(moment_of(given.input_end_ns)) or ""
