@@ -12,10 +12,10 @@ from pydantic import BaseModel
 
 from app.api import models
 from app.api.reference import CODES, TABLES, page, shape
-from app.engine.audit import SPOILED_BY, audit
 from app.engine.codes import Cause, EvidenceCode, ReasonCode
 from app.engine.fitness.assess import LATER_CHECKS
 from app.engine.fitness.checks import BLOCKING
+from app.engine.judged import SPOILED_BY
 from app.engine.recording import Recording
 from app.engine.reference.published_rule import READINGS
 from app.engine.verdict.wording import WORDED

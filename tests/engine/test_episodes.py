@@ -5,9 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from app.engine.audit import AuditConfig, _with_episodes, audit
+from app.engine.audit import AuditConfig, audit
 from app.engine.evidence import Reason
 from app.engine.fitness import assess
+from app.engine.judged import _with_episodes
 from app.engine.judgement import Judgement
 from app.engine.long_records.episodes import (
     Episode,

@@ -164,7 +164,7 @@ def test_the_tags_of_the_worst_are_those_that_the_plant_s_page_lists(
     backend: Backend, add_loops: AddLoops, seed: int
 ) -> None:
     """In its order, without those that are to be looked at today, are shelved, or are of an old record."""
-    ids = add_loops(*(f"FIC{number}" for number in range(3 * plant.WORST)), n=150)
+    ids = add_loops(*(f"FIC{number}" for number in range(3 * worst.WORST)), n=150)
     audit_chunk(backend, int(start_audit(backend).id), "test")
     dice = np.random.default_rng(seed)
     for tag in ids:
@@ -177,9 +177,9 @@ def test_the_tags_of_the_worst_are_those_that_the_plant_s_page_lists(
     with backend.database.write() as connection:
         connection.execute(update(loops).where(loops.c.id.in_(old)).values(newest_ns=1000))
     for since_ns in (None, 1001):
-        _, listed = plant.listed_first(backend, since_ns)
-        assert len(listed) == plant.WORST
-        assert plant.worst_tags(backend, since_ns, shelf(backend)) == [row["loop"] for row in listed]
+        _, listed = worst.listed_first(backend, since_ns)
+        assert len(listed) == worst.WORST
+        assert worst.worst_tags(backend, since_ns, shelf(backend)) == [row["loop"] for row in listed]
 
 
 def test_to_wait_comes_before_what_to_do_until_two_answers_agree(judged: Backend) -> None:
