@@ -81,7 +81,7 @@ def explain(
     from app.engine.long_records.stretches import LONG_SAMPLES
     from app.engine.mismatch import explain as explain_comparison
     from app.engine.mismatch import locate
-    from app.services.explaining.comparisons import Columns, read_comparison, recording_of_export
+    from app.services.explaining.comparisons import Columns, is_file, read_comparison, recording_of_export
     from app.services.explaining.line import Second, explanation_line, located_line
     from app.services.explaining.models import with_model
     from app.services.explaining.narrowing import narrowed
@@ -111,7 +111,7 @@ def explain(
     if validate is not None:
         columns = Columns(validate_op or op, validate_pv or pv, sp, loop)
         with of_the_second(validate):
-            column = None if sim is None or is_file(sim) else sim
+            column = None if is_file(sim) else sim
             second = read_comparison(validate, columns, column, options)
             second = second if sim_model is None else with_model(second, sim_model)
     explanation = explain_comparison(comparison, second)
@@ -135,11 +135,13 @@ def of_the_second(path: Path) -> Iterator[None]:
 
 def kind_of(comparison: "Comparison", sim: str | None, sim_model: str | None) -> "Kind":
     """What a recording is compared with."""
+    from app.services.explaining.comparisons import is_file
+
     if sim_model is not None:
         return "model"
     if comparison.trace is None:
         return "identified"
-    return "trace" if sim is not None and is_file(sim) else "column"
+    return "trace" if is_file(sim) else "column"
 
 
 def as_json(line: dict[str, Any]) -> str:
@@ -156,15 +158,10 @@ def refuse_other_pictures(plot: Path | None) -> None:
 
 def files_read(file: Path, validate: Path | None, *perhaps: str | None) -> list[Path]:
     """Simulations and models may be files or what would be in them."""
+    from app.services.explaining.comparisons import is_file
+
     named = [] if validate is None else [validate]
     return [file, *named, *(Path(text) for text in perhaps if text and is_file(text))]
-
-
-def is_file(text: str) -> bool:
-    try:
-        return Path(text).is_file()
-    except (OSError, ValueError):  # a long text of JSON is no name
-        return False
 
 
 def files_to_write(

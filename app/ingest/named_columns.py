@@ -11,7 +11,7 @@ import polars as pl
 
 from app.errors import DataError
 from app.ingest.columns.clocks import date_and_clock, joined_times
-from app.ingest.columns.names import names_no_measurement, rises, time_columns, times_assumed
+from app.ingest.columns.names import may_be_times, time_columns, times_assumed
 from app.ingest.columns.plans import name_of
 from app.ingest.files.head import HEAD_ROWS, Head
 from app.ingest.files.opening import TextFile
@@ -20,7 +20,7 @@ from app.ingest.numbers.marks import POINTED, DoubtfulMarks
 from app.ingest.numbers.values import odd_numbers, same_tag, tagged
 from app.ingest.numbers.writing import MARKED, Writing
 from app.ingest.tables.frames import UNREADABLE
-from app.ingest.tags.grouping import SIMULATED, signals_of, without_unit
+from app.ingest.tags.grouping import signals_of
 from app.ingest.times.stamps import NO_TIME, TimeForm, TimeReader, find_form
 from app.nanoseconds import NS_PER_S
 
@@ -103,16 +103,14 @@ class NamedTable:
         return np.where(at_ns == NO_TIME, np.nan, at_ns / NS_PER_S)
 
     def _first_holds_times(self) -> bool:
-        """Beside others, and of no name that tells a signal or a simulation."""
+        """Beside others, and of no name that tells a signal."""
         if len(self.names) < 2 or self.names[0] in self._signals.values():
             return False
         name = self.names[0]
-        if without_unit(name).strip().lower() in SIMULATED:
-            return False
         form = self._form_of(self._frame[name])
         if form is None or form.kind != "relative":
             return form is not None
-        return not names_no_measurement(name) and rises(self.numbers(name))
+        return may_be_times(name, self.numbers(name))
 
     def _form_of(self, times: pl.Series) -> TimeForm | None:
         return find_form(_texts(times).drop_nulls().to_list(), times.name, self._options)

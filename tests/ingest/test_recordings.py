@@ -91,6 +91,53 @@ def test_numbers_that_no_name_calls_times_are_times_where_they_rise(tmp_path: Pa
     assert refused.value.code == "unknown_layout"
 
 
+def test_one_row_does_not_turn(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
+    path = tmp_path / "one.csv"
+    path.write_text("x,PV,OP\n0,1,2\n")
+    read = read_recordings(path)
+    assert read.recordings[0].pv.tolist() == [1.0]
+    assert len(read.times_assumed) == 1
+    assert not recwarn.list
+
+
+def test_assumed_times_that_run_back_and_repeat_in_later_rows_are_doubted(tmp_path: Path) -> None:
+    path = tmp_path / "level.csv"
+    levels = [*range(450), *range(450, 0, -1), *range(300)]
+    path.write_text("LI7,PV,OP\n" + "".join(f"{level},{k % 7},{k % 5}\n" for k, level in enumerate(levels)))
+    read = read_recordings(path)
+    (assumed, doubt) = read.times_assumed
+    assert "'LI7'" in assumed
+    assert doubt.startswith("what was read as times goes back and forth, and may be a signal: 749 of 1200 rows")
+    assert {assumed, doubt} <= set(read.notes)
+
+
+STAMPS = [f"2026-03-01 00:{k // 12:02d}:{5 * k % 60:02d}" for k in range(100)]
+
+
+@pytest.mark.parametrize(
+    ("heading", "stamp_first"),
+    [
+        ("Date,Time_s", True),
+        ("Date,Time s", True),
+        ("Date,Time_min", True),
+        ("Time_min,Timestamp", False),
+        ("Time_h,Time", False),
+        ("T,Time_min,Timestamp", False),
+    ],
+)
+def test_a_name_of_times_with_a_unit_behind_it_counts_only_where_no_other_is(
+    tmp_path: Path, heading: str, stamp_first: bool
+) -> None:
+    path = tmp_path / "F1.csv"
+    cells = [(stamp, 60 * k) if stamp_first else (60 * k, stamp) for k, stamp in enumerate(STAMPS)]
+    front = "20," if heading.startswith("T,") else ""
+    lines = (f"{front}{first},{second},{k % 7},{k % 5}\n" for k, (first, second) in enumerate(cells))
+    path.write_text(f"{heading},PV,OP\n" + "".join(lines))
+    read = read_recordings(path)
+    assert read.recordings[0].time_s[:3].tolist() == [0.0, 5.0, 10.0]
+    assert (read.dated, read.times_assumed) == (True, ())
+
+
 def test_a_simulated_pv_is_no_pv_of_a_loop(tmp_path: Path) -> None:
     path = tmp_path / "plant.csv"
     path.write_text("time,FIC1.PV,FIC1.OP,PV_sim\n" + "".join(f"{k},{k % 7},{k % 5},{k % 6}\n" for k in range(100)))

@@ -393,6 +393,24 @@ def test_numbers_that_no_name_calls_times_are_some_where_they_rise_and_that_is_t
     assert "1 s apart" in found.notes[0].text
 
 
+@pytest.mark.parametrize("name", ["", "index", "Laufzeit"])
+def test_which_numbers_are_times_is_one_thing_whichever_way_a_file_is_read(tmp_path: Path, name: str) -> None:
+    lines = "\n".join(f"{5 * k},{50 + k % 7},{40 + k % 5}" for k in range(200))
+    path = write(tmp_path / "F1.csv", f"{name},PV,OP\n{lines}")
+    for columns in (Columns(), Columns(op="OP"), Columns(op="OP", pv="PV")):
+        found = read_comparison(path, columns, None)
+        assert (found.sampling_interval_s, [note.code for note in found.notes]) == (5.0, ["times_assumed"])
+
+
+@pytest.mark.parametrize("columns", [Columns(), Columns(op="OP", pv="PV")])
+@pytest.mark.parametrize("name", ["PV_sim", "Mode"])
+def test_a_simulation_or_a_mode_that_rises_is_no_time(tmp_path: Path, name: str, columns: Columns) -> None:
+    lines = "\n".join(f"{5 * k},{50 + k % 7},{40 + k % 5}" for k in range(200))
+    found = read_comparison(write(tmp_path / "F1.csv", f"{name},PV,OP\n{lines}"), columns, None)
+    assert found.sampling_interval_s == 1.0
+    assert "1 s apart" in found.notes[0].text
+
+
 def test_a_column_that_is_named_as_a_signal_is_not_the_time_as_well(tmp_path: Path) -> None:
     path = write(tmp_path / "F1.csv", "T,OP\n" + "\n".join(f"{50 + k % 7},{40 + k % 5}" for k in range(200)))
     found = read_comparison(path, Columns(pv="T"), None)

@@ -1,7 +1,7 @@
 """Knowing columns by their names and by what stands in them; shared by the layouts."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import lru_cache
 
 import numpy as np
@@ -13,7 +13,7 @@ from app.ingest.columns.quality import with_quality
 from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import FloatArray, IngestOptions
-from app.ingest.tags.grouping import place
+from app.ingest.tags.grouping import SIMULATED, place, without_unit
 from app.ingest.times.stamps import TimeForm, find_form
 from app.ingest.times.told_zones import told_utc_offset_ns, without_zone
 from app.nanoseconds import NS_PER_S
@@ -89,39 +89,55 @@ def plain(name: str) -> str:
 
 def time_columns(names: tuple[str, ...]) -> tuple[int, ...]:
     """The column named as a time; date and time apart are two. Those of UTC go before those of another clock."""
-    known = {index: _plain_time(name) for index, name in enumerate(names)}
+    known = {index: plain(name) for index, name in enumerate(names)}
     told = {index: offset for index, name in enumerate(names) if (offset := told_utc_offset_ns(name)) is not None}
     if told:
         bare = {index: plain(without_zone(names[index])) or known[index] for index in told}
         in_utc = {index: name for index, name in bare.items() if told[index] == 0}
-        return _named_as_times(in_utc) or _named_as_times(bare) or _named_as_times(known)
-    return _named_as_times(known)
+        if named := _named_as_times(in_utc) or _named_as_times(bare):
+            return named
+    with_unit = {index for index, name in enumerate(names) if not _is_time(known[index]) and _is_time_with_unit(name)}
+    return _named_as_times(known, with_unit)
 
 
-def _named_as_times(names: Mapping[int, str]) -> tuple[int, ...]:
-    """By their plain names, with a unit behind them or without."""
+def _named_as_times(names: Mapping[int, str], with_unit: Collection[int] = ()) -> tuple[int, ...]:
+    """By their plain names, or with a unit behind a name where no other is one in full: date and clock have none."""
     of = {name: index for index, name in reversed(list(names.items()))}
     if "date" in of and "time" in of:
         return of["date"], of["time"]
-    times = sorted((name in SHORT_TIME_NAMES, index) for index, name in names.items() if _is_time(name))
-    return (times[0][1],) if times else ()
+    times = sorted(
+        (name in SHORT_TIME_NAMES, index in with_unit, index)
+        for index, name in names.items()
+        if _is_time(name) or index in with_unit
+    )
+    return (times[0][2],) if times else ()
 
 
-def _plain_time(name: str) -> str:
-    """Without a unit behind it, as in `time_ms`; but T_h is a temperature."""
-    bare = plain(_UNIT_BEHIND.sub("", name.strip()))
-    return bare if bare in TIME_NAMES - SHORT_TIME_NAMES else plain(name)
+def _is_time_with_unit(name: str) -> bool:
+    """As `time_ms` is; but T_h is a temperature."""
+    bare = _UNIT_BEHIND.sub("", name.strip())
+    return bare != name.strip() and plain(bare) in TIME_NAMES - SHORT_TIME_NAMES
 
 
 def _is_time(name: str) -> bool:
     return name in TIME_NAMES or name.startswith("timestamp")
 
 
-def rises(numbers: FloatArray) -> bool:
-    """Whether numbers (n,) in the order of the rows go one way, but for a few: those of a signal turn."""
+def may_be_times(name: str, numbers: FloatArray) -> bool:
+    """Whether the numbers (n,) of a first column that no name calls times are some: the name tells neither a signal nor
+    a simulation, and they rise."""
+    told = place(name, "").signal != "OTHER" or without_unit(name).strip().lower() in SIMULATED
+    return not told and _rises(numbers)
+
+
+def _rises(numbers: FloatArray) -> bool:
+    """Whether numbers (n,) in the order of the rows go one way, but for a few: those of a signal turn. One alone does
+    not turn."""
     steps = np.diff(numbers[np.isfinite(numbers)])
+    if len(steps) == 0:
+        return True
     ways = np.mean(steps >= 0.0), np.mean(steps <= 0.0)
-    return len(steps) > 0 and bool(max(ways) >= ONE_WAY and min(ways) < ONE_WAY)
+    return bool(max(ways) >= ONE_WAY and min(ways) < ONE_WAY)
 
 
 def times_assumed(name: str, form: TimeForm) -> str:

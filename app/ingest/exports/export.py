@@ -27,6 +27,9 @@ from app.nanoseconds import NS_PER_S
 CLOCKS_APART_NS = 15 * 60 * NS_PER_S
 """Of a historian and of this machine. Zones lie as far apart at least, but for what a file's last rows are old."""
 
+SHARE_REPEATED = 0.1
+"""Of the rows, above which times that run back and that no name tells are doubted."""
+
 
 class Source(Protocol):
     """A table whose layout is known. `notes`: what was odd about it; `damage`: what of it was lost on its way here."""
@@ -183,7 +186,16 @@ class TableExport(Export):
 
     def times_assumed(self) -> tuple[str, ...]:
         told = self._plan.times_assumed if isinstance(self._plan, WidePlan) else ""
-        return (told,) if told else ()
+        return (told, *self._times_in_doubt()) if told else ()
+
+    def _times_in_doubt(self) -> list[str]:
+        """Of times that no name tells, and that rose in the first rows alone."""
+        tally = self._tally
+        assumed = isinstance(self._plan, WidePlan) and self._plan.times_assumed
+        if not assumed or not tally.backward or tally.repeats <= SHARE_REPEATED * tally.rows_read:
+            return []
+        rows = f"{tally.repeats} of {tally.rows_read} rows have the time of a row before"
+        return [f"what was read as times goes back and forth, and may be a signal: {rows}"]
 
     def damage(self) -> tuple[str, ...]:
         """What of the file itself was lost on its way here."""
@@ -231,7 +243,7 @@ class TableExport(Export):
 
     def notes_of_rows(self) -> tuple[str, ...]:
         """All but those that tell what of the mapping is in the file."""
-        notes = [*self._source.notes, *self._plan.notes, *self._plan.form.notes]
+        notes = [*self._source.notes, *self._plan.notes, *self._plan.form.notes, *self._times_in_doubt()]
         if self._tally.backward:
             notes.append("rows were not in order of time; they were sorted")
         if self._tally.stuttering:

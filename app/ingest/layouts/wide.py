@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.ingest.columns.clocks import date_and_clock
-from app.ingest.columns.names import first_row_of_times, rises, time_columns, times_assumed, wide_from
+from app.ingest.columns.names import first_row_of_times, may_be_times, time_columns, times_assumed, wide_from
 from app.ingest.columns.plans import WidePlan
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions
@@ -35,7 +35,7 @@ def _of_times(plan: WidePlan, head: Head, names: tuple[str, ...]) -> WidePlan | 
         return plan
     column = plan.groups[0].time[0]
     texts = [text for text in head.column(column, plan.first_row) if is_number(text, head.decimal_mark)]
-    if not rises(np.array([float(without_unit(text).replace(",", ".")) for text in texts])):
+    if not may_be_times(names[column], np.array([float(without_unit(text).replace(",", ".")) for text in texts])):
         return None
     told = times_assumed(names[column], plan.form)
     return replace(plan, times_assumed=told, notes=(*plan.notes, told))

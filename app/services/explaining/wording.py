@@ -89,7 +89,7 @@ EVIDENCE_WORDS = {
     "pv_straight": "PV lies on straight lines between few samples",
     "read_back": "a measured signal is the valve's own position",
     "given_not_validated": "of a given simulation there is one of the first or of the second recording alone",
-    "samples_damaged": "a part of the stored samples cannot be read and is left out",
+    "samples_damaged": "a part of the samples cannot be read and is left out",
     "wild_samples": "samples of PV far outside of all others are left out",
     "time_runs_back": "times run back in the file",
     "part_explained": "of a long record only what its audit judges is explained",
