@@ -12,6 +12,7 @@ from pydantic import BaseModel
 
 from app.api import models
 from app.api.reference import CODES, TABLES, page, shape
+from app.engine.audit import audit
 from app.engine.codes import Cause, EvidenceCode, ReasonCode
 from app.engine.fitness.assess import LATER_CHECKS
 from app.engine.fitness.checks import BLOCKING

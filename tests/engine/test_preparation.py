@@ -143,7 +143,7 @@ def test_a_stretch_that_could_not_be_audited_by_itself_speaks_for_nothing(monkey
     fitness = prepare(recorded(STICKY, 0.0)).fitness
     swing = Oscillation(per_cycle, 5.0, 0.9, per_cycle, 50.0, "pv", 0.0)
     stretch = SimpleNamespace(record=fitness.record, whole=None, oscillation=swing)
-    monkeypatch.setattr(preparation, "speaking_stretch", lambda record, oscillation: stretch)
+    monkeypatch.setattr(preparation, "speaking_stretch", lambda record, oscillation, _: stretch)
     found = preparation._spoken_for(fitness, swing, None, None)
     assert (found is not None) == spoken_for
 
