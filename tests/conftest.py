@@ -9,6 +9,8 @@ import time
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 import httpx
@@ -18,7 +20,9 @@ from fastapi import FastAPI
 from sqlalchemy import create_engine, delete, make_url
 from sqlalchemy.exc import OperationalError
 
-from app.services.auditing import warming
+from app.engine.audit import Audit, AuditConfig, audit
+from app.engine.recording import Recording
+from app.services.auditing import chunks, warming
 from app.services.backend import Backend
 from app.services.upkeep.operations import migrate
 from app.settings import Settings
@@ -137,6 +141,31 @@ def empty_tables(url: str) -> None:
 def warm_kernels() -> None:
     """As a worker does before its first loop: no time limit, of a loop or of a test, is to pay for compiling."""
     warming.warm_up()
+
+
+@lru_cache(maxsize=2000)
+def _audited_once(fingerprint: str, recording: "_Named", config: AuditConfig) -> Audit:
+    return audit(recording.it, config)
+
+
+@dataclass(frozen=True)
+class _Named:
+    """A recording that is told by its name beside its fingerprint."""
+
+    name: str
+    it: Recording = field(compare=False)
+
+
+@pytest.fixture(autouse=True)
+def audits_are_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The engine is pure, and most tests of services audit the same few loops: one recording is audited once a session
+    under one configuration. Workers of their own process are not touched.
+    """
+
+    def once(recording: Recording, config: AuditConfig) -> Audit:
+        return _audited_once(recording.fingerprint(), _Named(recording.name, recording), config)
+
+    monkeypatch.setattr(chunks, "audit", once)
 
 
 @pytest.fixture
