@@ -18,18 +18,12 @@ from app.cli.mapping import MappingOption, mapping_bytes
 from app.cli.messages import ExitCode, progress, say
 from app.cli.outputs import is_stream, part_of, written
 from app.cli.stamps import DateOrderOption, TimeZoneOption, read_in
+from app.cli.threads import OF_LINEAR_ALGEBRA, OF_READING, limit_to_one
 from app.errors import DataError, LoopauditError
 
 if TYPE_CHECKING:
     from app.ingest import IngestOptions, RecordingsRead
 
-THREAD_LIMITS = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "NUMBA_NUM_THREADS",
-    "POLARS_MAX_THREADS",
-)
 FORMS = "CSV, text, parquet, Excel, MATLAB"
 PROCESSES_PAY_FROM_FILES = 8
 NO_SIGNALS = "unknown_layout"
@@ -196,8 +190,7 @@ def audit_files(files: list[Path], jobs: int, how: Reading) -> Generator[Audited
             interrupts.raise_swallowed()
             yield audited
         return
-    for name in THREAD_LIMITS:
-        os.environ.setdefault(name, "1")
+    limit_to_one(OF_LINEAR_ALGEBRA + OF_READING)
     with interrupts.ended_in_order():
         yield from _audited_by(ProcessPoolExecutor(wanted, mp_context=get_context("spawn")), files, how)
 

@@ -14,6 +14,7 @@ import typer
 from app.cli.messages import say
 from app.cli.outputs import refuse_outputs, written
 from app.cli.stamps import DateOrderOption, TimeZoneOption, read_in
+from app.cli.threads import OF_LINEAR_ALGEBRA, limit_to_one
 from app.errors import LoopauditError, RequestError
 
 if TYPE_CHECKING:
@@ -78,6 +79,7 @@ def explain(
     """
     from time import perf_counter
 
+    limit_to_one(OF_LINEAR_ALGEBRA)
     from app.engine.long_records.stretches import LONG_SAMPLES
     from app.engine.mismatch import explain as explain_comparison
     from app.engine.mismatch import locate

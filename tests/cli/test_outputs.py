@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -25,7 +26,9 @@ def run(*arguments: object) -> Result:
 
 def in_a_process(*arguments: object, stdout: object = subprocess.PIPE, **options) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "app", *map(str, arguments)]
-    return subprocess.Popen(command, stdout=stdout, stderr=subprocess.PIPE, text=True, **options)
+    # Tests that were started in the background may pass over interrupts, and their processes would do so too.
+    hears = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    return subprocess.Popen(command, stdout=stdout, stderr=subprocess.PIPE, text=True, preexec_fn=hears, **options)
 
 
 @pytest.fixture(scope="module")
